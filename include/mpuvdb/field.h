@@ -1,0 +1,59 @@
+// A signed function of space that can be sampled on a voxel lattice, block by block.
+// Values are distances in world units, negative inside.
+#pragma once
+#include <mpuvdb/vec.h>
+
+#include <array>
+#include <memory>
+#include <vector>
+
+namespace mpuvdb {
+
+/// Where voxels sit: voxel (i,j,k) has its centre at origin + voxelSize * (i,j,k), world units.
+struct Lattice {
+    Vec3d origin = Vec3d::Zero();
+    double voxelSize = 1;
+};
+
+/// Edge of a block in voxels: that of an OpenVDB leaf.
+constexpr int kBlockDim = 8;
+constexpr int kBlockVoxels = kBlockDim * kBlockDim * kBlockDim;
+
+/// Values of block b: voxels 8b .. 8b+7 on each axis, z fastest (OpenVDB's leaf order).
+using BlockValues = std::array<float, kBlockVoxels>;
+
+/// The field at one point.
+struct FieldSample {
+    double value = 0;                 ///< signed distance, world units, negative inside
+    Vec3d gradient = Vec3d::Zero();   ///< of the value; about unit near the surface
+    int level = -1;                   ///< deepest octree level that contributes; -1: none
+    bool supported = false;           ///< whether data, and not extrapolation, rule here
+};
+
+/// Evaluates blocks for one thread; keeps that thread's scratch memory and what neighbouring blocks
+/// share. What a block's values are does not depend on the blocks evaluated before.
+class BlockSampler
+{
+public:
+    virtual ~BlockSampler() = default;
+    /// Sample one block. All values are finite; beyond the band only their sign counts.
+    virtual void evaluate(const Vec3i& block, BlockValues& values) = 0;
+};
+
+/// An immutable signed-distance function; all members are safe to call from many threads.
+class Field
+{
+public:
+    virtual ~Field() = default;
+    /// A box around the zero set, world units.
+    virtual Box3d bounds() const = 0;
+    /// Value, gradient and origin of the value at a world position.
+    virtual FieldSample evaluate(const Vec3d& position) const = 0;
+    /// Blocks in which the band may start: every component of the zero set meets one of them.
+    /// Sorted by (x,y,z), unique.
+    virtual std::vector<Vec3i> seedBlocks(const Lattice& lattice) const = 0;
+    /// A sampler of blocks on @a lattice that is exact where |value| <= @a band (world units).
+    virtual std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const = 0;
+};
+
+} // namespace mpuvdb

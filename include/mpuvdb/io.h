@@ -1,0 +1,75 @@
+// Files in and out. Readers take their format from the content where it has a magic number, else
+// from the extension; writers from the extension. Output appears whole or not at all.
+#pragma once
+#include <mpuvdb/level_set.h>
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/point_cloud.h>
+
+#include <filesystem>
+#include <functional>
+#include <iosfwd>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace mpuvdb {
+
+class Progress;
+
+/// What to do with points that cannot be used as they are: not finite, absurdly far, zero normal.
+enum class BadPoints {
+    Drop, ///< leave them out, count them
+    Fail  ///< InputError at the first
+};
+
+/// Points read from one or more files, joined.
+struct PointInput {
+    PointCloud cloud;
+    /// Points left out, by reason ("not finite", "zero normal", "duplicate" ...).
+    std::map<std::string, std::uint64_t> dropped;
+    /// What a user should know ("bunny.ply: normals computed from its 69451 faces").
+    std::vector<std::string> notes;
+};
+
+/// Read points: PLY, Stanford .conf scan sets, XYZ/PTS/PWN/TXT, PTX, OBJ, OFF, STL, PCD, LAS.
+/// A mesh gives its vertices with area-weighted normals, a range grid normals and confidences
+/// [Curless96]. Normals are kept only if every file has them; "-" is stdin (PLY or text).
+/// @throws IoError (cannot read), InputError (malformed: file, line or byte, and the cure).
+PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
+                      Progress& progress);
+
+/// Write points as binary PLY (float offsets become doubles) or XYZ text.
+void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress);
+
+/// Write a mesh by extension: .ply (binary), .obj, .stl (binary).
+void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& progress);
+
+/// Read one level set of a .vdb file: the grid called @a name, or, if empty, "surface" or the only
+/// level set. @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there).
+LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {});
+
+/// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
+openvdb::GridPtrVec readGrids(const std::filesystem::path& file);
+
+/// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001").
+void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
+                   const std::map<std::string, std::string>& metadata, Progress& progress);
+
+/// A shaded picture of the zero set, by OpenVDB's ray tracer.
+struct PictureSettings {
+    int width = 800, height = 600;        ///< pixels, in [16, 8192]
+    double azimuth = 30, elevation = 20; ///< degrees: of the camera about +Y, above the horizon
+};
+void writePicture(const std::filesystem::path& file, const LevelSet& levelSet,
+                  const PictureSettings& settings, Progress& progress);
+
+/// Call @a write with a temporary file's path in the target's folder; flush to disk and rename it
+/// to @a file. If anything throws, or the process stops in order, nothing is left behind.
+void writeAtomically(const std::filesystem::path& file,
+                     const std::function<void(const std::filesystem::path&)>& write);
+
+/// Remove the temporary files of all writes under way (async-signal-safe): for a command that has
+/// to end now.
+void removeTemporaryFiles() noexcept;
+
+} // namespace mpuvdb

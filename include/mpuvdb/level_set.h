@@ -1,0 +1,76 @@
+// Narrow-band level sets in OpenVDB grids: made from fields, and checked.
+//
+// Conventions: negative inside; values are world units; the half-width is in voxels (3 unless told);
+// voxels are uniform; the background is half-width x voxel size; inactive values are +background
+// outside and -background inside; the grid is called "surface" and has class GRID_LEVEL_SET.
+#pragma once
+#include <mpuvdb/field.h>
+
+#include <openvdb/openvdb.h>
+
+#include <string>
+#include <vector>
+
+namespace mpuvdb {
+
+class Progress;
+
+/// An immutable narrow-band level set.
+class LevelSet
+{
+public:
+    /// @throws InputError unless @a grid has uniform voxels and the class level set.
+    explicit LevelSet(openvdb::FloatGrid::ConstPtr grid);
+
+    const openvdb::FloatGrid& grid() const { return *mGrid; }
+    openvdb::FloatGrid::ConstPtr gridPtr() const { return mGrid; }
+    double voxelSize() const;
+    /// Background in voxels.
+    double halfWidth() const;
+    Lattice lattice() const;
+
+private:
+    openvdb::FloatGrid::ConstPtr mGrid;
+};
+
+/// How a field becomes a grid.
+struct SampleSettings {
+    Lattice lattice;
+    double halfWidth = 3; ///< voxels, in [1.5, 100]
+    std::string name = "surface";
+    std::uint64_t maxBytes = 0; ///< memory the grid may take; 0: no limit
+};
+
+/// The lattice for voxels of @a voxelSize about @a bounds: aligned to the world's multiples of the
+/// voxel size, so that grids of one voxel size combine without resampling; far from the origin the
+/// transform's translation keeps indices small.
+Lattice latticeFor(const Box3d& bounds, double voxelSize);
+
+/// Sample @a field into a narrow band: searched from its seeds by continuation, closed so that no
+/// sign change lies between inactive voxels, inactive space signed.
+/// @throws LimitError (memory, index range), InputError if there is no zero crossing, Interrupted.
+LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress);
+
+/// One thing that is wrong with a grid.
+struct CheckFinding {
+    std::string what;    ///< what is wrong, with the numbers
+    openvdb::Coord voxel; ///< where first
+    std::uint64_t count = 0;
+};
+
+/// What check() measured. Sound if findings is empty.
+struct CheckReport {
+    std::uint64_t activeVoxels = 0;
+    double meanGradientError = 0; ///< mean of ||grad| - 1| where the stencil is in the band
+    double maxGradientError = 0;
+    std::vector<CheckFinding> findings;
+    bool sound() const { return findings.empty(); }
+};
+
+/// Check a grid of any origin against what a level set promises: class, uniform voxels, positive
+/// background, NaN, |value| <= background, a complete band on both sides, a mean ||grad| - 1| of at
+/// most @a gradientTolerance, no change of sign between neighbours of which one is inactive.
+CheckReport check(const openvdb::FloatGrid& grid, Progress& progress,
+                  double gradientTolerance = 0.1);
+
+} // namespace mpuvdb

@@ -1,0 +1,39 @@
+// Triangle meshes: extracted from level sets, and measured.
+#pragma once
+#include <mpuvdb/level_set.h>
+#include <mpuvdb/vec.h>
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace mpuvdb {
+
+/// An indexed triangle mesh about a frame: a vertex's world position is frame + position.
+struct Mesh {
+    using Triangle = std::array<std::uint32_t, 3>;
+
+    Vec3d frame = Vec3d::Zero();
+    std::vector<Vec3f> positions;    ///< world units, relative to frame
+    std::vector<Triangle> triangles; ///< counter-clockwise seen from outside
+
+    Vec3d world(std::size_t i) const { return frame + positions[i].cast<double>(); }
+};
+
+/// The zero set as triangles (openvdb::tools::volumeToMesh, extracted in index space so that far
+/// from the origin nothing is rounded).
+Mesh extractMesh(const LevelSet& levelSet, Progress& progress);
+
+/// What is known of a mesh without looking at it.
+struct MeshReport {
+    std::uint64_t vertices = 0, triangles = 0;
+    std::uint64_t components = 0;       ///< connected by edges
+    std::uint64_t boundaryEdges = 0;    ///< with one triangle
+    std::uint64_t nonManifoldEdges = 0; ///< with more than two, or two that disagree in direction
+    std::int64_t eulerCharacteristic = 0;
+    double area = 0, volume = 0; ///< world units squared, cubed; volume signed
+};
+
+MeshReport measure(const Mesh& mesh);
+
+} // namespace mpuvdb

@@ -1,0 +1,49 @@
+// Points to level set in one call, with defaults that the data choose.
+#pragma once
+#include <mpuvdb/length.h>
+#include <mpuvdb/level_set.h>
+#include <mpuvdb/mpu_field.h>
+#include <mpuvdb/point_cloud.h>
+
+#include <memory>
+#include <optional>
+
+namespace mpuvdb {
+
+/// What the user asked for; everything left empty is derived from the data.
+struct ReconstructSettings {
+    std::optional<Length> voxelSize;  ///< default: the measured spacing of the points
+    std::optional<double> voxels;     ///< instead of voxelSize: along the longest side of the box
+    std::optional<Length> tolerance;  ///< default: from voxel size and measured noise
+    double halfWidth = 3;             ///< voxels
+    double alpha = 0.75;              ///< support radius / cell diagonal
+    std::optional<int> minPoints;     ///< default: 15, more on noisy points
+    bool sharp = true;
+    std::uint64_t maxBytes = 0;       ///< memory the work may take; 0: no limit
+};
+
+/// What the settings came to, in world units.
+struct ResolvedSettings {
+    PointStatistics points;
+    Vec3d boxSize = Vec3d::Zero();
+    double diagonal = 0;
+    MpuSettings fit;
+    SampleSettings grid;
+};
+
+/// A level set with what was learned on the way.
+struct Reconstruction {
+    LevelSet levelSet;
+    std::shared_ptr<const MpuField> field;
+    ResolvedSettings settings;
+};
+
+/// Derive what the user left open. @throws UsageError, InputError, LimitError (index range).
+ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& settings,
+                         Progress& progress);
+
+/// Fit and sample. @a cloud has outward normals and is consumed.
+Reconstruction reconstruct(PointCloud&& cloud, const ReconstructSettings& settings,
+                           Progress& progress);
+
+} // namespace mpuvdb

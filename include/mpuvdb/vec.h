@@ -1,0 +1,15 @@
+// The small vectors that cross the rooms' borders.
+#pragma once
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstdint>
+
+namespace mpuvdb {
+
+using Vec3f = Eigen::Vector3f;
+using Vec3d = Eigen::Vector3d;
+using Vec3i = Eigen::Vector3i;
+/// Axis-aligned box; empty when default-constructed.
+using Box3d = Eigen::AlignedBox3d;
+
+} // namespace mpuvdb

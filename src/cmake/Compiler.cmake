@@ -1,0 +1,34 @@
+# How everything of ours is compiled.
+set(CMAKE_CXX_STANDARD 17 CACHE STRING "C++17 or C++20")
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+    set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
+endif()
+set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
+
+option(MPUVDB_WERROR "Warnings are errors" OFF)
+set(MPUVDB_SANITIZE "" CACHE STRING "Sanitizers: address,undefined or thread")
+
+add_library(mpuvdb_options INTERFACE)
+# No FMA contraction: the same bits from every instruction set. errno and traps of maths functions
+# are never looked at, and cost the vectoriser every sqrt.
+target_compile_options(mpuvdb_options INTERFACE
+    -Wall -Wextra -Wconversion -Wno-sign-conversion -Wshadow
+    -ffp-contract=off -fno-math-errno -fno-trapping-math
+    $<$<BOOL:${MPUVDB_WERROR}>:-Werror>)
+if(MPUVDB_SANITIZE)
+    target_compile_options(mpuvdb_options INTERFACE
+        -fsanitize=${MPUVDB_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    target_link_options(mpuvdb_options INTERFACE -fsanitize=${MPUVDB_SANITIZE})
+endif()
+if(NOT CMAKE_CXX_COMPILER_LAUNCHER)
+    find_program(MPUVDB_CCACHE ccache)
+    if(MPUVDB_CCACHE)
+        # What a precompiled header needs of ccache.
+        set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
+            CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${MPUVDB_CCACHE})
+        add_compile_options($<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+    endif()
+endif()
