@@ -1,0 +1,114 @@
+// Where straight lines cross the surface of a solid.
+#pragma once
+#include <mpuvdb/scan_sampler.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// Marches along lines by the distance, which no surface is nearer than, and pins every change of
+/// sign down to the last bits. Two crossings less than 1e-5 of the box's diagonal apart may be
+/// missed together: lines that graze, or walls thinner than that.
+class LineTracer
+{
+public:
+    explicit LineTracer(const Solid& solid)
+        : mSolid(solid), mBox(solid.bounds()), mMinStep(1e-5 * mBox.diagonal().norm()),
+          mRounding(2e-16 * (mBox.diagonal().norm() + mBox.center().norm()))
+    {
+        // The surface may touch the box: start outside.
+        mBox.extend(mBox.min() - Vec3d::Constant(mMinStep));
+        mBox.extend(mBox.max() + Vec3d::Constant(mMinStep));
+    }
+
+    const Solid& solid() const { return mSolid; }
+
+    /// Parameters of all crossings of the line origin + t * direction (a unit vector), rising.
+    void crossings(const Vec3d& origin, const Vec3d& direction, std::vector<double>& out) const
+    {
+        out.clear();
+        march(origin, direction, -HUGE_VAL, [&](double t) {
+            out.push_back(t);
+            return true;
+        });
+    }
+
+    /// The first crossing with t >= 0.
+    std::optional<double> firstHit(const Vec3d& origin, const Vec3d& direction) const
+    {
+        std::optional<double> hit;
+        march(origin, direction, 0, [&](double t) {
+            hit = t;
+            return false;
+        });
+        return hit;
+    }
+
+private:
+    template <class Visit>
+    void march(const Vec3d& origin, const Vec3d& direction, double first, Visit&& visit) const
+    {
+        double t = first, end = HUGE_VAL;
+        for (int axis = 0; axis < 3; ++axis) {
+            // A line within a face's plane gives NaN, which min and max here pass over.
+            const double a = (mBox.min()[axis] - origin[axis]) / direction[axis];
+            const double b = (mBox.max()[axis] - origin[axis]) / direction[axis];
+            t = std::max(t, std::min(a, b));
+            end = std::min(end, std::max(a, b));
+        }
+        if (!(t < end)) return;
+        double value = mSolid.distance(origin + t * direction);
+        while (t < end) {
+            const double next = t + std::max(std::abs(value), mMinStep);
+            const double nextValue = mSolid.distance(origin + next * direction);
+            if ((value < 0) != (nextValue < 0) &&
+                !visit(crossing(origin, direction, t, value, next, nextValue)))
+                return;
+            t = next;
+            value = nextValue;
+        }
+    }
+
+    /// Root in [a,b] by false position that halves the stale end's weight [Dowell71: Illinois].
+    double crossing(const Vec3d& origin, const Vec3d& direction, double a, double fa, double b,
+                    double fb) const
+    {
+        constexpr int kMaxSteps = 100;
+        double best = std::abs(fa) < std::abs(fb) ? a : b;
+        double bestValue = std::min(std::abs(fa), std::abs(fb));
+        int side = 0;
+        for (int i = 0; i < kMaxSteps && bestValue > mRounding; ++i) {
+            double t = (a * fb - b * fa) / (fb - fa);
+            if (!(t > a && t < b)) t = (a + b) / 2;
+            if (!(t > a && t < b)) break;
+            const double f = mSolid.distance(origin + t * direction);
+            if (std::abs(f) < bestValue) {
+                best = t;
+                bestValue = std::abs(f);
+            }
+            if ((f < 0) == (fb < 0)) {
+                b = t;
+                fb = f;
+                if (side < 0) fa /= 2;
+                side = -1;
+            } else {
+                a = t;
+                fa = f;
+                if (side > 0) fb /= 2;
+                side = 1;
+            }
+        }
+        return best;
+    }
+
+    const Solid& mSolid;
+    Box3d mBox;
+    double mMinStep;
+    double mRounding; ///< distances below are noise
+};
+
+} // namespace mpuvdb

@@ -1,0 +1,99 @@
+// A sphere with fine bumps.
+#include "solids.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Surface: |p| = radius + amplitude * s(p/|p|), s(u) = sin(b u_x) sin(b u_y) sin(b u_z), for which
+/// |s| <= 1 and |grad s| <= b.
+class Blob final : public Solid
+{
+public:
+    Blob(double radius, double bumps, double amplitude)
+        : mRadius(radius), mBumps(bumps), mAmplitude(amplitude)
+    {
+        // Steepest slope of the offset, taken as far in as a foot point of the shell can make us
+        // go.
+        mSteepest = std::hypot(1.0, amplitude * bumps / (radius - 5 * amplitude));
+        // Curvature of the sphere and that of the bumps, as a bound; half of its radius.
+        const double low = radius - amplitude;
+        mReach = 0.5 / (1 / low + 4 * amplitude * (bumps + 1) * (bumps + 1) / (low * low));
+    }
+
+    double distance(const Vec3d& p) const override
+    {
+        const double length = p.norm();
+        if (length < mRadius - 2 * mAmplitude) return length - (mRadius - mAmplitude);
+        const double offset = length - shell(p / length).radius;
+        const double bound = offset / mSteepest;
+        if (length > mRadius + mAmplitude + mReach)
+            return std::max(length - (mRadius + mAmplitude), bound);
+        if (std::abs(bound) > mReach) return bound;
+        const double exact = (p - foot(p)).norm();
+        return exact < mReach ? std::copysign(exact, offset) : bound;
+    }
+
+    Vec3d normal(const Vec3d& p) const override { return shellNormal(foot(p)); }
+
+    Box3d bounds() const override
+    {
+        const Vec3d half = Vec3d::Constant(mRadius + mAmplitude);
+        return Box3d(-half, half);
+    }
+
+private:
+    struct Shell {
+        double radius;  ///< of the surface along u
+        Vec3d gradient; ///< of radius by u, tangential
+    };
+    Shell shell(const Vec3d& u) const
+    {
+        const Eigen::Array3d angle = mBumps * u.array();
+        const Eigen::Array3d s = angle.sin(), c = mBumps * angle.cos();
+        const Vec3d g(c.x() * s.y() * s.z(), s.x() * c.y() * s.z(), s.x() * s.y() * c.z());
+        return {mRadius + mAmplitude * s.prod(), mAmplitude * (g - g.dot(u) * u)};
+    }
+    /// Of the surface through @a p (|p| - radius = constant).
+    Vec3d shellNormal(const Vec3d& p) const
+    {
+        const double length = p.norm();
+        const Vec3d u = p / length;
+        return (u - shell(u).gradient / length).normalized();
+    }
+    /// Nearest surface point of a @a p near the surface: slide along the tangent plane towards p,
+    /// drop back onto the surface, until p is straight above. The slide contracts by distance x
+    /// curvature, at most one half within the reach.
+    Vec3d foot(const Vec3d& p) const
+    {
+        constexpr int kMaxSteps = 60;
+        Vec3d u = p.normalized();
+        Shell s = shell(u);
+        Vec3d q = s.radius * u;
+        for (int i = 0; i < kMaxSteps; ++i) {
+            const Vec3d n = (u - s.gradient / s.radius).normalized();
+            const Vec3d away = p - q;
+            const Vec3d slide = away - away.dot(n) * n;
+            if (slide.squaredNorm() < 1e-30 * mRadius * mRadius) break;
+            u = (q + slide).normalized();
+            s = shell(u);
+            q = s.radius * u;
+        }
+        return q;
+    }
+
+    double mRadius, mBumps, mAmplitude, mSteepest, mReach;
+};
+
+} // namespace
+
+SolidPtr makeBlob(double radius, double bumps, double amplitude)
+{
+    return std::make_shared<Blob>(radius, bumps, amplitude);
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,214 @@
+// Primitives with exact signed distances.
+#include "solids.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// What holds in the positive octant, mirrored into the one of @a signs.
+Vec3d withSigns(const Vec3d& magnitude, const Vec3d& signs)
+{
+    return {std::copysign(magnitude.x(), signs.x()), std::copysign(magnitude.y(), signs.y()),
+            std::copysign(magnitude.z(), signs.z())};
+}
+
+Vec3d normalizedOr(const Vec3d& v, const Vec3d& fallback)
+{
+    const double length = v.norm();
+    return length > 0 ? Vec3d(v / length) : fallback;
+}
+
+/// The vector (rho, z) about the z axis, turned back to where @a p is.
+Vec3d fromProfile(double rho, double z, const Vec3d& p)
+{
+    const double length = std::hypot(p.x(), p.y());
+    const Vec3d out = length > 0 ? Vec3d(p.x() / length, p.y() / length, 0) : Vec3d::UnitX();
+    return rho * out + z * Vec3d::UnitZ();
+}
+
+/// Distance and gradient of a box corner: @a q is the position relative to the corner, per axis
+/// positive outside.
+template <int N>
+double cornerDistance(const Eigen::Matrix<double, N, 1>& q)
+{
+    return q.cwiseMax(0).norm() + std::min(q.maxCoeff(), 0.0);
+}
+
+template <int N>
+Eigen::Matrix<double, N, 1> cornerGradient(const Eigen::Matrix<double, N, 1>& q)
+{
+    const Eigen::Matrix<double, N, 1> outside = q.cwiseMax(0);
+    const double length = outside.norm();
+    if (length > 0) return outside / length;
+    Eigen::Index axis = 0;
+    q.maxCoeff(&axis);
+    return Eigen::Matrix<double, N, 1>::Unit(axis);
+}
+
+Box3d boxAbout(const Vec3d& half)
+{
+    return Box3d(-half, half);
+}
+
+class Sphere final : public Solid
+{
+public:
+    explicit Sphere(double radius) : mRadius(radius) {}
+    double distance(const Vec3d& p) const override { return p.norm() - mRadius; }
+    Vec3d normal(const Vec3d& p) const override { return normalizedOr(p, Vec3d::UnitZ()); }
+    Box3d bounds() const override { return boxAbout(Vec3d::Constant(mRadius)); }
+
+private:
+    double mRadius;
+};
+
+class Torus final : public Solid
+{
+public:
+    Torus(double major, double minor) : mMajor(major), mMinor(minor) {}
+    double distance(const Vec3d& p) const override
+    {
+        return std::hypot(std::hypot(p.x(), p.y()) - mMajor, p.z()) - mMinor;
+    }
+    Vec3d normal(const Vec3d& p) const override
+    {
+        const double rho = std::hypot(p.x(), p.y()) - mMajor;
+        return normalizedOr(fromProfile(rho, p.z(), p), Vec3d::UnitZ());
+    }
+    Box3d bounds() const override { return boxAbout({mMajor + mMinor, mMajor + mMinor, mMinor}); }
+
+private:
+    double mMajor, mMinor;
+};
+
+class RoundedBox final : public Solid
+{
+public:
+    RoundedBox(const Vec3d& size, double radius) : mHalf(size / 2), mRadius(radius) {}
+    double distance(const Vec3d& p) const override { return cornerDistance(corner(p)) - mRadius; }
+    Vec3d normal(const Vec3d& p) const override { return withSigns(cornerGradient(corner(p)), p); }
+    Box3d bounds() const override { return boxAbout(mHalf); }
+
+private:
+    Vec3d corner(const Vec3d& p) const { return p.cwiseAbs() - (mHalf - Vec3d::Constant(mRadius)); }
+    Vec3d mHalf;
+    double mRadius;
+};
+
+class Capsule final : public Solid
+{
+public:
+    Capsule(double radius, double length) : mRadius(radius), mHalf(length / 2) {}
+    double distance(const Vec3d& p) const override { return fromAxis(p).norm() - mRadius; }
+    Vec3d normal(const Vec3d& p) const override
+    {
+        return normalizedOr(fromAxis(p), Vec3d::UnitX());
+    }
+    Box3d bounds() const override { return boxAbout({mRadius, mRadius, mHalf + mRadius}); }
+
+private:
+    Vec3d fromAxis(const Vec3d& p) const
+    {
+        return {p.x(), p.y(), p.z() - std::clamp(p.z(), -mHalf, mHalf)};
+    }
+    double mRadius, mHalf;
+};
+
+class Cylinder final : public Solid
+{
+public:
+    Cylinder(double radius, double height) : mRadius(radius), mHalf(height / 2) {}
+    double distance(const Vec3d& p) const override { return cornerDistance(corner(p)); }
+    Vec3d normal(const Vec3d& p) const override
+    {
+        const Eigen::Vector2d g = cornerGradient(corner(p));
+        return fromProfile(g.x(), std::copysign(g.y(), p.z()), p);
+    }
+    Box3d bounds() const override { return boxAbout({mRadius, mRadius, mHalf}); }
+
+private:
+    Eigen::Vector2d corner(const Vec3d& p) const
+    {
+        return {std::hypot(p.x(), p.y()) - mRadius, std::abs(p.z()) - mHalf};
+    }
+    double mRadius, mHalf;
+};
+
+class Cone final : public Solid
+{
+public:
+    Cone(double radius, double height)
+        : mRadius(radius), mHalf(height / 2),
+          mSlope(Eigen::Vector2d(height, radius).normalized()) // outward normal of the side
+    {
+    }
+    double distance(const Vec3d& p) const override
+    {
+        const Foot f = nearest(p);
+        return std::copysign(f.away.norm(), f.inside ? -1.0 : 1.0);
+    }
+    Vec3d normal(const Vec3d& p) const override
+    {
+        const Foot f = nearest(p);
+        const double length = f.away.norm();
+        // On the surface the direction to the foot is lost in rounding: the face's own normal.
+        const Eigen::Vector2d n = length > 1e-9 * mRadius
+                                      ? Eigen::Vector2d(f.away / (f.inside ? -length : length))
+                                      : f.faceNormal;
+        return fromProfile(n.x(), n.y(), p);
+    }
+    Box3d bounds() const override { return boxAbout({mRadius, mRadius, mHalf}); }
+
+private:
+    struct Foot {
+        Eigen::Vector2d away; ///< from the nearest surface point of the profile
+        Eigen::Vector2d faceNormal;
+        bool inside;
+    };
+    Foot nearest(const Vec3d& p) const
+    {
+        const Eigen::Vector2d q(std::hypot(p.x(), p.y()), p.z());
+        const Eigen::Vector2d base(std::min(q.x(), mRadius), -mHalf), apex(0, mHalf);
+        const Eigen::Vector2d side = Eigen::Vector2d(mRadius, -mHalf) - apex;
+        const double along = std::clamp((q - apex).dot(side) / side.squaredNorm(), 0.0, 1.0);
+        const Eigen::Vector2d toBase = q - base, toSide = q - apex - along * side;
+        const bool inside = q.y() > -mHalf && (q - apex).dot(mSlope) < 0;
+        if (toBase.squaredNorm() < toSide.squaredNorm()) return {toBase, {0, -1}, inside};
+        return {toSide, mSlope, inside};
+    }
+    double mRadius, mHalf;
+    Eigen::Vector2d mSlope;
+};
+
+} // namespace
+
+SolidPtr makeSphere(double radius)
+{
+    return std::make_shared<Sphere>(radius);
+}
+SolidPtr makeTorus(double major, double minor)
+{
+    return std::make_shared<Torus>(major, minor);
+}
+SolidPtr makeBox(const Vec3d& size, double radius)
+{
+    return std::make_shared<RoundedBox>(size, radius);
+}
+SolidPtr makeCapsule(double radius, double length)
+{
+    return std::make_shared<Capsule>(radius, length);
+}
+SolidPtr makeCylinder(double radius, double height)
+{
+    return std::make_shared<Cylinder>(radius, height);
+}
+SolidPtr makeCone(double radius, double height)
+{
+    return std::make_shared<Cone>(radius, height);
+}
+
+} // namespace mpuvdb

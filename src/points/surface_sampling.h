@@ -1,0 +1,45 @@
+// Points on the surface of a solid, as yet undisturbed: the three patterns of the scanner.
+#pragma once
+#include <mpuvdb/scan_sampler.h>
+
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// A point on the surface, in double precision.
+struct SurfacePoint {
+    Vec3d position; ///< world
+    Vec3f normal;   ///< unit, outward
+};
+
+/// Points uniform by area, and the surface's area as they tell it.
+struct RandomSurface {
+    std::vector<SurfacePoint> points;
+    double area = 0;
+};
+
+/// Random points: where isotropic random lines cross the surface (Crofton's formula), half of the
+/// crossings of each line. On a convex solid, that is one, the points are independent.
+/// @throws InputError if no line finds a surface.
+RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_t seed,
+                           Progress& progress);
+
+/// Blue noise of @a count points: darts thrown in random order stick where no other is near on
+/// the same side of the surface [Cook86; the radius that fits the count is searched].
+std::vector<SurfacePoint> sampleEven(const Solid& solid, std::uint64_t count, std::uint64_t seed,
+                                     Progress& progress);
+
+/// What range images measured.
+struct RangeScans {
+    std::vector<SurfacePoint> points; ///< by view, row and column
+    std::vector<Vec3f> rays;          ///< unit direction from the viewpoint, per point
+    std::vector<float> confidence;    ///< in (0,1]
+};
+
+/// Range images of about settings.points points: from each viewpoint a square grid of rays over
+/// the solid's bounding sphere, each ending at the first surface.
+/// @throws UsageError if a viewpoint lies inside the solid, InputError if no ray hits it.
+RangeScans sampleRangeScans(const Solid& solid, const ScanSettings& settings, Progress& progress);
+
+} // namespace mpuvdb
