@@ -1,1 +1,80 @@
-// (being written)
+#include <mpuvdb/error.h>
+#include <mpuvdb/reconstruct.h>
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <fmt/format.h>
+
+namespace mpuvdb {
+namespace {
+
+/// Without other word a fit may err by a tenth of a voxel, or by what noise throws a point off.
+constexpr double kToleranceVoxels = 0.1;
+constexpr double kToleranceNoise = 3;
+
+double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSettings& resolved)
+{
+    const double longest = resolved.boxSize.maxCoeff();
+    if (settings.voxelSize && settings.voxels)
+        throw UsageError("give the voxel size or the number of voxels, not both");
+    if (settings.voxels) {
+        if (!(*settings.voxels >= 4 && *settings.voxels <= 100000))
+            throw UsageError(fmt::format("{} voxels along the longest side; it must be in [4, 100000]",
+                                         *settings.voxels));
+        return longest / *settings.voxels;
+    }
+    if (settings.voxelSize) {
+        if (settings.voxelSize->unit == Length::Unit::Voxels)
+            throw UsageError("a voxel size in voxels says nothing: give world units or %");
+        const double h = settings.voxelSize->resolve(0, resolved.diagonal);
+        if (!(h > 0)) throw UsageError(fmt::format("voxel size is {}; it must be above 0", h));
+        return h;
+    }
+    return resolved.points.spacing;
+}
+
+} // namespace
+
+ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& settings,
+                         Progress& progress)
+{
+    if (cloud.empty()) throw InputError("no points: the input is empty");
+    ResolvedSettings resolved;
+    progress.beginStage("measure");
+    resolved.points = measure(cloud, progress);
+    const Box3d box = cloud.localBounds();
+    resolved.boxSize = box.sizes();
+    resolved.diagonal = resolved.boxSize.norm();
+    const double h = resolveVoxelSize(settings, resolved);
+    const double across = resolved.boxSize.maxCoeff() / h;
+    if (!(across <= 4e6))
+        throw LimitError(fmt::format("{:.3g} voxels of size {} along the longest side are beyond the "
+                                     "index range: use larger voxels",
+                                     across, h));
+    resolved.grid.lattice = latticeFor(box.translated(cloud.frame), h);
+    resolved.grid.halfWidth = settings.halfWidth;
+    resolved.grid.maxBytes = settings.maxBytes;
+
+    MpuSettings& fit = resolved.fit;
+    fit.voxelSize = h;
+    fit.alpha = settings.alpha;
+    fit.sharp = settings.sharp;
+    fit.tolerance = settings.tolerance
+                        ? settings.tolerance->resolve(h, resolved.diagonal)
+                        : std::max(kToleranceVoxels * h, kToleranceNoise * resolved.points.noise);
+    fit.minPoints = settings.minPoints.value_or(MpuSettings{}.minPoints);
+    progress.endStage();
+    return resolved;
+}
+
+Reconstruction reconstruct(PointCloud&& cloud, const ReconstructSettings& settings,
+                           Progress& progress)
+{
+    const ResolvedSettings resolved = resolve(cloud, settings, progress);
+    auto field = std::make_shared<const MpuField>(std::move(cloud), resolved.fit, progress);
+    LevelSet levelSet = sampleField(*field, resolved.grid, progress);
+    return {std::move(levelSet), std::move(field), resolved};
+}
+
+} // namespace mpuvdb

@@ -1,1 +1,39 @@
-// (being written)
+#include "band.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/level_set.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+
+namespace mpuvdb {
+
+LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress)
+{
+    const Lattice& lattice = settings.lattice;
+    if (!(lattice.voxelSize > 0) || !std::isfinite(lattice.voxelSize))
+        throw UsageError(fmt::format("voxel size is {}; it must be above 0", lattice.voxelSize));
+    if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
+        throw UsageError(fmt::format("half-width is {} voxels; it must be in [1.5, 100]",
+                                     settings.halfWidth));
+    progress.beginStage("sample");
+    Band band(field, lattice, settings.halfWidth, settings.maxBytes, progress);
+    band.search(field.seedBlocks(lattice));
+    if (!band.hasZeroCrossing())
+        throw InputError("the points enclose nothing at this voxel size: the fitted surface has no "
+                         "inside. Use smaller voxels, or check the normals");
+    progress.beginStage("close");
+    band.resolveSigns();
+    band.close();
+    progress.beginStage("assemble");
+    auto grid = openvdb::FloatGrid::create(band.assemble());
+    grid->setTransform(openvdb::math::Transform::createLinearTransform(lattice.voxelSize));
+    const Vec3d& o = lattice.origin;
+    if (o != Vec3d::Zero()) grid->transform().postTranslate({o[0], o[1], o[2]});
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    grid->setName(settings.name);
+    progress.endStage();
+    return LevelSet(grid);
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,103 @@
+#include "block_kernel.h"
+
+#include "quadric.h"
+
+#include <algorithm>
+#include <cmath>
+
+// Without contraction to FMA every clone computes the same bits.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) &&                      \
+    !defined(__SANITIZE_ADDRESS__)
+#define MPUVDB_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define MPUVDB_CLONES
+#endif
+
+namespace mpuvdb {
+namespace {
+
+constexpr int kRow = kBlockDim;
+
+/// Below this blended gradients cancel between sheets and value / |gradient| means nothing.
+constexpr float kGradientFloor = 0.8f;
+
+} // namespace
+
+void BlockSums::clear()
+{
+    for (auto* a : {&weight, &value, &gx, &gy, &gz}) a->fill(0);
+}
+
+MPUVDB_CLONES
+void addCell(const KernelCell& cell, BlockSums& sums)
+{
+    const float radius2 = cell.radius * cell.radius, scale = 1.5f / cell.radius;
+    const int zBegin = 0;
+    for (int x = 0; x < kBlockDim; ++x) {
+        const float fx = float(x), dx = fx - cell.centre[0];
+        if (dx * dx >= radius2) continue;
+        for (int y = 0; y < kBlockDim; ++y) {
+            const float fy = float(y), dy = fy - cell.centre[1];
+            const float row2 = dx * dx + dy * dy;
+            if (row2 >= radius2) continue;
+
+            float q[kRow], gx[kRow], gy[kRow], gz[kRow];
+            for (int piece = cell.count - 1; piece >= 0; --piece) {
+                const float* k = cell.q[piece];
+                const float q0 = k[0] + fx * (k[1] + k[4] * fx + k[7] * fy) + fy * (k[2] + k[5] * fy);
+                const float q1 = k[3] + k[8] * fy + k[9] * fx, q2 = k[6];
+                const float gx0 = k[1] + 2 * k[4] * fx + k[7] * fy;
+                const float gy0 = k[2] + 2 * k[5] * fy + k[7] * fx;
+                if (piece == cell.count - 1) {
+                    for (int z = zBegin; z < kRow; ++z) {
+                        const float fz = float(z);
+                        q[z] = q0 + fz * (q1 + fz * q2);
+                        gx[z] = gx0 + fz * k[9];
+                        gy[z] = gy0 + fz * k[8];
+                        gz[z] = q1 + 2 * q2 * fz;
+                    }
+                    continue;
+                }
+                const float sign = (cell.maxBits >> piece & 1u) ? 1.0f : -1.0f;
+                for (int z = zBegin; z < kRow; ++z) {
+                    const float fz = float(z);
+                    const float other = q0 + fz * (q1 + fz * q2);
+                    const bool take = sign * other > sign * q[z];
+                    q[z] = take ? other : q[z];
+                    gx[z] = take ? gx0 + fz * k[9] : gx[z];
+                    gy[z] = take ? gy0 + fz * k[8] : gy[z];
+                    gz[z] = take ? q1 + 2 * q2 * fz : gz[z];
+                }
+            }
+
+            const int row = (x * kBlockDim + y) * kBlockDim;
+            float *const w = &sums.weight[size_t(row)], *const v = &sums.value[size_t(row)];
+            float *const sx = &sums.gx[size_t(row)], *const sy = &sums.gy[size_t(row)],
+                         *const sz = &sums.gz[size_t(row)];
+            for (int z = zBegin; z < kRow; ++z) {
+                const float dz = float(z) - cell.centre[2];
+                const float weight = bsplineWeight(std::sqrt(row2 + dz * dz) * scale);
+                w[z] += weight;
+                v[z] += weight * q[z];
+                sx[z] += weight * gx[z];
+                sy[z] += weight * gy[z];
+                sz[z] += weight * gz[z];
+            }
+        }
+    }
+}
+
+MPUVDB_CLONES
+void normalise(const BlockSums& sums, float limit, BlockValues& values)
+{
+    for (size_t i = 0; i < size_t(kBlockVoxels); ++i) {
+        const float w = sums.weight[i];
+        const float g = std::sqrt(sums.gx[i] * sums.gx[i] + sums.gy[i] * sums.gy[i] +
+                                  sums.gz[i] * sums.gz[i]);
+        // value / w over max(|g| / w, floor)
+        const float v = sums.value[i] / std::max(g, kGradientFloor * w);
+        values[i] = w > 0 ? std::min(std::max(v, -limit), limit) : limit;
+    }
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,505 @@
+#include "local_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <limits>
+
+namespace mpuvdb {
+namespace {
+
+/// Four points at a time; written so that every instruction set gives the same bits.
+using Group = double __attribute__((vector_size(32)));
+
+Group load(const std::vector<double>& a, std::size_t i)
+{
+    return Group{a[i], a[i + 1], a[i + 2], a[i + 3]};
+}
+
+double sum(const Group& g)
+{
+    return (g[0] + g[1]) + (g[2] + g[3]);
+}
+
+/// Solve the normal equations M x = r, M symmetric semi-definite of O(1) entries, with the ridge
+/// @a ridge. Refined against M itself: directions that the points determine lose the ridge's bias
+/// (factor ridge / eigenvalue per step), others stay damped.
+template <int N>
+Eigen::Matrix<double, N, 1> solveRidged(const Eigen::Matrix<double, N, N>& M,
+                                        const Eigen::Matrix<double, N, 1>& r,
+                                        const Eigen::Matrix<double, N, 1>& ridge)
+{
+    Eigen::Matrix<double, N, N> damped = M;
+    damped.diagonal() += ridge;
+    const Eigen::LLT<Eigen::Matrix<double, N, N>> factor(damped);
+    Eigen::Matrix<double, N, 1> x = factor.solve(r);
+    for (int step = 0; step < 3; ++step) x += factor.solve(r - M * x);
+    return x.allFinite() ? x : Eigen::Matrix<double, N, 1>::Zero();
+}
+
+struct Frame {
+    Vec3d u, v, w;
+    explicit Frame(const Vec3d& normal) : w(normal)
+    {
+        u = w.unitOrthogonal();
+        v = w.cross(u);
+    }
+};
+
+Vec3d weightedCentroid(const CellPoints& points, double& totalWeight)
+{
+    Group sw{}, sx{}, sy{}, sz{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group w = load(points.weight, i);
+        sw += w;
+        sx += w * load(points.x, i);
+        sy += w * load(points.y, i);
+        sz += w * load(points.z, i);
+    }
+    totalWeight = sum(sw);
+    if (!(totalWeight > 0)) return points.count ? points.position(0) : Vec3d::Zero();
+    return Vec3d(sum(sx), sum(sy), sum(sz)) / totalWeight;
+}
+
+Quadric planeThrough(const Vec3d& point, const Vec3d& normal)
+{
+    return {Eigen::Matrix3d::Zero(), normal, -normal.dot(point)};
+}
+
+/// Moments of points (u, v, w), scaled to unit variance in (u, v), for w ~ quadratic(u, v).
+struct BivariateSystem {
+    Eigen::Matrix<double, 6, 6> M; ///< basis u^2, uv, v^2, u, v, 1
+    Eigen::Matrix<double, 6, 1> r;
+    double scale = 0; ///< 1 / length; 0: the points have no extent
+};
+
+BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, const Vec3d& origin,
+                                double totalWeight)
+{
+    BivariateSystem system;
+    Group variance{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group dx = load(points.x, i) - origin[0], dy = load(points.y, i) - origin[1],
+                    dz = load(points.z, i) - origin[2];
+        const Group u = dx * frame.u[0] + dy * frame.u[1] + dz * frame.u[2];
+        const Group v = dx * frame.v[0] + dy * frame.v[1] + dz * frame.v[2];
+        variance += load(points.weight, i) * (u * u + v * v);
+    }
+    const double mean = sum(variance) / totalWeight;
+    if (!(mean > 1e-24 * points.radius * points.radius)) return system;
+    const double t = system.scale = 1 / std::sqrt(mean);
+
+    Group m[5][5] = {}, s[6] = {}; // m[a][b] = sum weight u^a v^b
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group dx = t * (load(points.x, i) - origin[0]), dy = t * (load(points.y, i) - origin[1]),
+                    dz = t * (load(points.z, i) - origin[2]);
+        const Group u = dx * frame.u[0] + dy * frame.u[1] + dz * frame.u[2];
+        const Group v = dx * frame.v[0] + dy * frame.v[1] + dz * frame.v[2];
+        const Group w = dx * frame.w[0] + dy * frame.w[1] + dz * frame.w[2];
+        Group ua = load(points.weight, i);
+        const Group powers[5] = {ua * 0 + 1, v, v * v, v * v * v, v * v * v * v};
+        s[0] += ua * u * u * w;
+        s[1] += ua * u * v * w;
+        s[2] += ua * v * v * w;
+        s[3] += ua * u * w;
+        s[4] += ua * v * w;
+        s[5] += ua * w;
+        for (int a = 0; a < 5; ++a, ua *= u)
+            for (int b = 0; a + b < 5; ++b) m[a][b] += ua * powers[b];
+    }
+    constexpr int ea[6] = {2, 1, 0, 1, 0, 0}, eb[6] = {0, 1, 2, 0, 1, 0};
+    for (int i = 0; i < 6; ++i) {
+        system.r[i] = sum(s[i]) / totalWeight;
+        for (int j = 0; j < 6; ++j) system.M(i, j) = sum(m[ea[i] + ea[j]][eb[i] + eb[j]]) / totalWeight;
+    }
+    return system;
+}
+
+/// Indices of the two normals of widest angle, and the cosine between them.
+struct WidestPair {
+    std::size_t first = 0, second = 0;
+    double cosine = 1;
+};
+
+WidestPair widestNormals(const CellPoints& points, const std::vector<std::uint32_t>& members)
+{
+    WidestPair widest;
+    for (std::size_t a = 0; a < members.size(); ++a) {
+        const Vec3d n = points.normal(members[a]);
+        for (std::size_t b = a + 1; b < members.size(); ++b) {
+            const double cosine = n.dot(points.normal(members[b]));
+            if (cosine < widest.cosine) widest = {members[a], members[b], cosine};
+        }
+    }
+    return widest;
+}
+
+constexpr double kFeatureCosine = 0.9;  // [Ohtake03 eq. 14]
+constexpr double kCornerCosine = 0.7;   // [Ohtake03 eq. 15]
+constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
+constexpr std::size_t kQuadraticFace = 8; // points that a face of an edge needs for curvature
+
+using Clusters = std::vector<std::vector<std::uint32_t>>;
+
+/// Spherical Voronoi cells of the members' normals about the axes; empty ones left out.
+Clusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_t>& members,
+                        const std::vector<Vec3d>& axes)
+{
+    Clusters clusters(axes.size());
+    for (const std::uint32_t i : members) {
+        std::size_t best = 0;
+        double bestCosine = -2;
+        for (std::size_t a = 0; a < axes.size(); ++a) {
+            const double cosine = axes[a].dot(points.normal(i));
+            if (cosine > bestCosine) {
+                bestCosine = cosine;
+                best = a;
+            }
+        }
+        clusters[best].push_back(i);
+    }
+    clusters.erase(std::remove_if(clusters.begin(), clusters.end(),
+                                  [](const auto& c) { return c.empty(); }),
+                   clusters.end());
+    return clusters;
+}
+
+/// The paper's clusters: two for an edge, three or four for a corner; fewer than two: no feature.
+Clusters featureClusters(const CellPoints& points)
+{
+    std::vector<std::uint32_t> all(points.count);
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
+    const WidestPair widest = widestNormals(points, all);
+    if (!(widest.cosine < kFeatureCosine)) return {};
+    const Vec3d n1 = points.normal(widest.first), n2 = points.normal(widest.second);
+    const Vec3d axis = n1.cross(n2);
+    if (axis.norm() < 1e-6) return clusterNormals(points, all, {n1, n2});
+    const Vec3d n3 = axis.normalized();
+    double extreme = 0;
+    for (std::size_t i = 0; i < points.count; ++i) {
+        const double cosine = n3.dot(points.normal(i));
+        if (std::abs(cosine) > std::abs(extreme)) extreme = cosine;
+    }
+    if (!(std::abs(extreme) > kCornerCosine)) return clusterNormals(points, all, {n1, n2});
+    Clusters clusters = clusterNormals(points, all, {n1, n2, extreme > 0 ? n3 : Vec3d(-n3)});
+    if (clusters.size() < 3) return clusters;
+    const WidestPair inThird = widestNormals(points, clusters[2]);
+    if (inThird.cosine < kFeatureCosine) {
+        const std::vector<std::uint32_t> third = std::move(clusters[2]);
+        clusters.pop_back();
+        for (auto& half : clusterNormals(points, third, {points.normal(inThird.first),
+                                                         points.normal(inThird.second)}))
+            clusters.push_back(std::move(half));
+    }
+    return clusters;
+}
+
+/// Order and Booleans of the faces from the convexity of their pairs. False: no such tree.
+bool combineFaces(LocalFit& fit, const bool convex[4][4])
+{
+    int convexPairs = 0, pairs = 0;
+    for (int a = 0; a < fit.count; ++a) {
+        for (int b = a + 1; b < fit.count; ++b) {
+            ++pairs;
+            convexPairs += convex[a][b];
+        }
+    }
+    if (convexPairs == pairs || convexPairs == 0) {
+        fit.maxBits = convexPairs ? ~0u : 0u;
+        return true;
+    }
+    if (fit.count != 3) return false;
+    // One pair differs from the other two: the face outside that pair is combined last.
+    const bool oddIsConvex = convexPairs == 1;
+    const int alone = convex[1][2] == oddIsConvex ? 0 : convex[0][2] == oddIsConvex ? 1 : 2;
+    std::swap(fit.pieces[0], fit.pieces[size_t(alone)]);
+    fit.maxBits = oddIsConvex ? 2u : 1u; // min(p0, max(p1, p2)) or max(p0, min(p1, p2))
+    return true;
+}
+
+/// The cell's corners and centre, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
+void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3d>& q,
+                     std::vector<double>& d)
+{
+    constexpr std::size_t kNearest = 6;
+    std::vector<std::pair<double, std::uint32_t>> order(points.count);
+    for (int corner = 0; corner < 9; ++corner) {
+        const Vec3d at = corner == 8 ? Vec3d(0, 0, 0)
+                                     : Vec3d(Vec3d(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1,
+                                                   corner & 4 ? 1 : -1) * (cellSize / 2));
+        for (std::size_t i = 0; i < points.count; ++i)
+            order[i] = {(points.position(i) - at).squaredNorm(), std::uint32_t(i)};
+        const std::size_t near = std::min(kNearest, order.size());
+        std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(near), order.end());
+        double total = 0, mean = 0;
+        int positive = 0;
+        for (std::size_t k = 0; k < near; ++k) {
+            const std::uint32_t i = order[k].second;
+            const double side = points.normal(i).dot(at - points.position(i));
+            positive += side > 0;
+            mean += points.confidence[i] * side;
+            total += points.confidence[i];
+        }
+        if ((positive != 0 && positive != int(near)) || !(total > 0)) continue;
+        q.push_back(at);
+        d.push_back(mean / total);
+    }
+}
+
+} // namespace
+
+void CellPoints::resize(std::size_t n)
+{
+    for (auto* a : {&x, &y, &z, &nx, &ny, &nz, &weight, &confidence}) a->assign(n, 0.0);
+}
+
+void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double ballRadius)
+{
+    count = batch.size();
+    radius = ballRadius;
+    resize((count + kGroup - 1) / kGroup * kGroup);
+    const double scale = 1.5 / ballRadius;
+    for (std::size_t i = 0; i < count; ++i) {
+        x[i] = batch.x[i] - centre[0];
+        y[i] = batch.y[i] - centre[1];
+        z[i] = batch.z[i] - centre[2];
+        nx[i] = batch.nx[i];
+        ny[i] = batch.ny[i];
+        nz[i] = batch.nz[i];
+        confidence[i] = batch.confidence[i];
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+        const double t = std::sqrt(x[i] * x[i] + y[i] * y[i] + z[i] * z[i]) * scale;
+        weight[i] = confidence[i] * bsplineWeight(t);
+    }
+}
+
+void CellPoints::assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members)
+{
+    count = members.size();
+    radius = other.radius;
+    resize((count + kGroup - 1) / kGroup * kGroup);
+    for (std::size_t i = 0; i < count; ++i) {
+        const std::uint32_t m = members[i];
+        x[i] = other.x[m];
+        y[i] = other.y[m];
+        z[i] = other.z[m];
+        nx[i] = other.nx[m];
+        ny[i] = other.ny[m];
+        nz[i] = other.nz[m];
+        confidence[i] = other.confidence[m];
+        weight[i] = other.weight[m];
+    }
+}
+
+Vec3d meanNormal(const CellPoints& points)
+{
+    Group sx{}, sy{}, sz{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group w = load(points.weight, i);
+        sx += w * load(points.nx, i);
+        sy += w * load(points.ny, i);
+        sz += w * load(points.nz, i);
+    }
+    const Vec3d total(sum(sx), sum(sy), sum(sz));
+    const double length = total.norm();
+    return length > 0 ? Vec3d(total / length) : Vec3d(0, 0, 1);
+}
+
+Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic)
+{
+    double totalWeight = 0;
+    const Vec3d origin = weightedCentroid(points, totalWeight);
+    if (points.count < minQuadratic || !(totalWeight > 0)) return planeThrough(origin, normal);
+    const Frame frame(normal);
+    const BivariateSystem system = bivariateSystem(points, frame, origin, totalWeight);
+    if (!(system.scale > 0)) return planeThrough(origin, normal);
+    Eigen::Matrix<double, 6, 1> ridge;
+    ridge << 1e-4, 1e-4, 1e-4, 1e-6, 1e-6, 1e-14;
+    const Eigen::Matrix<double, 6, 1> k = solveRidged<6>(system.M, system.r, ridge);
+
+    // Q = w - quadratic(u, v), back in world units about the centroid, then about the centre.
+    const double t = system.scale;
+    Quadric q;
+    q.A = -t * (k[0] * frame.u * frame.u.transpose() + k[2] * frame.v * frame.v.transpose() +
+                0.5 * k[1] * (frame.u * frame.v.transpose() + frame.v * frame.u.transpose()));
+    q.b = frame.w - k[3] * frame.u - k[4] * frame.v;
+    q.c = -k[5] / t;
+    return q.shifted(-origin);
+}
+
+Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints,
+                   const std::vector<double>& auxValues)
+{
+    using Vector = Eigen::Matrix<double, 10, 1>;
+    using Matrix = Eigen::Matrix<double, 10, 10>;
+    const double scale = 1 / points.radius; // unit ball, so that all columns are O(1)
+    const auto basis = [&](const Vec3d& p) {
+        const Vec3d y = p * scale;
+        Vector phi;
+        phi << y[0] * y[0], y[1] * y[1], y[2] * y[2], y[0] * y[1], y[1] * y[2], y[2] * y[0], y[0],
+            y[1], y[2], 1;
+        return phi;
+    };
+    Matrix M = Matrix::Zero();
+    double totalWeight = 0;
+    for (std::size_t i = 0; i < points.count; ++i) {
+        const Vector phi = basis(points.position(i));
+        M.selfadjointView<Eigen::Lower>().rankUpdate(phi, points.weight[i]);
+        totalWeight += points.weight[i];
+    }
+    if (totalWeight > 0) M /= totalWeight;
+    Vector r = Vector::Zero();
+    const double share = 1.0 / double(auxPoints.size());
+    for (std::size_t j = 0; j < auxPoints.size(); ++j) {
+        const Vector phi = basis(auxPoints[j]);
+        M.selfadjointView<Eigen::Lower>().rankUpdate(phi, share);
+        r += share * scale * auxValues[j] * phi;
+    }
+    M = Matrix(M.selfadjointView<Eigen::Lower>());
+    const Vector k = solveRidged<10>(M, r, Vector::Constant(1e-7));
+
+    Quadric q; // the unit ball's Q, times its radius
+    q.A << k[0], k[3] / 2, k[5] / 2, k[3] / 2, k[1], k[4] / 2, k[5] / 2, k[4] / 2, k[2];
+    q.A *= scale;
+    q.b = k.segment<3>(6);
+    q.c = k[9] / scale;
+    return q;
+}
+
+SharpFit fitSharp(const CellPoints& points, CellPoints& scratch)
+{
+    const Clusters clusters = featureClusters(points);
+    if (clusters.size() < 2) return {SharpFit::Kind::Smooth, {}};
+    LocalFit fit;
+    fit.count = int(clusters.size());
+    Vec3d centroid[4], normal[4];
+    for (std::size_t a = 0; a < clusters.size(); ++a) {
+        scratch.assignSubset(points, clusters[a]);
+        double weight = 0;
+        centroid[a] = weightedCentroid(scratch, weight);
+        normal[a] = meanNormal(scratch);
+        fit.pieces[a] = fitBivariate(scratch, normal[a], kQuadraticFace);
+    }
+    bool convex[4][4] = {};
+    for (std::size_t a = 0; a < clusters.size(); ++a)
+        for (std::size_t b = 0; b < clusters.size(); ++b)
+            convex[a][b] = (centroid[a] - centroid[b]).dot(normal[a] - normal[b]) > 0;
+    if (!combineFaces(fit, convex)) return {SharpFit::Kind::Mixed, {}};
+    return {SharpFit::Kind::Feature, fit};
+}
+
+double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)
+{
+    const double radius2 = testRadius * testRadius;
+    double worst2 = 0;
+    for (std::size_t i = 0; i < points.count; ++i) {
+        const Vec3d y = points.position(i);
+        if (!(y.squaredNorm() < radius2)) continue;
+        const Quadric& q = fit.ruling(y);
+        const double value = points.confidence[i] * q.value(y);
+        const double slope2 = q.gradient(y).squaredNorm();
+        if (slope2 > 0)
+            worst2 = std::max(worst2, value * value / slope2);
+        else if (value != 0)
+            return std::numeric_limits<double>::infinity();
+    }
+    return std::sqrt(worst2);
+}
+
+bool isSupported(const LocalFit& fit, const CellPoints& points, double cellRadius, double spacing)
+{
+    static const std::array<Vec3d, 15> probes = [] {
+        std::array<Vec3d, 15> p;
+        p[0] = Vec3d::Zero();
+        for (int k = 0; k < 3; ++k) {
+            p[std::size_t(1 + 2 * k)] = 0.6 * Vec3d::Unit(k);
+            p[std::size_t(2 + 2 * k)] = -0.6 * Vec3d::Unit(k);
+        }
+        for (int k = 0; k < 8; ++k)
+            p[std::size_t(7 + k)] = 0.45 * Vec3d(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
+        return p;
+    }();
+    const double reach =
+        std::max(0.2 * cellRadius, std::min(0.45 * points.radius, 5 * spacing));
+    for (const Vec3d& probe : probes) {
+        Vec3d y = probe * cellRadius;
+        for (int step = 0; step < 2; ++step) {
+            const Quadric& q = fit.ruling(y);
+            const Vec3d g = q.gradient(y);
+            y -= g * (q.value(y) / std::max(g.squaredNorm(), 1e-6));
+        }
+        if (!(y.norm() < 0.85 * cellRadius)) continue;
+        Group nearest = Group{} + reach * reach;
+        bool held = false;
+        for (std::size_t i = 0; i < points.count && !held; i += CellPoints::kGroup) {
+            const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
+                        dz = load(points.z, i) - y[2];
+            const Group d2 = dx * dx + dy * dy + dz * dz;
+            const auto near = d2 <= nearest;
+            for (std::size_t lane = 0; lane < CellPoints::kGroup; ++lane)
+                held |= near[lane] && i + lane < points.count;
+        }
+        if (!held) return false;
+    }
+    return true;
+}
+
+namespace {
+
+/// (a) with the paper's auxiliary points; false if none is usable.
+bool fitGeneralAbout(const CellPoints& points, double cellSize, Quadric& q)
+{
+    std::vector<Vec3d> auxPoints;
+    std::vector<double> auxValues;
+    auxiliaryPoints(points, cellSize, auxPoints, auxValues);
+    if (auxPoints.empty()) return false;
+    q = fitGeneral(points, auxPoints, auxValues);
+    return true;
+}
+
+/// Replace @a result by a feature's fit if that is nearer to the points.
+void trySharp(FitResult& result, const CellPoints& points, double cellSize, double testRadius,
+              CellPoints& scratch)
+{
+    SharpFit sharp = fitSharp(points, scratch);
+    if (sharp.kind == SharpFit::Kind::Smooth) return;
+    if (sharp.kind == SharpFit::Kind::Mixed) {
+        sharp.fit = LocalFit{};
+        if (!fitGeneralAbout(points, cellSize, sharp.fit.pieces[0])) return;
+    }
+    const double error = taubinError(sharp.fit, points, testRadius);
+    if (error < result.error) {
+        result.fit = sharp.fit;
+        result.error = error;
+    }
+}
+
+} // namespace
+
+FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
+                  const FitSettings& settings, CellPoints& scratch)
+{
+    FitResult result;
+    const Vec3d normal = meanNormal(points);
+    double lowest = 1;
+    for (std::size_t i = 0; i < points.count; ++i)
+        lowest = std::min(lowest, points.normal(i).dot(normal));
+    result.opposedNormals = lowest <= 0;
+    result.spreadNormals = lowest < kSpreadCosine;
+
+    if (result.opposedNormals && points.count > 2 * std::size_t(settings.minPoints)) {
+        result.needsSplit = !fitGeneralAbout(points, cellSize, result.fit.pieces[0]);
+        if (result.needsSplit)
+            result.fit.pieces[0] = fitBivariate(points, normal, points.count + 1);
+    } else {
+        result.fit.pieces[0] = fitBivariate(points, normal);
+    }
+    result.error = taubinError(result.fit, points, testRadius);
+    // A smooth fillet can look like an edge to test (14): a feature only where smooth fails.
+    if (points.count <= settings.maxSharpPoints && result.error > settings.tolerance)
+        trySharp(result, points, cellSize, testRadius, scratch);
+    return result;
+}
+
+} // namespace mpuvdb

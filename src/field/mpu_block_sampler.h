@@ -1,0 +1,40 @@
+// Samples an octree's blended fits block by block.
+#pragma once
+#include "block_kernel.h"
+#include "octree.h"
+
+#include <mpuvdb/field.h>
+
+#include <vector>
+
+namespace mpuvdb {
+
+class MpuBlockSampler final : public BlockSampler
+{
+public:
+    /// @param origin  of the lattice, local coordinates. @param band  world units.
+    MpuBlockSampler(const Octree& tree, const Vec3d& origin, double voxelSize, double band);
+    void evaluate(const Vec3i& block, BlockValues& values) override;
+
+private:
+    struct NodeAt {
+        std::uint32_t node;
+        OctreeCell cell;
+    };
+    void gatherRegion(const Vec3i& region);
+    template <typename Leaf>
+    void descend(const NodeAt& at, const Box3d& box, double stopSize, std::vector<NodeAt>* inner,
+                 Leaf leaf) const;
+    void addLeaf(const NodeAt& leaf, const Vec3d& blockOrigin);
+
+    const Octree& mTree;
+    Vec3d mOrigin;
+    double mVoxelSize;
+    float mLimit; ///< voxels
+    Vec3i mRegion;
+    bool mHasRegion = false;
+    std::vector<NodeAt> mRegionNodes; ///< cells that reach into the region, none finer than it
+    BlockSums mSums;
+};
+
+} // namespace mpuvdb

@@ -1,0 +1,92 @@
+#include "octree.h"
+
+#include <algorithm>
+
+namespace mpuvdb {
+namespace {
+
+QuadricCoefficients coefficients(const Quadric& q)
+{
+    const auto& A = q.A;
+    return {float(q.c),           float(q.b[0]),        float(q.b[1]), float(q.b[2]),
+            float(A(0, 0)),       float(A(1, 1)),       float(A(2, 2)), float(2 * A(0, 1)),
+            float(2 * A(1, 2)),   float(2 * A(2, 0))};
+}
+
+Quadric quadric(const QuadricCoefficients& k)
+{
+    Quadric q;
+    q.c = k[0];
+    q.b = Vec3d(k[1], k[2], k[3]);
+    q.A << k[4], k[7] * 0.5, k[9] * 0.5, k[7] * 0.5, k[5], k[8] * 0.5, k[9] * 0.5, k[8] * 0.5, k[6];
+    return q;
+}
+
+} // namespace
+
+std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin, double spacing,
+                             bool supported)
+{
+    StoredFit stored;
+    stored.origin = origin.cast<float>();
+    stored.spacing = float(spacing);
+    stored.firstQuadric = std::uint32_t(quadrics.size());
+    stored.count = std::uint8_t(fit.count);
+    stored.maxBits = std::uint8_t(fit.maxBits);
+    stored.supported = supported;
+    // The origin was rounded: the pieces move with it.
+    const Vec3d shift = stored.origin.cast<double>() - origin;
+    for (int k = 0; k < fit.count; ++k)
+        quadrics.push_back(coefficients(fit.pieces[std::size_t(k)].shifted(shift)));
+    fits.push_back(stored);
+    ++statistics.fits;
+    statistics.sharpFits += fit.isSharp();
+    return std::uint32_t(fits.size() - 1);
+}
+
+LocalFit Octree::fitAbout(const StoredFit& stored, const Vec3d& origin) const
+{
+    LocalFit fit;
+    fit.count = stored.count;
+    fit.maxBits = stored.maxBits;
+    const Vec3d shift = origin - stored.origin.cast<double>();
+    for (std::size_t k = 0; k < stored.count; ++k)
+        fit.pieces[k] = quadric(quadrics[stored.firstQuadric + k]).shifted(shift);
+    return fit;
+}
+
+void Octree::graft(std::uint32_t at, const Octree& subtree)
+{
+    const auto nodeShift = std::uint32_t(nodes.size()) - 1; // its node 0 goes elsewhere
+    const auto fitShift = std::uint32_t(fits.size());
+    const auto quadricShift = std::uint32_t(quadrics.size());
+    const auto moved = [&](OctreeNode node) {
+        if (node.firstChild != OctreeNode::kNone) node.firstChild += nodeShift;
+        if (node.fit != OctreeNode::kNone) node.fit += fitShift;
+        return node;
+    };
+    nodes[at] = moved(subtree.nodes[0]);
+    for (std::size_t n = 1; n < subtree.nodes.size(); ++n) nodes.push_back(moved(subtree.nodes[n]));
+    for (StoredFit fit : subtree.fits) {
+        fit.firstQuadric += quadricShift;
+        fits.push_back(fit);
+    }
+    quadrics.insert(quadrics.end(), subtree.quadrics.begin(), subtree.quadrics.end());
+
+    const MpuStatistics& s = subtree.statistics;
+    statistics.cells += s.cells;
+    statistics.leaves += s.leaves;
+    statistics.fits += s.fits;
+    statistics.sharpFits += s.sharpFits;
+    statistics.levels = std::max(statistics.levels, s.levels);
+    statistics.maxError = std::max(statistics.maxError, s.maxError);
+    statistics.overTolerance += s.overTolerance;
+}
+
+std::uint64_t Octree::bytes() const
+{
+    return nodes.capacity() * sizeof(OctreeNode) + fits.capacity() * sizeof(StoredFit) +
+           quadrics.capacity() * sizeof(QuadricCoefficients);
+}
+
+} // namespace mpuvdb

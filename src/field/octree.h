@@ -1,0 +1,58 @@
+// The finished octree: cells, and the fits their balls blend.
+#pragma once
+#include "quadric.h"
+#include "sorted_points.h"
+
+#include <mpuvdb/mpu_field.h>
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace mpuvdb {
+
+/// A quadric in single precision about its fit's origin:
+/// c0 + c1 x + c2 y + c3 z + c4 xx + c5 yy + c6 zz + c7 xy + c8 yz + c9 zx.
+using QuadricCoefficients = std::array<float, 10>;
+
+/// A local fit as stored; several cells may share one (empty cells inherit their parent's).
+struct StoredFit {
+    Vec3f origin;                  ///< local coordinates
+    float spacing = 0;             ///< of the points it was fitted to, world units
+    std::uint32_t firstQuadric = 0;
+    std::uint8_t count = 1;        ///< pieces, as in LocalFit
+    std::uint8_t maxBits = 0;
+    bool supported = false;        ///< points hold up its whole zero set in the ball
+};
+
+struct OctreeNode {
+    static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+    std::uint32_t firstChild = kNone; ///< of eight in a row; kNone: a leaf
+    std::uint32_t fit = kNone;        ///< of a leaf
+};
+
+/// Nodes of a tree (or of a subtree while it is built), and its fits.
+struct Octree {
+    RootCube root;
+    double alpha = 0.75;
+    std::vector<OctreeNode> nodes;
+    std::vector<StoredFit> fits;
+    std::vector<QuadricCoefficients> quadrics;
+    MpuStatistics statistics;
+
+    double supportRadius(int level) const { return alpha * std::sqrt(3.0) * root.size(level); }
+    /// Store @a fit about @a origin (local coordinates); returns its index.
+    std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin, double spacing, bool supported);
+    /// A stored fit about another origin, in double precision.
+    LocalFit fitAbout(const StoredFit& fit, const Vec3d& origin) const;
+    /// Append @a subtree, whose node 0 becomes node @a at.
+    void graft(std::uint32_t at, const Octree& subtree);
+    std::uint64_t bytes() const;
+};
+
+/// Fit @a points [Ohtake03 §3]. The same for any number of threads.
+Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+                   Progress& progress);
+
+} // namespace mpuvdb

@@ -1,0 +1,563 @@
+// Building the octree: from the root a few levels on samples of the points, then each subtree depth
+// first on contiguous copies of its points, which shrink with every level.
+#include "local_fit.h"
+#include "octree.h"
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <deque>
+#include <optional>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb {
+namespace {
+
+constexpr std::size_t kSubtreePoints = 4096; ///< a cell with fewer points around starts a subtree
+constexpr std::size_t kSampleFrom = 400;     ///< more points than this are tried on a sample first
+constexpr std::size_t kSample = 150;
+constexpr std::size_t kSpacingPoints = 256;  ///< spacing is measured among at most so many
+constexpr double kGrowth = 0.1;              ///< lambda [Ohtake03 eq. 6]
+constexpr std::size_t kNeighbours = 12;
+
+/// Points of @a parent within @a radius of @a centre.
+void filterBall(const PointBatch& parent, const Vec3d& centre, double radius,
+                std::vector<std::uint32_t>& indices, PointBatch& out)
+{
+    const std::size_t n = parent.size();
+    indices.resize(n);
+    const Vec3f c = centre.cast<float>();
+    const float radius2 = float(radius * radius);
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+        const float dx = parent.x[i] - c[0], dy = parent.y[i] - c[1], dz = parent.z[i] - c[2];
+        indices[kept] = std::uint32_t(i);
+        kept += dx * dx + dy * dy + dz * dz < radius2;
+    }
+    out.resize(kept);
+    const auto copy = [&](const std::vector<float>& from, std::vector<float>& to) {
+        for (std::size_t i = 0; i < kept; ++i) to[i] = from[indices[i]];
+    };
+    copy(parent.x, out.x);
+    copy(parent.y, out.y);
+    copy(parent.z, out.z);
+    copy(parent.nx, out.nx);
+    copy(parent.ny, out.ny);
+    copy(parent.nz, out.nz);
+    copy(parent.confidence, out.confidence);
+}
+
+void takeStrided(const PointBatch& from, std::size_t stride, PointBatch& out)
+{
+    out.clear();
+    for (std::size_t i = 0; i < from.size(); i += stride) {
+        out.x.push_back(from.x[i]);
+        out.y.push_back(from.y[i]);
+        out.z.push_back(from.z[i]);
+        out.nx.push_back(from.nx[i]);
+        out.ny.push_back(from.ny[i]);
+        out.nz.push_back(from.nz[i]);
+        out.confidence.push_back(from.confidence[i]);
+    }
+}
+
+/// Median over a few points of sqrt(pi/12) d12; 0 for too few points. Points near the middle of the
+/// ball, where their neighbours are in it too.
+double measureSpacing(const PointBatch& ball, const Vec3d& centre, double radius)
+{
+    constexpr std::size_t kProbes = 5;
+    const std::size_t n = ball.size();
+    if (n <= kNeighbours) return 0;
+    const auto position = [&](std::size_t i) { return Vec3d(ball.x[i], ball.y[i], ball.z[i]); };
+    std::vector<std::pair<double, std::size_t>> inner;
+    for (std::size_t i = 0; i < n; ++i)
+        inner.emplace_back((position(i) - centre).squaredNorm(), i);
+    std::sort(inner.begin(), inner.end());
+    const double half2 = radius * radius / 4;
+    std::size_t within = 0;
+    while (within < n && inner[within].first < half2) ++within;
+    within = std::max<std::size_t>(within, 1);
+    std::vector<double> found, distance2(n);
+    for (std::size_t probe = 0; probe < kProbes; ++probe) {
+        const Vec3d p = position(inner[probe * (within - 1) / (kProbes - 1)].second);
+        for (std::size_t i = 0; i < n; ++i) distance2[i] = (position(i) - p).squaredNorm();
+        std::nth_element(distance2.begin(), distance2.begin() + kNeighbours, distance2.end());
+        found.push_back(std::sqrt(M_PI / kNeighbours * distance2[kNeighbours]));
+    }
+    std::nth_element(found.begin(), found.begin() + kProbes / 2, found.end());
+    return found[kProbes / 2];
+}
+
+/// The ball of a cell or of an ancestor: its points are all points within radius of centre.
+struct Ball {
+    const PointBatch* batch;
+    Vec3d centre;
+    double radius;
+};
+
+/// What was decided about a cell.
+struct Decision {
+    bool split = false;
+    FitResult result;      ///< accepted, or rejected and split
+    double ballRadius = 0; ///< grown
+    bool supported = false; ///< of an accepted fit
+};
+
+/// Decides cells; scratch memory of one thread.
+class CellFitter
+{
+public:
+    CellFitter(const SortedPoints& points, const RootCube& root, const MpuSettings& settings)
+        : mPoints(points), mRoot(root), mSettings(settings)
+    {
+        mFit.tolerance = settings.tolerance;
+        mFit.minPoints = settings.minPoints;
+    }
+
+    double supportRadius(int level) const
+    {
+        return mSettings.alpha * std::sqrt(3.0) * mRoot.size(level);
+    }
+
+    /// Decide a cell whose ball holds @a ball (not empty). @a path: balls of its ancestors.
+    Decision decide(const OctreeCell& cell, const PointBatch& ball, const std::vector<Ball>& path,
+                    double spacing)
+    {
+        const Vec3d centre = mRoot.centre(cell);
+        const double radius = supportRadius(cell.level), size = mRoot.size(cell.level);
+        Decision decision;
+        if (ball.size() > kSampleFrom) {
+            takeStrided(ball, ball.size() / kSample, mGrown);
+            decision = decideOn(mGrown, cell, radius, spacing);
+            if (decision.split) return decision;
+        }
+        const double grown = grow(ball, centre, radius, path);
+        decision = decideOn(grown > radius ? mGrown : ball, cell, grown, spacing);
+        if (!decision.split && decision.result.error > mFit.tolerance && mSettings.sharp &&
+            mCell.count <= 8 * std::size_t(mFit.minPoints)) {
+            // The level limit stops the descent to few points: look for a feature all the same.
+            FitSettings last = mFit;
+            last.maxSharpPoints = mCell.count;
+            const FitResult sharp = fitCell(mCell, size, radius, last, mScratch);
+            if (sharp.error < decision.result.error) {
+                decision.result = sharp;
+                decision.supported = isSupported(sharp.fit, mCell, radius, spacing);
+            }
+        }
+        return decision;
+    }
+
+    /// Whether the fit that decide() last looked at may rule where the cell has no points.
+    bool lastIsSupported(const Decision& decision, const OctreeCell& cell, double spacing) const
+    {
+        return isSupported(decision.result.fit, mCell, supportRadius(cell.level), spacing);
+    }
+
+    /// A fit for a cell with no points in its ball: from the N_min nearest [Ohtake03 §3].
+    LocalFit fitEmpty(const OctreeCell& cell, const std::vector<Ball>& path)
+    {
+        static const PointBatch nothing;
+        const Vec3d centre = mRoot.centre(cell);
+        const double grown = grow(nothing, centre, supportRadius(cell.level), path);
+        mCell.assign(mGrown, centre, grown);
+        LocalFit fit;
+        fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
+        return fit;
+    }
+
+private:
+    bool mayBeSplit(const OctreeCell& cell, const FitResult& result) const
+    {
+        const bool fine = result.fit.isSharp() || result.opposedNormals ||
+                          (mSettings.sharp && result.spreadNormals && result.error > mFit.tolerance);
+        return cell.level < SortedPoints::kMaxLevel &&
+               mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
+    }
+
+    Decision decideOn(const PointBatch& batch, const OctreeCell& cell, double ballRadius,
+                      double spacing)
+    {
+        const double radius = supportRadius(cell.level);
+        mCell.assign(batch, mRoot.centre(cell), ballRadius);
+        FitSettings fit = mFit;
+        fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
+        Decision decision;
+        decision.ballRadius = ballRadius;
+        decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
+        const bool mayBe = mayBeSplit(cell, decision.result);
+        if (decision.result.needsSplit || decision.result.error > mFit.tolerance) {
+            decision.split = mayBe;
+            if (!mayBe) decision.supported = isSupported(decision.result.fit, mCell, radius, spacing);
+            return decision;
+        }
+        decision.supported = isSupported(decision.result.fit, mCell, radius, spacing);
+        // A fit of few points at the data's rim is within tolerance and knows nothing of the ball.
+        decision.split = !decision.supported && mayBe &&
+                         (ballRadius <= 1.5 * radius || radius > 3 * spacing);
+        return decision;
+    }
+
+    /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min
+    /// points. Returns the radius; where it grew, mGrown holds the points.
+    double grow(const PointBatch& ball, const Vec3d& centre, double radius,
+                const std::vector<Ball>& path)
+    {
+        double sum = 0;
+        for (const float c : ball.confidence) sum += c;
+        const std::size_t most = 20 * std::size_t(mFit.minPoints);
+        if (sum >= mFit.minPoints || ball.size() >= most) return radius;
+        for (std::size_t up = path.size(); up-- > 0;) {
+            const double cover = path[up].radius - (path[up].centre - centre).norm();
+            const int steps = int(std::floor((cover / radius - 1) / kGrowth));
+            if (steps < 1) continue;
+            if (const int k = growthSteps(*path[up].batch, centre, radius, steps, most)) {
+                const double grown = radius * (1 + kGrowth * k);
+                filterBall(*path[up].batch, centre, grown, mIndices, mGrown);
+                return grown;
+            }
+        }
+        return growAmongAll(centre, radius, most);
+    }
+
+    /// Smallest number of steps with which the ball of points in @a batch is large enough; 0: none
+    /// up to @a steps.
+    int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps,
+                    std::size_t most)
+    {
+        mStepConfidence.assign(std::size_t(steps) + 1, 0.0);
+        mStepCount.assign(std::size_t(steps) + 1, 0);
+        const Vec3f c = centre.cast<float>();
+        for (std::size_t i = 0; i < batch.size(); ++i) {
+            const float dx = batch.x[i] - c[0], dy = batch.y[i] - c[1], dz = batch.z[i] - c[2];
+            const double d = std::sqrt(double(dx * dx + dy * dy + dz * dz));
+            const double step = std::floor((d / radius - 1) / kGrowth) + 1;
+            if (step > steps) continue;
+            const auto k = std::size_t(std::max(step, 0.0));
+            mStepConfidence[k] += batch.confidence[i];
+            ++mStepCount[k];
+        }
+        double sum = 0;
+        std::size_t count = 0;
+        for (int k = 0; k <= steps; ++k) {
+            sum += mStepConfidence[std::size_t(k)];
+            count += mStepCount[std::size_t(k)];
+            if (k > 0 && count > 0 && (sum >= mFit.minPoints || count >= most)) return k;
+        }
+        return 0;
+    }
+
+    double growAmongAll(const Vec3d& centre, double radius, std::size_t most)
+    {
+        std::size_t wanted = std::size_t(mFit.minPoints);
+        for (;;) {
+            const std::vector<std::uint32_t> nearest = mPoints.nearest(centre, wanted);
+            double sum = 0;
+            for (const std::uint32_t i : nearest) sum += mPoints.points().confidence[i];
+            if (sum < mFit.minPoints && nearest.size() == wanted && wanted < most) {
+                wanted *= 2;
+                continue;
+            }
+            mGrown.clear();
+            for (const std::uint32_t i : nearest) mPoints.append(i, mGrown);
+            const std::size_t last = mGrown.size() - 1;
+            const double farthest =
+                (Vec3d(mGrown.x[last], mGrown.y[last], mGrown.z[last]) - centre).norm();
+            const double steps = std::max(std::ceil((farthest / radius - 1) / kGrowth), 1.0);
+            return radius * (1 + kGrowth * steps) * (1 + 1e-6);
+        }
+    }
+
+    const SortedPoints& mPoints;
+    const RootCube& mRoot;
+    const MpuSettings& mSettings;
+    FitSettings mFit;
+    CellPoints mCell, mScratch;
+    PointBatch mGrown;
+    std::vector<std::uint32_t> mIndices;
+    std::vector<double> mStepConfidence;
+    std::vector<std::size_t> mStepCount;
+};
+
+/// What a cell hands to its empty children.
+struct Inheritance {
+    std::optional<LocalFit> fit; ///< the parent's rejected fit, if points hold it up
+    Vec3d origin = Vec3d::Zero();
+    double spacing = 0;
+    int level = 0;
+};
+
+void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision& decision,
+               double tolerance)
+{
+    ++statistics.leaves;
+    statistics.levels = std::max(statistics.levels, cell.level);
+    if (decision.result.error > tolerance || decision.result.needsSplit)
+        ++statistics.overTolerance;
+    else
+        statistics.maxError = std::max(statistics.maxError, decision.result.error);
+}
+
+/// Builds one subtree depth first.
+class SubtreeBuilder
+{
+public:
+    SubtreeBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+                   Progress& progress)
+        : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress),
+          mFitter(points, root, settings)
+    {
+    }
+
+    Octree build(const OctreeCell& cell, const Inheritance& inheritance)
+    {
+        mTree = Octree{};
+        mTree.root = mRoot;
+        mTree.alpha = mSettings.alpha;
+        mTree.nodes.resize(1);
+        mPath.clear();
+        PointBatch& ball = batches(0)[0];
+        mPoints.gather(cell, mFitter.supportRadius(cell.level), 1, ball);
+        if (ball.size() == 0) {
+            std::uint32_t inherited = OctreeNode::kNone;
+            addEmpty(0, cell, inheritance, inherited);
+        } else {
+            process(0, cell, ball, 0, 0);
+        }
+        return std::move(mTree);
+    }
+
+private:
+    using Octants = std::array<PointBatch, 8>;
+
+    Octants& batches(std::size_t depth)
+    {
+        while (mBatches.size() <= depth) mBatches.emplace_back();
+        return mBatches[depth];
+    }
+
+    void addEmpty(std::uint32_t node, const OctreeCell& cell, const Inheritance& inheritance,
+                  std::uint32_t& inherited)
+    {
+        ++mTree.statistics.leaves;
+        mTree.statistics.levels = std::max(mTree.statistics.levels, cell.level);
+        if (inheritance.fit) {
+            if (inherited == OctreeNode::kNone)
+                inherited = mTree.addFit(*inheritance.fit, inheritance.origin, inheritance.spacing, true);
+            mTree.nodes[node].fit = inherited;
+            return;
+        }
+        mTree.nodes[node].fit = mTree.addFit(mFitter.fitEmpty(cell, mPath), mRoot.centre(cell),
+                                             inheritance.spacing, false);
+    }
+
+    void process(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
+                 double parentSpacing, std::size_t depth)
+    {
+        if (depth < 3) mProgress.check();
+        const Vec3d centre = mRoot.centre(cell);
+        const double radius = mFitter.supportRadius(cell.level);
+        double spacing = parentSpacing;
+        if (ball.size() <= kSpacingPoints && mSpacingDepth >= depth) {
+            if (const double measured = measureSpacing(ball, centre, radius); measured > 0)
+                spacing = measured;
+            else if (!(spacing > 0))
+                spacing = radius;
+            mSpacingDepth = depth;
+        }
+        const Decision decision =
+            mFitter.decide(cell, ball, mPath, spacing > 0 ? spacing : radius / 8);
+        if (!decision.split) {
+            mTree.nodes[node].fit =
+                mTree.addFit(decision.result.fit, centre, spacing, decision.supported);
+            countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
+        } else {
+            split(node, cell, ball, decision, spacing, depth);
+        }
+        if (mSpacingDepth == depth) mSpacingDepth = kNoDepth;
+    }
+
+    void split(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
+               const Decision& decision, double spacing, std::size_t depth)
+    {
+        const double childRadius = mFitter.supportRadius(cell.level + 1);
+        Octants& octants = batches(depth + 1);
+        bool someEmpty = false;
+        for (int octant = 0; octant < 8; ++octant) {
+            PointBatch& child = octants[std::size_t(octant)];
+            filterBall(ball, mRoot.centre(cell.child(octant)), childRadius, mIndices, child);
+            someEmpty |= child.size() == 0;
+        }
+        Inheritance inheritance{std::nullopt, mRoot.centre(cell), spacing, cell.level};
+        if (someEmpty && mFitter.lastIsSupported(decision, cell, spacing))
+            inheritance.fit = decision.result.fit;
+
+        const auto first = std::uint32_t(mTree.nodes.size());
+        mTree.nodes.resize(first + 8);
+        mTree.nodes[node].firstChild = first;
+        mTree.statistics.cells += 8;
+        mPath.push_back({&ball, mRoot.centre(cell), mFitter.supportRadius(cell.level)});
+        std::uint32_t inherited = OctreeNode::kNone;
+        for (int octant = 0; octant < 8; ++octant) {
+            const OctreeCell child = cell.child(octant);
+            const PointBatch& inside = batches(depth + 1)[std::size_t(octant)];
+            if (inside.size() == 0)
+                addEmpty(first + std::uint32_t(octant), child, inheritance, inherited);
+            else
+                process(first + std::uint32_t(octant), child, inside, spacing, depth + 1);
+        }
+        mPath.pop_back();
+    }
+
+    static constexpr std::size_t kNoDepth = std::numeric_limits<std::size_t>::max();
+
+    const SortedPoints& mPoints;
+    const RootCube& mRoot;
+    const MpuSettings& mSettings;
+    Progress& mProgress;
+    CellFitter mFitter;
+    Octree mTree;
+    std::deque<Octants> mBatches; ///< by depth; stable addresses
+    std::vector<Ball> mPath;
+    std::vector<std::uint32_t> mIndices;
+    std::size_t mSpacingDepth = kNoDepth; ///< where on the path the spacing was measured
+};
+
+/// A cell of the upper levels, whose ball holds too many points to copy.
+struct UpperCell {
+    OctreeCell cell;
+    std::uint32_t node = 0;
+    Inheritance inheritance;
+    bool subtree = false;
+    Decision decision;
+    Inheritance forChildren;
+};
+
+class UpperBuilder
+{
+public:
+    UpperBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+                 Progress& progress)
+        : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress)
+    {
+    }
+
+    Octree build()
+    {
+        Octree tree;
+        tree.root = mRoot;
+        tree.alpha = mSettings.alpha;
+        tree.nodes.resize(1);
+        ++tree.statistics.cells;
+        std::vector<UpperCell> level(1), subtrees;
+        while (!level.empty()) {
+            tbb::parallel_for(std::size_t(0), level.size(), [&](std::size_t n) {
+                mProgress.check();
+                decideUpper(level[n]);
+            });
+            level = nextLevel(tree, level, subtrees);
+        }
+        buildSubtrees(tree, subtrees);
+        return tree;
+    }
+
+private:
+    void decideUpper(UpperCell& upper) const
+    {
+        const OctreeCell& cell = upper.cell;
+        CellFitter fitter(mPoints, mRoot, mSettings);
+        const double radius = fitter.supportRadius(cell.level);
+        const std::size_t around = mPoints.countAround(cell, radius, mPoints.size());
+        if (around <= kSubtreePoints) {
+            upper.subtree = true;
+            return;
+        }
+        PointBatch sample;
+        mPoints.gather(cell, radius, around / (2 * kSampleFrom), sample);
+        if (sample.size() > kSample) {
+            const double spacing =
+                measureSpacing(sample, mRoot.centre(cell), radius); // of the sample
+            upper.decision = fitter.decide(cell, sample, {}, spacing);
+            if (!upper.decision.split) {
+                mPoints.gather(cell, radius, 1, sample);
+                upper.decision = fitter.decide(cell, sample, {}, spacing);
+            }
+            upper.forChildren = {std::nullopt, mRoot.centre(cell), spacing, cell.level};
+            if (upper.decision.split && fitter.lastIsSupported(upper.decision, cell, spacing))
+                upper.forChildren.fit = upper.decision.result.fit;
+            return;
+        }
+        // Many points around, few in the ball: its own copy is small.
+        upper.subtree = true;
+    }
+
+    std::vector<UpperCell> nextLevel(Octree& tree, std::vector<UpperCell>& level,
+                                     std::vector<UpperCell>& subtrees) const
+    {
+        std::vector<UpperCell> next;
+        for (UpperCell& upper : level) {
+            if (upper.subtree) {
+                subtrees.push_back(std::move(upper));
+            } else if (!upper.decision.split) {
+                const Decision& d = upper.decision;
+                tree.nodes[upper.node].fit =
+                    tree.addFit(d.result.fit, mRoot.centre(upper.cell), upper.forChildren.spacing,
+                                d.supported);
+                countLeaf(tree.statistics, upper.cell, d, mSettings.tolerance);
+            } else {
+                const auto first = std::uint32_t(tree.nodes.size());
+                tree.nodes.resize(first + 8);
+                tree.nodes[upper.node].firstChild = first;
+                tree.statistics.cells += 8;
+                for (int octant = 0; octant < 8; ++octant) {
+                    UpperCell child;
+                    child.cell = upper.cell.child(octant);
+                    child.node = first + std::uint32_t(octant);
+                    child.inheritance = upper.forChildren;
+                    next.push_back(std::move(child));
+                }
+            }
+        }
+        return next;
+    }
+
+    void buildSubtrees(Octree& tree, const std::vector<UpperCell>& subtrees) const
+    {
+        std::vector<Octree> built(subtrees.size());
+        tbb::enumerable_thread_specific<SubtreeBuilder> builders(
+            [&] { return SubtreeBuilder(mPoints, mRoot, mSettings, mProgress); });
+        mProgress.beginStage("fit", double(subtrees.size()));
+        tbb::parallel_for(std::size_t(0), subtrees.size(), [&](std::size_t n) {
+            built[n] = builders.local().build(subtrees[n].cell, subtrees[n].inheritance);
+            mProgress.advance();
+        });
+        std::size_t nodes = tree.nodes.size(), fits = tree.fits.size(), quadrics = tree.quadrics.size();
+        for (const Octree& b : built) {
+            nodes += b.nodes.size();
+            fits += b.fits.size();
+            quadrics += b.quadrics.size();
+        }
+        tree.nodes.reserve(nodes);
+        tree.fits.reserve(fits);
+        tree.quadrics.reserve(quadrics);
+        for (std::size_t n = 0; n < built.size(); ++n) {
+            tree.graft(subtrees[n].node, built[n]);
+            built[n] = Octree{};
+        }
+    }
+
+    const SortedPoints& mPoints;
+    const RootCube& mRoot;
+    const MpuSettings& mSettings;
+    Progress& mProgress;
+};
+
+} // namespace
+
+Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+                   Progress& progress)
+{
+    return UpperBuilder(points, root, settings, progress).build();
+}
+
+} // namespace mpuvdb

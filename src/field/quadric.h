@@ -1,0 +1,66 @@
+// Quadrics, and the few of them that make one local fit.
+#pragma once
+#include <mpuvdb/vec.h>
+
+#include <Eigen/Core>
+#include <array>
+#include <cmath>
+
+namespace mpuvdb {
+
+/// Q(y) = y^T A y + b^T y + c about some origin; y = x - origin. Negative inside.
+struct Quadric {
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero(); ///< symmetric
+    Vec3d b = Vec3d::Zero();
+    double c = 0;
+
+    double value(const Vec3d& y) const { return y.dot(A * y) + b.dot(y) + c; }
+    Vec3d gradient(const Vec3d& y) const { return 2 * (A * y) + b; }
+    /// The same function about another origin: newOrigin = origin + shift.
+    Quadric shifted(const Vec3d& shift) const
+    {
+        return {A, Vec3d(b + 2 * (A * shift)), value(shift)};
+    }
+};
+
+/// A quadric, or an edge or corner of up to four [Ohtake03 §4c], about one origin.
+///
+/// Pieces are folded from the last to the first: Q = p[n-1]; then for k = n-2 .. 0
+/// Q = isMax(k) ? max(p[k], Q) : min(p[k], Q). So every tree of Ricci's Booleans that the paper's
+/// edges and corners need is one bit per step.
+struct LocalFit {
+    static constexpr int kMaxPieces = 4;
+
+    std::array<Quadric, kMaxPieces> pieces;
+    int count = 1;
+    unsigned maxBits = 0;
+
+    bool isMax(int k) const { return (maxBits >> k) & 1u; }
+    bool isSharp() const { return count > 1; }
+    /// The piece that rules at y.
+    const Quadric& ruling(const Vec3d& y) const
+    {
+        const Quadric* best = &pieces[size_t(count - 1)];
+        double value = best->value(y);
+        for (int k = count - 2; k >= 0; --k) {
+            const double other = pieces[size_t(k)].value(y);
+            if (isMax(k) ? other > value : other < value) {
+                best = &pieces[size_t(k)];
+                value = other;
+            }
+        }
+        return *best;
+    }
+};
+
+/// The partition's weight at |x-c| = t R / 1.5: the quadratic B-spline of support 1.5
+/// [Ohtake03 eq. 3]. Branch-free.
+template <typename T>
+inline T bsplineWeight(T t)
+{
+    const T outer = std::max(T(1.5) - t, T(0));
+    const T inner = std::max(T(0.5) - t, T(0));
+    return T(0.5) * outer * outer - T(1.5) * inner * inner;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,233 @@
+#include "sorted_points.h"
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <queue>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
+#include <tuple>
+
+namespace mpuvdb {
+namespace {
+
+constexpr int kTopLevel = 5;
+
+/// Spread the low 21 bits: bit b goes to bit 3b.
+std::uint64_t spreadBits(std::uint64_t v)
+{
+    v &= 0x1fffff;
+    v = (v | v << 32) & 0x1f00000000ffff;
+    v = (v | v << 16) & 0x1f0000ff0000ff;
+    v = (v | v << 8) & 0x100f00f00f00f00f;
+    v = (v | v << 4) & 0x10c30c30c30c30c3;
+    v = (v | v << 2) & 0x1249249249249249;
+    return v;
+}
+
+std::uint64_t mortonKey(std::uint64_t i, std::uint64_t j, std::uint64_t k)
+{
+    return spreadBits(i) | spreadBits(j) << 1 | spreadBits(k) << 2;
+}
+
+struct KeyedIndex {
+    std::uint64_t key;
+    std::uint32_t index;
+};
+
+std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& root,
+                                    Progress& progress)
+{
+    std::vector<KeyedIndex> order(cloud.size());
+    const double scale = std::ldexp(1 / root.side, SortedPoints::kMaxLevel);
+    const double last = std::ldexp(1.0, SortedPoints::kMaxLevel) - 1;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, order.size(), 1 << 14),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
+                          for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                              const Vec3d p =
+                                  (cloud.positions[n].cast<double>() - root.corner) * scale;
+                              const auto q = p.cwiseMax(0).cwiseMin(last).cast<std::uint64_t>();
+                              order[n] = {mortonKey(q[0], q[1], q[2]), std::uint32_t(n)};
+                          }
+                      });
+    progress.check();
+    const bool confident = !cloud.confidence.empty();
+    const auto attributes = [&](std::uint32_t n) {
+        const Vec3f &p = cloud.positions[n], &v = cloud.normals[n];
+        return std::make_tuple(p[0], p[1], p[2], v[0], v[1], v[2],
+                               confident ? cloud.confidence[n] : 1.0f);
+    };
+    tbb::parallel_sort(order.begin(), order.end(), [&](const KeyedIndex& a, const KeyedIndex& b) {
+        return a.key != b.key ? a.key < b.key : attributes(a.index) < attributes(b.index);
+    });
+    progress.check();
+    return order;
+}
+
+template <typename T>
+void release(std::vector<T>& v)
+{
+    std::vector<T>().swap(v);
+}
+
+} // namespace
+
+SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress)
+    : mRoot(root)
+{
+    std::vector<KeyedIndex> order = sortedOrder(cloud, root, progress);
+    const std::size_t count = order.size();
+    const auto permute = [&](std::vector<float>& out, auto value) {
+        out.resize(count);
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 1 << 14),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              for (std::size_t n = range.begin(); n < range.end(); ++n)
+                                  out[n] = value(order[n].index);
+                          });
+        progress.check();
+    };
+    permute(mPoints.x, [&](std::uint32_t n) { return cloud.positions[n][0]; });
+    permute(mPoints.y, [&](std::uint32_t n) { return cloud.positions[n][1]; });
+    permute(mPoints.z, [&](std::uint32_t n) { return cloud.positions[n][2]; });
+    release(cloud.positions);
+    permute(mPoints.nx, [&](std::uint32_t n) { return cloud.normals[n][0]; });
+    permute(mPoints.ny, [&](std::uint32_t n) { return cloud.normals[n][1]; });
+    permute(mPoints.nz, [&](std::uint32_t n) { return cloud.normals[n][2]; });
+    release(cloud.normals);
+    if (cloud.confidence.empty())
+        mPoints.confidence.assign(count, 1.0f);
+    else
+        permute(mPoints.confidence, [&](std::uint32_t n) { return cloud.confidence[n]; });
+    release(cloud.confidence);
+
+    mKeys.resize(count);
+    for (std::size_t n = 0; n < count; ++n) mKeys[n] = order[n].key;
+    mTop.resize((std::size_t(1) << 3 * kTopLevel) + 1);
+    std::size_t first = 0;
+    for (std::size_t cell = 0; cell < mTop.size(); ++cell) {
+        while (first < count && mKeys[first] >> 3 * (kMaxLevel - kTopLevel) < cell) ++first;
+        mTop[cell] = std::uint32_t(first);
+    }
+}
+
+SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
+{
+    const int below = 3 * (kMaxLevel - cell.level);
+    const std::uint64_t key = mortonKey(cell.i, cell.j, cell.k);
+    const std::uint64_t firstKey = key << below, endKey = (key + 1) << below;
+    const int topShift = 3 * (kMaxLevel - kTopLevel);
+    const auto begin = mKeys.begin();
+    if (cell.level <= kTopLevel) return {mTop[firstKey >> topShift], mTop[endKey >> topShift]};
+    const std::size_t top = std::size_t(firstKey >> topShift);
+    const auto lo = begin + mTop[top], hi = begin + mTop[top + 1];
+    const auto first = std::lower_bound(lo, hi, firstKey);
+    const auto end = std::lower_bound(first, hi, endKey);
+    return {std::size_t(first - begin), std::size_t(end - begin)};
+}
+
+/// The ancestor whose 26 neighbours and itself cover the ball about the cell's centre.
+OctreeCell SortedPoints::coveringCell(OctreeCell cell, double radius) const
+{
+    const double half = mRoot.size(cell.level) / 2;
+    while (cell.level > 0 && mRoot.size(cell.level) + half < radius)
+        cell = {cell.level - 1, cell.i / 2, cell.j / 2, cell.k / 2};
+    return cell;
+}
+
+template <typename F>
+void SortedPoints::forEachAround(const OctreeCell& centreCell, double radius, F f) const
+{
+    const OctreeCell cell = coveringCell(centreCell, radius);
+    const std::int64_t edge = std::int64_t(1) << cell.level;
+    for (int dk = -1; dk <= 1; ++dk) {
+        for (int dj = -1; dj <= 1; ++dj) {
+            for (int di = -1; di <= 1; ++di) {
+                const std::int64_t i = std::int64_t(cell.i) + di, j = std::int64_t(cell.j) + dj,
+                                   k = std::int64_t(cell.k) + dk;
+                if (i < 0 || j < 0 || k < 0 || i >= edge || j >= edge || k >= edge) continue;
+                const Range range = cellRange(
+                    {cell.level, std::uint32_t(i), std::uint32_t(j), std::uint32_t(k)});
+                if (range.begin < range.end && !f(range)) return;
+            }
+        }
+    }
+}
+
+std::size_t SortedPoints::countAround(const OctreeCell& cell, double radius,
+                                      std::size_t limit) const
+{
+    std::size_t count = 0;
+    forEachAround(cell, radius, [&](const Range& range) {
+        count += range.end - range.begin;
+        return count <= limit;
+    });
+    return count;
+}
+
+void SortedPoints::gather(const OctreeCell& cell, double radius, std::size_t stride,
+                          PointBatch& out) const
+{
+    out.clear();
+    const Vec3f c = mRoot.centre(cell).cast<float>();
+    const float radius2 = float(radius * radius);
+    std::size_t skip = 0;
+    forEachAround(cell, radius, [&](const Range& range) {
+        std::size_t n = range.begin + skip;
+        for (; n < range.end; n += stride) {
+            const float dx = mPoints.x[n] - c[0], dy = mPoints.y[n] - c[1], dz = mPoints.z[n] - c[2];
+            if (dx * dx + dy * dy + dz * dz < radius2) append(n, out);
+        }
+        skip = n - range.end;
+        return true;
+    });
+}
+
+void SortedPoints::append(std::size_t n, PointBatch& out) const
+{
+    out.x.push_back(mPoints.x[n]);
+    out.y.push_back(mPoints.y[n]);
+    out.z.push_back(mPoints.z[n]);
+    out.nx.push_back(mPoints.nx[n]);
+    out.ny.push_back(mPoints.ny[n]);
+    out.nz.push_back(mPoints.nz[n]);
+    out.confidence.push_back(mPoints.confidence[n]);
+}
+
+std::vector<std::uint32_t> SortedPoints::nearest(const Vec3d& centre, std::size_t count) const
+{
+    // Best-first descent: cells by their distance, until none can beat the worst point kept.
+    using Entry = std::pair<double, OctreeCell>;
+    const auto farther = [](const Entry& a, const Entry& b) { return a.first > b.first; };
+    std::priority_queue<Entry, std::vector<Entry>, decltype(farther)> cells(farther);
+    std::priority_queue<std::pair<double, std::uint32_t>> kept;
+    cells.push({0, OctreeCell{}});
+    constexpr std::size_t kScan = 32;
+    while (!cells.empty()) {
+        const auto [distance2, cell] = cells.top();
+        cells.pop();
+        if (kept.size() == count && distance2 > kept.top().first) break;
+        const Range range = cellRange(cell);
+        if (range.end - range.begin > kScan && cell.level < kMaxLevel) {
+            for (int octant = 0; octant < 8; ++octant) {
+                const OctreeCell child = cell.child(octant);
+                const Vec3d beyond =
+                    ((mRoot.centre(child) - centre).cwiseAbs().array() - mRoot.size(child.level) / 2)
+                        .max(0.0);
+                const Range inside = cellRange(child);
+                if (inside.begin < inside.end) cells.push({beyond.squaredNorm(), child});
+            }
+            continue;
+        }
+        for (std::size_t n = range.begin; n < range.end; ++n) {
+            const Vec3d p(mPoints.x[n], mPoints.y[n], mPoints.z[n]);
+            kept.push({(p - centre).squaredNorm(), std::uint32_t(n)});
+            if (kept.size() > count) kept.pop();
+        }
+    }
+    std::vector<std::uint32_t> result(kept.size());
+    for (std::size_t n = result.size(); n-- > 0; kept.pop()) result[n] = kept.top().second;
+    return result;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,91 @@
+// Points in Morton order, stored one array per coordinate, and ball queries on them.
+#pragma once
+#include <mpuvdb/point_cloud.h>
+
+#include <cstdint>
+#include <vector>
+
+namespace mpuvdb {
+
+class Progress;
+
+/// Some points near a cell, one contiguous array per coordinate, local coordinates.
+struct PointBatch {
+    std::vector<float> x, y, z, nx, ny, nz, confidence;
+
+    std::size_t size() const { return x.size(); }
+    void clear() { forEach([](std::vector<float>& a) { a.clear(); }); }
+    void resize(std::size_t n) { forEach([n](std::vector<float>& a) { a.resize(n); }); }
+    std::size_t bytes() const { return 7 * sizeof(float) * x.capacity(); }
+
+    template <typename F>
+    void forEach(F f)
+    {
+        f(x), f(y), f(z), f(nx), f(ny), f(nz), f(confidence);
+    }
+};
+
+/// A cube of the octree: integer position at its level.
+struct OctreeCell {
+    int level = 0;
+    std::uint32_t i = 0, j = 0, k = 0;
+
+    OctreeCell child(int octant) const
+    {
+        return {level + 1, 2 * i + std::uint32_t(octant & 1), 2 * j + std::uint32_t(octant >> 1 & 1),
+                2 * k + std::uint32_t(octant >> 2 & 1)};
+    }
+};
+
+/// The root cube of the octree, local coordinates.
+struct RootCube {
+    Vec3d corner = Vec3d::Zero();
+    double side = 1;
+
+    double size(int level) const { return std::ldexp(side, -level); }
+    Vec3d centre(const OctreeCell& cell) const
+    {
+        const double s = size(cell.level);
+        return corner + s * Vec3d(cell.i + 0.5, cell.j + 0.5, cell.k + 0.5);
+    }
+};
+
+/// Immutable; the order depends on the points' values only, never on their order in the input.
+class SortedPoints
+{
+public:
+    /// Levels a Morton key resolves.
+    static constexpr int kMaxLevel = 21;
+
+    /// Takes over positions, normals and confidences of @a cloud, and frees them.
+    SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress);
+
+    std::size_t size() const { return mPoints.size(); }
+    const PointBatch& points() const { return mPoints; }
+    std::size_t bytes() const { return mPoints.bytes() + sizeof(mKeys[0]) * mKeys.capacity(); }
+
+    /// Number of points in the cubes that gather() looks at: an upper bound of the ball's.
+    /// Stops counting beyond @a limit.
+    std::size_t countAround(const OctreeCell& cell, double radius, std::size_t limit) const;
+    /// Points within @a radius of the cell's centre, every @a stride th of its surroundings.
+    void gather(const OctreeCell& cell, double radius, std::size_t stride, PointBatch& out) const;
+    /// The @a count points nearest to @a centre, nearest first; ties by index.
+    std::vector<std::uint32_t> nearest(const Vec3d& centre, std::size_t count) const;
+    void append(std::size_t index, PointBatch& out) const;
+
+private:
+    struct Range {
+        std::size_t begin, end;
+    };
+    Range cellRange(const OctreeCell& cell) const;
+    OctreeCell coveringCell(OctreeCell cell, double radius) const;
+    template <typename F>
+    void forEachAround(const OctreeCell& cell, double radius, F f) const;
+
+    RootCube mRoot;
+    PointBatch mPoints;
+    std::vector<std::uint64_t> mKeys;
+    std::vector<std::uint32_t> mTop; ///< first point of each cell of level kTopLevel
+};
+
+} // namespace mpuvdb
