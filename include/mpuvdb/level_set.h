@@ -19,7 +19,8 @@ class Progress;
 class LevelSet
 {
 public:
-    /// @throws InputError unless @a grid has uniform voxels and the class level set.
+    /// @throws InputError unless @a grid has uniform voxels along the axes, the class level set and
+    /// a positive background.
     explicit LevelSet(openvdb::FloatGrid::ConstPtr grid);
 
     const openvdb::FloatGrid& grid() const { return *mGrid; }
@@ -42,8 +43,10 @@ struct SampleSettings {
 };
 
 /// The lattice for voxels of @a voxelSize about @a bounds: aligned to the world's multiples of the
-/// voxel size, so that grids of one voxel size combine without resampling; far from the origin the
-/// transform's translation keeps indices small.
+/// voxel size, so that grids of one voxel size combine without resampling; from 2^20 voxels away
+/// from the origin on, the transform's translation keeps indices small.
+/// @throws UsageError unless 0 < @a voxelSize < infinity, InputError for bounds that are empty or not
+/// finite, LimitError where doubles or indices cannot tell the voxels apart.
 Lattice latticeFor(const Box3d& bounds, double voxelSize);
 
 /// Sample @a field into a narrow band: searched from its seeds by continuation, closed so that no
@@ -53,9 +56,9 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
 
 /// One thing that is wrong with a grid.
 struct CheckFinding {
-    std::string what;    ///< what is wrong, with the numbers
-    openvdb::Coord voxel; ///< where first
-    std::uint64_t count = 0;
+    std::string what;        ///< what is wrong, with the numbers
+    openvdb::Coord voxel;    ///< where it is worst; of equals the first by (x,y,z)
+    std::uint64_t count = 0; ///< of voxels; 0: the grid as a whole
 };
 
 /// What check() measured. Sound if findings is empty.
@@ -63,13 +66,18 @@ struct CheckReport {
     std::uint64_t activeVoxels = 0;
     double meanGradientError = 0; ///< mean of ||grad| - 1| where the stencil is in the band
     double maxGradientError = 0;
+    double bandInside = 0, bandOutside = 0; ///< largest distance of an active voxel, in voxels
     std::vector<CheckFinding> findings;
     bool sound() const { return findings.empty(); }
 };
 
-/// Check a grid of any origin against what a level set promises: class, uniform voxels, positive
-/// background, NaN, |value| <= background, a complete band on both sides, a mean ||grad| - 1| of at
-/// most @a gradientTolerance, no change of sign between neighbours of which one is inactive.
+/// Check a grid of any origin against what a level set promises: class, uniform voxels along the
+/// axes, a background of at least one voxel, finite values, |value| <= background where active and
+/// = background elsewhere, a complete band on both sides (a voxel l voxels from one of distance d is
+/// active if d + l is less than the half-width by half a voxel), steps of at most two voxels between
+/// active neighbours, a mean ||grad| - 1| of at most @a gradientTolerance, no change of sign between
+/// neighbours of which one is inactive. An empty level set is sound. The report does not depend on
+/// the number of threads. @throws Interrupted.
 CheckReport check(const openvdb::FloatGrid& grid, Progress& progress,
                   double gradientTolerance = 0.1);
 

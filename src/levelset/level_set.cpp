@@ -1,1 +1,87 @@
-// (being written)
+#include <mpuvdb/error.h>
+#include <mpuvdb/level_set.h>
+
+#include "transform_lattice.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace mpuvdb
+{
+
+std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
+{
+    if (!transform.isLinear()) return std::nullopt;
+    const openvdb::math::Mat4d m = transform.baseMap()->getAffineMap()->getMat4();
+    const double size = m(0, 0);
+    if (!(size > 0) || !std::isfinite(size)) return std::nullopt;
+    // Voxel sizes pass through files as text or floats, and come back a little different per axis.
+    const double tolerance = 1e-6 * size;
+    for (int row = 0; row < 3; ++row)
+        for (int column = 0; column < 3; ++column)
+            if (!(std::abs(m(row, column) - (row == column ? size : 0)) <= tolerance))
+                return std::nullopt;
+    const Lattice lattice{{m(3, 0), m(3, 1), m(3, 2)}, size};
+    if (!lattice.origin.allFinite()) return std::nullopt;
+    return lattice;
+}
+
+LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid) : mGrid(std::move(grid))
+{
+    if (!mGrid) throw InputError("level set: there is no grid. Read or make one first");
+    if (!latticeOf(mGrid->transform()))
+        throw InputError(fmt::format(
+            "grid '{}': its voxels are not cubes along the axes (transform {}). Resample "
+            "it to uniform voxels, for example with vdb_tool or Houdini's VDB Resample",
+            mGrid->getName(), mGrid->transform().mapType()));
+    if (mGrid->getGridClass() != openvdb::GRID_LEVEL_SET)
+        throw InputError(fmt::format(
+            "grid '{}': is a {}, not a level set. Convert it to a signed distance first",
+            mGrid->getName(), openvdb::GridBase::gridClassToMenuName(mGrid->getGridClass())));
+    if (!(mGrid->background() > 0) || !std::isfinite(mGrid->background()))
+        throw InputError(fmt::format("grid '{}': its background is {}, and a level set's is the "
+                                     "half-width of its band. Write it again from its source",
+                                     mGrid->getName(), mGrid->background()));
+}
+
+double LevelSet::voxelSize() const
+{
+    return lattice().voxelSize;
+}
+
+double LevelSet::halfWidth() const
+{
+    return mGrid->background() / voxelSize();
+}
+
+Lattice LevelSet::lattice() const
+{
+    return *latticeOf(mGrid->transform());
+}
+
+Lattice latticeFor(const Box3d& bounds, double voxelSize)
+{
+    if (!(voxelSize > 0) || !std::isfinite(voxelSize))
+        throw UsageError(
+            fmt::format("voxel size {}: must be a positive number of world units", voxelSize));
+    if (bounds.isEmpty() || !bounds.min().allFinite() || !bounds.max().allFinite())
+        throw InputError("bounding box: is empty or not finite, so that no grid can be laid about "
+                         "it. Give at least one point");
+    constexpr double kNear = 1 << 20, kFar = 1 << 30, kExact = std::int64_t(1) << 46;
+    const double extent = bounds.min().cwiseAbs().cwiseMax(bounds.max().cwiseAbs()).maxCoeff();
+    const double reach = extent / voxelSize;
+    if (reach < kNear) return {Vec3d::Zero(), voxelSize};
+    const double halfSize = 0.5 * (bounds.max() - bounds.min()).maxCoeff() / voxelSize;
+    if (!(halfSize < kFar && reach < kExact))
+        throw LimitError(fmt::format(
+            "voxel size {}: the box reaches to {:g} voxels from the origin and is {:g} across, "
+            "more "
+            "than can be told apart. Choose larger voxels, or move the model towards the origin",
+            voxelSize, reach, 2 * halfSize));
+    const double step = 8 * voxelSize;
+    const Vec3d middle = 0.5 * bounds.min() + 0.5 * bounds.max();
+    return {(middle / step).array().round().matrix() * step, voxelSize};
+}
+
+} // namespace mpuvdb

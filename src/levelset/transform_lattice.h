@@ -1,0 +1,16 @@
+// What a grid's transform has to be for its voxels to form a lattice.
+#pragma once
+#include <mpuvdb/field.h>
+
+#include <openvdb/math/Transform.h>
+
+#include <optional>
+
+namespace mpuvdb
+{
+
+/// The lattice of @a transform; empty unless it only scales, by one positive number, and
+/// translates.
+std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
+
+} // namespace mpuvdb
