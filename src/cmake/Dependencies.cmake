@@ -10,9 +10,12 @@ if(NOT MPUVDB_OPENVDB_MODULE_DIR)
 endif()
 list(APPEND CMAKE_MODULE_PATH "${MPUVDB_OPENVDB_MODULE_DIR}")
 
+# Debian's Imath config says at length that a Python library, which nothing here uses, is not there.
+set(mpuvdb_log_level "${CMAKE_MESSAGE_LOG_LEVEL}")
+set(CMAKE_MESSAGE_LOG_LEVEL WARNING)
 find_package(OpenVDB REQUIRED COMPONENTS openvdb)
+set(CMAKE_MESSAGE_LOG_LEVEL "${mpuvdb_log_level}")
 find_package(TBB REQUIRED)
 find_package(Eigen3 3.3 REQUIRED NO_MODULE)
-find_package(nanoflann REQUIRED)
 find_package(fmt REQUIRED)
 find_package(PNG REQUIRED)

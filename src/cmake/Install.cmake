@@ -1,4 +1,3 @@
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 get_property(headers GLOBAL PROPERTY MPUVDB_HEADERS)

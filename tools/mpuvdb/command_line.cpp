@@ -1,0 +1,175 @@
+#include "command_line.h"
+
+#include "memory_limit.h"
+#include "standard_output.h"
+#include "suggest.h"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+const char* const kIntroduction = "mpuvdb: scattered points to correct OpenVDB level sets.\n"
+                                  "Start with:  mpuvdb reconstruct scan.ply -o scan.vdb\n"
+                                  "Help on a verb:  mpuvdb VERB --help";
+
+const char* const kConventions =
+    "Lengths are world units (0.002), voxels (1.5vx) or a part of the diagonal of the input's box "
+    "(0.1%).\n"
+    "Exit status: 0 ok, 1 internal error, 2 wrong usage, 3 bad input, 4 check failed,\n"
+    "             5 out of memory or voxels, 130 interrupted.";
+
+void addCommonOptions(CLI::App& app, CommonOptions& options)
+{
+    const char* const group = "Options of every verb";
+    app.add_option("--threads", options.threads, "Threads to use; default: all")
+        ->type_name("N")
+        ->check(CLI::Range(1, 4096))
+        ->group(group);
+    app.add_option_function<std::string>(
+           "--max-memory",
+           [&options](const std::string& text) { options.maxBytes = parseSize(text); },
+           "Memory to stay under, such as 4G; default: 90 % of what the machine has")
+        ->type_name("SIZE")
+        ->group(group);
+    app.add_option("--progress", options.progress,
+                   "auto, bar, json or none; auto: a bar where a terminal is watching")
+        ->type_name("STYLE")
+        ->check(CLI::IsMember({"auto", "bar", "json", "none"}))
+        ->group(group);
+    app.add_option("--report", options.report,
+                   "Write settings, results and times as JSON; - is standard output")
+        ->type_name("FILE.json")
+        ->group(group);
+    app.add_flag("-q,--quiet", options.quiet, "Say nothing but warnings and errors")->group(group);
+}
+
+std::vector<std::string> optionNames(const CLI::App& app)
+{
+    std::vector<std::string> names;
+    for (const CLI::Option* option : app.get_options())
+        for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    return names;
+}
+
+std::string didYouMean(const std::string& word, const std::vector<std::string>& known)
+{
+    const std::optional<std::string> meant = suggest(word, known);
+    return meant ? fmt::format("; did you mean {}?", *meant) : std::string();
+}
+
+/// What is wrong, if it is a word that nobody knows: that explains the rest.
+std::optional<std::string> unknownWord(const CLI::App& root)
+{
+    const std::vector<std::string> words = root.remaining(true);
+    if (words.empty()) return {};
+    const auto verbs = root.get_subcommands();
+    const CLI::App& app = verbs.empty() ? root : *verbs.front();
+    const auto isOption = [](const std::string& w) { return w.size() > 1 && w[0] == '-'; };
+    const auto option = std::find_if(words.begin(), words.end(), isOption);
+    if (verbs.empty() && !isOption(words.front())) {
+        std::vector<std::string> names;
+        for (const CLI::App* verb : root.get_subcommands({})) names.push_back(verb->get_name());
+        return fmt::format("unknown verb '{}'{}", words.front(), didYouMean(words.front(), names));
+    }
+    if (option == words.end()) return fmt::format("'{}' is one word too many", words.front());
+    const std::string name = option->substr(0, option->find('='));
+    return fmt::format("unknown option {}{}", name, didYouMean(name, optionNames(app)));
+}
+
+[[noreturn]] void throwUsage(const CLI::App& root, const std::string& parserMessage)
+{
+    const auto verbs = root.get_subcommands();
+    const std::string who = verbs.empty() ? "mpuvdb" : "mpuvdb " + verbs.front()->get_name();
+    const std::string what = unknownWord(root).value_or(parserMessage);
+    throw UsageError(fmt::format("{}: {}\nSee {} --help", who, what, who));
+}
+
+class Parser
+{
+public:
+    Parser() : mRoot(kIntroduction, "mpuvdb")
+    {
+        mRoot.get_formatter()->column_width(32);
+        mRoot.get_formatter()->label("SUBCOMMAND", "VERB");
+        mRoot.get_formatter()->label("Subcommands", "Verbs");
+        mRoot.set_help_flag("-h,--help", "Print this help and leave");
+        mRoot.set_version_flag("--version", "mpuvdb " MPUVDB_VERSION);
+        mRoot.require_subcommand(1);
+        mRoot.footer(kConventions);
+        mOptions.maxBytes = defaultMemoryLimit();
+        for (auto make : {makeReconstruct, makeMesh, makeSample, makeInfo, makeCheck, makeRender})
+            add(make());
+    }
+
+    CommandLine parse(int argc, char** argv)
+    {
+        try {
+            mRoot.parse(argc, argv);
+        } catch (const CLI::CallForVersion& version) {
+            printText(std::string(version.what()) + "\n");
+            return {};
+        } catch (const CLI::CallForHelp&) {
+            printText(mRoot.help());
+            return {};
+        } catch (const CLI::ParseError& error) {
+            throwUsage(mRoot, argc < 2 ? "say what to do: give a verb" : error.what());
+        } catch (const UsageError& error) {
+            throwUsage(mRoot, error.what());
+        }
+        const CLI::App* const chosen = mRoot.get_subcommands().front();
+        const auto named = [&](const auto& verb) {
+            return verb->text().name == chosen->get_name();
+        };
+        const auto verb = std::find_if(mVerbs.begin(), mVerbs.end(), named);
+        return {std::move(*verb), mOptions};
+    }
+
+private:
+    void add(std::unique_ptr<Verb> verb)
+    {
+        const VerbText text = verb->text();
+        CLI::App& app = *mRoot.add_subcommand(text.name, text.summary);
+        verb->addOptions(app);
+        addCommonOptions(app, mOptions);
+        app.footer(std::string("Examples:\n") + text.examples + "\n" + kConventions);
+        mVerbs.push_back(std::move(verb));
+    }
+
+    CLI::App mRoot;
+    CommonOptions mOptions;
+    std::vector<std::unique_ptr<Verb>> mVerbs;
+};
+
+} // namespace
+
+CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Length>& value,
+                       const std::string& description)
+{
+    const auto parse = [name, &value](const std::string& text) {
+        try {
+            value = Length::parse(text);
+        } catch (const UsageError& error) {
+            throw UsageError(fmt::format("{}: {}", name, error.what()));
+        }
+    };
+    return app.add_option_function<std::string>(name, parse, description)->type_name("LENGTH");
+}
+
+CLI::Option* addGridName(CLI::App& app, std::string& value)
+{
+    return app
+        .add_option("--grid", value,
+                    "Which grid of the file; default: surface, or the only level set")
+        ->type_name("NAME");
+}
+
+CommandLine parseCommandLine(int argc, char** argv)
+{
+    return Parser().parse(argc, argv);
+}
+
+} // namespace mpuvdb::command

@@ -1,0 +1,65 @@
+#include "describe.h"
+
+#include <fmt/format.h>
+
+namespace mpuvdb::command
+{
+
+Json toJson(const Vec3d& v)
+{
+    return {v.x(), v.y(), v.z()};
+}
+
+Json toJson(const MeshReport& mesh)
+{
+    return {{"vertices", mesh.vertices},
+            {"triangles", mesh.triangles},
+            {"components", mesh.components},
+            {"boundary_edges", mesh.boundaryEdges},
+            {"non_manifold_edges", mesh.nonManifoldEdges},
+            {"euler_characteristic", mesh.eulerCharacteristic},
+            {"area", mesh.area},
+            {"volume", mesh.volume}};
+}
+
+Json toJson(const LevelSet& levelSet)
+{
+    const openvdb::FloatGrid& grid = levelSet.grid();
+    return {{"name", grid.getName()},
+            {"voxel_size", levelSet.voxelSize()},
+            {"half_width", levelSet.halfWidth()},
+            {"active_voxels", grid.activeVoxelCount()},
+            {"bytes", grid.memUsage()}};
+}
+
+Json toJson(const CheckReport& report)
+{
+    Json findings = Json::array();
+    for (const CheckFinding& finding : report.findings) {
+        const openvdb::Coord& v = finding.voxel;
+        findings.push_back(
+            {{"what", finding.what}, {"voxel", {v.x(), v.y(), v.z()}}, {"count", finding.count}});
+    }
+    return {{"sound", report.sound()},
+            {"active_voxels", report.activeVoxels},
+            {"mean_gradient_error", report.meanGradientError},
+            {"max_gradient_error", report.maxGradientError},
+            {"findings", findings}};
+}
+
+std::string droppedText(const std::map<std::string, std::uint64_t>& dropped)
+{
+    std::string text;
+    for (const auto& [reason, count] : dropped)
+        text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, reason);
+    return text;
+}
+
+std::string findingText(const CheckFinding& finding)
+{
+    const openvdb::Coord& v = finding.voxel;
+    return fmt::format("{} (voxel {}, {}, {}; {} in all)", finding.what, v.x(), v.y(), v.z(),
+                       finding.count);
+}
+
+} // namespace mpuvdb::command

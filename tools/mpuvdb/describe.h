@@ -1,0 +1,26 @@
+// Library values as JSON with the report's keys.
+#pragma once
+#include <mpuvdb/io.h>
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/vec.h>
+
+#include <nlohmann/json.hpp>
+
+namespace mpuvdb::command
+{
+
+using Json = nlohmann::ordered_json;
+
+Json toJson(const Vec3d& v);
+Json toJson(const MeshReport& mesh);
+/// Name, voxel size, half-width, active voxels and bytes in memory.
+Json toJson(const LevelSet& levelSet);
+/// What check() measured and found.
+Json toJson(const CheckReport& report);
+
+/// "12 not finite, 3 zero normal".
+std::string droppedText(const std::map<std::string, std::uint64_t>& dropped);
+/// One line per finding, with its voxel.
+std::string findingText(const CheckFinding& finding);
+
+} // namespace mpuvdb::command

@@ -1,0 +1,104 @@
+#include "memory_limit.h"
+
+#include <mpuvdb/error.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <sys/resource.h>
+#include <unistd.h>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+constexpr std::uint64_t kNoLimit = std::numeric_limits<std::uint64_t>::max();
+
+/// The number in @a file; "max", or no such file, is no limit.
+std::uint64_t limitIn(const std::filesystem::path& file)
+{
+    std::uint64_t limit = 0;
+    return std::ifstream(file) >> limit ? limit : kNoLimit;
+}
+
+/// The tightest limit of the control groups around this process (version 2, then version 1).
+std::uint64_t controlGroupLimit()
+{
+    namespace fs = std::filesystem;
+    const fs::path root = "/sys/fs/cgroup";
+    std::uint64_t limit = limitIn(root / "memory/memory.limit_in_bytes");
+    std::ifstream groups("/proc/self/cgroup");
+    for (std::string line; std::getline(groups, line);) {
+        if (line.rfind("0::/", 0) != 0) continue;
+        for (fs::path group = line.substr(4);; group = group.parent_path()) {
+            limit = std::min(limit, limitIn(root / group / "memory.max"));
+            if (group.empty()) break;
+        }
+    }
+    return limit;
+}
+
+/// Private writable memory that the process has now, which is what RLIMIT_DATA counts.
+std::uint64_t dataBytesNow()
+{
+    std::ifstream status("/proc/self/status");
+    for (std::string line; std::getline(status, line);) {
+        if (line.rfind("VmData:", 0) != 0) continue;
+        std::uint64_t kilobytes = 0;
+        std::istringstream(line.substr(7)) >> kilobytes;
+        return kilobytes * 1024;
+    }
+    return 0;
+}
+
+} // namespace
+
+std::uint64_t parseSize(const std::string& text)
+{
+    double number = 0;
+    const char* const end = text.data() + text.size();
+    const auto [rest, error] = std::from_chars(text.data(), end, number);
+    std::string unit(rest, end);
+    for (char& c : unit) c = char(std::toupper(static_cast<unsigned char>(c)));
+    if (unit.size() > 1 && unit.back() == 'B') unit.pop_back();
+    const std::string units = "BKMGT";
+    const std::size_t power = unit.empty() ? 0 : units.find(unit);
+    const double bytes = power < units.size() ? std::ldexp(number, int(10 * power)) : 0;
+    if (error != std::errc() || unit.size() > 1 || !(bytes >= 1 && bytes < 1e18)) {
+        throw UsageError(
+            fmt::format("'{}' is not a size: write a number and K, M, G or T, such as 4G", text));
+    }
+    return std::uint64_t(bytes);
+}
+
+std::string sizeText(std::uint64_t bytes)
+{
+    const char* const units[] = {"B", "KB", "MB", "GB", "TB"};
+    double number = double(bytes);
+    int unit = 0;
+    for (; number >= 1024 && unit < 4; ++unit) number /= 1024;
+    return fmt::format(unit == 0 || number >= 100 ? "{:.0f} {}" : "{:.1f} {}", number, units[unit]);
+}
+
+std::uint64_t defaultMemoryLimit()
+{
+    const std::uint64_t physical =
+        std::uint64_t(sysconf(_SC_PHYS_PAGES)) * std::uint64_t(sysconf(_SC_PAGE_SIZE));
+    return std::min(physical, controlGroupLimit()) / 10 * 9;
+}
+
+void limitMemory(std::uint64_t bytes)
+{
+    rlimit limit{};
+    getrlimit(RLIMIT_DATA, &limit);
+    limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, dataBytesNow() + bytes);
+    setrlimit(RLIMIT_DATA, &limit);
+}
+
+} // namespace mpuvdb::command

@@ -1,0 +1,23 @@
+// How much memory the process may take.
+#pragma once
+#include <cstdint>
+#include <string>
+
+namespace mpuvdb::command
+{
+
+/// A size as users write it: "4G", "512M", "1.5GB", "800000000"; K, M, G, T are powers of 1024.
+/// @throws UsageError for anything else, and for zero.
+std::uint64_t parseSize(const std::string& text);
+
+/// A size for people: "1.5 GB".
+std::string sizeText(std::uint64_t bytes);
+
+/// Nine tenths of the smaller of physical memory and the control group's limit.
+std::uint64_t defaultMemoryLimit();
+
+/// Let allocations beyond @a bytes more than now held fail (std::bad_alloc) rather than the
+/// machine.
+void limitMemory(std::uint64_t bytes);
+
+} // namespace mpuvdb::command

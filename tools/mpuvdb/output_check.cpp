@@ -1,0 +1,107 @@
+#include "output_check.h"
+
+#include <mpuvdb/error.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+
+void checkExtension(const Output& output)
+{
+    const std::string extension = extensionOf(output.path);
+    const auto& known = output.extensions;
+    if (known.empty() || std::find(known.begin(), known.end(), extension) != known.end()) return;
+    throw UsageError(fmt::format("{} {}: no format has the extension '{}' here; use {}",
+                                 output.option, output.path, extension, fmt::join(known, ", ")));
+}
+
+/// The proof is a file without a name: it sees read-only mounts and leaves nothing. File systems
+/// that have no such files are asked for their permissions instead.
+bool writable(const fs::path& folder)
+{
+    const int file = open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
+    if (file >= 0) {
+        close(file);
+        return true;
+    }
+    if (errno != EOPNOTSUPP && errno != EISDIR) return false;
+    return access(folder.c_str(), W_OK | X_OK) == 0;
+}
+
+void checkPlace(const Output& output)
+{
+    const fs::path path(output.path);
+    std::error_code ignored;
+    if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored)) {
+        throw IoError(fmt::format("{} {}: is not a regular file and would be replaced by one; name "
+                                  "a file{}",
+                                  output.option, output.path,
+                                  output.printable ? ", or - for standard output" : ""));
+    }
+    const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+    if (!fs::is_directory(folder, ignored)) {
+        throw IoError(fmt::format("{} {}: there is no folder {}; make it first", output.option,
+                                  output.path, folder.string()));
+    }
+    if (!writable(folder)) {
+        throw IoError(fmt::format("{} {}: cannot write in folder {}: {}", output.option,
+                                  output.path, folder.string(), std::strerror(errno)));
+    }
+}
+
+bool samePlace(const std::string& a, const std::string& b)
+{
+    if (a == "-" || b == "-") return a == b;
+    std::error_code ignored;
+    return fs::weakly_canonical(a, ignored) == fs::weakly_canonical(b, ignored);
+}
+
+} // namespace
+
+std::string extensionOf(const std::string& path)
+{
+    std::string extension = fs::path(path).extension().string();
+    for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
+    return extension;
+}
+
+void checkOutputs(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
+{
+    std::vector<std::string> taken;
+    for (const Output& output : outputs) {
+        if (output.path.empty()) continue;
+        if (output.path != "-") {
+            checkExtension(output);
+            checkPlace(output);
+        } else if (!output.printable) {
+            throw UsageError(fmt::format("{} -: this format is not written to standard output; "
+                                         "name a file ({})",
+                                         output.option, fmt::join(output.extensions, ", ")));
+        }
+        const auto same = [&](const std::string& other) { return samePlace(output.path, other); };
+        if (output.path != "-" && std::any_of(inputs.begin(), inputs.end(), same)) {
+            throw UsageError(fmt::format("{} {}: is also an input; name another file",
+                                         output.option, output.path));
+        }
+        if (std::any_of(taken.begin(), taken.end(), same)) {
+            throw UsageError(fmt::format("{} {}: is named for two outputs; name two files",
+                                         output.option, output.path));
+        }
+        taken.push_back(output.path);
+    }
+}
+
+} // namespace mpuvdb::command

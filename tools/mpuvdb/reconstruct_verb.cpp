@@ -1,0 +1,231 @@
+// mpuvdb reconstruct: points in, level set (and mesh) out.
+#include "describe.h"
+#include "verb.h"
+
+#include <mpuvdb/io.h>
+#include <mpuvdb/normals.h>
+#include <mpuvdb/reconstruct.h>
+
+#include <fmt/format.h>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+constexpr int kNormalNeighbours = 16;
+
+class Reconstruct final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"reconstruct", "Points (one or more files) to a level set, and a mesh if wanted",
+                "  mpuvdb reconstruct scan.ply -o scan.vdb\n"
+                "      Voxel size and tolerance follow from the spacing and noise of the points.\n"
+                "  mpuvdb reconstruct bun.conf -o bunny.vdb --voxels 256 --mesh bunny.ply\n"
+                "      A Stanford scan set, 256 voxels along its longest side, and a mesh beside.\n"
+                "  cat scan.ply | mpuvdb reconstruct - -o scan.vdb --report scan.json\n"
+                "      Points from standard input; settings, results and times as JSON.\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option(
+               "input", mInputs,
+               "Points: .ply .conf .xyz .pts .pwn .txt .ptx .obj .off .stl .pcd .las; - is\n"
+               "standard input. Several are joined.")
+            ->required();
+        app.add_option("-o,--output", mOutput, "The level set")->required()->type_name("OUT.vdb");
+        app.add_option("--mesh", mMesh,
+                       "Write a mesh too: .ply .obj .stl; - is PLY on standard output")
+            ->type_name("OUT.ply");
+        addGridOptions(app);
+        addFitOptions(app);
+        addPointOptions(app);
+    }
+
+    ExitCode run(Session& session) override
+    {
+        session.checkFiles(
+            {{"-o", mOutput, {".vdb"}}, {"--mesh", mMesh, {".ply", ".obj", ".stl"}, true}},
+            mInputs);
+        PointInput input = readPoints({mInputs.begin(), mInputs.end()},
+                                      mBadPoints == "fail" ? BadPoints::Fail : BadPoints::Drop,
+                                      session.progress());
+        for (const std::string& note : input.notes) session.note(note);
+        orient(session, input.cloud);
+        mPoints = input.cloud.size();
+        mDropped = input.dropped;
+
+        mSettings.maxBytes = session.options().maxBytes;
+        const Reconstruction made =
+            reconstruct(std::move(input.cloud), mSettings, session.progress());
+        describeFit(session, made);
+        session.progress().beginStage("check");
+        const CheckReport checked = check(made.levelSet.grid(), session.progress());
+        writeLevelSet(mOutput, made.levelSet, metadata(made), session.progress());
+        session.report()["grid"] = toJson(made.levelSet);
+        session.report()["check"] = toJson(checked);
+        if (!mMesh.empty()) writeMeshOf(made.levelSet, mMesh, session);
+        session.progress().endStage();
+        summarise(session, made);
+        for (const CheckFinding& finding : checked.findings)
+            session.warn(fmt::format("{}: {}", mOutput, findingText(finding)));
+        return checked.sound() ? ExitCode::Ok : ExitCode::CheckFailed;
+    }
+
+private:
+    void addGridOptions(CLI::App& app)
+    {
+        const char* const group = "Grid";
+        CLI::Option* const size =
+            addLength(app, "--voxel-size", mSettings.voxelSize,
+                      "Edge of a voxel; default: the measured spacing of the points")
+                ->group(group);
+        app.add_option("--voxels", mSettings.voxels,
+                       "Instead: voxels along the longest side of the points' box")
+            ->type_name("N")
+            ->excludes(size)
+            ->group(group);
+        app.add_option("--half-width", mSettings.halfWidth,
+                       "Voxels of the narrow band on either side of the surface")
+            ->type_name("VOXELS")
+            ->capture_default_str()
+            ->group(group);
+    }
+
+    void addFitOptions(CLI::App& app)
+    {
+        const char* const group = "Fit";
+        addLength(app, "--tolerance", mSettings.tolerance,
+                  "Largest distance of a local fit from its points; default: from the voxel size\n"
+                  "and the measured noise")
+            ->group(group);
+        app.add_option("--alpha", mSettings.alpha,
+                       "Radius of a fit's support, in diagonals of its cell; larger is smoother")
+            ->type_name("RATIO")
+            ->capture_default_str()
+            ->group(group);
+        app.add_option("--min-points", mSettings.minPoints,
+                       "Points that a local fit needs; default: 15, more where there is noise")
+            ->type_name("N")
+            ->group(group);
+        app.add_flag("!--no-sharp", mSettings.sharp, "Fit no edges and corners: smooth everywhere")
+            ->group(group);
+    }
+
+    void addPointOptions(CLI::App& app)
+    {
+        const char* const group = "Points";
+        app.add_option("--normals", mNormals,
+                       "auto: those of the files, estimated where there are none; estimate: always")
+            ->type_name("auto|estimate")
+            ->check(CLI::IsMember({"auto", "estimate"}))
+            ->group(group);
+        app.add_flag("--flip-normals", mFlipNormals, "Turn all normals round: they point inward")
+            ->group(group);
+        app.add_option("--bad-points", mBadPoints,
+                       "What is done with points that are not finite or have no normal")
+            ->type_name("drop|fail")
+            ->check(CLI::IsMember({"drop", "fail"}))
+            ->capture_default_str()
+            ->group(group);
+    }
+
+    void orient(Session& session, PointCloud& cloud) const
+    {
+        if (mNormals == "estimate" || !cloud.hasNormals()) {
+            session.note(fmt::format("normals     estimated from {} neighbours each{}",
+                                     kNormalNeighbours,
+                                     cloud.hasNormals() ? "" : " (the points have none)"));
+            estimateNormals(cloud, kNormalNeighbours, session.progress());
+        }
+        if (mFlipNormals)
+            flipNormals(cloud);
+        else if (pointsInward(cloud))
+            session.warn("the normals point inward, so that inside and outside are exchanged; "
+                         "turn them with --flip-normals");
+    }
+
+    void describeFit(Session& session, const Reconstruction& made) const
+    {
+        const ResolvedSettings& s = made.settings;
+        const MpuStatistics& fit = made.field->statistics();
+        Json& report = session.report();
+        report["settings"] = {{"voxel_size", s.grid.lattice.voxelSize},
+                              {"half_width", s.grid.halfWidth},
+                              {"tolerance", s.fit.tolerance},
+                              {"alpha", s.fit.alpha},
+                              {"min_points", s.fit.minPoints},
+                              {"sharp", s.fit.sharp},
+                              {"normals", mNormals},
+                              {"flip_normals", mFlipNormals},
+                              {"bad_points", mBadPoints},
+                              {"max_memory", mSettings.maxBytes}};
+        report["input"] = {{"points", mPoints},           {"dropped", mDropped},
+                           {"spacing", s.points.spacing}, {"noise", s.points.noise},
+                           {"box", toJson(s.boxSize)},    {"diagonal", s.diagonal}};
+        report["field"] = {{"cells", fit.cells},
+                           {"leaves", fit.leaves},
+                           {"levels", fit.levels},
+                           {"fits", fit.fits},
+                           {"sharp_fits", fit.sharpFits},
+                           {"max_error", fit.maxError},
+                           {"over_tolerance", fit.overTolerance},
+                           {"bytes", fit.bytes}};
+    }
+
+    std::map<std::string, std::string> metadata(const Reconstruction& made) const
+    {
+        const ResolvedSettings& s = made.settings;
+        const auto text = [](const auto& value) { return fmt::format("{}", value); };
+        return {{"mpuvdb:version", MPUVDB_VERSION},
+                {"mpuvdb:points", text(mPoints)},
+                {"mpuvdb:spacing", text(s.points.spacing)},
+                {"mpuvdb:noise", text(s.points.noise)},
+                {"mpuvdb:voxel_size", text(s.grid.lattice.voxelSize)},
+                {"mpuvdb:half_width", text(s.grid.halfWidth)},
+                {"mpuvdb:tolerance", text(s.fit.tolerance)},
+                {"mpuvdb:max_error", text(made.field->statistics().maxError)},
+                {"mpuvdb:alpha", text(s.fit.alpha)},
+                {"mpuvdb:min_points", text(s.fit.minPoints)},
+                {"mpuvdb:sharp", text(s.fit.sharp)}};
+    }
+
+    void summarise(Session& session, const Reconstruction& made) const
+    {
+        const ResolvedSettings& s = made.settings;
+        const double h = s.grid.lattice.voxelSize;
+        const auto size = made.levelSet.grid().evalActiveVoxelDim();
+        const std::string dropped = droppedText(mDropped);
+        session.note(fmt::format("points      {}, spacing {:.4g}, noise {:.2g}{}", mPoints,
+                                 s.points.spacing, s.points.noise,
+                                 dropped.empty() ? "" : "; dropped: " + dropped));
+        session.note(fmt::format(
+            "fit         tolerance {:.4g} ({:.2g}vx), alpha {}, min-points {}, {}", s.fit.tolerance,
+            s.fit.tolerance / h, s.fit.alpha, s.fit.minPoints, s.fit.sharp ? "sharp" : "no-sharp"));
+        session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, {} x {} x {}, {} "
+                                 "active voxels: {}",
+                                 h, s.grid.halfWidth, size.x(), size.y(), size.z(),
+                                 made.levelSet.grid().activeVoxelCount(), mOutput));
+        session.note("time        " + session.timesText());
+    }
+
+    std::vector<std::string> mInputs;
+    std::string mOutput, mMesh;
+    std::string mNormals = "auto", mBadPoints = "drop";
+    bool mFlipNormals = false;
+    ReconstructSettings mSettings;
+    std::uint64_t mPoints = 0;
+    std::map<std::string, std::uint64_t> mDropped;
+};
+
+} // namespace
+
+std::unique_ptr<Verb> makeReconstruct()
+{
+    return std::make_unique<Reconstruct>();
+}
+
+} // namespace mpuvdb::command

@@ -1,0 +1,106 @@
+#include "session.h"
+
+#include "memory_limit.h"
+#include "standard_output.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <fstream>
+#include <unistd.h>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+ProgressStyle styleOf(const CommonOptions& options)
+{
+    if (options.progress == "bar") return ProgressStyle::Bar;
+    if (options.progress == "json") return ProgressStyle::JsonLines;
+    const bool watched = options.progress == "auto" && !options.quiet && isatty(STDERR_FILENO);
+    return watched ? ProgressStyle::Bar : ProgressStyle::None;
+}
+
+} // namespace
+
+Session::Session(std::string verb, const CommonOptions& options)
+    : mVerb(std::move(verb)), mOptions(options), mDisplay(styleOf(options)),
+      mProgress([this](const std::string& stage, double f) { mDisplay.show(stage, f); })
+{
+    limitMemory(options.maxBytes);
+    if (options.threads) {
+        mThreads = std::make_unique<tbb::global_control>(
+            tbb::global_control::max_allowed_parallelism, std::size_t(*options.threads));
+    }
+}
+
+void Session::checkFiles(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
+{
+    std::vector<Output> all{{"--report", mOptions.report, {}, true}};
+    checkOutputs(all, inputs);
+    mReportFile = mOptions.report;
+    all.insert(all.end(), outputs.begin(), outputs.end());
+    checkOutputs(all, inputs);
+}
+
+void Session::note(const std::string& message)
+{
+    if (!mOptions.quiet) mDisplay.print(message);
+}
+
+void Session::warn(const std::string& message)
+{
+    mDisplay.print(fmt::format("mpuvdb {}: warning: {}", mVerb, message));
+    mReport["warnings"].push_back(message);
+}
+
+void Session::fail(const char* type, const std::string& message)
+{
+    mDisplay.print(fmt::format("mpuvdb {}: {}", mVerb, message));
+    mReport["error"] = {{"type", type}, {"message", message}};
+}
+
+std::string Session::timesText() const
+{
+    std::string text;
+    double total = 0;
+    std::uint64_t peak = 0;
+    for (const StageTime& stage : mProgress.stages()) {
+        text += fmt::format("{} {:.2f} s, ", stage.name, stage.seconds);
+        total += stage.seconds;
+        peak = std::max(peak, stage.peakBytes);
+    }
+    return fmt::format("{}together {:.2f} s; peak memory {}", text, total, sizeText(peak));
+}
+
+void Session::writeReport()
+{
+    mProgress.endStage();
+    mDisplay.clear();
+    if (mReportFile.empty()) return;
+    auto stages = nlohmann::ordered_json::array();
+    for (const StageTime& stage : mProgress.stages()) {
+        stages.push_back({{"name", stage.name},
+                          {"seconds", stage.seconds},
+                          {"cpu_seconds", stage.cpuSeconds},
+                          {"peak_bytes", stage.peakBytes}});
+    }
+    mReport["stages"] = stages;
+    // File names need not be UTF-8; JSON has to be.
+    const std::string text =
+        mReport.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+    if (mReportFile == "-") return printText(text);
+    writeAtomically(mReportFile, [&](const std::filesystem::path& file) {
+        std::ofstream out(file, std::ios::binary);
+        out << text << std::flush;
+        if (!out) {
+            throw IoError(
+                fmt::format("{}: cannot be written; is there room on the disk?", mReportFile));
+        }
+    });
+}
+
+} // namespace mpuvdb::command

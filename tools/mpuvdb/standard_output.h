@@ -1,0 +1,21 @@
+// Data on standard output.
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <string>
+
+namespace mpuvdb::command
+{
+
+/// Write @a text to standard output. @throws IoError if not all of it got there.
+void printText(const std::string& text);
+
+/// Let @a write make a file with @a extension in a folder of its own, and copy its bytes to
+/// standard output. Nothing reaches standard output unless the file was made whole.
+void printFile(const std::string& extension,
+               const std::function<void(const std::filesystem::path&)>& write);
+
+/// Remove printFile()'s folder (async-signal-safe): for a command that has to end now.
+void removeScratchFolder() noexcept;
+
+} // namespace mpuvdb::command

@@ -1,0 +1,57 @@
+// A verb of the command: its options and what it does.
+#pragma once
+#include "session.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/length.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mpuvdb
+{
+class LevelSet;
+}
+
+namespace mpuvdb::command
+{
+
+/// Text of the help that is not an option's.
+struct VerbText {
+    const char* name;
+    const char* summary;  ///< one line, for the list of verbs
+    const char* examples; ///< commands with a comment each, for the verb's own help
+};
+
+class Verb
+{
+public:
+    virtual ~Verb() = default;
+    virtual VerbText text() const = 0;
+    /// Declare options and positionals that write into this object.
+    virtual void addOptions(CLI::App& app) = 0;
+    /// Do it. @throws what the library throws.
+    virtual ExitCode run(Session& session) = 0;
+};
+
+std::unique_ptr<Verb> makeReconstruct();
+std::unique_ptr<Verb> makeMesh();
+std::unique_ptr<Verb> makeSample();
+std::unique_ptr<Verb> makeInfo();
+std::unique_ptr<Verb> makeCheck();
+std::unique_ptr<Verb> makeRender();
+
+/// Declare an option whose value is a length with an optional unit.
+CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Length>& value,
+                       const std::string& description);
+
+/// Declare --grid, which names one grid of a .vdb file.
+CLI::Option* addGridName(CLI::App& app, std::string& value);
+
+/// Extract the mesh of @a levelSet, write it to @a output ("-": PLY on standard output), report it.
+void writeMeshOf(const LevelSet& levelSet, const std::string& output, Session& session);
+
+} // namespace mpuvdb::command
