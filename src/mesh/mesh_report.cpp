@@ -1,1 +1,123 @@
-// (being written)
+#include <mpuvdb/mesh.h>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
+#include <tbb/parallel_sort.h>
+
+#include <algorithm>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// A triangle's side, in the triangle's direction.
+struct HalfEdge {
+    std::uint32_t from, to;
+
+    std::uint64_t key() const
+    {
+        return std::uint64_t(std::min(from, to)) << 32 | std::max(from, to);
+    }
+    bool forward() const { return from < to; }
+};
+
+/// All sides, those of one edge together.
+std::vector<HalfEdge> sortedHalfEdges(const Mesh& mesh)
+{
+    std::vector<HalfEdge> edges(3 * mesh.triangles.size());
+    tbb::parallel_for(std::size_t(0), mesh.triangles.size(), [&](std::size_t t) {
+        const Mesh::Triangle& v = mesh.triangles[t];
+        for (std::size_t side = 0; side < 3; ++side)
+            edges[3 * t + side] = {v[side], v[(side + 1) % 3]};
+    });
+    tbb::parallel_sort(edges.begin(), edges.end(),
+                       [](const HalfEdge& a, const HalfEdge& b) { return a.key() < b.key(); });
+    return edges;
+}
+
+/// Counts edges by kind. @return how many there are.
+std::uint64_t countEdges(const std::vector<HalfEdge>& edges, MeshReport& report)
+{
+    std::uint64_t distinct = 0;
+    for (std::size_t i = 0; i < edges.size(); ++distinct) {
+        std::size_t uses = 0, forward = 0;
+        for (const std::uint64_t key = edges[i].key(); i < edges.size() && edges[i].key() == key;
+             ++i) {
+            ++uses;
+            forward += edges[i].forward();
+        }
+        if (uses == 1)
+            ++report.boundaryEdges;
+        else if (uses > 2 || forward != 1)
+            ++report.nonManifoldEdges;
+    }
+    return distinct;
+}
+
+/// Counts what edges connect among the vertices that are used.
+void countVertices(const Mesh& mesh, std::uint64_t& used, std::uint64_t& components)
+{
+    constexpr std::uint32_t kUnused = ~std::uint32_t(0);
+    std::vector<std::uint32_t> parent(mesh.positions.size(), kUnused);
+    const auto root = [&](std::uint32_t v) {
+        while (parent[v] != v) v = parent[v] = parent[parent[v]];
+        return v;
+    };
+    used = components = 0;
+    for (const Mesh::Triangle& triangle : mesh.triangles) {
+        for (const std::uint32_t v : triangle)
+            if (parent[v] == kUnused) {
+                parent[v] = v;
+                ++used;
+                ++components;
+            }
+        for (const std::size_t corner : {1, 2}) {
+            const std::uint32_t a = root(triangle[0]), b = root(triangle[corner]);
+            if (a == b) continue;
+            parent[std::max(a, b)] = std::min(a, b);
+            --components;
+        }
+    }
+}
+
+/// Twice the area and six times the volume, split alike for any number of threads.
+Eigen::Array2d sumTriangles(const Mesh& mesh)
+{
+    return tbb::parallel_deterministic_reduce(
+        tbb::blocked_range<std::size_t>(0, mesh.triangles.size(), 4096),
+        Eigen::Array2d(Eigen::Array2d::Zero()),
+        [&](const tbb::blocked_range<std::size_t>& range, Eigen::Array2d sums) {
+            for (std::size_t t = range.begin(); t != range.end(); ++t) {
+                const Mesh::Triangle& v = mesh.triangles[t];
+                const Vec3d a = mesh.positions[v[0]].cast<double>();
+                const Vec3d b = mesh.positions[v[1]].cast<double>();
+                const Vec3d c = mesh.positions[v[2]].cast<double>();
+                const Vec3d normal = (b - a).cross(c - a);
+                sums += Eigen::Array2d(normal.norm(), a.dot(normal));
+            }
+            return sums;
+        },
+        [](const Eigen::Array2d& a, const Eigen::Array2d& b) { return Eigen::Array2d(a + b); });
+}
+
+} // namespace
+
+MeshReport measure(const Mesh& mesh)
+{
+    MeshReport report;
+    report.vertices = mesh.positions.size();
+    report.triangles = mesh.triangles.size();
+    const std::uint64_t edges = countEdges(sortedHalfEdges(mesh), report);
+    std::uint64_t used = 0;
+    countVertices(mesh, used, report.components);
+    report.eulerCharacteristic =
+        std::int64_t(used) - std::int64_t(edges) + std::int64_t(mesh.triangles.size());
+    const Eigen::Array2d sums = sumTriangles(mesh);
+    report.area = sums[0] / 2;
+    report.volume = sums[1] / 6;
+    return report;
+}
+
+} // namespace mpuvdb
