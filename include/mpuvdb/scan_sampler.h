@@ -19,6 +19,8 @@ public:
     /// Signed distance, negative inside. Exact for primitives; for Booleans exact in sign and on the
     /// surface, elsewhere a lower bound of the distance's magnitude.
     virtual double distance(const Vec3d& p) const = 0;
+    /// Where the distance is costly, a cheap value of the same sign and no larger magnitude.
+    virtual double bound(const Vec3d& p) const { return distance(p); }
     /// Outward unit normal at a point on (or near) the surface.
     virtual Vec3d normal(const Vec3d& p) const = 0;
     virtual Box3d bounds() const = 0;
@@ -34,7 +36,7 @@ std::string solidHelp();
 struct ScanSettings {
     enum class Pattern {
         Even,   ///< blue noise: neighbours keep their distance
-        Random, ///< independent, uniform by area
+        Random, ///< uniform by area; independent on convex solids
         Scan    ///< range images from viewpoints, with occlusion
     };
     std::uint64_t points = 100000; ///< about as many (Scan: rays are chosen so that it fits)
@@ -47,8 +49,8 @@ struct ScanSettings {
                                    ///< falling towards the borders; else from the noise drawn)
     bool normals = true;
     double outliers = 0;           ///< share of points replaced, in [0, 0.5]
-    double outlierDistance = 0.1;  ///< standard deviation, parts of the diagonal
-    int holes = 0;                 ///< spherical holes cut out of the surface
+    double outlierDistance = 0.1;  ///< standard deviation per axis, parts of the diagonal
+    int holes = 0;                 ///< spherical holes cut out of the surface, with their points
     double holeRadius = 0.05;      ///< parts of the diagonal
     std::uint64_t seed = 1;        ///< same settings and seed, same bytes
 };

@@ -61,13 +61,24 @@ private:
             end = std::min(end, std::max(a, b));
         }
         if (!(t < end)) return;
-        double value = mSolid.distance(origin + t * direction);
+        double value = mSolid.bound(origin + t * direction), slope = -1;
         while (t < end) {
-            const double next = t + std::max(std::abs(value), mMinStep);
-            const double nextValue = mSolid.distance(origin + next * direction);
-            if ((value < 0) != (nextValue < 0) &&
-                !visit(crossing(origin, direction, t, value, next, nextValue)))
-                return;
+            // If the value goes on as it went, the next free ball will just touch this one
+            // [Balint18]; if the two fall short of each other after all, step within this one.
+            constexpr double kCaution = 0.98;
+            const double free = std::abs(value);
+            double step = std::max(free * kCaution * 2 / (1 - std::min(slope, 0.9)), mMinStep);
+            double nextValue = mSolid.bound(origin + (t + step) * direction);
+            const bool covered =
+                (value < 0) == (nextValue < 0) && step <= free + std::abs(nextValue);
+            if (!covered && step > std::max(free, mMinStep)) {
+                step = std::max(free, mMinStep);
+                nextValue = mSolid.bound(origin + (t + step) * direction);
+            }
+            const double next = t + step;
+            const bool crossed = (value < 0) != (nextValue < 0);
+            if (crossed && !visit(crossing(origin, direction, t, value, next, nextValue))) return;
+            slope = crossed ? 0.0 : std::max((std::abs(nextValue) - free) / step, -1.0);
             t = next;
             value = nextValue;
         }
@@ -85,7 +96,7 @@ private:
             double t = (a * fb - b * fa) / (fb - fa);
             if (!(t > a && t < b)) t = (a + b) / 2;
             if (!(t > a && t < b)) break;
-            const double f = mSolid.distance(origin + t * direction);
+            const double f = mSolid.bound(origin + t * direction);
             if (std::abs(f) < bestValue) {
                 best = t;
                 bestValue = std::abs(f);

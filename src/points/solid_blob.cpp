@@ -28,17 +28,28 @@ public:
     double distance(const Vec3d& p) const override
     {
         const double length = p.norm();
-        if (length < mRadius - 2 * mAmplitude) return length - (mRadius - mAmplitude);
+        const double low = bound(p);
+        if (std::abs(low) > mReach) return low;
         const double offset = length - shell(p / length).radius;
-        const double bound = offset / mSteepest;
-        if (length > mRadius + mAmplitude + mReach)
-            return std::max(length - (mRadius + mAmplitude), bound);
-        if (std::abs(bound) > mReach) return bound;
+        // So near, the surface is flat: the error is below offset^2 x curvature.
+        if (std::abs(offset) < 1e-7 * mRadius) return offset * shellNormal(p).dot(p) / length;
         const double exact = (p - foot(p)).norm();
-        return exact < mReach ? std::copysign(exact, offset) : bound;
+        return exact < mReach ? std::copysign(exact, offset) : low;
     }
 
-    Vec3d normal(const Vec3d& p) const override { return shellNormal(foot(p)); }
+    double bound(const Vec3d& p) const override
+    {
+        const double length = p.norm();
+        if (length < mRadius - 2 * mAmplitude) return length - (mRadius - mAmplitude);
+        const double outermost = length - (mRadius + mAmplitude);
+        if (outermost > mReach) return outermost;
+        return (length - shell(p / length).radius) / mSteepest;
+    }
+
+    Vec3d normal(const Vec3d& p) const override
+    {
+        return shellNormal(std::abs(bound(p)) > mReach ? p : foot(p));
+    }
 
     Box3d bounds() const override
     {
@@ -70,7 +81,8 @@ private:
     /// curvature, at most one half within the reach.
     Vec3d foot(const Vec3d& p) const
     {
-        constexpr int kMaxSteps = 60;
+        constexpr int kMaxSteps = 30;
+        constexpr double kEnough = 1e-14; // of the slide; the distance errs by its square
         Vec3d u = p.normalized();
         Shell s = shell(u);
         Vec3d q = s.radius * u;
@@ -78,7 +90,7 @@ private:
             const Vec3d n = (u - s.gradient / s.radius).normalized();
             const Vec3d away = p - q;
             const Vec3d slide = away - away.dot(n) * n;
-            if (slide.squaredNorm() < 1e-30 * mRadius * mRadius) break;
+            if (slide.squaredNorm() < kEnough * mReach * mReach) break;
             u = (q + slide).normalized();
             s = shell(u);
             q = s.radius * u;

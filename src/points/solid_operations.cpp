@@ -24,13 +24,8 @@ public:
     {
         for (Operand& o : mOperands) o.sign *= outer;
     }
-    double distance(const Vec3d& p) const override
-    {
-        double largest = -HUGE_VAL;
-        for (const Operand& o : mOperands)
-            largest = std::max(largest, o.sign * o.solid->distance(p));
-        return mOuter * largest;
-    }
+    double distance(const Vec3d& p) const override { return combine(p, &Solid::distance); }
+    double bound(const Vec3d& p) const override { return combine(p, &Solid::bound); }
     Vec3d normal(const Vec3d& p) const override
     {
         const Operand* ruler = nullptr;
@@ -47,6 +42,14 @@ public:
     Box3d bounds() const override { return mBox; }
 
 private:
+    double combine(const Vec3d& p, double (Solid::*value)(const Vec3d&) const) const
+    {
+        double largest = -HUGE_VAL;
+        for (const Operand& o : mOperands)
+            largest = std::max(largest, o.sign * ((*o.solid).*value)(p));
+        return mOuter * largest;
+    }
+
     double mOuter;
     std::vector<Operand> mOperands;
     Box3d mBox;
@@ -67,6 +70,7 @@ public:
     {
     }
     double distance(const Vec3d& p) const override { return mScale * mSolid->distance(local(p)); }
+    double bound(const Vec3d& p) const override { return mScale * mSolid->bound(local(p)); }
     Vec3d normal(const Vec3d& p) const override { return mRotation * mSolid->normal(local(p)); }
     Box3d bounds() const override
     {
@@ -96,6 +100,10 @@ public:
     double distance(const Vec3d& p) const override
     {
         return mSolid->distance(sectorOf(p).transpose() * p);
+    }
+    double bound(const Vec3d& p) const override
+    {
+        return mSolid->bound(sectorOf(p).transpose() * p);
     }
     Vec3d normal(const Vec3d& p) const override
     {

@@ -25,7 +25,7 @@ Vec3d normalizedOr(const Vec3d& v, const Vec3d& fallback)
 /// The vector (rho, z) about the z axis, turned back to where @a p is.
 Vec3d fromProfile(double rho, double z, const Vec3d& p)
 {
-    const double length = std::hypot(p.x(), p.y());
+    const double length = p.head<2>().norm();
     const Vec3d out = length > 0 ? Vec3d(p.x() / length, p.y() / length, 0) : Vec3d::UnitX();
     return rho * out + z * Vec3d::UnitZ();
 }
@@ -72,11 +72,11 @@ public:
     Torus(double major, double minor) : mMajor(major), mMinor(minor) {}
     double distance(const Vec3d& p) const override
     {
-        return std::hypot(std::hypot(p.x(), p.y()) - mMajor, p.z()) - mMinor;
+        return Eigen::Vector2d(p.head<2>().norm() - mMajor, p.z()).norm() - mMinor;
     }
     Vec3d normal(const Vec3d& p) const override
     {
-        const double rho = std::hypot(p.x(), p.y()) - mMajor;
+        const double rho = p.head<2>().norm() - mMajor;
         return normalizedOr(fromProfile(rho, p.z(), p), Vec3d::UnitZ());
     }
     Box3d bounds() const override { return boxAbout({mMajor + mMinor, mMajor + mMinor, mMinor}); }
@@ -133,7 +133,7 @@ public:
 private:
     Eigen::Vector2d corner(const Vec3d& p) const
     {
-        return {std::hypot(p.x(), p.y()) - mRadius, std::abs(p.z()) - mHalf};
+        return {p.head<2>().norm() - mRadius, std::abs(p.z()) - mHalf};
     }
     double mRadius, mHalf;
 };
@@ -171,7 +171,7 @@ private:
     };
     Foot nearest(const Vec3d& p) const
     {
-        const Eigen::Vector2d q(std::hypot(p.x(), p.y()), p.z());
+        const Eigen::Vector2d q(p.head<2>().norm(), p.z());
         const Eigen::Vector2d base(std::min(q.x(), mRadius), -mHalf), apex(0, mHalf);
         const Eigen::Vector2d side = Eigen::Vector2d(mRadius, -mHalf) - apex;
         const double along = std::clamp((q - apex).dot(side) / side.squaredNorm(), 0.0, 1.0);

@@ -1,0 +1,234 @@
+#include "chosen_neighbors.h"
+
+#include "kd_tree.h"
+#include "random.h"
+
+#include <mpuvdb/progress.h>
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <limits>
+#include <numeric>
+#include <unordered_map>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kChunk = 1 << 16; // points
+
+bool before(const Vec3f& a, const Vec3f& b)
+{
+    return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+}
+
+void sortUnique(std::vector<Vec3f>& positions)
+{
+    std::sort(positions.begin(), positions.end(), before);
+    positions.erase(std::unique(positions.begin(), positions.end()), positions.end());
+}
+
+std::uint64_t hashOf(const Vec3f& p)
+{
+    std::uint32_t bits[3];
+    const Vec3f plain = p + Vec3f::Zero(); // -0 becomes 0
+    std::memcpy(bits, plain.data(), sizeof bits);
+    return mixBits(mixBits((std::uint64_t(bits[0]) << 32 | bits[1]) + 1) + bits[2]);
+}
+
+/// Calls body(chunk, begin, end) for fixed pieces of [0, count), in parallel.
+template <class Body>
+void forEachChunk(std::size_t count, Progress& progress, Body&& body)
+{
+    const std::size_t chunks = (count + kChunk - 1) / kChunk;
+    tbb::parallel_for(std::size_t(0), chunks, [&](std::size_t c) {
+        progress.check();
+        body(c, c * kChunk, std::min((c + 1) * kChunk, count));
+    });
+}
+
+double squaredDistance(const Vec3f& a, const Vec3f& b)
+{
+    return (a.cast<double>() - b.cast<double>()).squaredNorm();
+}
+
+/// Radius of a ball about every chosen point that probably holds more than k other points of all.
+std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
+                               const std::vector<Vec3f>& chosen, std::size_t k, Progress& progress)
+{
+    constexpr std::size_t kThinned = 32768;
+    const std::vector<Vec3f> thinned = choosePositions(positions, kThinned, progress);
+    const double expected =
+        double(k) * std::min(1.0, double(thinned.size()) / double(positions.size()));
+    const auto wanted = std::size_t(expected + 4 * std::sqrt(expected) + 4);
+    const KdTree tree(thinned);
+    std::vector<double> radii(chosen.size());
+    tbb::parallel_for(std::size_t(0), chosen.size(), [&](std::size_t i) {
+        progress.check();
+        std::vector<std::uint32_t> indices(wanted);
+        std::vector<float> squared(wanted);
+        tree.nearest(chosen[i], indices, squared);
+        // Rounded up: what is at this distance itself belongs to the ball.
+        radii[i] = 1.001 * std::sqrt(double(squared.back()));
+    });
+    return radii;
+}
+
+/// The balls of many centres, in grids of several cell sizes: a ball stands in the cells of the
+/// grid as fine as itself that it meets.
+class BallGrids
+{
+public:
+    BallGrids(const std::vector<Vec3f>& centers, const std::vector<double>& radii,
+              const std::vector<std::uint32_t>& members)
+        : mCenters(centers), mRadii(radii)
+    {
+        for (const std::uint32_t m : members) insert(m);
+    }
+
+    /// Calls visit(member) for each ball that @a p lies in.
+    template <class Visit>
+    void forBallsAt(const Vec3f& p, Visit&& visit) const
+    {
+        for (const Grid& grid : mGrids) {
+            const auto found = grid.cells.find(keyOf(p.cast<double>() / grid.cellSize));
+            if (found == grid.cells.end()) continue;
+            for (const std::uint32_t m : found->second)
+                if (squaredDistance(p, mCenters[m]) <= mRadii[m] * mRadii[m]) visit(m);
+        }
+    }
+
+private:
+    struct Grid {
+        int exponent;
+        double cellSize;
+        std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells;
+    };
+
+    /// 21 bits per axis; cells that share a key only cost a comparison.
+    static std::uint64_t keyOf(const Vec3d& scaled)
+    {
+        constexpr std::uint64_t kMask = (1u << 21) - 1;
+        const auto cell = [](double x) {
+            return std::uint64_t(std::int64_t(std::floor(std::clamp(x, -1e15, 1e15)))) & kMask;
+        };
+        return cell(scaled.x()) << 42 | cell(scaled.y()) << 21 | cell(scaled.z());
+    }
+
+    void insert(std::uint32_t m)
+    {
+        const double size = std::max(2 * mRadii[m], 1e-30);
+        Grid& grid = gridFor(int(std::ceil(std::log2(size))));
+        const Vec3d low = (mCenters[m].cast<double>().array() - mRadii[m]) / grid.cellSize;
+        const Vec3d high = (mCenters[m].cast<double>().array() + mRadii[m]) / grid.cellSize;
+        // At most two cells per axis, because no ball is wider than its cells.
+        for (int corner = 0; corner < 8; ++corner) {
+            const Vec3d at(corner & 1 ? high.x() : low.x(), corner & 2 ? high.y() : low.y(),
+                           corner & 4 ? high.z() : low.z());
+            auto& members = grid.cells[keyOf(at)];
+            if (members.empty() || members.back() != m) members.push_back(m);
+        }
+    }
+
+    Grid& gridFor(int exponent)
+    {
+        for (Grid& g : mGrids)
+            if (g.exponent == exponent) return g;
+        mGrids.push_back({exponent, std::ldexp(1.0, exponent), {}});
+        return mGrids.back();
+    }
+
+    const std::vector<Vec3f>& mCenters;
+    const std::vector<double>& mRadii;
+    std::vector<Grid> mGrids;
+};
+
+/// Put into each member's neighborhood all positions of its ball but its own, sorted.
+void collect(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& chosen,
+             const std::vector<double>& radii, const std::vector<std::uint32_t>& members,
+             std::vector<Neighborhood>& neighborhoods, Progress& progress)
+{
+    struct Hit {
+        std::uint32_t member;
+        Vec3f position;
+    };
+    const BallGrids grids(chosen, radii, members);
+    std::vector<std::vector<Hit>> hits((positions.size() + kChunk - 1) / kChunk);
+    forEachChunk(positions.size(), progress,
+                 [&](std::size_t c, std::size_t begin, std::size_t end) {
+                     for (std::size_t i = begin; i < end; ++i)
+                         grids.forBallsAt(positions[i], [&](std::uint32_t m) {
+                             if (positions[i] != chosen[m]) hits[c].push_back({m, positions[i]});
+                         });
+                 });
+    for (const std::uint32_t m : members) neighborhoods[m].neighbors.clear();
+    for (const auto& chunk : hits)
+        for (const Hit& h : chunk) neighborhoods[h.member].neighbors.push_back(h.position);
+    tbb::parallel_for(std::size_t(0), members.size(), [&](std::size_t i) {
+        Neighborhood& n = neighborhoods[members[i]];
+        std::sort(n.neighbors.begin(), n.neighbors.end(), [&](const Vec3f& a, const Vec3f& b) {
+            const double da = squaredDistance(a, n.center), db = squaredDistance(b, n.center);
+            return da != db ? da < db : before(a, b);
+        });
+        n.neighbors.erase(std::unique(n.neighbors.begin(), n.neighbors.end()), n.neighbors.end());
+    });
+}
+
+} // namespace
+
+std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::size_t count,
+                                   Progress& progress)
+{
+    std::vector<Vec3f> chosen;
+    double share = double(count) / double(std::max<std::size_t>(positions.size(), 1));
+    // Many duplicates can leave few: then a larger share, up to all.
+    for (bool enough = false; !enough; share *= 8) {
+        const bool all = share >= 1;
+        const std::uint64_t limit = all ? 0 : std::uint64_t(share * 0x1p64);
+        std::vector<std::vector<Vec3f>> pieces((positions.size() + kChunk - 1) / kChunk);
+        forEachChunk(positions.size(), progress,
+                     [&](std::size_t c, std::size_t begin, std::size_t end) {
+                         for (std::size_t i = begin; i < end; ++i)
+                             if (all || hashOf(positions[i]) < limit)
+                                 pieces[c].push_back(positions[i]);
+                     });
+        chosen.clear();
+        for (const auto& piece : pieces) chosen.insert(chosen.end(), piece.begin(), piece.end());
+        sortUnique(chosen);
+        enough = all || chosen.size() >= count / 4;
+    }
+    return chosen;
+}
+
+std::vector<Neighborhood> nearestOfChosen(const std::vector<Vec3f>& positions,
+                                          const std::vector<Vec3f>& chosen, std::size_t k,
+                                          Progress& progress)
+{
+    std::vector<Neighborhood> neighborhoods(chosen.size());
+    for (std::size_t i = 0; i < chosen.size(); ++i) neighborhoods[i].center = chosen[i];
+    std::vector<double> radii = guessRadii(positions, chosen, k, progress);
+    std::vector<std::uint32_t> members(chosen.size());
+    std::iota(members.begin(), members.end(), 0u);
+    Box3d box;
+    for (const Vec3f& p : positions) box.extend(p.cast<double>());
+    const double everything = 1.001 * box.diagonal().norm();
+    while (!members.empty()) {
+        collect(positions, chosen, radii, members, neighborhoods, progress);
+        std::vector<std::uint32_t> poor;
+        for (const std::uint32_t m : members) {
+            if (neighborhoods[m].neighbors.size() >= k || radii[m] >= everything) continue;
+            poor.push_back(m);
+            radii[m] = std::max(2 * radii[m], 1e-6 * everything);
+        }
+        members = std::move(poor);
+    }
+    for (Neighborhood& n : neighborhoods)
+        if (n.neighbors.size() > k) n.neighbors.resize(k);
+    return neighborhoods;
+}
+
+} // namespace mpuvdb

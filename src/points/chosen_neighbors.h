@@ -1,0 +1,30 @@
+// Exact nearest neighbours of a few points chosen from a cloud of any size, in one pass over it.
+#pragma once
+#include <mpuvdb/point_cloud.h>
+
+#include <cstdint>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// A chosen point and its neighbours.
+struct Neighborhood {
+    Vec3f center;
+    /// Other positions, by (distance, x, y, z), without duplicates.
+    std::vector<Vec3f> neighbors;
+};
+
+/// About @a count positions, all of them in a smaller cloud: those whose bits have the smallest
+/// hash. Sorted by (x,y,z), without duplicates; the same for any order of the points.
+std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::size_t count,
+                                   Progress& progress);
+
+/// The @a k nearest other positions of every chosen one; fewer only where the cloud has not more.
+/// A kd-tree over all points would take longer than all else that is done to them: a thinned
+/// cloud bounds the balls that hold k neighbours, and one pass collects what lies in the balls.
+std::vector<Neighborhood> nearestOfChosen(const std::vector<Vec3f>& positions,
+                                          const std::vector<Vec3f>& chosen, std::size_t k,
+                                          Progress& progress);
+
+} // namespace mpuvdb
