@@ -1,0 +1,239 @@
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/progress.h>
+
+#include "vdb_layout.h"
+
+#include <fmt/format.h>
+#include <openvdb/io/Archive.h>
+#include <openvdb/io/File.h>
+
+#include <array>
+#include <fstream>
+#include <mutex>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::FloatGrid;
+using openvdb::GridBase;
+namespace fs = std::filesystem;
+
+/// Registers OpenVDB's types, once.
+void initializeOpenVdb()
+{
+    static std::once_flag once;
+    std::call_once(once, [] { openvdb::initialize(); });
+}
+
+/// Run @a read on the opened file; what OpenVDB throws becomes ours. Grids are read whole: delayed
+/// loading maps the file, and a file that changes under it ends the process.
+template <typename Read>
+auto withVdbFile(const fs::path& file, const Read& read)
+{
+    initializeOpenVdb();
+    checkVdbLayout(file);
+    try {
+        openvdb::io::File archive(file.string());
+        archive.open(/*delayLoad=*/false);
+        return read(archive);
+    } catch (const Error&) {
+        throw;
+    } catch (const std::bad_alloc&) {
+        throw LimitError(fmt::format(
+            "{}: needs more memory than there is. Read it on a larger machine", file.string()));
+    } catch (const std::exception& e) {
+        throw InputError(fmt::format("{}: OpenVDB cannot read it: {}. Copy or write it again",
+                                     file.string(), e.what()));
+    }
+}
+
+bool isLevelSet(const GridBase& grid)
+{
+    return grid.getGridClass() == openvdb::GRID_LEVEL_SET && grid.isType<FloatGrid>();
+}
+
+std::string join(const std::vector<std::string>& texts)
+{
+    return fmt::format("{}", fmt::join(texts, ", "));
+}
+
+/// The name in the file of the level set that is meant.
+std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted)
+{
+    std::vector<std::string> there, levelSets;
+    for (auto name = archive.beginName(); name != archive.endName(); ++name) {
+        const auto grid = archive.readGridMetadata(*name);
+        there.push_back(fmt::format("'{}' ({}, {})", *name,
+                                    GridBase::gridClassToString(grid->getGridClass()),
+                                    grid->valueType()));
+        if (isLevelSet(*grid)) levelSets.push_back(*name);
+    }
+    const auto has = [&](const std::string& name) {
+        return std::find(levelSets.begin(), levelSets.end(), name) != levelSets.end();
+    };
+    const std::string name = wanted.empty() ? "surface" : wanted;
+    if (has(name)) return name;
+    if (wanted.empty() && levelSets.size() == 1) return levelSets[0];
+    const std::string all = there.empty() ? "no grid at all" : join(there);
+    if (!wanted.empty())
+        throw InputError(fmt::format(
+            "{}: has no float level set called '{}', but {}. Name one of its level sets",
+            archive.filename(), wanted, all));
+    if (levelSets.empty())
+        throw InputError(
+            fmt::format("{}: has no float level set, but {}. Convert one to a level set",
+                        archive.filename(), all));
+    throw InputError(fmt::format("{}: has several level sets: {}. Say which by its name",
+                                 archive.filename(), join(levelSets)));
+}
+
+/// A file that can be told to stop between two pieces of output.
+class StoppableBuffer : public std::filebuf
+{
+public:
+    explicit StoppableBuffer(const Progress& progress) : mProgress(progress) {}
+
+protected:
+    std::streamsize xsputn(const char* data, std::streamsize size) override
+    {
+        mProgress.check();
+        return std::filebuf::xsputn(data, size);
+    }
+
+private:
+    const Progress& mProgress;
+};
+
+/// OpenVDB's writer onto a stream of ours: its File cannot be stopped.
+class Writer : public openvdb::io::Archive
+{
+public:
+    Writer()
+    {
+        setCompression(
+            openvdb::io::COMPRESS_ACTIVE_MASK |
+            (hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC : openvdb::io::COMPRESS_ZIP));
+    }
+    void writeTo(std::ostream& out, const GridBase::ConstPtr& grid) const
+    {
+        Archive::write(out, openvdb::GridCPtrVec{grid}, /*seekable=*/true, {});
+    }
+};
+
+/// The grid with our metadata; the tree is shared, and the statistics are the writer's.
+FloatGrid::ConstPtr described(const LevelSet& levelSet,
+                              const std::map<std::string, std::string>& metadata)
+{
+    const FloatGrid& grid = levelSet.grid();
+    openvdb::MetaMap items(grid);
+    for (const auto& [key, value] : metadata) {
+        items.removeMeta(key);
+        items.insertMeta(key, openvdb::StringMetadata(value));
+    }
+    return openvdb::gridConstPtrCast<FloatGrid>(grid.copyReplacingMetadata(items));
+}
+
+/// Replace the random identifier by one that the content gives: same grid, same bytes.
+void identifyByContent(const fs::path& file)
+{
+    std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
+    stream.exceptions(std::ios::failbit | std::ios::badbit);
+    const std::string blank(kVdbUuidSize, '0');
+    stream.seekp(kVdbUuidOffset);
+    stream.write(blank.data(), std::streamsize(blank.size()));
+    stream.seekg(0);
+    // Two FNV-1a hashes of 64-bit words.
+    std::array<std::uint64_t, 2> hash = {0xcbf29ce484222325u, 0x6c62272e07bb0142u};
+    std::vector<std::uint64_t> words(1 << 16);
+    for (auto left = fs::file_size(file); left > 0;) {
+        const std::size_t bytes = std::min<std::size_t>(left, words.size() * sizeof words[0]);
+        words[(bytes - 1) / sizeof words[0]] = 0;
+        stream.read(reinterpret_cast<char*>(words.data()), std::streamsize(bytes));
+        for (std::size_t w = 0; w * sizeof words[0] < bytes; ++w)
+            hash[w % 2] = (hash[w % 2] ^ words[w]) * 0x100000001b3u ^ (hash[w % 2] >> 29);
+        left -= bytes;
+    }
+    const std::string uuid =
+        fmt::format("{:08x}-{:04x}-8{:03x}-{:04x}-{:012x}", hash[0] >> 32, hash[0] >> 16 & 0xffff,
+                    hash[0] & 0xfff, (hash[1] >> 48 & 0x3fff) | 0x8000, hash[1] & 0xffffffffffffu);
+    stream.seekp(kVdbUuidOffset);
+    stream.write(uuid.data(), std::streamsize(uuid.size()));
+    stream.close();
+}
+
+void writeStream(const fs::path& file, const GridBase::ConstPtr& grid, const Progress& progress)
+{
+    StoppableBuffer buffer(progress);
+    if (!buffer.open(file, std::ios::out | std::ios::binary | std::ios::trunc))
+        throw IoError(
+            fmt::format("{}: cannot be opened for writing. Write elsewhere", file.string()));
+    std::ostream out(&buffer);
+    out.exceptions(std::ios::failbit | std::ios::badbit);
+    Writer().writeTo(out, grid);
+    if (!buffer.close()) out.setstate(std::ios::badbit);
+}
+
+/// Read back what a reader sees first.
+void verify(const fs::path& temporary, const fs::path& file, const FloatGrid& grid)
+{
+    const bool same = withVdbFile(temporary, [&](openvdb::io::File& archive) {
+        const auto read = archive.readGridMetadata(grid.getName());
+        const auto voxels =
+            read->getMetadata<openvdb::Int64Metadata>(GridBase::META_FILE_VOXEL_COUNT);
+        return voxels && voxels->value() == std::int64_t(grid.activeVoxelCount());
+    });
+    if (!same)
+        throw IoError(fmt::format("{}: what was written does not read back. Write to another disk",
+                                  file.string()));
+}
+
+} // namespace
+
+LevelSet readLevelSet(const fs::path& file, const std::string& name)
+{
+    const auto grid = withVdbFile(file, [&](openvdb::io::File& archive) {
+        return archive.readGrid(chooseLevelSet(archive, name));
+    });
+    try {
+        return LevelSet(openvdb::gridPtrCast<FloatGrid>(grid));
+    } catch (const InputError& e) {
+        throw InputError(fmt::format("{}: {}", file.string(), e.what()));
+    }
+}
+
+openvdb::GridPtrVec readGrids(const fs::path& file)
+{
+    return withVdbFile(file, [](openvdb::io::File& archive) { return *archive.getGrids(); });
+}
+
+void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
+                   const std::map<std::string, std::string>& metadata, Progress& progress)
+{
+    initializeOpenVdb();
+    progress.beginStage("write", 1);
+    const auto grid = described(levelSet, metadata);
+    writeAtomically(file, [&](const fs::path& temporary) {
+        try {
+            writeStream(temporary, grid, progress);
+            identifyByContent(temporary);
+        } catch (const std::ios::failure& e) {
+            throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to "
+                                      "another disk",
+                                      file.string(), e.what()));
+        } catch (const openvdb::Exception& e) {
+            throw IoError(
+                fmt::format("{}: OpenVDB cannot write it: {}. Free some space, or write to "
+                            "another disk",
+                            file.string(), e.what()));
+        }
+        progress.check();
+        verify(temporary, file, *grid);
+    });
+    progress.advance();
+    progress.endStage();
+}
+
+} // namespace mpuvdb
