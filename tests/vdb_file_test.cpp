@@ -1,0 +1,342 @@
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/progress.h>
+
+#include <gtest/gtest.h>
+#include <openvdb/io/File.h>
+#include <openvdb/tools/LevelSetSphere.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <random>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+using openvdb::FloatGrid;
+
+LevelSet sphere(const std::string& name = "surface", float radius = 1)
+{
+    const auto grid =
+        openvdb::tools::createLevelSetSphere<FloatGrid>(radius, openvdb::Vec3f(0.5f, 0, -3), 0.1f);
+    grid->setName(name);
+    return LevelSet(grid);
+}
+
+void save(const fs::path& file, const LevelSet& levelSet,
+          const std::map<std::string, std::string>& metadata = {})
+{
+    Progress progress;
+    writeLevelSet(file, levelSet, metadata, progress);
+}
+
+std::string bytesOf(const fs::path& file)
+{
+    std::ifstream stream(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+void write(const fs::path& file, const std::string& bytes)
+{
+    std::ofstream(file, std::ios::binary) << bytes;
+}
+
+/// A folder of its own for every test.
+class VdbFile : public ::testing::Test
+{
+protected:
+    void SetUp() override
+    {
+        std::string name = (fs::temp_directory_path() / "mpuvdb-XXXXXX").string();
+        ASSERT_TRUE(::mkdtemp(name.data()));
+        mFolder = name;
+    }
+    void TearDown() override { fs::remove_all(mFolder); }
+
+    std::vector<std::string> names() const
+    {
+        std::vector<std::string> found;
+        for (const auto& entry : fs::directory_iterator(mFolder))
+            found.push_back(entry.path().filename().string());
+        std::sort(found.begin(), found.end());
+        return found;
+    }
+    /// Expects InputError or IoError with a text.
+    template <typename Exception>
+    void expectRefused(const fs::path& file, const std::string& text, const std::string& name = {})
+    {
+        try {
+            readLevelSet(file, name);
+            ADD_FAILURE() << "accepted";
+        } catch (const Exception& e) {
+            EXPECT_NE(std::string(e.what()).find(text), std::string::npos) << e.what();
+            EXPECT_NE(std::string(e.what()).find(file.string()), std::string::npos) << e.what();
+        }
+    }
+
+    fs::path mFolder;
+};
+
+using Names = std::vector<std::string>;
+
+TEST_F(VdbFile, ComesBackAsItWas)
+{
+    const fs::path file = mFolder / "a.vdb";
+    const LevelSet written = sphere();
+    const std::size_t items = written.grid().metaCount();
+    save(file, written, {{"mpuvdb:tolerance", "0.001"}, {"mpuvdb:inputs", "scan.ply"}});
+    EXPECT_EQ(written.grid().metaCount(), items);
+    EXPECT_EQ(names(), Names{"a.vdb"});
+
+    const LevelSet read = readLevelSet(file);
+    const FloatGrid &a = written.grid(), &b = read.grid();
+    EXPECT_EQ(b.getName(), "surface");
+    EXPECT_EQ(b.background(), a.background());
+    EXPECT_EQ(b.transform(), a.transform());
+    EXPECT_TRUE(a.tree().hasSameTopology(b.tree()));
+    for (auto v = a.cbeginValueAll(); v; ++v)
+        ASSERT_EQ(b.tree().getValue(v.getCoord()), *v) << v.getCoord();
+    EXPECT_EQ(b.metaValue<std::string>("mpuvdb:tolerance"), "0.001");
+    EXPECT_EQ(b.metaValue<std::string>("mpuvdb:inputs"), "scan.ply");
+    EXPECT_EQ(b.metaValue<openvdb::Int64>("file_voxel_count"),
+              openvdb::Int64(a.activeVoxelCount()));
+    EXPECT_TRUE(b["file_bbox_min"] && b["file_bbox_max"] && b["file_compression"]);
+    Progress progress;
+    EXPECT_TRUE(check(b, progress).sound());
+}
+
+TEST_F(VdbFile, OfTheSameGridHasTheSameBytes)
+{
+    save(mFolder / "a.vdb", sphere());
+    save(mFolder / "b.vdb", sphere());
+    save(mFolder / "c.vdb", sphere("surface", 1.01f));
+    const std::string a = bytesOf(mFolder / "a.vdb");
+    EXPECT_EQ(a, bytesOf(mFolder / "b.vdb"));
+    EXPECT_NE(a.substr(21, 36), bytesOf(mFolder / "c.vdb").substr(21, 36));
+    EXPECT_EQ(a[8], char(224));
+}
+
+TEST_F(VdbFile, GivesTheLevelSetThatIsMeant)
+{
+    openvdb::initialize();
+    const fs::path file = mFolder / "a.vdb";
+    const auto fog = FloatGrid::create(0);
+    fog->setName("density");
+    fog->setGridClass(openvdb::GRID_FOG_VOLUME);
+    fog->tree().setValue(openvdb::Coord(1, 2, 3), 1);
+    const auto store = [&](const openvdb::GridCPtrVec& grids) {
+        openvdb::io::File(file.string()).write(grids);
+    };
+    store({fog, sphere("rock").gridPtr()});
+    EXPECT_EQ(readLevelSet(file).grid().getName(), "rock");
+    EXPECT_EQ(readGrids(file).size(), 2u);
+    expectRefused<InputError>(file, "'rock' (level set, float)", "stone");
+    expectRefused<InputError>(file, "no float level set called 'density'", "density");
+    store({sphere("rock").gridPtr(), sphere("stone", 2).gridPtr()});
+    expectRefused<InputError>(file, "several level sets: rock, stone");
+    EXPECT_EQ(readLevelSet(file, "stone").grid().getName(), "stone");
+    store({sphere("rock").gridPtr(), sphere("surface", 2).gridPtr()});
+    EXPECT_EQ(readLevelSet(file).grid().getName(), "surface");
+    store({fog});
+    expectRefused<InputError>(file, "has no float level set");
+    store({});
+    expectRefused<InputError>(file, "no grid at all");
+    EXPECT_TRUE(readGrids(file).empty());
+}
+
+TEST_F(VdbFile, OfOtherProgramsCanBeRead)
+{
+    const char* folder = std::getenv("MPUVDB_DATA_DIR");
+    if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set";
+    for (const auto& entry : fs::directory_iterator(fs::path(folder) / "vdb")) {
+        EXPECT_FALSE(readGrids(entry.path()).empty()) << entry.path();
+    }
+    const fs::path sphereFile = fs::path(folder) / "vdb" / "sphere.vdb";
+    EXPECT_EQ(readLevelSet(sphereFile).grid().activeVoxelCount(), 270638u);
+}
+
+TEST_F(VdbFile, IsRefusedWhereItIsNone)
+{
+    expectRefused<IoError>(mFolder / "missing.vdb", "No such file");
+    write(mFolder / "empty.vdb", "");
+    expectRefused<InputError>(mFolder / "empty.vdb", "not a .vdb file");
+    write(mFolder / "text.vdb", "ply\nformat ascii 1.0\n");
+    expectRefused<InputError>(mFolder / "text.vdb", "not a .vdb file");
+    save(mFolder / "a.vdb", sphere());
+    std::string bytes = bytesOf(mFolder / "a.vdb");
+    bytes[8] = char(0xff);
+    write(mFolder / "new.vdb", bytes);
+    expectRefused<InputError>(mFolder / "new.vdb", "file format");
+}
+
+TEST_F(VdbFile, IsRefusedWhereverItIsCut)
+{
+    save(mFolder / "a.vdb", sphere());
+    const std::string bytes = bytesOf(mFolder / "a.vdb");
+    std::vector<std::size_t> cuts;
+    for (std::size_t cut = 8; cut < 1200; cut += 7) cuts.push_back(cut);
+    for (int i = 1; i < 60; ++i) cuts.push_back(bytes.size() * i / 60);
+    for (std::size_t last = 1; last < 20; ++last) cuts.push_back(bytes.size() - last);
+    for (const std::size_t cut : cuts) {
+        write(mFolder / "cut.vdb", bytes.substr(0, cut));
+        expectRefused<InputError>(mFolder / "cut.vdb", "Copy or write it again");
+    }
+}
+
+/// Run @a work in a process of its own, of limited time and memory. @return as waitpid's status.
+template <typename Work>
+int inChild(const Work& work)
+{
+    const pid_t child = ::fork();
+    if (child == 0) {
+        ::alarm(20);
+#ifndef __SANITIZE_ADDRESS__
+        const rlimit memory{rlim_t(2) << 30, rlim_t(2) << 30};
+        ::setrlimit(RLIMIT_AS, &memory);
+#endif
+        const rlimit core{0, 0};
+        ::setrlimit(RLIMIT_CORE, &core);
+        ::_exit(work());
+    }
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    return status;
+}
+
+TEST_F(VdbFile, NeverCrashesForADamagedHead)
+{
+    save(mFolder / "a.vdb", sphere(), {{"mpuvdb:note", "something"}});
+    const std::string good = bytesOf(mFolder / "a.vdb");
+    // Up to the root node's counts, behind the name of the transform and its 15 or 18 doubles.
+    const std::size_t head = good.rfind("UniformScaleMap") + 15 + 120 + 4 + 4 + 8;
+    ASSERT_LT(head, good.size());
+    const std::uint64_t seed =
+        std::getenv("MPUVDB_SEED") ? std::atoll(std::getenv("MPUVDB_SEED")) : 1;
+    std::mt19937_64 random(seed);
+    int refused = 0;
+    for (int trial = 0; trial < 200; ++trial) {
+        std::string bytes = good;
+        const std::size_t at = 8 + random() % (head - 8);
+        const int kind = int(random() % 3);
+        if (kind == 0)
+            bytes[at] = char(bytes[at] ^ (1 << random() % 8));
+        else
+            for (std::size_t i = 0; i < 4 && at + i < head; ++i)
+                bytes[at + i] = kind == 1 ? char(0xff) : char(random());
+        const fs::path file = mFolder / "damaged.vdb";
+        write(file, bytes);
+        const int status = inChild([&] {
+            try {
+                readGrids(file);
+                return 0;
+            } catch (const Error&) {
+                return 3;
+            }
+        });
+        ASSERT_TRUE(WIFEXITED(status) && (WEXITSTATUS(status) == 0 || WEXITSTATUS(status) == 3))
+            << "seed " << seed << ", trial " << trial << ", byte " << at << ", kind " << kind
+            << ", status " << status;
+        refused += WEXITSTATUS(status) == 3;
+    }
+    EXPECT_GT(refused, 20);
+}
+
+TEST_F(VdbFile, StaysAsItWasWhenAWriteFails)
+{
+    const fs::path file = mFolder / "a.txt";
+    write(file, "old");
+    const auto fail = [](const fs::path& temporary) {
+        write(temporary, "half of the ne");
+        throw InputError("no more");
+    };
+    EXPECT_THROW(writeAtomically(file, fail), InputError);
+    EXPECT_EQ(bytesOf(file), "old");
+    EXPECT_EQ(names(), Names{"a.txt"});
+
+    Progress progress;
+    progress.stop();
+    EXPECT_THROW(writeLevelSet(file, sphere(), {}, progress), Interrupted);
+    EXPECT_EQ(bytesOf(file), "old");
+    EXPECT_EQ(names(), Names{"a.txt"});
+}
+
+TEST_F(VdbFile, StaysAsItWasWhenTheProcessIsKilled)
+{
+    const fs::path file = mFolder / "a.txt";
+    write(file, "old");
+    const int status = inChild([&] {
+        writeAtomically(file, [](const fs::path& temporary) {
+            write(temporary, "half of the ne");
+            ::raise(SIGKILL);
+        });
+        return 0;
+    });
+    ASSERT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+    EXPECT_EQ(bytesOf(file), "old");
+    const Names left = names();
+    ASSERT_EQ(left.size(), 2u);
+    EXPECT_EQ(left[0].rfind(".a.txt.", 0), 0u) << left[0];
+    EXPECT_EQ(left[0].substr(left[0].size() - 4), ".tmp");
+}
+
+TEST_F(VdbFile, IsRemovedByASignalHandler)
+{
+    const fs::path file = mFolder / "a.txt";
+    write(file, "old");
+    const int status = inChild([&] {
+        ::signal(SIGTERM, [](int) {
+            removeTemporaryFiles();
+            ::_exit(130);
+        });
+        writeAtomically(file, [](const fs::path& temporary) {
+            write(temporary, "half of the ne");
+            ::raise(SIGTERM);
+        });
+        return 0;
+    });
+    ASSERT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 130);
+    EXPECT_EQ(bytesOf(file), "old");
+    EXPECT_EQ(names(), Names{"a.txt"});
+}
+
+TEST_F(VdbFile, IsWrittenThroughLinksWithUsualPermissions)
+{
+    fs::create_directory(mFolder / "sub");
+    fs::create_symlink("sub/real.txt", mFolder / "link.txt");
+    const mode_t before = ::umask(027);
+    writeAtomically(mFolder / "link.txt", [](const fs::path& t) { write(t, "new"); });
+    ::umask(before);
+    EXPECT_TRUE(fs::is_symlink(mFolder / "link.txt"));
+    EXPECT_EQ(bytesOf(mFolder / "sub" / "real.txt"), "new");
+    EXPECT_EQ(fs::status(mFolder / "sub" / "real.txt").permissions(), fs::perms(0640));
+    writeAtomically(mFolder / "link.txt", [](const fs::path& t) { write(t, "newer"); });
+    EXPECT_EQ(bytesOf(mFolder / "sub" / "real.txt"), "newer");
+    fs::create_symlink("loop.txt", mFolder / "loop.txt");
+    EXPECT_THROW(writeAtomically(mFolder / "loop.txt", [](const fs::path&) {}), IoError);
+}
+
+TEST_F(VdbFile, CannotBeWrittenWhereNoFileCanBe)
+{
+    const auto never = [](const fs::path&) { ADD_FAILURE(); };
+    EXPECT_THROW(writeAtomically(mFolder, never), IoError);
+    EXPECT_THROW(writeAtomically(mFolder / "", never), IoError);
+    EXPECT_THROW(writeAtomically(mFolder / "no" / "a.vdb", never), IoError);
+    EXPECT_THROW(writeAtomically("/dev/null", never), IoError);
+    ASSERT_EQ(::mkfifo((mFolder / "pipe").c_str(), 0600), 0);
+    EXPECT_THROW(writeAtomically(mFolder / "pipe", never), IoError);
+    EXPECT_EQ(names(), Names{"pipe"});
+    const std::string longName(250, 'x');
+    writeAtomically(mFolder / longName, [](const fs::path& t) { write(t, "new"); });
+    EXPECT_EQ(bytesOf(mFolder / longName), "new");
+}
+
+} // namespace
+} // namespace mpuvdb
