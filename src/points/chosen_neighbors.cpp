@@ -1,6 +1,7 @@
 #include "chosen_neighbors.h"
 
 #include "kd_tree.h"
+#include "position_order.h"
 #include "random.h"
 
 #include <mpuvdb/progress.h>
@@ -21,14 +22,9 @@ namespace
 
 constexpr std::size_t kChunk = 1 << 16; // points
 
-bool before(const Vec3f& a, const Vec3f& b)
-{
-    return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
-}
-
 void sortUnique(std::vector<Vec3f>& positions)
 {
-    std::sort(positions.begin(), positions.end(), before);
+    std::sort(positions.begin(), positions.end(), positionBefore);
     positions.erase(std::unique(positions.begin(), positions.end()), positions.end());
 }
 
@@ -172,7 +168,7 @@ void collect(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& chos
         Neighborhood& n = neighborhoods[members[i]];
         std::sort(n.neighbors.begin(), n.neighbors.end(), [&](const Vec3f& a, const Vec3f& b) {
             const double da = squaredDistance(a, n.center), db = squaredDistance(b, n.center);
-            return da != db ? da < db : before(a, b);
+            return da != db ? da < db : positionBefore(a, b);
         });
         n.neighbors.erase(std::unique(n.neighbors.begin(), n.neighbors.end()), n.neighbors.end());
     });
