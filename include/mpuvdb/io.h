@@ -49,22 +49,29 @@ void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& pr
 LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {});
 
 /// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
+/// Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels: damage
+/// there may crash, so read strangers' files in a process of their own.
 openvdb::GridPtrVec readGrids(const std::filesystem::path& file);
 
-/// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001").
+/// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"). Equal grids and
+/// metadata give equal bytes. @throws IoError, Interrupted.
 void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
                    const std::map<std::string, std::string>& metadata, Progress& progress);
 
-/// A shaded picture of the zero set, by OpenVDB's ray tracer.
+/// A shaded picture of the zero set as PNG, by OpenVDB's ray tracer.
+/// @throws UsageError for settings out of range, IoError, Interrupted.
 struct PictureSettings {
     int width = 800, height = 600;        ///< pixels, in [16, 8192]
-    double azimuth = 30, elevation = 20; ///< degrees: of the camera about +Y, above the horizon
+    double azimuth = 30, elevation = 20; ///< degrees: of the camera about +Y from +Z, in
+                                         ///< [-360, 360], and above the horizon, in [-90, 90]
 };
 void writePicture(const std::filesystem::path& file, const LevelSet& levelSet,
                   const PictureSettings& settings, Progress& progress);
 
 /// Call @a write with a temporary file's path in the target's folder; flush to disk and rename it
-/// to @a file. If anything throws, or the process stops in order, nothing is left behind.
+/// to @a file, or what @a file links to. If anything throws, or the process stops in order, nothing
+/// is left behind; if it is killed, at most ".NAME.PID-N.tmp" is, and the old file is whole.
+/// @throws IoError (no such folder, not a regular file, write-protected, disk full).
 void writeAtomically(const std::filesystem::path& file,
                      const std::function<void(const std::filesystem::path&)>& write);
 

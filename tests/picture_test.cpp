@@ -1,0 +1,154 @@
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/progress.h>
+
+#include <gtest/gtest.h>
+#include <openvdb/tools/LevelSetSphere.h>
+#include <png.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <fstream>
+#include <stdlib.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+using openvdb::FloatGrid;
+
+LevelSet sphere(const openvdb::Vec3d& at = openvdb::Vec3d(0), float halfWidth = 3)
+{
+    const auto grid =
+        openvdb::tools::createLevelSetSphere<FloatGrid>(1, openvdb::Vec3f(0), 0.05f, halfWidth);
+    grid->transform().postTranslate(at);
+    return LevelSet(grid);
+}
+
+struct Picture {
+    int width = 0, height = 0;
+    std::vector<std::uint8_t> rgb;
+
+    const std::uint8_t* pixel(int x, int y) const { return &rgb[3 * (std::size_t(y) * width + x)]; }
+    bool isGrey(int x, int y) const
+    {
+        return pixel(x, y)[0] == pixel(x, y)[1] && pixel(x, y)[1] == pixel(x, y)[2];
+    }
+};
+
+Picture load(const fs::path& file)
+{
+    png_image image{};
+    image.version = PNG_IMAGE_VERSION;
+    Picture picture;
+    EXPECT_TRUE(png_image_begin_read_from_file(&image, file.c_str())) << image.message;
+    EXPECT_EQ(image.format, png_uint_32(PNG_FORMAT_RGB));
+    picture.width = int(image.width);
+    picture.height = int(image.height);
+    picture.rgb.resize(PNG_IMAGE_SIZE(image));
+    EXPECT_TRUE(png_image_finish_read(&image, nullptr, picture.rgb.data(), 0, nullptr));
+    return picture;
+}
+
+class PictureFile : public ::testing::Test
+{
+protected:
+    void SetUp() override
+    {
+        std::string name = (fs::temp_directory_path() / "mpuvdb-XXXXXX").string();
+        ASSERT_TRUE(::mkdtemp(name.data()));
+        mFolder = name;
+    }
+    void TearDown() override { fs::remove_all(mFolder); }
+
+    Picture pictureOf(const LevelSet& levelSet, const PictureSettings& settings)
+    {
+        Progress progress;
+        writePicture(mFolder / "a.png", levelSet, settings, progress);
+        return load(mFolder / "a.png");
+    }
+
+    fs::path mFolder;
+};
+
+PictureSettings small()
+{
+    PictureSettings settings;
+    settings.width = 160;
+    settings.height = 120;
+    return settings;
+}
+
+TEST_F(PictureFile, ShowsARoundLitSphereBeforeTheBackground)
+{
+    for (const float halfWidth : {2.f, 3.f, 8.f}) {
+        const Picture picture = pictureOf(sphere(openvdb::Vec3d(0), halfWidth), small());
+        ASSERT_EQ(picture.width, 160);
+        ASSERT_EQ(picture.height, 120);
+        // The background is grey, the sphere is tinted by its lights.
+        EXPECT_TRUE(picture.isGrey(0, 0));
+        EXPECT_TRUE(picture.isGrey(159, 119));
+        EXPECT_GT(picture.pixel(0, 0)[0], picture.pixel(0, 119)[0]);
+        int columns = 0, rows = 0;
+        for (int x = 0; x < 160; ++x) columns += !picture.isGrey(x, 60);
+        for (int y = 0; y < 120; ++y) rows += !picture.isGrey(80, y);
+        EXPECT_NEAR(columns, rows, 3);
+        EXPECT_GT(rows, 60);
+        EXPECT_LT(rows, 116);
+        // The key light comes from the upper left.
+        EXPECT_GT(picture.pixel(65, 45)[0], picture.pixel(95, 75)[0] + 50);
+    }
+}
+
+TEST_F(PictureFile, DependsNeitherOnPlaceNorThreads)
+{
+    const Picture near = pictureOf(sphere(), small());
+    EXPECT_EQ(pictureOf(sphere(openvdb::Vec3d(5e6, -5e6, 5e6)), small()).rgb, near.rgb);
+    for (const std::size_t threads : {1, 2, 8}) {
+        tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
+        EXPECT_EQ(pictureOf(sphere(), small()).rgb, near.rgb);
+    }
+}
+
+TEST_F(PictureFile, ShowsNothingForNothing)
+{
+    const auto grid = FloatGrid::create(3);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    const Picture picture = pictureOf(LevelSet(grid), small());
+    EXPECT_TRUE(picture.isGrey(80, 60));
+}
+
+TEST_F(PictureFile, CanBeTakenFromEverywhere)
+{
+    PictureSettings settings = small();
+    settings.width = 16;
+    for (const double elevation : {-90.0, 90.0})
+        for (const double azimuth : {-360.0, 0.0, 135.0}) {
+            settings.azimuth = azimuth;
+            settings.elevation = elevation;
+            EXPECT_FALSE(pictureOf(sphere(), settings).isGrey(8, 60));
+        }
+}
+
+TEST_F(PictureFile, RefusesNonsenseAndStops)
+{
+    Progress progress;
+    PictureSettings settings = small();
+    settings.width = 15;
+    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, progress), UsageError);
+    settings = small();
+    settings.height = 8193;
+    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, progress), UsageError);
+    settings = small();
+    settings.azimuth = std::nan("");
+    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, progress), UsageError);
+    EXPECT_THROW(writePicture(mFolder / "no" / "b.png", sphere(), small(), progress), IoError);
+    progress.stop();
+    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), small(), progress), Interrupted);
+    EXPECT_TRUE(fs::is_empty(mFolder));
+}
+
+} // namespace
+} // namespace mpuvdb
