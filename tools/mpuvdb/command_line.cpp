@@ -27,7 +27,7 @@ void addCommonOptions(CLI::App& app, CommonOptions& options)
     const char* const group = "Options of every verb";
     app.add_option("--threads", options.threads, "Threads to use; default: all")
         ->type_name("N")
-        ->check(CLI::Range(1, 4096))
+        ->check(CLI::Range(1, 4096).description(""))
         ->group(group);
     app.add_option_function<std::string>(
            "--max-memory",
@@ -38,7 +38,7 @@ void addCommonOptions(CLI::App& app, CommonOptions& options)
     app.add_option("--progress", options.progress,
                    "auto, bar, json or none; auto: a bar where a terminal is watching")
         ->type_name("STYLE")
-        ->check(CLI::IsMember({"auto", "bar", "json", "none"}))
+        ->check(oneOf({"auto", "bar", "json", "none"}))
         ->group(group);
     app.add_option("--report", options.report,
                    "Write settings, results and times as JSON; - is standard output")
@@ -95,9 +95,9 @@ public:
     {
         mRoot.get_formatter()->column_width(32);
         mRoot.get_formatter()->label("SUBCOMMAND", "VERB");
-        mRoot.get_formatter()->label("Subcommands", "Verbs");
         mRoot.set_help_flag("-h,--help", "Print this help and leave");
-        mRoot.set_version_flag("--version", "mpuvdb " MPUVDB_VERSION);
+        mRoot.set_version_flag("--version", "mpuvdb " MPUVDB_VERSION,
+                               "Print the version and leave");
         mRoot.require_subcommand(1);
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
@@ -133,6 +133,7 @@ private:
     {
         const VerbText text = verb->text();
         CLI::App& app = *mRoot.add_subcommand(text.name, text.summary);
+        app.group("Verbs");
         verb->addOptions(app);
         addCommonOptions(app, mOptions);
         app.footer(std::string("Examples:\n") + text.examples + "\n" + kConventions);
@@ -157,6 +158,11 @@ CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Len
         }
     };
     return app.add_option_function<std::string>(name, parse, description)->type_name("LENGTH");
+}
+
+CLI::Validator oneOf(const std::vector<std::string>& words)
+{
+    return CLI::IsMember(words).description("");
 }
 
 CLI::Option* addGridName(CLI::App& app, std::string& value)

@@ -111,7 +111,9 @@ private:
                        "Points that a local fit needs; default: 15, more where there is noise")
             ->type_name("N")
             ->group(group);
-        app.add_flag("!--no-sharp", mSettings.sharp, "Fit no edges and corners: smooth everywhere")
+        app.add_flag_callback(
+               "--no-sharp", [this] { mSettings.sharp = false; },
+               "Fit no edges and corners: smooth everywhere")
             ->group(group);
     }
 
@@ -121,14 +123,14 @@ private:
         app.add_option("--normals", mNormals,
                        "auto: those of the files, estimated where there are none; estimate: always")
             ->type_name("auto|estimate")
-            ->check(CLI::IsMember({"auto", "estimate"}))
+            ->check(oneOf({"auto", "estimate"}))
             ->group(group);
         app.add_flag("--flip-normals", mFlipNormals, "Turn all normals round: they point inward")
             ->group(group);
         app.add_option("--bad-points", mBadPoints,
                        "What is done with points that are not finite or have no normal")
             ->type_name("drop|fail")
-            ->check(CLI::IsMember({"drop", "fail"}))
+            ->check(oneOf({"drop", "fail"}))
             ->capture_default_str()
             ->group(group);
     }

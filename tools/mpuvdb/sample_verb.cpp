@@ -44,7 +44,7 @@ public:
                        "even: neighbours keep their distance; random: independent; scan: range\n"
                        "images with occlusion")
             ->type_name("even|random|scan")
-            ->check(CLI::IsMember(&kPatterns))
+            ->check(oneOf({"even", "random", "scan"}))
             ->capture_default_str();
         app.add_option("--views", mScan.views, "Viewpoints of a scan, spread around")
             ->type_name("N")
@@ -53,7 +53,8 @@ public:
             ->type_name("X Y Z")
             ->type_size(3)
             ->expected(1, 1000);
-        app.add_flag("!--no-normals", mScan.normals, "Positions only");
+        app.add_flag_callback(
+            "--no-normals", [this] { mScan.normals = false; }, "Positions only");
         app.add_option("--seed", mScan.seed, "The same seed gives the same bytes")
             ->type_name("N")
             ->capture_default_str();

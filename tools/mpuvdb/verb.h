@@ -48,6 +48,9 @@ std::unique_ptr<Verb> makeRender();
 CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Length>& value,
                        const std::string& description);
 
+/// The check that a value is one of @a words, which the option's type name shows already.
+CLI::Validator oneOf(const std::vector<std::string>& words);
+
 /// Declare --grid, which names one grid of a .vdb file.
 CLI::Option* addGridName(CLI::App& app, std::string& value);
 
