@@ -1,0 +1,102 @@
+#include "column_layout.h"
+
+#include "text_scan.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Rows = std::vector<std::vector<double>>;
+
+bool isWhole(double v)
+{
+    return v == std::floor(v);
+}
+
+// Whether f holds for the three values from @a first on in at least 95 % of the rows.
+template <class F>
+bool mostTriples(const Rows& rows, std::size_t first, const F& f)
+{
+    if (first + 3 > rows.front().size()) return false;
+    const auto good = std::count_if(rows.begin(), rows.end(),
+                                    [&](const auto& row) { return f(row.data() + first); });
+    return 20 * std::size_t(good) >= 19 * rows.size();
+}
+
+bool areUnit(const Rows& rows, std::size_t first)
+{
+    return mostTriples(rows, first, [](const double* t) {
+        return std::abs(t[0] * t[0] + t[1] * t[1] + t[2] * t[2] - 1) < 0.1;
+    });
+}
+
+bool areBytes(const Rows& rows, std::size_t first)
+{
+    return mostTriples(rows, first, [](const double* t) {
+        return std::all_of(t, t + 3, [](double v) { return isWhole(v) && v >= 0 && v <= 255; });
+    });
+}
+
+bool areFractions(const Rows& rows, std::size_t first)
+{
+    return mostTriples(rows, first, [](const double* t) {
+        return std::all_of(t, t + 3, [](double v) { return v >= 0 && v <= 1; });
+    });
+}
+
+void assign(ColumnLayout& layout, std::size_t first, Attribute attribute)
+{
+    for (std::size_t i = 0; i < 3; ++i)
+        layout.columns[first + i] = Attribute(std::size_t(attribute) + i);
+}
+
+} // namespace
+
+ColumnLayout layoutFromNames(std::string_view line)
+{
+    ColumnLayout layout;
+    while (!line.empty() && (line.front() == '#' || line.front() == '/')) line.remove_prefix(1);
+    LineScanner scan(line);
+    while (!scan.atEnd()) {
+        std::string_view name = scan.word();
+        if (name.size() > 2 && name.front() == '"') name = name.substr(1, name.size() - 2);
+        layout.columns.push_back(attributeOf(name));
+    }
+    if (!AttributeSet(layout.columns).position) layout.columns.clear();
+    return layout;
+}
+
+ColumnLayout layoutFromValues(const Rows& rows)
+{
+    ColumnLayout layout;
+    layout.columns.assign(rows.front().size(), Attribute::None);
+    assign(layout, 0, Attribute::X);
+    const std::size_t columns = layout.columns.size();
+    // Before a colour there may be an intensity.
+    for (const std::size_t first : {std::size_t(3), std::size_t(6), std::size_t(7)})
+        if (areUnit(rows, first)) {
+            assign(layout, first, Attribute::NormalX);
+            break;
+        }
+    const auto isFree = [&](std::size_t first) {
+        return first + 3 <= columns && layout.columns[first] == Attribute::None &&
+               layout.columns[first + 2] == Attribute::None;
+    };
+    for (const std::size_t first : {std::size_t(3), std::size_t(4), std::size_t(6)})
+        if (isFree(first) && areBytes(rows, first)) {
+            assign(layout, first, Attribute::Red);
+            return layout;
+        }
+    // Six columns that are no bytes: colours in [0,1], or normals that nobody normalised.
+    if (columns == 6 && isFree(3)) {
+        layout.unitColors = areFractions(rows, 3);
+        assign(layout, 3, layout.unitColors ? Attribute::Red : Attribute::NormalX);
+    }
+    return layout;
+}
+
+} // namespace mpuvdb

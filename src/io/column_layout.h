@@ -1,0 +1,21 @@
+// What the columns of a plain text file mean.
+#pragma once
+#include "raw_points.h"
+
+namespace mpuvdb
+{
+
+/// The meaning of each column.
+struct ColumnLayout {
+    std::vector<Attribute> columns;
+    bool unitColors = false; ///< colours are in [0,1], not [0,255]
+};
+
+/// From a line of names ("x y z nx ny nz"). @return no columns if x, y or z is not among them.
+ColumnLayout layoutFromNames(std::string_view line);
+
+/// From the values of some rows, all of the same length of at least three: positions first; then
+/// triples of unit length are normals, triples of whole numbers in [0,255] colours.
+ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows);
+
+} // namespace mpuvdb

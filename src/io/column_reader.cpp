@@ -1,0 +1,206 @@
+// XYZ, PTS, PWN, TXT, CSV: one point per line, and the few things that stand before and between.
+#include "column_layout.h"
+#include "line_reader.h"
+#include "readers.h"
+#include "text_scan.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kSampleRows = 1000;
+
+// What the beginning of the file tells.
+struct Preamble {
+    ColumnLayout layout;
+    AttributeSet has;
+    bool tagged = false;   ///< points are lines "p x y z", others are not points
+    bool hasCount = false; ///< the first line is the number of points
+    std::uint64_t count = 0;
+    std::uint64_t nameLine = 0; ///< number of the line of names; 0: none
+};
+
+struct Rows {
+    PointBlock points;
+    std::uint64_t counted = 0; ///< points that further lines of a single number promise
+};
+
+bool isTag(std::string_view word)
+{
+    return word.size() == 1 && word.front() >= 'a' && word.front() <= 'z';
+}
+
+class ColumnReader
+{
+public:
+    ColumnReader(const ByteSource& source, Progress& progress)
+        : mSource(source), mProgress(progress)
+    {
+    }
+
+    FilePoints read()
+    {
+        readPreamble();
+        FilePoints result;
+        std::uint64_t counted = 0;
+        LineReader lines(mSource);
+        parseLines<Rows>(
+            lines, std::numeric_limits<std::uint64_t>::max(), mProgress,
+            [&](const LineBatch& batch, Rows& rows) {
+                rows.points.reserve(batch.lines, mBegin.has);
+                forEachLine(batch, [&](std::string_view line, std::uint64_t number) {
+                    parseLine(line, number, rows);
+                });
+            },
+            [&](Rows&& rows) {
+                counted += rows.counted;
+                if (rows.points.size() > 0) result.blocks.push_back(std::move(rows.points));
+            });
+        if (mBegin.hasCount) compareCount(result, counted);
+        return result;
+    }
+
+private:
+    [[noreturn]] void throwBad(std::uint64_t number, std::string_view line,
+                               const std::string& what) const
+    {
+        throw InputError(fmt::format("{}: line {}: {} {}. Export the file as numbers in columns.",
+                                     mSource.name(), number, inQuotes(line), what));
+    }
+
+    void readPreamble()
+    {
+        LineReader lines(mSource);
+        std::vector<std::vector<double>> sample;
+        std::string_view line;
+        bool first = true;
+        while (sample.size() < kSampleRows && lines.next(line)) {
+            LineScanner scan(line);
+            if (scan.atEndOrComment()) {
+                // Some programs write their names as a comment.
+                if (first && sample.empty()) mBegin.layout = layoutFromNames(line);
+                continue;
+            }
+            LineScanner ahead = scan;
+            const bool tagged = isTag(ahead.word()) && (first || mBegin.tagged);
+            if (first && !tagged && readFirstLine(line, lines.line())) {
+                first = false;
+                continue;
+            }
+            mBegin.tagged = mBegin.tagged || tagged;
+            first = false;
+            takeSample(line, lines.line(), sample);
+        }
+        chooseLayout(sample);
+    }
+
+    // A line of names, or of the number of points.
+    bool readFirstLine(std::string_view line, std::uint64_t number)
+    {
+        const ColumnLayout named = layoutFromNames(line);
+        if (!named.columns.empty()) {
+            mBegin.layout = named;
+            mBegin.nameLine = number;
+            return true;
+        }
+        LineScanner scan(line);
+        std::int64_t count = 0;
+        mBegin.hasCount = scan.integer(count) && count >= 0 && scan.atEndOrComment();
+        if (mBegin.hasCount) mBegin.count = std::uint64_t(count);
+        return mBegin.hasCount;
+    }
+
+    void takeSample(std::string_view line, std::uint64_t number,
+                    std::vector<std::vector<double>>& sample) const
+    {
+        LineScanner scan(line);
+        if (mBegin.tagged && scan.word() != "p") return;
+        std::vector<double> row;
+        double value = 0;
+        while (!scan.atEndOrComment()) {
+            if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
+            row.push_back(value);
+        }
+        if (row.size() == 1 && mBegin.hasCount) return;
+        if (row.size() < 3) throwBad(number, line, "has fewer than three numbers");
+        if (sample.empty() || row.size() == sample.front().size()) sample.push_back(std::move(row));
+    }
+
+    void chooseLayout(const std::vector<std::vector<double>>& sample)
+    {
+        if (sample.empty())
+            throw InputError(
+                fmt::format("{}: holds no points. Check what was exported.", mSource.name()));
+        if (mBegin.layout.columns.empty() || mBegin.layout.columns.size() > sample.front().size())
+            mBegin.layout = layoutFromValues(sample);
+        mBegin.has = AttributeSet(mBegin.layout.columns);
+        mBegin.has.colors = mBegin.has.colors && !mBegin.has.packedRgb;
+        mBegin.has.packedRgb = false;
+    }
+
+    void parseLine(std::string_view line, std::uint64_t number, Rows& rows) const
+    {
+        LineScanner scan(line);
+        if (scan.atEndOrComment() || number == mBegin.nameLine) return;
+        if (mBegin.tagged && scan.word() != "p") return;
+        RowValues row{};
+        std::size_t column = 0;
+        for (; column < mBegin.layout.columns.size() && !scan.atEndOrComment(); ++column) {
+            double value = 0;
+            if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
+            const Attribute attribute = mBegin.layout.columns[column];
+            if (attribute == Attribute::None) continue;
+            if (attribute >= Attribute::Red && mBegin.layout.unitColors) value *= 255;
+            row[std::size_t(attribute)] = value;
+        }
+        if (column == 1 && mBegin.hasCount && row[0] >= 0 && row[0] < 1e15) {
+            rows.counted += std::uint64_t(row[0]);
+            return;
+        }
+        if (column < mBegin.layout.columns.size())
+            throwBad(number, line,
+                     fmt::format("has {} numbers where others have {}: the file is truncated or "
+                                 "damaged",
+                                 column, mBegin.layout.columns.size()));
+        rows.points.append(row, mBegin.has);
+    }
+
+    // As many triples again as were promised are normals, in order.
+    void compareCount(FilePoints& result, std::uint64_t counted) const
+    {
+        const std::uint64_t found = result.size();
+        if (found < counted)
+            throw InputError(fmt::format("{}: promises {} points, but {} follow: the file is "
+                                         "truncated. Copy or export it again.",
+                                         mSource.name(), counted, found));
+        if (mBegin.layout.columns.size() != 3 || counted == 0 || counted != mBegin.count ||
+            found != 2 * counted)
+            return;
+        PointBlock& block = result.joined();
+        block.normals.reserve(counted);
+        for (std::size_t i = counted; i < found; ++i)
+            block.normals.push_back(block.positions[i].cast<float>());
+        block.positions.resize(counted);
+    }
+
+    const ByteSource& mSource;
+    Progress& mProgress;
+    Preamble mBegin;
+};
+
+} // namespace
+
+FilePoints readColumns(const ByteSource& source, Progress& progress)
+{
+    return ColumnReader(source, progress).read();
+}
+
+} // namespace mpuvdb

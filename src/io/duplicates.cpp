@@ -1,0 +1,122 @@
+// Exact copies of points: found by hashing, part by part so that each table fits a cache.
+#include "raw_points.h"
+
+#include <mpuvdb/progress.h>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <cstring>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::uint32_t kEmpty = 0xffffffffu;
+constexpr std::size_t kPartPoints = 8192;
+
+std::uint64_t mix(std::uint64_t h, std::uint64_t value)
+{
+    h = (h ^ value) * 0x9e3779b97f4a7c15ull;
+    return h ^ (h >> 29);
+}
+
+std::uint64_t hashOf(const Vec3f& v, std::uint64_t h)
+{
+    std::uint32_t bits[3];
+    const Vec3f plusZero = v + Vec3f::Zero(); // -0 equals 0
+    std::memcpy(bits, plusZero.data(), sizeof bits);
+    return mix(mix(h, bits[0] | std::uint64_t(bits[1]) << 32), bits[2]);
+}
+
+std::uint64_t hashOf(const PointCloud& cloud, std::size_t i)
+{
+    std::uint64_t h = hashOf(cloud.positions[i], 0x2545f4914f6cdd1dull);
+    if (!cloud.normals.empty()) h = hashOf(cloud.normals[i], h);
+    return mix(h, h >> 32);
+}
+
+bool same(const PointCloud& cloud, std::size_t i, std::size_t j)
+{
+    return cloud.positions[i] == cloud.positions[j] &&
+           (cloud.normals.empty() || cloud.normals[i] == cloud.normals[j]) &&
+           (cloud.confidence.empty() || cloud.confidence[i] == cloud.confidence[j]) &&
+           (cloud.colors.empty() || cloud.colors[i] == cloud.colors[j]);
+}
+
+// Points with their hashes' upper halves, grouped by the uppermost bits.
+struct Parts {
+    std::vector<std::uint64_t> keys; ///< upper half of the hash, index below
+    std::vector<std::size_t> starts; ///< of each part in keys, and the end
+};
+
+Parts partition(const PointCloud& cloud)
+{
+    const std::size_t points = cloud.size();
+    int bits = 0;
+    while (bits < 16 && (points >> bits) > kPartPoints) ++bits;
+    std::vector<std::uint32_t> hashes(points);
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points, 1 << 16), [&](const auto& range) {
+        for (std::size_t i = range.begin(); i < range.end(); ++i)
+            hashes[i] = std::uint32_t(hashOf(cloud, i) >> 32);
+    });
+    const auto partOf = [&](std::uint32_t hash) { return std::uint64_t(hash) << bits >> 32; };
+    Parts parts;
+    parts.starts.assign((std::size_t(1) << bits) + 1, 0);
+    for (const std::uint32_t hash : hashes) ++parts.starts[partOf(hash) + 1];
+    for (std::size_t p = 1; p < parts.starts.size(); ++p) parts.starts[p] += parts.starts[p - 1];
+    parts.keys.resize(points);
+    std::vector<std::size_t> next(parts.starts.begin(), parts.starts.end() - 1);
+    for (std::size_t i = 0; i < points; ++i)
+        parts.keys[next[partOf(hashes[i])]++] = std::uint64_t(hashes[i]) << 32 | i;
+    return parts;
+}
+
+// Marks every point of keys[begin, end) that equals one before it.
+void markPart(const PointCloud& cloud, const std::vector<std::uint64_t>& keys, std::size_t begin,
+              std::size_t end, std::vector<std::uint8_t>& keep)
+{
+    std::size_t slots = 16;
+    while (slots < 2 * (end - begin)) slots *= 2;
+    std::vector<std::uint32_t> table(slots, kEmpty); // places in keys, from begin
+    for (std::size_t k = begin; k < end; ++k) {
+        // The uppermost bits chose the part: the place comes from the ones below, multiplied apart.
+        std::size_t slot = std::size_t((keys[k] >> 32) * 0x9e3779b1u >> 8) & (slots - 1);
+        for (; table[slot] != kEmpty; slot = (slot + 1) & (slots - 1)) {
+            const std::uint64_t other = keys[begin + table[slot]];
+            if (other >> 32 == keys[k] >> 32 &&
+                same(cloud, std::uint32_t(other), std::uint32_t(keys[k])))
+                break;
+        }
+        if (table[slot] == kEmpty)
+            table[slot] = std::uint32_t(k - begin);
+        else
+            keep[std::uint32_t(keys[k])] = 0;
+    }
+}
+
+} // namespace
+
+std::uint64_t dropDuplicates(PointCloud& cloud, Progress& progress)
+{
+    const std::size_t points = cloud.size();
+    std::vector<std::uint8_t> keep(points, 1);
+    {
+        const Parts parts = partition(cloud);
+        tbb::parallel_for(std::size_t(0), parts.starts.size() - 1, [&](std::size_t p) {
+            progress.check();
+            markPart(cloud, parts.keys, parts.starts[p], parts.starts[p + 1], keep);
+        });
+    }
+    std::uint64_t dropped = 0;
+    for (const std::uint8_t k : keep) dropped += k == 0;
+    if (dropped == 0) return 0;
+    compactVector(cloud.positions, keep);
+    compactVector(cloud.normals, keep);
+    compactVector(cloud.confidence, keep);
+    compactVector(cloud.colors, keep);
+    return dropped;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,110 @@
+// LAS 1.0 to 1.4, uncompressed.
+#include "readers.h"
+#include "records.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kHeaderBytes = 227, kHeaderBytes14 = 375;
+constexpr int kFormats = 11;
+constexpr std::uint64_t kSmallest[kFormats] = {20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
+constexpr std::uint64_t kColorOffset[kFormats] = {0, 0, 20, 28, 0, 28, 0, 30, 30, 0, 30};
+
+struct LasHeader {
+    std::uint64_t offset = 0, stride = 0, points = 0;
+    int format = 0;
+    Vec3d scale, shift;
+};
+
+LasHeader parseHeader(const ByteSource& source)
+{
+    const std::string head = source.head(kHeaderBytes14);
+    const auto integer = [&](ScalarType type, std::size_t at) {
+        return std::uint64_t(loadInteger(type, head.data() + at, false));
+    };
+    if (head.size() < kHeaderBytes || head.compare(0, 4, "LASF") != 0)
+        throw InputError(
+            fmt::format("{}: its LAS header is incomplete: the file is truncated. Copy "
+                        "it again.",
+                        source.name()));
+    LasHeader header;
+    const unsigned minor = static_cast<unsigned char>(head[25]);
+    header.offset = integer(ScalarType::UInt32, 96);
+    header.format = static_cast<unsigned char>(head[104]);
+    header.stride = integer(ScalarType::UInt16, 105);
+    header.points = integer(ScalarType::UInt32, 107);
+    if (header.format >= 64)
+        throw InputError(
+            fmt::format("{}: is compressed (LAZ). Decompress it first, for example with "
+                        "'pdal translate in.laz out.las'.",
+                        source.name()));
+    if (minor >= 4 && head.size() >= kHeaderBytes14 && integer(ScalarType::UInt64, 247) > 0)
+        header.points = integer(ScalarType::UInt64, 247);
+    if (header.format >= kFormats || header.stride < kSmallest[header.format] ||
+        header.offset < kHeaderBytes)
+        throw InputError(fmt::format("{}: point format {} with {} bytes per point at byte {} is no "
+                                     "LAS 1.0 to 1.4. Export it again.",
+                                     source.name(), header.format, header.stride, header.offset));
+    for (int a = 0; a < 3; ++a) {
+        header.scale[a] = loadScalar(ScalarType::Float64, head.data() + 131 + 8 * a, false);
+        header.shift[a] = loadScalar(ScalarType::Float64, head.data() + 155 + 8 * a, false);
+    }
+    return header;
+}
+
+RecordLayout layoutOf(const LasHeader& header)
+{
+    RecordLayout layout;
+    layout.stride = header.stride;
+    for (int a = 0; a < 3; ++a)
+        layout.columns.push_back(
+            {Attribute(a), ScalarType::Int32, std::uint64_t(4 * a), header.stride});
+    const std::uint64_t colors = kColorOffset[header.format];
+    if (colors > 0)
+        for (int c = 0; c < 3; ++c)
+            layout.columns.push_back({Attribute(int(Attribute::Red) + c), ScalarType::UInt16,
+                                      colors + std::uint64_t(2 * c), header.stride});
+    return layout;
+}
+
+// Colours should fill 16 bits, yet many files hold bytes: then the low bytes are the colour.
+bool hasByteColors(const ByteSource& source, const LasHeader& header)
+{
+    const std::uint64_t colors = kColorOffset[header.format];
+    if (colors == 0) return false;
+    ByteCursor cursor(source, header.offset);
+    for (std::uint64_t i = 0; i < std::min<std::uint64_t>(header.points, 1 << 16); ++i) {
+        const char* at = cursor.take(header.stride) + colors;
+        for (int c = 0; c < 3; ++c)
+            if (loadInteger(ScalarType::UInt16, at + 2 * c, false) > 255) return false;
+    }
+    return true;
+}
+
+} // namespace
+
+FilePoints readLas(const ByteSource& source, Progress& progress)
+{
+    const LasHeader header = parseHeader(source);
+    requireRecords(source, header.offset, header.points, header.stride, "point");
+    RecordLayout layout = layoutOf(header);
+    if (hasByteColors(source, header))
+        for (Column& column : layout.columns)
+            if (column.attribute >= Attribute::Red) column.type = ScalarType::UInt8;
+    FilePoints result;
+    result.blocks = readRecords(source, header.offset, header.points, layout, "point", progress);
+    for (PointBlock& block : result.blocks)
+        for (Vec3d& p : block.positions) p = p.cwiseProduct(header.scale) + header.shift;
+    return result;
+}
+
+} // namespace mpuvdb

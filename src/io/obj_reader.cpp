@@ -1,0 +1,159 @@
+// OBJ: v, vn and f lines.
+#include "line_reader.h"
+#include "mesh_points.h"
+#include "readers.h"
+#include "text_scan.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+// Corners are kept as written, since a negative one counts back from the vertices before its line.
+struct ObjRows {
+    std::vector<Vec3d> positions;
+    std::vector<PointCloud::Rgb> colors;
+    std::vector<Vec3f> normals;
+    std::vector<std::int64_t> corners;
+    struct Face {
+        std::size_t corners;        // how many
+        std::size_t verticesBefore; // of this batch
+        std::uint64_t line;
+    };
+    std::vector<Face> faces;
+};
+
+[[noreturn]] void throwBadLine(const ByteSource& source, std::uint64_t number,
+                               std::string_view line)
+{
+    throw InputError(fmt::format("{}: line {}: {} is not what an OBJ line of its kind looks like. "
+                                 "Export the file again.",
+                                 source.name(), number, inQuotes(line)));
+}
+
+// v x y z [w] or v x y z r g b
+bool parseVertex(LineScanner& scan, ObjRows& rows)
+{
+    double values[6];
+    int count = 0;
+    while (count < 6 && !scan.atEndOrComment()) {
+        if (!scan.number(values[count])) return false;
+        ++count;
+    }
+    if (count < 3) return false;
+    rows.positions.emplace_back(values[0], values[1], values[2]);
+    if (count == 6)
+        rows.colors.push_back({colorByte(colorFromFloat(values[3])),
+                               colorByte(colorFromFloat(values[4])),
+                               colorByte(colorFromFloat(values[5]))});
+    return true;
+}
+
+// f v v/t v//n v/t/n ...
+bool parseFace(LineScanner& scan, std::uint64_t line, ObjRows& rows)
+{
+    const std::size_t first = rows.corners.size();
+    while (!scan.atEndOrComment()) {
+        const std::string_view word = scan.word();
+        std::int64_t corner = 0;
+        const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), corner);
+        if (error != std::errc() || corner == 0) return false;
+        if (end != word.data() + word.size() && *end != '/') return false;
+        rows.corners.push_back(corner);
+    }
+    rows.faces.push_back({rows.corners.size() - first, rows.positions.size(), line});
+    return true;
+}
+
+void parseLine(const ByteSource& source, std::string_view line, std::uint64_t number, ObjRows& rows)
+{
+    LineScanner scan(line);
+    const std::string_view keyword = scan.word();
+    bool good = true;
+    if (keyword == "v") {
+        good = parseVertex(scan, rows);
+    } else if (keyword == "vn") {
+        double x = 0, y = 0, z = 0;
+        good = scan.number(x) && scan.number(y) && scan.number(z);
+        rows.normals.emplace_back(float(x), float(y), float(z));
+    } else if (keyword == "f") {
+        good = parseFace(scan, number, rows);
+    }
+    if (!good) throwBadLine(source, number, line);
+}
+
+struct ObjFile {
+    PointBlock points;
+    std::vector<Vec3f> normals;
+    std::vector<std::int64_t> corners; // zero-based, each face's after its length
+    std::vector<ObjRows::Face> faces;
+
+    void merge(const ByteSource& source, ObjRows&& rows)
+    {
+        const std::size_t before = points.size();
+        auto corner = rows.corners.begin();
+        for (const ObjRows::Face& face : rows.faces) {
+            for (std::size_t i = 0; i < face.corners; ++i, ++corner) {
+                const auto known = std::int64_t(before + face.verticesBefore);
+                const std::int64_t index = *corner > 0 ? *corner - 1 : known + *corner;
+                if (index < 0 || index > std::int64_t(std::numeric_limits<std::uint32_t>::max()))
+                    throw InputError(
+                        fmt::format("{}: line {}: vertex {} does not exist. Export the "
+                                    "file again.",
+                                    source.name(), face.line, *corner));
+                corners.push_back(index);
+            }
+            faces.push_back(face);
+        }
+        PointBlock block;
+        block.positions = std::move(rows.positions);
+        block.colors = std::move(rows.colors);
+        points.append(std::move(block));
+        normals.insert(normals.end(), rows.normals.begin(), rows.normals.end());
+    }
+};
+
+} // namespace
+
+FilePoints readObj(const ByteSource& source, Progress& progress)
+{
+    LineReader lines(source);
+    ObjFile file;
+    parseLines<ObjRows>(
+        lines, std::numeric_limits<std::uint64_t>::max(), progress,
+        [&](const LineBatch& batch, ObjRows& rows) {
+            forEachLine(batch, [&](std::string_view line, std::uint64_t number) {
+                parseLine(source, line, number, rows);
+            });
+        },
+        [&](ObjRows&& rows) { file.merge(source, std::move(rows)); });
+
+    FilePoints result;
+    result.unit = "vertex";
+    Triangles triangles;
+    std::vector<std::int64_t> polygon;
+    auto corner = file.corners.begin();
+    for (const ObjRows::Face& face : file.faces) {
+        polygon.assign(corner, corner + std::ptrdiff_t(face.corners));
+        corner += std::ptrdiff_t(face.corners);
+        checkCorners(polygon, file.points.size(), false,
+                     fmt::format("{}: line {}", source.name(), face.line));
+        appendPolygon(polygon, triangles);
+    }
+    if (file.points.colors.size() != file.points.size()) file.points.colors.clear();
+    // Without faces, as many normals as vertices are theirs, in order.
+    if (triangles.empty() && file.normals.size() == file.points.size())
+        file.points.normals = std::move(file.normals);
+    result.blocks.push_back(std::move(file.points));
+    addMeshNormals(result, triangles);
+    return result;
+}
+
+} // namespace mpuvdb

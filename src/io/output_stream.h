@@ -1,0 +1,53 @@
+// A buffered output file that notices when it cannot be written.
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <ostream>
+#include <string_view>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// Collects bytes and hands them to a stream in pieces.
+class OutputBuffer
+{
+public:
+    explicit OutputBuffer(std::ostream& stream) : mStream(stream) {}
+    /// The bytes to append to; flushIfFull() from time to time.
+    std::vector<char>& bytes() { return mBytes; }
+    void append(const void* data, std::size_t size)
+    {
+        const char* from = static_cast<const char*>(data);
+        mBytes.insert(mBytes.end(), from, from + size);
+    }
+    /// Little-endian bytes of a number.
+    template <class T>
+    void value(T number)
+    {
+        append(&number, sizeof number);
+    }
+    void text(std::string_view words) { append(words.data(), words.size()); }
+    void flushIfFull()
+    {
+        if (mBytes.size() > kFull) flush();
+    }
+    void flush()
+    {
+        mStream.write(mBytes.data(), std::streamsize(mBytes.size()));
+        mBytes.clear();
+    }
+
+private:
+    static constexpr std::size_t kFull = std::size_t(1) << 20;
+
+    std::ostream& mStream;
+    std::vector<char> mBytes;
+};
+
+/// Have @a write fill @a file, which appears whole or not at all; "-" is stdout.
+/// @throws IoError if the bytes cannot be written.
+void writeStream(const std::filesystem::path& file,
+                 const std::function<void(OutputBuffer&)>& write);
+
+} // namespace mpuvdb

@@ -1,0 +1,175 @@
+#include "raw_points.h"
+
+#include "text_scan.h"
+
+#include <cstring>
+#include <unordered_map>
+
+namespace mpuvdb
+{
+namespace
+{
+
+template <class T>
+void appendVector(std::vector<T>& to, std::vector<T>&& from)
+{
+    if (to.empty())
+        to = std::move(from);
+    else
+        to.insert(to.end(), from.begin(), from.end());
+}
+
+template <class T>
+bool anyBlockHas(const std::vector<PointBlock>& blocks, std::vector<T> PointBlock::*attribute)
+{
+    for (const PointBlock& block : blocks)
+        if (!(block.*attribute).empty()) return true;
+    return false;
+}
+
+} // namespace
+
+Attribute attributeOf(std::string_view name)
+{
+    using A = Attribute;
+    static const std::unordered_map<std::string, Attribute> names = {
+        {"x", A::X},
+        {"y", A::Y},
+        {"z", A::Z},
+        {"nx", A::NormalX},
+        {"ny", A::NormalY},
+        {"nz", A::NormalZ},
+        {"normal_x", A::NormalX},
+        {"normal_y", A::NormalY},
+        {"normal_z", A::NormalZ},
+        {"normalx", A::NormalX},
+        {"normaly", A::NormalY},
+        {"normalz", A::NormalZ},
+        {"confidence", A::Confidence},
+        {"quality", A::Confidence},
+        {"red", A::Red},
+        {"green", A::Green},
+        {"blue", A::Blue},
+        {"r", A::Red},
+        {"g", A::Green},
+        {"b", A::Blue},
+        {"diffuse_red", A::Red},
+        {"diffuse_green", A::Green},
+        {"diffuse_blue", A::Blue},
+        {"rgb", A::PackedRgb},
+        {"rgba", A::PackedRgb},
+    };
+    const auto found = names.find(lowerCase(name));
+    return found == names.end() ? Attribute::None : found->second;
+}
+
+AttributeSet::AttributeSet(const std::vector<Attribute>& columns)
+{
+    std::array<bool, kAttributes + 1> has{};
+    for (const Attribute a : columns) has[std::size_t(a)] = true;
+    const auto all = [&](Attribute a, Attribute b, Attribute c) {
+        return has[std::size_t(a)] && has[std::size_t(b)] && has[std::size_t(c)];
+    };
+    position = all(Attribute::X, Attribute::Y, Attribute::Z);
+    normals = all(Attribute::NormalX, Attribute::NormalY, Attribute::NormalZ);
+    confidence = has[std::size_t(Attribute::Confidence)];
+    packedRgb = has[std::size_t(Attribute::PackedRgb)];
+    colors = packedRgb || all(Attribute::Red, Attribute::Green, Attribute::Blue);
+}
+
+std::uint8_t colorByte(double value)
+{
+    return value >= 254.5 ? std::uint8_t(255)
+           : value > 0    ? std::uint8_t(value + 0.5)
+                          : std::uint8_t(0);
+}
+
+void PointBlock::reserve(std::size_t points, const AttributeSet& has)
+{
+    positions.reserve(points);
+    if (has.normals) normals.reserve(points);
+    if (has.confidence) confidence.reserve(points);
+    if (has.colors) colors.reserve(points);
+}
+
+void PointBlock::append(const RowValues& row, const AttributeSet& has)
+{
+    const auto value = [&](Attribute a) { return row[std::size_t(a)]; };
+    positions.emplace_back(value(Attribute::X), value(Attribute::Y), value(Attribute::Z));
+    if (has.normals)
+        normals.emplace_back(float(value(Attribute::NormalX)), float(value(Attribute::NormalY)),
+                             float(value(Attribute::NormalZ)));
+    if (has.confidence) confidence.push_back(float(value(Attribute::Confidence)));
+    if (has.packedRgb) {
+        const double packed = value(Attribute::PackedRgb);
+        const auto bits = packed >= 0 && packed < 4294967296.0 ? std::uint32_t(packed) : 0u;
+        colors.push_back({std::uint8_t(bits >> 16), std::uint8_t(bits >> 8), std::uint8_t(bits)});
+    } else if (has.colors) {
+        colors.push_back({colorByte(value(Attribute::Red)), colorByte(value(Attribute::Green)),
+                          colorByte(value(Attribute::Blue))});
+    }
+}
+
+void PointBlock::append(PointBlock&& other)
+{
+    appendVector(positions, std::move(other.positions));
+    appendVector(normals, std::move(other.normals));
+    appendVector(confidence, std::move(other.confidence));
+    appendVector(colors, std::move(other.colors));
+}
+
+void PointBlock::compact(const std::vector<std::uint8_t>& keep)
+{
+    compactVector(positions, keep);
+    compactVector(normals, keep);
+    compactVector(confidence, keep);
+    compactVector(colors, keep);
+}
+
+std::uint64_t FilePoints::size() const
+{
+    std::uint64_t points = 0;
+    for (const PointBlock& block : blocks) points += block.size();
+    return points;
+}
+
+bool FilePoints::hasNormals() const
+{
+    return anyBlockHas(blocks, &PointBlock::normals);
+}
+bool FilePoints::hasConfidence() const
+{
+    return anyBlockHas(blocks, &PointBlock::confidence);
+}
+bool FilePoints::hasColors() const
+{
+    return anyBlockHas(blocks, &PointBlock::colors);
+}
+
+PointBlock& FilePoints::joined()
+{
+    if (blocks.empty()) blocks.emplace_back();
+    if (blocks.size() > 1) {
+        const std::size_t points = size();
+        AttributeSet has;
+        has.normals = hasNormals();
+        has.confidence = hasConfidence();
+        has.colors = hasColors();
+        PointBlock all;
+        all.reserve(points, has);
+        for (PointBlock& block : blocks) {
+            all.positions.insert(all.positions.end(), block.positions.begin(),
+                                 block.positions.end());
+            all.normals.insert(all.normals.end(), block.normals.begin(), block.normals.end());
+            all.confidence.insert(all.confidence.end(), block.confidence.begin(),
+                                  block.confidence.end());
+            all.colors.insert(all.colors.end(), block.colors.begin(), block.colors.end());
+            block = PointBlock();
+        }
+        blocks.clear();
+        blocks.push_back(std::move(all));
+    }
+    return blocks.front();
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,109 @@
+// Points as they come through the door: doubles, with what attributes their file has.
+#pragma once
+#include <mpuvdb/io.h>
+
+#include <array>
+#include <string_view>
+
+namespace mpuvdb
+{
+
+/// What a column of a file may mean to us.
+enum class Attribute : std::uint8_t {
+    X,
+    Y,
+    Z,
+    NormalX,
+    NormalY,
+    NormalZ,
+    Confidence,
+    Red,
+    Green,
+    Blue,
+    PackedRgb, ///< 0xAARRGGBB
+    None
+};
+constexpr std::size_t kAttributes = std::size_t(Attribute::None);
+
+/// The attribute that a column called @a name holds ("nx", "normal_x", "quality", "diffuse_red").
+Attribute attributeOf(std::string_view name);
+
+/// The values of one row by attribute.
+using RowValues = std::array<double, kAttributes>;
+
+/// Which attributes a file has.
+struct AttributeSet {
+    bool position = false, normals = false, confidence = false, colors = false, packedRgb = false;
+
+    AttributeSet() = default;
+    /// All three components count, or none.
+    explicit AttributeSet(const std::vector<Attribute>& columns);
+};
+
+/// Keep the values i with keep[i] != 0, in order; an empty vector stays empty.
+template <class T>
+void compactVector(std::vector<T>& values, const std::vector<std::uint8_t>& keep)
+{
+    if (values.empty()) return;
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < keep.size(); ++i)
+        if (keep[i]) values[kept++] = values[i];
+    values.resize(kept);
+}
+
+/// Some points of a file. Attributes are empty, or one per point.
+struct PointBlock {
+    std::vector<Vec3d> positions;
+    std::vector<Vec3f> normals;
+    std::vector<float> confidence;
+    std::vector<PointCloud::Rgb> colors;
+
+    std::size_t size() const { return positions.size(); }
+    void reserve(std::size_t points, const AttributeSet& has);
+    void append(const RowValues& row, const AttributeSet& has);
+    void append(PointBlock&& other);
+    /// Keep the points i with keep[i] != 0, in order.
+    void compact(const std::vector<std::uint8_t>& keep);
+};
+
+/// What one reader hands over.
+struct FilePoints {
+    std::string name;           ///< of the file, for messages
+    const char* unit = "point"; ///< what the file calls a point, for messages
+    std::vector<PointBlock> blocks;
+    std::map<std::string, std::uint64_t> dropped;
+    std::vector<std::string> notes; ///< without the file's name
+
+    std::uint64_t size() const;
+    /// The attributes of the blocks, which all have the same.
+    bool hasNormals() const;
+    bool hasConfidence() const;
+    bool hasColors() const;
+    /// All blocks as one.
+    PointBlock& joined();
+};
+
+/// A colour component in [0,255], rounded and clamped.
+std::uint8_t colorByte(double value);
+/// A floating-point colour component on the scale of a byte: files have them in [0,1] or [0,255].
+inline double colorFromFloat(double value)
+{
+    return value > 1 ? value : 255 * value;
+}
+
+/// Leave out what cannot be used (not finite, too far, zero normal, no confidence), counted by
+/// reason, and scale confidences to a largest one of 1. Normals or confidences that say nothing
+/// at all are ignored, with a note.
+/// @throws InputError for BadPoints::Fail, naming the first bad point.
+void cleanPoints(FilePoints& points, BadPoints badPoints, Progress& progress);
+
+/// Join all inputs about one frame, the middle of their bounding box, leaving out points that lie
+/// absurdly far from all the others, and exact copies. Consumes @a inputs.
+/// @throws InputError without points, LimitError for more than 2^32-1.
+PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Progress& progress);
+
+/// Leave out all but one of points that are the same in every attribute.
+/// @return number left out. The rest keep their order.
+std::uint64_t dropDuplicates(PointCloud& cloud, Progress& progress);
+
+} // namespace mpuvdb

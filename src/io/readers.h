@@ -1,0 +1,31 @@
+// One reader per format. All throw InputError for what is malformed, with the place and the cure,
+// take no more memory than the bytes present call for, and can be stopped.
+#pragma once
+#include "byte_source.h"
+#include "raw_points.h"
+
+namespace mpuvdb
+{
+
+FilePoints readPly(const ByteSource& source, Progress& progress);
+/// XYZ, PTS, PWN, TXT, CSV: numbers in columns, told apart by their values.
+FilePoints readColumns(const ByteSource& source, Progress& progress);
+FilePoints readPtx(const ByteSource& source, Progress& progress);
+FilePoints readObj(const ByteSource& source, Progress& progress);
+FilePoints readOff(const ByteSource& source, Progress& progress);
+FilePoints readStl(const ByteSource& source, Progress& progress);
+FilePoints readPcd(const ByteSource& source, Progress& progress);
+FilePoints readLas(const ByteSource& source, Progress& progress);
+
+/// A scan of a Stanford .conf set: world = rotation * p + translation.
+struct PlacedScan {
+    std::filesystem::path file;
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    Vec3d translation = Vec3d::Zero();
+};
+/// The scans of a set that are there. Scans named without an extension and not there go to @a
+/// notes: Stanford's sets list cylindrical scans that were never given out.
+std::vector<PlacedScan> readScanSet(const std::filesystem::path& file,
+                                    std::vector<std::string>& notes, Progress& progress);
+
+} // namespace mpuvdb

@@ -1,0 +1,186 @@
+#include "records.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <limits>
+#include <memory>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::uint64_t kRecordsPerBlock = 1 << 15;
+
+template <class T>
+T load(const char* at, bool swap)
+{
+    char bytes[sizeof(T)];
+    std::memcpy(bytes, at, sizeof(T));
+    if (swap) std::reverse(bytes, bytes + sizeof(T));
+    T value;
+    std::memcpy(&value, bytes, sizeof(T));
+    return value;
+}
+
+// Call f with a value of the type that @a type names.
+template <class F>
+auto withType(ScalarType type, F&& f)
+{
+    switch (type) {
+    case ScalarType::Int8:
+        return f(std::int8_t());
+    case ScalarType::UInt8:
+        return f(std::uint8_t());
+    case ScalarType::Int16:
+        return f(std::int16_t());
+    case ScalarType::UInt16:
+        return f(std::uint16_t());
+    case ScalarType::Int32:
+        return f(std::int32_t());
+    case ScalarType::UInt32:
+        return f(std::uint32_t());
+    case ScalarType::Int64:
+        return f(std::int64_t());
+    case ScalarType::UInt64:
+        return f(std::uint64_t());
+    case ScalarType::Float32:
+        return f(float());
+    case ScalarType::Float64:
+        break;
+    }
+    return f(double());
+}
+
+// The loop over a column, with type and byte order known outside of it. store(i, value).
+template <class Store>
+void forEachValue(const char* data, std::size_t count, const Column& column, bool swap,
+                  const Store& store)
+{
+    withType(column.type, [&](auto example) {
+        using T = decltype(example);
+        const char* at = data + column.offset;
+        if (swap)
+            for (std::size_t i = 0; i < count; ++i, at += column.stride)
+                store(i, load<T>(at, true));
+        else
+            for (std::size_t i = 0; i < count; ++i, at += column.stride)
+                store(i, load<T>(at, false));
+    });
+}
+
+void decodeColumn(const char* data, std::size_t count, const Column& column, bool swap,
+                  const AttributeSet& has, PointBlock& block)
+{
+    const int a = int(column.attribute);
+    if (column.attribute <= Attribute::Z) {
+        forEachValue(data, count, column, swap,
+                     [&](std::size_t i, auto v) { block.positions[i][a] = double(v); });
+    } else if (column.attribute <= Attribute::NormalZ && has.normals) {
+        const int axis = a - int(Attribute::NormalX);
+        forEachValue(data, count, column, swap,
+                     [&](std::size_t i, auto v) { block.normals[i][axis] = float(v); });
+    } else if (column.attribute == Attribute::Confidence) {
+        forEachValue(data, count, column, swap,
+                     [&](std::size_t i, auto v) { block.confidence[i] = float(v); });
+    } else if (column.attribute <= Attribute::Blue && has.colors && !has.packedRgb) {
+        const std::size_t channel = std::size_t(a - int(Attribute::Red));
+        forEachValue(data, count, column, swap, [&](std::size_t i, auto v) {
+            block.colors[i][channel] = colorByte(colorFrom(column.type, double(v)));
+        });
+    } else if (column.attribute == Attribute::PackedRgb && sizeOf(column.type) == 4) {
+        Column bits = column; // also where the file calls it a float
+        bits.type = ScalarType::UInt32;
+        forEachValue(data, count, bits, swap, [&](std::size_t i, auto v) {
+            const auto rgb = std::uint32_t(v);
+            block.colors[i] = {std::uint8_t(rgb >> 16), std::uint8_t(rgb >> 8), std::uint8_t(rgb)};
+        });
+    }
+}
+
+} // namespace
+
+std::size_t sizeOf(ScalarType type)
+{
+    return withType(type, [](auto example) { return sizeof(example); });
+}
+
+double loadScalar(ScalarType type, const char* at, bool swap)
+{
+    return withType(type, [&](auto example) { return double(load<decltype(example)>(at, swap)); });
+}
+
+std::int64_t loadInteger(ScalarType type, const char* at, bool swap)
+{
+    if (type == ScalarType::UInt64) {
+        const auto value = load<std::uint64_t>(at, swap);
+        return value > std::uint64_t(std::numeric_limits<std::int64_t>::max())
+                   ? -1
+                   : std::int64_t(value);
+    }
+    if (type == ScalarType::Int64) return load<std::int64_t>(at, swap);
+    const double value = loadScalar(type, at, swap);
+    return value > -9e15 && value < 9e15 ? std::int64_t(value) : -1;
+}
+
+double colorFrom(ScalarType type, double value)
+{
+    if (isFloat(type)) return colorFromFloat(value);
+    return type == ScalarType::UInt16 ? value / 257 : value;
+}
+
+AttributeSet RecordLayout::attributes() const
+{
+    std::vector<Attribute> present;
+    for (const Column& column : columns) present.push_back(column.attribute);
+    return AttributeSet(present);
+}
+
+PointBlock decodeRecords(const char* data, std::size_t count, const RecordLayout& layout)
+{
+    const AttributeSet has = layout.attributes();
+    PointBlock block;
+    block.positions.resize(count);
+    if (has.normals) block.normals.resize(count);
+    if (has.confidence) block.confidence.resize(count);
+    if (has.colors) block.colors.resize(count);
+    for (const Column& column : layout.columns)
+        decodeColumn(data, count, column, layout.swap, has, block);
+    return block;
+}
+
+void requireRecords(const ByteSource& source, std::uint64_t offset, std::uint64_t count,
+                    std::uint64_t stride, const char* unit)
+{
+    const std::uint64_t present = source.size() - std::min(source.size(), offset);
+    if (stride == 0 || count <= present / stride) return;
+    throw InputError(fmt::format("{}: the header promises {} records ({}) of {} bytes, but only {} "
+                                 "bytes follow it: the file is truncated or its header is wrong. "
+                                 "Copy or export it again.",
+                                 source.name(), count, unit, stride, present));
+}
+
+std::vector<PointBlock> readRecords(const ByteSource& source, std::uint64_t offset,
+                                    std::uint64_t count, const RecordLayout& layout,
+                                    const char* unit, Progress& progress)
+{
+    requireRecords(source, offset, count, layout.stride, unit);
+    std::vector<PointBlock> blocks((count + kRecordsPerBlock - 1) / kRecordsPerBlock);
+    tbb::parallel_for(std::size_t(0), blocks.size(), [&](std::size_t i) {
+        const std::uint64_t first = i * kRecordsPerBlock;
+        const auto records = std::size_t(std::min(kRecordsPerBlock, count - first));
+        const std::size_t bytes = records * layout.stride;
+        const std::unique_ptr<char[]> buffer(new char[bytes]); // not cleared: read() fills it
+        source.read(offset + first * layout.stride, buffer.get(), bytes);
+        blocks[i] = decodeRecords(buffer.get(), records, layout);
+        progress.advance(double(bytes));
+    });
+    return blocks;
+}
+
+} // namespace mpuvdb

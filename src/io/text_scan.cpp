@@ -1,0 +1,134 @@
+#include "text_scan.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::array<double, 23> kPowersOfTen = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                                 1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
+                                                 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+
+bool isDigit(char c)
+{
+    return c >= '0' && c <= '9';
+}
+
+// [Clinger90]: digits of at most 2^53 times or over a power of ten of at most 10^22 are two exact
+// doubles, so that one operation rounds correctly. @return the end, or null where it does not
+// apply.
+const char* scanShortDecimal(const char* at, const char* end, double& value)
+{
+    const bool negative = at != end && *at == '-';
+    if (negative) ++at;
+    std::uint64_t digits = 0;
+    const char* first = at;
+    while (at != end && isDigit(*at)) digits = digits * 10 + std::uint64_t(*at++ - '0');
+    std::ptrdiff_t count = at - first;
+    int exponent = 0;
+    if (at != end && *at == '.') {
+        const char* point = ++at;
+        while (at != end && isDigit(*at)) digits = digits * 10 + std::uint64_t(*at++ - '0');
+        exponent = -int(std::min<std::ptrdiff_t>(at - point, 1000));
+        count += at - point;
+    }
+    if (count == 0 || count > 19) return nullptr;
+    if (at != end && (*at == 'e' || *at == 'E')) {
+        if (++at != end && *at == '+') ++at;
+        int written = 0;
+        const auto [after, error] = std::from_chars(at, end, written);
+        if (error != std::errc() || written > 1000 || written < -1000) return nullptr;
+        exponent += written;
+        at = after;
+    }
+    if (digits > (std::uint64_t(1) << 53) || exponent < -22 || exponent > 22) return nullptr;
+    const double scale = kPowersOfTen[std::size_t(exponent < 0 ? -exponent : exponent)];
+    const double magnitude = exponent < 0 ? double(digits) / scale : double(digits) * scale;
+    value = negative ? -magnitude : magnitude;
+    return at;
+}
+
+// Visual C++ wrote "1.#QNAN", "-1.#IND" and "1.#INF".
+bool isOldStyleNotFinite(std::string_view word)
+{
+    return word.find("1.#") != std::string_view::npos;
+}
+
+// What overflows is infinite, what underflows zero: from_chars does not say which it was.
+double beyondDoubles(std::string_view word)
+{
+    const std::size_t e = word.find_first_of("eE");
+    const bool tiny = e == std::string_view::npos ? word.find("0.") != std::string_view::npos
+                                                  : word.find('-', e) != std::string_view::npos;
+    return tiny ? 0.0 : std::numeric_limits<double>::infinity();
+}
+
+bool parseAnyNumber(std::string_view word, double& value)
+{
+    if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+    const auto [at, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    if (error == std::errc::result_out_of_range) value = beyondDoubles(word);
+    if (error != std::errc::invalid_argument && at == word.data() + word.size()) return true;
+    if (!isOldStyleNotFinite(word)) return false;
+    value = std::numeric_limits<double>::quiet_NaN();
+    return true;
+}
+
+} // namespace
+
+bool LineScanner::atEndOrComment()
+{
+    return atEnd() || *mAt == '#' || (*mAt == '/' && mAt + 1 != mEnd && mAt[1] == '/');
+}
+
+bool LineScanner::number(double& value)
+{
+    if (atEnd()) return false;
+    const char* after = scanShortDecimal(mAt, mEnd, value);
+    if (after && (after == mEnd || isSeparator(*after))) {
+        mAt = after;
+        return true;
+    }
+    return parseAnyNumber(word(), value);
+}
+
+bool LineScanner::integer(std::int64_t& value)
+{
+    if (atEnd()) return false;
+    const char* start = *mAt == '+' ? mAt + 1 : mAt;
+    const auto [after, error] = std::from_chars(start, mEnd, value);
+    if (error != std::errc() || (after != mEnd && !isSeparator(*after))) return false;
+    mAt = after;
+    return true;
+}
+
+std::string_view LineScanner::word()
+{
+    if (atEnd()) return {};
+    const char* start = mAt;
+    while (mAt != mEnd && !isSeparator(*mAt)) ++mAt;
+    return {start, std::size_t(mAt - start)};
+}
+
+std::string lowerCase(std::string_view text)
+{
+    std::string lower(text);
+    for (char& c : lower)
+        if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
+    return lower;
+}
+
+std::string inQuotes(std::string_view text)
+{
+    std::string shown(text.substr(0, 40));
+    for (char& c : shown)
+        if (c < ' ' || c > '~') c = '?';
+    return "'" + shown + (text.size() > 40 ? "..." : "") + "'";
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,50 @@
+// Numbers and words of a line of text.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace mpuvdb
+{
+
+/// What separates the values of a line.
+inline bool isSeparator(char c)
+{
+    return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r' || c == '\v' || c == '\f';
+}
+
+/// Walks over one line's values.
+class LineScanner
+{
+public:
+    explicit LineScanner(std::string_view line) : mAt(line.data()), mEnd(line.data() + line.size())
+    {
+    }
+    /// Whether nothing but separators is left.
+    bool atEnd()
+    {
+        while (mAt != mEnd && isSeparator(*mAt)) ++mAt;
+        return mAt == mEnd;
+    }
+    /// Whether nothing but separators or a comment ("#", "//") is left.
+    bool atEndOrComment();
+    /// The next value as a number, correctly rounded; NaN and infinities as text count as numbers,
+    /// what is too large for a double becomes infinite. @return false if it is none (or missing).
+    bool number(double& value);
+    /// The next value as an integer. @return false if it is none, or out of range.
+    bool integer(std::int64_t& value);
+    /// The next value as it stands; empty at the end.
+    std::string_view word();
+
+private:
+    const char* mAt;
+    const char* mEnd;
+};
+
+/// @a text with ASCII capitals made small.
+std::string lowerCase(std::string_view text);
+
+/// At most 40 characters of @a text, fit for an error message.
+std::string inQuotes(std::string_view text);
+
+} // namespace mpuvdb
