@@ -79,7 +79,7 @@ SolidPtr makeFandisk(double size)
         "    translate(box(0.1, 0.5, 0.3), -0.25, 0, 0.25),"
         "    translate(cylinder(0.15, 0.25), 0.15, 0, 0.2)),"
         "  translate(cylinder(0.08, 1), 0.15, 0, 0),"
-        "  translate(cylinder(0.1, 0.2), -0.4, -0.2, 0.25),"
+        "  translate(cylinder(0.06, 0.2), -0.4, -0.15, 0.2),"
         "  translate(rotate(box(0.3, 2, 0.3), 0, 1, 0, 45), 0.55, 0, 0.25))";
     return makeMoved(parseSolid(kPart), Eigen::Matrix3d::Identity(), size, Vec3d::Zero());
 }
