@@ -80,18 +80,18 @@ TEST(Measure, SpacingOfAGridIsItsStep)
 
 TEST(Measure, SpacingIsTheRootOfTheAreaPerPoint)
 {
-    const PointStatistics s = measured(sample("sphere(1)", 50000, 0, Pattern::Even));
-    EXPECT_NEAR(s.spacing, std::sqrt(4 * M_PI / 50000), 0.05 * s.spacing);
+    const PointStatistics s = measured(sample("sphere(1)", 20000, 0, Pattern::Even));
+    EXPECT_NEAR(s.spacing, std::sqrt(4 * M_PI / 20000), 0.05 * s.spacing);
 }
 
 TEST(Measure, NoiseIsThatOfTheSurface)
 {
     for (const char* solid : {"sphere(1)", "torus(1,0.3)", "box(2,2,1)", "blob(1,8,0.05)"}) {
-        const PointStatistics clean = measured(sample(solid, 20000));
+        const PointStatistics clean = measured(sample(solid, 10000));
         EXPECT_LT(clean.noise, 0.03 * clean.spacing) << solid;
         for (const double share : {0.05, 0.3, 1.0, 3.0}) {
             const double noise = share * clean.spacing;
-            const PointStatistics s = measured(sample(solid, 20000, noise));
+            const PointStatistics s = measured(sample(solid, 10000, noise));
             EXPECT_NEAR(s.noise, noise, 0.25 * noise) << solid << " " << share << " spacings";
         }
     }
@@ -110,7 +110,7 @@ TEST(Measure, OutliersHardlyDisturb)
 
 TEST(Measure, KnowsNoOrderNoThreadsNoDuplicatesAndNoFrame)
 {
-    const PointCloud cloud = sample("blob(1,8,0.05)", 60000, 0.01);
+    const PointCloud cloud = sample("blob(1,8,0.05)", 40000, 0.005);
     const PointStatistics one = measured(cloud);
     const auto expectSame = [&](const PointCloud& other) {
         const PointStatistics s = measured(other);

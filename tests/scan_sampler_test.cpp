@@ -475,7 +475,7 @@ bool sameBytes(const PointCloud& a, const PointCloud& b)
 TEST(Scan, SameBytesForAnyNumberOfThreads)
 {
     for (const Pattern pattern : {Pattern::Even, Pattern::Random, Pattern::Scan}) {
-        ScanSettings s = settingsFor(pattern, 20000);
+        ScanSettings s = settingsFor(pattern, 4000);
         s.noise = 0.01;
         s.normalNoise = 3;
         s.outliers = 0.02;

@@ -52,15 +52,15 @@ double squaredDistance(const Vec3f& a, const Vec3f& b)
     return (a.cast<double>() - b.cast<double>()).squaredNorm();
 }
 
-/// Radius of a ball about every chosen point that probably holds more than k other points of all.
+/// Radius of a ball about every chosen point that mostly holds k other points of all.
 std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
                                const std::vector<Vec3f>& chosen, std::size_t k, Progress& progress)
 {
-    constexpr std::size_t kThinned = 32768;
+    constexpr std::size_t kThinned = 65536;
     const std::vector<Vec3f> thinned = choosePositions(positions, kThinned, progress);
     const double expected =
         double(k) * std::min(1.0, double(thinned.size()) / double(positions.size()));
-    const auto wanted = std::size_t(expected + 4 * std::sqrt(expected) + 4);
+    const auto wanted = std::size_t(expected + 2 * std::sqrt(expected) + 3);
     const KdTree tree(thinned);
     std::vector<double> radii(chosen.size());
     tbb::parallel_for(std::size_t(0), chosen.size(), [&](std::size_t i) {
@@ -74,8 +74,8 @@ std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
     return radii;
 }
 
-/// The balls of many centres, in grids of several cell sizes: a ball stands in the cells of the
-/// grid as fine as itself that it meets.
+/// The balls of many centres, in grids of several cell sizes: a ball stands in the cells that it
+/// meets of the grid whose cells are one to two radii wide.
 class BallGrids
 {
 public:
@@ -91,7 +91,9 @@ public:
     void forBallsAt(const Vec3f& p, Visit&& visit) const
     {
         for (const Grid& grid : mGrids) {
-            const auto found = grid.cells.find(keyOf(p.cast<double>() / grid.cellSize));
+            const std::uint64_t key = keyOf(grid.cellOf(p.cast<double>()));
+            if (!grid.marks[markOf(key)]) continue;
+            const auto found = grid.cells.find(key);
             if (found == grid.cells.end()) continue;
             for (const std::uint32_t m : found->second)
                 if (squaredDistance(p, mCenters[m]) <= mRadii[m] * mRadii[m]) visit(m);
@@ -99,43 +101,64 @@ public:
     }
 
 private:
+    using Cell = Eigen::Matrix<std::int64_t, 3, 1>;
+    static constexpr int kMarkBits = 16;
+
     struct Grid {
+        explicit Grid(int e) : exponent(e), cellsPerUnit(std::ldexp(1.0, -e)), marks(1 << kMarkBits)
+        {
+        }
+        Cell cellOf(const Vec3d& p) const
+        {
+            // A ball of next to no radius may stand far out in its cells.
+            constexpr double kFarthest = 1e15;
+            return (p.array() * cellsPerUnit)
+                .max(-kFarthest)
+                .min(kFarthest)
+                .floor()
+                .cast<std::int64_t>();
+        }
+
         int exponent;
-        double cellSize;
+        double cellsPerUnit;
+        std::vector<char> marks; ///< by markOf(): whether the cell may be in the map
         std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells;
     };
 
     /// 21 bits per axis; cells that share a key only cost a comparison.
-    static std::uint64_t keyOf(const Vec3d& scaled)
+    static std::uint64_t keyOf(const Cell& c)
     {
         constexpr std::uint64_t kMask = (1u << 21) - 1;
-        const auto cell = [](double x) {
-            return std::uint64_t(std::int64_t(std::floor(std::clamp(x, -1e15, 1e15)))) & kMask;
-        };
-        return cell(scaled.x()) << 42 | cell(scaled.y()) << 21 | cell(scaled.z());
+        return (std::uint64_t(c.x()) & kMask) << 42 | (std::uint64_t(c.y()) & kMask) << 21 |
+               (std::uint64_t(c.z()) & kMask);
+    }
+    static std::size_t markOf(std::uint64_t key)
+    {
+        return (key * 0x9e3779b97f4a7c15u) >> (64 - kMarkBits);
     }
 
     void insert(std::uint32_t m)
     {
-        const double size = std::max(2 * mRadii[m], 1e-30);
-        Grid& grid = gridFor(int(std::ceil(std::log2(size))));
-        const Vec3d low = (mCenters[m].cast<double>().array() - mRadii[m]) / grid.cellSize;
-        const Vec3d high = (mCenters[m].cast<double>().array() + mRadii[m]) / grid.cellSize;
-        // At most two cells per axis, because no ball is wider than its cells.
-        for (int corner = 0; corner < 8; ++corner) {
-            const Vec3d at(corner & 1 ? high.x() : low.x(), corner & 2 ? high.y() : low.y(),
-                           corner & 4 ? high.z() : low.z());
-            auto& members = grid.cells[keyOf(at)];
-            if (members.empty() || members.back() != m) members.push_back(m);
-        }
+        const double radius = std::max(mRadii[m], 1e-30);
+        Grid& grid = gridFor(int(std::ceil(std::log2(radius))));
+        const Vec3d center = mCenters[m].cast<double>();
+        const Cell low = grid.cellOf(center.array() - radius);
+        const Cell high = grid.cellOf(center.array() + radius);
+        Cell c;
+        for (c.x() = low.x(); c.x() <= high.x(); ++c.x())
+            for (c.y() = low.y(); c.y() <= high.y(); ++c.y())
+                for (c.z() = low.z(); c.z() <= high.z(); ++c.z()) {
+                    const std::uint64_t key = keyOf(c);
+                    grid.marks[markOf(key)] = 1;
+                    grid.cells[key].push_back(m);
+                }
     }
 
     Grid& gridFor(int exponent)
     {
         for (Grid& g : mGrids)
             if (g.exponent == exponent) return g;
-        mGrids.push_back({exponent, std::ldexp(1.0, exponent), {}});
-        return mGrids.back();
+        return mGrids.emplace_back(exponent);
     }
 
     const std::vector<Vec3f>& mCenters;
