@@ -46,13 +46,16 @@ public:
         const std::string name = std::filesystem::temp_directory_path() / "mpuvdb-XXXXXX";
         if (name.size() + extension.size() + 8 > theFolder.size())
             throw IoError(fmt::format("{}: the path of the temporary folder is too long", name));
-        std::strcpy(theFolder.data(), name.c_str());
+        theFolder.fill(0);
+        name.copy(theFolder.data(), theFolder.size() - 1);
         if (!mkdtemp(theFolder.data())) {
             throw IoError(fmt::format("{}: cannot make a temporary folder: {}. Set TMPDIR to a "
                                       "folder that is writable",
                                       name, std::strerror(errno)));
         }
-        std::strcpy(theFile.data(), fmt::format("{}/data{}", theFolder.data(), extension).c_str());
+        theFile.fill(0);
+        fmt::format("{}/data{}", theFolder.data(), extension)
+            .copy(theFile.data(), theFile.size() - 1);
         theFolderExists = true;
     }
     ~ScratchFolder() { removeScratchFolder(); }
