@@ -10,11 +10,10 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <random>
 
-namespace mpuvdb
-{
-namespace
-{
+namespace mpuvdb {
+namespace {
 
 using openvdb::Coord;
 using openvdb::FloatGrid;
@@ -92,6 +91,29 @@ TEST(ExtractMesh, KeepsATorussGenus)
     EXPECT_EQ(report.components, 1u);
     EXPECT_NEAR(report.area / (4 * kPi * kPi * 18.3 * 7.1), 1, 0.01);
     EXPECT_NEAR(report.volume / (2 * kPi * kPi * 18.3 * 7.1 * 7.1), 1, 0.01);
+}
+
+TEST(ExtractMesh, IsManifoldWhereverSignsFall)
+{
+    // Every ambiguous configuration of a cell, many times.
+    std::mt19937_64 random(1);
+    auto grid = FloatGrid::create(3);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    auto accessor = grid->getAccessor();
+    constexpr int kEdge = 24;
+    for (int x = 0; x <= kEdge; ++x)
+        for (int y = 0; y <= kEdge; ++y)
+            for (int z = 0; z <= kEdge; ++z) {
+                const Coord at(x, y, z);
+                const auto ends = [](int i) { return i == 0 || i == kEdge; };
+                const bool border = ends(x) || ends(y) || ends(z);
+                const double value = 2 * std::ldexp(double(random() >> 11), -53) - 1;
+                accessor.setValue(at, border ? 1.0f : float(value));
+            }
+    const MeshReport report = measure(extracted(LevelSet(grid)));
+    EXPECT_GT(report.triangles, 30000u);
+    EXPECT_EQ(report.boundaryEdges, 0u);
+    EXPECT_EQ(report.nonManifoldEdges, 0u);
 }
 
 TEST(ExtractMesh, FacesOutwards)
