@@ -56,8 +56,10 @@ double squaredDistance(const Vec3f& a, const Vec3f& b)
 std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
                                const std::vector<Vec3f>& chosen, std::size_t k, Progress& progress)
 {
-    constexpr std::size_t kThinned = 65536;
-    const std::vector<Vec3f> thinned = choosePositions(positions, kThinned, progress);
+    // A finer cloud takes longer to sort, a coarser one makes balls that hold far too much.
+    constexpr std::size_t kFewest = 65536, kThinning = 40;
+    const std::size_t size = std::max(kFewest, positions.size() / kThinning);
+    const std::vector<Vec3f> thinned = choosePositions(positions, size, progress);
     const double expected =
         double(k) * std::min(1.0, double(thinned.size()) / double(positions.size()));
     const auto wanted = std::size_t(expected + 2 * std::sqrt(expected) + 3);
@@ -102,26 +104,26 @@ public:
 
 private:
     using Cell = Eigen::Matrix<std::int64_t, 3, 1>;
-    static constexpr int kMarkBits = 16;
+    static constexpr int kMarkBits = 18;
 
     struct Grid {
         explicit Grid(int e) : exponent(e), cellsPerUnit(std::ldexp(1.0, -e)), marks(1 << kMarkBits)
         {
         }
-        Cell cellOf(const Vec3d& p) const
+        Cell cellOf(const Vec3d& p) const { return {cellAt(p.x()), cellAt(p.y()), cellAt(p.z())}; }
+        /// The floor, without the call that it is where no instruction may be assumed for it.
+        std::int64_t cellAt(double x) const
         {
             // A ball of next to no radius may stand far out in its cells.
             constexpr double kFarthest = 1e15;
-            return (p.array() * cellsPerUnit)
-                .max(-kFarthest)
-                .min(kFarthest)
-                .floor()
-                .cast<std::int64_t>();
+            const double scaled = std::min(std::max(x * cellsPerUnit, -kFarthest), kFarthest);
+            const auto towardsZero = std::int64_t(scaled);
+            return towardsZero - (scaled < double(towardsZero));
         }
 
         int exponent;
         double cellsPerUnit;
-        std::vector<char> marks; ///< by markOf(): whether the cell may be in the map
+        std::vector<bool> marks; ///< by markOf(): whether the cell may be in the map
         std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> cells;
     };
 
@@ -149,7 +151,7 @@ private:
             for (c.y() = low.y(); c.y() <= high.y(); ++c.y())
                 for (c.z() = low.z(); c.z() <= high.z(); ++c.z()) {
                     const std::uint64_t key = keyOf(c);
-                    grid.marks[markOf(key)] = 1;
+                    grid.marks[markOf(key)] = true;
                     grid.cells[key].push_back(m);
                 }
     }
