@@ -37,11 +37,29 @@ openvdb::Vec3d toOpenVdb(const Vec3d& v)
     return {v.x(), v.y(), v.z()};
 }
 
-/// A perspective camera from which a box just fills the picture.
+/// Boxes, one per leaf, about the voxels beside the zero set; voxels.
+std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize, const Progress& progress)
+{
+    std::vector<Box3d> boxes;
+    for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
+        progress.check();
+        Box3d box;
+        for (auto value = leaf->cbeginValueOn(); value; ++value)
+            if (std::abs(*value) < voxelSize) {
+                const openvdb::Coord at = value.getCoord();
+                box.extend(Vec3d(at.x(), at.y(), at.z()));
+            }
+        if (!box.isEmpty()) boxes.push_back(box);
+    }
+    if (boxes.empty()) boxes.emplace_back(Vec3d::Constant(-1), Vec3d::Constant(1));
+    return boxes;
+}
+
+/// A perspective camera that sees all of some boxes, as large as they fit.
 class Camera
 {
 public:
-    Camera(const Box3d& box, const PictureSettings& settings)
+    Camera(const std::vector<Box3d>& boxes, const PictureSettings& settings)
     {
         const double azimuth = settings.azimuth * kPi / 180;
         // Straight from above or below there would be no "up".
@@ -50,17 +68,28 @@ public:
                       std::cos(elevation) * std::cos(azimuth));
         mRight = Vec3d::UnitY().cross(mBack).normalized();
         mUp = mBack.cross(mRight);
-        constexpr double kHalfAngle = 15 * kPi / 180, kMargin = 1.08;
+        constexpr double kHalfAngle = 15 * kPi / 180, kMargin = 1.1;
         const double aspect = double(settings.width) / settings.height;
         mTanX = std::tan(kHalfAngle) * std::max(1.0, aspect);
         mTanY = std::tan(kHalfAngle) * std::max(1.0, 1 / aspect);
+
+        const auto forEachCorner = [&](const auto& visit) {
+            for (const Box3d& box : boxes)
+                for (int corner = 0; corner < 8; ++corner) {
+                    const Vec3d c = box.corner(static_cast<Box3d::CornerType>(corner));
+                    visit(Vec3d(c.dot(mRight), c.dot(mUp), c.dot(mBack)));
+                }
+        };
+        Box3d seen; // along right, up and back
+        forEachCorner([&](const Vec3d& c) { seen.extend(c); });
+        const Vec3d centre = seen.center();
         double distance = 0;
-        for (int corner = 0; corner < 8; ++corner) {
-            const Vec3d c = box.corner(static_cast<Box3d::CornerType>(corner)) - box.center();
-            distance = std::max({distance, c.dot(mBack) + kMargin * std::abs(c.dot(mRight)) / mTanX,
-                                 c.dot(mBack) + kMargin * std::abs(c.dot(mUp)) / mTanY});
-        }
-        mEye = box.center() + distance * mBack;
+        forEachCorner([&](const Vec3d& c) {
+            const Vec3d d = c - centre;
+            distance = std::max({distance, d.z() + kMargin * std::abs(d.x()) / mTanX,
+                                 d.z() + kMargin * std::abs(d.y()) / mTanY});
+        });
+        mEye = centre.x() * mRight + centre.y() * mUp + (centre.z() + distance) * mBack;
     }
 
     const Vec3d& eye() const { return mEye; }
@@ -169,13 +198,7 @@ Image render(const LevelSet& levelSet, const PictureSettings& settings, Progress
     const auto voxels =
         openvdb::gridConstPtrCast<FloatGrid>(levelSet.grid().copyReplacingMetadataAndTransform(
             levelSet.grid(), openvdb::math::Transform::createLinearTransform(1.0)));
-    const openvdb::CoordBBox bounds = voxels->evalActiveVoxelBoundingBox();
-    Box3d box(Vec3d::Constant(-1), Vec3d::Constant(1));
-    if (!bounds.empty()) {
-        const auto corner = [](const openvdb::Coord& c) { return Vec3d(c.x(), c.y(), c.z()); };
-        box = Box3d(corner(bounds.min()), corner(bounds.max()));
-    }
-    const Camera camera(box, settings);
+    const Camera camera(surfaceBoxes(*voxels, levelSet.voxelSize(), progress), settings);
     const Tracer tracer(*voxels, camera);
     Image image{settings.width, settings.height, {}};
     image.rgb.resize(std::size_t(3) * settings.width * settings.height);
