@@ -63,7 +63,6 @@ private:
     {
         Json grids = Json::array();
         for (const auto& grid : gridsToCheck(file, mGrid)) {
-            session.progress().beginStage("check");
             const CheckReport report = check(*grid, session.progress());
             mSound = mSound && report.sound();
             grids.push_back({{"name", grid->getName()}});

@@ -78,19 +78,11 @@ std::string extensionOf(const std::string& path)
     return extension;
 }
 
-void checkOutputs(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
+void checkDistinct(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
 {
     std::vector<std::string> taken;
     for (const Output& output : outputs) {
         if (output.path.empty()) continue;
-        if (output.path != "-") {
-            checkExtension(output);
-            checkPlace(output);
-        } else if (!output.printable) {
-            throw UsageError(fmt::format("{} -: this format is not written to standard output; "
-                                         "name a file ({})",
-                                         output.option, fmt::join(output.extensions, ", ")));
-        }
         const auto same = [&](const std::string& other) { return samePlace(output.path, other); };
         if (output.path != "-" && std::any_of(inputs.begin(), inputs.end(), same)) {
             throw UsageError(fmt::format("{} {}: is also an input; name another file",
@@ -101,6 +93,19 @@ void checkOutputs(const std::vector<Output>& outputs, const std::vector<std::str
                                          output.option, output.path));
         }
         taken.push_back(output.path);
+    }
+}
+
+void checkOutput(const Output& output)
+{
+    if (output.path.empty()) return;
+    if (output.path != "-") {
+        checkExtension(output);
+        checkPlace(output);
+    } else if (!output.printable) {
+        throw UsageError(fmt::format("{} -: this format is not written to standard output; name a "
+                                     "file ({})",
+                                     output.option, fmt::join(output.extensions, ", ")));
     }
 }
 

@@ -17,8 +17,11 @@ struct Output {
 /// The extension of @a path in lower case, with its dot.
 std::string extensionOf(const std::string& path);
 
-/// @throws UsageError for an unknown extension, "-" where it is not allowed, an output that is an
-/// input or another output; IoError where the folder is missing or not writable.
-void checkOutputs(const std::vector<Output>& outputs, const std::vector<std::string>& inputs);
+/// @throws UsageError if an output is also an input or another output.
+void checkDistinct(const std::vector<Output>& outputs, const std::vector<std::string>& inputs);
+
+/// @throws UsageError for an unknown extension, or "-" where it is not allowed; IoError where the
+/// folder is missing or not writable.
+void checkOutput(const Output& output);
 
 } // namespace mpuvdb::command

@@ -62,7 +62,6 @@ public:
         const Reconstruction made =
             reconstruct(std::move(input.cloud), mSettings, session.progress());
         describeFit(session, made);
-        session.progress().beginStage("check");
         const CheckReport checked = check(made.levelSet.grid(), session.progress());
         writeLevelSet(mOutput, made.levelSet, metadata(made), session.progress());
         session.report()["grid"] = toJson(made.levelSet);

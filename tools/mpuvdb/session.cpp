@@ -39,11 +39,13 @@ Session::Session(std::string verb, const CommonOptions& options)
 
 void Session::checkFiles(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
 {
-    std::vector<Output> all{{"--report", mOptions.report, {}, true}};
-    checkOutputs(all, inputs);
-    mReportFile = mOptions.report;
+    const Output report{"--report", mOptions.report, {}, true};
+    std::vector<Output> all{report};
     all.insert(all.end(), outputs.begin(), outputs.end());
-    checkOutputs(all, inputs);
+    checkDistinct(all, inputs);
+    checkOutput(report);
+    mReportFile = mOptions.report; // from here on errors are reported there
+    for (const Output& output : outputs) checkOutput(output);
 }
 
 void Session::note(const std::string& message)

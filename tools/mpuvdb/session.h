@@ -35,7 +35,7 @@ public:
     /// The report under way: verbs add "settings", "input", "field", "grid", "mesh".
     nlohmann::ordered_json& report() { return mReport; }
 
-    /// checkOutputs() for the verb's outputs and the report.
+    /// Check the verb's outputs and the report as output_check.h says, before any work.
     void checkFiles(const std::vector<Output>& outputs, const std::vector<std::string>& inputs);
     /// Tell the user what he may like to know; silent under --quiet.
     void note(const std::string& message);
