@@ -103,8 +103,8 @@ void ByteSource::read(std::uint64_t offset, char* to, std::size_t bytes) const
 
 std::string ByteSource::head(std::size_t bytes) const
 {
-    std::string text(bytes, '\0');
-    text.resize(readSome(0, text.data(), bytes));
+    std::string text(std::size_t(std::min<std::uint64_t>(bytes, mSize)), '\0');
+    text.resize(readSome(0, text.data(), text.size()));
     return text;
 }
 
@@ -129,7 +129,9 @@ void ByteCursor::refill(std::size_t bytes)
     mBase += mAt;
     mEnd -= mAt;
     mAt = 0;
-    if (mBuffer.size() < std::max(bytes, kChunk)) mBuffer.resize(std::max(bytes, kChunk));
+    const std::size_t wanted =
+        std::size_t(std::min<std::uint64_t>(std::max(bytes, kChunk), remaining()));
+    if (mBuffer.size() < wanted) mBuffer.resize(wanted);
     mEnd += mSource.readSome(mBase + mEnd, mBuffer.data() + mEnd, mBuffer.size() - mEnd);
     if (mEnd < bytes) throwEnds(mSource);
 }

@@ -91,7 +91,7 @@ private:
             }
             LineScanner ahead = scan;
             const bool tagged = isTag(ahead.word()) && (first || mBegin.tagged);
-            if (first && !tagged && readFirstLine(line, lines.line())) {
+            if (first && readFirstLine(line, lines.line())) {
                 first = false;
                 continue;
             }

@@ -49,11 +49,11 @@ Box3d boundsOf(const Inputs& inputs, const Box3d& within)
     return box;
 }
 
+constexpr std::uint64_t kManyPoints = 1 << 20;
 constexpr int kBins = 2048;
 
-// The part of @a box that holds nearly all points where that is a thousandth of it on every axis,
-// or
-// @a box itself. Counts do not depend on the points' order.
+// A box that leaves out what is more than a hundred times as far away as 95 % of the points are
+// from each other, or @a box itself. Counts do not depend on the points' order.
 Box3d denseCore(const Inputs& inputs, const Box3d& box)
 {
     const Vec3d scale =
@@ -77,12 +77,11 @@ Box3d denseCore(const Inputs& inputs, const Box3d& box)
         int best = 0;
         for (int b = 0; b + 1 < kBins; ++b)
             if (count[b] + count[b + 1] > count[best] + count[best + 1]) best = b;
-        if (20 * (count[best] + count[best + 1]) < 19 * points) return box;
-        if (scale[a] == 0) continue;
+        if (scale[a] == 0 || 20 * (count[best] + count[best + 1]) < 19 * points) continue;
         core.min()[a] = std::max(box.min()[a], box.min()[a] + (best - 8) / scale[a]);
         core.max()[a] = std::min(box.max()[a], box.min()[a] + (best + 10) / scale[a]);
     }
-    return core;
+    return 100 * core.sizes().maxCoeff() < box.sizes().maxCoeff() ? core : box;
 }
 
 // The box of all points but those so far away that the rest would be a speck beside them.
@@ -111,7 +110,7 @@ void dropOutside(Inputs& inputs, const Box3d& box, BadPoints badPoints)
         }
         if (outside == 0) continue;
         if (badPoints == BadPoints::Fail)
-            throw InputError(fmt::format("{}: {} points are more than a thousand times as far away "
+            throw InputError(fmt::format("{}: {} points are more than a hundred times as far away "
                                          "as the others. Drop them with --bad-points drop.",
                                          input.name, outside));
         input.dropped["too far"] += outside;
@@ -210,7 +209,8 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Pro
     });
     inputs.clear();
 #ifdef __GLIBC__
-    malloc_trim(0); // the blocks lie scattered in the heap, which would keep their pages
+    // The blocks lay scattered in the heap, which would keep their pages.
+    if (points > kManyPoints) malloc_trim(0);
 #endif
     const std::uint64_t duplicates = dropDuplicates(cloud, progress);
     if (duplicates > 0) result.dropped["duplicate"] = duplicates;

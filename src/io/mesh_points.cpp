@@ -44,16 +44,20 @@ void appendStrips(const std::vector<std::int64_t>& corners, Triangles& triangles
     }
 }
 
-void checkCorners(const std::vector<std::int64_t>& corners, std::uint64_t vertices, bool separate,
-                  const std::string& where)
+const std::int64_t* findBadCorner(const std::vector<std::int64_t>& corners, std::uint64_t vertices,
+                                  bool separate)
 {
-    for (const std::int64_t corner : corners) {
-        if (corner < 0 ? separate : std::uint64_t(corner) < vertices) continue;
-        throw InputError(
-            fmt::format("{}: vertex index {} of {} vertices: the file is damaged. Export "
-                        "it again.",
-                        where, corner, vertices));
-    }
+    for (const std::int64_t& corner : corners)
+        if (corner < 0 ? !separate : std::uint64_t(corner) >= vertices) return &corner;
+    return nullptr;
+}
+
+void throwBadCorner(std::int64_t corner, std::uint64_t vertices, const std::string& where)
+{
+    throw InputError(
+        fmt::format("{}: vertex index {} of {} vertices: the file is damaged. Export it "
+                    "again.",
+                    where, corner, vertices));
 }
 
 void addMeshNormals(FilePoints& points, const Triangles& triangles)

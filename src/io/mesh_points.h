@@ -12,10 +12,13 @@ using Triangles = std::vector<std::array<std::uint32_t, 3>>;
 void appendPolygon(const std::vector<std::int64_t>& corners, Triangles& triangles);
 /// Append triangle strips, separated by negative numbers.
 void appendStrips(const std::vector<std::int64_t>& corners, Triangles& triangles);
-/// @throws InputError naming @a where unless every corner is a vertex; negative ones are let
-/// through where they @a separate strips.
-void checkCorners(const std::vector<std::int64_t>& corners, std::uint64_t vertices, bool separate,
-                  const std::string& where);
+/// The first corner that is not a vertex, or null if all are; negative ones are let through where
+/// they @a separate strips.
+const std::int64_t* findBadCorner(const std::vector<std::int64_t>& corners, std::uint64_t vertices,
+                                  bool separate);
+/// @throws InputError about a corner that findBadCorner() found at @a where.
+[[noreturn]] void throwBadCorner(std::int64_t corner, std::uint64_t vertices,
+                                 const std::string& where);
 
 /// Give vertices area-weighted normals and leave out those that no triangle uses. Vertices with
 /// normals of their own, and files without triangles, stay as they are.

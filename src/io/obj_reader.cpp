@@ -143,8 +143,9 @@ FilePoints readObj(const ByteSource& source, Progress& progress)
     for (const ObjRows::Face& face : file.faces) {
         polygon.assign(corner, corner + std::ptrdiff_t(face.corners));
         corner += std::ptrdiff_t(face.corners);
-        checkCorners(polygon, file.points.size(), false,
-                     fmt::format("{}: line {}", source.name(), face.line));
+        if (const std::int64_t* bad = findBadCorner(polygon, file.points.size(), false))
+            throwBadCorner(*bad + 1, file.points.size(),
+                           fmt::format("{}: line {}", source.name(), face.line));
         appendPolygon(polygon, triangles);
     }
     if (file.points.colors.size() != file.points.size()) file.points.colors.clear();

@@ -121,8 +121,9 @@ private:
                 if (!scan.integer(corner)) throwBad(fmt::format("face {} wants indices", f));
                 corners.push_back(corner);
             }
-            checkCorners(corners, mVertices, false,
-                         fmt::format("{}: line {}", mSource.name(), mLines.line()));
+            if (const std::int64_t* bad = findBadCorner(corners, mVertices, false))
+                throwBadCorner(*bad, mVertices,
+                               fmt::format("{}: line {}", mSource.name(), mLines.line()));
             appendPolygon(corners, triangles);
         }
         return triangles;

@@ -72,18 +72,15 @@ struct Rows {
     std::vector<std::int64_t> corners;
 };
 
-std::string whereOf(const Plan& plan, std::uint64_t index)
-{
-    return fmt::format("{} {}", plan.where, index);
-}
-
 void appendRow(const Plan& plan, std::uint64_t index, Rows& rows)
 {
     if (plan.kind == Kind::Vertex) {
         rows.points.append(rows.values, plan.has);
         return;
     }
-    checkCorners(rows.corners, plan.vertices, plan.kind == Kind::Strips, whereOf(plan, index));
+    const bool strips = plan.kind == Kind::Strips;
+    if (const std::int64_t* bad = findBadCorner(rows.corners, plan.vertices, strips))
+        throwBadCorner(*bad, plan.vertices, fmt::format("{} {}", plan.where, index));
     if (plan.kind == Kind::Faces)
         appendPolygon(rows.corners, rows.triangles);
     else if (plan.kind == Kind::Strips)

@@ -153,7 +153,7 @@ void addRangeNormals(FilePoints& points, const RangeGrid& grid)
         keep[i] = found.normals[i] != Vec3f::Zero();
         lost += keep[i] == 0;
     }
-    if (2 * lost > block.size()) {
+    if (4 * lost > block.size()) {
         points.notes.push_back("its grid of rays does not follow a surface, and is ignored");
         return;
     }

@@ -1,0 +1,359 @@
+// Every dialect, written here and compared exactly.
+#include "io_fixture.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb::test
+{
+namespace
+{
+
+using Rgb = PointCloud::Rgb;
+
+void expectWorld(const PointCloud& cloud, std::size_t i, const Vec3d& expected)
+{
+    ASSERT_LT(i, cloud.size());
+    EXPECT_LT((cloud.world(i) - expected).norm(), 1e-6) << cloud.world(i).transpose();
+}
+
+TEST_F(IoTest, EverySampleGivesItsPoints)
+{
+    for (const Sample& sample : samples()) {
+        SCOPED_TRACE(sample.name);
+        const PointInput input = read(sample.name, sample.bytes);
+        EXPECT_EQ(input.cloud.size(), sample.points);
+        for (const Vec3f& n : input.cloud.normals) EXPECT_NEAR(n.norm(), 1, 1e-6);
+    }
+}
+
+// The same tetrahedron, with normals from its faces that point away from its middle.
+TEST_F(IoTest, MeshesGiveOutwardNormals)
+{
+    for (const Sample& sample : samples()) {
+        if (sample.name.find("mesh.") == std::string::npos && sample.name != "ascii.ply" &&
+            sample.name != "little.ply" && sample.name != "big.ply" &&
+            sample.name.find(".stl") == std::string::npos)
+            continue;
+        SCOPED_TRACE(sample.name);
+        const PointCloud cloud = read(sample.name, sample.bytes).cloud;
+        ASSERT_TRUE(cloud.hasNormals());
+        for (std::size_t i = 0; i < cloud.size(); ++i)
+            EXPECT_GT(cloud.normals[i].cast<double>().dot(cloud.world(i) - Vec3d::Constant(0.25)),
+                      0);
+    }
+}
+
+TEST_F(IoTest, ColoursOfEveryFormat)
+{
+    for (const Sample& sample : samples())
+        for (const char* name : {"counted.pts", "named.csv", "rays.ptx", "ascii.pcd", "binary.pcd",
+                                 "packed.pcd", "color.las", "new.las"}) {
+            if (sample.name != name) continue;
+            SCOPED_TRACE(name);
+            const PointCloud cloud = read(sample.name, sample.bytes).cloud;
+            ASSERT_EQ(cloud.colors.size(), cloud.size());
+            for (const Rgb& rgb : cloud.colors) EXPECT_EQ(rgb, (Rgb{10, 20, 30}));
+        }
+}
+
+TEST_F(IoTest, PlyScalarTypesInBothByteOrders)
+{
+    for (const bool big : {false, true}) {
+        std::string s = concat("ply\r\nformat binary_", big ? "big" : "little",
+                               "_endian 1.0\r\ncomment c\r\nelement camera 1\r\n"
+                               "property list uint8 float32 view\r\nelement vertex 2\r\n"
+                               "property uint8 flag\r\nproperty int16 z\r\nproperty float64 x\r\n"
+                               "property int64 y\r\nproperty uint16 red\r\nproperty float green\r\n"
+                               "property uchar blue\r\nproperty float32 quality\r\nend_header\r\n");
+        s += concat(std::string(1, 2), bytesOf(1.f, big), bytesOf(2.f, big));
+        for (int i = 1; i <= 2; ++i)
+            s += concat(std::string(1, 9), bytesOf(std::int16_t(-3 * i), big),
+                        bytesOf(5e6 + 0.25 * i, big), bytesOf(std::int64_t(7 * i), big),
+                        bytesOf(std::uint16_t(257 * 200), big), bytesOf(0.2f, big),
+                        std::string(1, 1), bytesOf(2.f * float(i), big));
+        const PointCloud cloud = read("types.ply", s).cloud;
+        ASSERT_EQ(cloud.size(), 2u);
+        expectWorld(cloud, 0, Vec3d(5e6 + 0.25, 7, -3));
+        expectWorld(cloud, 1, Vec3d(5e6 + 0.5, 14, -6));
+        EXPECT_EQ(cloud.colors[0], (Rgb{200, 51, 1}));
+        EXPECT_EQ(cloud.confidence, (std::vector<float>{0.5f, 1.f}));
+    }
+}
+
+TEST_F(IoTest, PlyListsInsideVerticesAreSkipped)
+{
+    const std::string properties =
+        "element vertex 2\nproperty float x\nproperty list uchar short l\n"
+        "property float y\nproperty float z\nend_header\n";
+    const PointCloud text =
+        read("a.ply", "ply\nformat ascii 1.0\n" + properties + "1 2 8 9 2 3\n\n4 0 5 6\n").cloud;
+    std::string s = "ply\nformat binary_little_endian 1.0\n" + properties;
+    s += concat(bytesOf(1.f), std::string(1, 2), bytesOf(std::int16_t(8)), bytesOf(std::int16_t(9)),
+                bytesOf(2.f), bytesOf(3.f), bytesOf(4.f), std::string(1, 0), bytesOf(5.f),
+                bytesOf(6.f));
+    for (const PointCloud& cloud : {text, read("b.ply", s).cloud}) {
+        expectWorld(cloud, 0, Vec3d(1, 2, 3));
+        expectWorld(cloud, 1, Vec3d(4, 5, 6));
+    }
+}
+
+TEST_F(IoTest, PlyFacesMayComeFirstAndLinesMayEndInCr)
+{
+    std::string s =
+        "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\n"
+        "property uchar flag\nelement vertex 4\nproperty double x\nproperty double y\n"
+        "property double z\nend_header\n3 0 1 2 7\n0 0 0\n1 0 0\n0 1 0\n9 9 9\n";
+    for (const char* lineEnd : {"\n", "\r\n", "\r"}) {
+        std::string text;
+        for (const char c : s) text += c == '\n' ? std::string(lineEnd) : std::string(1, c);
+        const PointInput input = read("a.ply", text);
+        ASSERT_EQ(input.cloud.size(), 3u);
+        EXPECT_EQ(input.dropped.at("unreferenced vertex"), 1u);
+        for (const Vec3f& n : input.cloud.normals) EXPECT_EQ(n, Vec3f::UnitZ());
+    }
+}
+
+// A strip turns every other triangle over; a zero area or a separator gives none.
+TEST_F(IoTest, StripsKeepTheirOrientation)
+{
+    const PointCloud cloud =
+        read("s.ply",
+             "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
+             "property float z\nelement tristrips 1\nproperty list int int vertex_indices\n"
+             "end_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n1 2 0\n"
+             "8 0 1 2 3 -1 2 3 4\n")
+            .cloud;
+    EXPECT_EQ(cloud.size(), 5u);
+    for (const Vec3f& n : cloud.normals) EXPECT_EQ(n, Vec3f::UnitZ());
+}
+
+TEST_F(IoTest, ColumnsAreToldApart)
+{
+    const auto cloud = [&](const std::string& text) { return read("a.xyz", text).cloud; };
+    EXPECT_FALSE(cloud("0 0 0 17\n1 2 3 18\n").hasNormals());
+    EXPECT_TRUE(cloud("0 0 0 0 1 0\n1 2 3 1 0 0\n").hasNormals());
+    EXPECT_TRUE(cloud("0;0;0;-0.5;3;0.25\n1;2;3;1;7;-2\n").hasNormals()) << "not normalised";
+    EXPECT_EQ(cloud("0,0,0,255,128,0\n1,2,3,1,2,3\n").colors[1], (Rgb{1, 2, 3}));
+    EXPECT_EQ(cloud("0 0 0 0.2 0.4 1\n1 2 3 0 0 0\n").colors[0], (Rgb{51, 102, 255}));
+    const PointCloud both = cloud("0\t0\t0\t10\t20\t30\t0\t0\t1\n1\t2\t3\t40\t50\t60\t0\t1\t0\n");
+    EXPECT_EQ(both.colors[1], (Rgb{40, 50, 60}));
+    EXPECT_EQ(both.normals[1], Vec3f::UnitY());
+    const PointCloud swapped = cloud("// c\n0 0 0 0 0 1 10 20 30 # here\r\n\n1 2 3 0 1 0 40 50 60");
+    EXPECT_EQ(swapped.colors[1], (Rgb{40, 50, 60}));
+    EXPECT_EQ(swapped.normals[1], Vec3f::UnitY());
+    EXPECT_EQ(cloud("//X Y Z Nx Ny Nz\n0 0 0 5 0 0\n1 2 3 0 2 0\n").normals[0], Vec3f::UnitX());
+}
+
+TEST_F(IoTest, ClassicPwnHasNormalsAfterThePoints)
+{
+    const PointCloud cloud = read("a.pwn", "2\n0 0 0\n1 2 3\n0 0 2\n0 1 0\n").cloud;
+    ASSERT_EQ(cloud.size(), 2u);
+    EXPECT_EQ(cloud.normals[0], Vec3f::UnitZ());
+    EXPECT_EQ(cloud.normals[1], Vec3f::UnitY());
+}
+
+TEST_F(IoTest, NumbersAreRoundedCorrectly)
+{
+    const PointCloud cloud = read("a.xyz", "+1.5e1 -2.5E-1 .5\n15.000000000000000000000000 -1e-400 "
+                                           "0.1e1\n15 1 1\n")
+                                 .cloud;
+    expectWorld(cloud, 0, Vec3d(15, -0.25, 0.5));
+    expectWorld(cloud, 1, Vec3d(15, 0, 1));
+}
+
+TEST_F(IoTest, PtxPlacesItsScansAndLooksAtTheScanner)
+{
+    std::string two;
+    for (const Sample& sample : samples())
+        if (sample.name == "rays.ptx") two = sample.bytes + sample.bytes;
+    two.replace(two.rfind("100 0 0 1"), 9, "0 100 0 1");
+    const PointCloud cloud = read("two.ptx", two).cloud;
+    ASSERT_EQ(cloud.size(), 18u);
+    expectWorld(cloud, 0, Vec3d(99, -1, -5));
+    expectWorld(cloud, 9, Vec3d(-1, 99, -5));
+    for (const Vec3f& n : cloud.normals) EXPECT_GT(n.z(), 0.99);
+    EXPECT_EQ(*std::max_element(cloud.confidence.begin(), cloud.confidence.end()), 1);
+}
+
+TEST_F(IoTest, RangeGridsLeaveOutJumpsAndFadeTowardsTheBorder)
+{
+    const int n = 30;
+    std::string vertices, grid;
+    for (int r = 0; r < n; ++r)
+        for (int c = 0; c < n; ++c) {
+            const double z = c < n / 2 ? 0.1 * c : 40; // a slope, a jump, a face-on plane
+            vertices +=
+                concat(std::to_string(c), " ", std::to_string(r), " ", std::to_string(z), "\n");
+            grid += concat("1 ", std::to_string(r * n + c), "\n");
+        }
+    const PointCloud cloud =
+        read("g.ply",
+             "ply\nformat ascii 1.0\nobj_info num_cols 30\nobj_info num_rows 30\n"
+             "element vertex 900\nproperty float x\nproperty float y\nproperty float z\n"
+             "element range_grid 900\nproperty list uchar int vertex_indices\nend_header\n" +
+                 vertices + grid)
+            .cloud;
+    ASSERT_EQ(cloud.size(), 900u);
+    const auto at = [&](int c, int r) { return std::size_t(r * n + c); };
+    const Vec3f slope = Vec3f(-0.1f, 0, 1).normalized();
+    EXPECT_LT((cloud.normals[at(14, 9)] - slope).norm(), 1e-5);
+    EXPECT_LT((cloud.normals[at(15, 9)] - Vec3f::UnitZ()).norm(), 1e-6);
+    EXPECT_FLOAT_EQ(cloud.confidence[at(22, 15)], 1);
+    EXPECT_NEAR(cloud.confidence[at(7, 15)], slope.z(), 1e-6);
+    for (int step = 0; step < 5; ++step) {
+        EXPECT_NEAR(cloud.confidence[at(15 + step, 15)], 0.2 * (step + 1), 1e-6);
+        EXPECT_NEAR(cloud.confidence[at(14 - step, 15)], 0.2 * (step + 1) * slope.z(), 1e-6);
+        EXPECT_NEAR(cloud.confidence[at(22, step)], 0.2 * (step + 1), 1e-6);
+    }
+}
+
+TEST_F(IoTest, ScanSetsAreTransformedByTheInverseRotation)
+{
+    put("a.xyz", "1 0 0 1 0 0\n2 0 0 0 1 0\n");
+    const double s = std::sqrt(0.5); // a quarter turn about z, of which the inverse is meant
+    const PointInput input =
+        read("set.conf", concat("# c\ncamera 0 0 0 0 0 0 1\nmesh cylinder 0 0 0 0 0 0 1\n"
+                                "bmesh a.xyz 10 20 30 0 0 ",
+                                std::to_string(s), " ", std::to_string(s), "\n"));
+    expectWorld(input.cloud, 0, Vec3d(10, 19, 30));
+    expectWorld(input.cloud, 1, Vec3d(10, 18, 30));
+    EXPECT_LT((input.cloud.normals[0] + Vec3f::UnitY()).norm(), 1e-6);
+    ASSERT_EQ(input.notes.size(), 1u);
+    EXPECT_NE(input.notes[0].find("cylinder"), std::string::npos);
+    Progress progress;
+    EXPECT_THROW(
+        readPoints({put("b.conf", "bmesh none.ply 0 0 0 0 0 0 1\n")}, BadPoints::Drop, progress),
+        IoError);
+}
+
+TEST_F(IoTest, InputsJoin)
+{
+    Progress progress;
+    const auto a = put("a.xyz", "0 0 0 0 0 1\n1 0 0 0 0 1\n"),
+               b = put("b.xyz", "5 5 5 1 0 0\n7 5 5 1 0 0\n");
+    const auto c = put("c.xyz", "8 8 8\n9 9 9\n");
+    const PointInput ab = readPoints({a, b}, BadPoints::Drop, progress);
+    EXPECT_EQ(ab.cloud.normals.size(), 4u);
+    expectWorld(ab.cloud, 2, Vec3d(5, 5, 5));
+    const PointInput ac = readPoints({a, c}, BadPoints::Drop, progress);
+    EXPECT_EQ(ac.cloud.size(), 4u);
+    EXPECT_FALSE(ac.cloud.hasNormals());
+    ASSERT_EQ(ac.notes.size(), 1u);
+    EXPECT_NE(ac.notes[0].find("c.xyz"), std::string::npos);
+}
+
+TEST_F(IoTest, BadPointsAreCountedByReason)
+{
+    const std::string s =
+        "ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nproperty float y\n"
+        "property float z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+        "property float confidence\nend_header\n0 0 0 0 0 1 4\nnan 0 0 0 0 1 1\n"
+        "1 0 0 0 0 0 1\n1 0 0 nan 0 0 1\n1e20 0 0 0 0 1 1\n2 0 0 0 0 3 0\n"
+        "3 0 0 0 0 3 2\n3 0 0 0 0 3 2\n3 0 0 0 0 -3 2\n";
+    const PointInput input = read("bad.ply", s);
+    const std::map<std::string, std::uint64_t> expected = {
+        {"not finite", 1}, {"zero normal", 1},     {"normal not finite", 1},
+        {"too far", 1},    {"zero confidence", 1}, {"duplicate", 1}};
+    EXPECT_EQ(input.dropped, expected);
+    EXPECT_EQ(input.cloud.confidence, (std::vector<float>{1, 0.5f, 0.5f}));
+    EXPECT_NE(error("bad.ply", s, BadPoints::Fail).find("bad.ply: vertex 1: not finite (1 of 9"),
+              std::string::npos);
+}
+
+TEST_F(IoTest, AFarPointDoesNotCostTheOthersTheirPrecision)
+{
+    std::string s;
+    for (int i = 0; i < 1000; ++i)
+        s += concat(std::to_string(i % 10), " ", std::to_string(i / 10 % 10), " ",
+                    std::to_string(i / 100), ".125\n");
+    const PointInput input = read("far.xyz", s + "1e12 0 0\n0 -1e9 0\n");
+    EXPECT_EQ(input.dropped.at("too far"), 2u);
+    EXPECT_EQ(input.cloud.size(), 1000u);
+    expectWorld(input.cloud, 1, Vec3d(1, 0, 0.125));
+}
+
+TEST_F(IoTest, EmptyAttributesAreIgnored)
+{
+    const PointInput input = read(
+        "zero.ply", "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+                    "property float z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+                    "property float quality\nend_header\n0 0 0 0 0 0 0\n1 0 0 0 0 0 0\n");
+    EXPECT_EQ(input.cloud.size(), 2u);
+    EXPECT_FALSE(input.cloud.hasNormals());
+    EXPECT_TRUE(input.cloud.confidence.empty());
+    EXPECT_EQ(input.notes.size(), 2u);
+}
+
+// Half of the points twice, enough of them that hashing works in several parts.
+TEST_F(IoTest, CopiesAreLeftOutWhateverTheirOrder)
+{
+    std::vector<std::string> lines;
+    for (int i = 0; i < 40000; ++i)
+        for (int copy = 0; copy < 1 + i % 2; ++copy)
+            lines.push_back(
+                concat(std::to_string(i % 199), " ", std::to_string(i / 199), " 0.5\n"));
+    for (int pass = 0; pass < 2; ++pass) {
+        std::string s;
+        for (const std::string& line : lines) s += line;
+        const PointInput input = read("twice.xyz", s);
+        EXPECT_EQ(input.cloud.size(), 40000u);
+        EXPECT_EQ(input.dropped.at("duplicate"), 20000u);
+        std::reverse(lines.begin(), lines.end());
+    }
+}
+
+TEST_F(IoTest, PointsSurviveARoundTrip)
+{
+    PointCloud cloud;
+    cloud.frame = Vec3d(500000.125, -4e6, 17);
+    for (int i = 0; i < 5000; ++i) {
+        cloud.positions.emplace_back(float(i % 17) - 8, float(i % 29) - 14, 0.01f * float(i) - 25);
+        cloud.normals.push_back(Vec3f(1, float(i % 7), -2).normalized());
+        cloud.confidence.push_back(float(i % 8 + 1) / 8);
+        cloud.colors.push_back({std::uint8_t(i), std::uint8_t(i / 3), 1});
+    }
+    for (const char* name : {"a.ply", "a.xyz"}) {
+        Progress progress;
+        writePoints(path(name), cloud, progress);
+        const PointCloud back = readPoints({path(name)}, BadPoints::Fail, progress).cloud;
+        ASSERT_EQ(back.size(), cloud.size());
+        const bool ply = std::string(name) == "a.ply";
+        if (ply) {
+            EXPECT_EQ(back.confidence, cloud.confidence);
+            EXPECT_EQ(back.colors, cloud.colors);
+        }
+        for (std::size_t i = 0; i < cloud.size(); ++i) {
+            ASSERT_LT((back.world(i) - cloud.world(i)).norm(), 5e-6);
+            ASSERT_LT((back.normals[i] - cloud.normals[i]).norm(), 2e-7);
+        }
+    }
+    Progress progress;
+    EXPECT_THROW(writePoints(path("a.las"), cloud, progress), UsageError);
+}
+
+TEST_F(IoTest, MeshesSurviveARoundTrip)
+{
+    Mesh mesh;
+    for (const double far : {0.0, 3e6}) {
+        mesh.frame = Vec3d::Constant(far);
+        mesh.positions = {Vec3f(0, 0, 0), Vec3f(1, 0, 0), Vec3f(0, 1, 0), Vec3f(0, 0, 1.0625f)};
+        mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+        for (const char* name : {"m.ply", "m.obj", "m.stl"}) {
+            if (far > 0 && std::string(name) == "m.stl") continue; // floats only
+            Progress progress;
+            writeMesh(path(name), mesh, progress);
+            const PointCloud back = readPoints({path(name)}, BadPoints::Fail, progress).cloud;
+            ASSERT_EQ(back.size(), 4u) << name;
+            Box3d box;
+            for (std::size_t i = 0; i < 4; ++i) box.extend(back.world(i));
+            EXPECT_LT((box.max() - mesh.frame - Vec3d(1, 1, 1.0625)).norm(), 1e-6) << name;
+            EXPECT_GT(back.normals[0].cwiseAbs().maxCoeff(), 0.5);
+        }
+    }
+    Progress progress;
+    EXPECT_THROW(writeMesh(path("m.xyz"), mesh, progress), UsageError);
+}
+
+} // namespace
+} // namespace mpuvdb::test
