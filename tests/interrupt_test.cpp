@@ -25,8 +25,9 @@ protected:
     static void SetUpTestSuite()
     {
         ourInputs = new TemporaryFolder;
-        const Ended ended = run(*ourInputs, {"mpuvdb", "sample", "blob(1,12,0.05)", "-o", "scan.ply",
-                                             "--points", "200000", "--pattern", "random"});
+        const Ended ended =
+            run(*ourInputs, {"mpuvdb", "sample", "blob(1,12,0.05)", "-o", "scan.ply", "--points",
+                             "200000", "--pattern", "random"});
         ASSERT_EQ(ended.status, 0) << ended.err;
     }
     static void TearDownTestSuite() { delete ourInputs; }
