@@ -6,15 +6,17 @@
 #include <cmath>
 
 // Without contraction to FMA every clone computes the same bits.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) &&                      \
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) &&                   \
     !defined(__SANITIZE_ADDRESS__)
 #define MPUVDB_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 #else
 #define MPUVDB_CLONES
 #endif
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 constexpr int kRow = kBlockDim;
 
@@ -25,14 +27,13 @@ constexpr float kGradientFloor = 0.8f;
 
 void BlockSums::clear()
 {
-    for (auto* a : {&weight, &value, &gx, &gy, &gz}) a->fill(0);
+    for (auto* a : {&weight, &value, &gx, &gy, &gz, &unsupported}) a->fill(0);
 }
 
 MPUVDB_CLONES
 void addCell(const KernelCell& cell, BlockSums& sums)
 {
     const float radius2 = cell.radius * cell.radius, scale = 1.5f / cell.radius;
-    const int zBegin = 0;
     for (int x = 0; x < kBlockDim; ++x) {
         const float fx = float(x), dx = fx - cell.centre[0];
         if (dx * dx >= radius2) continue;
@@ -41,15 +42,16 @@ void addCell(const KernelCell& cell, BlockSums& sums)
             const float row2 = dx * dx + dy * dy;
             if (row2 >= radius2) continue;
 
-            float q[kRow], gx[kRow], gy[kRow], gz[kRow];
+            float q[kRow], gx[kRow], gy[kRow], gz[kRow], weights[kRow];
             for (int piece = cell.count - 1; piece >= 0; --piece) {
                 const float* k = cell.q[piece];
-                const float q0 = k[0] + fx * (k[1] + k[4] * fx + k[7] * fy) + fy * (k[2] + k[5] * fy);
+                const float q0 =
+                    k[0] + fx * (k[1] + k[4] * fx + k[7] * fy) + fy * (k[2] + k[5] * fy);
                 const float q1 = k[3] + k[8] * fy + k[9] * fx, q2 = k[6];
                 const float gx0 = k[1] + 2 * k[4] * fx + k[7] * fy;
                 const float gy0 = k[2] + 2 * k[5] * fy + k[7] * fx;
                 if (piece == cell.count - 1) {
-                    for (int z = zBegin; z < kRow; ++z) {
+                    for (int z = 0; z < kRow; ++z) {
                         const float fz = float(z);
                         q[z] = q0 + fz * (q1 + fz * q2);
                         gx[z] = gx0 + fz * k[9];
@@ -59,7 +61,7 @@ void addCell(const KernelCell& cell, BlockSums& sums)
                     continue;
                 }
                 const float sign = (cell.maxBits >> piece & 1u) ? 1.0f : -1.0f;
-                for (int z = zBegin; z < kRow; ++z) {
+                for (int z = 0; z < kRow; ++z) {
                     const float fz = float(z);
                     const float other = q0 + fz * (q1 + fz * q2);
                     const bool take = sign * other > sign * q[z];
@@ -74,7 +76,7 @@ void addCell(const KernelCell& cell, BlockSums& sums)
             float *const w = &sums.weight[size_t(row)], *const v = &sums.value[size_t(row)];
             float *const sx = &sums.gx[size_t(row)], *const sy = &sums.gy[size_t(row)],
                          *const sz = &sums.gz[size_t(row)];
-            for (int z = zBegin; z < kRow; ++z) {
+            for (int z = 0; z < kRow; ++z) {
                 const float dz = float(z) - cell.centre[2];
                 const float weight = bsplineWeight(std::sqrt(row2 + dz * dz) * scale);
                 w[z] += weight;
@@ -82,6 +84,11 @@ void addCell(const KernelCell& cell, BlockSums& sums)
                 sx[z] += weight * gx[z];
                 sy[z] += weight * gy[z];
                 sz[z] += weight * gz[z];
+                weights[z] = weight;
+            }
+            if (cell.unsupported > 0) {
+                float* const u = &sums.unsupported[size_t(row)];
+                for (int z = 0; z < kRow; ++z) u[z] += cell.unsupported * weights[z];
             }
         }
     }
@@ -92,8 +99,8 @@ void normalise(const BlockSums& sums, float limit, BlockValues& values)
 {
     for (size_t i = 0; i < size_t(kBlockVoxels); ++i) {
         const float w = sums.weight[i];
-        const float g = std::sqrt(sums.gx[i] * sums.gx[i] + sums.gy[i] * sums.gy[i] +
-                                  sums.gz[i] * sums.gz[i]);
+        const float g =
+            std::sqrt(sums.gx[i] * sums.gx[i] + sums.gy[i] * sums.gy[i] + sums.gz[i] * sums.gz[i]);
         // value / w over max(|g| / w, floor)
         const float v = sums.value[i] / std::max(g, kGradientFloor * w);
         values[i] = w > 0 ? std::min(std::max(v, -limit), limit) : limit;

@@ -4,21 +4,24 @@
 
 #include <array>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
-/// Sums over the cells of a block: weight, weight * Q, weight * grad Q. Block coordinates: voxels.
+/// Sums over the cells of a block: weight, weight * Q, weight * grad Q, and weight * (1 - support).
+/// Block coordinates: voxels.
 struct BlockSums {
-    alignas(64) std::array<float, kBlockVoxels> weight, value, gx, gy, gz;
+    alignas(64) std::array<float, kBlockVoxels> weight, value, gx, gy, gz, unsupported;
     void clear();
 };
 
 /// A cell as the kernel wants it; all in voxels about the block's first voxel.
 struct KernelCell {
     static constexpr int kMaxPieces = 4;
-    float centre[3];  ///< of the support ball
+    float centre[3]; ///< of the support ball
     float radius;
-    int count;        ///< pieces; folded as LocalFit says
+    int count; ///< pieces; folded as LocalFit says
     unsigned maxBits;
+    float unsupported; ///< 1 - support of the cell
     /// Q(t) = c0 + c1 x + c2 y + c3 z + c4 xx + c5 yy + c6 zz + c7 xy + c8 yz + c9 zx
     float q[kMaxPieces][10];
 };

@@ -5,8 +5,10 @@
 #include <array>
 #include <limits>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 /// Four points at a time; written so that every instruction set gives the same bits.
 using Group = double __attribute__((vector_size(32)));
@@ -91,7 +93,8 @@ BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, co
 
     Group m[5][5] = {}, s[6] = {}; // m[a][b] = sum weight u^a v^b
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
-        const Group dx = t * (load(points.x, i) - origin[0]), dy = t * (load(points.y, i) - origin[1]),
+        const Group dx = t * (load(points.x, i) - origin[0]),
+                    dy = t * (load(points.y, i) - origin[1]),
                     dz = t * (load(points.z, i) - origin[2]);
         const Group u = dx * frame.u[0] + dy * frame.u[1] + dz * frame.u[2];
         const Group v = dx * frame.v[0] + dy * frame.v[1] + dz * frame.v[2];
@@ -110,7 +113,8 @@ BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, co
     constexpr int ea[6] = {2, 1, 0, 1, 0, 0}, eb[6] = {0, 1, 2, 0, 1, 0};
     for (int i = 0; i < 6; ++i) {
         system.r[i] = sum(s[i]) / totalWeight;
-        for (int j = 0; j < 6; ++j) system.M(i, j) = sum(m[ea[i] + ea[j]][eb[i] + eb[j]]) / totalWeight;
+        for (int j = 0; j < 6; ++j)
+            system.M(i, j) = sum(m[ea[i] + ea[j]][eb[i] + eb[j]]) / totalWeight;
     }
     return system;
 }
@@ -134,9 +138,9 @@ WidestPair widestNormals(const CellPoints& points, const std::vector<std::uint32
     return widest;
 }
 
-constexpr double kFeatureCosine = 0.9;  // [Ohtake03 eq. 14]
-constexpr double kCornerCosine = 0.7;   // [Ohtake03 eq. 15]
-constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
+constexpr double kFeatureCosine = 0.9;    // [Ohtake03 eq. 14]
+constexpr double kCornerCosine = 0.7;     // [Ohtake03 eq. 15]
+constexpr double kSpreadCosine = 0.974;   // half the angle of test (14), about the mean normal
 constexpr std::size_t kQuadraticFace = 8; // points that a face of an edge needs for curvature
 
 using Clusters = std::vector<std::vector<std::uint32_t>>;
@@ -158,9 +162,9 @@ Clusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_
         }
         clusters[best].push_back(i);
     }
-    clusters.erase(std::remove_if(clusters.begin(), clusters.end(),
-                                  [](const auto& c) { return c.empty(); }),
-                   clusters.end());
+    clusters.erase(
+        std::remove_if(clusters.begin(), clusters.end(), [](const auto& c) { return c.empty(); }),
+        clusters.end());
     return clusters;
 }
 
@@ -187,8 +191,8 @@ Clusters featureClusters(const CellPoints& points)
     if (inThird.cosine < kFeatureCosine) {
         const std::vector<std::uint32_t> third = std::move(clusters[2]);
         clusters.pop_back();
-        for (auto& half : clusterNormals(points, third, {points.normal(inThird.first),
-                                                         points.normal(inThird.second)}))
+        for (auto& half : clusterNormals(
+                 points, third, {points.normal(inThird.first), points.normal(inThird.second)}))
             clusters.push_back(std::move(half));
     }
     return clusters;
@@ -224,9 +228,11 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
     constexpr std::size_t kNearest = 6;
     std::vector<std::pair<double, std::uint32_t>> order(points.count);
     for (int corner = 0; corner < 9; ++corner) {
-        const Vec3d at = corner == 8 ? Vec3d(0, 0, 0)
-                                     : Vec3d(Vec3d(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1,
-                                                   corner & 4 ? 1 : -1) * (cellSize / 2));
+        const Vec3d at =
+            corner == 8
+                ? Vec3d(0, 0, 0)
+                : Vec3d(Vec3d(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1) *
+                        (cellSize / 2));
         for (std::size_t i = 0; i < points.count; ++i)
             order[i] = {(points.position(i) - at).squaredNorm(), std::uint32_t(i)};
         const std::size_t near = std::min(kNearest, order.size());
@@ -247,6 +253,22 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
 }
 
 } // namespace
+
+double nearestSquared(const CellPoints& points, const Vec3d& y)
+{
+    Group nearest = Group{} + std::numeric_limits<double>::infinity();
+    const std::size_t whole = points.count / CellPoints::kGroup * CellPoints::kGroup;
+    for (std::size_t i = 0; i < whole; i += CellPoints::kGroup) {
+        const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
+                    dz = load(points.z, i) - y[2];
+        const Group d2 = dx * dx + dy * dy + dz * dz;
+        nearest = d2 < nearest ? d2 : nearest;
+    }
+    double least = std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
+    for (std::size_t i = whole; i < points.count; ++i)
+        least = std::min(least, (points.position(i) - y).squaredNorm());
+    return least;
+}
 
 void CellPoints::resize(std::size_t n)
 {
@@ -407,7 +429,7 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
     return std::sqrt(worst2);
 }
 
-bool isSupported(const LocalFit& fit, const CellPoints& points, double cellRadius, double spacing)
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius)
 {
     static const std::array<Vec3d, 15> probes = [] {
         std::array<Vec3d, 15> p;
@@ -420,32 +442,21 @@ bool isSupported(const LocalFit& fit, const CellPoints& points, double cellRadiu
             p[std::size_t(7 + k)] = 0.45 * Vec3d(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
         return p;
     }();
-    const double reach =
-        std::max(0.2 * cellRadius, std::min(0.45 * points.radius, 5 * spacing));
+    double gap2 = 0;
     for (const Vec3d& probe : probes) {
-        Vec3d y = probe * cellRadius;
+        Vec3d y = centre + probe * radius;
         for (int step = 0; step < 2; ++step) {
             const Quadric& q = fit.ruling(y);
             const Vec3d g = q.gradient(y);
             y -= g * (q.value(y) / std::max(g.squaredNorm(), 1e-6));
         }
-        if (!(y.norm() < 0.85 * cellRadius)) continue;
-        Group nearest = Group{} + reach * reach;
-        bool held = false;
-        for (std::size_t i = 0; i < points.count && !held; i += CellPoints::kGroup) {
-            const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
-                        dz = load(points.z, i) - y[2];
-            const Group d2 = dx * dx + dy * dy + dz * dz;
-            const auto near = d2 <= nearest;
-            for (std::size_t lane = 0; lane < CellPoints::kGroup; ++lane)
-                held |= near[lane] && i + lane < points.count;
-        }
-        if (!held) return false;
+        if ((y - centre).norm() < 0.85 * radius) gap2 = std::max(gap2, nearestSquared(points, y));
     }
-    return true;
+    return std::sqrt(gap2);
 }
 
-namespace {
+namespace
+{
 
 /// (a) with the paper's auxiliary points; false if none is usable.
 bool fitGeneralAbout(const CellPoints& points, double cellSize, Quadric& q)

@@ -5,7 +5,8 @@
 
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// The points of one cell's ball about the cell's centre, with the weights of the fit. Padded to
 /// whole SIMD groups with points of weight and confidence 0 at the origin.
@@ -13,10 +14,10 @@ struct CellPoints {
     static constexpr std::size_t kGroup = 4;
 
     std::vector<double> x, y, z, nx, ny, nz;
-    std::vector<double> weight;     ///< confidence * b(1.5 |y| / radius) [Ohtake03 eq. 3, §6]
+    std::vector<double> weight; ///< confidence * b(1.5 |y| / radius) [Ohtake03 eq. 3, §6]
     std::vector<double> confidence;
-    std::size_t count = 0;          ///< without the padding
-    double radius = 0;              ///< of the (grown) ball
+    std::size_t count = 0; ///< without the padding
+    double radius = 0;     ///< of the (grown) ball
 
     /// Take @a batch (all of it inside the ball) relative to @a centre.
     void assign(const PointBatch& batch, const Vec3d& centre, double ballRadius);
@@ -33,18 +34,18 @@ private:
 
 /// What the fits need besides the points.
 struct FitSettings {
-    double tolerance = 0;           ///< world units
-    int minPoints = 15;             ///< N_min
+    double tolerance = 0;            ///< world units
+    int minPoints = 15;              ///< N_min
     std::size_t maxSharpPoints = 30; ///< edges and corners are tried up to so many points
 };
 
 /// A fit and how good it is.
 struct FitResult {
     LocalFit fit;
-    double error = 0;          ///< max of confidence * |Q| / |grad Q| over points within the test radius
+    double error = 0; ///< max of confidence * |Q| / |grad Q| over points within the test radius
     bool opposedNormals = false; ///< some normal turns by pi/2 or more from the mean
     bool spreadNormals = false;  ///< the normals turn enough for a feature
-    bool needsSplit = false;     ///< no auxiliary point was usable [Ohtake03 §4a]: split if possible
+    bool needsSplit = false; ///< no auxiliary point was usable [Ohtake03 §4a]: split if possible
 };
 
 /// Fit the paper's choice of shape to @a points, error tested within @a testRadius of the centre.
@@ -80,9 +81,13 @@ Vec3d meanNormal(const CellPoints& points);
 /// Largest confidence * |Q| / |grad Q| over the points within @a testRadius [Ohtake03 eq. 7, §6].
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius);
 
-/// Whether the points hold up the zero set of @a fit inside the ball: from 15 probes two Newton
-/// steps lead onto it; each that lands within 0.85 @a cellRadius must have a point within
-/// max(0.2 cellRadius, min(0.45 ball radius, 5 @a spacing)).
-bool isSupported(const LocalFit& fit, const CellPoints& points, double cellRadius, double spacing);
+/// Square of the distance from @a y to the nearest point; infinite without points.
+double nearestSquared(const CellPoints& points, const Vec3d& y);
+
+/// How far from the points the zero set of @a fit ventures inside the ball of @a radius about
+/// @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it; of
+/// those that land within 0.85 radius the largest distance to the nearest point. 0 if none lands.
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre,
+                  double radius);
 
 } // namespace mpuvdb

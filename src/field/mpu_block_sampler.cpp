@@ -2,17 +2,20 @@
 
 #include <algorithm>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 /// Neighbouring blocks share the upper part of their descents: regions of 4x4x4 blocks.
 constexpr int kRegionShift = 2;
 
 } // namespace
 
-MpuBlockSampler::MpuBlockSampler(const Octree& tree, const Vec3d& origin, double voxelSize,
-                                 double band)
-    : mTree(tree), mOrigin(origin), mVoxelSize(voxelSize), mLimit(float(band / voxelSize))
+MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, const Vec3d& origin,
+                                 double voxelSize, double band)
+    : mTree(tree), mCoarse(coarse), mOrigin(origin), mVoxelSize(voxelSize),
+      mLimit(float(band / voxelSize))
 {
 }
 
@@ -23,13 +26,13 @@ void MpuBlockSampler::descend(const NodeAt& at, const Box3d& box, double stopSiz
     const double radius = mTree.supportRadius(at.cell.level);
     if (!(box.squaredExteriorDistance(mTree.root.centre(at.cell)) < radius * radius)) return;
     const OctreeNode& node = mTree.nodes[at.node];
-    if (node.firstChild == OctreeNode::kNone) {
+    if (node.isLeaf()) {
         leaf(at);
     } else if (inner && mTree.root.size(at.cell.level) <= stopSize) {
         inner->push_back(at);
     } else {
         for (int octant = 0; octant < 8; ++octant)
-            descend({node.firstChild + std::uint32_t(octant), at.cell.child(octant)}, box, stopSize,
+            descend({node.index + std::uint32_t(octant), at.cell.child(octant)}, box, stopSize,
                     inner, leaf);
     }
 }
@@ -51,19 +54,36 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
 {
     gatherRegion({block[0] >> kRegionShift, block[1] >> kRegionShift, block[2] >> kRegionShift});
     mSums.clear();
+    mSupported = true;
     const Vec3d corner = mOrigin + mVoxelSize * double(kBlockDim) * block.cast<double>();
     const Box3d box(corner, corner + Vec3d::Constant(mVoxelSize * (kBlockDim - 1)));
     for (const NodeAt& at : mRegionNodes)
         descend(at, box, 0, nullptr, [&](const NodeAt& leaf) { addLeaf(leaf, corner); });
-    normalise(mSums, mLimit, values);
-    for (float& v : values) v *= float(mVoxelSize);
+    // Blended with the coarse field a value may be beyond the band and still count.
+    normalise(mSums, mCoarse ? 2 * mLimit : mLimit, values);
+    const bool reached = *std::min_element(mSums.weight.begin(), mSums.weight.end()) > 0;
+    if (mCoarse && !(mSupported && reached)) blendCoarse(corner, values);
+    for (float& v : values) v = std::clamp(v, -mLimit, mLimit) * float(mVoxelSize);
+}
+
+void MpuBlockSampler::blendCoarse(const Vec3d& blockOrigin, BlockValues& values) const
+{
+    for (int i = 0; i < kBlockVoxels; ++i) {
+        const auto n = std::size_t(i);
+        const float weight = mSums.weight[n];
+        const float support = weight > 0 ? 1 - mSums.unsupported[n] / weight : 0.0f;
+        if (support >= 1) continue;
+        const Vec3d p = blockOrigin + mVoxelSize * Vec3d(i >> 6, i >> 3 & 7, i & 7);
+        const float coarse = float(mCoarse->evaluate(p).value / mVoxelSize);
+        values[n] =
+            support * values[n] + (1 - support) * std::clamp(coarse, -2 * mLimit, 2 * mLimit);
+    }
 }
 
 void MpuBlockSampler::addLeaf(const NodeAt& leaf, const Vec3d& blockOrigin)
 {
     const OctreeNode& node = mTree.nodes[leaf.node];
-    if (node.fit == OctreeNode::kNone) return;
-    const StoredFit& stored = mTree.fits[node.fit];
+    const StoredFit& stored = mTree.fits[node.index];
     const LocalFit fit = mTree.fitAbout(stored, blockOrigin);
     const double h = mVoxelSize;
     const Vec3d centre = (mTree.root.centre(leaf.cell) - blockOrigin) / h;
@@ -72,13 +92,14 @@ void MpuBlockSampler::addLeaf(const NodeAt& leaf, const Vec3d& blockOrigin)
     cell.radius = float(mTree.supportRadius(leaf.cell.level) / h);
     cell.count = fit.count;
     cell.maxBits = fit.maxBits;
+    cell.unsupported = 1 - node.support;
+    mSupported &= node.support >= 1;
     for (int p = 0; p < fit.count; ++p) {
         const Quadric& q = fit.pieces[std::size_t(p)];
         const auto& A = q.A;
-        const double k[10] = {q.c / h,     q.b[0],      q.b[1],
-                              q.b[2],      A(0, 0) * h, A(1, 1) * h,
-                              A(2, 2) * h, 2 * A(0, 1) * h, 2 * A(1, 2) * h,
-                              2 * A(2, 0) * h};
+        const double k[10] = {q.c / h,         q.b[0],         q.b[1],      q.b[2],
+                              A(0, 0) * h,     A(1, 1) * h,    A(2, 2) * h, 2 * A(0, 1) * h,
+                              2 * A(1, 2) * h, 2 * A(2, 0) * h};
         for (int n = 0; n < 10; ++n) cell.q[p][n] = float(k[n]);
     }
     addCell(cell, mSums);

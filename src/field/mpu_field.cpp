@@ -1,5 +1,6 @@
 #include <mpuvdb/mpu_field.h>
 
+#include "coarse_sign.h"
 #include "mpu_block_sampler.h"
 #include "octree.h"
 #include "sorted_points.h"
@@ -11,8 +12,10 @@
 #include <fmt/format.h>
 #include <tbb/parallel_sort.h>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 constexpr double kGradientFloor = 0.8;
 
@@ -38,6 +41,23 @@ RootCube rootCube(const Box3d& bounds, double voxelSize)
     return {bounds.center() - Vec3d::Constant(side / 2), side};
 }
 
+/// Take support from leaves whose value at the centre is far from what the whole model says there.
+void vetoLeaves(Octree& tree, const CoarseSign& coarse)
+{
+    tree.forEachLeaf([&](OctreeNode& node, const OctreeCell& cell) {
+        if (node.support <= 0) return;
+        const Vec3d centre = tree.root.centre(cell);
+        const StoredFit& stored = tree.fits[node.index];
+        const Vec3d y = centre - stored.origin.cast<double>();
+        const LocalFit fit = tree.fitAbout(stored, stored.origin.cast<double>());
+        const Quadric& q = fit.ruling(y);
+        const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
+        const double excess = std::abs(value - coarse.evaluate(centre).value) / coarse.step() - 1;
+        const double t = std::clamp(excess, 0.0, 1.0);
+        node.support *= float(1 - t * t * (3 - 2 * t));
+    });
+}
+
 } // namespace
 
 struct MpuField::Impl {
@@ -45,9 +65,13 @@ struct MpuField::Impl {
     Box3d localBounds;
     std::unique_ptr<SortedPoints> points;
     Octree tree;
+    std::unique_ptr<const CoarseSign> coarse; ///< null if the tree is complete
 
-    void blend(const Vec3d& p, std::uint32_t index, const OctreeCell& cell, FieldSample& sample,
-               double& weight, double& supportedWeight) const;
+    struct Blend {
+        double weight = 0, supported = 0;
+        FieldSample sample;
+    };
+    void blend(const Vec3d& p, std::uint32_t index, const OctreeCell& cell, Blend& sums) const;
 };
 
 MpuField::MpuField(PointCloud&& cloud, const MpuSettings& settings, Progress& progress)
@@ -59,8 +83,16 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& settings, Progress& pr
     const RootCube root = rootCube(impl->localBounds, settings.voxelSize);
     progress.beginStage("sort");
     impl->points = std::make_unique<SortedPoints>(std::move(cloud), root, progress);
+    progress.beginStage("fit");
     impl->tree = buildOctree(*impl->points, root, settings, progress);
-    impl->tree.statistics.bytes = impl->tree.bytes() + impl->points->bytes();
+    if (!impl->tree.complete) {
+        progress.beginStage("sign");
+        impl->coarse =
+            std::make_unique<CoarseSign>(*impl->points, impl->localBounds, root, progress);
+        vetoLeaves(impl->tree, *impl->coarse);
+    }
+    impl->tree.statistics.bytes =
+        impl->tree.bytes() + impl->points->bytes() + (impl->coarse ? impl->coarse->bytes() : 0);
     progress.endStage();
     mImpl = std::move(impl);
 }
@@ -78,44 +110,51 @@ Box3d MpuField::bounds() const
 }
 
 void MpuField::Impl::blend(const Vec3d& p, std::uint32_t index, const OctreeCell& cell,
-                           FieldSample& sample, double& weight, double& supportedWeight) const
+                           Blend& sums) const
 {
     const double radius = tree.supportRadius(cell.level);
     const double distance = (p - tree.root.centre(cell)).norm();
     if (!(distance < radius)) return;
     const OctreeNode& node = tree.nodes[index];
-    if (node.firstChild != OctreeNode::kNone) {
+    if (!node.isLeaf()) {
         for (int octant = 0; octant < 8; ++octant)
-            blend(p, node.firstChild + std::uint32_t(octant), cell.child(octant), sample, weight,
-                  supportedWeight);
+            blend(p, node.index + std::uint32_t(octant), cell.child(octant), sums);
         return;
     }
-    if (node.fit == OctreeNode::kNone) return;
-    const StoredFit& stored = tree.fits[node.fit];
+    const StoredFit& stored = tree.fits[node.index];
     const Vec3d origin = stored.origin.cast<double>();
     const LocalFit fit = tree.fitAbout(stored, origin);
     const Quadric& q = fit.ruling(p - origin);
     const double w = bsplineWeight(1.5 * distance / radius);
-    weight += w;
-    if (stored.supported) supportedWeight += w;
-    sample.value += w * q.value(p - origin);
-    sample.gradient += w * q.gradient(p - origin);
-    sample.level = std::max(sample.level, cell.level);
+    sums.weight += w;
+    sums.supported += w * double(node.support);
+    sums.sample.value += w * q.value(p - origin);
+    sums.sample.gradient += w * q.gradient(p - origin);
+    sums.sample.level = std::max(sums.sample.level, cell.level);
 }
 
 FieldSample MpuField::evaluate(const Vec3d& position) const
 {
-    FieldSample sample;
-    double weight = 0, supported = 0;
-    mImpl->blend(position - mImpl->frame, 0, {}, sample, weight, supported);
-    if (!(weight > 0)) {
-        sample.value = std::sqrt(mImpl->localBounds.squaredExteriorDistance(position - mImpl->frame));
+    const Vec3d p = position - mImpl->frame;
+    Impl::Blend sums;
+    mImpl->blend(p, 0, {}, sums);
+    FieldSample& sample = sums.sample;
+    const double support = sums.weight > 0 ? sums.supported / sums.weight : 0;
+    if (sums.weight > 0) {
+        const double slope = std::max(sample.gradient.norm() / sums.weight, kGradientFloor);
+        sample.value /= sums.weight * slope;
+        sample.gradient /= sums.weight * slope;
+    } else if (!mImpl->coarse) { // beyond the root cube: outside
+        sample.value = std::sqrt(mImpl->localBounds.squaredExteriorDistance(p));
+        sample.gradient = (p - mImpl->localBounds.center()).normalized();
         return sample;
     }
-    const double slope = std::max(sample.gradient.norm() / weight, kGradientFloor);
-    sample.value /= weight * slope;
-    sample.gradient /= weight * slope;
-    sample.supported = supported > 0.5 * weight;
+    if (mImpl->coarse && support < 1) {
+        const FieldSample coarse = mImpl->coarse->evaluate(p);
+        sample.value = support * sample.value + (1 - support) * coarse.value;
+        sample.gradient = support * sample.gradient + (1 - support) * coarse.gradient;
+    }
+    sample.supported = support > 0.5;
     return sample;
 }
 
@@ -143,8 +182,8 @@ std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const
 
 std::unique_ptr<BlockSampler> MpuField::sampler(const Lattice& lattice, double band) const
 {
-    return std::make_unique<MpuBlockSampler>(mImpl->tree, lattice.origin - mImpl->frame,
-                                             lattice.voxelSize, band);
+    return std::make_unique<MpuBlockSampler>(
+        mImpl->tree, mImpl->coarse.get(), lattice.origin - mImpl->frame, lattice.voxelSize, band);
 }
 
 } // namespace mpuvdb

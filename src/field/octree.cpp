@@ -2,15 +2,17 @@
 
 #include <algorithm>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 QuadricCoefficients coefficients(const Quadric& q)
 {
     const auto& A = q.A;
-    return {float(q.c),           float(q.b[0]),        float(q.b[1]), float(q.b[2]),
-            float(A(0, 0)),       float(A(1, 1)),       float(A(2, 2)), float(2 * A(0, 1)),
-            float(2 * A(1, 2)),   float(2 * A(2, 0))};
+    return {float(q.c),         float(q.b[0]),     float(q.b[1]),  float(q.b[2]),
+            float(A(0, 0)),     float(A(1, 1)),    float(A(2, 2)), float(2 * A(0, 1)),
+            float(2 * A(1, 2)), float(2 * A(2, 0))};
 }
 
 Quadric quadric(const QuadricCoefficients& k)
@@ -24,16 +26,19 @@ Quadric quadric(const QuadricCoefficients& k)
 
 } // namespace
 
-std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin, double spacing,
-                             bool supported)
+void Octree::setLeaf(std::uint32_t node, std::uint32_t fit, double support)
+{
+    nodes[node] = {fit, float(support)};
+    complete &= support >= 1;
+}
+
+std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin)
 {
     StoredFit stored;
     stored.origin = origin.cast<float>();
-    stored.spacing = float(spacing);
     stored.firstQuadric = std::uint32_t(quadrics.size());
     stored.count = std::uint8_t(fit.count);
     stored.maxBits = std::uint8_t(fit.maxBits);
-    stored.supported = supported;
     // The origin was rounded: the pieces move with it.
     const Vec3d shift = stored.origin.cast<double>() - origin;
     for (int k = 0; k < fit.count; ++k)
@@ -61,8 +66,7 @@ void Octree::graft(std::uint32_t at, const Octree& subtree)
     const auto fitShift = std::uint32_t(fits.size());
     const auto quadricShift = std::uint32_t(quadrics.size());
     const auto moved = [&](OctreeNode node) {
-        if (node.firstChild != OctreeNode::kNone) node.firstChild += nodeShift;
-        if (node.fit != OctreeNode::kNone) node.fit += fitShift;
+        node.index += node.isLeaf() ? fitShift : nodeShift;
         return node;
     };
     nodes[at] = moved(subtree.nodes[0]);
@@ -73,6 +77,7 @@ void Octree::graft(std::uint32_t at, const Octree& subtree)
     }
     quadrics.insert(quadrics.end(), subtree.quadrics.begin(), subtree.quadrics.end());
 
+    complete &= subtree.complete;
     const MpuStatistics& s = subtree.statistics;
     statistics.cells += s.cells;
     statistics.leaves += s.leaves;

@@ -7,10 +7,10 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// A quadric in single precision about its fit's origin:
 /// c0 + c1 x + c2 y + c3 z + c4 xx + c5 yy + c6 zz + c7 xy + c8 yz + c9 zx.
@@ -18,18 +18,19 @@ using QuadricCoefficients = std::array<float, 10>;
 
 /// A local fit as stored; several cells may share one (empty cells inherit their parent's).
 struct StoredFit {
-    Vec3f origin;                  ///< local coordinates
-    float spacing = 0;             ///< of the points it was fitted to, world units
+    Vec3f origin; ///< local coordinates
     std::uint32_t firstQuadric = 0;
-    std::uint8_t count = 1;        ///< pieces, as in LocalFit
+    std::uint8_t count = 1; ///< pieces, as in LocalFit
     std::uint8_t maxBits = 0;
-    bool supported = false;        ///< points hold up its whole zero set in the ball
 };
 
 struct OctreeNode {
-    static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-    std::uint32_t firstChild = kNone; ///< of eight in a row; kNone: a leaf
-    std::uint32_t fit = kNone;        ///< of a leaf
+    static constexpr float kInner = -1;
+    std::uint32_t index = 0; ///< a leaf's fit; an inner node's first child, of eight in a row
+    /// How far data hold up the fit in the cell's ball, in [0,1]; kInner for an inner node.
+    float support = kInner;
+
+    bool isLeaf() const { return support >= 0; }
 };
 
 /// Nodes of a tree (or of a subtree while it is built), and its fits.
@@ -40,15 +41,29 @@ struct Octree {
     std::vector<StoredFit> fits;
     std::vector<QuadricCoefficients> quadrics;
     MpuStatistics statistics;
+    bool complete = true; ///< every leaf is fully supported
 
+    void setLeaf(std::uint32_t node, std::uint32_t fit, double support);
     double supportRadius(int level) const { return alpha * std::sqrt(3.0) * root.size(level); }
     /// Store @a fit about @a origin (local coordinates); returns its index.
-    std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin, double spacing, bool supported);
+    std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin);
     /// A stored fit about another origin, in double precision.
     LocalFit fitAbout(const StoredFit& fit, const Vec3d& origin) const;
     /// Append @a subtree, whose node 0 becomes node @a at.
     void graft(std::uint32_t at, const Octree& subtree);
     std::uint64_t bytes() const;
+
+    /// Call f(node, cell) for every leaf, depth first.
+    template <typename F>
+    void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
+    {
+        if (nodes[node].isLeaf()) {
+            f(nodes[node], cell);
+            return;
+        }
+        for (int octant = 0; octant < 8; ++octant)
+            forEachLeaf(f, nodes[node].index + std::uint32_t(octant), cell.child(octant));
+    }
 };
 
 /// Fit @a points [Ohtake03 §3]. The same for any number of threads.

@@ -7,18 +7,19 @@
 
 #include <algorithm>
 #include <deque>
-#include <optional>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 constexpr std::size_t kSubtreePoints = 4096; ///< a cell with fewer points around starts a subtree
 constexpr std::size_t kSampleFrom = 400;     ///< more points than this are tried on a sample first
 constexpr std::size_t kSample = 150;
-constexpr std::size_t kSpacingPoints = 256;  ///< spacing is measured among at most so many
-constexpr double kGrowth = 0.1;              ///< lambda [Ohtake03 eq. 6]
+constexpr std::size_t kSpacingPoints = 256; ///< spacing is measured among at most so many
+constexpr double kGrowth = 0.1;             ///< lambda [Ohtake03 eq. 6]
 constexpr std::size_t kNeighbours = 12;
 
 /// Points of @a parent within @a radius of @a centre.
@@ -71,8 +72,7 @@ double measureSpacing(const PointBatch& ball, const Vec3d& centre, double radius
     if (n <= kNeighbours) return 0;
     const auto position = [&](std::size_t i) { return Vec3d(ball.x[i], ball.y[i], ball.z[i]); };
     std::vector<std::pair<double, std::size_t>> inner;
-    for (std::size_t i = 0; i < n; ++i)
-        inner.emplace_back((position(i) - centre).squaredNorm(), i);
+    for (std::size_t i = 0; i < n; ++i) inner.emplace_back((position(i) - centre).squaredNorm(), i);
     std::sort(inner.begin(), inner.end());
     const double half2 = radius * radius / 4;
     std::size_t within = 0;
@@ -101,8 +101,19 @@ struct Decision {
     bool split = false;
     FitResult result;      ///< accepted, or rejected and split
     double ballRadius = 0; ///< grown
-    bool supported = false; ///< of an accepted fit
+    double gap = 0;        ///< zeroSetGap of the fit, world units
 };
+
+/// Support of a fit whose zero set ventures @a gap from the data: 1 up to a few spacings (or, in a
+/// large cell, a part of its size), falling smoothly to 0.
+double supportOf(double gap, double spacing, double radius)
+{
+    constexpr double kFull = 2.5, kNone = 5, kFullOfRadius = 0.2, kNoneOfRadius = 0.4;
+    const double full = std::max(kFull * spacing, kFullOfRadius * radius);
+    const double none = std::max(kNone * spacing, kNoneOfRadius * radius);
+    const double t = std::clamp((gap - full) / (none - full), 0.0, 1.0);
+    return 1 - t * t * (3 - 2 * t);
+}
 
 /// Decides cells; scratch memory of one thread.
 class CellFitter
@@ -142,20 +153,32 @@ public:
             const FitResult sharp = fitCell(mCell, size, radius, last, mScratch);
             if (sharp.error < decision.result.error) {
                 decision.result = sharp;
-                decision.supported = isSupported(sharp.fit, mCell, radius, spacing);
+                decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius);
             }
         }
         return decision;
     }
 
-    /// Whether the fit that decide() last looked at may rule where the cell has no points.
-    bool lastIsSupported(const Decision& decision, const OctreeCell& cell, double spacing) const
+    /// Whether the rejected fit that decide() last looked at may rule where the cell has no points.
+    bool lastIsHeldUp(const Decision& decision, const OctreeCell& cell, double spacing) const
     {
-        return isSupported(decision.result.fit, mCell, supportRadius(cell.level), spacing);
+        const double radius = supportRadius(cell.level);
+        const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius);
+        return isHeldUp(gap, radius, decision.ballRadius, spacing);
+    }
+
+    /// Support of that fit in an empty child: its zero set near data, or, where it has none, no
+    /// farther from it than the data are.
+    double lastSupportIn(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
+                         double spacing) const
+    {
+        return supportInEmpty(decision.result.fit, mRoot.centre(child) - mRoot.centre(cell),
+                              supportRadius(child.level), spacing);
     }
 
     /// A fit for a cell with no points in its ball: from the N_min nearest [Ohtake03 §3].
-    LocalFit fitEmpty(const OctreeCell& cell, const std::vector<Ball>& path)
+    LocalFit fitEmpty(const OctreeCell& cell, const std::vector<Ball>& path, double spacing,
+                      double& support)
     {
         static const PointBatch nothing;
         const Vec3d centre = mRoot.centre(cell);
@@ -163,14 +186,38 @@ public:
         mCell.assign(mGrown, centre, grown);
         LocalFit fit;
         fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
+        support = supportInEmpty(fit, Vec3d::Zero(), supportRadius(cell.level), spacing);
         return fit;
     }
 
 private:
+    static bool isHeldUp(double gap, double radius, double ballRadius, double spacing)
+    {
+        return gap <= std::max(0.2 * radius, std::min(0.45 * ballRadius, 5 * spacing));
+    }
+
+    /// @param centre  of the empty cell, relative to mCell's.
+    double supportInEmpty(const LocalFit& fit, const Vec3d& centre, double radius,
+                          double spacing) const
+    {
+        const double gap = zeroSetGap(fit, mCell, centre, radius);
+        if (gap > 0) return supportOf(gap, spacing, radius);
+        // The surface is as far as the nearest point: not nearer, for lack of points there, and not
+        // farther, since a point is on it.
+        const Quadric& q = fit.ruling(centre);
+        const double claimed =
+            std::abs(q.value(centre)) / std::max(q.gradient(centre).norm(), 1e-6);
+        const double nearest = std::sqrt(nearestSquared(mCell, centre));
+        const double tooNear = supportOf(nearest - 1.2 * claimed, spacing, radius);
+        const double tooFar = supportOf(claimed - 1.3 * nearest, spacing, radius);
+        return std::min(tooNear, tooFar);
+    }
+
     bool mayBeSplit(const OctreeCell& cell, const FitResult& result) const
     {
-        const bool fine = result.fit.isSharp() || result.opposedNormals ||
-                          (mSettings.sharp && result.spreadNormals && result.error > mFit.tolerance);
+        const bool fine =
+            result.fit.isSharp() || result.opposedNormals ||
+            (mSettings.sharp && result.spreadNormals && result.error > mFit.tolerance);
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
     }
@@ -188,12 +235,11 @@ private:
         const bool mayBe = mayBeSplit(cell, decision.result);
         if (decision.result.needsSplit || decision.result.error > mFit.tolerance) {
             decision.split = mayBe;
-            if (!mayBe) decision.supported = isSupported(decision.result.fit, mCell, radius, spacing);
-            return decision;
+            if (mayBe) return decision;
         }
-        decision.supported = isSupported(decision.result.fit, mCell, radius, spacing);
+        decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius);
         // A fit of few points at the data's rim is within tolerance and knows nothing of the ball.
-        decision.split = !decision.supported && mayBe &&
+        decision.split = mayBe && !isHeldUp(decision.gap, radius, ballRadius, spacing) &&
                          (ballRadius <= 1.5 * radius || radius > 3 * spacing);
         return decision;
     }
@@ -279,14 +325,6 @@ private:
     std::vector<std::size_t> mStepCount;
 };
 
-/// What a cell hands to its empty children.
-struct Inheritance {
-    std::optional<LocalFit> fit; ///< the parent's rejected fit, if points hold it up
-    Vec3d origin = Vec3d::Zero();
-    double spacing = 0;
-    int level = 0;
-};
-
 void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision& decision,
                double tolerance)
 {
@@ -309,7 +347,8 @@ public:
     {
     }
 
-    Octree build(const OctreeCell& cell, const Inheritance& inheritance)
+    /// @param spacing  of the sample that the parent was decided on.
+    Octree build(const OctreeCell& cell, double spacing)
     {
         mTree = Octree{};
         mTree.root = mRoot;
@@ -318,12 +357,10 @@ public:
         mPath.clear();
         PointBatch& ball = batches(0)[0];
         mPoints.gather(cell, mFitter.supportRadius(cell.level), 1, ball);
-        if (ball.size() == 0) {
-            std::uint32_t inherited = OctreeNode::kNone;
-            addEmpty(0, cell, inheritance, inherited);
-        } else {
+        if (ball.size() == 0)
+            addEmpty(0, cell, spacing > 0 ? spacing : mRoot.size(cell.level));
+        else
             process(0, cell, ball, 0, 0);
-        }
         return std::move(mTree);
     }
 
@@ -336,19 +373,18 @@ private:
         return mBatches[depth];
     }
 
-    void addEmpty(std::uint32_t node, const OctreeCell& cell, const Inheritance& inheritance,
-                  std::uint32_t& inherited)
+    void countEmpty(const OctreeCell& cell)
     {
         ++mTree.statistics.leaves;
         mTree.statistics.levels = std::max(mTree.statistics.levels, cell.level);
-        if (inheritance.fit) {
-            if (inherited == OctreeNode::kNone)
-                inherited = mTree.addFit(*inheritance.fit, inheritance.origin, inheritance.spacing, true);
-            mTree.nodes[node].fit = inherited;
-            return;
-        }
-        mTree.nodes[node].fit = mTree.addFit(mFitter.fitEmpty(cell, mPath), mRoot.centre(cell),
-                                             inheritance.spacing, false);
+    }
+
+    void addEmpty(std::uint32_t node, const OctreeCell& cell, double spacing)
+    {
+        countEmpty(cell);
+        double support = 0;
+        const LocalFit fit = mFitter.fitEmpty(cell, mPath, spacing, support);
+        mTree.setLeaf(node, mTree.addFit(fit, mRoot.centre(cell)), support);
     }
 
     void process(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
@@ -365,11 +401,11 @@ private:
                 spacing = radius;
             mSpacingDepth = depth;
         }
-        const Decision decision =
-            mFitter.decide(cell, ball, mPath, spacing > 0 ? spacing : radius / 8);
+        if (!(spacing > 0)) spacing = radius / 8; // more than kSpacingPoints in the ball
+        const Decision decision = mFitter.decide(cell, ball, mPath, spacing);
         if (!decision.split) {
-            mTree.nodes[node].fit =
-                mTree.addFit(decision.result.fit, centre, spacing, decision.supported);
+            mTree.setLeaf(node, mTree.addFit(decision.result.fit, centre),
+                          supportOf(decision.gap, spacing, radius));
             countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
         } else {
             split(node, cell, ball, decision, spacing, depth);
@@ -388,23 +424,29 @@ private:
             filterBall(ball, mRoot.centre(cell.child(octant)), childRadius, mIndices, child);
             someEmpty |= child.size() == 0;
         }
-        Inheritance inheritance{std::nullopt, mRoot.centre(cell), spacing, cell.level};
-        if (someEmpty && mFitter.lastIsSupported(decision, cell, spacing))
-            inheritance.fit = decision.result.fit;
-
+        // Cells are stored before their descendants are built: the scratch still knows the parent.
+        const bool inherit = someEmpty && mFitter.lastIsHeldUp(decision, cell, spacing);
+        const std::uint32_t inherited =
+            inherit ? mTree.addFit(decision.result.fit, mRoot.centre(cell)) : 0;
         const auto first = std::uint32_t(mTree.nodes.size());
         mTree.nodes.resize(first + 8);
-        mTree.nodes[node].firstChild = first;
+        mTree.nodes[node].index = first;
         mTree.statistics.cells += 8;
-        mPath.push_back({&ball, mRoot.centre(cell), mFitter.supportRadius(cell.level)});
-        std::uint32_t inherited = OctreeNode::kNone;
-        for (int octant = 0; octant < 8; ++octant) {
+        for (int octant = 0; inherit && octant < 8; ++octant) {
             const OctreeCell child = cell.child(octant);
-            const PointBatch& inside = batches(depth + 1)[std::size_t(octant)];
-            if (inside.size() == 0)
-                addEmpty(first + std::uint32_t(octant), child, inheritance, inherited);
-            else
-                process(first + std::uint32_t(octant), child, inside, spacing, depth + 1);
+            if (octants[std::size_t(octant)].size() != 0) continue;
+            mTree.setLeaf(first + std::uint32_t(octant), inherited,
+                          mFitter.lastSupportIn(decision, cell, child, spacing));
+            countEmpty(child);
+        }
+        mPath.push_back({&ball, mRoot.centre(cell), mFitter.supportRadius(cell.level)});
+        for (int octant = 0; octant < 8; ++octant) {
+            const PointBatch& inside = octants[std::size_t(octant)];
+            const std::uint32_t at = first + std::uint32_t(octant);
+            if (inside.size() != 0)
+                process(at, cell.child(octant), inside, spacing, depth + 1);
+            else if (!inherit)
+                addEmpty(at, cell.child(octant), spacing);
         }
         mPath.pop_back();
     }
@@ -427,10 +469,9 @@ private:
 struct UpperCell {
     OctreeCell cell;
     std::uint32_t node = 0;
-    Inheritance inheritance;
+    double spacing = 0; ///< measured on the cell's sample; before that, its parent's
     bool subtree = false;
     Decision decision;
-    Inheritance forChildren;
 };
 
 class UpperBuilder
@@ -482,9 +523,7 @@ private:
                 mPoints.gather(cell, radius, 1, sample);
                 upper.decision = fitter.decide(cell, sample, {}, spacing);
             }
-            upper.forChildren = {std::nullopt, mRoot.centre(cell), spacing, cell.level};
-            if (upper.decision.split && fitter.lastIsSupported(upper.decision, cell, spacing))
-                upper.forChildren.fit = upper.decision.result.fit;
+            upper.spacing = spacing;
             return;
         }
         // Many points around, few in the ball: its own copy is small.
@@ -500,20 +539,19 @@ private:
                 subtrees.push_back(std::move(upper));
             } else if (!upper.decision.split) {
                 const Decision& d = upper.decision;
-                tree.nodes[upper.node].fit =
-                    tree.addFit(d.result.fit, mRoot.centre(upper.cell), upper.forChildren.spacing,
-                                d.supported);
+                tree.setLeaf(upper.node, tree.addFit(d.result.fit, mRoot.centre(upper.cell)),
+                             supportOf(d.gap, upper.spacing, tree.supportRadius(upper.cell.level)));
                 countLeaf(tree.statistics, upper.cell, d, mSettings.tolerance);
             } else {
                 const auto first = std::uint32_t(tree.nodes.size());
                 tree.nodes.resize(first + 8);
-                tree.nodes[upper.node].firstChild = first;
+                tree.nodes[upper.node].index = first;
                 tree.statistics.cells += 8;
                 for (int octant = 0; octant < 8; ++octant) {
                     UpperCell child;
                     child.cell = upper.cell.child(octant);
                     child.node = first + std::uint32_t(octant);
-                    child.inheritance = upper.forChildren;
+                    child.spacing = upper.spacing;
                     next.push_back(std::move(child));
                 }
             }
@@ -526,12 +564,13 @@ private:
         std::vector<Octree> built(subtrees.size());
         tbb::enumerable_thread_specific<SubtreeBuilder> builders(
             [&] { return SubtreeBuilder(mPoints, mRoot, mSettings, mProgress); });
-        mProgress.beginStage("fit", double(subtrees.size()));
+        const double share = subtrees.empty() ? 0 : 1.0 / double(subtrees.size());
         tbb::parallel_for(std::size_t(0), subtrees.size(), [&](std::size_t n) {
-            built[n] = builders.local().build(subtrees[n].cell, subtrees[n].inheritance);
-            mProgress.advance();
+            built[n] = builders.local().build(subtrees[n].cell, subtrees[n].spacing);
+            mProgress.advance(share);
         });
-        std::size_t nodes = tree.nodes.size(), fits = tree.fits.size(), quadrics = tree.quadrics.size();
+        std::size_t nodes = tree.nodes.size(), fits = tree.fits.size(),
+                    quadrics = tree.quadrics.size();
         for (const Octree& b : built) {
             nodes += b.nodes.size();
             fits += b.fits.size();

@@ -6,7 +6,8 @@
 #include <array>
 #include <cmath>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// Q(y) = y^T A y + b^T y + c about some origin; y = x - origin. Negative inside.
 struct Quadric {

@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <queue>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 #include <tuple>
+#include <utility>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 constexpr int kTopLevel = 5;
 
@@ -35,6 +37,39 @@ struct KeyedIndex {
     std::uint32_t index;
 };
 
+/// Stable sort by key: least significant digit first, each pass over equal chunks in parallel.
+void radixSort(std::vector<KeyedIndex>& items, Progress& progress)
+{
+    constexpr int kDigitBits = 11, kKeyBits = 3 * SortedPoints::kMaxLevel;
+    constexpr std::size_t kDigits = std::size_t(1) << kDigitBits, kChunk = std::size_t(1) << 16;
+    const std::size_t chunks = (items.size() + kChunk - 1) / kChunk;
+    std::vector<KeyedIndex> other(items.size());
+    std::vector<std::array<std::uint32_t, kDigits>> starts(chunks);
+    const auto forEachChunk = [&](auto f) {
+        tbb::parallel_for(std::size_t(0), chunks, [&](std::size_t chunk) {
+            f(chunk, chunk * kChunk, std::min((chunk + 1) * kChunk, items.size()));
+        });
+    };
+    for (int shift = 0; shift < kKeyBits; shift += kDigitBits) {
+        progress.check();
+        const auto digit = [shift](const KeyedIndex& k) { return k.key >> shift & (kDigits - 1); };
+        forEachChunk([&](std::size_t chunk, std::size_t begin, std::size_t end) {
+            starts[chunk].fill(0);
+            for (std::size_t n = begin; n < end; ++n) ++starts[chunk][digit(items[n])];
+        });
+        std::uint32_t next = 0;
+        for (std::size_t d = 0; d < kDigits; ++d)
+            for (std::size_t chunk = 0; chunk < chunks; ++chunk)
+                next += std::exchange(starts[chunk][d], next);
+        forEachChunk([&](std::size_t chunk, std::size_t begin, std::size_t end) {
+            for (std::size_t n = begin; n < end; ++n)
+                other[starts[chunk][digit(items[n])]++] = items[n];
+        });
+        items.swap(other);
+    }
+}
+
+/// The points' order by key; where keys are equal, by everything else they have.
 std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& root,
                                     Progress& progress)
 {
@@ -58,9 +93,15 @@ std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& roo
         return std::make_tuple(p[0], p[1], p[2], v[0], v[1], v[2],
                                confident ? cloud.confidence[n] : 1.0f);
     };
-    tbb::parallel_sort(order.begin(), order.end(), [&](const KeyedIndex& a, const KeyedIndex& b) {
-        return a.key != b.key ? a.key < b.key : attributes(a.index) < attributes(b.index);
-    });
+    radixSort(order, progress);
+    for (std::size_t n = 0, end = 0; n < order.size(); n = end) {
+        while (end < order.size() && order[end].key == order[n].key) ++end;
+        if (end - n < 2) continue;
+        std::sort(order.begin() + std::ptrdiff_t(n), order.begin() + std::ptrdiff_t(end),
+                  [&](const KeyedIndex& a, const KeyedIndex& b) {
+                      return attributes(a.index) < attributes(b.index);
+                  });
+    }
     progress.check();
     return order;
 }
@@ -146,8 +187,8 @@ void SortedPoints::forEachAround(const OctreeCell& centreCell, double radius, F 
                 const std::int64_t i = std::int64_t(cell.i) + di, j = std::int64_t(cell.j) + dj,
                                    k = std::int64_t(cell.k) + dk;
                 if (i < 0 || j < 0 || k < 0 || i >= edge || j >= edge || k >= edge) continue;
-                const Range range = cellRange(
-                    {cell.level, std::uint32_t(i), std::uint32_t(j), std::uint32_t(k)});
+                const Range range =
+                    cellRange({cell.level, std::uint32_t(i), std::uint32_t(j), std::uint32_t(k)});
                 if (range.begin < range.end && !f(range)) return;
             }
         }
@@ -175,7 +216,8 @@ void SortedPoints::gather(const OctreeCell& cell, double radius, std::size_t str
     forEachAround(cell, radius, [&](const Range& range) {
         std::size_t n = range.begin + skip;
         for (; n < range.end; n += stride) {
-            const float dx = mPoints.x[n] - c[0], dy = mPoints.y[n] - c[1], dz = mPoints.z[n] - c[2];
+            const float dx = mPoints.x[n] - c[0], dy = mPoints.y[n] - c[1],
+                        dz = mPoints.z[n] - c[2];
             if (dx * dx + dy * dy + dz * dz < radius2) append(n, out);
         }
         skip = n - range.end;
@@ -211,9 +253,9 @@ std::vector<std::uint32_t> SortedPoints::nearest(const Vec3d& centre, std::size_
         if (range.end - range.begin > kScan && cell.level < kMaxLevel) {
             for (int octant = 0; octant < 8; ++octant) {
                 const OctreeCell child = cell.child(octant);
-                const Vec3d beyond =
-                    ((mRoot.centre(child) - centre).cwiseAbs().array() - mRoot.size(child.level) / 2)
-                        .max(0.0);
+                const Vec3d beyond = ((mRoot.centre(child) - centre).cwiseAbs().array() -
+                                      mRoot.size(child.level) / 2)
+                                         .max(0.0);
                 const Range inside = cellRange(child);
                 if (inside.begin < inside.end) cells.push({beyond.squaredNorm(), child});
             }

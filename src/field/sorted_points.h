@@ -5,7 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 class Progress;
 
@@ -14,8 +15,14 @@ struct PointBatch {
     std::vector<float> x, y, z, nx, ny, nz, confidence;
 
     std::size_t size() const { return x.size(); }
-    void clear() { forEach([](std::vector<float>& a) { a.clear(); }); }
-    void resize(std::size_t n) { forEach([n](std::vector<float>& a) { a.resize(n); }); }
+    void clear()
+    {
+        forEach([](std::vector<float>& a) { a.clear(); });
+    }
+    void resize(std::size_t n)
+    {
+        forEach([n](std::vector<float>& a) { a.resize(n); });
+    }
     std::size_t bytes() const { return 7 * sizeof(float) * x.capacity(); }
 
     template <typename F>
@@ -32,8 +39,8 @@ struct OctreeCell {
 
     OctreeCell child(int octant) const
     {
-        return {level + 1, 2 * i + std::uint32_t(octant & 1), 2 * j + std::uint32_t(octant >> 1 & 1),
-                2 * k + std::uint32_t(octant >> 2 & 1)};
+        return {level + 1, 2 * i + std::uint32_t(octant & 1),
+                2 * j + std::uint32_t(octant >> 1 & 1), 2 * k + std::uint32_t(octant >> 2 & 1)};
     }
 };
 
@@ -72,6 +79,17 @@ public:
     /// The @a count points nearest to @a centre, nearest first; ties by index.
     std::vector<std::uint32_t> nearest(const Vec3d& centre, std::size_t count) const;
     void append(std::size_t index, PointBatch& out) const;
+    /// Call f(begin, end) for every occupied cell of @a level, in Morton order.
+    template <typename F>
+    void forEachCell(int level, F f) const
+    {
+        const int below = 3 * (kMaxLevel - level);
+        for (std::size_t begin = 0, end = 0; begin < mKeys.size(); begin = end) {
+            const std::uint64_t cell = mKeys[begin] >> below;
+            while (end < mKeys.size() && mKeys[end] >> below == cell) ++end;
+            f(begin, end);
+        }
+    }
 
 private:
     struct Range {

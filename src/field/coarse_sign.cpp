@@ -1,0 +1,247 @@
+#include "coarse_sign.h"
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr double kPad = 0.2;         ///< of the extent, on each side
+constexpr int kMaxNodes = 96;        ///< along the longest side
+constexpr double kKernel = 1.5;      ///< radius of the splats, node steps
+constexpr double kUnit = 1.5;        ///< u = distance / (kUnit steps)
+constexpr double kSlope = 1 / kUnit; ///< of u, per step
+constexpr float kScreening = 4;
+constexpr float kLeastBorder = 0.3f; ///< above 0: every surface closes inside the box
+
+/// Points of one small cube as one: mean position, sum of normals.
+struct Dipole {
+    Vec3f position, normal;
+    float weight;
+};
+
+struct Splats {
+    std::vector<float> screening, value;      ///< D and D-weighted u, per node
+    std::array<std::vector<float>, 3> normal; ///< D-weighted extension target
+};
+
+/// Mean distance between points: the area of the occupied cells of a level that holds a few points
+/// per cell (a plane meets a cube in 2/3 of its face on average), shared among the points.
+double meanSpacing(const SortedPoints& points, const RootCube& root)
+{
+    int level = 1;
+    while (level < SortedPoints::kMaxLevel && std::ldexp(8.0, 2 * level) < double(points.size()))
+        ++level;
+    std::size_t occupied = 0;
+    points.forEachCell(level, [&](std::size_t, std::size_t) { ++occupied; });
+    return root.size(level) * std::sqrt(double(occupied) / (1.5 * double(points.size())));
+}
+
+std::vector<Dipole> makeDipoles(const SortedPoints& points, int level)
+{
+    std::vector<Dipole> dipoles;
+    const PointBatch& p = points.points();
+    points.forEachCell(level, [&](std::size_t begin, std::size_t end) {
+        Vec3d position = Vec3d::Zero(), normal = Vec3d::Zero();
+        double weight = 0;
+        for (std::size_t n = begin; n < end; ++n) {
+            const double c = p.confidence[n];
+            position += c * Vec3d(p.x[n], p.y[n], p.z[n]);
+            normal += c * Vec3d(p.nx[n], p.ny[n], p.nz[n]);
+            weight += c;
+        }
+        if (!(weight > 0)) return;
+        // Each cube counts once, however densely it was sampled.
+        const double mean = weight / double(end - begin);
+        dipoles.push_back({(position / weight).cast<float>(),
+                           (mean * normal / weight).cast<float>(), float(mean)});
+    });
+    return dipoles;
+}
+
+/// Dipoles by the cell of the node grid they lie in.
+struct Bins {
+    NodeGrid cells;
+    std::vector<std::uint32_t> start, member;
+};
+
+Bins binDipoles(const std::vector<Dipole>& dipoles, const NodeGrid& nodes, const Vec3d& corner,
+                double step)
+{
+    Bins bins;
+    bins.cells.n = {nodes.n[0] - 1, nodes.n[1] - 1, nodes.n[2] - 1};
+    bins.start.assign(bins.cells.size() + 1, 0);
+    const auto cellOf = [&](const Dipole& d) {
+        const Vec3d c = (d.position.cast<double>() - corner) / step;
+        int at[3];
+        for (int k = 0; k < 3; ++k)
+            at[k] = std::clamp(int(std::floor(c[k])), 0, bins.cells.n[std::size_t(k)] - 1);
+        return bins.cells.index(at[0], at[1], at[2]);
+    };
+    for (const Dipole& d : dipoles) ++bins.start[cellOf(d) + 1];
+    for (std::size_t n = 1; n < bins.start.size(); ++n) bins.start[n] += bins.start[n - 1];
+    bins.member.resize(dipoles.size());
+    std::vector<std::uint32_t> next(bins.start.begin(), bins.start.end() - 1);
+    for (std::uint32_t d = 0; d < dipoles.size(); ++d) bins.member[next[cellOf(dipoles[d])]++] = d;
+    return bins;
+}
+
+/// What the dipoles around a node say of it.
+struct NodeSums {
+    double weight = 0, value = 0, magnitude = 0;
+    Vec3d offset = Vec3d::Zero(), normal = Vec3d::Zero();
+
+    void add(const Dipole& d, const Vec3d& at, double step)
+    {
+        const Vec3d r = at - d.position.cast<double>();
+        const double d2 = r.squaredNorm() / (step * step), cut = 1 - d2 / (kKernel * kKernel);
+        if (cut <= 0) return;
+        const double w = cut * cut / ((d2 + 0.1) * (d2 + 0.1));
+        const Vec3d n = d.normal.cast<double>();
+        const double side = n.dot(r);
+        weight += w * d.weight;
+        value += w * side;
+        magnitude += w * std::abs(side);
+        offset += w * d.weight * r;
+        normal += w * n;
+    }
+    /// Data lie below or above the node, not beside it, and agree about the side.
+    bool supported(double step) const
+    {
+        if (!(weight > 0)) return false;
+        const Vec3d mean = offset / weight;
+        const Vec3d direction = normal.normalized();
+        const double lateral = (mean - mean.dot(direction) * direction).norm();
+        return lateral <= 0.35 * step &&
+               (normal.norm() >= 0.7 * weight || std::abs(value) >= 0.5 * magnitude);
+    }
+};
+
+Splats splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec3d& corner,
+             double step, Progress& progress)
+{
+    const Bins bins = binDipoles(dipoles, grid, corner, step);
+    Splats splats;
+    splats.screening.assign(grid.size(), 0.0f);
+    splats.value.assign(grid.size(), 0.0f);
+    for (auto& n : splats.normal) n.assign(grid.size(), 0.0f);
+    tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
+        progress.check();
+        for (int j = 1; j < grid.n[1] - 1; ++j) {
+            for (int k = 1; k < grid.n[2] - 1; ++k) {
+                NodeSums sums;
+                const Vec3d at = corner + step * Vec3d(i, j, k);
+                for (int ci = std::max(i - 2, 0); ci <= std::min(i + 1, bins.cells.n[0] - 1); ++ci)
+                    for (int cj = std::max(j - 2, 0); cj <= std::min(j + 1, bins.cells.n[1] - 1);
+                         ++cj) {
+                        const int k0 = std::max(k - 2, 0),
+                                  k1 = std::min(k + 1, bins.cells.n[2] - 1);
+                        const std::uint32_t begin = bins.start[bins.cells.index(ci, cj, k0)],
+                                            end = bins.start[bins.cells.index(ci, cj, k1) + 1];
+                        for (std::uint32_t m = begin; m < end; ++m)
+                            sums.add(dipoles[bins.member[m]], at, step);
+                    }
+                if (!sums.supported(step)) continue;
+                const std::size_t n = grid.index(i, j, k);
+                splats.screening[n] = kScreening;
+                const double u = std::clamp(sums.value / sums.weight / (kUnit * step), -1.0, 1.0);
+                splats.value[n] = kScreening * float(u);
+                const Vec3d target = kSlope * sums.normal.normalized();
+                for (int axis = 0; axis < 3; ++axis)
+                    splats.normal[std::size_t(axis)][n] = kScreening * float(target[axis]);
+            }
+        }
+    });
+    return splats;
+}
+
+std::vector<float> solvePotential(const NodeGrid& grid, Splats splats, Progress& progress)
+{
+    ScreenedPoisson solver(grid, std::move(splats.screening), progress);
+    const std::size_t stride[3] = {grid.index(1, 0, 0), grid.index(0, 1, 0), 1};
+    std::vector<float> rightHand(grid.size(), 0.0f);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        std::vector<float>& target = splats.normal[axis];
+        for (float& t : target) t = -t;
+        const std::vector<float> extended = solver.solve(target, 0, 0);
+        std::vector<float>().swap(target);
+        tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
+            for (int j = 1; j < grid.n[1] - 1; ++j)
+                for (int k = 1; k < grid.n[2] - 1; ++k) {
+                    const std::size_t n = grid.index(i, j, k);
+                    rightHand[n] +=
+                        0.5f * (extended[n + stride[axis]] - extended[n - stride[axis]]);
+                }
+        });
+    }
+    for (std::size_t n = 0; n < rightHand.size(); ++n) rightHand[n] -= splats.value[n];
+    const float border = std::max(kLeastBorder, solver.fluxFreeBorder(rightHand));
+    return solver.solve(rightHand, border, 2);
+}
+
+} // namespace
+
+CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root,
+                       Progress& progress)
+{
+    const double spacing = meanSpacing(points, root);
+    const double extent = std::max(bounds.sizes().maxCoeff(), 4 * spacing);
+    mStep = std::max(extent * (1 + 2 * kPad) / kMaxNodes, 2 * spacing);
+    for (int k = 0; k < 3; ++k) {
+        const double side = bounds.sizes()[k] + 2 * kPad * extent;
+        mGrid.n[std::size_t(k)] = 16 * std::max(1, int(std::ceil(side / mStep / 16))) + 1;
+        mCorner[k] = bounds.center()[k] - mStep * (mGrid.n[std::size_t(k)] - 1) / 2;
+    }
+    mSlopeFloor = 0.3 / (extent / mStep);
+    int level = 0;
+    while (level < SortedPoints::kMaxLevel && root.size(level) > 0.4 * mStep) ++level;
+    const std::vector<Dipole> dipoles = makeDipoles(points, level);
+    mU = solvePotential(mGrid, splat(dipoles, mGrid, mCorner, mStep, progress), progress);
+}
+
+FieldSample CoarseSign::evaluate(const Vec3d& p) const
+{
+    // Quadratic B-splines: value and gradient are smooth across the nodes' cells.
+    double w[3][3], dw[3][3];
+    int base[3];
+    double beyond2 = 0;
+    for (int k = 0; k < 3; ++k) {
+        const int last = mGrid.n[std::size_t(k)] - 2;
+        const double at = (p[k] - mCorner[k]) / mStep;
+        const double t = std::clamp(at, 1.0, double(last));
+        beyond2 += (at - t) * (at - t);
+        const int node = std::clamp(int(std::lround(t)), 1, last);
+        const double f = t - node;
+        base[k] = node - 1;
+        w[k][0] = 0.5 * (0.5 - f) * (0.5 - f);
+        w[k][1] = 0.75 - f * f;
+        w[k][2] = 0.5 * (0.5 + f) * (0.5 + f);
+        dw[k][0] = f - 0.5;
+        dw[k][1] = -2 * f;
+        dw[k][2] = f + 0.5;
+    }
+    double value = 0;
+    Vec3d gradient = Vec3d::Zero();
+    for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) {
+            const float* const row = &mU[mGrid.index(base[0] + i, base[1] + j, base[2])];
+            const double v = w[2][0] * row[0] + w[2][1] * row[1] + w[2][2] * row[2];
+            const double dv = dw[2][0] * row[0] + dw[2][1] * row[1] + dw[2][2] * row[2];
+            value += w[0][i] * w[1][j] * v;
+            gradient +=
+                Vec3d(dw[0][i] * w[1][j] * v, w[0][i] * dw[1][j] * v, w[0][i] * w[1][j] * dv);
+        }
+    }
+    const double slope = std::max(gradient.norm(), mSlopeFloor);
+    FieldSample sample;
+    sample.value = mStep * (value / slope + std::sqrt(beyond2));
+    sample.gradient = gradient / slope;
+    return sample;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,37 @@
+// One coarse answer to inside or outside for the whole model, from its points alone: for where no
+// data support the local fits.
+//
+// The points' normals are extended into space by a screened Laplace equation, and a function with
+// that gradient is found by a Poisson equation, held to the points' signed distance near them
+// (smoother than a harmonic fill, and bends on with the surface at the rim of a hole).
+#pragma once
+#include "multigrid.h"
+#include "sorted_points.h"
+
+#include <mpuvdb/field.h>
+
+namespace mpuvdb
+{
+
+class CoarseSign
+{
+public:
+    CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root,
+               Progress& progress);
+
+    /// Approximate signed distance (world units) and its direction at @a p (local coordinates);
+    /// beyond the grid's box that of the nearest point in it, plus the distance to it: all outside.
+    FieldSample evaluate(const Vec3d& p) const;
+    /// Distance between nodes, world units: how fine the answer is.
+    double step() const { return mStep; }
+    std::size_t bytes() const { return mU.capacity() * sizeof(float); }
+
+private:
+    Vec3d mCorner;
+    double mStep = 1;       ///< between nodes, world units
+    double mSlopeFloor = 0; ///< of |grad u|, per node step: flat u far away is not a zero crossing
+    NodeGrid mGrid;
+    std::vector<float> mU;
+};
+
+} // namespace mpuvdb

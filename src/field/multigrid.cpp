@@ -1,0 +1,211 @@
+#include "multigrid.h"
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr float kOverRelaxation = 1.15f;
+constexpr int kCoarsestSweeps = 40;
+
+/// Call f(i, j) for every interior row of the grid, in parallel; rows are independent.
+template <typename F>
+void forEachRow(const NodeGrid& grid, F f)
+{
+    tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
+        for (int j = 1; j < grid.n[1] - 1; ++j) f(i, j);
+    });
+}
+
+/// Full weighting of 27 fine nodes, times 4: the grid unit doubles, and the equation is in units of
+/// its square.
+void restrictTo(const NodeGrid& fine, const std::vector<float>& from, const NodeGrid& coarse,
+                std::vector<float>& to)
+{
+    to.assign(coarse.size(), 0.0f);
+    forEachRow(coarse, [&](int i, int j) {
+        for (int k = 1; k < coarse.n[2] - 1; ++k) {
+            float sum = 0;
+            for (int di = -1; di <= 1; ++di)
+                for (int dj = -1; dj <= 1; ++dj)
+                    for (int dk = -1; dk <= 1; ++dk) {
+                        const float w =
+                            float((2 - std::abs(di)) * (2 - std::abs(dj)) * (2 - std::abs(dk)));
+                        sum += w * from[fine.index(2 * i + di, 2 * j + dj, 2 * k + dk)];
+                    }
+            to[coarse.index(i, j, k)] = sum * (4.0f / 64.0f);
+        }
+    });
+}
+
+/// Trilinear interpolation of the coarse values at fine interior nodes, added or assigned.
+void prolong(const NodeGrid& coarse, const std::vector<float>& from, const NodeGrid& fine,
+             std::vector<float>& to, bool add)
+{
+    forEachRow(fine, [&](int i, int j) {
+        const int i0 = i / 2, i1 = (i + 1) / 2, j0 = j / 2, j1 = (j + 1) / 2;
+        const float* const rows[4] = {
+            &from[coarse.index(i0, j0, 0)], &from[coarse.index(i0, j1, 0)],
+            &from[coarse.index(i1, j0, 0)], &from[coarse.index(i1, j1, 0)]};
+        for (int k = 1; k < fine.n[2] - 1; ++k) {
+            const int k0 = k / 2, k1 = (k + 1) / 2;
+            float sum = 0;
+            for (const float* row : rows) sum += row[k0] + row[k1];
+            float& value = to[fine.index(i, j, k)];
+            value = (add ? value : 0.0f) + sum * 0.125f;
+        }
+    });
+}
+
+void fillBorder(const NodeGrid& grid, std::vector<float>& u, float value)
+{
+    for (int i = 0; i < grid.n[0]; ++i)
+        for (int j = 0; j < grid.n[1]; ++j)
+            for (int k = 0; k < grid.n[2]; ++k)
+                if (grid.onBorder(i, j, k)) u[grid.index(i, j, k)] = value;
+}
+
+} // namespace
+
+ScreenedPoisson::ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening,
+                                 Progress& progress)
+    : mProgress(progress)
+{
+    mLevels.push_back({grid, std::move(screening), {}, {}});
+    for (;;) {
+        NodeGrid coarse = mLevels.back().grid;
+        for (int& n : coarse.n) n = n / 2 + 1;
+        if (*std::min_element(coarse.n.begin(), coarse.n.end()) < 3) break;
+        const bool halves = std::all_of(mLevels.back().grid.n.begin(), mLevels.back().grid.n.end(),
+                                        [](int n) { return n % 2 == 1; });
+        if (!halves) break;
+        Level level{coarse, {}, {}, {}};
+        restrictTo(mLevels.back().grid, mLevels.back().screening, coarse, level.screening);
+        mLevels.push_back(std::move(level));
+    }
+    for (Level& level : mLevels) level.u.assign(level.grid.size(), 0.0f);
+}
+
+void ScreenedPoisson::relax(Level& level, int sweeps) const
+{
+    const NodeGrid& grid = level.grid;
+    const std::size_t di = std::size_t(grid.n[1]) * std::size_t(grid.n[2]),
+                      dj = std::size_t(grid.n[2]);
+    for (int pass = 0; pass < 2 * sweeps; ++pass) {
+        forEachRow(grid, [&](int i, int j) {
+            const int first = 1 + ((i + j + pass) & 1);
+            for (int k = first; k < grid.n[2] - 1; k += 2) {
+                const std::size_t n = grid.index(i, j, k);
+                const float* const u = &level.u[n];
+                const float neighbours = (u[-std::ptrdiff_t(di)] + u[di]) +
+                                         (u[-std::ptrdiff_t(dj)] + u[dj]) + (u[-1] + u[1]);
+                const float exact = (neighbours - level.b[n]) / (6 + level.screening[n]);
+                level.u[n] += kOverRelaxation * (exact - level.u[n]);
+            }
+        });
+    }
+}
+
+void ScreenedPoisson::cycle(std::size_t n)
+{
+    mProgress.check();
+    Level& fine = mLevels[n];
+    if (n + 1 == mLevels.size()) {
+        relax(fine, kCoarsestSweeps);
+        return;
+    }
+    relax(fine, 2);
+    std::vector<float> residual(fine.grid.size(), 0.0f);
+    const std::size_t di = std::size_t(fine.grid.n[1]) * std::size_t(fine.grid.n[2]),
+                      dj = std::size_t(fine.grid.n[2]);
+    forEachRow(fine.grid, [&](int i, int j) {
+        for (int k = 1; k < fine.grid.n[2] - 1; ++k) {
+            const std::size_t m = fine.grid.index(i, j, k);
+            const float* const u = &fine.u[m];
+            const float neighbours = (u[-std::ptrdiff_t(di)] + u[di]) +
+                                     (u[-std::ptrdiff_t(dj)] + u[dj]) + (u[-1] + u[1]);
+            residual[m] = fine.b[m] - (neighbours - (6 + fine.screening[m]) * u[0]);
+        }
+    });
+    Level& coarse = mLevels[n + 1];
+    std::vector<float> keptU(coarse.grid.size(), 0.0f), keptB;
+    restrictTo(fine.grid, residual, coarse.grid, keptB);
+    keptU.swap(coarse.u);
+    keptB.swap(coarse.b);
+    cycle(n + 1);
+    prolong(coarse.grid, coarse.u, fine.grid, fine.u, true);
+    coarse.u.swap(keptU);
+    coarse.b.swap(keptB);
+    relax(fine, 2);
+}
+
+void ScreenedPoisson::descendRightHandSide(const std::vector<float>& b)
+{
+    mLevels[0].b = b;
+    for (std::size_t n = 1; n < mLevels.size(); ++n)
+        restrictTo(mLevels[n - 1].grid, mLevels[n - 1].b, mLevels[n].grid, mLevels[n].b);
+}
+
+void ScreenedPoisson::solveFrom(std::size_t finest, float border, int cycles)
+{
+    for (std::size_t n = mLevels.size(); n-- > finest;) {
+        mProgress.check();
+        Level& level = mLevels[n];
+        if (n + 1 == mLevels.size()) {
+            std::fill(level.u.begin(), level.u.end(), border);
+            relax(level, kCoarsestSweeps);
+            continue;
+        }
+        fillBorder(level.grid, level.u, border);
+        prolong(mLevels[n + 1].grid, mLevels[n + 1].u, level.grid, level.u, false);
+        const int here = n == finest ? cycles : 1;
+        if (here == 0) relax(level, 2);
+        for (int c = 0; c < here; ++c) cycle(n);
+    }
+}
+
+std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b, float border, int cycles)
+{
+    descendRightHandSide(b);
+    solveFrom(0, border, cycles);
+    return mLevels[0].u;
+}
+
+double ScreenedPoisson::borderFlux(std::size_t n) const
+{
+    const Level& level = mLevels[n];
+    const auto& g = level.grid;
+    double sum = 0;
+    for (int i = 1; i < g.n[0] - 1; ++i)
+        for (int j = 1; j < g.n[1] - 1; ++j)
+            sum += double(level.u[g.index(i, j, 1)]) + level.u[g.index(i, j, g.n[2] - 2)];
+    for (int i = 1; i < g.n[0] - 1; ++i)
+        for (int k = 1; k < g.n[2] - 1; ++k)
+            sum += double(level.u[g.index(i, 1, k)]) + level.u[g.index(i, g.n[1] - 2, k)];
+    for (int j = 1; j < g.n[1] - 1; ++j)
+        for (int k = 1; k < g.n[2] - 1; ++k)
+            sum += double(level.u[g.index(1, j, k)]) + level.u[g.index(g.n[0] - 2, j, k)];
+    return sum;
+}
+
+float ScreenedPoisson::fluxFreeBorder(const std::vector<float>& b)
+{
+    const std::size_t half = std::min<std::size_t>(1, mLevels.size() - 1);
+    descendRightHandSide(b);
+    solveFrom(half, 0, 2);
+    const double ofData = borderFlux(half);
+    for (Level& level : mLevels) std::fill(level.b.begin(), level.b.end(), 0.0f);
+    solveFrom(half, 1, 2);
+    const double ofBorder = borderFlux(half);
+    const auto& n = mLevels[half].grid.n;
+    const double faces = 2.0 * ((n[0] - 2.0) * (n[1] - 2.0) + (n[1] - 2.0) * (n[2] - 2.0) +
+                                (n[2] - 2.0) * (n[0] - 2.0));
+    return float(ofData / std::max(faces - ofBorder, 1e-6 * faces));
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,57 @@
+// A multigrid solver for screened Poisson equations on a box of nodes.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Progress;
+
+/// Dimensions of a node grid; node (i,j,k) is element (i ny + j) nz + k.
+struct NodeGrid {
+    std::array<int, 3> n{};
+
+    std::size_t size() const { return std::size_t(n[0]) * std::size_t(n[1]) * std::size_t(n[2]); }
+    std::size_t index(int i, int j, int k) const
+    {
+        return (std::size_t(i) * std::size_t(n[1]) + std::size_t(j)) * std::size_t(n[2]) +
+               std::size_t(k);
+    }
+    bool onBorder(int i, int j, int k) const
+    {
+        return i == 0 || j == 0 || k == 0 || i == n[0] - 1 || j == n[1] - 1 || k == n[2] - 1;
+    }
+};
+
+/// Solves (Lap - D) u = b in grid units, u = border on the box: full multigrid, red-black
+/// relaxation, so that the result does not depend on the number of threads.
+class ScreenedPoisson
+{
+public:
+    /// @param screening  D >= 0, one per node. Each dimension of @a grid is 16 a + 1.
+    ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening, Progress& progress);
+
+    /// @param cycles  V-cycles on the finest level after the full multigrid pass; 0: two sweeps.
+    std::vector<float> solve(const std::vector<float>& b, float border, int cycles);
+    /// The border value with which no net flux of grad u leaves the box, from the level of half
+    /// the resolution.
+    float fluxFreeBorder(const std::vector<float>& b);
+
+private:
+    struct Level {
+        NodeGrid grid;
+        std::vector<float> screening, u, b;
+    };
+    void descendRightHandSide(const std::vector<float>& b);
+    void solveFrom(std::size_t finest, float border, int cycles);
+    void cycle(std::size_t level);
+    void relax(Level& level, int sweeps) const;
+    double borderFlux(std::size_t level) const;
+
+    std::vector<Level> mLevels; ///< finest first
+    Progress& mProgress;
+};
+
+} // namespace mpuvdb
