@@ -4,8 +4,10 @@
 
 #include <gtest/gtest.h>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 TEST(Length, ParsesEveryUnit)
 {

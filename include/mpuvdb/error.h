@@ -3,7 +3,8 @@
 #include <stdexcept>
 #include <string>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// The status a command ends with; the part of every Error that a script sees.
 enum class ExitCode : int {

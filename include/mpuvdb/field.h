@@ -7,7 +7,8 @@
 #include <memory>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// Where voxels sit: voxel (i,j,k) has its centre at origin + voxelSize * (i,j,k), world units.
 struct Lattice {
@@ -24,10 +25,10 @@ using BlockValues = std::array<float, kBlockVoxels>;
 
 /// The field at one point.
 struct FieldSample {
-    double value = 0;                 ///< signed distance, world units, negative inside
-    Vec3d gradient = Vec3d::Zero();   ///< of the value; about unit near the surface
-    int level = -1;                   ///< deepest octree level that contributes; -1: none
-    bool supported = false;           ///< whether data, and not extrapolation, rule here
+    double value = 0;               ///< signed distance, world units, negative inside
+    Vec3d gradient = Vec3d::Zero(); ///< of the value; about unit near the surface
+    int level = -1;                 ///< deepest octree level that contributes; -1: none
+    bool supported = false;         ///< whether data, and not extrapolation, rule here
 };
 
 /// Evaluates blocks for one thread; keeps that thread's scratch memory and what neighbouring blocks

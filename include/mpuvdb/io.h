@@ -12,7 +12,8 @@
 #include <string>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 class Progress;
 
@@ -61,7 +62,7 @@ void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
 /// A shaded picture of the zero set as PNG, by OpenVDB's ray tracer.
 /// @throws UsageError for settings out of range, IoError, Interrupted.
 struct PictureSettings {
-    int width = 800, height = 600;        ///< pixels, in [16, 8192]
+    int width = 800, height = 600;       ///< pixels, in [16, 8192]
     double azimuth = 30, elevation = 20; ///< degrees: of the camera about +Y from +Z, in
                                          ///< [-360, 360], and above the horizon, in [-90, 90]
 };

@@ -3,7 +3,8 @@
 #include <string>
 #include <string_view>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// A length with its unit, resolved once voxel size and bounding box are known.
 struct Length {

@@ -1,8 +1,9 @@
 // Narrow-band level sets in OpenVDB grids: made from fields, and checked.
 //
-// Conventions: negative inside; values are world units; the half-width is in voxels (3 unless told);
-// voxels are uniform; the background is half-width x voxel size; inactive values are +background
-// outside and -background inside; the grid is called "surface" and has class GRID_LEVEL_SET.
+// Conventions: negative inside; values are world units; the half-width is in voxels (3 unless
+// told); voxels are uniform; the background is half-width x voxel size; inactive values are
+// +background outside and -background inside; the grid is called "surface" and has class
+// GRID_LEVEL_SET.
 #pragma once
 #include <mpuvdb/field.h>
 
@@ -11,7 +12,8 @@
 #include <string>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 class Progress;
 
@@ -45,8 +47,8 @@ struct SampleSettings {
 /// The lattice for voxels of @a voxelSize about @a bounds: aligned to the world's multiples of the
 /// voxel size, so that grids of one voxel size combine without resampling; from 2^20 voxels away
 /// from the origin on, the transform's translation keeps indices small.
-/// @throws UsageError unless 0 < @a voxelSize < infinity, InputError for bounds that are empty or not
-/// finite, LimitError where doubles or indices cannot tell the voxels apart.
+/// @throws UsageError unless 0 < @a voxelSize < infinity, InputError for bounds that are empty or
+/// not finite, LimitError where doubles or indices cannot tell the voxels apart.
 Lattice latticeFor(const Box3d& bounds, double voxelSize);
 
 /// Sample @a field into a narrow band: searched from its seeds by continuation, closed so that no
@@ -73,11 +75,11 @@ struct CheckReport {
 
 /// Check a grid of any origin against what a level set promises: class, uniform voxels along the
 /// axes, a background of at least one voxel, finite values, |value| <= background where active and
-/// = background elsewhere, a complete band on both sides (a voxel l voxels from one of distance d is
-/// active if d + l is less than the half-width by half a voxel), steps of at most two voxels between
-/// active neighbours, a mean ||grad| - 1| of at most @a gradientTolerance, no change of sign between
-/// neighbours of which one is inactive. An empty level set is sound. The report does not depend on
-/// the number of threads. @throws Interrupted.
+/// = background elsewhere, a complete band on both sides (a voxel l voxels from one of distance d
+/// is active if d + l is less than the half-width by half a voxel), steps of at most two voxels
+/// between active neighbours, a mean ||grad| - 1| of at most @a gradientTolerance, no change of
+/// sign between neighbours of which one is inactive. An empty level set is sound. The report does
+/// not depend on the number of threads. @throws Interrupted.
 CheckReport check(const openvdb::FloatGrid& grid, Progress& progress,
                   double gradientTolerance = 0.1);
 

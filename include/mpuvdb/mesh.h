@@ -7,7 +7,8 @@
 #include <cstdint>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// An indexed triangle mesh about a frame: a vertex's world position is frame + position.
 struct Mesh {
@@ -29,11 +30,11 @@ Mesh extractMesh(const LevelSet& levelSet, Progress& progress);
 /// What is known of a mesh without looking at it.
 struct MeshReport {
     std::uint64_t vertices = 0, triangles = 0;
-    std::uint64_t components = 0;       ///< by shared vertices
-    std::uint64_t boundaryEdges = 0;    ///< with one triangle
-    std::uint64_t nonManifoldEdges = 0; ///< with more than two, or two that disagree in direction
+    std::uint64_t components = 0;         ///< by shared vertices
+    std::uint64_t boundaryEdges = 0;      ///< with one triangle
+    std::uint64_t nonManifoldEdges = 0;   ///< with more than two, or two that disagree in direction
     std::int64_t eulerCharacteristic = 0; ///< of the vertices that are used
-    double area = 0, volume = 0; ///< world units squared, cubed; volume signed
+    double area = 0, volume = 0;          ///< world units squared, cubed; volume signed
 };
 
 /// Measure @a mesh, whose indices are valid; the same for any number of threads.

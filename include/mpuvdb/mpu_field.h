@@ -5,29 +5,30 @@
 
 #include <cstdint>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 class Progress;
 
 /// How points are fitted.
 struct MpuSettings {
-    double tolerance = 0;      ///< largest Taubin error |Q|/|grad Q| of a local fit, world units, > 0
-    double voxelSize = 0;      ///< cells stay above about two of these (one where sharp), > 0
-    double alpha = 0.75;       ///< support radius / cell diagonal, in [0.5, 2]
-    int minPoints = 15;        ///< N_min: confidences a fit needs in sum, in [6, 1000]
-    bool sharp = true;         ///< fit edges and corners [Ohtake03 §4c]
+    double tolerance = 0; ///< largest Taubin error |Q|/|grad Q| of a local fit, world units, > 0
+    double voxelSize = 0; ///< cells stay above about two of these (one where sharp), > 0
+    double alpha = 0.75;  ///< support radius / cell diagonal, in [0.5, 2]
+    int minPoints = 15;   ///< N_min: confidences a fit needs in sum, in [6, 1000]
+    bool sharp = true;    ///< fit edges and corners [Ohtake03 §4c]
 };
 
 /// What the fit came to.
 struct MpuStatistics {
-    std::uint64_t cells = 0;     ///< of the octree, all levels
-    std::uint64_t leaves = 0;    ///< cells that are blended
-    std::uint64_t fits = 0;      ///< local fits kept
-    std::uint64_t sharpFits = 0; ///< of them edges and corners
-    int levels = 0;              ///< deepest level; the root is 0
-    double maxError = 0;         ///< largest error of an accepted fit, world units
+    std::uint64_t cells = 0;         ///< of the octree, all levels
+    std::uint64_t leaves = 0;        ///< cells that are blended
+    std::uint64_t fits = 0;          ///< local fits kept
+    std::uint64_t sharpFits = 0;     ///< of them edges and corners
+    int levels = 0;                  ///< deepest level; the root is 0
+    double maxError = 0;             ///< largest error of an accepted fit, world units
     std::uint64_t overTolerance = 0; ///< leaves that the level limit stopped above the tolerance
-    std::uint64_t bytes = 0;     ///< held by the field
+    std::uint64_t bytes = 0;         ///< held by the field
 };
 
 /// The blended local fits of an adaptive octree; values normalised to a distance by the blended

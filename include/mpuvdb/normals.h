@@ -4,7 +4,8 @@
 
 #include <cstdint>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// Fill cloud.normals by local least-squares planes, oriented consistently along a minimum spanning
 /// tree over neighbours [Hoppe92 §3.3], each connected part outward at its outermost point.

@@ -7,7 +7,8 @@
 #include <cstdint>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 class Progress;
 
@@ -16,9 +17,9 @@ class Progress;
 struct PointCloud {
     using Rgb = std::array<std::uint8_t, 3>;
 
-    Vec3d frame = Vec3d::Zero();  ///< world position of the local origin, near the points' middle
-    std::vector<Vec3f> positions; ///< world units, relative to frame; finite
-    std::vector<Vec3f> normals;   ///< unit, outward; or empty
+    Vec3d frame = Vec3d::Zero();   ///< world position of the local origin, near the points' middle
+    std::vector<Vec3f> positions;  ///< world units, relative to frame; finite
+    std::vector<Vec3f> normals;    ///< unit, outward; or empty
     std::vector<float> confidence; ///< in (0,1], largest 1; or empty (all 1)
     std::vector<Rgb> colors;       ///< or empty
 

@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// What one stage of the work took.
 struct StageTime {

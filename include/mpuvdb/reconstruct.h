@@ -8,18 +8,19 @@
 #include <memory>
 #include <optional>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 /// What the user asked for; everything left empty is derived from the data.
 struct ReconstructSettings {
-    std::optional<Length> voxelSize;  ///< default: the measured spacing of the points
-    std::optional<double> voxels;     ///< instead of voxelSize: along the longest side of the box
-    std::optional<Length> tolerance;  ///< default: from voxel size and measured noise
-    double halfWidth = 3;             ///< voxels
-    double alpha = 0.75;              ///< support radius / cell diagonal
-    std::optional<int> minPoints;     ///< default: 15, more on noisy points
+    std::optional<Length> voxelSize; ///< default: the measured spacing of the points
+    std::optional<double> voxels;    ///< instead of voxelSize: along the longest side of the box
+    std::optional<Length> tolerance; ///< default: from voxel size and measured noise
+    double halfWidth = 3;            ///< voxels
+    double alpha = 0.75;             ///< support radius / cell diagonal
+    std::optional<int> minPoints;    ///< default: 15, more on noisy points
     bool sharp = true;
-    std::uint64_t maxBytes = 0;       ///< memory the work may take; 0: no limit
+    std::uint64_t maxBytes = 0; ///< memory the work may take; 0: no limit
 };
 
 /// What the settings came to, in world units.

@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 class Progress;
 
@@ -16,8 +17,8 @@ class Solid
 {
 public:
     virtual ~Solid() = default;
-    /// Signed distance, negative inside. Exact for primitives; for Booleans exact in sign and on the
-    /// surface, elsewhere a lower bound of the distance's magnitude.
+    /// Signed distance, negative inside. Exact for primitives; for Booleans exact in sign and on
+    /// the surface, elsewhere a lower bound of the distance's magnitude.
     virtual double distance(const Vec3d& p) const = 0;
     /// Where the distance is costly, a cheap value of the same sign and no larger magnitude.
     virtual double bound(const Vec3d& p) const { return distance(p); }
@@ -48,11 +49,11 @@ struct ScanSettings {
     bool confidence = false;       ///< write confidences (Scan: cosine of the angle of incidence,
                                    ///< falling towards the borders; else from the noise drawn)
     bool normals = true;
-    double outliers = 0;           ///< share of points replaced, in [0, 0.5]
-    double outlierDistance = 0.1;  ///< standard deviation per axis, parts of the diagonal
-    int holes = 0;                 ///< spherical holes cut out of the surface, with their points
-    double holeRadius = 0.05;      ///< parts of the diagonal
-    std::uint64_t seed = 1;        ///< same settings and seed, same bytes
+    double outliers = 0;          ///< share of points replaced, in [0, 0.5]
+    double outlierDistance = 0.1; ///< standard deviation per axis, parts of the diagonal
+    int holes = 0;                ///< spherical holes cut out of the surface, with their points
+    double holeRadius = 0.05;     ///< parts of the diagonal
+    std::uint64_t seed = 1;       ///< same settings and seed, same bytes
 };
 
 /// Sample @a solid. The same for any number of threads.

@@ -4,7 +4,8 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 using Vec3f = Eigen::Vector3f;
 using Vec3d = Eigen::Vector3d;

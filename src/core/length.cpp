@@ -5,7 +5,8 @@
 #include <cmath>
 #include <fmt/format.h>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 Length Length::parse(std::string_view text)
 {
@@ -31,9 +32,12 @@ Length Length::parse(std::string_view text)
 double Length::resolve(double voxelSize, double diagonal) const
 {
     switch (unit) {
-    case Unit::Voxels: return value * voxelSize;
-    case Unit::Percent: return value * 0.01 * diagonal;
-    case Unit::World: break;
+    case Unit::Voxels:
+        return value * voxelSize;
+    case Unit::Percent:
+        return value * 0.01 * diagonal;
+    case Unit::World:
+        break;
     }
     return value;
 }

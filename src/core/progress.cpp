@@ -5,8 +5,10 @@
 #include <ctime>
 #include <sys/resource.h>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 double processCpuSeconds()
 {

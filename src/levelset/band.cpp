@@ -10,18 +10,21 @@
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 constexpr int kLastBlock = 1 << 20; ///< block positions lie in (-kLastBlock, kLastBlock)
-constexpr std::uint64_t kBlockBytes = sizeof(Band::Block) + sizeof(Band::Leaf) + 4 * kBlockVoxels + 64;
+constexpr std::uint64_t kBlockBytes =
+    sizeof(Band::Block) + sizeof(Band::Leaf) + 4 * kBlockVoxels + 64;
 
 constexpr std::uint64_t kLastZ = 0x8080808080808080ull; ///< bits of z = 7
 constexpr std::uint64_t kFirstZ = 0x0101010101010101ull;
 constexpr std::uint64_t kLastY = 0xff00000000000000ull;
 constexpr std::uint64_t kFirstY = 0x00000000000000ffull;
 
-const std::array<Vec3i, 6> kFaces = {Vec3i(-1, 0, 0), Vec3i(1, 0, 0), Vec3i(0, -1, 0),
+const std::array<Vec3i, 6> kFaces = {Vec3i(-1, 0, 0), Vec3i(1, 0, 0),  Vec3i(0, -1, 0),
                                      Vec3i(0, 1, 0),  Vec3i(0, 0, -1), Vec3i(0, 0, 1)};
 
 std::uint64_t packed(const Vec3i& at)
@@ -44,7 +47,10 @@ SignWords faceOf(const SignWords& words, int face)
         on[x] = words[x];
         return on;
     }
-    const std::uint64_t mask = face == 2 ? kFirstY : face == 3 ? kLastY : face == 4 ? kFirstZ : kLastZ;
+    const std::uint64_t mask = face == 2   ? kFirstY
+                               : face == 3 ? kLastY
+                               : face == 4 ? kFirstZ
+                                           : kLastZ;
     for (std::size_t x = 0; x < kBlockDim; ++x) on[x] = words[x] & mask;
     return on;
 }
@@ -119,8 +125,9 @@ void Band::ensureLeaf(Block& block)
 {
     if (block.leaf) return;
     const bool inside = block.inside[0] & 1u;
-    block.leaf = std::make_unique<Leaf>(openvdb::Coord(block.at[0] * 8, block.at[1] * 8, block.at[2] * 8),
-                                        inside ? -mBackground : mBackground, false);
+    block.leaf =
+        std::make_unique<Leaf>(openvdb::Coord(block.at[0] * 8, block.at[1] * 8, block.at[2] * 8),
+                               inside ? -mBackground : mBackground, false);
 }
 
 void Band::checkMemory() const
@@ -149,7 +156,8 @@ Band::Block Band::sample(BlockSampler& sampler, const Vec3i& at) const
             v = inside ? -mBackground : mBackground;
     }
     if (active.isOff() && (!any(block.inside) || !any(inverted(block.inside)))) return block;
-    block.leaf = std::make_unique<Leaf>(openvdb::Coord(at[0] * 8, at[1] * 8, at[2] * 8), mBackground);
+    block.leaf =
+        std::make_unique<Leaf>(openvdb::Coord(at[0] * 8, at[1] * 8, at[2] * 8), mBackground);
     std::copy(values.begin(), values.end(), block.leaf->buffer().data());
     block.leaf->setValueMask(active);
     return block;
@@ -194,7 +202,8 @@ std::size_t Band::search(std::vector<Vec3i> wave)
             if (block.leaf && !block.leaf->getValueMask().isOff()) {
                 SignWords active;
                 for (std::size_t x = 0; x < kBlockDim; ++x)
-                    active[x] = block.leaf->getValueMask().getWord<std::uint64_t>(openvdb::Index(x));
+                    active[x] =
+                        block.leaf->getValueMask().getWord<std::uint64_t>(openvdb::Index(x));
                 for (int face = 0; face < 6; ++face) {
                     const Vec3i next = block.at + kFaces[std::size_t(face)];
                     if (any(faceOf(active, face)) && !find(next)) wave.push_back(next);
@@ -240,7 +249,8 @@ std::vector<Band::Gap> Band::findGaps() const
     return gaps;
 }
 
-namespace {
+namespace
+{
 
 std::uint32_t rootOf(std::vector<std::uint32_t>& parent, std::uint32_t n)
 {
@@ -295,13 +305,14 @@ Band::Contacts Band::labelGaps(std::vector<Gap>& gaps) const
     contacts.votes.assign(gaps.size(), 0);
     for (std::uint32_t n = 0; n < gaps.size(); ++n) {
         gaps[n].root = rootOf(parent, n);
-        if (gaps[n].outer) contacts.votes[gaps[n].root] = std::numeric_limits<std::int64_t>::min() / 2;
+        if (gaps[n].outer)
+            contacts.votes[gaps[n].root] = std::numeric_limits<std::int64_t>::min() / 2;
     }
     const auto gapAt = [&](const Vec3i& at) -> const Gap* {
         const auto column = columnAt(at[0], at[1]);
         const auto begin = gaps.begin() + column.first, end = gaps.begin() + column.second;
-        const auto found = std::upper_bound(begin, end, at[2],
-                                            [](int z, const Gap& g) { return z < g.z0; });
+        const auto found =
+            std::upper_bound(begin, end, at[2], [](int z, const Gap& g) { return z < g.z0; });
         return found == begin || std::prev(found)->z1 < at[2] ? nullptr : &*std::prev(found);
     };
     for (const Block& block : mBlocks) {
@@ -338,13 +349,15 @@ void Band::resolveSigns()
             if (contacts.votes[gap.root] > 0)
                 mInsideRuns.push_back({{gap.x, gap.y, gap.z0}, {gap.x, gap.y, gap.z1}});
         }
-        // Whatever is still disputed gets its component's sign, and a sheet when the band is closed.
+        // Whatever is still disputed gets its component's sign, and a sheet when the band is
+        // closed.
         for (const Vec3i& at : disputed) {
             if (find(at)) continue;
-            const bool inside = std::any_of(mInsideRuns.begin(), mInsideRuns.end(), [&](const auto& r) {
-                return r.first[0] == at[0] && r.first[1] == at[1] && r.first[2] <= at[2] &&
-                       at[2] <= r.second[2];
-            });
+            const bool inside =
+                std::any_of(mInsideRuns.begin(), mInsideRuns.end(), [&](const auto& r) {
+                    return r.first[0] == at[0] && r.first[1] == at[1] && r.first[2] <= at[2] &&
+                           at[2] <= r.second[2];
+                });
             add(uniformBlock(at, inside));
         }
         return;

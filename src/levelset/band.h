@@ -10,7 +10,8 @@
 #include <unordered_map>
 #include <vector>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 class Progress;
 

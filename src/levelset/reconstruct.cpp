@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <fmt/format.h>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 /// Without other word a fit may err by a tenth of a voxel, or by what noise throws a point off.
 constexpr double kToleranceVoxels = 0.1;
@@ -20,8 +22,8 @@ double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSetti
         throw UsageError("give the voxel size or the number of voxels, not both");
     if (settings.voxels) {
         if (!(*settings.voxels >= 4 && *settings.voxels <= 100000))
-            throw UsageError(fmt::format("{} voxels along the longest side; it must be in [4, 100000]",
-                                         *settings.voxels));
+            throw UsageError(fmt::format(
+                "{} voxels along the longest side; it must be in [4, 100000]", *settings.voxels));
         return longest / *settings.voxels;
     }
     if (settings.voxelSize) {
@@ -49,9 +51,10 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
     const double h = resolveVoxelSize(settings, resolved);
     const double across = resolved.boxSize.maxCoeff() / h;
     if (!(across <= 4e6))
-        throw LimitError(fmt::format("{:.3g} voxels of size {} along the longest side are beyond the "
-                                     "index range: use larger voxels",
-                                     across, h));
+        throw LimitError(
+            fmt::format("{:.3g} voxels of size {} along the longest side are beyond the "
+                        "index range: use larger voxels",
+                        across, h));
     resolved.grid.lattice = latticeFor(box.translated(cloud.frame), h);
     resolved.grid.halfWidth = settings.halfWidth;
     resolved.grid.maxBytes = settings.maxBytes;

@@ -6,7 +6,8 @@
 
 #include <fmt/format.h>
 
-namespace mpuvdb {
+namespace mpuvdb
+{
 
 LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress)
 {
@@ -14,8 +15,8 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     if (!(lattice.voxelSize > 0) || !std::isfinite(lattice.voxelSize))
         throw UsageError(fmt::format("voxel size is {}; it must be above 0", lattice.voxelSize));
     if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
-        throw UsageError(fmt::format("half-width is {} voxels; it must be in [1.5, 100]",
-                                     settings.halfWidth));
+        throw UsageError(
+            fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));
     progress.beginStage("sample");
     Band band(field, lattice, settings.halfWidth, settings.maxBytes, progress);
     band.search(field.seedBlocks(lattice));
