@@ -52,20 +52,46 @@ Fault faultOf(const PointBlock& block, std::size_t i)
     return kFaults;
 }
 
-BlockFaults cleanBlock(PointBlock& block, bool drop)
+// What is wrong in points [begin, end); `first` counts from the block's beginning.
+BlockFaults countFaults(const PointBlock& block, std::size_t begin, std::size_t end)
 {
     BlockFaults faults;
-    std::vector<std::uint8_t> keep;
-    for (std::size_t i = 0; i < block.size(); ++i) {
+    for (std::size_t i = begin; i < end; ++i) {
         const Fault fault = faultOf(block, i);
         if (fault == kFaults) continue;
-        if (keep.empty()) keep.assign(block.size(), 1);
         if (faults.counts[fault]++ == 0) faults.first[fault] = i;
         ++faults.total;
-        keep[i] = 0;
     }
-    if (drop && faults.total > 0) block.compact(keep);
     return faults;
+}
+
+// Adds the counts of points that come `offset` points later.
+void addFaults(BlockFaults& all, const BlockFaults& more, std::uint64_t offset)
+{
+    for (std::size_t f = 0; f < kFaults; ++f) {
+        if (all.counts[f] == 0 && more.counts[f] > 0) all.first[f] = offset + more.first[f];
+        all.counts[f] += more.counts[f];
+    }
+    all.total += more.total;
+}
+
+BlockFaults countFaults(const PointBlock& block)
+{
+    std::vector<BlockFaults> slices((block.size() + kPointsPerSlice - 1) / kPointsPerSlice);
+    tbb::parallel_for(std::size_t(0), slices.size(), [&](std::size_t s) {
+        const std::size_t begin = s * kPointsPerSlice;
+        slices[s] = countFaults(block, begin, std::min(begin + kPointsPerSlice, block.size()));
+    });
+    BlockFaults all;
+    for (const BlockFaults& slice : slices) addFaults(all, slice, 0);
+    return all;
+}
+
+void dropFaults(PointBlock& block)
+{
+    std::vector<std::uint8_t> keep(block.size());
+    for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = faultOf(block, i) == kFaults;
+    block.compact(keep);
 }
 
 // Confidences or normals that a program wrote without having any would leave no points.
@@ -97,14 +123,13 @@ void ignoreEmptyAttributes(FilePoints& points)
         for (float& c : block.confidence) c = std::isfinite(c) ? c / largest : 0;
 }
 
-[[noreturn]] void throwFirst(const FilePoints& points,
-                             const std::array<std::uint64_t, kFaults>& counts, Fault fault,
-                             std::uint64_t index, std::uint64_t total)
+[[noreturn]] void throwFirst(const FilePoints& points, const BlockFaults& faults, Fault fault,
+                             std::uint64_t total)
 {
     throw InputError(fmt::format("{}: {} {}: {} ({} of {} like it). Drop them with --bad-points "
                                  "drop, or export the file without them.",
-                                 points.name, points.unit, index, kFaultNames[fault], counts[fault],
-                                 total));
+                                 points.name, points.unit, faults.first[fault], kFaultNames[fault],
+                                 faults.counts[fault], total));
 }
 
 } // namespace
@@ -114,28 +139,25 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Progress& progress)
     progress.check();
     ignoreEmptyAttributes(points);
     const std::uint64_t total = points.size();
-    std::vector<BlockFaults> faults(points.blocks.size());
-    tbb::parallel_for(std::size_t(0), faults.size(), [&](std::size_t b) {
-        faults[b] = cleanBlock(points.blocks[b], badPoints == BadPoints::Drop);
-    });
-    std::array<std::uint64_t, kFaults> counts{}, first{};
+    std::vector<BlockFaults> ofBlocks(points.blocks.size());
+    tbb::parallel_for(std::size_t(0), ofBlocks.size(),
+                      [&](std::size_t b) { ofBlocks[b] = countFaults(points.blocks[b]); });
+    BlockFaults faults;
     std::uint64_t before = 0;
-    for (std::size_t b = 0; b < faults.size(); ++b) {
-        for (std::size_t f = 0; f < kFaults; ++f) {
-            if (counts[f] == 0 && faults[b].counts[f] > 0) first[f] = before + faults[b].first[f];
-            counts[f] += faults[b].counts[f];
-        }
-        before += points.blocks[b].size() + (badPoints == BadPoints::Drop ? faults[b].total : 0);
+    for (std::size_t b = 0; b < ofBlocks.size(); ++b) {
+        addFaults(faults, ofBlocks[b], before);
+        before += points.blocks[b].size();
     }
     for (std::size_t f = 0; f < kFaults; ++f) {
-        if (counts[f] == 0) continue;
+        if (faults.counts[f] == 0) continue;
         // A confidence of zero is a statement about a point, not a fault of the file.
         if (badPoints == BadPoints::Fail && f != ZeroConfidence)
-            throwFirst(points, counts, Fault(f), first[f], total);
-        points.dropped[kFaultNames[f]] += counts[f];
+            throwFirst(points, faults, Fault(f), total);
+        points.dropped[kFaultNames[f]] += faults.counts[f];
     }
-    if (badPoints == BadPoints::Fail && counts[ZeroConfidence] > 0)
-        for (PointBlock& block : points.blocks) cleanBlock(block, true);
+    tbb::parallel_for(std::size_t(0), ofBlocks.size(), [&](std::size_t b) {
+        if (ofBlocks[b].total > 0) dropFaults(points.blocks[b]);
+    });
 }
 
 } // namespace mpuvdb

@@ -3,10 +3,11 @@
 
 #include <mpuvdb/progress.h>
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <cstring>
+#include <memory>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -15,6 +16,7 @@ namespace
 
 constexpr std::uint32_t kEmpty = 0xffffffffu;
 constexpr std::size_t kPartPoints = 8192;
+constexpr std::size_t kSlices = 16;
 
 std::uint64_t mix(std::uint64_t h, std::uint64_t value)
 {
@@ -47,34 +49,50 @@ bool same(const PointCloud& cloud, std::size_t i, std::size_t j)
 
 // Points with their hashes' upper halves, grouped by the uppermost bits.
 struct Parts {
-    std::vector<std::uint64_t> keys; ///< upper half of the hash, index below
-    std::vector<std::size_t> starts; ///< of each part in keys, and the end
+    std::unique_ptr<std::uint64_t[]> keys; ///< upper half of the hash, index below
+    std::vector<std::size_t> starts;       ///< of each part in keys, and the end
 };
 
+// Counts and scatters slice by slice, the slices in order, so that threads do not change the
+// result.
 Parts partition(const PointCloud& cloud)
 {
     const std::size_t points = cloud.size();
     int bits = 0;
     while (bits < 16 && (points >> bits) > kPartPoints) ++bits;
-    std::vector<std::uint32_t> hashes(points);
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points, 1 << 16), [&](const auto& range) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i)
-            hashes[i] = std::uint32_t(hashOf(cloud, i) >> 32);
+    const std::size_t parts = std::size_t(1) << bits;
+    const auto partOf = [&](std::uint32_t hash) {
+        return std::size_t(std::uint64_t(hash) << bits >> 32);
+    };
+    const auto sliceStart = [&](std::size_t slice) { return points * slice / kSlices; };
+    const auto forEachHash = [&](std::size_t slice, const auto& f) {
+        for (std::size_t i = sliceStart(slice); i < sliceStart(slice + 1); ++i)
+            f(i, std::uint32_t(hashOf(cloud, i) >> 32));
+    };
+
+    std::vector<std::vector<std::size_t>> next(kSlices, std::vector<std::size_t>(parts, 0));
+    tbb::parallel_for(std::size_t(0), kSlices, [&](std::size_t slice) {
+        forEachHash(slice, [&](std::size_t, std::uint32_t hash) { ++next[slice][partOf(hash)]; });
     });
-    const auto partOf = [&](std::uint32_t hash) { return std::uint64_t(hash) << bits >> 32; };
-    Parts parts;
-    parts.starts.assign((std::size_t(1) << bits) + 1, 0);
-    for (const std::uint32_t hash : hashes) ++parts.starts[partOf(hash) + 1];
-    for (std::size_t p = 1; p < parts.starts.size(); ++p) parts.starts[p] += parts.starts[p - 1];
-    parts.keys.resize(points);
-    std::vector<std::size_t> next(parts.starts.begin(), parts.starts.end() - 1);
-    for (std::size_t i = 0; i < points; ++i)
-        parts.keys[next[partOf(hashes[i])]++] = std::uint64_t(hashes[i]) << 32 | i;
-    return parts;
+    Parts result;
+    std::size_t start = 0;
+    for (std::size_t part = 0; part < parts; ++part) {
+        result.starts.push_back(start);
+        for (auto& slice : next) start += std::exchange(slice[part], start);
+    }
+    result.starts.push_back(start);
+    result.keys.reset(new std::uint64_t[points]); // not cleared: every one is written
+    adviseLargePages(result.keys.get(), points * sizeof(std::uint64_t));
+    tbb::parallel_for(std::size_t(0), kSlices, [&](std::size_t slice) {
+        forEachHash(slice, [&](std::size_t i, std::uint32_t hash) {
+            result.keys[next[slice][partOf(hash)]++] = std::uint64_t(hash) << 32 | i;
+        });
+    });
+    return result;
 }
 
 // Marks every point of keys[begin, end) that equals one before it.
-void markPart(const PointCloud& cloud, const std::vector<std::uint64_t>& keys, std::size_t begin,
+void markPart(const PointCloud& cloud, const std::uint64_t* keys, std::size_t begin,
               std::size_t end, std::vector<std::uint8_t>& keep)
 {
     std::size_t slots = 16;
@@ -106,7 +124,7 @@ std::uint64_t dropDuplicates(PointCloud& cloud, Progress& progress)
         const Parts parts = partition(cloud);
         tbb::parallel_for(std::size_t(0), parts.starts.size() - 1, [&](std::size_t p) {
             progress.check();
-            markPart(cloud, parts.keys, parts.starts[p], parts.starts[p + 1], keep);
+            markPart(cloud, parts.keys.get(), parts.starts[p], parts.starts[p + 1], keep);
         });
     }
     std::uint64_t dropped = 0;

@@ -5,6 +5,7 @@
 #include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -21,78 +22,106 @@ namespace
 
 using Inputs = std::vector<FilePoints>;
 
-// Blocks of all inputs, in order, with the place of each in the joined cloud.
-struct Placed {
-    PointBlock* block;
-    std::size_t first;
+// A part of a block, with the place of its first point in the joined cloud.
+struct Slice {
+    const PointBlock* block = nullptr;
+    std::size_t begin = 0, end = 0, place = 0;
 };
 
-std::vector<Placed> placeBlocks(Inputs& inputs)
+std::vector<Slice> slicesOf(const Inputs& inputs)
 {
-    std::vector<Placed> placed;
-    std::size_t first = 0;
-    for (FilePoints& input : inputs)
-        for (PointBlock& block : input.blocks) {
-            placed.push_back({&block, first});
-            first += block.size();
-        }
-    return placed;
-}
-
-Box3d boundsOf(const Inputs& inputs, const Box3d& within)
-{
-    Box3d box;
+    std::vector<Slice> slices;
+    std::size_t place = 0;
     for (const FilePoints& input : inputs)
         for (const PointBlock& block : input.blocks)
-            for (const Vec3d& p : block.positions)
-                if (within.contains(p)) box.extend(p);
-    return box;
+            for (std::size_t begin = 0; begin < block.size(); begin += kPointsPerSlice) {
+                const std::size_t end = std::min(begin + kPointsPerSlice, block.size());
+                slices.push_back({&block, begin, end, place});
+                place += end - begin;
+            }
+    return slices;
+}
+
+Box3d boundsOf(const std::vector<Slice>& slices, const Box3d& within)
+{
+    std::vector<Box3d> boxes(slices.size());
+    tbb::parallel_for(std::size_t(0), slices.size(), [&](std::size_t s) {
+        const std::vector<Vec3d>& positions = slices[s].block->positions;
+        for (std::size_t i = slices[s].begin; i < slices[s].end; ++i)
+            if (within.contains(positions[i])) boxes[s].extend(positions[i]);
+    });
+    Box3d all;
+    for (const Box3d& box : boxes) all.extend(box);
+    return all;
 }
 
 constexpr std::uint64_t kManyPoints = 1 << 20;
 constexpr int kBins = 2048;
 
+// How many points fall into each bin of a box's three axes.
+struct Bins {
+    std::array<std::array<std::uint64_t, kBins>, 3> counts{};
+    std::uint64_t points = 0;
+};
+
+Bins countBins(const std::vector<Slice>& slices, const Box3d& box, const Vec3d& scale)
+{
+    tbb::enumerable_thread_specific<Bins> ofThreads;
+    tbb::parallel_for(std::size_t(0), slices.size(), [&](std::size_t s) {
+        Bins& bins = ofThreads.local();
+        for (std::size_t i = slices[s].begin; i < slices[s].end; ++i) {
+            const Vec3d& p = slices[s].block->positions[i];
+            if (!box.contains(p)) continue;
+            ++bins.points;
+            for (int a = 0; a < 3; ++a) {
+                const int bin = std::min(int((p[a] - box.min()[a]) * scale[a]), kBins - 1);
+                ++bins.counts[std::size_t(a)][std::size_t(bin)];
+            }
+        }
+    });
+    Bins all;
+    for (const Bins& bins : ofThreads) { // whole numbers: their order does not matter
+        all.points += bins.points;
+        for (std::size_t a = 0; a < 3; ++a)
+            for (std::size_t b = 0; b < kBins; ++b) all.counts[a][b] += bins.counts[a][b];
+    }
+    return all;
+}
+
 // A box that leaves out what is more than a hundred times as far away as 95 % of the points are
 // from each other, or @a box itself. Counts do not depend on the points' order.
-Box3d denseCore(const Inputs& inputs, const Box3d& box)
+Box3d denseCore(const std::vector<Slice>& slices, const Box3d& box)
 {
-    const Vec3d scale =
-        (box.sizes().array() > 0)
-            .select(kBins / box.sizes().array().max(1e-300), Eigen::Array3d::Zero());
-    std::array<std::vector<std::uint64_t>, 3> bins;
-    for (auto& axis : bins) axis.assign(kBins, 0);
-    std::uint64_t points = 0;
-    for (const FilePoints& input : inputs)
-        for (const PointBlock& block : input.blocks)
-            for (const Vec3d& p : block.positions) {
-                if (!box.contains(p)) continue;
-                ++points;
-                for (int a = 0; a < 3; ++a)
-                    ++bins[std::size_t(a)][std::size_t(
-                        std::clamp(int((p[a] - box.min()[a]) * scale[a]), 0, kBins - 1))];
-            }
+    Vec3d scale = Vec3d::Zero();
+    for (int a = 0; a < 3; ++a)
+        if (box.sizes()[a] > 0) scale[a] = kBins / box.sizes()[a];
+    const Bins bins = countBins(slices, box, scale);
     Box3d core = box;
     for (int a = 0; a < 3; ++a) {
-        const auto& count = bins[std::size_t(a)];
-        int best = 0;
-        for (int b = 0; b + 1 < kBins; ++b)
+        const auto& count = bins.counts[std::size_t(a)];
+        std::size_t best = 0;
+        for (std::size_t b = 0; b + 1 < kBins; ++b)
             if (count[b] + count[b + 1] > count[best] + count[best + 1]) best = b;
-        if (scale[a] == 0 || 20 * (count[best] + count[best + 1]) < 19 * points) continue;
-        core.min()[a] = std::max(box.min()[a], box.min()[a] + (best - 8) / scale[a]);
-        core.max()[a] = std::min(box.max()[a], box.min()[a] + (best + 10) / scale[a]);
+        if (scale[a] == 0 || 20 * (count[best] + count[best + 1]) < 19 * bins.points) continue;
+        core.min()[a] = std::max(box.min()[a], box.min()[a] + (double(best) - 8) / scale[a]);
+        core.max()[a] = std::min(box.max()[a], box.min()[a] + (double(best) + 10) / scale[a]);
     }
     return 100 * core.sizes().maxCoeff() < box.sizes().maxCoeff() ? core : box;
 }
 
-// The box of all points but those so far away that the rest would be a speck beside them.
-Box3d usefulBounds(const Inputs& inputs)
+Box3d everywhere()
 {
     const double inf = std::numeric_limits<double>::infinity();
-    Box3d box = boundsOf(inputs, Box3d(Vec3d::Constant(-inf), Vec3d::Constant(inf)));
+    return Box3d(Vec3d::Constant(-inf), Vec3d::Constant(inf));
+}
+
+// The box of all points but those so far away that the rest would be a speck beside them.
+Box3d usefulBounds(const std::vector<Slice>& slices, Box3d box)
+{
     for (;;) {
-        const Box3d core = denseCore(inputs, box);
-        if (core.isApprox(box)) return box;
-        box = boundsOf(inputs, core);
+        const Box3d core = denseCore(slices, box);
+        if (core.min() == box.min() && core.max() == box.max()) return box;
+        box = boundsOf(slices, core);
     }
 }
 
@@ -144,19 +173,19 @@ void unifyAttributes(Inputs& inputs, std::vector<std::string>& notes)
         }
 }
 
-// Copies one block to its place and frees it.
-void placeBlock(PointBlock& block, std::size_t first, PointCloud& cloud)
+// Copies a slice to its place.
+void placeSlice(const Slice& slice, PointCloud& cloud)
 {
-    for (std::size_t i = 0; i < block.size(); ++i) {
-        cloud.positions[first + i] = (block.positions[i] - cloud.frame).cast<float>();
-        if (!block.normals.empty())
-            cloud.normals[first + i] = block.normals[i].cast<double>().normalized().cast<float>();
-    }
-    std::copy(block.confidence.begin(), block.confidence.end(),
-              cloud.confidence.begin() + std::ptrdiff_t(cloud.confidence.empty() ? 0 : first));
-    std::copy(block.colors.begin(), block.colors.end(),
-              cloud.colors.begin() + std::ptrdiff_t(cloud.colors.empty() ? 0 : first));
-    block = PointBlock();
+    const PointBlock& block = *slice.block;
+    const auto at = [&](std::size_t i) { return slice.place + i - slice.begin; };
+    for (std::size_t i = slice.begin; i < slice.end; ++i)
+        cloud.positions[at(i)] = (block.positions[i] - cloud.frame).cast<float>();
+    for (std::size_t i = slice.begin; i < slice.end && !cloud.normals.empty(); ++i)
+        cloud.normals[at(i)] = block.normals[i].cast<double>().normalized().cast<float>();
+    for (std::size_t i = slice.begin; i < slice.end && !cloud.confidence.empty(); ++i)
+        cloud.confidence[at(i)] = block.confidence[i];
+    for (std::size_t i = slice.begin; i < slice.end && !cloud.colors.empty(); ++i)
+        cloud.colors[at(i)] = block.colors[i];
 }
 
 void requirePoints(const Inputs& inputs, std::uint64_t points,
@@ -180,8 +209,10 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Pro
 {
     PointInput result;
     progress.check();
-    const Box3d box = usefulBounds(inputs);
-    dropOutside(inputs, box, badPoints);
+    const std::vector<Slice> slices = slicesOf(inputs);
+    const Box3d all = boundsOf(slices, everywhere());
+    const Box3d box = usefulBounds(slices, all);
+    if (!box.contains(all)) dropOutside(inputs, box, badPoints);
     std::uint64_t points = 0;
     for (const FilePoints& input : inputs) {
         points += input.size();
@@ -198,14 +229,14 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Pro
         return std::any_of(inputs.begin(), inputs.end(),
                            [&](const FilePoints& input) { return (input.*has)(); });
     };
-    cloud.positions.resize(points);
-    if (any(&FilePoints::hasNormals)) cloud.normals.resize(points);
-    if (any(&FilePoints::hasConfidence)) cloud.confidence.resize(points);
-    if (any(&FilePoints::hasColors)) cloud.colors.resize(points);
-    const std::vector<Placed> placed = placeBlocks(inputs);
-    tbb::parallel_for(std::size_t(0), placed.size(), [&](std::size_t i) {
+    resizeLarge(cloud.positions, points);
+    if (any(&FilePoints::hasNormals)) resizeLarge(cloud.normals, points);
+    if (any(&FilePoints::hasConfidence)) resizeLarge(cloud.confidence, points);
+    if (any(&FilePoints::hasColors)) resizeLarge(cloud.colors, points);
+    const std::vector<Slice> kept = slicesOf(inputs);
+    tbb::parallel_for(std::size_t(0), kept.size(), [&](std::size_t s) {
         progress.check();
-        placeBlock(*placed[i].block, placed[i].first, cloud);
+        placeSlice(kept[s], cloud);
     });
     inputs.clear();
 #ifdef __GLIBC__

@@ -6,6 +6,8 @@
 #include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 
@@ -101,9 +103,14 @@ FilePoints readLas(const ByteSource& source, Progress& progress)
         for (Column& column : layout.columns)
             if (column.attribute >= Attribute::Red) column.type = ScalarType::UInt8;
     FilePoints result;
-    result.blocks = readRecords(source, header.offset, header.points, layout, "point", progress);
-    for (PointBlock& block : result.blocks)
-        for (Vec3d& p : block.positions) p = p.cwiseProduct(header.scale) + header.shift;
+    result.blocks.push_back(
+        readRecords(source, header.offset, header.points, layout, "point", progress));
+    std::vector<Vec3d>& positions = result.blocks.front().positions;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, positions.size(), 1 << 14),
+                      [&](const auto& range) {
+                          for (std::size_t i = range.begin(); i < range.end(); ++i)
+                              positions[i] = positions[i].cwiseProduct(header.scale) + header.shift;
+                      });
     return result;
 }
 

@@ -249,8 +249,8 @@ FilePoints readPcd(const ByteSource& source, Progress& progress)
     if (header.data == "ascii")
         result.blocks = readText(source, header, progress);
     else if (header.data == "binary")
-        result.blocks = readRecords(source, header.dataOffset, header.points,
-                                    layoutOf(header, false), "point", progress);
+        result.blocks.push_back(readRecords(source, header.dataOffset, header.points,
+                                            layoutOf(header, false), "point", progress));
     else if (header.data == "binary_compressed")
         result.blocks.push_back(readCompressed(source, header));
     else

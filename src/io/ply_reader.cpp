@@ -244,8 +244,8 @@ private:
             }
             requireRecords(mSource, offset, element.count, element.stride(), element.name.c_str());
             if (plan.kind == Kind::Vertex)
-                mResult.blocks = readRecords(mSource, offset, element.count, layoutOf(plan, swap),
-                                             "vertex", mProgress);
+                mResult.blocks.push_back(readRecords(mSource, offset, element.count,
+                                                     layoutOf(plan, swap), "vertex", mProgress));
             offset += element.count * element.stride();
         }
     }

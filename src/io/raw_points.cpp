@@ -3,6 +3,7 @@
 #include "text_scan.h"
 
 #include <cstring>
+#include <sys/mman.h>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -28,6 +29,16 @@ bool anyBlockHas(const std::vector<PointBlock>& blocks, std::vector<T> PointBloc
 }
 
 } // namespace
+
+void adviseLargePages([[maybe_unused]] void* data, [[maybe_unused]] std::size_t bytes)
+{
+#ifdef MADV_HUGEPAGE
+    constexpr std::uintptr_t kLargePage = std::uintptr_t(1) << 21;
+    const auto from = (reinterpret_cast<std::uintptr_t>(data) + kLargePage - 1) & ~(kLargePage - 1);
+    const auto to = (reinterpret_cast<std::uintptr_t>(data) + bytes) & ~(kLargePage - 1);
+    if (from < to) madvise(reinterpret_cast<void*>(from), to - from, MADV_HUGEPAGE);
+#endif
+}
 
 Attribute attributeOf(std::string_view name)
 {

@@ -40,6 +40,19 @@ struct AttributeSet {
     explicit AttributeSet(const std::vector<Attribute>& columns);
 };
 
+/// Ask for large pages for the @a bytes at @a data, where the system has them: touching the first
+/// time is what large arrays cost most.
+void adviseLargePages(void* data, std::size_t bytes);
+
+/// Make room for @a count values in an empty vector, on large pages.
+template <class T>
+void resizeLarge(std::vector<T>& values, std::size_t count)
+{
+    values.reserve(count);
+    adviseLargePages(values.data(), count * sizeof(T));
+    values.resize(count);
+}
+
 /// Keep the values i with keep[i] != 0, in order; an empty vector stays empty.
 template <class T>
 void compactVector(std::vector<T>& values, const std::vector<std::uint8_t>& keep)
@@ -82,6 +95,9 @@ struct FilePoints {
     /// All blocks as one.
     PointBlock& joined();
 };
+
+/// Points per task where all points of a block are gone through.
+constexpr std::size_t kPointsPerSlice = 1 << 14;
 
 /// A colour component in [0,255], rounded and clamped.
 std::uint8_t colorByte(double value);

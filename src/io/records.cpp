@@ -4,18 +4,18 @@
 #include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <limits>
-#include <memory>
 
 namespace mpuvdb
 {
 namespace
 {
 
-constexpr std::uint64_t kRecordsPerBlock = 1 << 15;
+constexpr std::uint64_t kRecordsAtOnce = 1 << 13;
 
 template <class T>
 T load(const char* at, bool swap)
@@ -74,33 +74,49 @@ void forEachValue(const char* data, std::size_t count, const Column& column, boo
     });
 }
 
-void decodeColumn(const char* data, std::size_t count, const Column& column, bool swap,
-                  const AttributeSet& has, PointBlock& block)
+// Decodes a column into the points from @a first on.
+void decodeColumn(const char* data, std::size_t first, std::size_t count, const Column& column,
+                  bool swap, const AttributeSet& has, PointBlock& block)
 {
     const int a = int(column.attribute);
     if (column.attribute <= Attribute::Z) {
+        Vec3d* to = block.positions.data() + first;
         forEachValue(data, count, column, swap,
-                     [&](std::size_t i, auto v) { block.positions[i][a] = double(v); });
+                     [=](std::size_t i, auto v) { to[i][a] = double(v); });
     } else if (column.attribute <= Attribute::NormalZ && has.normals) {
+        Vec3f* to = block.normals.data() + first;
         const int axis = a - int(Attribute::NormalX);
         forEachValue(data, count, column, swap,
-                     [&](std::size_t i, auto v) { block.normals[i][axis] = float(v); });
+                     [=](std::size_t i, auto v) { to[i][axis] = float(v); });
     } else if (column.attribute == Attribute::Confidence) {
-        forEachValue(data, count, column, swap,
-                     [&](std::size_t i, auto v) { block.confidence[i] = float(v); });
-    } else if (column.attribute <= Attribute::Blue && has.colors && !has.packedRgb) {
+        float* to = block.confidence.data() + first;
+        forEachValue(data, count, column, swap, [=](std::size_t i, auto v) { to[i] = float(v); });
+    } else if (column.attribute >= Attribute::Red && column.attribute <= Attribute::Blue &&
+               has.colors && !has.packedRgb) {
+        PointCloud::Rgb* to = block.colors.data() + first;
         const std::size_t channel = std::size_t(a - int(Attribute::Red));
-        forEachValue(data, count, column, swap, [&](std::size_t i, auto v) {
-            block.colors[i][channel] = colorByte(colorFrom(column.type, double(v)));
+        forEachValue(data, count, column, swap, [=](std::size_t i, auto v) {
+            to[i][channel] = colorByte(colorFrom(column.type, double(v)));
         });
     } else if (column.attribute == Attribute::PackedRgb && sizeOf(column.type) == 4) {
+        PointCloud::Rgb* to = block.colors.data() + first;
         Column bits = column; // also where the file calls it a float
         bits.type = ScalarType::UInt32;
-        forEachValue(data, count, bits, swap, [&](std::size_t i, auto v) {
+        forEachValue(data, count, bits, swap, [=](std::size_t i, auto v) {
             const auto rgb = std::uint32_t(v);
-            block.colors[i] = {std::uint8_t(rgb >> 16), std::uint8_t(rgb >> 8), std::uint8_t(rgb)};
+            to[i] = {std::uint8_t(rgb >> 16), std::uint8_t(rgb >> 8), std::uint8_t(rgb)};
         });
     }
+}
+
+PointBlock makeBlock(std::size_t count, const AttributeSet& has)
+{
+    PointBlock block;
+    resizeLarge(block.positions, count);
+    if (has.normals) resizeLarge(block.normals, count);
+    if (has.confidence) resizeLarge(block.confidence, count);
+    if (has.colors) resizeLarge(block.colors, count);
+    return block;
 }
 
 } // namespace
@@ -144,13 +160,9 @@ AttributeSet RecordLayout::attributes() const
 PointBlock decodeRecords(const char* data, std::size_t count, const RecordLayout& layout)
 {
     const AttributeSet has = layout.attributes();
-    PointBlock block;
-    block.positions.resize(count);
-    if (has.normals) block.normals.resize(count);
-    if (has.confidence) block.confidence.resize(count);
-    if (has.colors) block.colors.resize(count);
+    PointBlock block = makeBlock(count, has);
     for (const Column& column : layout.columns)
-        decodeColumn(data, count, column, layout.swap, has, block);
+        decodeColumn(data, 0, count, column, layout.swap, has, block);
     return block;
 }
 
@@ -165,22 +177,26 @@ void requireRecords(const ByteSource& source, std::uint64_t offset, std::uint64_
                                  source.name(), count, unit, stride, present));
 }
 
-std::vector<PointBlock> readRecords(const ByteSource& source, std::uint64_t offset,
-                                    std::uint64_t count, const RecordLayout& layout,
-                                    const char* unit, Progress& progress)
+PointBlock readRecords(const ByteSource& source, std::uint64_t offset, std::uint64_t count,
+                       const RecordLayout& layout, const char* unit, Progress& progress)
 {
     requireRecords(source, offset, count, layout.stride, unit);
-    std::vector<PointBlock> blocks((count + kRecordsPerBlock - 1) / kRecordsPerBlock);
-    tbb::parallel_for(std::size_t(0), blocks.size(), [&](std::size_t i) {
-        const std::uint64_t first = i * kRecordsPerBlock;
-        const auto records = std::size_t(std::min(kRecordsPerBlock, count - first));
-        const std::size_t bytes = records * layout.stride;
-        const std::unique_ptr<char[]> buffer(new char[bytes]); // not cleared: read() fills it
-        source.read(offset + first * layout.stride, buffer.get(), bytes);
-        blocks[i] = decodeRecords(buffer.get(), records, layout);
-        progress.advance(double(bytes));
+    const AttributeSet has = layout.attributes();
+    PointBlock block = makeBlock(std::size_t(count), has);
+    tbb::enumerable_thread_specific<std::vector<char>> buffers;
+    const std::uint64_t pieces = (count + kRecordsAtOnce - 1) / kRecordsAtOnce;
+    tbb::parallel_for(std::uint64_t(0), pieces, [&](std::uint64_t piece) {
+        const std::uint64_t first = piece * kRecordsAtOnce;
+        const auto records = std::size_t(std::min(kRecordsAtOnce, count - first));
+        std::vector<char>& buffer = buffers.local();
+        buffer.resize(records * layout.stride);
+        source.read(offset + first * layout.stride, buffer.data(), buffer.size());
+        for (const Column& column : layout.columns)
+            decodeColumn(buffer.data(), std::size_t(first), records, column, layout.swap, has,
+                         block);
+        progress.advance(double(buffer.size()));
     });
-    return blocks;
+    return block;
 }
 
 } // namespace mpuvdb
