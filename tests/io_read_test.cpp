@@ -145,6 +145,31 @@ TEST_F(IoTest, ColumnsAreToldApart)
     EXPECT_EQ(cloud("//X Y Z Nx Ny Nz\n0 0 0 5 0 0\n1 2 3 0 2 0\n").normals[0], Vec3f::UnitX());
 }
 
+TEST_F(IoTest, OffMayHaveItsCountsOnTheFirstLine)
+{
+    for (const char* head : {"OFF 3 1 0\n", "OFF3 1 0\n", "OFF # c\n3 1 0\n", "COFF\n3 1 0\n"}) {
+        const bool colors = head[0] == 'C';
+        const std::string color = colors ? " 10 20 30 255\n" : "\n";
+        const PointCloud cloud =
+            read("a.off", concat(head, "0 0 0", color, "1 0 0", color, "0 1 0", color, "3 0 1 2\n"))
+                .cloud;
+        EXPECT_EQ(cloud.size(), 3u) << head;
+        EXPECT_EQ(cloud.normals.at(0), Vec3f::UnitZ());
+        if (colors) {
+            EXPECT_EQ(cloud.colors.at(2), (Rgb{10, 20, 30}));
+        }
+    }
+}
+
+TEST_F(IoTest, TextMayBeginWithAByteOrderMark)
+{
+    EXPECT_EQ(read("bom.csv", "\xef\xbb\xbfx,y,z\r\n1,2,3\r\n4,5,6\r\n").cloud.size(), 2u);
+    EXPECT_EQ(read("bom.xyz", "\xef\xbb\xbf"
+                              "1 2 3\n4 5 6\n")
+                  .cloud.size(),
+              2u);
+}
+
 TEST_F(IoTest, ClassicPwnHasNormalsAfterThePoints)
 {
     const PointCloud cloud = read("a.pwn", "2\n0 0 0\n1 2 3\n0 0 2\n0 1 0\n").cloud;

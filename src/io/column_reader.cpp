@@ -139,7 +139,7 @@ private:
         if (sample.empty())
             throw InputError(
                 fmt::format("{}: holds no points. Check what was exported.", mSource.name()));
-        if (mBegin.layout.columns.empty() || mBegin.layout.columns.size() > sample.front().size())
+        if (mBegin.layout.columns.empty() || mBegin.layout.columns.size() != sample.front().size())
             mBegin.layout = layoutFromValues(sample);
         mBegin.has = AttributeSet(mBegin.layout.columns);
         mBegin.has.colors = mBegin.has.colors && !mBegin.has.packedRgb;

@@ -21,6 +21,10 @@ LineReader::LineReader(const ByteSource& source, std::uint64_t offset, std::uint
     : mSource(source), mBase(offset), mLine(linesBefore)
 {
     refill();
+    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+    if (offset == 0 &&
+        std::string_view(mBuffer.data(), std::min<std::size_t>(mEnd, 3)) == kByteOrderMark)
+        mAt = kByteOrderMark.size();
     const auto begin = mBuffer.begin(), end = begin + std::ptrdiff_t(mEnd);
     if (std::find(begin, end, '\n') == end && std::find(begin, end, '\r') != end) mNewline = '\r';
 }

@@ -54,23 +54,23 @@ private:
 
     void readHeader()
     {
-        LineScanner scan(line("its first line"));
-        std::string_view magic = scan.word();
+        const std::string_view first = line("its first line");
+        std::string_view magic = LineScanner(first).word();
         const auto takePrefix = [&](std::string_view prefix) {
             const bool has = magic.substr(0, prefix.size()) == prefix;
             if (has) magic.remove_prefix(prefix.size());
             return has;
         };
         takePrefix("ST");
-        const bool colors = takePrefix("C");
+        mHasColors = takePrefix("C");
         mHasNormals = takePrefix("N");
-        mHasColors = colors;
-        if (magic != "OFF") throwBad("wants OFF, COFF, NOFF or CNOFF");
-        if (!scan.atEndOrComment()) {
-            if (scan.word() == "BINARY") throwBad("binary OFF is not read; write it as text");
-            throwBad("wants OFF alone on its line");
-        }
-        LineScanner counts(line("its counts"));
+        if (!takePrefix("OFF")) throwBad("wants OFF, COFF, NOFF or CNOFF");
+        // The counts may follow on the same line, even without a space.
+        std::string_view rest = first.substr(std::size_t(magic.data() - first.data()));
+        if (LineScanner(rest).word() == "BINARY")
+            throwBad("binary OFF is not read; write it as text");
+        if (LineScanner(rest).atEndOrComment()) rest = line("its counts");
+        LineScanner counts(rest);
         std::int64_t vertices = 0, faces = 0;
         if (!counts.integer(vertices) || !counts.integer(faces) || vertices < 0 || faces < 0)
             throwBad("wants the numbers of vertices, faces and edges");
