@@ -53,6 +53,13 @@ public:
     /// Blocks in which the band may start: every component of the zero set meets one of them.
     /// Sorted by (x,y,z), unique.
     virtual std::vector<Vec3i> seedBlocks(const Lattice& lattice) const = 0;
+    /// Number of data points in @a box (world units), at least @a limit if there are that many:
+    /// what tells a real object from an artefact. A field that is not made from data says @a limit.
+    virtual std::size_t countData(const Box3d& box, std::size_t limit) const
+    {
+        (void)box;
+        return limit;
+    }
     /// A sampler of blocks on @a lattice that is exact where |value| <= @a band (world units).
     virtual std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const = 0;
 };

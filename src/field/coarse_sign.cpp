@@ -12,7 +12,7 @@ namespace
 {
 
 constexpr double kPad = 0.2;         ///< of the extent, on each side
-constexpr int kMaxNodes = 96;        ///< along the longest side
+constexpr int kMaxNodes = 80;        ///< along the longest side
 constexpr double kKernel = 1.5;      ///< radius of the splats, node steps
 constexpr double kUnit = 1.5;        ///< u = distance / (kUnit steps)
 constexpr double kSlope = 1 / kUnit; ///< of u, per step

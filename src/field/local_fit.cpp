@@ -254,17 +254,22 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
 
 } // namespace
 
-double nearestSquared(const CellPoints& points, const Vec3d& y)
+double nearestSquared(const CellPoints& points, const Vec3d& y, double enough)
 {
     Group nearest = Group{} + std::numeric_limits<double>::infinity();
+    constexpr std::size_t kRun = 4 * CellPoints::kGroup; // between looks at what was found
     const std::size_t whole = points.count / CellPoints::kGroup * CellPoints::kGroup;
-    for (std::size_t i = 0; i < whole; i += CellPoints::kGroup) {
-        const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
-                    dz = load(points.z, i) - y[2];
-        const Group d2 = dx * dx + dy * dy + dz * dz;
-        nearest = d2 < nearest ? d2 : nearest;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t run = 0; run < whole; run += kRun) {
+        for (std::size_t i = run; i < std::min(run + kRun, whole); i += CellPoints::kGroup) {
+            const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
+                        dz = load(points.z, i) - y[2];
+            const Group d2 = dx * dx + dy * dy + dz * dz;
+            nearest = d2 < nearest ? d2 : nearest;
+        }
+        least = std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
+        if (least <= enough) return least;
     }
-    double least = std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
     for (std::size_t i = whole; i < points.count; ++i)
         least = std::min(least, (points.position(i) - y).squaredNorm());
     return least;
@@ -429,7 +434,8 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
     return std::sqrt(worst2);
 }
 
-double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius)
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
+                  double enough)
 {
     static const std::array<Vec3d, 15> probes = [] {
         std::array<Vec3d, 15> p;
@@ -450,7 +456,8 @@ double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& ce
             const Vec3d g = q.gradient(y);
             y -= g * (q.value(y) / std::max(g.squaredNorm(), 1e-6));
         }
-        if ((y - centre).norm() < 0.85 * radius) gap2 = std::max(gap2, nearestSquared(points, y));
+        if ((y - centre).norm() < 0.85 * radius)
+            gap2 = std::max(gap2, nearestSquared(points, y, enough * enough));
     }
     return std::sqrt(gap2);
 }

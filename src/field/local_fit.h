@@ -81,13 +81,15 @@ Vec3d meanNormal(const CellPoints& points);
 /// Largest confidence * |Q| / |grad Q| over the points within @a testRadius [Ohtake03 eq. 7, §6].
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius);
 
-/// Square of the distance from @a y to the nearest point; infinite without points.
-double nearestSquared(const CellPoints& points, const Vec3d& y);
+/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough);
+/// infinite without points.
+double nearestSquared(const CellPoints& points, const Vec3d& y, double enough = 0);
 
 /// How far from the points the zero set of @a fit ventures inside the ball of @a radius about
 /// @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it; of
 /// those that land within 0.85 radius the largest distance to the nearest point. 0 if none lands.
-double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre,
-                  double radius);
+/// A gap up to @a enough may be told as any smaller one.
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
+                  double enough);
 
 } // namespace mpuvdb

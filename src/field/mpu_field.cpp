@@ -180,6 +180,11 @@ std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const
     return result;
 }
 
+std::size_t MpuField::countData(const Box3d& box, std::size_t limit) const
+{
+    return mImpl->points->countIn(box.translated(-mImpl->frame), limit);
+}
+
 std::unique_ptr<BlockSampler> MpuField::sampler(const Lattice& lattice, double band) const
 {
     return std::make_unique<MpuBlockSampler>(

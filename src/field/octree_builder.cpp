@@ -21,6 +21,8 @@ constexpr std::size_t kSample = 150;
 constexpr std::size_t kSpacingPoints = 256; ///< spacing is measured among at most so many
 constexpr double kGrowth = 0.1;             ///< lambda [Ohtake03 eq. 6]
 constexpr std::size_t kNeighbours = 12;
+constexpr double kRimSpacings =
+    6; ///< a ball larger than this with fewer than N_min points is a rim
 
 /// Points of @a parent within @a radius of @a centre.
 void filterBall(const PointBatch& parent, const Vec3d& centre, double radius,
@@ -67,25 +69,28 @@ void takeStrided(const PointBatch& from, std::size_t stride, PointBatch& out)
 /// ball, where their neighbours are in it too.
 double measureSpacing(const PointBatch& ball, const Vec3d& centre, double radius)
 {
-    constexpr std::size_t kProbes = 5;
+    constexpr std::size_t kProbes = 3;
     const std::size_t n = ball.size();
     if (n <= kNeighbours) return 0;
-    const auto position = [&](std::size_t i) { return Vec3d(ball.x[i], ball.y[i], ball.z[i]); };
-    std::vector<std::pair<double, std::size_t>> inner;
-    for (std::size_t i = 0; i < n; ++i) inner.emplace_back((position(i) - centre).squaredNorm(), i);
-    std::sort(inner.begin(), inner.end());
-    const double half2 = radius * radius / 4;
-    std::size_t within = 0;
-    while (within < n && inner[within].first < half2) ++within;
-    within = std::max<std::size_t>(within, 1);
-    std::vector<double> found, distance2(n);
+    const auto squared = [&](const Vec3f& from, std::size_t i) {
+        return (Vec3f(ball.x[i], ball.y[i], ball.z[i]) - from).squaredNorm();
+    };
+    const Vec3f c = centre.cast<float>();
+    const float half2 = float(radius * radius / 4);
+    std::vector<std::uint32_t> inner;
+    for (std::uint32_t i = 0; i < n; ++i)
+        if (squared(c, i) < half2) inner.push_back(i);
+    if (inner.empty()) inner.push_back(std::uint32_t(n / 2));
+    std::array<double, kProbes> found;
+    std::vector<float> distance2(n);
     for (std::size_t probe = 0; probe < kProbes; ++probe) {
-        const Vec3d p = position(inner[probe * (within - 1) / (kProbes - 1)].second);
-        for (std::size_t i = 0; i < n; ++i) distance2[i] = (position(i) - p).squaredNorm();
+        const std::size_t p = inner[(2 * probe + 1) * inner.size() / (2 * kProbes)];
+        const Vec3f from(ball.x[p], ball.y[p], ball.z[p]);
+        for (std::size_t i = 0; i < n; ++i) distance2[i] = squared(from, i);
         std::nth_element(distance2.begin(), distance2.begin() + kNeighbours, distance2.end());
-        found.push_back(std::sqrt(M_PI / kNeighbours * distance2[kNeighbours]));
+        found[probe] = std::sqrt(M_PI / kNeighbours * double(distance2[kNeighbours]));
     }
-    std::nth_element(found.begin(), found.begin() + kProbes / 2, found.end());
+    std::sort(found.begin(), found.end());
     return found[kProbes / 2];
 }
 
@@ -99,19 +104,23 @@ struct Ball {
 /// What was decided about a cell.
 struct Decision {
     bool split = false;
-    FitResult result;      ///< accepted, or rejected and split
-    double ballRadius = 0; ///< grown
-    double gap = 0;        ///< zeroSetGap of the fit, world units
+    bool fitted = true; ///< false: split without a fit
+    FitResult result;   ///< accepted, or rejected and split
+    double gap = 0;     ///< zeroSetGap of the fit, world units
 };
+
+/// A gap that leaves the support at 1.
+double fullSupportGap(double spacing, double radius)
+{
+    return std::max(2.5 * spacing, 0.2 * radius);
+}
 
 /// Support of a fit whose zero set ventures @a gap from the data: 1 up to a few spacings (or, in a
 /// large cell, a part of its size), falling smoothly to 0.
 double supportOf(double gap, double spacing, double radius)
 {
-    constexpr double kFull = 2.5, kNone = 5, kFullOfRadius = 0.2, kNoneOfRadius = 0.4;
-    const double full = std::max(kFull * spacing, kFullOfRadius * radius);
-    const double none = std::max(kNone * spacing, kNoneOfRadius * radius);
-    const double t = std::clamp((gap - full) / (none - full), 0.0, 1.0);
+    const double full = fullSupportGap(spacing, radius);
+    const double t = std::clamp(gap / full - 1, 0.0, 1.0);
     return 1 - t * t * (3 - 2 * t);
 }
 
@@ -135,7 +144,6 @@ public:
     Decision decide(const OctreeCell& cell, const PointBatch& ball, const std::vector<Ball>& path,
                     double spacing)
     {
-        const Vec3d centre = mRoot.centre(cell);
         const double radius = supportRadius(cell.level), size = mRoot.size(cell.level);
         Decision decision;
         if (ball.size() > kSampleFrom) {
@@ -143,7 +151,15 @@ public:
             decision = decideOn(mGrown, cell, radius, spacing);
             if (decision.split) return decision;
         }
-        const double grown = grow(ball, centre, radius, path);
+        if (ball.size() < std::size_t(mFit.minPoints) && radius > kRimSpacings * spacing &&
+            mRoot.size(cell.level + 1) >= 2 * mSettings.voxelSize) {
+            // Data would fill the ball with many more: this is their rim, and nothing here says how
+            // the surface goes on.
+            decision.split = true;
+            decision.fitted = false;
+            return decision;
+        }
+        const double grown = grow(ball, cell, path);
         decision = decideOn(grown > radius ? mGrown : ball, cell, grown, spacing);
         if (!decision.split && decision.result.error > mFit.tolerance && mSettings.sharp &&
             mCell.count <= 8 * std::size_t(mFit.minPoints)) {
@@ -153,7 +169,8 @@ public:
             const FitResult sharp = fitCell(mCell, size, radius, last, mScratch);
             if (sharp.error < decision.result.error) {
                 decision.result = sharp;
-                decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius);
+                decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius,
+                                          fullSupportGap(spacing, radius));
             }
         }
         return decision;
@@ -163,8 +180,9 @@ public:
     bool lastIsHeldUp(const Decision& decision, const OctreeCell& cell, double spacing) const
     {
         const double radius = supportRadius(cell.level);
-        const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius);
-        return isHeldUp(gap, radius, decision.ballRadius, spacing);
+        const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
+                                      heldUpGap(radius, mCell.radius, spacing));
+        return gap <= heldUpGap(radius, mCell.radius, spacing);
     }
 
     /// Support of that fit in an empty child: its zero set near data, or, where it has none, no
@@ -176,13 +194,20 @@ public:
                               supportRadius(child.level), spacing);
     }
 
-    /// A fit for a cell with no points in its ball: from the N_min nearest [Ohtake03 §3].
-    LocalFit fitEmpty(const OctreeCell& cell, const std::vector<Ball>& path, double spacing,
+    /// A fit for a cell with no points in its ball: the plane of the N_min points nearest to it
+    /// [Ohtake03 §3] among @a near (not empty).
+    LocalFit fitEmpty(const OctreeCell& cell, const PointBatch& near, double spacing,
                       double& support)
     {
-        static const PointBatch nothing;
         const Vec3d centre = mRoot.centre(cell);
-        const double grown = grow(nothing, centre, supportRadius(cell.level), path);
+        std::vector<std::pair<double, std::uint32_t>> order(near.size());
+        for (std::uint32_t i = 0; i < near.size(); ++i)
+            order[i] = {(Vec3d(near.x[i], near.y[i], near.z[i]) - centre).squaredNorm(), i};
+        const std::size_t count = std::min(near.size(), std::size_t(mFit.minPoints));
+        const auto last = order.begin() + std::ptrdiff_t(count - 1);
+        std::nth_element(order.begin(), last, order.end());
+        const double grown = std::sqrt(last->first) * (1 + 1e-6);
+        filterBall(near, centre, grown, mIndices, mGrown);
         mCell.assign(mGrown, centre, grown);
         LocalFit fit;
         fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
@@ -190,17 +215,28 @@ public:
         return fit;
     }
 
-private:
-    static bool isHeldUp(double gap, double radius, double ballRadius, double spacing)
+    /// As above among a sample of all points.
+    LocalFit fitEmpty(const OctreeCell& cell, double spacing, double& support)
     {
-        return gap <= std::max(0.2 * radius, std::min(0.45 * ballRadius, 5 * spacing));
+        PointBatch near;
+        for (double cover = 2 * supportRadius(cell.level); near.size() == 0; cover *= 2) {
+            const std::size_t around = mPoints.countAround(cell, cover, mPoints.size());
+            mPoints.gather(cell, cover, 1 + around / kSampleFrom, near);
+        }
+        return fitEmpty(cell, near, spacing, support);
+    }
+
+private:
+    static double heldUpGap(double radius, double ballRadius, double spacing)
+    {
+        return std::max(0.2 * radius, std::min(0.45 * ballRadius, 5 * spacing));
     }
 
     /// @param centre  of the empty cell, relative to mCell's.
     double supportInEmpty(const LocalFit& fit, const Vec3d& centre, double radius,
                           double spacing) const
     {
-        const double gap = zeroSetGap(fit, mCell, centre, radius);
+        const double gap = zeroSetGap(fit, mCell, centre, radius, fullSupportGap(spacing, radius));
         if (gap > 0) return supportOf(gap, spacing, radius);
         // The surface is as far as the nearest point: not nearer, for lack of points there, and not
         // farther, since a point is on it.
@@ -230,25 +266,26 @@ private:
         FitSettings fit = mFit;
         fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
         Decision decision;
-        decision.ballRadius = ballRadius;
         decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
         const bool mayBe = mayBeSplit(cell, decision.result);
         if (decision.result.needsSplit || decision.result.error > mFit.tolerance) {
             decision.split = mayBe;
             if (mayBe) return decision;
         }
-        decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius);
+        decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
+                                  fullSupportGap(spacing, radius));
         // A fit of few points at the data's rim is within tolerance and knows nothing of the ball.
-        decision.split = mayBe && !isHeldUp(decision.gap, radius, ballRadius, spacing) &&
+        decision.split = mayBe && decision.gap > heldUpGap(radius, ballRadius, spacing) &&
                          (ballRadius <= 1.5 * radius || radius > 3 * spacing);
         return decision;
     }
 
     /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min
     /// points. Returns the radius; where it grew, mGrown holds the points.
-    double grow(const PointBatch& ball, const Vec3d& centre, double radius,
-                const std::vector<Ball>& path)
+    double grow(const PointBatch& ball, const OctreeCell& cell, const std::vector<Ball>& path)
     {
+        const Vec3d centre = mRoot.centre(cell);
+        const double radius = supportRadius(cell.level);
         double sum = 0;
         for (const float c : ball.confidence) sum += c;
         const std::size_t most = 20 * std::size_t(mFit.minPoints);
@@ -263,7 +300,7 @@ private:
                 return grown;
             }
         }
-        return growAmongAll(centre, radius, most);
+        return growAmongAll(cell, most);
     }
 
     /// Smallest number of steps with which the ball of points in @a batch is large enough; 0: none
@@ -274,12 +311,15 @@ private:
         mStepConfidence.assign(std::size_t(steps) + 1, 0.0);
         mStepCount.assign(std::size_t(steps) + 1, 0);
         const Vec3f c = centre.cast<float>();
+        const auto reach = float(radius * (1 + kGrowth * steps));
+        const auto perStep = float(1 / (kGrowth * radius));
         for (std::size_t i = 0; i < batch.size(); ++i) {
             const float dx = batch.x[i] - c[0], dy = batch.y[i] - c[1], dz = batch.z[i] - c[2];
-            const double d = std::sqrt(double(dx * dx + dy * dy + dz * dz));
-            const double step = std::floor((d / radius - 1) / kGrowth) + 1;
-            if (step > steps) continue;
-            const auto k = std::size_t(std::max(step, 0.0));
+            const float d2 = dx * dx + dy * dy + dz * dz;
+            if (d2 >= reach * reach) continue;
+            // The step whose ball is the first to hold the point.
+            const float step = (std::sqrt(d2) - float(radius)) * perStep + 1;
+            const auto k = std::min(std::size_t(std::max(step, 0.0f)), std::size_t(steps));
             mStepConfidence[k] += batch.confidence[i];
             ++mStepCount[k];
         }
@@ -293,24 +333,25 @@ private:
         return 0;
     }
 
-    double growAmongAll(const Vec3d& centre, double radius, std::size_t most)
+    /// As grow(), for a cell whose ancestors' balls are not at hand: in a wide ball, kept for the
+    /// cells that follow, and wider and wider if need be.
+    double growAmongAll(const OctreeCell& cell, std::size_t most)
     {
-        std::size_t wanted = std::size_t(mFit.minPoints);
-        for (;;) {
-            const std::vector<std::uint32_t> nearest = mPoints.nearest(centre, wanted);
-            double sum = 0;
-            for (const std::uint32_t i : nearest) sum += mPoints.points().confidence[i];
-            if (sum < mFit.minPoints && nearest.size() == wanted && wanted < most) {
-                wanted *= 2;
-                continue;
+        const Vec3d centre = mRoot.centre(cell);
+        const double radius = supportRadius(cell.level);
+        for (double wanted = 2.5 * radius;; wanted *= 2) {
+            const double cover = mWideRadius - (mWideCentre - centre).norm();
+            const int steps = int(std::floor((cover / radius - 1) / kGrowth));
+            int k = steps > 0 ? growthSteps(mWide, centre, radius, steps, most) : 0;
+            if (k == 0 && steps > 0 && mWide.size() == mPoints.size()) k = steps; // no more points
+            if (k > 0) {
+                const double grown = radius * (1 + kGrowth * k);
+                filterBall(mWide, centre, grown, mIndices, mGrown);
+                return grown;
             }
-            mGrown.clear();
-            for (const std::uint32_t i : nearest) mPoints.append(i, mGrown);
-            const std::size_t last = mGrown.size() - 1;
-            const double farthest =
-                (Vec3d(mGrown.x[last], mGrown.y[last], mGrown.z[last]) - centre).norm();
-            const double steps = std::max(std::ceil((farthest / radius - 1) / kGrowth), 1.0);
-            return radius * (1 + kGrowth * steps) * (1 + 1e-6);
+            mPoints.gather(cell, wanted, 1, mWide);
+            mWideCentre = centre;
+            mWideRadius = wanted;
         }
     }
 
@@ -319,7 +360,9 @@ private:
     const MpuSettings& mSettings;
     FitSettings mFit;
     CellPoints mCell, mScratch;
-    PointBatch mGrown;
+    PointBatch mGrown, mWide;
+    Vec3d mWideCentre = Vec3d::Zero(); ///< of the ball whose points mWide holds
+    double mWideRadius = 0;
     std::vector<std::uint32_t> mIndices;
     std::vector<double> mStepConfidence;
     std::vector<std::size_t> mStepCount;
@@ -347,7 +390,7 @@ public:
     {
     }
 
-    /// @param spacing  of the sample that the parent was decided on.
+    /// @param spacing  estimated for the parent; 0 if unknown.
     Octree build(const OctreeCell& cell, double spacing)
     {
         mTree = Octree{};
@@ -358,9 +401,9 @@ public:
         PointBatch& ball = batches(0)[0];
         mPoints.gather(cell, mFitter.supportRadius(cell.level), 1, ball);
         if (ball.size() == 0)
-            addEmpty(0, cell, spacing > 0 ? spacing : mRoot.size(cell.level));
+            addEmpty(0, cell, nullptr, spacing > 0 ? spacing : mRoot.size(cell.level));
         else
-            process(0, cell, ball, 0, 0);
+            process(0, cell, ball, spacing, 0);
         return std::move(mTree);
     }
 
@@ -379,11 +422,13 @@ private:
         mTree.statistics.levels = std::max(mTree.statistics.levels, cell.level);
     }
 
-    void addEmpty(std::uint32_t node, const OctreeCell& cell, double spacing)
+    void addEmpty(std::uint32_t node, const OctreeCell& cell, const PointBatch* near,
+                  double spacing)
     {
         countEmpty(cell);
         double support = 0;
-        const LocalFit fit = mFitter.fitEmpty(cell, mPath, spacing, support);
+        const LocalFit fit = near ? mFitter.fitEmpty(cell, *near, spacing, support)
+                                  : mFitter.fitEmpty(cell, spacing, support);
         mTree.setLeaf(node, mTree.addFit(fit, mRoot.centre(cell)), support);
     }
 
@@ -425,7 +470,8 @@ private:
             someEmpty |= child.size() == 0;
         }
         // Cells are stored before their descendants are built: the scratch still knows the parent.
-        const bool inherit = someEmpty && mFitter.lastIsHeldUp(decision, cell, spacing);
+        const bool inherit =
+            someEmpty && decision.fitted && mFitter.lastIsHeldUp(decision, cell, spacing);
         const std::uint32_t inherited =
             inherit ? mTree.addFit(decision.result.fit, mRoot.centre(cell)) : 0;
         const auto first = std::uint32_t(mTree.nodes.size());
@@ -446,7 +492,7 @@ private:
             if (inside.size() != 0)
                 process(at, cell.child(octant), inside, spacing, depth + 1);
             else if (!inherit)
-                addEmpty(at, cell.child(octant), spacing);
+                addEmpty(at, cell.child(octant), &ball, spacing);
         }
         mPath.pop_back();
     }
@@ -469,7 +515,7 @@ private:
 struct UpperCell {
     OctreeCell cell;
     std::uint32_t node = 0;
-    double spacing = 0; ///< measured on the cell's sample; before that, its parent's
+    double spacing = 0; ///< estimated from the cell's sample; before that, its parent's
     bool subtree = false;
     Decision decision;
 };
@@ -514,7 +560,8 @@ private:
             return;
         }
         PointBatch sample;
-        mPoints.gather(cell, radius, around / (2 * kSampleFrom), sample);
+        const std::size_t stride = around / (2 * kSampleFrom);
+        mPoints.gather(cell, radius, stride, sample);
         if (sample.size() > kSample) {
             const double spacing =
                 measureSpacing(sample, mRoot.centre(cell), radius); // of the sample
@@ -523,7 +570,7 @@ private:
                 mPoints.gather(cell, radius, 1, sample);
                 upper.decision = fitter.decide(cell, sample, {}, spacing);
             }
-            upper.spacing = spacing;
+            upper.spacing = spacing / std::sqrt(double(stride));
             return;
         }
         // Many points around, few in the ball: its own copy is small.

@@ -3,7 +3,6 @@
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
-#include <queue>
 #include <tbb/parallel_for.h>
 #include <tuple>
 #include <utility>
@@ -225,6 +224,25 @@ void SortedPoints::gather(const OctreeCell& cell, double radius, std::size_t str
     });
 }
 
+std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell) const
+{
+    constexpr std::size_t kScan = 32;
+    const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), centre = mRoot.centre(cell);
+    const Box3d cube(centre - half, centre + half);
+    const Range range = cellRange(cell);
+    if (range.begin == range.end || !box.intersects(cube)) return 0;
+    if (box.contains(cube)) return range.end - range.begin;
+    std::size_t count = 0;
+    if (range.end - range.begin <= kScan || cell.level == kMaxLevel) {
+        for (std::size_t n = range.begin; n < range.end; ++n)
+            count += box.contains(Vec3d(mPoints.x[n], mPoints.y[n], mPoints.z[n]));
+        return count;
+    }
+    for (int octant = 0; octant < 8 && count <= limit; ++octant)
+        count += countIn(box, limit, cell.child(octant));
+    return count;
+}
+
 void SortedPoints::append(std::size_t n, PointBatch& out) const
 {
     out.x.push_back(mPoints.x[n]);
@@ -234,42 +252,6 @@ void SortedPoints::append(std::size_t n, PointBatch& out) const
     out.ny.push_back(mPoints.ny[n]);
     out.nz.push_back(mPoints.nz[n]);
     out.confidence.push_back(mPoints.confidence[n]);
-}
-
-std::vector<std::uint32_t> SortedPoints::nearest(const Vec3d& centre, std::size_t count) const
-{
-    // Best-first descent: cells by their distance, until none can beat the worst point kept.
-    using Entry = std::pair<double, OctreeCell>;
-    const auto farther = [](const Entry& a, const Entry& b) { return a.first > b.first; };
-    std::priority_queue<Entry, std::vector<Entry>, decltype(farther)> cells(farther);
-    std::priority_queue<std::pair<double, std::uint32_t>> kept;
-    cells.push({0, OctreeCell{}});
-    constexpr std::size_t kScan = 32;
-    while (!cells.empty()) {
-        const auto [distance2, cell] = cells.top();
-        cells.pop();
-        if (kept.size() == count && distance2 > kept.top().first) break;
-        const Range range = cellRange(cell);
-        if (range.end - range.begin > kScan && cell.level < kMaxLevel) {
-            for (int octant = 0; octant < 8; ++octant) {
-                const OctreeCell child = cell.child(octant);
-                const Vec3d beyond = ((mRoot.centre(child) - centre).cwiseAbs().array() -
-                                      mRoot.size(child.level) / 2)
-                                         .max(0.0);
-                const Range inside = cellRange(child);
-                if (inside.begin < inside.end) cells.push({beyond.squaredNorm(), child});
-            }
-            continue;
-        }
-        for (std::size_t n = range.begin; n < range.end; ++n) {
-            const Vec3d p(mPoints.x[n], mPoints.y[n], mPoints.z[n]);
-            kept.push({(p - centre).squaredNorm(), std::uint32_t(n)});
-            if (kept.size() > count) kept.pop();
-        }
-    }
-    std::vector<std::uint32_t> result(kept.size());
-    for (std::size_t n = result.size(); n-- > 0; kept.pop()) result[n] = kept.top().second;
-    return result;
 }
 
 } // namespace mpuvdb

@@ -76,9 +76,8 @@ public:
     std::size_t countAround(const OctreeCell& cell, double radius, std::size_t limit) const;
     /// Points within @a radius of the cell's centre, every @a stride th of its surroundings.
     void gather(const OctreeCell& cell, double radius, std::size_t stride, PointBatch& out) const;
-    /// The @a count points nearest to @a centre, nearest first; ties by index.
-    std::vector<std::uint32_t> nearest(const Vec3d& centre, std::size_t count) const;
-    void append(std::size_t index, PointBatch& out) const;
+    /// Number of points in @a box (local coordinates); stops counting beyond @a limit.
+    std::size_t countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell = {}) const;
     /// Call f(begin, end) for every occupied cell of @a level, in Morton order.
     template <typename F>
     void forEachCell(int level, F f) const
@@ -96,6 +95,7 @@ private:
         std::size_t begin, end;
     };
     Range cellRange(const OctreeCell& cell) const;
+    void append(std::size_t index, PointBatch& out) const;
     OctreeCell coveringCell(OctreeCell cell, double radius) const;
     template <typename F>
     void forEachAround(const OctreeCell& cell, double radius, F f) const;

@@ -27,12 +27,6 @@ constexpr std::uint64_t kFirstY = 0x00000000000000ffull;
 const std::array<Vec3i, 6> kFaces = {Vec3i(-1, 0, 0), Vec3i(1, 0, 0),  Vec3i(0, -1, 0),
                                      Vec3i(0, 1, 0),  Vec3i(0, 0, -1), Vec3i(0, 0, 1)};
 
-std::uint64_t packed(const Vec3i& at)
-{
-    const auto bits = [](int v) { return std::uint64_t(v + kLastBlock) & 0x1fffff; };
-    return bits(at[0]) | bits(at[1]) << 21 | bits(at[2]) << 42;
-}
-
 bool before(const Vec3i& a, const Vec3i& b)
 {
     return std::make_tuple(a[0], a[1], a[2]) < std::make_tuple(b[0], b[1], b[2]);
@@ -87,6 +81,12 @@ SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
 }
 
 } // namespace
+
+std::uint64_t packed(const Vec3i& at)
+{
+    const auto bits = [](int v) { return std::uint64_t(v + kLastBlock) & 0x1fffff; };
+    return bits(at[0]) | bits(at[1]) << 21 | bits(at[2]) << 42;
+}
 
 /// A run of unsampled blocks (x, y, z0 .. z1), with the root of its connected component.
 struct Band::Gap {

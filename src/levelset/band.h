@@ -18,6 +18,9 @@ class Progress;
 /// Signs (1: inside) of a block's voxels: word x, bit 8 y + z, as in an OpenVDB leaf's mask.
 using SignWords = std::array<std::uint64_t, kBlockDim>;
 
+/// One number per block position.
+std::uint64_t packed(const Vec3i& at);
+
 /// Sampled blocks of one lattice.
 class Band
 {
@@ -38,6 +41,9 @@ public:
     std::size_t search(std::vector<Vec3i> blocks);
     /// Give every block between the sampled ones a sign; where their faces disagree, sample on.
     void resolveSigns();
+    /// Turn the sign of components of voxels (connected by faces) that are small, shut in, and have
+    /// no data: bubbles that noise and extrapolation leave. Returns their number.
+    std::size_t removeIslands();
     /// Activate both sides of every change of sign.
     void close();
     /// Move everything into a tree. The band is empty afterwards.
@@ -55,6 +61,7 @@ private:
     Block sample(BlockSampler& sampler, const Vec3i& at) const;
     Block uniformBlock(const Vec3i& at, bool inside) const;
     void ensureLeaf(Block& block);
+    void turn(Block& block, const SignWords& voxels);
     void checkMemory() const;
 
     const Field& mField;

@@ -1,4 +1,5 @@
 #include "band.h"
+#include "restore_distance.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/level_set.h>
@@ -25,9 +26,13 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
                          "inside. Use smaller voxels, or check the normals");
     progress.beginStage("close");
     band.resolveSigns();
+    band.removeIslands();
     band.close();
     progress.beginStage("assemble");
-    auto grid = openvdb::FloatGrid::create(band.assemble());
+    const openvdb::FloatTree::Ptr tree = band.assemble();
+    progress.beginStage("restore");
+    restoreDistance(*tree, lattice.voxelSize, progress);
+    auto grid = openvdb::FloatGrid::create(tree);
     grid->setTransform(openvdb::math::Transform::createLinearTransform(lattice.voxelSize));
     const Vec3d& o = lattice.origin;
     if (o != Vec3d::Zero()) grid->transform().postTranslate({o[0], o[1], o[2]});

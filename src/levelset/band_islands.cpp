@@ -1,0 +1,213 @@
+// Islands: small components of one sign, shut in by the other, that no data hold up.
+#include "band.h"
+
+#include <mpuvdb/progress.h>
+
+#include <numeric>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::uint64_t kIslandVoxels = 4000; ///< a larger component stays
+constexpr std::size_t kIslandPoints = 100;    ///< one with as many data points is an object
+
+constexpr std::uint64_t kFirstZ = 0x0101010101010101ull, kLastZ = kFirstZ << 7;
+
+bool any(const SignWords& words)
+{
+    std::uint64_t all = 0;
+    for (const std::uint64_t w : words) all |= w;
+    return all != 0;
+}
+
+/// Grow @a seed through face neighbours inside @a mask until it fills its component.
+SignWords fill(SignWords seed, const SignWords& mask)
+{
+    for (bool grew = true; grew;) {
+        grew = false;
+        for (std::size_t x = 0; x < kBlockDim; ++x) {
+            const std::uint64_t s = seed[x];
+            std::uint64_t g = s | s << 8 | s >> 8 | (s << 1 & ~kFirstZ) | (s >> 1 & ~kLastZ);
+            if (x > 0) g |= seed[x - 1];
+            if (x + 1 < kBlockDim) g |= seed[x + 1];
+            g &= mask[x];
+            grew |= g != s;
+            seed[x] = g;
+        }
+    }
+    return seed;
+}
+
+/// A connected part of one block.
+struct Part {
+    SignWords voxels;
+    bool inside;
+};
+
+std::vector<Part> partsOf(const SignWords& inside)
+{
+    std::vector<Part> parts;
+    for (const bool sign : {false, true}) {
+        SignWords rest = inside;
+        if (!sign)
+            for (std::uint64_t& w : rest) w = ~w;
+        while (any(rest)) {
+            SignWords seed{};
+            for (std::size_t x = 0; x < kBlockDim; ++x) {
+                if (!rest[x]) continue;
+                seed[x] = rest[x] & (~rest[x] + 1);
+                break;
+            }
+            const SignWords part = fill(seed, rest);
+            for (std::size_t x = 0; x < kBlockDim; ++x) rest[x] &= ~part[x];
+            parts.push_back({part, sign});
+        }
+    }
+    return parts;
+}
+
+/// Whether two parts meet across the face from block a to its upper neighbour b on @a axis.
+bool meet(const SignWords& a, const SignWords& b, int axis)
+{
+    if (axis == 0) return (a[kBlockDim - 1] & b[0]) != 0;
+    for (std::size_t x = 0; x < kBlockDim; ++x) {
+        if (axis == 1 ? ((a[x] >> 56) & (b[x] & 0xff)) != 0 : ((a[x] >> 7) & b[x] & kFirstZ) != 0)
+            return true;
+    }
+    return false;
+}
+
+bool reachesFace(const SignWords& a, int axis, bool upper)
+{
+    if (axis == 0) return a[upper ? kBlockDim - 1 : 0] != 0;
+    const std::uint64_t mask =
+        axis == 1 ? (upper ? 0xffull << 56 : 0xffull) : (upper ? kLastZ : kFirstZ);
+    for (const std::uint64_t w : a)
+        if (w & mask) return true;
+    return false;
+}
+
+/// Components of parts, with what decides about them.
+class Components
+{
+public:
+    explicit Components(std::size_t parts) : mParent(parts), mVoxels(parts, 0), mBox(parts)
+    {
+        std::iota(mParent.begin(), mParent.end(), 0u);
+    }
+    std::uint32_t root(std::uint32_t n)
+    {
+        while (mParent[n] != n) n = mParent[n] = mParent[mParent[n]];
+        return n;
+    }
+    void join(std::uint32_t a, std::uint32_t b)
+    {
+        a = root(a);
+        b = root(b);
+        if (a == b) return;
+        if (b < a) std::swap(a, b);
+        mParent[b] = a;
+        mVoxels[a] += mVoxels[b];
+        mBox[a].extend(mBox[b]);
+    }
+    void add(std::uint32_t part, std::uint64_t voxels, const Eigen::AlignedBox3i& box)
+    {
+        mVoxels[root(part)] += voxels;
+        mBox[root(part)].extend(box);
+    }
+    std::uint64_t voxels(std::uint32_t n) { return mVoxels[root(n)]; }
+    const Eigen::AlignedBox3i& box(std::uint32_t n) { return mBox[root(n)]; }
+
+private:
+    std::vector<std::uint32_t> mParent;
+    std::vector<std::uint64_t> mVoxels;
+    std::vector<Eigen::AlignedBox3i> mBox;
+};
+
+std::uint64_t countVoxels(const SignWords& words)
+{
+    std::uint64_t count = 0;
+    for (const std::uint64_t w : words) count += std::uint64_t(__builtin_popcountll(w));
+    return count;
+}
+
+} // namespace
+
+std::size_t Band::removeIslands()
+{
+    std::vector<std::vector<Part>> parts(mBlocks.size());
+    tbb::parallel_for(std::size_t(0), mBlocks.size(), [&](std::size_t n) {
+        if (n % 1024 == 0) mProgress.check();
+        parts[n] = partsOf(mBlocks[n].inside);
+    });
+    std::vector<std::uint32_t> first(mBlocks.size() + 1, 0);
+    for (std::size_t n = 0; n < parts.size(); ++n)
+        first[n + 1] = first[n] + std::uint32_t(parts[n].size());
+
+    Components components(first.back());
+    constexpr std::uint64_t kDeep = std::uint64_t(1) << 40; // beyond every limit
+    for (std::size_t n = 0; n < mBlocks.size(); ++n) {
+        const Vec3i at = mBlocks[n].at;
+        for (std::uint32_t p = 0; p < parts[n].size(); ++p) {
+            const Part& part = parts[n][p];
+            const Eigen::AlignedBox3i box(at * kBlockDim,
+                                          at * kBlockDim + Vec3i::Constant(kBlockDim - 1));
+            components.add(first[n] + p, countVoxels(part.voxels), box);
+            for (int axis = 0; axis < 3; ++axis) {
+                for (const bool upper : {false, true}) {
+                    if (!reachesFace(part.voxels, axis, upper)) continue;
+                    const auto next =
+                        mIndex.find(packed(at + (upper ? 1 : -1) * Vec3i::Unit(axis)));
+                    if (next == mIndex.end()) {
+                        components.add(first[n] + p, kDeep, {});
+                        continue;
+                    }
+                    const std::uint32_t m = next->second;
+                    for (std::uint32_t q = 0; upper && q < parts[m].size(); ++q)
+                        if (parts[m][q].inside == part.inside &&
+                            meet(part.voxels, parts[m][q].voxels, axis))
+                            components.join(first[n] + p, first[m] + q);
+                }
+            }
+        }
+    }
+    std::unordered_map<std::uint32_t, bool> island; // by root
+    const auto isIsland = [&](std::uint32_t part) {
+        if (components.voxels(part) >= kIslandVoxels) return false;
+        const auto [entry, isNew] = island.try_emplace(components.root(part), false);
+        if (isNew) {
+            const auto& box = components.box(part);
+            const auto corner = [&](const Vec3i& v) {
+                return Vec3d(mLattice.origin + mLattice.voxelSize * v.cast<double>());
+            };
+            const std::size_t data =
+                mField.countData({corner(box.min()), corner(box.max())}, kIslandPoints);
+            entry->second = data < kIslandPoints;
+        }
+        return entry->second;
+    };
+    for (std::size_t n = 0; n < mBlocks.size(); ++n) {
+        for (std::uint32_t p = 0; p < parts[n].size(); ++p)
+            if (isIsland(first[n] + p)) turn(mBlocks[n], parts[n][p].voxels);
+    }
+    std::size_t count = 0;
+    for (const auto& [root, is] : island) count += is;
+    return count;
+}
+
+void Band::turn(Block& block, const SignWords& voxels)
+{
+    ensureLeaf(block);
+    for (std::size_t x = 0; x < kBlockDim; ++x) {
+        for (std::uint64_t rest = voxels[x]; rest; rest &= rest - 1) {
+            float& v = block.leaf->buffer().data()[x * 64 + std::size_t(__builtin_ctzll(rest))];
+            v = -v;
+        }
+        block.inside[x] ^= voxels[x];
+    }
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,372 @@
+#include "restore_distance.h"
+
+#include <mpuvdb/progress.h>
+#include <mpuvdb/vec.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <openvdb/tree/LeafManager.h>
+#include <tbb/parallel_for.h>
+#include <unordered_map>
+#include <vector>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = openvdb::FloatTree::LeafNodeType;
+using openvdb::Coord;
+
+constexpr int kDim = 8, kHalo = kDim + 2;
+constexpr float kSlope = 0.3f; ///< of the upwind gradient about 1: beyond it a value is examined
+constexpr float kStep = 1.3f;  ///< voxels by which neighbours may differ unexamined
+/// The distance to the nearest crossing overestimates by up to half a voxel between crossings: an
+/// examined value within these bounds of it stays.
+constexpr float kAbove = 0.2f, kBelow = 0.35f;
+/// The tip of an edge or corner may cross no edge between voxels: a value this near to zero is
+/// raised no farther than to where its neighbours' values can be reached.
+constexpr float kTip = 0.5f, kBelowAtTip = 0.5f;
+
+/// A leaf's values and its neighbours' next to it, in voxels.
+struct Halo {
+    std::array<float, kHalo * kHalo * kHalo> value;
+
+    static constexpr int index(int x, int y, int z) { return (x * kHalo + y) * kHalo + z; }
+
+    void load(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
+              const Leaf& leaf, float scale)
+    {
+        const float* const own = leaf.buffer().data();
+        for (int row = 0; row < kDim * kDim; ++row)
+            for (int z = 0; z < kDim; ++z)
+                value[std::size_t(index((row >> 3) + 1, (row & 7) + 1, 1) + z)] =
+                    own[row * kDim + z] * scale;
+        for (int n = 0; n < 27; ++n)
+            if (n != 13)
+                loadSide(access, leaf.origin(), {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}, scale);
+    }
+
+private:
+    /// Along each axis: the last layer of a lower neighbour, all of the middle, the first of an
+    /// upper.
+    void loadSide(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
+                  const Coord& origin, const Coord& side, float scale)
+    {
+        const Coord from = origin + Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim);
+        const Leaf* const leaf = access.probeConstLeaf(from);
+        const float* const data = leaf ? leaf->buffer().data() : nullptr;
+        const float tile = leaf ? 0 : access.getValue(from) * scale;
+        const auto first = [](int s) { return s < 0 ? kDim - 1 : 0; };
+        const auto last = [](int s) { return s > 0 ? 0 : kDim - 1; };
+        for (int x = first(side[0]); x <= last(side[0]); ++x)
+            for (int y = first(side[1]); y <= last(side[1]); ++y) {
+                const int row =
+                    index(x + 1 + side[0] * kDim, y + 1 + side[1] * kDim, 1 + side[2] * kDim);
+                for (int z = first(side[2]); z <= last(side[2]); ++z)
+                    value[std::size_t(row + z)] =
+                        data ? data[(x * kDim + y) * kDim + z] * scale : tile;
+            }
+    }
+};
+
+Vec3f toVec(const Coord& c)
+{
+    return {float(c[0]), float(c[1]), float(c[2])};
+}
+
+/// Zero crossings on the edges that start in one leaf, voxels from the leaf's origin.
+using Crossings = std::vector<Vec3f>;
+
+class Restorer
+{
+public:
+    Restorer(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
+        : mTree(tree), mProgress(progress), mVoxelSize(float(voxelSize)),
+          mHalfWidth(tree.background() / float(voxelSize)),
+          mReach((int(std::ceil(mHalfWidth)) + kDim - 1) / kDim)
+    {
+    }
+
+    std::uint64_t run()
+    {
+        std::vector<Leaf*> work;
+        mTree.getNodes(work);
+        std::uint64_t changed = 0;
+        bool first = true;
+        while (!work.empty()) {
+            std::vector<std::vector<Examined>> found(work.size());
+            forEach(work, [&](std::size_t n) { found[n] = examine(*work[n]); });
+            if (first) {
+                const bool sound = std::all_of(found.begin(), found.end(),
+                                               [](const auto& f) { return f.empty(); });
+                if (sound) return 0;
+                collectCrossings();
+                first = false;
+            }
+            forEach(work, [&](std::size_t n) {
+                for (Examined& voxel : found[n]) voxel.distance = nearestCrossing(voxel.at);
+            });
+            work = apply(found, changed);
+        }
+        return changed;
+    }
+
+private:
+    struct Examined {
+        Coord at;
+        float distance; ///< voxels
+    };
+
+    template <typename F>
+    void forEach(const std::vector<Leaf*>& leaves, F f)
+    {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves.size(), 16),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              mProgress.check();
+                              for (std::size_t n = range.begin(); n < range.end(); ++n) f(n);
+                          });
+    }
+
+    /// Voxels in the leaf, or in missing leaves beside it, whose values cannot be trusted.
+    std::vector<Examined> examine(const Leaf& leaf) const
+    {
+        openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
+        Halo halo;
+        halo.load(access, leaf, 1 / mVoxelSize);
+        std::vector<Examined> found;
+        for (int x = 0; x < kDim; ++x) {
+            for (int y = 0; y < kDim; ++y) {
+                const int row = Halo::index(x + 1, y + 1, 1);
+                std::array<char, kDim> doubtful, nearBand;
+                examineRow(&halo.value[std::size_t(row)], doubtful, nearBand);
+                for (int z = 0; z < kDim; ++z) {
+                    const Coord at = leaf.origin() + Coord(x, y, z);
+                    const bool active = leaf.isValueOn(openvdb::Index((x * kDim + y) * kDim + z));
+                    if (active && doubtful[std::size_t(z)])
+                        found.push_back({at, 0});
+                    else if (!active && nearBand[std::size_t(z)])
+                        addMissing(halo, at, row + z, found);
+                }
+            }
+        }
+        // Voxels of tiles beside the leaf that the band should hold.
+        for (int face = 0; face < 6; ++face) addMissingBeside(access, leaf, face, found);
+        const auto byPlace = [](const Examined& a, const Examined& b) { return a.at < b.at; };
+        const auto same = [](const Examined& a, const Examined& b) { return a.at == b.at; };
+        std::sort(found.begin(), found.end(), byPlace);
+        found.erase(std::unique(found.begin(), found.end(), same), found.end());
+        found.erase(std::remove_if(found.begin(), found.end(),
+                                   [&](const Examined& v) { return isSettled(v.at); }),
+                    found.end());
+        return found;
+    }
+
+    void addMissingBeside(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
+                          const Leaf& leaf, int face, std::vector<Examined>& found) const
+    {
+        const int axis = face / 2, side = face % 2;
+        Coord beside = leaf.origin();
+        beside[axis] += side ? kDim : -kDim;
+        if (access.probeConstLeaf(beside)) return;
+        for (int a = 0; a < kDim; ++a) {
+            for (int b = 0; b < kDim; ++b) {
+                Coord in = leaf.origin();
+                in[axis] += side ? kDim - 1 : 0;
+                in[(axis + 1) % 3] += a;
+                in[(axis + 2) % 3] += b;
+                if (std::abs(leaf.getValue(in)) / mVoxelSize > mHalfWidth - kStep) continue;
+                in[axis] += side ? 1 : -1;
+                found.push_back({in, 0});
+            }
+        }
+    }
+
+    bool isSettled(const Coord& at) const
+    {
+        const auto found = mSettled.find(at & ~7);
+        return found != mSettled.end() && found->second.isOn(Leaf::coordToOffset(at));
+    }
+
+    /// For eight voxels in a row: whether the value cannot be trusted, if active; whether a face
+    /// neighbour is well inside the band. Free of branches: it runs over every voxel.
+    void examineRow(const float* row, std::array<char, kDim>& doubtful,
+                    std::array<char, kDim>& nearBand) const
+    {
+        constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
+        const float well = mHalfWidth - 0.7f;
+        for (int z = 0; z < kDim; ++z) {
+            const float v = row[z], a = std::abs(v);
+            float slope2 = 0, largestStep = 0, lowestOfAll = a;
+            int crosses = 0;
+            for (const int stride : kStride) {
+                const float u0 = row[z - stride], u1 = row[z + stride];
+                const int other0 = (u0 < 0) != (v < 0), other1 = (u1 < 0) != (v < 0);
+                crosses |= other0 | other1;
+                largestStep = std::max(largestStep, std::max(std::abs(u0 - v), std::abs(u1 - v)));
+                const float lowest = std::min(std::abs(u0), std::abs(u1));
+                lowestOfAll = std::min(lowestOfAll, lowest);
+                const float rise = std::max(a - lowest, 0.0f);
+                slope2 += rise * rise;
+            }
+            const float slopeError = std::abs(std::sqrt(slope2) - 1);
+            doubtful[std::size_t(z)] =
+                char((largestStep > kStep) | ((crosses == 0) & (slopeError > kSlope)));
+            nearBand[std::size_t(z)] = char(lowestOfAll < well);
+        }
+    }
+
+    /// Add an inactive voxel so near to values well inside the band that it belongs there, and
+    /// those values, one of which may be wrong.
+    void addMissing(const Halo& halo, const Coord& at, int in, std::vector<Examined>& found) const
+    {
+        constexpr float kLength[4] = {0, 1, 1.4142135f, 1.7320508f};
+        bool missing = false;
+        for (int n = 0; n < 27; ++n) {
+            const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            const float u = std::abs(halo.value[std::size_t(in + Halo::index(d[0], d[1], d[2]))]);
+            if (!(u + kLength[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
+                  mHalfWidth - 0.3f))
+                continue;
+            missing = true;
+            found.push_back({at + d, 0});
+        }
+        if (missing) found.push_back({at, 0});
+    }
+
+    void collectCrossings()
+    {
+        std::vector<const Leaf*> leaves;
+        const openvdb::FloatTree& tree = mTree;
+        tree.getNodes(leaves);
+        std::vector<Crossings> crossings(leaves.size());
+        tbb::parallel_for(std::size_t(0), leaves.size(),
+                          [&](std::size_t n) { crossings[n] = crossingsOf(*leaves[n]); });
+        for (std::size_t n = 0; n < leaves.size(); ++n)
+            if (!crossings[n].empty())
+                mCrossings.emplace(leaves[n]->origin(), std::move(crossings[n]));
+    }
+
+    Crossings crossingsOf(const Leaf& leaf) const
+    {
+        openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
+        Crossings found;
+        for (auto it = leaf.cbeginValueOn(); it; ++it) {
+            const float v = *it;
+            const Coord at = it.getCoord(), local = at - leaf.origin();
+            for (int axis = 0; axis < 3; ++axis) {
+                Coord next = at;
+                next[axis] += 1;
+                const float u = local[axis] + 1 < kDim
+                                    ? leaf.getValue(openvdb::Index(it.pos() + (64u >> (3 * axis))))
+                                    : access.getValue(next);
+                if ((u < 0) == (v < 0)) continue;
+                Vec3f p = toVec(local);
+                p[axis] += v / (v - u);
+                found.push_back(p);
+            }
+        }
+        return found;
+    }
+
+    /// Distance from a voxel to the nearest crossing, voxels; the half-width if none is nearer.
+    float nearestCrossing(const Coord& at) const
+    {
+        const Coord home = at & ~7;
+        float best2 = mHalfWidth * mHalfWidth;
+        for (int bx = -mReach; bx <= mReach; ++bx)
+            for (int by = -mReach; by <= mReach; ++by)
+                for (int bz = -mReach; bz <= mReach; ++bz) {
+                    const Coord origin = home + Coord(bx * kDim, by * kDim, bz * kDim);
+                    const Coord r = at - origin;
+                    float gap2 = 0; // to the leaf's voxels and the edges that start there
+                    for (int axis = 0; axis < 3; ++axis) {
+                        const float gap = float(std::max({0, -r[axis], r[axis] - kDim}));
+                        gap2 += gap * gap;
+                    }
+                    if (gap2 >= best2) continue;
+                    const auto found = mCrossings.find(origin);
+                    if (found == mCrossings.end()) continue;
+                    const Vec3f here = toVec(r);
+                    for (const Vec3f& p : found->second)
+                        best2 = std::min(best2, (p - here).squaredNorm());
+                }
+        return std::sqrt(best2);
+    }
+
+    /// Write what was found; returns the leaves to look at again.
+    std::vector<Leaf*> apply(const std::vector<std::vector<Examined>>& found,
+                             std::uint64_t& changed)
+    {
+        openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
+        std::vector<Coord> touched;
+        for (const auto& voxels : found) {
+            for (const Examined& voxel : voxels) {
+                mSettled[voxel.at & ~7].setOn(Leaf::coordToOffset(voxel.at));
+                float old = 0;
+                const bool active = access.probeValue(voxel.at, old);
+                const float a = std::abs(old) / mVoxelSize;
+                const float distance = active ? corrected(a, voxel.distance) : voxel.distance;
+                const bool beyond = distance >= mHalfWidth * (1 - 1e-6f);
+                if (active ? distance == a : beyond) continue;
+                if (!beyond)
+                    access.setValueOn(voxel.at, std::copysign(distance * mVoxelSize, old));
+                else if (a < mHalfWidth - 0.5f) // else the band's rim, as good as it gets
+                    access.setValueOff(voxel.at, std::copysign(mTree.background(), old));
+                else
+                    continue;
+                ++changed;
+                touched.push_back(voxel.at & ~7);
+            }
+        }
+        std::sort(touched.begin(), touched.end());
+        touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+        return withNeighbours(touched, access);
+    }
+
+    /// What a value is to be, given the distance to the nearest crossing.
+    static float corrected(float value, float distance)
+    {
+        if (value <= distance + kAbove && value >= distance - kBelow) return value;
+        return value < kTip ? std::max(value, distance - kBelowAtTip) : distance;
+    }
+
+    static std::vector<Leaf*>
+    withNeighbours(const std::vector<Coord>& origins,
+                   openvdb::tree::ValueAccessor<openvdb::FloatTree>& access)
+    {
+        std::vector<Coord> all;
+        for (const Coord& o : origins)
+            for (int n = 0; n < 27; ++n)
+                all.push_back(
+                    o + Coord((n / 9 - 1) * kDim, (n / 3 % 3 - 1) * kDim, (n % 3 - 1) * kDim));
+        std::sort(all.begin(), all.end());
+        all.erase(std::unique(all.begin(), all.end()), all.end());
+        std::vector<Leaf*> leaves;
+        for (const Coord& o : all)
+            if (Leaf* leaf = access.probeLeaf(o)) leaves.push_back(leaf);
+        return leaves;
+    }
+
+    struct HashCoord {
+        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
+    };
+
+    openvdb::FloatTree& mTree;
+    Progress& mProgress;
+    float mVoxelSize, mHalfWidth; ///< world units; voxels
+    int mReach;                   ///< leaves around a voxel's own that the band reaches
+    std::unordered_map<Coord, Crossings, HashCoord> mCrossings; ///< by leaf origin
+    /// Voxels whose distance to the nearest crossing has been looked up: it will not change.
+    std::unordered_map<Coord, Leaf::NodeMaskType, HashCoord> mSettled;
+};
+
+} // namespace
+
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
+{
+    return Restorer(tree, voxelSize, progress).run();
+}
+
+} // namespace mpuvdb

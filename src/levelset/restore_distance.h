@@ -1,0 +1,19 @@
+// Makes a closed band a true distance again, only where it is none.
+#pragma once
+#include <openvdb/openvdb.h>
+
+#include <cstdint>
+
+namespace mpuvdb
+{
+
+class Progress;
+
+/// Find voxels of @a tree (a narrow band, closed, signs right) whose upwind gradient is not about
+/// 1, which jump from a neighbour, or which the band misses; give each the distance to the nearest
+/// crossing of the zero set with an edge between voxels. All other values, and where the zero set
+/// crosses, stay as they are. Returns the number of voxels changed.
+/// @param voxelSize  world units.
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progress& progress);
+
+} // namespace mpuvdb
