@@ -20,6 +20,7 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using openvdb::Coord;
 
 constexpr int kDim = 8, kHalo = kDim + 2;
+constexpr float kDiagonal = 1.7320508f;
 constexpr float kSlope = 0.3f; ///< of the upwind gradient about 1: beyond it a value is examined
 constexpr float kStep = 1.3f;  ///< voxels by which neighbours may differ unexamined
 /// The distance to the nearest crossing overestimates by up to half a voxel between crossings: an
@@ -139,20 +140,20 @@ private:
         for (int x = 0; x < kDim; ++x) {
             for (int y = 0; y < kDim; ++y) {
                 const int row = Halo::index(x + 1, y + 1, 1);
-                std::array<char, kDim> doubtful, nearBand;
-                examineRow(&halo.value[std::size_t(row)], doubtful, nearBand);
+                RowFlags flags;
+                examineRow(&halo.value[std::size_t(row)], flags);
                 for (int z = 0; z < kDim; ++z) {
                     const Coord at = leaf.origin() + Coord(x, y, z);
                     const bool active = leaf.isValueOn(openvdb::Index((x * kDim + y) * kDim + z));
-                    if (active && doubtful[std::size_t(z)])
+                    if (active && flags.cornerMissing[std::size_t(z)]) addCorners(at, found);
+                    if (active && flags.doubtful[std::size_t(z)])
                         found.push_back({at, 0});
-                    else if (!active && nearBand[std::size_t(z)])
+                    else if (!active && flags.nearBand[std::size_t(z)])
                         addMissing(halo, at, row + z, found);
                 }
             }
         }
-        // Voxels of tiles beside the leaf that the band should hold.
-        for (int face = 0; face < 6; ++face) addMissingBeside(access, leaf, face, found);
+        addMissingBeside(access, leaf, found);
         const auto byPlace = [](const Examined& a, const Examined& b) { return a.at < b.at; };
         const auto same = [](const Examined& a, const Examined& b) { return a.at == b.at; };
         std::sort(found.begin(), found.end(), byPlace);
@@ -163,23 +164,35 @@ private:
         return found;
     }
 
+    /// Add voxels of tiles beside the leaf that the band should hold.
     void addMissingBeside(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
-                          const Leaf& leaf, int face, std::vector<Examined>& found) const
+                          const Leaf& leaf, std::vector<Examined>& found) const
     {
-        const int axis = face / 2, side = face % 2;
-        Coord beside = leaf.origin();
-        beside[axis] += side ? kDim : -kDim;
-        if (access.probeConstLeaf(beside)) return;
-        for (int a = 0; a < kDim; ++a) {
-            for (int b = 0; b < kDim; ++b) {
-                Coord in = leaf.origin();
-                in[axis] += side ? kDim - 1 : 0;
-                in[(axis + 1) % 3] += a;
-                in[(axis + 2) % 3] += b;
-                if (std::abs(leaf.getValue(in)) / mVoxelSize > mHalfWidth - kStep) continue;
-                in[axis] += side ? 1 : -1;
-                found.push_back({in, 0});
-            }
+        for (int n = 0; n < 27; ++n) {
+            const Coord side(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            if (n == 13 ||
+                access.probeConstLeaf(leaf.origin() +
+                                      Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim)))
+                continue;
+            // The leaf's voxels that touch that side, each with its neighbours there.
+            const auto first = [&](int axis) { return side[axis] > 0 ? kDim - 1 : 0; };
+            const auto last = [&](int axis) { return side[axis] < 0 ? 0 : kDim - 1; };
+            for (int x = first(0); x <= last(0); ++x)
+                for (int y = first(1); y <= last(1); ++y)
+                    for (int z = first(2); z <= last(2); ++z)
+                        addBeyond(leaf, Coord(x, y, z), side, found);
+        }
+    }
+
+    void addBeyond(const Leaf& leaf, const Coord& in, const Coord& side,
+                   std::vector<Examined>& found) const
+    {
+        const float a = std::abs(leaf.getValue(leaf.origin() + in)) / mVoxelSize;
+        if (a + 1 >= mHalfWidth - 0.3f) return;
+        for (int n = 0; n < 27; ++n) {
+            const Coord to = in + Coord(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            if (Coord(to[0] >> 3, to[1] >> 3, to[2] >> 3) == side)
+                found.push_back({leaf.origin() + to, 0});
         }
     }
 
@@ -189,13 +202,19 @@ private:
         return found != mSettled.end() && found->second.isOn(Leaf::coordToOffset(at));
     }
 
-    /// For eight voxels in a row: whether the value cannot be trusted, if active; whether a face
-    /// neighbour is well inside the band. Free of branches: it runs over every voxel.
-    void examineRow(const float* row, std::array<char, kDim>& doubtful,
-                    std::array<char, kDim>& nearBand) const
+    /// What is to be said of eight voxels in a row.
+    struct RowFlags {
+        std::array<char, kDim> doubtful;      ///< if active: the value cannot be trusted
+        std::array<char, kDim> cornerMissing; ///< if active: the band lacks a corner neighbour
+        std::array<char, kDim> nearBand;      ///< if inactive: a face neighbour is well inside
+    };
+
+    /// Free of branches: it runs over every voxel.
+    void examineRow(const float* row, RowFlags& flags) const
     {
         constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
-        const float well = mHalfWidth - 0.7f;
+        const float well = mHalfWidth - 0.5f, deep = mHalfWidth - 0.3f - kDiagonal;
+        const float outside = mHalfWidth * (1 - 1e-5f);
         for (int z = 0; z < kDim; ++z) {
             const float v = row[z], a = std::abs(v);
             float slope2 = 0, largestStep = 0, lowestOfAll = a;
@@ -211,17 +230,32 @@ private:
                 slope2 += rise * rise;
             }
             const float slopeError = std::abs(std::sqrt(slope2) - 1);
-            doubtful[std::size_t(z)] =
+            float highestCorner = 0;
+            for (const int dx : {-kStride[0], kStride[0]})
+                for (const int dy : {-kStride[1], kStride[1]})
+                    highestCorner =
+                        std::max(highestCorner, std::max(std::abs(row[z + dx + dy - 1]),
+                                                         std::abs(row[z + dx + dy + 1])));
+            const auto n = std::size_t(z);
+            flags.doubtful[n] =
                 char((largestStep > kStep) | ((crosses == 0) & (slopeError > kSlope)));
-            nearBand[std::size_t(z)] = char(lowestOfAll < well);
+            flags.cornerMissing[n] = char((a < deep) & (highestCorner >= outside));
+            flags.nearBand[n] = char(lowestOfAll < well);
         }
+    }
+
+    static void addCorners(const Coord& at, std::vector<Examined>& found)
+    {
+        found.push_back({at, 0});
+        for (int n = 0; n < 8; ++n)
+            found.push_back({at + Coord(n & 1 ? 1 : -1, n & 2 ? 1 : -1, n & 4 ? 1 : -1), 0});
     }
 
     /// Add an inactive voxel so near to values well inside the band that it belongs there, and
     /// those values, one of which may be wrong.
     void addMissing(const Halo& halo, const Coord& at, int in, std::vector<Examined>& found) const
     {
-        constexpr float kLength[4] = {0, 1, 1.4142135f, 1.7320508f};
+        constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
         bool missing = false;
         for (int n = 0; n < 27; ++n) {
             const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);

@@ -1,0 +1,322 @@
+// The multigrid solver on problems of known solution, and the coarse sign that it computes.
+#include "coarse_sign.h"
+#include "field_fixture.h"
+#include "multigrid.h"
+
+#include <mpuvdb/error.h>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using test::Random;
+
+// --- Multigrid
+
+/// (Lap - D) u, in double precision; zero on the border.
+std::vector<double> applied(const NodeGrid& grid, const std::vector<float>& screening,
+                            const std::vector<float>& u)
+{
+    std::vector<double> result(grid.size(), 0.0);
+    for (int i = 1; i < grid.n[0] - 1; ++i)
+        for (int j = 1; j < grid.n[1] - 1; ++j)
+            for (int k = 1; k < grid.n[2] - 1; ++k) {
+                const auto at = [&](int a, int b, int c) { return double(u[grid.index(a, b, c)]); };
+                const std::size_t n = grid.index(i, j, k);
+                result[n] = at(i - 1, j, k) + at(i + 1, j, k) + at(i, j - 1, k) + at(i, j + 1, k) +
+                            at(i, j, k - 1) + at(i, j, k + 1) - (6.0 + screening[n]) * u[n];
+            }
+    return result;
+}
+
+/// A problem whose solution is known to the discrete equations.
+struct Manufactured {
+    NodeGrid grid;
+    std::vector<float> screening, solution, rightHand;
+    float border;
+
+    Manufactured(std::array<int, 3> n, bool screened, float borderValue, std::uint64_t seed)
+        : grid{n}, border(borderValue)
+    {
+        Random random(seed);
+        screening.assign(grid.size(), 0.0f);
+        solution.assign(grid.size(), border);
+        for (int i = 1; i < n[0] - 1; ++i)
+            for (int j = 1; j < n[1] - 1; ++j)
+                for (int k = 1; k < n[2] - 1; ++k) {
+                    const std::size_t m = grid.index(i, j, k);
+                    // Screened on a thin shell, as points on a surface do.
+                    const Vec3d r = Vec3d(i, j, k) - 0.5 * Vec3d(n[0] - 1, n[1] - 1, n[2] - 1);
+                    if (screened && std::abs(r.norm() - 0.3 * n[0]) < 1.5) screening[m] = 4;
+                    const double smooth = std::sin(M_PI * i / (n[0] - 1.0)) *
+                                          std::sin(2 * M_PI * j / (n[1] - 1.0)) *
+                                          std::sin(M_PI * k / (n[2] - 1.0));
+                    solution[m] += float(smooth + random.uniform(-0.1, 0.1));
+                }
+        const std::vector<double> b = applied(grid, screening, solution);
+        rightHand.assign(b.begin(), b.end());
+    }
+
+    double residual(const std::vector<float>& u) const
+    {
+        const std::vector<double> lu = applied(grid, screening, u);
+        double sum = 0;
+        for (std::size_t n = 0; n < lu.size(); ++n)
+            sum += (lu[n] - rightHand[n]) * (lu[n] - rightHand[n]);
+        return std::sqrt(sum / double(lu.size()));
+    }
+};
+
+TEST(ScreenedPoisson, SolvesWhatWasManufactured)
+{
+    Progress progress;
+    for (const auto& n : {std::array<int, 3>{33, 33, 33}, std::array<int, 3>{17, 49, 33},
+                          std::array<int, 3>{65, 17, 17}})
+        for (const bool screened : {false, true})
+            for (const float border : {0.0f, 0.7f}) {
+                SCOPED_TRACE(testing::Message() << n[0] << " x " << n[1] << " x " << n[2] << ", "
+                                                << screened << ", border " << border);
+                const Manufactured problem(n, screened, border, 1);
+                ScreenedPoisson solver(problem.grid, problem.screening, progress);
+                const std::vector<float> u = solver.solve(problem.rightHand, border, 15);
+                double worst = 0;
+                for (std::size_t m = 0; m < u.size(); ++m)
+                    worst = std::max(worst, std::abs(double(u[m]) - double(problem.solution[m])));
+                EXPECT_LT(worst, 1e-4);
+            }
+}
+
+TEST(ScreenedPoisson, EveryCycleReducesTheResidual)
+{
+    Progress progress;
+    const double rounding = 1e-6; // sums of 7 floats up to 7
+    for (const bool screened : {false, true}) {
+        const Manufactured problem({49, 33, 33}, screened, 0.3f, 2);
+        ScreenedPoisson solver(problem.grid, problem.screening, progress);
+        double before = problem.residual(solver.solve(problem.rightHand, problem.border, 1));
+        for (int cycles = 2; cycles <= 5; ++cycles) {
+            const double after =
+                problem.residual(solver.solve(problem.rightHand, problem.border, cycles));
+            EXPECT_LT(after, std::max(0.25 * before, rounding))
+                << "cycle " << cycles << ", screened " << screened;
+            before = after;
+        }
+    }
+}
+
+TEST(ScreenedPoisson, FindsTheBorderThroughWhichNothingFlows)
+{
+    Progress progress;
+    const Manufactured problem({33, 33, 33}, true, 0.4f, 3);
+    ScreenedPoisson solver(problem.grid, problem.screening, progress);
+    const auto netFlux = [&](float border) {
+        const std::vector<float> u = solver.solve(problem.rightHand, border, 10);
+        const auto& g = problem.grid;
+        double sum = 0;
+        for (int i = 1; i < g.n[0] - 1; ++i)
+            for (int j = 1; j < g.n[1] - 1; ++j)
+                for (const auto& [inner, outer] :
+                     {std::pair(g.index(i, j, 1), g.index(i, j, 0)),
+                      std::pair(g.index(i, j, g.n[2] - 2), g.index(i, j, g.n[2] - 1)),
+                      std::pair(g.index(i, 1, j), g.index(i, 0, j)),
+                      std::pair(g.index(i, g.n[1] - 2, j), g.index(i, g.n[1] - 1, j)),
+                      std::pair(g.index(1, i, j), g.index(0, i, j)),
+                      std::pair(g.index(g.n[0] - 2, i, j), g.index(g.n[0] - 1, i, j))})
+                    sum += double(u[outer]) - double(u[inner]);
+        return sum;
+    };
+    const float found = solver.fluxFreeBorder(problem.rightHand);
+    // The answer comes from the level of half the resolution.
+    EXPECT_LT(std::abs(netFlux(found)), 0.15 * std::abs(netFlux(found + 1)));
+}
+
+TEST(ScreenedPoisson, DoesNotDependOnThreads)
+{
+    Progress progress;
+    const Manufactured problem({33, 49, 33}, true, 0.2f, 4);
+    std::vector<std::vector<float>> results;
+    for (const std::size_t threads : {1u, 2u, 8u}) {
+        tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        ScreenedPoisson solver(problem.grid, problem.screening, progress);
+        results.push_back(solver.solve(problem.rightHand, problem.border, 2));
+        results.back().push_back(solver.fluxFreeBorder(problem.rightHand));
+    }
+    EXPECT_EQ(results[0], results[1]);
+    EXPECT_EQ(results[0], results[2]);
+}
+
+TEST(ScreenedPoisson, Stops)
+{
+    Progress progress;
+    const Manufactured problem({17, 17, 17}, false, 0, 5);
+    ScreenedPoisson solver(problem.grid, problem.screening, progress);
+    progress.stop();
+    EXPECT_THROW(solver.solve(problem.rightHand, 0, 2), Interrupted);
+}
+
+// --- The coarse sign
+
+CoarseSign coarseSignOf(PointCloud cloud)
+{
+    Progress progress;
+    const Box3d bounds = cloud.localBounds();
+    const double side = 1.6 * bounds.sizes().maxCoeff();
+    const RootCube root{bounds.center() - Vec3d::Constant(side / 2), side};
+    const SortedPoints points(std::move(cloud), root, progress);
+    return CoarseSign(points, bounds, root, progress);
+}
+
+/// @a cloud without its points for which @a drop(world position) holds.
+template <typename Drop>
+PointCloud without(const PointCloud& cloud, Drop drop)
+{
+    PointCloud kept;
+    kept.frame = cloud.frame;
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        if (drop(cloud.world(i))) continue;
+        kept.positions.push_back(cloud.positions[i]);
+        kept.normals.push_back(cloud.normals[i]);
+    }
+    return kept;
+}
+
+TEST(CoarseSign, IsRightFartherThanAStepFromAWholeSurface)
+{
+    for (const char* description :
+         {"sphere(1)", "torus(1, 0.4)", "box(1, 1.5, 2)", "blob(1, 5, 0.1)"}) {
+        const auto solid = parseSolid(description);
+        const PointCloud cloud = test::randomScan(description, 20000);
+        const Vec3d frame = cloud.frame;
+        const CoarseSign sign = coarseSignOf(cloud);
+        Random random(1);
+        int inside = 0, wrong = 0;
+        for (int i = 0; i < 20000; ++i) {
+            const Vec3d p = random.inCube(2.5);
+            const double d = solid->distance(p);
+            if (!(std::abs(d) > sign.step())) continue;
+            inside += d < 0;
+            wrong += (sign.evaluate(p - frame).value < 0) != (d < 0);
+        }
+        EXPECT_EQ(wrong, 0) << description;
+        EXPECT_GT(inside, 100) << description;
+    }
+}
+
+TEST(CoarseSign, IsNearTheDistanceNearData)
+{
+    const PointCloud cloud = test::randomScan("sphere(1)", 20000);
+    const Vec3d frame = cloud.frame;
+    const CoarseSign sign = coarseSignOf(cloud);
+    Random random(2);
+    for (int i = 0; i < 2000; ++i) {
+        const double d = random.uniform(-1, 1) * sign.step();
+        const Vec3d n = random.direction();
+        const FieldSample sample = sign.evaluate((1 + d) * n - frame);
+        EXPECT_NEAR(sample.value, d, 0.5 * sign.step());
+        EXPECT_GT(sample.gradient.dot(n), 0.8);
+    }
+}
+
+/// Number of connected parts (by faces) of the nodes of a lattice that are inside; -1 if one of
+/// them is at the lattice's border.
+int insideParts(const CoarseSign& sign, const Vec3d& centre, double half)
+{
+    constexpr int n = 61;
+    const auto index = [](int i, int j, int k) { return std::size_t((i * n + j) * n + k); };
+    std::vector<char> inside(index(n - 1, n - 1, n - 1) + 1);
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j)
+            for (int k = 0; k < n; ++k) {
+                const Vec3d at(i, j, k);
+                const Vec3d p = centre + half * (at / ((n - 1) / 2.0) - Vec3d::Ones());
+                inside[index(i, j, k)] = sign.evaluate(p).value < 0;
+                const int lowest = std::min({i, j, k}), highest = std::max({i, j, k});
+                if (inside[index(i, j, k)] && (lowest == 0 || highest == n - 1)) return -1;
+            }
+    int parts = 0;
+    for (std::size_t seed = 0; seed < inside.size(); ++seed) {
+        if (!inside[seed]) continue;
+        ++parts;
+        std::vector<std::size_t> open{seed};
+        inside[seed] = 0;
+        while (!open.empty()) {
+            const std::size_t at = open.back();
+            open.pop_back();
+            for (const std::size_t step : {std::size_t(1), std::size_t(n), std::size_t(n * n)})
+                for (const std::size_t next : {at + step, at - step})
+                    if (inside[next]) {
+                        inside[next] = 0;
+                        open.push_back(next);
+                    }
+        }
+    }
+    return parts;
+}
+
+TEST(CoarseSign, ClosesHalfASphere)
+{
+    const PointCloud cloud =
+        without(test::randomScan("sphere(1)", 20000), [](const Vec3d& p) { return p[2] < 0; });
+    const Vec3d frame = cloud.frame;
+    const CoarseSign sign = coarseSignOf(cloud);
+    EXPECT_EQ(insideParts(sign, Vec3d(0, 0, 0.5) - frame, 2.0), 1);
+    EXPECT_LT(sign.evaluate(Vec3d(0, 0, 0.5) - frame).value, 0);
+    EXPECT_GT(sign.evaluate(Vec3d(0, 0, 1.2) - frame).value, 0);
+    EXPECT_GT(sign.evaluate(Vec3d(0, 0, -1.5) - frame).value, 0);
+    // Far beyond the grid: outside, and farther with distance.
+    for (const Vec3d& direction : {Vec3d(0, 0, -1), Vec3d(1, 0, 0), Vec3d(-1, 1, 1)}) {
+        EXPECT_GT(sign.evaluate(10 * direction).value, 5);
+        EXPECT_GT(sign.evaluate(100 * direction).value, sign.evaluate(10 * direction).value);
+    }
+}
+
+TEST(CoarseSign, ClosesASphereWithAHole)
+{
+    const PointCloud cloud = without(test::randomScan("sphere(1)", 20000), [](const Vec3d& p) {
+        return (p - Vec3d(0, 0.6, 0.8)).norm() < 0.5;
+    });
+    const Vec3d frame = cloud.frame;
+    const CoarseSign sign = coarseSignOf(cloud);
+    EXPECT_EQ(insideParts(sign, -frame, 2.0), 1);
+    // The surface bends on through the hole: there the sphere's, about.
+    EXPECT_LT(sign.evaluate(Vec3d(0, 0.6, 0.8) * 0.8 - frame).value, 0);
+    EXPECT_GT(sign.evaluate(Vec3d(0, 0.6, 0.8) * 1.2 - frame).value, 0);
+}
+
+TEST(CoarseSign, IsFiniteOnDegenerateClouds)
+{
+    Random random(3);
+    std::vector<std::vector<Vec3f>> clouds(4);
+    clouds[0] = {Vec3f(1, 2, 3)};
+    clouds[1].assign(100, Vec3f(1, 2, 3));
+    for (int i = 0; i < 200; ++i) {
+        clouds[2].emplace_back(float(i), 0.f, 0.f);
+        clouds[3].push_back(Vec3f(float(random.uniform()), float(random.uniform()), 0));
+    }
+    Progress progress;
+    for (const auto& positions : clouds) {
+        PointCloud cloud;
+        cloud.positions = positions;
+        cloud.normals.assign(positions.size(), Vec3f(0, 0, 1));
+        const Box3d bounds = cloud.localBounds();
+        const double side = 1.5 * bounds.sizes().maxCoeff() + 1;
+        const RootCube root{bounds.center() - Vec3d::Constant(side / 2), side};
+        const CoarseSign sign(SortedPoints(std::move(cloud), root, progress), bounds, root,
+                              progress);
+        for (int i = 0; i < 200; ++i) {
+            const FieldSample sample = sign.evaluate(bounds.center() + random.inCube(side));
+            EXPECT_TRUE(std::isfinite(sample.value));
+            EXPECT_TRUE(sample.gradient.allFinite());
+        }
+        EXPECT_GT(sign.evaluate(bounds.center() + Vec3d(0, 0, 10 * side)).value, 0);
+    }
+}
+
+} // namespace
+} // namespace mpuvdb
