@@ -246,13 +246,13 @@ void expectReproduced(const Planes& planes, const Boolean& solid, std::size_t pe
 {
     const CellPoints points = cornerPoints(planes, solid, perFace, random);
     CellPoints scratch;
-    const SharpFit sharp = fitSharp(points, scratch);
-    ASSERT_EQ(sharp.kind, SharpFit::Kind::Feature);
-    EXPECT_EQ(std::size_t(sharp.fit.count), planes.normals.size());
+    const std::optional<LocalFit> sharp = fitSharp(points, scratch);
+    ASSERT_TRUE(sharp);
+    EXPECT_EQ(std::size_t(sharp->count), planes.normals.size());
     EXPECT_LT(largestError(
-                  sharp.fit, [&](const Vec3d& y) { return solid(planes, y); }, 1, random),
+                  *sharp, [&](const Vec3d& y) { return solid(planes, y); }, 1, random),
               kExact);
-    EXPECT_LT(taubinError(sharp.fit, points, 1), kExact);
+    EXPECT_LT(taubinError(*sharp, points, 1), kExact);
 }
 
 /// Faces around the axes of a turned cube, each tilted by up to @a degrees.
@@ -342,9 +342,17 @@ TEST(FitSharp, LeavesCornersOfFourFacesThatAreNeitherToOthers)
         return std::min(std::max(f.value(0, y), f.value(2, y)),
                         std::max(f.value(1, y), f.value(3, y)));
     };
+    // Neither Boolean of the four faces fits; the general quadric is offered too, the best kept.
     CellPoints scratch;
-    EXPECT_EQ(fitSharp(cornerPoints(planes, mixed, 10, random), scratch).kind,
-              SharpFit::Kind::Mixed);
+    const CellPoints points = cornerPoints(planes, mixed, 7, random);
+    const std::optional<LocalFit> sharp = fitSharp(points, scratch);
+    ASSERT_TRUE(sharp);
+    ASSERT_GT(taubinError(*sharp, points, 1), 0.01);
+    FitSettings settings;
+    settings.tolerance = 1e-6;
+    const FitResult result = fitCell(points, 1, 1, settings, scratch);
+    EXPECT_FALSE(result.fit.isSharp());
+    EXPECT_LT(result.error, taubinError(*sharp, points, 1));
 }
 
 TEST(FitSharp, SeesNoFeatureWhereNormalsAreWithinTheAngle)
@@ -356,8 +364,8 @@ TEST(FitSharp, SeesNoFeatureWhereNormalsAreWithinTheAngle)
         Planes planes;
         planes.normals = {Vec3d(0, 0, 1), Vec3d(std::sin(angle), 0, std::cos(angle))};
         CellPoints scratch;
-        const SharpFit sharp = fitSharp(cornerPoints(planes, intersect, 10, random), scratch);
-        EXPECT_EQ(sharp.kind == SharpFit::Kind::Feature, std::cos(angle) < 0.9) << degrees;
+        const CellPoints points = cornerPoints(planes, intersect, 10, random);
+        EXPECT_EQ(fitSharp(points, scratch).has_value(), std::cos(angle) < 0.9) << degrees;
     }
 }
 

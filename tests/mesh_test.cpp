@@ -12,8 +12,10 @@
 #include <functional>
 #include <random>
 
-namespace mpuvdb {
-namespace {
+namespace mpuvdb
+{
+namespace
+{
 
 using openvdb::Coord;
 using openvdb::FloatGrid;

@@ -14,7 +14,7 @@ class Progress;
 struct MpuSettings {
     double tolerance = 0; ///< largest Taubin error |Q|/|grad Q| of a local fit, world units, > 0
     double voxelSize = 0; ///< cells stay above about two of these (one where sharp), > 0
-    double alpha = 0.75;  ///< support radius / cell diagonal, in [0.5, 2]
+    double alpha = 0.75;  ///< support radius / cell diagonal, in [0.6, 2]
     int minPoints = 15;   ///< N_min: confidences a fit needs in sum, in [6, 1000]
     bool sharp = true;    ///< fit edges and corners [Ohtake03 §4c]
 };

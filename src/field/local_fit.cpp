@@ -198,27 +198,28 @@ Clusters featureClusters(const CellPoints& points)
     return clusters;
 }
 
-/// Order and Booleans of the faces from the convexity of their pairs. False: no such tree.
-bool combineFaces(LocalFit& fit, const bool convex[4][4])
+/// Keep of all ways to combine the faces [Ohtake03 §4c: convex, concave, or one face apart] the one
+/// nearest to the points.
+void combineFaces(LocalFit& fit, const CellPoints& points)
 {
-    int convexPairs = 0, pairs = 0;
-    for (int a = 0; a < fit.count; ++a) {
-        for (int b = a + 1; b < fit.count; ++b) {
-            ++pairs;
-            convexPairs += convex[a][b];
+    const LocalFit faces = fit;
+    double best = std::numeric_limits<double>::infinity();
+    const auto attempt = [&](int alone, unsigned maxBits) {
+        LocalFit candidate = faces;
+        std::swap(candidate.pieces[0], candidate.pieces[std::size_t(alone)]);
+        candidate.maxBits = maxBits;
+        const double error = taubinError(candidate, points, points.radius);
+        if (error < best) {
+            best = error;
+            fit = candidate;
         }
+    };
+    attempt(0, ~0u);
+    attempt(0, 0u);
+    for (int alone = 0; fit.count == 3 && alone < 3; ++alone) {
+        attempt(alone, 1u); // max(p0, min(p1, p2))
+        attempt(alone, 2u); // min(p0, max(p1, p2))
     }
-    if (convexPairs == pairs || convexPairs == 0) {
-        fit.maxBits = convexPairs ? ~0u : 0u;
-        return true;
-    }
-    if (fit.count != 3) return false;
-    // One pair differs from the other two: the face outside that pair is combined last.
-    const bool oddIsConvex = convexPairs == 1;
-    const int alone = convex[1][2] == oddIsConvex ? 0 : convex[0][2] == oddIsConvex ? 1 : 2;
-    std::swap(fit.pieces[0], fit.pieces[size_t(alone)]);
-    fit.maxBits = oddIsConvex ? 2u : 1u; // min(p0, max(p1, p2)) or max(p0, min(p1, p2))
-    return true;
 }
 
 /// The cell's corners and centre, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
@@ -394,26 +395,18 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
     return q;
 }
 
-SharpFit fitSharp(const CellPoints& points, CellPoints& scratch)
+std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch)
 {
     const Clusters clusters = featureClusters(points);
-    if (clusters.size() < 2) return {SharpFit::Kind::Smooth, {}};
+    if (clusters.size() < 2) return std::nullopt;
     LocalFit fit;
     fit.count = int(clusters.size());
-    Vec3d centroid[4], normal[4];
     for (std::size_t a = 0; a < clusters.size(); ++a) {
         scratch.assignSubset(points, clusters[a]);
-        double weight = 0;
-        centroid[a] = weightedCentroid(scratch, weight);
-        normal[a] = meanNormal(scratch);
-        fit.pieces[a] = fitBivariate(scratch, normal[a], kQuadraticFace);
+        fit.pieces[a] = fitBivariate(scratch, meanNormal(scratch), kQuadraticFace);
     }
-    bool convex[4][4] = {};
-    for (std::size_t a = 0; a < clusters.size(); ++a)
-        for (std::size_t b = 0; b < clusters.size(); ++b)
-            convex[a][b] = (centroid[a] - centroid[b]).dot(normal[a] - normal[b]) > 0;
-    if (!combineFaces(fit, convex)) return {SharpFit::Kind::Mixed, {}};
-    return {SharpFit::Kind::Feature, fit};
+    combineFaces(fit, points);
+    return fit;
 }
 
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)
@@ -480,17 +473,17 @@ bool fitGeneralAbout(const CellPoints& points, double cellSize, Quadric& q)
 void trySharp(FitResult& result, const CellPoints& points, double cellSize, double testRadius,
               CellPoints& scratch)
 {
-    SharpFit sharp = fitSharp(points, scratch);
-    if (sharp.kind == SharpFit::Kind::Smooth) return;
-    if (sharp.kind == SharpFit::Kind::Mixed) {
-        sharp.fit = LocalFit{};
-        if (!fitGeneralAbout(points, cellSize, sharp.fit.pieces[0])) return;
-    }
-    const double error = taubinError(sharp.fit, points, testRadius);
-    if (error < result.error) {
-        result.fit = sharp.fit;
+    const std::optional<LocalFit> sharp = fitSharp(points, scratch);
+    if (!sharp) return;
+    const auto offer = [&](const LocalFit& fit) {
+        const double error = taubinError(fit, points, testRadius);
+        if (!(error < result.error)) return;
+        result.fit = fit;
         result.error = error;
-    }
+    };
+    offer(*sharp);
+    LocalFit general; // for four faces that are neither convex nor concave
+    if (sharp->count == 4 && fitGeneralAbout(points, cellSize, general.pieces[0])) offer(general);
 }
 
 } // namespace

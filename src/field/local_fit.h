@@ -3,6 +3,7 @@
 #include "quadric.h"
 #include "sorted_points.h"
 
+#include <optional>
 #include <vector>
 
 namespace mpuvdb
@@ -61,19 +62,8 @@ Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t 
 Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints,
                    const std::vector<double>& auxValues);
 
-/// What the normals show.
-struct SharpFit {
-    enum class Kind {
-        Smooth,  ///< no feature
-        Feature, ///< edge or corner: fit
-        Mixed    ///< a corner of four faces neither convex nor concave
-    };
-    Kind kind = Kind::Smooth;
-    LocalFit fit;
-};
-
-/// (c) Edge or corner of up to four faces [Ohtake03 §4c].
-SharpFit fitSharp(const CellPoints& points, CellPoints& scratch);
+/// (c) Edge or corner of up to four faces [Ohtake03 §4c]; nothing if the normals show none.
+std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch);
 
 /// Normalised weighted mean of the normals; +z where they cancel.
 Vec3d meanNormal(const CellPoints& points);

@@ -41,7 +41,7 @@ RootCube rootCube(const Box3d& bounds, double voxelSize)
     return {bounds.center() - Vec3d::Constant(side / 2), side};
 }
 
-/// Take support from leaves whose value at the centre is far from what the whole model says there.
+/// Take support from leaves whose side at the centre is clearly not the whole model's.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
     tree.forEachLeaf([&](OctreeNode& node, const OctreeCell& cell) {
@@ -52,7 +52,9 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         const LocalFit fit = tree.fitAbout(stored, stored.origin.cast<double>());
         const Quadric& q = fit.ruling(y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
-        const double excess = std::abs(value - coarse.evaluate(centre).value) / coarse.step() - 1;
+        const double other = coarse.evaluate(centre).value;
+        if ((value < 0) == (other < 0)) return;
+        const double excess = std::abs(value - other) / coarse.step() - 1;
         const double t = std::clamp(excess, 0.0, 1.0);
         node.support *= float(1 - t * t * (3 - 2 * t));
     });

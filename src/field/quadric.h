@@ -3,6 +3,7 @@
 #include <mpuvdb/vec.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cmath>
 

@@ -19,8 +19,8 @@ struct RangeGrid {
 /// Give the points of @a points, which has one block, normals from the triangles between
 /// neighbouring rays, those across a jump in depth left out, and, unless it has confidences,
 /// the cosine between normal and line of sight, falling linearly over the last few rays before a
-/// border [Curless96 §3]. Points without a triangle are left out. A grid that joins fewer than three
-/// quarters of its points is no range image: then nothing changes but a note.
+/// border [Curless96 §3]. Points without a triangle are left out. A grid that joins fewer than
+/// three quarters of its points is no range image: then nothing changes but a note.
 void addRangeNormals(FilePoints& points, const RangeGrid& grid);
 
 } // namespace mpuvdb

@@ -291,7 +291,7 @@ private:
                 steps += on & int(std::abs(v[x + dx][y + dy][z + dz] - v[x][y][z]) > mLimits.step);
             });
             if (steps) tallies.of[Jump].add(coord(x, y, z), steps);
-            if (actives < 6) return;
+            if (actives < 6 || isRidge(x, y, z)) return;
             const float gx = v[x + 1][y][z] - v[x - 1][y][z], gy = v[x][y + 1][z] - v[x][y - 1][z],
                         gz = v[x][y][z + 1] - v[x][y][z - 1];
             const float steepness =
@@ -303,6 +303,18 @@ private:
             if (steepness > mLimits.steepness) tallies.of[Steepness].add(coord(x, y, z), steepness);
         });
         return sum;
+    }
+
+    /// Where two sides of the surface are equally near, a distance has no gradient.
+    bool isRidge(int x, int y, int z) const
+    {
+        const float least = std::abs(mValue[x][y][z]) - 0.15f * mLimits.twiceVoxel;
+        const auto falls = [&](float below, float above) {
+            return std::abs(below) < least && std::abs(above) < least;
+        };
+        return falls(mValue[x - 1][y][z], mValue[x + 1][y][z]) ||
+               falls(mValue[x][y - 1][z], mValue[x][y + 1][z]) ||
+               falls(mValue[x][y][z - 1], mValue[x][y][z + 1]);
     }
 
     const openvdb::FloatGrid::ConstAccessor& mAccessor;

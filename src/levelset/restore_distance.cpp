@@ -21,8 +21,10 @@ using openvdb::Coord;
 
 constexpr int kDim = 8, kHalo = kDim + 2;
 constexpr float kDiagonal = 1.7320508f;
-constexpr float kSlope = 0.3f; ///< of the upwind gradient about 1: beyond it a value is examined
-constexpr float kStep = 1.3f;  ///< voxels by which neighbours may differ unexamined
+/// Bounds of the upwind gradient, beyond which a value is examined; beside a corner that of a true
+/// distance falls to 0.6.
+constexpr float kLeastSlope = 0.5f, kMostSlope = 1.3f;
+constexpr float kStep = 1.3f; ///< voxels by which neighbours may differ unexamined
 /// The distance to the nearest crossing overestimates by up to half a voxel between crossings: an
 /// examined value within these bounds of it stays.
 constexpr float kAbove = 0.2f, kBelow = 0.35f;
@@ -229,7 +231,8 @@ private:
                 const float rise = std::max(a - lowest, 0.0f);
                 slope2 += rise * rise;
             }
-            const float slopeError = std::abs(std::sqrt(slope2) - 1);
+            const int wrongSlope =
+                (slope2 < kLeastSlope * kLeastSlope) | (slope2 > kMostSlope * kMostSlope);
             float highestCorner = 0;
             for (const int dx : {-kStride[0], kStride[0]})
                 for (const int dy : {-kStride[1], kStride[1]})
@@ -237,8 +240,7 @@ private:
                         std::max(highestCorner, std::max(std::abs(row[z + dx + dy - 1]),
                                                          std::abs(row[z + dx + dy + 1])));
             const auto n = std::size_t(z);
-            flags.doubtful[n] =
-                char((largestStep > kStep) | ((crosses == 0) & (slopeError > kSlope)));
+            flags.doubtful[n] = char((largestStep > kStep) | ((crosses == 0) & wrongSlope));
             flags.cornerMissing[n] = char((a < deep) & (highestCorner >= outside));
             flags.nearBand[n] = char(lowestOfAll < well);
         }
