@@ -178,6 +178,7 @@ struct Shape {
     double points, voxelSize;
     std::uint64_t components;
     std::int64_t euler;
+    double wall = 5; ///< thinnest, voxels
 };
 
 void PrintTo(const Shape& shape, std::ostream* out)
@@ -195,7 +196,7 @@ TEST_P(ReconstructShape, HasItsTopology)
     const Reconstruction r =
         reconstructed(test::randomScan(shape.description, shape.points), shape.voxelSize);
     expectTopology(r.levelSet, shape.components, shape.euler);
-    expectSound(r.levelSet);
+    if (shape.wall >= 2) expectSound(r.levelSet); // a thinner wall has no room for slopes
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -212,7 +213,7 @@ INSTANTIATE_TEST_SUITE_P(
                           "translate(box(1, 1, 0.2), 0.01, 0, -0.15))",
                           20000, 1.0 / 40, 2, 4},
                     // A voxel and a half thick.
-                    Shape{"rotate(slab(1, 1, 0.0375), 1, 2, 3, 20)", 12000, 1.0 / 40, 1, 2},
+                    Shape{"rotate(slab(1, 1, 0.0375), 1, 2, 3, 20)", 12000, 1.0 / 40, 1, 2, 1.5},
                     // Thin, and curved: a ball's wall of five voxels.
                     Shape{"difference(sphere(1), sphere(0.84375))", 30000, 1.0 / 32, 2, 4},
                     // A box through which a hole goes.

@@ -91,6 +91,24 @@ Bins binDipoles(const std::vector<Dipole>& dipoles, const NodeGrid& nodes, const
     return bins;
 }
 
+/// Nodes that some dipole's kernel may reach.
+std::vector<char> nodesNear(const Bins& bins, const NodeGrid& nodes)
+{
+    std::vector<char> near(nodes.size(), 0);
+    const auto& n = bins.cells.n;
+    for (int i = 0; i < n[0]; ++i)
+        for (int j = 0; j < n[1]; ++j)
+            for (int k = 0; k < n[2]; ++k) {
+                const std::size_t cell = bins.cells.index(i, j, k);
+                if (bins.start[cell] == bins.start[cell + 1]) continue;
+                for (int di = std::max(i - 1, 0); di <= std::min(i + 2, n[0]); ++di)
+                    for (int dj = std::max(j - 1, 0); dj <= std::min(j + 2, n[1]); ++dj)
+                        for (int dk = std::max(k - 1, 0); dk <= std::min(k + 2, n[2]); ++dk)
+                            near[nodes.index(di, dj, dk)] = 1;
+            }
+    return near;
+}
+
 /// What the dipoles around a node say of it.
 struct NodeSums {
     double weight = 0, value = 0, magnitude = 0;
@@ -126,6 +144,7 @@ Splats splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec
              double step, Progress& progress)
 {
     const Bins bins = binDipoles(dipoles, grid, corner, step);
+    const std::vector<char> near = nodesNear(bins, grid);
     Splats splats;
     splats.screening.assign(grid.size(), 0.0f);
     splats.value.assign(grid.size(), 0.0f);
@@ -134,6 +153,7 @@ Splats splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec
         progress.check();
         for (int j = 1; j < grid.n[1] - 1; ++j) {
             for (int k = 1; k < grid.n[2] - 1; ++k) {
+                if (!near[grid.index(i, j, k)]) continue;
                 NodeSums sums;
                 const Vec3d at = corner + step * Vec3d(i, j, k);
                 for (int ci = std::max(i - 2, 0); ci <= std::min(i + 1, bins.cells.n[0] - 1); ++ci)

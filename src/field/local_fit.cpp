@@ -23,6 +23,14 @@ double sum(const Group& g)
     return (g[0] + g[1]) + (g[2] + g[3]);
 }
 
+// Without contraction to FMA every clone computes the same bits.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) &&                   \
+    !defined(__SANITIZE_ADDRESS__)
+#define MPUVDB_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define MPUVDB_CLONES
+#endif
+
 /// Solve the normal equations M x = r, M symmetric semi-definite of O(1) entries, with the ridge
 /// @a ridge. Refined against M itself: directions that the points determine lose the ridge's bias
 /// (factor ridge / eigenvalue per step), others stay damped.
@@ -35,7 +43,7 @@ Eigen::Matrix<double, N, 1> solveRidged(const Eigen::Matrix<double, N, N>& M,
     damped.diagonal() += ridge;
     const Eigen::LLT<Eigen::Matrix<double, N, N>> factor(damped);
     Eigen::Matrix<double, N, 1> x = factor.solve(r);
-    for (int step = 0; step < 3; ++step) x += factor.solve(r - M * x);
+    for (int step = 0; step < 2; ++step) x += factor.solve(r - M * x);
     return x.allFinite() ? x : Eigen::Matrix<double, N, 1>::Zero();
 }
 
@@ -75,6 +83,7 @@ struct BivariateSystem {
     double scale = 0; ///< 1 / length; 0: the points have no extent
 };
 
+MPUVDB_CLONES
 BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, const Vec3d& origin,
                                 double totalWeight)
 {
@@ -253,8 +262,36 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
     }
 }
 
+/// Square of a gradient below which a fit counts as flat, its error as huge.
+constexpr double kFlat = 1e-200;
+
+/// Largest (confidence Q)^2 / |grad Q|^2 within the radius.
+MPUVDB_CLONES
+double worstSquared(const Quadric& q, const CellPoints& points, double testRadius)
+{
+    const auto& A = q.A;
+    const double radius2 = testRadius * testRadius;
+    Group worst{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group x = load(points.x, i), y = load(points.y, i), z = load(points.z, i);
+        const Group ax = A(0, 0) * x + A(0, 1) * y + A(0, 2) * z,
+                    ay = A(1, 0) * x + A(1, 1) * y + A(1, 2) * z,
+                    az = A(2, 0) * x + A(2, 1) * y + A(2, 2) * z;
+        const Group value = load(points.confidence, i) *
+                            (x * (ax + q.b[0]) + y * (ay + q.b[1]) + z * (az + q.b[2]) + q.c);
+        const Group gx = 2 * ax + q.b[0], gy = 2 * ay + q.b[1], gz = 2 * az + q.b[2];
+        const Group slope2 = gx * gx + gy * gy + gz * gz;
+        const Group flat = Group{} + kFlat;
+        const Group error2 = value * value / (slope2 > flat ? slope2 : flat);
+        const Group within = x * x + y * y + z * z < radius2 ? error2 : Group{};
+        worst = within > worst ? within : worst;
+    }
+    return std::max(std::max(worst[0], worst[1]), std::max(worst[2], worst[3]));
+}
+
 } // namespace
 
+MPUVDB_CLONES
 double nearestSquared(const CellPoints& points, const Vec3d& y, double enough)
 {
     Group nearest = Group{} + std::numeric_limits<double>::infinity();
@@ -343,7 +380,7 @@ Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t 
     const BivariateSystem system = bivariateSystem(points, frame, origin, totalWeight);
     if (!(system.scale > 0)) return planeThrough(origin, normal);
     Eigen::Matrix<double, 6, 1> ridge;
-    ridge << 1e-4, 1e-4, 1e-4, 1e-6, 1e-6, 1e-14;
+    ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-14;
     const Eigen::Matrix<double, 6, 1> k = solveRidged<6>(system.M, system.r, ridge);
 
     // Q = w - quadratic(u, v), back in world units about the centroid, then about the centre.
@@ -411,6 +448,7 @@ std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch)
 
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)
 {
+    if (!fit.isSharp()) return std::sqrt(worstSquared(fit.pieces[0], points, testRadius));
     const double radius2 = testRadius * testRadius;
     double worst2 = 0;
     for (std::size_t i = 0; i < points.count; ++i) {
@@ -418,11 +456,7 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
         if (!(y.squaredNorm() < radius2)) continue;
         const Quadric& q = fit.ruling(y);
         const double value = points.confidence[i] * q.value(y);
-        const double slope2 = q.gradient(y).squaredNorm();
-        if (slope2 > 0)
-            worst2 = std::max(worst2, value * value / slope2);
-        else if (value != 0)
-            return std::numeric_limits<double>::infinity();
+        worst2 = std::max(worst2, value * value / std::max(q.gradient(y).squaredNorm(), kFlat));
     }
     return std::sqrt(worst2);
 }

@@ -24,6 +24,9 @@ constexpr std::size_t kNeighbours = 12;
 constexpr double kRimSpacings =
     6; ///< a ball larger than this with fewer than N_min points is a rim
 
+constexpr double kHeirError =
+    0.02; ///< largest error, in radii, of a fit that empty cells take over
+
 /// Points of @a parent within @a radius of @a centre.
 void filterBall(const PointBatch& parent, const Vec3d& centre, double radius,
                 std::vector<std::uint32_t>& indices, PointBatch& out)
@@ -180,6 +183,8 @@ public:
     bool lastIsHeldUp(const Decision& decision, const OctreeCell& cell, double spacing) const
     {
         const double radius = supportRadius(cell.level);
+        // One surface with an edge in it, or two, says little where it was not near its points.
+        if (decision.result.error > kHeirError * radius) return false;
         const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
                                       heldUpGap(radius, mCell.radius, spacing));
         return gap <= heldUpGap(radius, mCell.radius, spacing);

@@ -93,7 +93,8 @@ private:
 /// What does not depend on the order in which voxels are looked at.
 struct Tallies {
     std::array<Tally, KindCount> of;
-    std::uint64_t active = 0, gradients = 0;
+    std::uint64_t active = 0;
+    std::array<std::uint64_t, 2> gradients = {}; ///< outside, inside
     double maxSteepness = 0;
     float lowest = 0, highest = 0;
 
@@ -101,12 +102,14 @@ struct Tallies {
     {
         for (int kind = 0; kind < KindCount; ++kind) of[kind].join(other.of[kind]);
         active += other.active;
-        gradients += other.gradients;
+        for (std::size_t side : {0, 1}) gradients[side] += other.gradients[side];
         maxSteepness = std::max(maxSteepness, other.maxSteepness);
         lowest = std::min(lowest, other.lowest);
         highest = std::max(highest, other.highest);
     }
 };
+
+using SideSums = std::array<double, 2>; ///< outside, inside
 
 using Row = std::uint32_t;
 constexpr int kPadded = kBlockDim + 2;
@@ -128,18 +131,18 @@ public:
     {
     }
 
-    /// Judge @a leaf. @return the sum of ||grad| - 1|.
-    double judge(const Leaf& leaf, Tallies& tallies)
+    /// Judge @a leaf. @return the sums of ||grad| - 1|.
+    SideSums judge(const Leaf& leaf, Tallies& tallies)
     {
         mOrigin = leaf.origin();
         load();
-        double steepness = 0;
+        SideSums steepness = {};
         for (int x = 1; x <= kBlockDim; ++x)
             for (int y = 1; y <= kBlockDim; ++y) {
                 judgeValues(x, y, tallies);
                 judgeSigns(x, y, tallies);
                 judgeBand(x, y, tallies);
-                steepness += judgeSteps(x, y, tallies);
+                judgeSteps(x, y, tallies, steepness);
             }
         return steepness;
     }
@@ -279,10 +282,9 @@ private:
     }
 
     /// Steps between active neighbours, and the gradient where all of them are active.
-    double judgeSteps(int x, int y, Tallies& tallies) const
+    void judgeSteps(int x, int y, Tallies& tallies, SideSums& sums) const
     {
         const auto& v = mValue;
-        double sum = 0;
         forEachBit(mActive[x][y] & kInner, [&](int z) {
             int steps = 0, actives = 0;
             forEachFace([&](int dx, int dy, int dz) {
@@ -291,30 +293,28 @@ private:
                 steps += on & int(std::abs(v[x + dx][y + dy][z + dz] - v[x][y][z]) > mLimits.step);
             });
             if (steps) tallies.of[Jump].add(coord(x, y, z), steps);
-            if (actives < 6 || isRidge(x, y, z)) return;
-            const float gx = v[x + 1][y][z] - v[x - 1][y][z], gy = v[x][y + 1][z] - v[x][y - 1][z],
-                        gz = v[x][y][z + 1] - v[x][y][z - 1];
+            if (actives < 6) return;
+            const float at = v[x][y][z];
+            const float gx = twiceSlope(v[x - 1][y][z], at, v[x + 1][y][z]),
+                        gy = twiceSlope(v[x][y - 1][z], at, v[x][y + 1][z]),
+                        gz = twiceSlope(v[x][y][z - 1], at, v[x][y][z + 1]);
             const float steepness =
                 std::abs(std::sqrt(gx * gx + gy * gy + gz * gz) / mLimits.twiceVoxel - 1);
             if (!std::isfinite(steepness)) return;
-            sum += steepness;
-            ++tallies.gradients;
+            const std::size_t side = at < 0;
+            sums[side] += steepness;
+            ++tallies.gradients[side];
             tallies.maxSteepness = std::max(tallies.maxSteepness, double(steepness));
             if (steepness > mLimits.steepness) tallies.of[Steepness].add(coord(x, y, z), steepness);
         });
-        return sum;
     }
 
-    /// Where two sides of the surface are equally near, a distance has no gradient.
-    bool isRidge(int x, int y, int z) const
+    /// Twice the slope along an axis: by central difference, but where the value turns between two
+    /// sides of the surface by the steeper side.
+    static float twiceSlope(float below, float at, float above)
     {
-        const float least = std::abs(mValue[x][y][z]) - 0.15f * mLimits.twiceVoxel;
-        const auto falls = [&](float below, float above) {
-            return std::abs(below) < least && std::abs(above) < least;
-        };
-        return falls(mValue[x - 1][y][z], mValue[x + 1][y][z]) ||
-               falls(mValue[x][y - 1][z], mValue[x][y + 1][z]) ||
-               falls(mValue[x][y][z - 1], mValue[x][y][z + 1]);
+        const float rise = at - below, next = above - at;
+        return rise * next < 0 ? 2 * std::max(std::abs(rise), std::abs(next)) : rise + next;
     }
 
     const openvdb::FloatGrid::ConstAccessor& mAccessor;
@@ -386,14 +386,14 @@ Tallies judgeTiles(const openvdb::FloatGrid& grid, const Limits& limits, Progres
     return tallies;
 }
 
-/// Judge all leaves; @a steepness becomes the sum of ||grad| - 1|, added up in the leaves' order.
-Tallies judgeLeaves(const openvdb::FloatGrid& grid, const Limits& limits, double& steepness,
+/// Judge all leaves; @a steepness becomes the sums of ||grad| - 1|, added up in the leaves' order.
+Tallies judgeLeaves(const openvdb::FloatGrid& grid, const Limits& limits, SideSums& steepness,
                     Progress& progress)
 {
     std::vector<const Leaf*> leaves;
     grid.tree().getNodes(leaves);
     progress.beginStage("check", double(std::max<std::size_t>(leaves.size(), 1)));
-    std::vector<double> sums(leaves.size());
+    std::vector<SideSums> sums(leaves.size());
     const Tallies tallies = tbb::parallel_reduce(
         tbb::blocked_range<std::size_t>(0, leaves.size(), 64), Tallies{},
         [&](const tbb::blocked_range<std::size_t>& range, Tallies part) {
@@ -410,8 +410,9 @@ Tallies judgeLeaves(const openvdb::FloatGrid& grid, const Limits& limits, double
             a.join(b);
             return a;
         });
-    steepness = 0;
-    for (const double sum : sums) steepness += sum;
+    steepness = {};
+    for (const SideSums& sum : sums)
+        for (std::size_t side : {0, 1}) steepness[side] += sum[side];
     return tallies;
 }
 
@@ -477,7 +478,7 @@ CheckReport check(const openvdb::FloatGrid& grid, Progress& progress, double gra
 
     const double voxelSize = latticeOf(grid.transform())->voxelSize;
     const Limits limits = limitsOf(grid, voxelSize, gradientTolerance);
-    double steepness = 0;
+    SideSums steepness = {};
     Tallies tallies = judgeLeaves(grid, limits, steepness, progress);
     tallies.join(judgeTiles(grid, limits, progress));
     progress.endStage();
@@ -486,7 +487,12 @@ CheckReport check(const openvdb::FloatGrid& grid, Progress& progress, double gra
     report.bandInside = -tallies.lowest / voxelSize;
     report.bandOutside = tallies.highest / voxelSize;
     report.maxGradientError = tallies.maxSteepness;
-    if (tallies.gradients) report.meanGradientError = steepness / double(tallies.gradients);
+    // The better side counts: inside a wall thinner than the band there is no room for a slope.
+    double mean = std::numeric_limits<double>::infinity();
+    for (std::size_t side : {0, 1})
+        if (const std::uint64_t n = tallies.gradients[side])
+            mean = std::min(mean, steepness[side] / double(n));
+    if (std::isfinite(mean)) report.meanGradientError = mean;
     for (int kind = 0; kind < KindCount; ++kind) {
         const Tally& tally = tallies.of[kind];
         if (tally.count == 0) continue;

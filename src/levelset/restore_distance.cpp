@@ -21,9 +21,9 @@ using openvdb::Coord;
 
 constexpr int kDim = 8, kHalo = kDim + 2;
 constexpr float kDiagonal = 1.7320508f;
-/// Bounds of the upwind gradient, beyond which a value is examined; beside a corner that of a true
-/// distance falls to 0.6.
-constexpr float kLeastSlope = 0.5f, kMostSlope = 1.3f;
+/// Bounds of the upwind gradient, beyond which a value is examined. Outside a corner that of a true
+/// distance a falls to 0.55, and below a = sqrt(3) voxels to 0.318 a.
+constexpr float kLeastSlope = 0.5f, kLeastSlopePerVoxel = 0.3f, kMostSlope = 1.3f;
 constexpr float kStep = 1.3f; ///< voxels by which neighbours may differ unexamined
 /// The distance to the nearest crossing overestimates by up to half a voxel between crossings: an
 /// examined value within these bounds of it stays.
@@ -231,8 +231,8 @@ private:
                 const float rise = std::max(a - lowest, 0.0f);
                 slope2 += rise * rise;
             }
-            const int wrongSlope =
-                (slope2 < kLeastSlope * kLeastSlope) | (slope2 > kMostSlope * kMostSlope);
+            const float least = std::min(kLeastSlope, kLeastSlopePerVoxel * a);
+            const int wrongSlope = (slope2 < least * least) | (slope2 > kMostSlope * kMostSlope);
             float highestCorner = 0;
             for (const int dx : {-kStride[0], kStride[0]})
                 for (const int dy : {-kStride[1], kStride[1]})
