@@ -128,108 +128,7 @@ BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, co
     return system;
 }
 
-/// Indices of the two normals of widest angle, and the cosine between them.
-struct WidestPair {
-    std::size_t first = 0, second = 0;
-    double cosine = 1;
-};
-
-WidestPair widestNormals(const CellPoints& points, const std::vector<std::uint32_t>& members)
-{
-    WidestPair widest;
-    for (std::size_t a = 0; a < members.size(); ++a) {
-        const Vec3d n = points.normal(members[a]);
-        for (std::size_t b = a + 1; b < members.size(); ++b) {
-            const double cosine = n.dot(points.normal(members[b]));
-            if (cosine < widest.cosine) widest = {members[a], members[b], cosine};
-        }
-    }
-    return widest;
-}
-
-constexpr double kFeatureCosine = 0.9;    // [Ohtake03 eq. 14]
-constexpr double kCornerCosine = 0.7;     // [Ohtake03 eq. 15]
-constexpr double kSpreadCosine = 0.974;   // half the angle of test (14), about the mean normal
-constexpr std::size_t kQuadraticFace = 8; // points that a face of an edge needs for curvature
-
-using Clusters = std::vector<std::vector<std::uint32_t>>;
-
-/// Spherical Voronoi cells of the members' normals about the axes; empty ones left out.
-Clusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_t>& members,
-                        const std::vector<Vec3d>& axes)
-{
-    Clusters clusters(axes.size());
-    for (const std::uint32_t i : members) {
-        std::size_t best = 0;
-        double bestCosine = -2;
-        for (std::size_t a = 0; a < axes.size(); ++a) {
-            const double cosine = axes[a].dot(points.normal(i));
-            if (cosine > bestCosine) {
-                bestCosine = cosine;
-                best = a;
-            }
-        }
-        clusters[best].push_back(i);
-    }
-    clusters.erase(
-        std::remove_if(clusters.begin(), clusters.end(), [](const auto& c) { return c.empty(); }),
-        clusters.end());
-    return clusters;
-}
-
-/// The paper's clusters: two for an edge, three or four for a corner; fewer than two: no feature.
-Clusters featureClusters(const CellPoints& points)
-{
-    std::vector<std::uint32_t> all(points.count);
-    for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
-    const WidestPair widest = widestNormals(points, all);
-    if (!(widest.cosine < kFeatureCosine)) return {};
-    const Vec3d n1 = points.normal(widest.first), n2 = points.normal(widest.second);
-    const Vec3d axis = n1.cross(n2);
-    if (axis.norm() < 1e-6) return clusterNormals(points, all, {n1, n2});
-    const Vec3d n3 = axis.normalized();
-    double extreme = 0;
-    for (std::size_t i = 0; i < points.count; ++i) {
-        const double cosine = n3.dot(points.normal(i));
-        if (std::abs(cosine) > std::abs(extreme)) extreme = cosine;
-    }
-    if (!(std::abs(extreme) > kCornerCosine)) return clusterNormals(points, all, {n1, n2});
-    Clusters clusters = clusterNormals(points, all, {n1, n2, extreme > 0 ? n3 : Vec3d(-n3)});
-    if (clusters.size() < 3) return clusters;
-    const WidestPair inThird = widestNormals(points, clusters[2]);
-    if (inThird.cosine < kFeatureCosine) {
-        const std::vector<std::uint32_t> third = std::move(clusters[2]);
-        clusters.pop_back();
-        for (auto& half : clusterNormals(
-                 points, third, {points.normal(inThird.first), points.normal(inThird.second)}))
-            clusters.push_back(std::move(half));
-    }
-    return clusters;
-}
-
-/// Keep of all ways to combine the faces [Ohtake03 §4c: convex, concave, or one face apart] the one
-/// nearest to the points.
-void combineFaces(LocalFit& fit, const CellPoints& points)
-{
-    const LocalFit faces = fit;
-    double best = std::numeric_limits<double>::infinity();
-    const auto attempt = [&](int alone, unsigned maxBits) {
-        LocalFit candidate = faces;
-        std::swap(candidate.pieces[0], candidate.pieces[std::size_t(alone)]);
-        candidate.maxBits = maxBits;
-        const double error = taubinError(candidate, points, points.radius);
-        if (error < best) {
-            best = error;
-            fit = candidate;
-        }
-    };
-    attempt(0, ~0u);
-    attempt(0, 0u);
-    for (int alone = 0; fit.count == 3 && alone < 3; ++alone) {
-        attempt(alone, 1u); // max(p0, min(p1, p2))
-        attempt(alone, 2u); // min(p0, max(p1, p2))
-    }
-}
+constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
 
 /// The cell's corners and centre, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
 void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3d>& q,
@@ -430,20 +329,6 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
     q.b = k.segment<3>(6);
     q.c = k[9] / scale;
     return q;
-}
-
-std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch)
-{
-    const Clusters clusters = featureClusters(points);
-    if (clusters.size() < 2) return std::nullopt;
-    LocalFit fit;
-    fit.count = int(clusters.size());
-    for (std::size_t a = 0; a < clusters.size(); ++a) {
-        scratch.assignSubset(points, clusters[a]);
-        fit.pieces[a] = fitBivariate(scratch, meanNormal(scratch), kQuadraticFace);
-    }
-    combineFaces(fit, points);
-    return fit;
 }
 
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)

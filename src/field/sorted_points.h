@@ -1,5 +1,7 @@
 // Points in Morton order, stored one array per coordinate, and ball queries on them.
 #pragma once
+#include "point_batch.h"
+
 #include <mpuvdb/point_cloud.h>
 
 #include <cstdint>
@@ -9,28 +11,6 @@ namespace mpuvdb
 {
 
 class Progress;
-
-/// Some points near a cell, one contiguous array per coordinate, local coordinates.
-struct PointBatch {
-    std::vector<float> x, y, z, nx, ny, nz, confidence;
-
-    std::size_t size() const { return x.size(); }
-    void clear()
-    {
-        forEach([](std::vector<float>& a) { a.clear(); });
-    }
-    void resize(std::size_t n)
-    {
-        forEach([n](std::vector<float>& a) { a.resize(n); });
-    }
-    std::size_t bytes() const { return 7 * sizeof(float) * x.capacity(); }
-
-    template <typename F>
-    void forEach(F f)
-    {
-        f(x), f(y), f(z), f(nx), f(ny), f(nz), f(confidence);
-    }
-};
 
 /// A cube of the octree: integer position at its level.
 struct OctreeCell {

@@ -1,0 +1,297 @@
+// What becomes of one cell: a leaf with its fit, or eight children.
+#pragma once
+#include "local_fit.h"
+#include "octree.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+
+constexpr std::size_t kSampleFrom = 400; ///< more points than this are tried on a sample first
+constexpr std::size_t kSample = 150;
+constexpr double kGrowth = 0.1; ///< lambda [Ohtake03 eq. 6]
+constexpr double kRimSpacings =
+    6; ///< a ball larger than this with fewer than N_min points is a rim
+
+constexpr double kHeirError =
+    0.02; ///< largest error, in radii, of a fit that empty cells take over
+
+/// The ball of a cell or of an ancestor: its points are all points within radius of centre.
+struct Ball {
+    const PointBatch* batch;
+    Vec3d centre;
+    double radius;
+};
+
+/// What was decided about a cell.
+struct Decision {
+    bool split = false;
+    bool fitted = true; ///< false: split without a fit
+    FitResult result;   ///< accepted, or rejected and split
+    double gap = 0;     ///< zeroSetGap of the fit, world units
+};
+
+/// A gap that leaves the support at 1.
+inline double fullSupportGap(double spacing, double radius)
+{
+    return std::max(2.5 * spacing, 0.2 * radius);
+}
+
+/// Support of a fit whose zero set ventures @a gap from the data: 1 up to a few spacings (or, in a
+/// large cell, a part of its size), falling smoothly to 0.
+inline double supportOf(double gap, double spacing, double radius)
+{
+    const double full = fullSupportGap(spacing, radius);
+    const double t = std::clamp(gap / full - 1, 0.0, 1.0);
+    return 1 - t * t * (3 - 2 * t);
+}
+
+/// Decides cells; scratch memory of one thread.
+class CellFitter
+{
+public:
+    CellFitter(const SortedPoints& points, const RootCube& root, const MpuSettings& settings)
+        : mPoints(points), mRoot(root), mSettings(settings)
+    {
+        mFit.tolerance = settings.tolerance;
+        mFit.minPoints = settings.minPoints;
+    }
+
+    double supportRadius(int level) const
+    {
+        return mSettings.alpha * std::sqrt(3.0) * mRoot.size(level);
+    }
+
+    /// Decide a cell whose ball holds @a ball (not empty). @a path: balls of its ancestors.
+    Decision decide(const OctreeCell& cell, const PointBatch& ball, const std::vector<Ball>& path,
+                    double spacing)
+    {
+        const double radius = supportRadius(cell.level), size = mRoot.size(cell.level);
+        Decision decision;
+        if (ball.size() > kSampleFrom) {
+            takeStrided(ball, ball.size() / kSample, mGrown);
+            decision = decideOn(mGrown, cell, radius, spacing);
+            if (decision.split) return decision;
+        }
+        if (ball.size() < std::size_t(mFit.minPoints) && radius > kRimSpacings * spacing &&
+            mRoot.size(cell.level + 1) >= 2 * mSettings.voxelSize) {
+            // Data would fill the ball with many more: this is their rim, and nothing here says how
+            // the surface goes on.
+            decision.split = true;
+            decision.fitted = false;
+            return decision;
+        }
+        const double grown = grow(ball, cell, path);
+        decision = decideOn(grown > radius ? mGrown : ball, cell, grown, spacing);
+        if (!decision.split && decision.result.error > mFit.tolerance && mSettings.sharp &&
+            mCell.count <= 8 * std::size_t(mFit.minPoints)) {
+            // The level limit stops the descent to few points: look for a feature all the same.
+            FitSettings last = mFit;
+            last.maxSharpPoints = mCell.count;
+            const FitResult sharp = fitCell(mCell, size, radius, last, mScratch);
+            if (sharp.error < decision.result.error) {
+                decision.result = sharp;
+                decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius,
+                                          fullSupportGap(spacing, radius));
+            }
+        }
+        return decision;
+    }
+
+    /// Whether the rejected fit that decide() last looked at may rule where the cell has no points.
+    bool lastIsHeldUp(const Decision& decision, const OctreeCell& cell, double spacing) const
+    {
+        const double radius = supportRadius(cell.level);
+        // One surface with an edge in it, or two, says little where it was not near its points.
+        if (decision.result.error > kHeirError * radius) return false;
+        const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
+                                      heldUpGap(radius, mCell.radius, spacing));
+        return gap <= heldUpGap(radius, mCell.radius, spacing);
+    }
+
+    /// Support of that fit in an empty child: its zero set near data, or, where it has none, no
+    /// farther from it than the data are.
+    double lastSupportIn(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
+                         double spacing) const
+    {
+        return supportInEmpty(decision.result.fit, mRoot.centre(child) - mRoot.centre(cell),
+                              supportRadius(child.level), spacing);
+    }
+
+    /// A fit for a cell with no points in its ball: the plane of the N_min points nearest to it
+    /// [Ohtake03 §3] among @a near (not empty).
+    LocalFit fitEmpty(const OctreeCell& cell, const PointBatch& near, double spacing,
+                      double& support)
+    {
+        const Vec3d centre = mRoot.centre(cell);
+        std::vector<std::pair<double, std::uint32_t>> order(near.size());
+        for (std::uint32_t i = 0; i < near.size(); ++i)
+            order[i] = {(Vec3d(near.x[i], near.y[i], near.z[i]) - centre).squaredNorm(), i};
+        const std::size_t count = std::min(near.size(), std::size_t(mFit.minPoints));
+        const auto last = order.begin() + std::ptrdiff_t(count - 1);
+        std::nth_element(order.begin(), last, order.end());
+        const double grown = std::sqrt(last->first) * (1 + 1e-6);
+        filterBall(near, centre, grown, mIndices, mGrown);
+        mCell.assign(mGrown, centre, grown);
+        LocalFit fit;
+        fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
+        support = supportInEmpty(fit, Vec3d::Zero(), supportRadius(cell.level), spacing);
+        return fit;
+    }
+
+    /// As above among a sample of all points.
+    LocalFit fitEmpty(const OctreeCell& cell, double spacing, double& support)
+    {
+        PointBatch near;
+        for (double cover = 2 * supportRadius(cell.level); near.size() == 0; cover *= 2) {
+            const std::size_t around = mPoints.countAround(cell, cover, mPoints.size());
+            mPoints.gather(cell, cover, 1 + around / kSampleFrom, near);
+        }
+        return fitEmpty(cell, near, spacing, support);
+    }
+
+private:
+    static double heldUpGap(double radius, double ballRadius, double spacing)
+    {
+        return std::max(0.2 * radius, std::min(0.45 * ballRadius, 5 * spacing));
+    }
+
+    /// @param centre  of the empty cell, relative to mCell's.
+    double supportInEmpty(const LocalFit& fit, const Vec3d& centre, double radius,
+                          double spacing) const
+    {
+        const double gap = zeroSetGap(fit, mCell, centre, radius, fullSupportGap(spacing, radius));
+        if (gap > 0) return supportOf(gap, spacing, radius);
+        // The surface is as far as the nearest point: not nearer, for lack of points there, and not
+        // farther, since a point is on it.
+        const Quadric& q = fit.ruling(centre);
+        const double claimed =
+            std::abs(q.value(centre)) / std::max(q.gradient(centre).norm(), 1e-6);
+        const double nearest = std::sqrt(nearestSquared(mCell, centre));
+        const double tooNear = supportOf(nearest - 1.2 * claimed, spacing, radius);
+        const double tooFar = supportOf(claimed - 1.3 * nearest, spacing, radius);
+        return std::min(tooNear, tooFar);
+    }
+
+    bool mayBeSplit(const OctreeCell& cell, const FitResult& result) const
+    {
+        const bool fine =
+            result.fit.isSharp() || result.opposedNormals ||
+            (mSettings.sharp && result.spreadNormals && result.error > mFit.tolerance);
+        return cell.level < SortedPoints::kMaxLevel &&
+               mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
+    }
+
+    Decision decideOn(const PointBatch& batch, const OctreeCell& cell, double ballRadius,
+                      double spacing)
+    {
+        const double radius = supportRadius(cell.level);
+        mCell.assign(batch, mRoot.centre(cell), ballRadius);
+        FitSettings fit = mFit;
+        fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
+        Decision decision;
+        decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
+        const bool mayBe = mayBeSplit(cell, decision.result);
+        if (decision.result.needsSplit || decision.result.error > mFit.tolerance) {
+            decision.split = mayBe;
+            if (mayBe) return decision;
+        }
+        decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
+                                  fullSupportGap(spacing, radius));
+        // A fit of few points at the data's rim is within tolerance and knows nothing of the ball.
+        decision.split = mayBe && decision.gap > heldUpGap(radius, ballRadius, spacing) &&
+                         (ballRadius <= 1.5 * radius || radius > 3 * spacing);
+        return decision;
+    }
+
+    /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min
+    /// points. Returns the radius; where it grew, mGrown holds the points.
+    double grow(const PointBatch& ball, const OctreeCell& cell, const std::vector<Ball>& path)
+    {
+        const Vec3d centre = mRoot.centre(cell);
+        const double radius = supportRadius(cell.level);
+        double sum = 0;
+        for (const float c : ball.confidence) sum += c;
+        const std::size_t most = 20 * std::size_t(mFit.minPoints);
+        if (sum >= mFit.minPoints || ball.size() >= most) return radius;
+        for (std::size_t up = path.size(); up-- > 0;) {
+            const double cover = path[up].radius - (path[up].centre - centre).norm();
+            const int steps = int(std::floor((cover / radius - 1) / kGrowth));
+            if (steps < 1) continue;
+            if (const int k = growthSteps(*path[up].batch, centre, radius, steps, most)) {
+                const double grown = radius * (1 + kGrowth * k);
+                filterBall(*path[up].batch, centre, grown, mIndices, mGrown);
+                return grown;
+            }
+        }
+        return growAmongAll(cell, most);
+    }
+
+    /// Smallest number of steps with which the ball of points in @a batch is large enough; 0: none
+    /// up to @a steps.
+    int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps,
+                    std::size_t most)
+    {
+        mStepConfidence.assign(std::size_t(steps) + 1, 0.0);
+        mStepCount.assign(std::size_t(steps) + 1, 0);
+        const Vec3f c = centre.cast<float>();
+        const auto reach = float(radius * (1 + kGrowth * steps));
+        const auto perStep = float(1 / (kGrowth * radius));
+        for (std::size_t i = 0; i < batch.size(); ++i) {
+            const float dx = batch.x[i] - c[0], dy = batch.y[i] - c[1], dz = batch.z[i] - c[2];
+            const float d2 = dx * dx + dy * dy + dz * dz;
+            if (d2 >= reach * reach) continue;
+            // The step whose ball is the first to hold the point.
+            const float step = (std::sqrt(d2) - float(radius)) * perStep + 1;
+            const auto k = std::min(std::size_t(std::max(step, 0.0f)), std::size_t(steps));
+            mStepConfidence[k] += batch.confidence[i];
+            ++mStepCount[k];
+        }
+        double sum = 0;
+        std::size_t count = 0;
+        for (int k = 0; k <= steps; ++k) {
+            sum += mStepConfidence[std::size_t(k)];
+            count += mStepCount[std::size_t(k)];
+            if (k > 0 && count > 0 && (sum >= mFit.minPoints || count >= most)) return k;
+        }
+        return 0;
+    }
+
+    /// As grow(), for a cell whose ancestors' balls are not at hand: in a wide ball, kept for the
+    /// cells that follow, and wider and wider if need be.
+    double growAmongAll(const OctreeCell& cell, std::size_t most)
+    {
+        const Vec3d centre = mRoot.centre(cell);
+        const double radius = supportRadius(cell.level);
+        for (double wanted = 2.5 * radius;; wanted *= 2) {
+            const double cover = mWideRadius - (mWideCentre - centre).norm();
+            const int steps = int(std::floor((cover / radius - 1) / kGrowth));
+            int k = steps > 0 ? growthSteps(mWide, centre, radius, steps, most) : 0;
+            if (k == 0 && steps > 0 && mWide.size() == mPoints.size()) k = steps; // no more points
+            if (k > 0) {
+                const double grown = radius * (1 + kGrowth * k);
+                filterBall(mWide, centre, grown, mIndices, mGrown);
+                return grown;
+            }
+            mPoints.gather(cell, wanted, 1, mWide);
+            mWideCentre = centre;
+            mWideRadius = wanted;
+        }
+    }
+
+    const SortedPoints& mPoints;
+    const RootCube& mRoot;
+    const MpuSettings& mSettings;
+    FitSettings mFit;
+    CellPoints mCell, mScratch;
+    PointBatch mGrown, mWide;
+    Vec3d mWideCentre = Vec3d::Zero(); ///< of the ball whose points mWide holds
+    double mWideRadius = 0;
+    std::vector<std::uint32_t> mIndices;
+    std::vector<double> mStepConfidence;
+    std::vector<std::size_t> mStepCount;
+};
+
+} // namespace mpuvdb
