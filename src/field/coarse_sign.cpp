@@ -211,7 +211,7 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
 {
     const double spacing = meanSpacing(points, root);
     const double extent = std::max(bounds.sizes().maxCoeff(), 4 * spacing);
-    mStep = std::max(extent * (1 + 2 * kPad) / kMaxNodes, 2 * spacing);
+    mStep = std::max(extent * (1 + 2 * kPad) / kMaxNodes, 3 * spacing);
     for (int k = 0; k < 3; ++k) {
         const double side = bounds.sizes()[k] + 2 * kPad * extent;
         mGrid.n[std::size_t(k)] = 16 * std::max(1, int(std::ceil(side / mStep / 16))) + 1;
