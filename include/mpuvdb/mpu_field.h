@@ -31,8 +31,8 @@ struct MpuStatistics {
     std::uint64_t bytes = 0;         ///< held by the field
 };
 
-/// The blended local fits of an adaptive octree, normalised to a distance by the blended gradient; and
-/// a coarse field of the whole model where no data support them.
+/// The blended local fits of an adaptive octree, normalised to a distance by the blended gradient;
+/// and a coarse field of the whole model where no data support them.
 class MpuField final : public Field
 {
 public:
