@@ -9,8 +9,8 @@
 namespace mpuvdb
 {
 
-constexpr std::size_t kSampleFrom = 160; ///< more points than this are tried on a sample first
-constexpr std::size_t kSample = 64;
+constexpr std::size_t kSampleFrom = 400; ///< more points than this are tried on a sample first
+constexpr std::size_t kSample = 150;
 constexpr double kGrowth = 0.1; ///< lambda [Ohtake03 eq. 6]
 constexpr double kRimSpacings =
     6; ///< a ball larger than this with fewer than N_min points is a rim
