@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <fmt/format.h>
-#include <tbb/parallel_sort.h>
 
 namespace mpuvdb
 {

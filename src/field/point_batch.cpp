@@ -36,15 +36,7 @@ void filterBall(const PointBatch& parent, const Vec3d& centre, double radius,
 void takeStrided(const PointBatch& from, std::size_t stride, PointBatch& out)
 {
     out.clear();
-    for (std::size_t i = 0; i < from.size(); i += stride) {
-        out.x.push_back(from.x[i]);
-        out.y.push_back(from.y[i]);
-        out.z.push_back(from.z[i]);
-        out.nx.push_back(from.nx[i]);
-        out.ny.push_back(from.ny[i]);
-        out.nz.push_back(from.nz[i]);
-        out.confidence.push_back(from.confidence[i]);
-    }
+    for (std::size_t i = 0; i < from.size(); i += stride) out.append(from, i);
 }
 
 constexpr std::size_t kNeighbours = 12;

@@ -21,6 +21,17 @@ struct PointBatch {
     {
         forEach([n](std::vector<float>& a) { a.resize(n); });
     }
+    /// Add point @a i of @a from.
+    void append(const PointBatch& from, std::size_t i)
+    {
+        x.push_back(from.x[i]);
+        y.push_back(from.y[i]);
+        z.push_back(from.z[i]);
+        nx.push_back(from.nx[i]);
+        ny.push_back(from.ny[i]);
+        nz.push_back(from.nz[i]);
+        confidence.push_back(from.confidence[i]);
+    }
     std::size_t bytes() const { return 7 * sizeof(float) * x.capacity(); }
 
     template <typename F>

@@ -217,7 +217,7 @@ void SortedPoints::gather(const OctreeCell& cell, double radius, std::size_t str
         for (; n < range.end; n += stride) {
             const float dx = mPoints.x[n] - c[0], dy = mPoints.y[n] - c[1],
                         dz = mPoints.z[n] - c[2];
-            if (dx * dx + dy * dy + dz * dz < radius2) append(n, out);
+            if (dx * dx + dy * dy + dz * dz < radius2) out.append(mPoints, n);
         }
         skip = n - range.end;
         return true;
@@ -241,17 +241,6 @@ std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const Oct
     for (int octant = 0; octant < 8 && count <= limit; ++octant)
         count += countIn(box, limit, cell.child(octant));
     return count;
-}
-
-void SortedPoints::append(std::size_t n, PointBatch& out) const
-{
-    out.x.push_back(mPoints.x[n]);
-    out.y.push_back(mPoints.y[n]);
-    out.z.push_back(mPoints.z[n]);
-    out.nx.push_back(mPoints.nx[n]);
-    out.ny.push_back(mPoints.ny[n]);
-    out.nz.push_back(mPoints.nz[n]);
-    out.confidence.push_back(mPoints.confidence[n]);
 }
 
 } // namespace mpuvdb

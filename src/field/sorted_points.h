@@ -75,7 +75,6 @@ private:
         std::size_t begin, end;
     };
     Range cellRange(const OctreeCell& cell) const;
-    void append(std::size_t index, PointBatch& out) const;
     OctreeCell coveringCell(OctreeCell cell, double radius) const;
     template <typename F>
     void forEachAround(const OctreeCell& cell, double radius, F f) const;
