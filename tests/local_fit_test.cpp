@@ -21,18 +21,15 @@ CellPoints cellOf(const std::vector<Vec3d>& positions, const std::vector<Vec3d>&
                   double radius, double confidence = 1)
 {
     CellPoints cell;
-    cell.count = positions.size();
+    cell.setCount(positions.size());
     cell.radius = radius;
-    const std::size_t groups = (cell.count + CellPoints::kGroup - 1) / CellPoints::kGroup;
-    for (auto* a :
-         {&cell.x, &cell.y, &cell.z, &cell.nx, &cell.ny, &cell.nz, &cell.weight, &cell.confidence})
-        a->assign(groups * CellPoints::kGroup, 0.0);
     for (std::size_t i = 0; i < cell.count; ++i) {
         cell.x[i] = positions[i][0], cell.y[i] = positions[i][1], cell.z[i] = positions[i][2];
         cell.nx[i] = normals[i][0], cell.ny[i] = normals[i][1], cell.nz[i] = normals[i][2];
         cell.confidence[i] = confidence;
         cell.weight[i] = confidence * bsplineWeight(1.5 * positions[i].norm() / radius);
     }
+    cell.pad();
     return cell;
 }
 
@@ -485,7 +482,7 @@ TEST(NearestSquared, IsThatOfTheNearest)
     for (const std::size_t count : {1u, 3u, 4u, 5u, 30u}) {
         std::vector<Vec3d> positions;
         for (std::size_t i = 0; i < count; ++i)
-            positions.push_back(random.inBall(1) + Vec3d(2, 0, 0)); // the padding is nearer
+            positions.push_back(random.inBall(1) + Vec3d(2, 0, 0));
         const std::vector<Vec3d> normals(count, Vec3d(0, 0, 1));
         const Vec3d y = random.inBall(1);
         double nearest = std::numeric_limits<double>::infinity();

@@ -124,12 +124,13 @@ TEST(SortedPoints, GathersTheBall)
     Random random(3);
     for (const auto& positions : clouds(random)) {
         const SortedPoints points = sorted(cloudOf(positions, random, true));
-        PointBatch found, expected;
+        PointBatch found;
+        BatchFilter filter;
         for (int query = 0; query < 60; ++query) {
             const OctreeCell cell = randomCell(random);
             const double radius = kRoot.size(cell.level) * random.uniform(0.3, 3);
             const Vec3d centre = kRoot.centre(cell);
-            points.gather(cell, radius, 1, found);
+            points.gather(cell, radius, 1, filter, found);
             // Points on the ball's border by less than rounding may be in or out.
             std::size_t surely = 0, perhaps = 0;
             for (std::size_t i = 0; i < points.size(); ++i) {
@@ -152,10 +153,11 @@ TEST(SortedPoints, GathersEveryNthOfTheSurroundings)
     const auto positions = clouds(random)[0];
     const SortedPoints points = sorted(cloudOf(positions, random, true));
     PointBatch found;
+    BatchFilter filter;
     for (const std::size_t stride : {1u, 2u, 7u, 100u}) {
-        points.gather({}, 100, stride, found); // all of them are in the ball
+        points.gather({}, 100, stride, filter, found); // all of them are in the ball
         EXPECT_EQ(found.size(), (points.size() + stride - 1) / stride);
-        points.gather({1, 0, 0, 0}, 100, stride, found);
+        points.gather({1, 0, 0, 0}, 100, stride, filter, found);
         EXPECT_EQ(found.size(), (points.size() + stride - 1) / stride);
     }
 }

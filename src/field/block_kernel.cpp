@@ -2,16 +2,10 @@
 
 #include "quadric.h"
 
+#include <mpuvdb/clones.h>
+
 #include <algorithm>
 #include <cmath>
-
-// Without contraction to FMA every clone computes the same bits.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) &&                   \
-    !defined(__SANITIZE_ADDRESS__)
-#define MPUVDB_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
-#else
-#define MPUVDB_CLONES
-#endif
 
 namespace mpuvdb
 {
@@ -30,7 +24,7 @@ void BlockSums::clear()
     for (auto* a : {&weight, &value, &gx, &gy, &gz, &unsupported}) a->fill(0);
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void addCell(const KernelCell& cell, BlockSums& sums)
 {
     const float radius2 = cell.radius * cell.radius, scale = 1.5f / cell.radius;
@@ -94,7 +88,7 @@ void addCell(const KernelCell& cell, BlockSums& sums)
     }
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void normalise(const BlockSums& sums, float limit, BlockValues& values)
 {
     for (size_t i = 0; i < size_t(kBlockVoxels); ++i) {

@@ -71,7 +71,7 @@ public:
         const double radius = supportRadius(cell.level), size = mRoot.size(cell.level);
         Decision decision;
         if (ball.size() > kSampleFrom) {
-            takeStrided(ball, ball.size() / kSample, mGrown);
+            mFilter.strided(ball, ball.size() / kSample, mGrown);
             decision = decideOn(mGrown, cell, radius, spacing);
             if (decision.split) return decision;
         }
@@ -126,14 +126,8 @@ public:
                       double& support)
     {
         const Vec3d centre = mRoot.centre(cell);
-        std::vector<std::pair<double, std::uint32_t>> order(near.size());
-        for (std::uint32_t i = 0; i < near.size(); ++i)
-            order[i] = {(Vec3d(near.x[i], near.y[i], near.z[i]) - centre).squaredNorm(), i};
-        const std::size_t count = std::min(near.size(), std::size_t(mFit.minPoints));
-        const auto last = order.begin() + std::ptrdiff_t(count - 1);
-        std::nth_element(order.begin(), last, order.end());
-        const double grown = std::sqrt(last->first) * (1 + 1e-6);
-        filterBall(near, centre, grown, mIndices, mGrown);
+        const double last = mFilter.nearest(near, centre, std::size_t(mFit.minPoints), mGrown);
+        const double grown = last * (1 + 1e-6);
         mCell.assign(mGrown, centre, grown);
         LocalFit fit;
         fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
@@ -147,7 +141,7 @@ public:
         PointBatch near;
         for (double cover = 2 * supportRadius(cell.level); near.size() == 0; cover *= 2) {
             const std::size_t around = mPoints.countAround(cell, cover, mPoints.size());
-            mPoints.gather(cell, cover, 1 + around / kSampleFrom, near);
+            mPoints.gather(cell, cover, 1 + around / kSampleFrom, mFilter, near);
         }
         return fitEmpty(cell, near, spacing, support);
     }
@@ -222,7 +216,7 @@ private:
             if (steps < 1) continue;
             if (const int k = growthSteps(*path[up].batch, centre, radius, steps, most)) {
                 const double grown = radius * (1 + kGrowth * k);
-                filterBall(*path[up].batch, centre, grown, mIndices, mGrown);
+                mFilter.ball(*path[up].batch, centre, grown, mGrown);
                 return grown;
             }
         }
@@ -272,10 +266,10 @@ private:
             if (k == 0 && steps > 0 && mWide.size() == mPoints.size()) k = steps; // no more points
             if (k > 0) {
                 const double grown = radius * (1 + kGrowth * k);
-                filterBall(mWide, centre, grown, mIndices, mGrown);
+                mFilter.ball(mWide, centre, grown, mGrown);
                 return grown;
             }
-            mPoints.gather(cell, wanted, 1, mWide);
+            mPoints.gather(cell, wanted, 1, mFilter, mWide);
             mWideCentre = centre;
             mWideRadius = wanted;
         }
@@ -286,10 +280,10 @@ private:
     const MpuSettings& mSettings;
     FitSettings mFit;
     CellPoints mCell, mScratch;
+    BatchFilter mFilter;
     PointBatch mGrown, mWide;
     Vec3d mWideCentre = Vec3d::Zero(); ///< of the ball whose points mWide holds
     double mWideRadius = 0;
-    std::vector<std::uint32_t> mIndices;
     std::vector<double> mStepConfidence;
     std::vector<std::size_t> mStepCount;
 };

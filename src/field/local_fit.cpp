@@ -1,6 +1,7 @@
 #include "local_fit.h"
 
-#include <Eigen/Cholesky>
+#include <mpuvdb/clones.h>
+
 #include <algorithm>
 #include <array>
 #include <limits>
@@ -23,13 +24,41 @@ double sum(const Group& g)
     return (g[0] + g[1]) + (g[2] + g[3]);
 }
 
-// Without contraction to FMA every clone computes the same bits.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) &&                   \
-    !defined(__SANITIZE_ADDRESS__)
-#define MPUVDB_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define MPUVDB_CLONES
-#endif
+/// Factors M = L D L^T of a small symmetric positive definite matrix: Eigen's own loops are not
+/// unrolled at these sizes and take three times as long.
+template <int N>
+class SmallCholesky
+{
+public:
+    explicit SmallCholesky(const Eigen::Matrix<double, N, N>& M)
+    {
+        double scaled[N][N]; // L D
+        for (int j = 0; j < N; ++j) {
+            double pivot = M(j, j);
+            for (int k = 0; k < j; ++k) pivot -= mLower[j][k] * scaled[j][k];
+            mInverse[j] = 1 / pivot;
+            for (int i = j + 1; i < N; ++i) {
+                double entry = M(i, j);
+                for (int k = 0; k < j; ++k) entry -= mLower[i][k] * scaled[j][k];
+                scaled[i][j] = entry;
+                mLower[i][j] = entry * mInverse[j];
+            }
+        }
+    }
+    Eigen::Matrix<double, N, 1> solve(const Eigen::Matrix<double, N, 1>& r) const
+    {
+        Eigen::Matrix<double, N, 1> x = r;
+        for (int i = 1; i < N; ++i)
+            for (int k = 0; k < i; ++k) x[i] -= mLower[i][k] * x[k];
+        for (int i = 0; i < N; ++i) x[i] *= mInverse[i];
+        for (int i = N - 2; i >= 0; --i)
+            for (int k = i + 1; k < N; ++k) x[i] -= mLower[k][i] * x[k];
+        return x;
+    }
+
+private:
+    double mLower[N][N], mInverse[N];
+};
 
 /// Solve the normal equations M x = r, M symmetric semi-definite of O(1) entries, with the ridge
 /// @a ridge. Refined against M itself: directions that the points determine lose the ridge's bias
@@ -41,7 +70,7 @@ Eigen::Matrix<double, N, 1> solveRidged(const Eigen::Matrix<double, N, N>& M,
 {
     Eigen::Matrix<double, N, N> damped = M;
     damped.diagonal() += ridge;
-    const Eigen::LLT<Eigen::Matrix<double, N, N>> factor(damped);
+    const SmallCholesky<N> factor(damped);
     Eigen::Matrix<double, N, 1> x = factor.solve(r);
     for (int step = 0; step < 2; ++step) x += factor.solve(r - M * x);
     return x.allFinite() ? x : Eigen::Matrix<double, N, 1>::Zero();
@@ -164,22 +193,50 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
 /// Square of a gradient below which a fit counts as flat, its error as huge.
 constexpr double kFlat = 1e-200;
 
-/// Largest (confidence Q)^2 / |grad Q|^2 within the radius.
-MPUVDB_CLONES
-double worstSquared(const Quadric& q, const CellPoints& points, double testRadius)
+/// A fit at four points.
+struct Samples {
+    Group value, gx, gy, gz;
+};
+
+[[gnu::always_inline]] inline Samples sampleQuadric(const Quadric& q, const Group& x,
+                                                    const Group& y, const Group& z)
 {
     const auto& A = q.A;
+    const Group ax = A(0, 0) * x + A(0, 1) * y + A(0, 2) * z,
+                ay = A(1, 0) * x + A(1, 1) * y + A(1, 2) * z,
+                az = A(2, 0) * x + A(2, 1) * y + A(2, 2) * z;
+    return {x * (ax + q.b[0]) + y * (ay + q.b[1]) + z * (az + q.b[2]) + q.c, 2 * ax + q.b[0],
+            2 * ay + q.b[1], 2 * az + q.b[2]};
+}
+
+/// As LocalFit::ruling chooses.
+[[gnu::always_inline]] inline Samples sampleFit(const LocalFit& fit, const Group& x, const Group& y,
+                                                const Group& z)
+{
+    Samples s = sampleQuadric(fit.pieces[std::size_t(fit.count - 1)], x, y, z);
+    for (int k = fit.count - 2; k >= 0; --k) {
+        const Samples other = sampleQuadric(fit.pieces[std::size_t(k)], x, y, z);
+        const double sign = fit.isMax(k) ? 1 : -1;
+        const auto take = sign * other.value > sign * s.value;
+        s.value = take ? other.value : s.value;
+        s.gx = take ? other.gx : s.gx;
+        s.gy = take ? other.gy : s.gy;
+        s.gz = take ? other.gz : s.gz;
+    }
+    return s;
+}
+
+/// Largest (confidence Q)^2 / |grad Q|^2 within the radius.
+MPUVDB_CLONES
+double worstSquared(const LocalFit& fit, const CellPoints& points, double testRadius)
+{
     const double radius2 = testRadius * testRadius;
     Group worst{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
         const Group x = load(points.x, i), y = load(points.y, i), z = load(points.z, i);
-        const Group ax = A(0, 0) * x + A(0, 1) * y + A(0, 2) * z,
-                    ay = A(1, 0) * x + A(1, 1) * y + A(1, 2) * z,
-                    az = A(2, 0) * x + A(2, 1) * y + A(2, 2) * z;
-        const Group value = load(points.confidence, i) *
-                            (x * (ax + q.b[0]) + y * (ay + q.b[1]) + z * (az + q.b[2]) + q.c);
-        const Group gx = 2 * ax + q.b[0], gy = 2 * ay + q.b[1], gz = 2 * az + q.b[2];
-        const Group slope2 = gx * gx + gy * gy + gz * gz;
+        const Samples s = sampleFit(fit, x, y, z);
+        const Group value = load(points.confidence, i) * s.value;
+        const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
         const Group flat = Group{} + kFlat;
         const Group error2 = value * value / (slope2 > flat ? slope2 : flat);
         const Group within = x * x + y * y + z * z < radius2 ? error2 : Group{};
@@ -188,61 +245,141 @@ double worstSquared(const Quadric& q, const CellPoints& points, double testRadiu
     return std::max(std::max(worst[0], worst[1]), std::max(worst[2], worst[3]));
 }
 
-} // namespace
-
+/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough),
+/// looked for from @a start on, around to it; then @a start is where to look for one near y.
 MPUVDB_CLONES
-double nearestSquared(const CellPoints& points, const Vec3d& y, double enough)
+double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std::size_t& start)
 {
-    Group nearest = Group{} + std::numeric_limits<double>::infinity();
     constexpr std::size_t kRun = 4 * CellPoints::kGroup; // between looks at what was found
-    const std::size_t whole = points.count / CellPoints::kGroup * CellPoints::kGroup;
+    const std::size_t end = points.paddedCount();
     double least = std::numeric_limits<double>::infinity();
-    for (std::size_t run = 0; run < whole; run += kRun) {
-        for (std::size_t i = run; i < std::min(run + kRun, whole); i += CellPoints::kGroup) {
+    std::size_t run = start < end ? start : 0;
+    for (std::size_t seen = 0; seen < end; seen += kRun, run = run + kRun < end ? run + kRun : 0) {
+        Group nearest = Group{} + std::numeric_limits<double>::infinity();
+        for (std::size_t i = run; i < std::min(run + kRun, end); i += CellPoints::kGroup) {
             const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
                         dz = load(points.z, i) - y[2];
             const Group d2 = dx * dx + dy * dy + dz * dz;
             nearest = d2 < nearest ? d2 : nearest;
         }
-        least = std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
-        if (least <= enough) return least;
+        const double found =
+            std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
+        if (found < least) {
+            least = found;
+            start = run;
+            if (least <= enough) return least;
+        }
     }
-    for (std::size_t i = whole; i < points.count; ++i)
-        least = std::min(least, (points.position(i) - y).squaredNorm());
     return least;
 }
 
-void CellPoints::resize(std::size_t n)
+/// Where Newton steps from 15 points of the unit ball, and the middle once more, lead.
+struct Probes {
+    static constexpr std::size_t kCount = 16;
+    double x[kCount], y[kCount], z[kCount];
+
+    Probes()
+    {
+        const auto set = [this](std::size_t n, double px, double py, double pz) {
+            x[n] = px, y[n] = py, z[n] = pz;
+        };
+        set(0, 0, 0, 0), set(15, 0, 0, 0);
+        for (int k = 0; k < 6; ++k) {
+            const double far = k & 1 ? -0.6 : 0.6;
+            set(std::size_t(1 + k), k / 2 == 0 ? far : 0, k / 2 == 1 ? far : 0,
+                k / 2 == 2 ? far : 0);
+        }
+        for (int k = 0; k < 8; ++k)
+            set(std::size_t(7 + k), k & 1 ? 0.45 : -0.45, k & 2 ? 0.45 : -0.45,
+                k & 4 ? 0.45 : -0.45);
+    }
+};
+
+/// Take all probes from @a unit in the ball of @a radius about @a centre two steps towards the zero
+/// set; bit n of the result: probe n is within 0.85 radius.
+MPUVDB_CLONES
+unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& centre, double radius,
+                         const Probes& unit, Probes& probes)
 {
-    for (auto* a : {&x, &y, &z, &nx, &ny, &nz, &weight, &confidence}) a->assign(n, 0.0);
+    unsigned landed = 0;
+    const double reach2 = 0.85 * 0.85 * radius * radius;
+    for (std::size_t n = 0; n < Probes::kCount; n += CellPoints::kGroup) {
+        const auto at = [n](const double* a) { return Group{a[n], a[n + 1], a[n + 2], a[n + 3]}; };
+        Group x = centre[0] + radius * at(unit.x), y = centre[1] + radius * at(unit.y),
+              z = centre[2] + radius * at(unit.z);
+        for (int step = 0; step < 2; ++step) {
+            const Samples s = sampleFit(fit, x, y, z);
+            const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
+            const Group least = Group{} + 1e-6;
+            const Group length = s.value / (slope2 > least ? slope2 : least);
+            x -= s.gx * length;
+            y -= s.gy * length;
+            z -= s.gz * length;
+        }
+        const Group dx = x - centre[0], dy = y - centre[1], dz = z - centre[2];
+        const Group d2 = dx * dx + dy * dy + dz * dz;
+        for (std::size_t k = 0; k < CellPoints::kGroup; ++k) {
+            probes.x[n + k] = x[k], probes.y[n + k] = y[k], probes.z[n + k] = z[k];
+            landed |= unsigned(d2[k] < reach2) << (n + k);
+        }
+    }
+    return landed;
 }
 
+} // namespace
+
+double nearestSquared(const CellPoints& points, const Vec3d& y, double enough)
+{
+    std::size_t start = 0;
+    return nearestFrom(points, y, enough, start);
+}
+
+void CellPoints::setCount(std::size_t n)
+{
+    count = n;
+    const std::size_t padded = (n + kGroup - 1) / kGroup * kGroup;
+    for (auto* a : {&x, &y, &z, &nx, &ny, &nz, &weight, &confidence}) a->resize(padded);
+}
+
+// No nearer to anything than the points.
+void CellPoints::pad()
+{
+    for (std::size_t i = count; i < x.size(); ++i) {
+        for (auto* a : {&x, &y, &z, &nx, &ny, &nz}) (*a)[i] = (*a)[count - 1];
+        weight[i] = confidence[i] = 0;
+    }
+}
+
+MPUVDB_CLONES
 void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double ballRadius)
 {
-    count = batch.size();
+    setCount(batch.size());
     radius = ballRadius;
-    resize((count + kGroup - 1) / kGroup * kGroup);
+    const auto copy = [n = count](const std::vector<float>& from, std::vector<double>& to,
+                                  double origin) {
+        for (std::size_t i = 0; i < n; ++i) to[i] = double(from[i]) - origin;
+    };
+    copy(batch.x, x, centre[0]);
+    copy(batch.y, y, centre[1]);
+    copy(batch.z, z, centre[2]);
+    copy(batch.nx, nx, 0);
+    copy(batch.ny, ny, 0);
+    copy(batch.nz, nz, 0);
+    copy(batch.confidence, confidence, 0);
+    pad();
     const double scale = 1.5 / ballRadius;
-    for (std::size_t i = 0; i < count; ++i) {
-        x[i] = batch.x[i] - centre[0];
-        y[i] = batch.y[i] - centre[1];
-        z[i] = batch.z[i] - centre[2];
-        nx[i] = batch.nx[i];
-        ny[i] = batch.ny[i];
-        nz[i] = batch.nz[i];
-        confidence[i] = batch.confidence[i];
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-        const double t = std::sqrt(x[i] * x[i] + y[i] * y[i] + z[i] * z[i]) * scale;
-        weight[i] = confidence[i] * bsplineWeight(t);
+    for (std::size_t i = 0; i < x.size(); i += kGroup) {
+        const Group gx = load(x, i), gy = load(y, i), gz = load(z, i);
+        const Group d2 = gx * gx + gy * gy + gz * gz;
+        for (std::size_t k = 0; k < kGroup; ++k)
+            weight[i + k] = confidence[i + k] * bsplineWeight(std::sqrt(d2[k]) * scale);
     }
 }
 
 void CellPoints::assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members)
 {
-    count = members.size();
+    setCount(members.size());
     radius = other.radius;
-    resize((count + kGroup - 1) / kGroup * kGroup);
     for (std::size_t i = 0; i < count; ++i) {
         const std::uint32_t m = members[i];
         x[i] = other.x[m];
@@ -254,6 +391,7 @@ void CellPoints::assignSubset(const CellPoints& other, const std::vector<std::ui
         confidence[i] = other.confidence[m];
         weight[i] = other.weight[m];
     }
+    pad();
 }
 
 Vec3d meanNormal(const CellPoints& points)
@@ -333,43 +471,21 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
 
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)
 {
-    if (!fit.isSharp()) return std::sqrt(worstSquared(fit.pieces[0], points, testRadius));
-    const double radius2 = testRadius * testRadius;
-    double worst2 = 0;
-    for (std::size_t i = 0; i < points.count; ++i) {
-        const Vec3d y = points.position(i);
-        if (!(y.squaredNorm() < radius2)) continue;
-        const Quadric& q = fit.ruling(y);
-        const double value = points.confidence[i] * q.value(y);
-        worst2 = std::max(worst2, value * value / std::max(q.gradient(y).squaredNorm(), kFlat));
-    }
-    return std::sqrt(worst2);
+    return std::sqrt(worstSquared(fit, points, testRadius));
 }
 
 double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
                   double enough)
 {
-    static const std::array<Vec3d, 15> probes = [] {
-        std::array<Vec3d, 15> p;
-        p[0] = Vec3d::Zero();
-        for (int k = 0; k < 3; ++k) {
-            p[std::size_t(1 + 2 * k)] = 0.6 * Vec3d::Unit(k);
-            p[std::size_t(2 + 2 * k)] = -0.6 * Vec3d::Unit(k);
-        }
-        for (int k = 0; k < 8; ++k)
-            p[std::size_t(7 + k)] = 0.45 * Vec3d(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
-        return p;
-    }();
+    static const Probes unit;
+    Probes probes;
+    const unsigned landed = stepOntoZeroSet(fit, centre, radius, unit, probes);
     double gap2 = 0;
-    for (const Vec3d& probe : probes) {
-        Vec3d y = centre + probe * radius;
-        for (int step = 0; step < 2; ++step) {
-            const Quadric& q = fit.ruling(y);
-            const Vec3d g = q.gradient(y);
-            y -= g * (q.value(y) / std::max(g.squaredNorm(), 1e-6));
-        }
-        if ((y - centre).norm() < 0.85 * radius)
-            gap2 = std::max(gap2, nearestSquared(points, y, enough * enough));
+    std::size_t start = 0;
+    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) { // the last is the first again
+        if (!(landed >> n & 1u)) continue;
+        const Vec3d y(probes.x[n], probes.y[n], probes.z[n]);
+        gap2 = std::max(gap2, nearestFrom(points, y, enough * enough, start));
     }
     return std::sqrt(gap2);
 }

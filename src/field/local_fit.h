@@ -10,7 +10,7 @@ namespace mpuvdb
 {
 
 /// The points of one cell's ball about the cell's centre, with the weights of the fit. Padded to
-/// whole SIMD groups with points of weight and confidence 0 at the origin.
+/// whole SIMD groups with the last point again, of weight and confidence 0.
 struct CellPoints {
     static constexpr std::size_t kGroup = 4;
 
@@ -25,12 +25,13 @@ struct CellPoints {
     /// Take the points @a members of @a other.
     void assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members);
 
+    /// Make room for @a n points; once they are written, pad().
+    void setCount(std::size_t n);
+    void pad();
+
     std::size_t paddedCount() const { return x.size(); }
     Vec3d position(std::size_t i) const { return {x[i], y[i], z[i]}; }
     Vec3d normal(std::size_t i) const { return {nx[i], ny[i], nz[i]}; }
-
-private:
-    void resize(std::size_t n);
 };
 
 /// What the fits need besides the points.

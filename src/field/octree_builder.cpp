@@ -49,7 +49,7 @@ public:
         mTree.nodes.resize(1);
         mPath.clear();
         PointBatch& ball = batches(0)[0];
-        mPoints.gather(cell, mFitter.supportRadius(cell.level), 1, ball);
+        mPoints.gather(cell, mFitter.supportRadius(cell.level), 1, mFilter, ball);
         if (ball.size() == 0)
             addEmpty(0, cell, nullptr, spacing > 0 ? spacing : mRoot.size(cell.level));
         else
@@ -90,7 +90,7 @@ private:
         const double radius = mFitter.supportRadius(cell.level);
         double spacing = parentSpacing;
         if (ball.size() <= kSpacingPoints && mSpacingDepth >= depth) {
-            if (const double measured = measureSpacing(ball, centre, radius); measured > 0)
+            if (const double measured = mFilter.spacing(ball, centre, radius); measured > 0)
                 spacing = measured;
             else if (!(spacing > 0))
                 spacing = radius;
@@ -114,11 +114,8 @@ private:
         const double childRadius = mFitter.supportRadius(cell.level + 1);
         Octants& octants = batches(depth + 1);
         bool someEmpty = false;
-        for (int octant = 0; octant < 8; ++octant) {
-            PointBatch& child = octants[std::size_t(octant)];
-            filterBall(ball, mRoot.centre(cell.child(octant)), childRadius, mIndices, child);
-            someEmpty |= child.size() == 0;
-        }
+        mFilter.octants(ball, mRoot.centre(cell), mRoot.size(cell.level + 2), childRadius, octants);
+        for (const PointBatch& child : octants) someEmpty |= child.size() == 0;
         // Cells are stored before their descendants are built: the scratch still knows the parent.
         const bool inherit =
             someEmpty && decision.fitted && mFitter.lastIsHeldUp(decision, cell, spacing);
@@ -155,9 +152,9 @@ private:
     Progress& mProgress;
     CellFitter mFitter;
     Octree mTree;
+    BatchFilter mFilter;
     std::deque<Octants> mBatches; ///< by depth; stable addresses
     std::vector<Ball> mPath;
-    std::vector<std::uint32_t> mIndices;
     std::size_t mSpacingDepth = kNoDepth; ///< where on the path the spacing was measured
 };
 
@@ -209,15 +206,16 @@ private:
             upper.subtree = true;
             return;
         }
+        BatchFilter filter;
         PointBatch sample;
         const std::size_t stride = around / (2 * kSampleFrom);
-        mPoints.gather(cell, radius, stride, sample);
+        mPoints.gather(cell, radius, stride, filter, sample);
         if (sample.size() > kSample) {
             const double spacing =
-                measureSpacing(sample, mRoot.centre(cell), radius); // of the sample
+                filter.spacing(sample, mRoot.centre(cell), radius); // of the sample
             upper.decision = fitter.decide(cell, sample, {}, spacing);
             if (!upper.decision.split) {
-                mPoints.gather(cell, radius, 1, sample);
+                mPoints.gather(cell, radius, 1, filter, sample);
                 upper.decision = fitter.decide(cell, sample, {}, spacing);
             }
             upper.spacing = spacing / std::sqrt(double(stride));

@@ -1,68 +1,224 @@
 #include "point_batch.h"
 
+#include <mpuvdb/clones.h>
+
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <cstring>
+#include <limits>
 
 namespace mpuvdb
 {
-
-void filterBall(const PointBatch& parent, const Vec3d& centre, double radius,
-                std::vector<std::uint32_t>& indices, PointBatch& out)
+namespace
 {
-    const std::size_t n = parent.size();
-    indices.resize(n);
-    const Vec3f c = centre.cast<float>();
-    const float radius2 = float(radius * radius);
-    std::size_t kept = 0;
+
+MPUVDB_CLONES
+void squaredDistances(const PointBatch& points, const Vec3f& c, std::vector<float>& out)
+{
+    const std::size_t n = points.size();
+    out.resize(n);
+    const float *const x = points.x.data(), *const y = points.y.data(), *const z = points.z.data();
+    float* const d2 = out.data();
+    const float cx = c[0], cy = c[1], cz = c[2];
     for (std::size_t i = 0; i < n; ++i) {
-        const float dx = parent.x[i] - c[0], dy = parent.y[i] - c[1], dz = parent.z[i] - c[2];
-        indices[kept] = std::uint32_t(i);
-        kept += dx * dx + dy * dy + dz * dz < radius2;
+        const float dx = x[i] - cx, dy = y[i] - cy, dz = z[i] - cz;
+        d2[i] = dx * dx + dy * dy + dz * dz;
     }
-    out.resize(kept);
-    const auto copy = [&](const std::vector<float>& from, std::vector<float>& to) {
-        for (std::size_t i = 0; i < kept; ++i) to[i] = from[indices[i]];
+}
+
+/// Bit o of mask[i]: point i is in the ball of octant o.
+MPUVDB_CLONES
+void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, float radius2,
+                 std::vector<std::uint32_t>& out)
+{
+    const std::size_t n = points.size();
+    out.resize(n);
+    const float *const x = points.x.data(), *const y = points.y.data(), *const z = points.z.data();
+    std::uint32_t* const mask = out.data();
+    const float lx = low[0], ly = low[1], lz = low[2], hx = high[0], hy = high[1], hz = high[2];
+    for (std::size_t i = 0; i < n; ++i) {
+        const float xl = (x[i] - lx) * (x[i] - lx), xh = (x[i] - hx) * (x[i] - hx);
+        const float yl = (y[i] - ly) * (y[i] - ly), yh = (y[i] - hy) * (y[i] - hy);
+        const float zl = (z[i] - lz) * (z[i] - lz), zh = (z[i] - hz) * (z[i] - hz);
+        const float ll = xl + yl, hl = xh + yl, lh = xl + yh, hh = xh + yh;
+        mask[i] = (ll + zl < radius2 ? 1u : 0u) | (hl + zl < radius2 ? 2u : 0u) |
+                  (lh + zl < radius2 ? 4u : 0u) | (hh + zl < radius2 ? 8u : 0u) |
+                  (ll + zh < radius2 ? 16u : 0u) | (hl + zh < radius2 ? 32u : 0u) |
+                  (lh + zh < radius2 ? 64u : 0u) | (hh + zh < radius2 ? 128u : 0u);
+    }
+}
+
+MPUVDB_CLONES
+void findLeastAndMost(const std::vector<float>& values, float& least, float& most)
+{
+    constexpr std::size_t kLanes = 8;
+    using Lanes = float __attribute__((vector_size(4 * kLanes)));
+    const std::size_t n = values.size(), whole = n / kLanes * kLanes;
+    Lanes low = Lanes{} + values[0], high = low;
+    for (std::size_t i = 0; i < whole; i += kLanes) {
+        Lanes v;
+        std::memcpy(&v, &values[i], sizeof v);
+        low = v < low ? v : low;
+        high = v > high ? v : high;
+    }
+    least = most = values[0];
+    for (std::size_t k = 0; k < kLanes; ++k) {
+        least = std::min(least, low[k]);
+        most = std::max(most, high[k]);
+    }
+    for (std::size_t i = whole; i < n; ++i) {
+        least = std::min(least, values[i]);
+        most = std::max(most, values[i]);
+    }
+}
+
+MPUVDB_CLONES
+std::size_t countUpTo(const std::vector<float>& values, float limit)
+{
+    std::uint32_t count = 0;
+    for (const float v : values) count += v <= limit;
+    return count;
+}
+
+/// A limit that at least @a k of the values, and if possible few more, do not exceed: bisection
+/// touches no branch predictor, whatever the order of the values.
+float limitAbove(const std::vector<float>& values, std::size_t k)
+{
+    float low = 0, high = 0;
+    findLeastAndMost(values, low, high);
+    for (int step = 0; step < 12; ++step) {
+        const float middle = 0.5f * (low + high);
+        const std::size_t count = countUpTo(values, middle);
+        (count < k ? low : high) = middle;
+        if (count >= k && count <= 2 * k) break;
+    }
+    return high;
+}
+
+} // namespace
+
+/// Indices of the distances below a limit. Free of branches.
+void BatchFilter::select(float below)
+{
+    const std::size_t n = mDistance2.size();
+    mIndices.resize(n + 1);
+    mSelected = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+        mIndices[mSelected] = std::uint32_t(i);
+        mSelected += mDistance2[i] < below;
+    }
+}
+
+/// Append the selected points.
+void BatchFilter::append(const PointBatch& from, PointBatch& out) const
+{
+    const std::size_t before = out.size();
+    out.resize(before + mSelected);
+    const auto one = [&](const std::vector<float>& source, std::vector<float>& target) {
+        for (std::size_t i = 0; i < mSelected; ++i) target[before + i] = source[mIndices[i]];
     };
-    copy(parent.x, out.x);
-    copy(parent.y, out.y);
-    copy(parent.z, out.z);
-    copy(parent.nx, out.nx);
-    copy(parent.ny, out.ny);
-    copy(parent.nz, out.nz);
-    copy(parent.confidence, out.confidence);
+    one(from.x, out.x), one(from.y, out.y), one(from.z, out.z);
+    one(from.nx, out.nx), one(from.ny, out.ny), one(from.nz, out.nz);
+    one(from.confidence, out.confidence);
 }
 
-void takeStrided(const PointBatch& from, std::size_t stride, PointBatch& out)
+void BatchFilter::ball(const PointBatch& from, const Vec3d& centre, double radius, PointBatch& out)
 {
+    squaredDistances(from, centre.cast<float>(), mDistance2);
+    select(float(radius * radius));
     out.clear();
-    for (std::size_t i = 0; i < from.size(); i += stride) out.append(from, i);
+    append(from, out);
 }
 
-constexpr std::size_t kNeighbours = 12;
-
-double measureSpacing(const PointBatch& ball, const Vec3d& centre, double radius)
+void BatchFilter::octants(const PointBatch& from, const Vec3d& centre, double half, double radius,
+                          std::array<PointBatch, 8>& out)
 {
-    constexpr std::size_t kProbes = 3;
+    const Vec3d offset = Vec3d::Constant(half);
+    octantMasks(from, (centre - offset).cast<float>(), (centre + offset).cast<float>(),
+                float(radius * radius), mMask);
+    const std::size_t n = mMask.size();
+    mIndices.resize(n + 1);
+    for (std::size_t octant = 0; octant < 8; ++octant) {
+        mSelected = 0;
+        for (std::size_t i = 0; i < n; ++i) {
+            mIndices[mSelected] = std::uint32_t(i);
+            mSelected += mMask[i] >> octant & 1u;
+        }
+        out[octant].clear();
+        append(from, out[octant]);
+    }
+}
+
+/// The k th smallest (from 1) of the distances; the largest if there are fewer.
+float BatchFilter::kthSmallest(std::size_t k)
+{
+    k = std::min(k, mDistance2.size());
+    mFew.resize(mDistance2.size() + 1);
+    const float limit = limitAbove(mDistance2, k);
+    std::size_t few = 0;
+    for (const float d : mDistance2) {
+        mFew[few] = d;
+        few += d <= limit;
+    }
+    const auto kth = mFew.begin() + std::ptrdiff_t(k - 1);
+    std::nth_element(mFew.begin(), kth, mFew.begin() + std::ptrdiff_t(few));
+    return *kth;
+}
+
+double BatchFilter::nearest(const PointBatch& from, const Vec3d& centre, std::size_t count,
+                            PointBatch& out)
+{
+    squaredDistances(from, centre.cast<float>(), mDistance2);
+    const float last = kthSmallest(count);
+    select(std::nextafter(last, std::numeric_limits<float>::infinity()));
+    out.clear();
+    append(from, out);
+    return std::sqrt(double(last));
+}
+
+void BatchFilter::strided(const PointBatch& from, std::size_t stride, PointBatch& out)
+{
+    mIndices.clear();
+    for (std::size_t i = 0; i < from.size(); i += stride) mIndices.push_back(std::uint32_t(i));
+    mSelected = mIndices.size();
+    out.clear();
+    append(from, out);
+}
+
+void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::size_t end,
+                             std::size_t stride, const Vec3d& centre, double radius,
+                             PointBatch& out)
+{
+    if (begin >= end) return;
+    const Vec3f c = centre.cast<float>();
+    const float below = float(radius * radius);
+    mIndices.resize((end - begin) / stride + 2);
+    mSelected = 0;
+    for (std::size_t n = begin; n < end; n += stride) {
+        const float dx = from.x[n] - c[0], dy = from.y[n] - c[1], dz = from.z[n] - c[2];
+        mIndices[mSelected] = std::uint32_t(n);
+        mSelected += dx * dx + dy * dy + dz * dz < below;
+    }
+    append(from, out);
+}
+
+double BatchFilter::spacing(const PointBatch& ball, const Vec3d& centre, double radius)
+{
+    constexpr std::size_t kNeighbours = 12, kProbes = 3;
     const std::size_t n = ball.size();
     if (n <= kNeighbours) return 0;
-    const auto squared = [&](const Vec3f& from, std::size_t i) {
-        return (Vec3f(ball.x[i], ball.y[i], ball.z[i]) - from).squaredNorm();
-    };
-    const Vec3f c = centre.cast<float>();
-    const float half2 = float(radius * radius / 4);
-    std::vector<std::uint32_t> inner;
-    for (std::uint32_t i = 0; i < n; ++i)
-        if (squared(c, i) < half2) inner.push_back(i);
-    if (inner.empty()) inner.push_back(std::uint32_t(n / 2));
+    squaredDistances(ball, centre.cast<float>(), mDistance2);
+    select(float(radius * radius / 4));
+    if (mSelected == 0) mIndices[mSelected++] = std::uint32_t(n / 2);
+    std::array<std::uint32_t, kProbes> probes;
+    for (std::size_t k = 0; k < kProbes; ++k)
+        probes[k] = mIndices[(2 * k + 1) * mSelected / (2 * kProbes)];
     std::array<double, kProbes> found;
-    std::vector<float> distance2(n);
-    for (std::size_t probe = 0; probe < kProbes; ++probe) {
-        const std::size_t p = inner[(2 * probe + 1) * inner.size() / (2 * kProbes)];
-        const Vec3f from(ball.x[p], ball.y[p], ball.z[p]);
-        for (std::size_t i = 0; i < n; ++i) distance2[i] = squared(from, i);
-        std::nth_element(distance2.begin(), distance2.begin() + kNeighbours, distance2.end());
-        found[probe] = std::sqrt(M_PI / kNeighbours * double(distance2[kNeighbours]));
+    for (std::size_t k = 0; k < kProbes; ++k) {
+        const std::uint32_t p = probes[k];
+        squaredDistances(ball, Vec3f(ball.x[p], ball.y[p], ball.z[p]), mDistance2);
+        const float last = kthSmallest(kNeighbours + 1); // the probe itself is the first
+        found[k] = std::sqrt(M_PI / kNeighbours * double(last));
     }
     std::sort(found.begin(), found.end());
     return found[kProbes / 2];

@@ -2,6 +2,7 @@
 #pragma once
 #include <mpuvdb/vec.h>
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -21,17 +22,6 @@ struct PointBatch {
     {
         forEach([n](std::vector<float>& a) { a.resize(n); });
     }
-    /// Add point @a i of @a from.
-    void append(const PointBatch& from, std::size_t i)
-    {
-        x.push_back(from.x[i]);
-        y.push_back(from.y[i]);
-        z.push_back(from.z[i]);
-        nx.push_back(from.nx[i]);
-        ny.push_back(from.ny[i]);
-        nz.push_back(from.nz[i]);
-        confidence.push_back(from.confidence[i]);
-    }
     std::size_t bytes() const { return 7 * sizeof(float) * x.capacity(); }
 
     template <typename F>
@@ -41,15 +31,35 @@ struct PointBatch {
     }
 };
 
-/// Points of @a parent within @a radius of @a centre. @param indices  scratch.
-void filterBall(const PointBatch& parent, const Vec3d& centre, double radius,
-                std::vector<std::uint32_t>& indices, PointBatch& out);
+/// Selects points of a batch; scratch memory of one thread.
+class BatchFilter
+{
+public:
+    /// Copy to @a out the points of @a from within @a radius of @a centre.
+    void ball(const PointBatch& from, const Vec3d& centre, double radius, PointBatch& out);
+    /// The same for the eight centres @a centre +- @a half along each axis; octant bits: x, y, z.
+    void octants(const PointBatch& from, const Vec3d& centre, double half, double radius,
+                 std::array<PointBatch, 8>& out);
+    /// Copy to @a out the @a count (above 0) points of @a from nearest to @a centre, more where the
+    /// last are as near as each other. Returns the distance of the last.
+    double nearest(const PointBatch& from, const Vec3d& centre, std::size_t count, PointBatch& out);
+    /// Every @a stride th point.
+    void strided(const PointBatch& from, std::size_t stride, PointBatch& out);
+    /// Append to @a out the points begin, begin + stride, ... below @a end within the ball.
+    void appendBall(const PointBatch& from, std::size_t begin, std::size_t end, std::size_t stride,
+                    const Vec3d& centre, double radius, PointBatch& out);
+    /// Median over a few points of sqrt(pi/12) d12; 0 for too few points. Points near the middle of
+    /// the ball, where their neighbours are in it too.
+    double spacing(const PointBatch& ball, const Vec3d& centre, double radius);
 
-/// Every @a stride th point.
-void takeStrided(const PointBatch& from, std::size_t stride, PointBatch& out);
+private:
+    void select(float below);
+    float kthSmallest(std::size_t k);
+    void append(const PointBatch& from, PointBatch& out) const;
 
-/// Median over a few points of sqrt(pi/12) d12; 0 for too few points. Points near the middle of the
-/// ball, where their neighbours are in it too.
-double measureSpacing(const PointBatch& ball, const Vec3d& centre, double radius);
+    std::vector<float> mDistance2, mFew;
+    std::vector<std::uint32_t> mMask, mIndices;
+    std::size_t mSelected = 0; ///< indices in use
+};
 
 } // namespace mpuvdb

@@ -206,20 +206,16 @@ std::size_t SortedPoints::countAround(const OctreeCell& cell, double radius,
 }
 
 void SortedPoints::gather(const OctreeCell& cell, double radius, std::size_t stride,
-                          PointBatch& out) const
+                          BatchFilter& filter, PointBatch& out) const
 {
     out.clear();
-    const Vec3f c = mRoot.centre(cell).cast<float>();
-    const float radius2 = float(radius * radius);
+    const Vec3d centre = mRoot.centre(cell);
     std::size_t skip = 0;
     forEachAround(cell, radius, [&](const Range& range) {
-        std::size_t n = range.begin + skip;
-        for (; n < range.end; n += stride) {
-            const float dx = mPoints.x[n] - c[0], dy = mPoints.y[n] - c[1],
-                        dz = mPoints.z[n] - c[2];
-            if (dx * dx + dy * dy + dz * dz < radius2) out.append(mPoints, n);
-        }
-        skip = n - range.end;
+        const std::size_t first = range.begin + skip;
+        filter.appendBall(mPoints, first, range.end, stride, centre, radius, out);
+        const std::size_t past = range.end + stride - 1 - first; // first may be beyond the end
+        skip = first + past / stride * stride - range.end;
         return true;
     });
 }

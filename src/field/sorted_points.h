@@ -55,7 +55,8 @@ public:
     /// Stops counting beyond @a limit.
     std::size_t countAround(const OctreeCell& cell, double radius, std::size_t limit) const;
     /// Points within @a radius of the cell's centre, every @a stride th of its surroundings.
-    void gather(const OctreeCell& cell, double radius, std::size_t stride, PointBatch& out) const;
+    void gather(const OctreeCell& cell, double radius, std::size_t stride, BatchFilter& filter,
+                PointBatch& out) const;
     /// Number of points in @a box (local coordinates); stops counting beyond @a limit.
     std::size_t countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell = {}) const;
     /// Call f(begin, end) for every occupied cell of @a level, in Morton order.

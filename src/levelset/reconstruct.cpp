@@ -13,7 +13,7 @@ namespace
 
 /// Without other word a fit may err by a tenth of a voxel, or by what noise throws a point off.
 constexpr double kToleranceVoxels = 0.1;
-constexpr double kToleranceNoise = 4;
+constexpr double kToleranceNoise = 8;
 
 double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSettings& resolved)
 {

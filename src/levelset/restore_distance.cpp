@@ -1,11 +1,13 @@
 #include "restore_distance.h"
 
+#include <mpuvdb/clones.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/vec.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
@@ -21,6 +23,8 @@ using openvdb::Coord;
 
 constexpr int kDim = 8, kHalo = kDim + 2;
 constexpr float kDiagonal = 1.7320508f;
+/// Between neighbours of faces, edges, corners.
+constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
 /// Bounds of the upwind gradient, beyond which a value is examined. Outside a corner that of a true
 /// distance a falls to 0.55, and below a = sqrt(3) voxels to 0.318 a.
 constexpr float kLeastSlope = 0.5f, kLeastSlopePerVoxel = 0.3f, kMostSlope = 1.3f;
@@ -77,6 +81,89 @@ private:
 Vec3f toVec(const Coord& c)
 {
     return {float(c[0]), float(c[1]), float(c[2])};
+}
+
+/// What is to be said of eight voxels in a row: one bit each.
+struct RowFlags {
+    unsigned doubtful = 0;      ///< if active: the value cannot be trusted
+    unsigned cornerMissing = 0; ///< if active: the band lacks a corner neighbour
+    unsigned missing = 0;       ///< if inactive: neighbours are so near to zero that it belongs
+};
+
+using Lanes = float __attribute__((vector_size(4 * kDim)));
+using Flags = int __attribute__((vector_size(4 * kDim)));
+
+[[gnu::always_inline]] inline Lanes rowAt(const float* p)
+{
+    Lanes v;
+    std::memcpy(&v, p, sizeof v);
+    return v;
+}
+
+[[gnu::always_inline]] inline Lanes magnitude(const Lanes& v)
+{
+    return v < 0 ? -v : v;
+}
+
+[[gnu::always_inline]] inline unsigned bits(const Flags& flags)
+{
+    const Flags bit = flags & Flags{1, 2, 4, 8, 16, 32, 64, 128};
+    return unsigned(((bit[0] | bit[1]) | (bit[2] | bit[3])) |
+                    ((bit[4] | bit[5]) | (bit[6] | bit[7])));
+}
+
+constexpr float kMissing = 0.3f; ///< a voxel belongs to the band if it is so much nearer, voxels
+
+/// The band's inactive voxels that a neighbour, by its value, puts well inside the band.
+MPUVDB_CLONES
+unsigned missingInRow(const float* row, float halfWidth)
+{
+    Lanes nearest = Lanes{} + halfWidth;
+#pragma GCC unroll 27
+    for (int n = 0; n < 27; ++n) {
+        const int x = n / 9 - 1, y = n / 3 % 3 - 1, z = n % 3 - 1;
+        const Lanes u = magnitude(rowAt(row + (x * kHalo + y) * kHalo + z)) +
+                        kLength[std::abs(x) + std::abs(y) + std::abs(z)];
+        nearest = u < nearest ? u : nearest;
+    }
+    return bits(nearest < halfWidth - kMissing);
+}
+
+/// The row's active voxels.
+MPUVDB_CLONES
+RowFlags examineRow(const float* row, float halfWidth)
+{
+    constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
+    const Lanes v = rowAt(row), a = magnitude(v);
+    Lanes slope2{}, largestStep{};
+    Flags crosses{};
+    for (const int stride : kStride) {
+        const Lanes u0 = rowAt(row - stride), u1 = rowAt(row + stride);
+        crosses |= ((u0 < 0) ^ (v < 0)) | ((u1 < 0) ^ (v < 0));
+        const Lanes s0 = magnitude(u0 - v), s1 = magnitude(u1 - v);
+        largestStep = s0 > largestStep ? s0 : largestStep;
+        largestStep = s1 > largestStep ? s1 : largestStep;
+        const Lanes a0 = magnitude(u0), a1 = magnitude(u1);
+        const Lanes rise = a - (a0 < a1 ? a0 : a1);
+        slope2 += rise > 0 ? rise * rise : Lanes{};
+    }
+    const Lanes perVoxel = kLeastSlopePerVoxel * a;
+    const Lanes least = perVoxel < kLeastSlope ? perVoxel : Lanes{} + kLeastSlope;
+    const Flags wrongSlope = (slope2 < least * least) | (slope2 > kMostSlope * kMostSlope);
+    Lanes highestCorner{};
+    for (const int dx : {-kStride[0], kStride[0]}) {
+        for (const int dy : {-kStride[1], kStride[1]}) {
+            for (const int dz : {-1, 1}) {
+                const Lanes u = magnitude(rowAt(row + dx + dy + dz));
+                highestCorner = u > highestCorner ? u : highestCorner;
+            }
+        }
+    }
+    const float deep = halfWidth - kMissing - kDiagonal, outside = halfWidth * (1 - 1e-5f);
+    RowFlags flags;
+    flags.doubtful = bits((largestStep > kStep) | (~crosses & wrongSlope));
+    flags.cornerMissing = bits((a < deep) & (highestCorner >= outside));
+    return flags;
 }
 
 /// Zero crossings on the edges that start in one leaf, voxels from the leaf's origin.
@@ -142,16 +229,21 @@ private:
         for (int x = 0; x < kDim; ++x) {
             for (int y = 0; y < kDim; ++y) {
                 const int row = Halo::index(x + 1, y + 1, 1);
+                const float* const values = &halo.value[std::size_t(row)];
+                const unsigned active =
+                    leaf.getValueMask().getWord<std::uint8_t>(openvdb::Index(x * kDim + y));
                 RowFlags flags;
-                examineRow(&halo.value[std::size_t(row)], flags);
+                if (active != 0) flags = examineRow(values, mHalfWidth);
+                if (active != 0xff) flags.missing = missingInRow(values, mHalfWidth);
+                flags.doubtful &= active;
+                flags.cornerMissing &= active;
+                flags.missing &= ~active;
+                if ((flags.doubtful | flags.cornerMissing | flags.missing) == 0) continue;
                 for (int z = 0; z < kDim; ++z) {
                     const Coord at = leaf.origin() + Coord(x, y, z);
-                    const bool active = leaf.isValueOn(openvdb::Index((x * kDim + y) * kDim + z));
-                    if (active && flags.cornerMissing[std::size_t(z)]) addCorners(at, found);
-                    if (active && flags.doubtful[std::size_t(z)])
-                        found.push_back({at, 0});
-                    else if (!active && flags.nearBand[std::size_t(z)])
-                        addMissing(halo, at, row + z, found);
+                    if (flags.cornerMissing >> z & 1u) addCorners(at, found);
+                    if (flags.doubtful >> z & 1u) found.push_back({at, 0});
+                    if (flags.missing >> z & 1u) addMissing(halo, at, row + z, found);
                 }
             }
         }
@@ -190,7 +282,7 @@ private:
                    std::vector<Examined>& found) const
     {
         const float a = std::abs(leaf.getValue(leaf.origin() + in)) / mVoxelSize;
-        if (a + 1 >= mHalfWidth - 0.3f) return;
+        if (a + 1 >= mHalfWidth - kMissing) return;
         for (int n = 0; n < 27; ++n) {
             const Coord to = in + Coord(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
             if (Coord(to[0] >> 3, to[1] >> 3, to[2] >> 3) == side)
@@ -204,48 +296,6 @@ private:
         return found != mSettled.end() && found->second.isOn(Leaf::coordToOffset(at));
     }
 
-    /// What is to be said of eight voxels in a row.
-    struct RowFlags {
-        std::array<char, kDim> doubtful;      ///< if active: the value cannot be trusted
-        std::array<char, kDim> cornerMissing; ///< if active: the band lacks a corner neighbour
-        std::array<char, kDim> nearBand;      ///< if inactive: a face neighbour is well inside
-    };
-
-    /// Free of branches: it runs over every voxel.
-    void examineRow(const float* row, RowFlags& flags) const
-    {
-        constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
-        const float well = mHalfWidth - 0.5f, deep = mHalfWidth - 0.3f - kDiagonal;
-        const float outside = mHalfWidth * (1 - 1e-5f);
-        for (int z = 0; z < kDim; ++z) {
-            const float v = row[z], a = std::abs(v);
-            float slope2 = 0, largestStep = 0, lowestOfAll = a;
-            int crosses = 0;
-            for (const int stride : kStride) {
-                const float u0 = row[z - stride], u1 = row[z + stride];
-                const int other0 = (u0 < 0) != (v < 0), other1 = (u1 < 0) != (v < 0);
-                crosses |= other0 | other1;
-                largestStep = std::max(largestStep, std::max(std::abs(u0 - v), std::abs(u1 - v)));
-                const float lowest = std::min(std::abs(u0), std::abs(u1));
-                lowestOfAll = std::min(lowestOfAll, lowest);
-                const float rise = std::max(a - lowest, 0.0f);
-                slope2 += rise * rise;
-            }
-            const float least = std::min(kLeastSlope, kLeastSlopePerVoxel * a);
-            const int wrongSlope = (slope2 < least * least) | (slope2 > kMostSlope * kMostSlope);
-            float highestCorner = 0;
-            for (const int dx : {-kStride[0], kStride[0]})
-                for (const int dy : {-kStride[1], kStride[1]})
-                    highestCorner =
-                        std::max(highestCorner, std::max(std::abs(row[z + dx + dy - 1]),
-                                                         std::abs(row[z + dx + dy + 1])));
-            const auto n = std::size_t(z);
-            flags.doubtful[n] = char((largestStep > kStep) | ((crosses == 0) & wrongSlope));
-            flags.cornerMissing[n] = char((a < deep) & (highestCorner >= outside));
-            flags.nearBand[n] = char(lowestOfAll < well);
-        }
-    }
-
     static void addCorners(const Coord& at, std::vector<Examined>& found)
     {
         found.push_back({at, 0});
@@ -257,18 +307,14 @@ private:
     /// those values, one of which may be wrong.
     void addMissing(const Halo& halo, const Coord& at, int in, std::vector<Examined>& found) const
     {
-        constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
-        bool missing = false;
         for (int n = 0; n < 27; ++n) {
             const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
             const float u = std::abs(halo.value[std::size_t(in + Halo::index(d[0], d[1], d[2]))]);
-            if (!(u + kLength[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
-                  mHalfWidth - 0.3f))
-                continue;
-            missing = true;
-            found.push_back({at + d, 0});
+            if (u + kLength[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
+                mHalfWidth - kMissing)
+                found.push_back({at + d, 0});
         }
-        if (missing) found.push_back({at, 0});
+        found.push_back({at, 0});
     }
 
     void collectCrossings()
@@ -353,12 +399,16 @@ private:
                 else
                     continue;
                 ++changed;
-                touched.push_back(voxel.at & ~7);
+                for (int n = 0; n < 27; ++n)
+                    touched.push_back(voxel.at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1) & ~7);
             }
         }
         std::sort(touched.begin(), touched.end());
         touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
-        return withNeighbours(touched, access);
+        std::vector<Leaf*> leaves;
+        for (const Coord& origin : touched)
+            if (Leaf* leaf = access.probeLeaf(origin)) leaves.push_back(leaf);
+        return leaves;
     }
 
     /// What a value is to be, given the distance to the nearest crossing.
@@ -366,23 +416,6 @@ private:
     {
         if (value <= distance + kAbove && value >= distance - kBelow) return value;
         return value < kTip ? std::max(value, distance - kBelowAtTip) : distance;
-    }
-
-    static std::vector<Leaf*>
-    withNeighbours(const std::vector<Coord>& origins,
-                   openvdb::tree::ValueAccessor<openvdb::FloatTree>& access)
-    {
-        std::vector<Coord> all;
-        for (const Coord& o : origins)
-            for (int n = 0; n < 27; ++n)
-                all.push_back(
-                    o + Coord((n / 9 - 1) * kDim, (n / 3 % 3 - 1) * kDim, (n % 3 - 1) * kDim));
-        std::sort(all.begin(), all.end());
-        all.erase(std::unique(all.begin(), all.end()), all.end());
-        std::vector<Leaf*> leaves;
-        for (const Coord& o : all)
-            if (Leaf* leaf = access.probeLeaf(o)) leaves.push_back(leaf);
-        return leaves;
     }
 
     struct HashCoord {

@@ -168,34 +168,50 @@ private:
     std::vector<Grid> mGrids;
 };
 
+/// Order of points whose positions may coincide.
+bool neighborBefore(const Neighbor& a, const Neighbor& b)
+{
+    if (a.squaredDistance != b.squaredDistance) return a.squaredDistance < b.squaredDistance;
+    return a.position != b.position ? positionBefore(a.position, b.position)
+                                    : positionBefore(a.normal, b.normal);
+}
+
 /// Put into each member's neighborhood all positions of its ball but its own, sorted.
-void collect(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& chosen,
+void collect(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
              const std::vector<double>& radii, const std::vector<std::uint32_t>& members,
              std::vector<Neighborhood>& neighborhoods, Progress& progress)
 {
     struct Hit {
-        std::uint32_t member;
-        Vec3f position;
+        std::uint32_t member, point;
     };
+    const std::vector<Vec3f>& positions = cloud.positions;
     const BallGrids grids(chosen, radii, members);
     std::vector<std::vector<Hit>> hits((positions.size() + kChunk - 1) / kChunk);
     forEachChunk(positions.size(), progress,
                  [&](std::size_t c, std::size_t begin, std::size_t end) {
                      for (std::size_t i = begin; i < end; ++i)
                          grids.forBallsAt(positions[i], [&](std::uint32_t m) {
-                             if (positions[i] != chosen[m]) hits[c].push_back({m, positions[i]});
+                             hits[c].push_back({m, std::uint32_t(i)});
                          });
                  });
     for (const std::uint32_t m : members) neighborhoods[m].neighbors.clear();
     for (const auto& chunk : hits)
-        for (const Hit& h : chunk) neighborhoods[h.member].neighbors.push_back(h.position);
+        for (const Hit& h : chunk) {
+            const Vec3f& p = positions[h.point];
+            const Vec3f normal = cloud.hasNormals() ? cloud.normals[h.point] : Vec3f::Zero();
+            neighborhoods[h.member].neighbors.push_back(
+                {p, normal, squaredDistance(p, chosen[h.member])});
+        }
     tbb::parallel_for(std::size_t(0), members.size(), [&](std::size_t i) {
         Neighborhood& n = neighborhoods[members[i]];
-        std::sort(n.neighbors.begin(), n.neighbors.end(), [&](const Vec3f& a, const Vec3f& b) {
-            const double da = squaredDistance(a, n.center), db = squaredDistance(b, n.center);
-            return da != db ? da < db : positionBefore(a, b);
-        });
-        n.neighbors.erase(std::unique(n.neighbors.begin(), n.neighbors.end()), n.neighbors.end());
+        std::sort(n.neighbors.begin(), n.neighbors.end(), neighborBefore);
+        const auto same = [](const Neighbor& a, const Neighbor& b) {
+            return a.position == b.position;
+        };
+        n.neighbors.erase(std::unique(n.neighbors.begin(), n.neighbors.end(), same),
+                          n.neighbors.end());
+        n.normal = n.neighbors.front().normal; // the nearest is the chosen point itself
+        n.neighbors.erase(n.neighbors.begin());
     });
 }
 
@@ -225,10 +241,10 @@ std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::siz
     return chosen;
 }
 
-std::vector<Neighborhood> nearestOfChosen(const std::vector<Vec3f>& positions,
-                                          const std::vector<Vec3f>& chosen, std::size_t k,
-                                          Progress& progress)
+std::vector<Neighborhood> nearestOfChosen(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
+                                          std::size_t k, Progress& progress)
 {
+    const std::vector<Vec3f>& positions = cloud.positions;
     std::vector<Neighborhood> neighborhoods(chosen.size());
     for (std::size_t i = 0; i < chosen.size(); ++i) neighborhoods[i].center = chosen[i];
     std::vector<double> radii = guessRadii(positions, chosen, k, progress);
@@ -238,7 +254,7 @@ std::vector<Neighborhood> nearestOfChosen(const std::vector<Vec3f>& positions,
     for (const Vec3f& p : positions) box.extend(p.cast<double>());
     const double everything = 1.001 * box.diagonal().norm();
     while (!members.empty()) {
-        collect(positions, chosen, radii, members, neighborhoods, progress);
+        collect(cloud, chosen, radii, members, neighborhoods, progress);
         std::vector<std::uint32_t> poor;
         for (const std::uint32_t m : members) {
             if (neighborhoods[m].neighbors.size() >= k || radii[m] >= everything) continue;

@@ -8,11 +8,19 @@
 namespace mpuvdb
 {
 
+/// A point near a chosen one.
+struct Neighbor {
+    Vec3f position;
+    Vec3f normal; ///< zero if the cloud has none
+    double squaredDistance;
+};
+
 /// A chosen point and its neighbours.
 struct Neighborhood {
     Vec3f center;
+    Vec3f normal; ///< zero if the cloud has none
     /// Other positions, by (distance, x, y, z), without duplicates.
-    std::vector<Vec3f> neighbors;
+    std::vector<Neighbor> neighbors;
 };
 
 /// About @a count positions, all of them in a smaller cloud: those whose bits have the smallest
@@ -23,8 +31,7 @@ std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::siz
 /// The @a k nearest other positions of every chosen one; fewer only where the cloud has not more.
 /// A kd-tree over all points would take longer than all else that is done to them: a thinned
 /// cloud bounds the balls that hold k neighbours, and one pass collects what lies in the balls.
-std::vector<Neighborhood> nearestOfChosen(const std::vector<Vec3f>& positions,
-                                          const std::vector<Vec3f>& chosen, std::size_t k,
-                                          Progress& progress);
+std::vector<Neighborhood> nearestOfChosen(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
+                                          std::size_t k, Progress& progress);
 
 } // namespace mpuvdb

@@ -17,7 +17,7 @@ namespace
 
 constexpr std::size_t kSamples = 2000;
 constexpr std::size_t kSpacingNeighbors = 12;
-constexpr int kUnknowns = 6; // of a bivariate quadratic
+constexpr std::size_t kUnknowns = 6; // of a bivariate quadratic
 
 double quantile(std::vector<double> values, double share)
 {
@@ -30,55 +30,83 @@ double quantile(std::vector<double> values, double share)
 double spacingAt(const Neighborhood& n)
 {
     const std::size_t j = std::min(kSpacingNeighbors, n.neighbors.size());
-    const double distance = (n.neighbors[j - 1].cast<double>() - n.center.cast<double>()).norm();
-    return std::sqrt(M_PI / double(j)) * distance;
+    return std::sqrt(M_PI / double(j) * n.neighbors[j - 1].squaredDistance);
 }
 
-/// Standard deviation of a neighborhood's heights about a quadratic over its own principal plane,
-/// corrected for the quadratic's freedom.
-double residualAt(const Neighborhood& n, std::size_t k)
+/// The center and its neighbors within the first @a k that lie on the same sheet: their normals, if
+/// there are any, do not turn away from the center's.
+std::vector<Vec3f> sheetOf(const Neighborhood& n, std::size_t k)
 {
-    const auto count = Eigen::Index(std::min(k, n.neighbors.size()));
-    Eigen::Matrix3Xd p(3, count + 1);
-    p.col(0).setZero();
+    std::vector<Vec3f> sheet = {n.center};
+    for (std::size_t i = 0; i < std::min(k, n.neighbors.size()); ++i)
+        if (!(n.neighbors[i].normal.dot(n.normal) < 0)) sheet.push_back(n.neighbors[i].position);
+    return sheet;
+}
+
+/// Standard deviation of a sheet's heights about a quadratic over its own principal plane,
+/// corrected for the quadratic's freedom; the last of @a sheet is the farthest from the first.
+double residualOf(const std::vector<Vec3f>& sheet)
+{
+    const auto count = Eigen::Index(sheet.size());
+    Eigen::Matrix3Xd p(3, count);
     for (Eigen::Index i = 0; i < count; ++i)
-        p.col(i + 1) = n.neighbors[i].cast<double>() - n.center.cast<double>();
-    const double radius = p.col(count).norm();
+        p.col(i) = (sheet[std::size_t(i)] - sheet.front()).cast<double>();
+    const double radius = p.col(count - 1).norm();
     p /= radius;
     p.colwise() -= Vec3d(p.rowwise().mean());
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(p * p.transpose());
     p = axes.eigenvectors().transpose() * p; // x: the heights
-    Eigen::Matrix<double, Eigen::Dynamic, kUnknowns> a(count + 1, kUnknowns);
+    Eigen::Matrix<double, Eigen::Dynamic, int(kUnknowns)> a(count, Eigen::Index(kUnknowns));
     const Eigen::ArrayXd u = p.row(1), v = p.row(2);
-    a << Eigen::ArrayXd::Ones(count + 1), u, v, u * u, u * v, v * v;
+    a << Eigen::ArrayXd::Ones(count), u, v, u * u, u * v, v * v;
     const Eigen::VectorXd heights = p.row(0);
     const Eigen::VectorXd fit = a.colPivHouseholderQr().solve(heights);
     const double squares = (heights - a * fit).squaredNorm();
-    return radius * std::sqrt(squares / double(count + 1 - kUnknowns));
+    return radius * std::sqrt(squares / double(count - Eigen::Index(kUnknowns)));
 }
 
-/// The lower quartile of the residuals, scaled to the standard deviation that it stands for. Edges,
-/// outliers and second sheets only add to residuals: they can spoil three quarters of the samples.
+/// Lower quartile of a residual of @a count points, of noise whose standard deviation is 1: of
+/// chi-square over its freedom [Wilson31].
+double expectedQuartile(std::size_t count)
+{
+    constexpr double kNormalQuartile = -0.6745;
+    const double spread = 2 / (9 * double(count - kUnknowns));
+    return std::pow(1 - spread + kNormalQuartile * std::sqrt(spread), 1.5);
+}
+
+/// The lower quartile of the residuals of sheets of @a k neighbors, scaled to the standard
+/// deviation that it stands for. Edges, outliers and second sheets only add to residuals: they can
+/// spoil three quarters of the samples. 0 if no sheet has enough points.
+double residualAmong(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
+                     Progress& progress)
+{
+    std::vector<double> noise(neighborhoods.size(), -1);
+    tbb::parallel_for(std::size_t(0), noise.size(), [&](std::size_t i) {
+        progress.check();
+        const std::vector<Vec3f> sheet = sheetOf(neighborhoods[i], k);
+        if (sheet.size() > 2 * kUnknowns)
+            noise[i] = residualOf(sheet) / expectedQuartile(sheet.size());
+    });
+    noise.erase(std::remove(noise.begin(), noise.end(), -1.0), noise.end());
+    return noise.empty() ? 0 : quantile(std::move(noise), 0.25);
+}
+
+/// Residuals are noise and what a quadratic lacks of the shape. The latter, cubic in the radius,
+/// grows with k^(3/2): two sizes tell them apart.
 double robustNoise(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
                    Progress& progress)
 {
-    std::vector<double> residuals(neighborhoods.size());
-    tbb::parallel_for(std::size_t(0), residuals.size(), [&](std::size_t i) {
-        progress.check();
-        residuals[i] = residualAt(neighborhoods[i], k);
-    });
-    // Quartile of chi-square over its freedom [Wilson31].
-    constexpr double kQuartile = 0.25, kNormalQuartile = -0.6745;
-    const double spread = 2 / (9 * double(k + 1 - kUnknowns));
-    const double expected = std::pow(1 - spread + kNormalQuartile * std::sqrt(spread), 1.5);
-    return quantile(std::move(residuals), kQuartile) / expected;
+    const double whole = residualAmong(neighborhoods, k, progress);
+    const double half = residualAmong(neighborhoods, k / 2, progress);
+    if (!(half > 0)) return whole;
+    return std::sqrt(std::max(0.0, (8 * half * half - whole * whole) / 7));
 }
 
 double medianReach(const std::vector<Neighborhood>& neighborhoods)
 {
     std::vector<double> reach;
     for (const Neighborhood& n : neighborhoods)
-        reach.push_back((n.neighbors.back() - n.center).cast<double>().norm());
+        reach.push_back(std::sqrt(n.neighbors.back().squaredDistance));
     return quantile(std::move(reach), 0.5);
 }
 
@@ -96,7 +124,7 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
     constexpr double kThin = 0.18;
     PointStatistics result;
     for (std::size_t k = kFewest; k <= kMost; k *= kFactor) {
-        const auto neighborhoods = nearestOfChosen(cloud.positions, chosen, k, progress);
+        const auto neighborhoods = nearestOfChosen(cloud, chosen, k, progress);
         const std::size_t found = neighborhoods.front().neighbors.size();
         if (k == kFewest) {
             std::vector<double> spacings;
