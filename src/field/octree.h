@@ -22,6 +22,7 @@ struct StoredFit {
     std::uint32_t firstQuadric = 0;
     std::uint8_t count = 1; ///< pieces, as in LocalFit
     std::uint8_t maxBits = 0;
+    bool throughOrigin = false; ///< the origin is an input point, and the fit is zero there
 };
 
 struct OctreeNode {
@@ -37,6 +38,9 @@ struct OctreeNode {
 struct Octree {
     RootCube root;
     double alpha = 0.75;
+    /// Largest distance of a ball's centre from its cell's, in diagonals of the cell; above 0 where
+    /// the points are interpolated: balls are centred at the points there, weights singular.
+    double offCentre = 0;
     std::vector<OctreeNode> nodes;
     std::vector<StoredFit> fits;
     std::vector<QuadricCoefficients> quadrics;
@@ -45,8 +49,26 @@ struct Octree {
 
     void setLeaf(std::uint32_t node, std::uint32_t fit, double support);
     double supportRadius(int level) const { return alpha * std::sqrt(3.0) * root.size(level); }
+    bool interpolates() const { return offCentre > 0; }
+    /// Radius of a ball about a cell's centre that holds the supports of the cell and its children.
+    double reach(int level) const
+    {
+        return (alpha + offCentre) * std::sqrt(3.0) * root.size(level);
+    }
+    /// Whether the leaf @a cell with @a fit holds the input point through which the fit goes.
+    bool holdsItsPoint(const OctreeCell& cell, const StoredFit& fit) const
+    {
+        return fit.throughOrigin && root.holds(cell, fit.origin.cast<double>());
+    }
+    /// Centre of the support of the leaf @a cell.
+    Vec3d ballCentre(const OctreeCell& cell, const StoredFit& fit) const
+    {
+        return holdsItsPoint(cell, fit) ? Vec3d(fit.origin.cast<double>()) : root.centre(cell);
+    }
     /// Store @a fit about @a origin (local coordinates); returns its index.
     std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin);
+    /// Store a fit about the input point @a point, at which it is zero.
+    std::uint32_t addFitThrough(const Vec3f& point, const Quadric& fit);
     /// A stored fit about another origin, in double precision.
     LocalFit fitAbout(const StoredFit& fit, const Vec3d& origin) const;
     /// Append @a subtree, whose node 0 becomes node @a at.

@@ -102,9 +102,9 @@ private:
                   "and the measured noise")
             ->group(group);
         app.add_option("--alpha", mSettings.alpha,
-                       "Radius of a fit's support, in diagonals of its cell; larger is smoother")
+                       "Radius of a fit's support, in diagonals of its cell; larger is smoother;\n"
+               "default: 0.75, with --interpolate 1.25")
             ->type_name("RATIO")
-            ->capture_default_str()
             ->group(group);
         app.add_option("--min-points", mSettings.minPoints,
                        "Points that a local fit needs; default: 15, more where there is noise")
@@ -113,6 +113,11 @@ private:
         app.add_flag_callback(
                "--no-sharp", [this] { mSettings.sharp = false; },
                "Fit no edges and corners: smooth everywhere")
+            ->group(group);
+        app.add_flag("--interpolate", mSettings.interpolate,
+                     "Pass through every point: for points that are exact. No edges and corners;\n"
+                     "--tolerance still rules where cells are large beside the spacing, --min-points\n"
+                     "the neighbours of a point that shape the surface at it; --alpha from 1.05 on")
             ->group(group);
     }
 
@@ -160,6 +165,7 @@ private:
                               {"alpha", s.fit.alpha},
                               {"min_points", s.fit.minPoints},
                               {"sharp", s.fit.sharp},
+                              {"interpolate", s.fit.interpolate},
                               {"normals", mNormals},
                               {"flip_normals", mFlipNormals},
                               {"bad_points", mBadPoints},
@@ -181,7 +187,8 @@ private:
     {
         const ResolvedSettings& s = made.settings;
         const auto text = [](const auto& value) { return fmt::format("{}", value); };
-        return {{"mpuvdb:version", MPUVDB_VERSION},
+        std::map<std::string, std::string> result = {
+            {"mpuvdb:version", MPUVDB_VERSION},
                 {"mpuvdb:points", text(mPoints)},
                 {"mpuvdb:spacing", text(s.points.spacing)},
                 {"mpuvdb:noise", text(s.points.noise)},
@@ -192,6 +199,8 @@ private:
                 {"mpuvdb:alpha", text(s.fit.alpha)},
                 {"mpuvdb:min_points", text(s.fit.minPoints)},
                 {"mpuvdb:sharp", text(s.fit.sharp)}};
+        if (s.fit.interpolate) result["mpuvdb:interpolate"] = text(true);
+        return result;
     }
 
     void summarise(Session& session, const Reconstruction& made) const
@@ -205,7 +214,10 @@ private:
                                  dropped.empty() ? "" : "; dropped: " + dropped));
         session.note(fmt::format(
             "fit         tolerance {:.4g} ({:.2g}vx), alpha {}, min-points {}, {}", s.fit.tolerance,
-            s.fit.tolerance / h, s.fit.alpha, s.fit.minPoints, s.fit.sharp ? "sharp" : "no-sharp"));
+            s.fit.tolerance / h, s.fit.alpha, s.fit.minPoints,
+            s.fit.interpolate ? "interpolate"
+            : s.fit.sharp     ? "sharp"
+                              : "no-sharp"));
         session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, {} x {} x {}, {} "
                                  "active voxels: {}",
                                  h, s.grid.halfWidth, size.x(), size.y(), size.z(),
