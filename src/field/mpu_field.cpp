@@ -51,7 +51,7 @@ RootCube rootCube(const Box3d& bounds, double voxelSize)
 /// Take support from leaves whose side at the centre is clearly not the whole model's.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
-    tree.forEachLeaf([&](OctreeNode& node, const OctreeCell& cell) {
+    tree.forEachLeafParallel([&](OctreeNode& node, const OctreeCell& cell) {
         if (node.support <= 0) return;
         const Vec3d centre = tree.root.centre(cell);
         const StoredFit& stored = tree.fits[node.index];

@@ -7,6 +7,8 @@
 
 #include <array>
 #include <cstdint>
+#include <tbb/parallel_for.h>
+#include <utility>
 #include <vector>
 
 namespace mpuvdb
@@ -75,7 +77,7 @@ struct Octree {
     void graft(std::uint32_t at, const Octree& subtree);
     std::uint64_t bytes() const;
 
-    /// Call f(node, cell) for every leaf, depth first.
+    /// Call f(node, cell) for every leaf below a node, depth first.
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
     {
@@ -85,6 +87,29 @@ struct Octree {
         }
         for (int octant = 0; octant < 8; ++octant)
             forEachLeaf(f, nodes[node].index + std::uint32_t(octant), cell.child(octant));
+    }
+
+    /// The same for all leaves, in parallel.
+    template <typename F>
+    void forEachLeafParallel(F f)
+    {
+        constexpr int kLevel = 4;
+        std::vector<std::pair<std::uint32_t, OctreeCell>> parts = {{0, {}}};
+        for (int level = 0; level < kLevel; ++level) {
+            std::vector<std::pair<std::uint32_t, OctreeCell>> finer;
+            for (const auto& [node, cell] : parts) {
+                if (nodes[node].isLeaf()) {
+                    f(nodes[node], cell);
+                    continue;
+                }
+                for (int octant = 0; octant < 8; ++octant)
+                    finer.push_back(
+                        {nodes[node].index + std::uint32_t(octant), cell.child(octant)});
+            }
+            parts = std::move(finer);
+        }
+        tbb::parallel_for(std::size_t(0), parts.size(),
+                          [&](std::size_t n) { forEachLeaf(f, parts[n].first, parts[n].second); });
     }
 };
 

@@ -29,7 +29,7 @@ struct RootCube {
     Vec3d corner = Vec3d::Zero();
     double side = 1;
 
-    double size(int level) const { return std::ldexp(side, -level); }
+    double size(int level) const { return side / double(std::uint64_t(1) << level); }
     Vec3d centre(const OctreeCell& cell) const
     {
         const double s = size(cell.level);
