@@ -157,7 +157,8 @@ BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, co
     return system;
 }
 
-/// Q = w - quadratic(u, v) without its constant, from the solution @a k of a system, in world units.
+/// Q = w - quadratic(u, v) without its constant, from the solution @a k of a system, in world
+/// units.
 Quadric heightAbove(const Frame& frame, const Eigen::Matrix<double, 5, 1>& k, double scale)
 {
     Quadric q;
@@ -444,9 +445,9 @@ Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal)
     if (!(system.scale > 0)) return planeThrough(Vec3d::Zero(), normal);
     Eigen::Matrix<double, 5, 1> ridge;
     ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6;
-    return heightAbove(
-        frame, solveRidged<5>(system.M.topLeftCorner<5, 5>(), system.r.head<5>(), ridge),
-        system.scale);
+    return heightAbove(frame,
+                       solveRidged<5>(system.M.topLeftCorner<5, 5>(), system.r.head<5>(), ridge),
+                       system.scale);
 }
 
 Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints,

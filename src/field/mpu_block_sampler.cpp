@@ -24,8 +24,7 @@ bool reachesVoxel(const Vec3d& centre, double radius)
 MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, const Vec3d& origin,
                                  double voxelSize, double band)
     : mTree(tree), mCoarse(coarse), mOrigin(origin), mVoxelSize(voxelSize),
-      mLimit(float(band / voxelSize)),
-      mAddCell(tree.interpolates() ? addSingularCell : addCell)
+      mLimit(float(band / voxelSize)), mAddCell(tree.interpolates() ? addSingularCell : addCell)
 {
 }
 

@@ -103,7 +103,7 @@ private:
             ->group(group);
         app.add_option("--alpha", mSettings.alpha,
                        "Radius of a fit's support, in diagonals of its cell; larger is smoother;\n"
-               "default: 0.75, with --interpolate 1.25")
+                       "default: 0.75, with --interpolate 1.25")
             ->type_name("RATIO")
             ->group(group);
         app.add_option("--min-points", mSettings.minPoints,
@@ -114,10 +114,11 @@ private:
                "--no-sharp", [this] { mSettings.sharp = false; },
                "Fit no edges and corners: smooth everywhere")
             ->group(group);
-        app.add_flag("--interpolate", mSettings.interpolate,
-                     "Pass through every point: for points that are exact. No edges and corners;\n"
-                     "--tolerance still rules where cells are large beside the spacing, --min-points\n"
-                     "the neighbours of a point that shape the surface at it; --alpha from 1.05 on")
+        app.add_flag(
+               "--interpolate", mSettings.interpolate,
+               "Pass through every point: for points that are exact. No edges and corners;\n"
+               "--tolerance still rules where cells are large beside the spacing, --min-points\n"
+               "the neighbours of a point that shape the surface at it; --alpha from 1.05 on")
             ->group(group);
     }
 
@@ -159,17 +160,13 @@ private:
         const ResolvedSettings& s = made.settings;
         const MpuStatistics& fit = made.field->statistics();
         Json& report = session.report();
-        report["settings"] = {{"voxel_size", s.grid.lattice.voxelSize},
-                              {"half_width", s.grid.halfWidth},
-                              {"tolerance", s.fit.tolerance},
-                              {"alpha", s.fit.alpha},
-                              {"min_points", s.fit.minPoints},
-                              {"sharp", s.fit.sharp},
-                              {"interpolate", s.fit.interpolate},
-                              {"normals", mNormals},
-                              {"flip_normals", mFlipNormals},
-                              {"bad_points", mBadPoints},
-                              {"max_memory", mSettings.maxBytes}};
+        report["settings"] = {
+            {"voxel_size", s.grid.lattice.voxelSize}, {"half_width", s.grid.halfWidth},
+            {"tolerance", s.fit.tolerance},           {"alpha", s.fit.alpha},
+            {"min_points", s.fit.minPoints},          {"sharp", s.fit.sharp},
+            {"interpolate", s.fit.interpolate},       {"normals", mNormals},
+            {"flip_normals", mFlipNormals},           {"bad_points", mBadPoints},
+            {"max_memory", mSettings.maxBytes}};
         report["input"] = {{"points", mPoints},           {"dropped", mDropped},
                            {"spacing", s.points.spacing}, {"noise", s.points.noise},
                            {"box", toJson(s.boxSize)},    {"diagonal", s.diagonal}};
@@ -189,16 +186,16 @@ private:
         const auto text = [](const auto& value) { return fmt::format("{}", value); };
         std::map<std::string, std::string> result = {
             {"mpuvdb:version", MPUVDB_VERSION},
-                {"mpuvdb:points", text(mPoints)},
-                {"mpuvdb:spacing", text(s.points.spacing)},
-                {"mpuvdb:noise", text(s.points.noise)},
-                {"mpuvdb:voxel_size", text(s.grid.lattice.voxelSize)},
-                {"mpuvdb:half_width", text(s.grid.halfWidth)},
-                {"mpuvdb:tolerance", text(s.fit.tolerance)},
-                {"mpuvdb:max_error", text(made.field->statistics().maxError)},
-                {"mpuvdb:alpha", text(s.fit.alpha)},
-                {"mpuvdb:min_points", text(s.fit.minPoints)},
-                {"mpuvdb:sharp", text(s.fit.sharp)}};
+            {"mpuvdb:points", text(mPoints)},
+            {"mpuvdb:spacing", text(s.points.spacing)},
+            {"mpuvdb:noise", text(s.points.noise)},
+            {"mpuvdb:voxel_size", text(s.grid.lattice.voxelSize)},
+            {"mpuvdb:half_width", text(s.grid.halfWidth)},
+            {"mpuvdb:tolerance", text(s.fit.tolerance)},
+            {"mpuvdb:max_error", text(made.field->statistics().maxError)},
+            {"mpuvdb:alpha", text(s.fit.alpha)},
+            {"mpuvdb:min_points", text(s.fit.minPoints)},
+            {"mpuvdb:sharp", text(s.fit.sharp)}};
         if (s.fit.interpolate) result["mpuvdb:interpolate"] = text(true);
         return result;
     }
@@ -212,12 +209,12 @@ private:
         session.note(fmt::format("points      {}, spacing {:.4g}, noise {:.2g}{}", mPoints,
                                  s.points.spacing, s.points.noise,
                                  dropped.empty() ? "" : "; dropped: " + dropped));
-        session.note(fmt::format(
-            "fit         tolerance {:.4g} ({:.2g}vx), alpha {}, min-points {}, {}", s.fit.tolerance,
-            s.fit.tolerance / h, s.fit.alpha, s.fit.minPoints,
-            s.fit.interpolate ? "interpolate"
-            : s.fit.sharp     ? "sharp"
-                              : "no-sharp"));
+        session.note(
+            fmt::format("fit         tolerance {:.4g} ({:.2g}vx), alpha {}, min-points {}, {}",
+                        s.fit.tolerance, s.fit.tolerance / h, s.fit.alpha, s.fit.minPoints,
+                        s.fit.interpolate ? "interpolate"
+                        : s.fit.sharp     ? "sharp"
+                                          : "no-sharp"));
         session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, {} x {} x {}, {} "
                                  "active voxels: {}",
                                  h, s.grid.halfWidth, size.x(), size.y(), size.z(),
