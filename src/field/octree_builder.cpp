@@ -138,6 +138,7 @@ private:
         std::array<std::size_t, 2> inside;
         const std::size_t count = mPointFitter.pointsIn(cell, ball, inside);
         if (count > 1 && cell.level < PointFitter::kDeepest) {
+            mProgress.check(); // crowded points make long descents
             Decision unfitted;
             unfitted.split = true;
             unfitted.fitted = false;
