@@ -10,6 +10,10 @@ namespace
 /// A fit's ball beyond the last of its neighbours, whose weight would be zero on its border.
 constexpr double kMargin = 1.2;
 
+/// Within this part of the ball neighbours weigh alike; beyond, with the inverse square of their
+/// distance.
+constexpr double kNear = 0.2;
+
 Vec3f positionOf(const PointBatch& batch, std::size_t n)
 {
     return {batch.x[n], batch.y[n], batch.z[n]};
@@ -61,12 +65,15 @@ double PointFitter::gatherNearest(const Vec3d& at, const OctreeCell& cell,
     }
 }
 
-/// Fit to mNear; those that face the other way are of another sheet.
+/// Fit to mNear, the more closely the nearer: where neighbours' fits miss a point, the surface has
+/// a dimple that voxels may not see. Points that face the other way are of another sheet.
 Quadric PointFitter::fitNear(const Vec3f& at, const Vec3d& normal, double radius)
 {
     mCell.assign(mNear, at.cast<double>(), radius);
+    const double near2 = kNear * kNear * radius * radius;
     for (std::size_t i = 0; i < mCell.count; ++i)
-        mCell.weight[i] *= std::max(mCell.normal(i).dot(normal), 0.0);
+        mCell.weight[i] *= std::max(mCell.normal(i).dot(normal), 0.0) * near2 /
+                           (mCell.position(i).squaredNorm() + near2);
     const Vec3d mean = meanNormal(mCell);
     return fitBivariateThroughOrigin(mCell, mean.dot(normal) > 0 ? mean : normal);
 }
