@@ -110,32 +110,6 @@ TEST(ScreenedPoisson, EveryCycleReducesTheResidual)
     }
 }
 
-TEST(ScreenedPoisson, FindsTheBorderThroughWhichNothingFlows)
-{
-    Progress progress;
-    const Manufactured problem({33, 33, 33}, true, 0.4f, 3);
-    ScreenedPoisson solver(problem.grid, problem.screening, progress);
-    const auto netFlux = [&](float border) {
-        const std::vector<float> u = solver.solve(problem.rightHand, border, 10);
-        const auto& g = problem.grid;
-        double sum = 0;
-        for (int i = 1; i < g.n[0] - 1; ++i)
-            for (int j = 1; j < g.n[1] - 1; ++j)
-                for (const auto& [inner, outer] :
-                     {std::pair(g.index(i, j, 1), g.index(i, j, 0)),
-                      std::pair(g.index(i, j, g.n[2] - 2), g.index(i, j, g.n[2] - 1)),
-                      std::pair(g.index(i, 1, j), g.index(i, 0, j)),
-                      std::pair(g.index(i, g.n[1] - 2, j), g.index(i, g.n[1] - 1, j)),
-                      std::pair(g.index(1, i, j), g.index(0, i, j)),
-                      std::pair(g.index(g.n[0] - 2, i, j), g.index(g.n[0] - 1, i, j))})
-                    sum += double(u[outer]) - double(u[inner]);
-        return sum;
-    };
-    const float found = solver.fluxFreeBorder(problem.rightHand);
-    // The answer comes from the level of half the resolution.
-    EXPECT_LT(std::abs(netFlux(found)), 0.15 * std::abs(netFlux(found + 1)));
-}
-
 TEST(ScreenedPoisson, DoesNotDependOnThreads)
 {
     Progress progress;
@@ -145,7 +119,6 @@ TEST(ScreenedPoisson, DoesNotDependOnThreads)
         tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
         ScreenedPoisson solver(problem.grid, problem.screening, progress);
         results.push_back(solver.solve(problem.rightHand, problem.border, 2));
-        results.back().push_back(solver.fluxFreeBorder(problem.rightHand));
     }
     EXPECT_EQ(results[0], results[1]);
     EXPECT_EQ(results[0], results[2]);
@@ -218,7 +191,9 @@ TEST(CoarseSign, IsNearTheDistanceNearData)
         const double d = random.uniform(-1, 1) * sign.step();
         const Vec3d n = random.direction();
         const FieldSample sample = sign.evaluate((1 + d) * n - frame);
-        EXPECT_NEAR(sample.value, d, 0.5 * sign.step());
+        // u is capped at 1.5 steps from the data: towards them it flattens, and tells too much.
+        EXPECT_NEAR(sample.value, d, (std::abs(d) < 0.5 * sign.step() ? 0.5 : 1.5) * sign.step());
+        if (std::abs(d) > 0.3 * sign.step()) EXPECT_EQ(sample.value < 0, d < 0);
         EXPECT_GT(sample.gradient.dot(n), 0.8);
     }
 }

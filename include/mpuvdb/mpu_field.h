@@ -16,6 +16,9 @@ constexpr double kInterpolationAlpha = 1.25;
 /// How points are fitted.
 struct MpuSettings {
     double tolerance = 0; ///< largest Taubin error |Q|/|grad Q| of a local fit, world units, > 0
+    /// Standard deviation of the points about the surface, world units; 0: they are exact. A fit
+    /// beyond the tolerance stays where all that it leaves of the points is noise.
+    double noise = 0;
     double voxelSize = 0; ///< cells stay above about two of these (one where sharp), > 0
     double alpha = 0.75;  ///< support radius / cell diagonal, in [0.6, 2]
     int minPoints = 15;   ///< N_min: confidences a fit needs in sum, in [6, 1000]

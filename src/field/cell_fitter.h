@@ -15,6 +15,10 @@ constexpr double kGrowth = 0.1; ///< lambda [Ohtake03 eq. 6]
 constexpr double kRimSpacings =
     6; ///< a ball larger than this with fewer than N_min points is a rim
 
+/// Least radius of a ball, in standard deviations of the noise: a smaller ball cuts off points that
+/// noise throws far, and takes its own border for the surface.
+constexpr double kNoiseRadius = 5;
+
 constexpr double kHeirError =
     0.02; ///< largest error, in radii, of a fit that empty cells take over
 
@@ -56,8 +60,13 @@ public:
         : mPoints(points), mRoot(root), mSettings(settings)
     {
         mFit.tolerance = settings.tolerance;
+        mFit.noise = settings.noise;
         mFit.minPoints = settings.minPoints;
     }
+
+    /// Forget what was gathered for other cells: the order of the points, and with it the last bit
+    /// of a fit, must not depend on which subtrees this thread happened to build before.
+    void forget() { mWideRadius = 0; }
 
     double supportRadius(int level) const
     {
@@ -85,7 +94,7 @@ public:
         }
         const double grown = grow(ball, cell, path);
         decision = decideOn(grown > radius ? mGrown : ball, cell, grown, spacing);
-        if (!decision.split && decision.result.error > mFit.tolerance && mSettings.sharp &&
+        if (!decision.split && !decision.result.accepted && mSettings.sharp &&
             mCell.count <= 8 * std::size_t(mFit.minPoints)) {
             // The level limit stops the descent to few points: look for a feature all the same.
             FitSettings last = mFit;
@@ -171,9 +180,9 @@ private:
 
     bool mayBeSplit(const OctreeCell& cell, const FitResult& result) const
     {
-        const bool fine =
-            result.fit.isSharp() || result.opposedNormals ||
-            (mSettings.sharp && result.spreadNormals && result.error > mFit.tolerance);
+        const bool fine = result.fit.isSharp() || result.opposedNormals ||
+                          (mSettings.sharp && result.spreadNormals && !result.accepted);
+        if (supportRadius(cell.level + 1) < kNoiseRadius * mSettings.noise) return false;
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
     }
@@ -188,7 +197,7 @@ private:
         Decision decision;
         decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
         const bool mayBe = mayBeSplit(cell, decision.result);
-        if (decision.result.needsSplit || decision.result.error > mFit.tolerance) {
+        if (decision.result.needsSplit || !decision.result.accepted) {
             decision.split = mayBe;
             if (mayBe) return decision;
         }

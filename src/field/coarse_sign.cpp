@@ -11,13 +11,14 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kPad = 0.2;         ///< of the extent, on each side
-constexpr int kMaxNodes = 80;        ///< along the longest side
-constexpr double kKernel = 1.5;      ///< radius of the splats, node steps
-constexpr double kUnit = 1.5;        ///< u = distance / (kUnit steps)
-constexpr double kSlope = 1 / kUnit; ///< of u, per step
+constexpr double kPad = 0.2;    ///< of the extent, on each side
+constexpr int kMaxNodes = 64;   ///< along the longest side
+constexpr double kKernel = 1.5; ///< radius of the splats, node steps
+constexpr double kUnit = 1.5;   ///< u = distance / (kUnit steps), in [-1, 1]
 constexpr float kScreening = 4;
-constexpr float kLeastBorder = 0.3f; ///< above 0: every surface closes inside the box
+/// Of u on the box. Above 0, so that every surface closes inside; low, so that what closes an
+/// opening bulges outwards as objects do: at 1 a cap over a hole in a sphere is flat.
+constexpr float kBorder = 0.3f;
 
 /// Points of one small cube as one: mean position, sum of normals.
 struct Dipole {
@@ -26,8 +27,7 @@ struct Dipole {
 };
 
 struct Splats {
-    std::vector<float> screening, value;      ///< D and D-weighted u, per node
-    std::array<std::vector<float>, 3> normal; ///< D-weighted extension target
+    std::vector<float> screening, value; ///< D and D-weighted u, per node
 };
 
 /// Mean distance between points: the area of the occupied cells of a level that holds a few points
@@ -148,7 +148,6 @@ Splats splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec
     Splats splats;
     splats.screening.assign(grid.size(), 0.0f);
     splats.value.assign(grid.size(), 0.0f);
-    for (auto& n : splats.normal) n.assign(grid.size(), 0.0f);
     tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
         progress.check();
         for (int j = 1; j < grid.n[1] - 1; ++j) {
@@ -171,9 +170,6 @@ Splats splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec
                 splats.screening[n] = kScreening;
                 const double u = std::clamp(sums.value / sums.weight / (kUnit * step), -1.0, 1.0);
                 splats.value[n] = kScreening * float(u);
-                const Vec3d target = kSlope * sums.normal.normalized();
-                for (int axis = 0; axis < 3; ++axis)
-                    splats.normal[std::size_t(axis)][n] = kScreening * float(target[axis]);
             }
         }
     });
@@ -183,25 +179,8 @@ Splats splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec
 std::vector<float> solvePotential(const NodeGrid& grid, Splats splats, Progress& progress)
 {
     ScreenedPoisson solver(grid, std::move(splats.screening), progress);
-    const std::size_t stride[3] = {grid.index(1, 0, 0), grid.index(0, 1, 0), 1};
-    std::vector<float> rightHand(grid.size(), 0.0f);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        std::vector<float>& target = splats.normal[axis];
-        for (float& t : target) t = -t;
-        const std::vector<float> extended = solver.solve(target, 0, 0);
-        std::vector<float>().swap(target);
-        tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
-            for (int j = 1; j < grid.n[1] - 1; ++j)
-                for (int k = 1; k < grid.n[2] - 1; ++k) {
-                    const std::size_t n = grid.index(i, j, k);
-                    rightHand[n] +=
-                        0.5f * (extended[n + stride[axis]] - extended[n - stride[axis]]);
-                }
-        });
-    }
-    for (std::size_t n = 0; n < rightHand.size(); ++n) rightHand[n] -= splats.value[n];
-    const float border = std::max(kLeastBorder, solver.fluxFreeBorder(rightHand));
-    return solver.solve(rightHand, border, 2);
+    for (float& v : splats.value) v = -v;
+    return solver.solve(splats.value, kBorder, 2);
 }
 
 } // namespace
@@ -259,7 +238,8 @@ FieldSample CoarseSign::evaluate(const Vec3d& p) const
     }
     const double slope = std::max(gradient.norm(), mSlopeFloor);
     FieldSample sample;
-    sample.value = mStep * (value / slope + std::sqrt(beyond2));
+    sample.value =
+        std::clamp(mStep * value / slope, -farthest(), farthest()) + mStep * std::sqrt(beyond2);
     sample.gradient = gradient / slope;
     return sample;
 }

@@ -1,9 +1,8 @@
 // One coarse answer to inside or outside for the whole model, from its points alone: for where no
 // data support the local fits.
 //
-// The points' normals are extended into space by a screened Laplace equation, and a function with
-// that gradient is found by a Poisson equation, held to the points' signed distance near them
-// (smoother than a harmonic fill, and bends on with the surface at the rim of a hole).
+// A harmonic function, held to the points' signed distance near them: between them it has no zero
+// set that does not end on data (maximum principle), so nothing is invented in free space.
 #pragma once
 #include "multigrid.h"
 #include "sorted_points.h"
@@ -19,6 +18,9 @@ public:
     CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root,
                Progress& progress);
 
+    /// A farther distance is not told: it means nothing, and would outweigh what it is blended
+    /// with.
+    double farthest() const { return 4 * mStep; }
     /// Approximate signed distance (world units) and its direction at @a p (local coordinates);
     /// beyond the grid's box that of the nearest point in it, plus the distance to it: all outside.
     FieldSample evaluate(const Vec3d& p) const;

@@ -494,6 +494,48 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
     return std::sqrt(worstSquared(fit, points, testRadius));
 }
 
+bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
+                       double noise)
+{
+    constexpr std::size_t kParts = 16; // octants, each inside and outside of half the ball's disc
+    constexpr double kLoud = 2, kSignificant = 2.5;
+    constexpr std::size_t kFew = 64; // no more points tell no shape from noise
+    constexpr double kFarthest = 8;  // of few points, in standard deviations
+    std::array<double, kParts> sums{};
+    std::array<std::size_t, kParts> counts{};
+    const double radius2 = testRadius * testRadius;
+    double squares = 0, farthest = 0;
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < points.count; ++i) {
+        const Vec3d y = points.position(i);
+        const double r2 = y.squaredNorm();
+        if (!(r2 < radius2)) continue;
+        const Quadric& q = fit.ruling(y);
+        const double residual = points.confidence[i] * q.value(y) /
+                                std::sqrt(std::max(q.gradient(y).squaredNorm(), kFlat));
+        const auto part = std::size_t(y[0] > 0) | std::size_t(y[1] > 0) << 1 |
+                          std::size_t(y[2] > 0) << 2 | std::size_t(2 * r2 > radius2) << 3;
+        sums[part] += residual;
+        ++counts[part];
+        squares += residual * residual;
+        farthest = std::max(farthest, std::abs(residual));
+        ++n;
+    }
+    if (n <= kFew) return farthest <= kFarthest * noise;
+    double between = 0;
+    std::size_t parts = 0;
+    for (std::size_t k = 0; k < kParts; ++k) {
+        if (counts[k] == 0) continue;
+        between += sums[k] * sums[k] / double(counts[k]);
+        ++parts;
+    }
+    const double least = noise * noise, most = kLoud * kLoud * least;
+    const double within = n > parts ? (squares - between) / double(n - parts) : squares;
+    if (!(within <= most)) return false;
+    const double expected = double(parts) + kSignificant * std::sqrt(2 * double(parts));
+    return between <= std::max(within, least) * expected;
+}
+
 double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
                   double enough)
 {
@@ -562,9 +604,17 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
         result.fit.pieces[0] = fitBivariate(points, normal);
     }
     result.error = taubinError(result.fit, points, testRadius);
+    const auto accept = [&] {
+        result.accepted = result.error <= settings.tolerance ||
+                          (settings.noise > 0 &&
+                           residualsAreNoise(result.fit, points, testRadius, settings.noise));
+    };
+    accept();
     // A smooth fillet can look like an edge to test (14): a feature only where smooth fails.
-    if (points.count <= settings.maxSharpPoints && result.error > settings.tolerance)
+    if (points.count <= settings.maxSharpPoints && !result.accepted) {
         trySharp(result, points, cellSize, testRadius, scratch);
+        accept();
+    }
     return result;
 }
 

@@ -36,8 +36,9 @@ struct CellPoints {
 
 /// What the fits need besides the points.
 struct FitSettings {
-    double tolerance = 0;            ///< world units
-    int minPoints = 15;              ///< N_min
+    double tolerance = 0; ///< world units
+    double noise = 0;     ///< standard deviation of the points, world units; 0: they are exact
+    int minPoints = 15;   ///< N_min
     std::size_t maxSharpPoints = 30; ///< edges and corners are tried up to so many points
 };
 
@@ -45,6 +46,7 @@ struct FitSettings {
 struct FitResult {
     LocalFit fit;
     double error = 0; ///< max of confidence * |Q| / |grad Q| over points within the test radius
+    bool accepted = false;       ///< within tolerance, or all that is left is noise
     bool opposedNormals = false; ///< some normal turns by pi/2 or more from the mean
     bool spreadNormals = false;  ///< the normals turn enough for a feature
     bool needsSplit = false; ///< no auxiliary point was usable [Ohtake03 §4a]: split if possible
@@ -75,6 +77,13 @@ Vec3d meanNormal(const CellPoints& points);
 
 /// Largest confidence * |Q| / |grad Q| over the points within @a testRadius [Ohtake03 eq. 7, §6].
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius);
+
+/// Whether what @a fit leaves of the points within @a testRadius looks like noise of standard
+/// deviation @a noise (up to twice that: local noise differs), and not like a shape that it misses:
+/// the means over sixteen parts of the ball scatter no more than such noise lets them. Of 64
+/// points and fewer, none may be farther off than eight standard deviations.
+bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
+                       double noise);
 
 /// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough);
 /// infinite without points.

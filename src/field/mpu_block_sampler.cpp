@@ -24,7 +24,9 @@ bool reachesVoxel(const Vec3d& centre, double radius)
 MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, const Vec3d& origin,
                                  double voxelSize, double band)
     : mTree(tree), mCoarse(coarse), mOrigin(origin), mVoxelSize(voxelSize),
-      mLimit(float(band / voxelSize)), mAddCell(tree.interpolates() ? addSingularCell : addCell)
+      mLimit(float(band / voxelSize)),
+      mFarthest(coarse ? std::max(2 * mLimit, float(coarse->farthest() / voxelSize)) : mLimit),
+      mAddCell(tree.interpolates() ? addSingularCell : addCell)
 {
 }
 
@@ -69,7 +71,7 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     for (const NodeAt& at : mRegionNodes)
         descend(at, box, 0, nullptr, [&](const NodeAt& leaf) { addLeaf(leaf, corner); });
     // Blended with the coarse field a value may be beyond the band and still count.
-    normalise(mSums, mCoarse ? 2 * mLimit : mLimit, values);
+    normalise(mSums, mFarthest, values);
     const bool reached = *std::min_element(mSums.weight.begin(), mSums.weight.end()) > 0;
     if (mCoarse && !(mSupported && reached)) blendCoarse(corner, values);
     for (float& v : values) v = std::clamp(v, -mLimit, mLimit) * float(mVoxelSize);
@@ -84,8 +86,7 @@ void MpuBlockSampler::blendCoarse(const Vec3d& blockOrigin, BlockValues& values)
         if (support >= 1) continue;
         const Vec3d p = blockOrigin + mVoxelSize * Vec3d(i >> 6, i >> 3 & 7, i & 7);
         const float coarse = float(mCoarse->evaluate(p).value / mVoxelSize);
-        values[n] =
-            support * values[n] + (1 - support) * std::clamp(coarse, -2 * mLimit, 2 * mLimit);
+        values[n] = support * values[n] + (1 - support) * coarse;
     }
 }
 

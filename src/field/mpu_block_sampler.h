@@ -37,7 +37,8 @@ private:
     const CoarseSign* mCoarse;
     Vec3d mOrigin;
     double mVoxelSize;
-    float mLimit; ///< voxels
+    float mLimit;    ///< voxels
+    float mFarthest; ///< what counts of a value that is blended with the coarse field, voxels
     void (*mAddCell)(const KernelCell&, BlockSums&);
     Vec3i mRegion;
     bool mHasRegion = false;

@@ -32,6 +32,7 @@ void checkSettings(const PointCloud& cloud, const MpuSettings& s)
         if (!ok) throw UsageError(fmt::format("{} is {}; it must be {}", what, value, range));
     };
     demand(s.tolerance > 0 && std::isfinite(s.tolerance), "tolerance", s.tolerance, "above 0");
+    demand(s.noise >= 0 && std::isfinite(s.noise), "noise", s.noise, "0 or above");
     demand(s.voxelSize > 0 && std::isfinite(s.voxelSize), "voxel size", s.voxelSize, "above 0");
     if (s.interpolate)
         demand(s.alpha >= 1.05 && s.alpha <= 2, "alpha", s.alpha,
@@ -48,6 +49,10 @@ RootCube rootCube(const Box3d& bounds, double voxelSize)
     return {bounds.center() - Vec3d::Constant(side / 2), side};
 }
 
+/// Steps by which a leaf and the coarse field may differ: unseen walls of cavities and bores are
+/// better told by the fits beside them, which the coarse field bridges.
+constexpr double kVetoSteps = 3;
+
 /// Take support from leaves whose side at the centre is clearly not the whole model's.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
@@ -62,7 +67,9 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
         const double other = coarse.evaluate(centre).value;
         if ((value < 0) == (other < 0)) return;
-        const double excess = std::abs(value - other) / coarse.step() - 1;
+        // Data are about as far as the leaf says: the coarse field cannot know more.
+        const double believed = std::min(std::abs(other), std::max(std::abs(value), coarse.step()));
+        const double excess = (std::abs(value) + believed) / coarse.step() - kVetoSteps;
         const double t = std::clamp(excess, 0.0, 1.0);
         node.support *= float(1 - t * t * (3 - 2 * t));
     });
@@ -173,7 +180,8 @@ FieldSample MpuField::evaluate(const Vec3d& position) const
     }
     if (mImpl->coarse && support < 1) {
         const FieldSample coarse = mImpl->coarse->evaluate(p);
-        sample.value = support * sample.value + (1 - support) * coarse.value;
+        const double far = mImpl->coarse->farthest();
+        sample.value = support * std::clamp(sample.value, -far, far) + (1 - support) * coarse.value;
         sample.gradient = support * sample.gradient + (1 - support) * coarse.gradient;
     }
     sample.supported = support > 0.5;

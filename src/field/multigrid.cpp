@@ -151,9 +151,10 @@ void ScreenedPoisson::descendRightHandSide(const std::vector<float>& b)
         restrictTo(mLevels[n - 1].grid, mLevels[n - 1].b, mLevels[n].grid, mLevels[n].b);
 }
 
-void ScreenedPoisson::solveFrom(std::size_t finest, float border, int cycles)
+std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b, float border, int cycles)
 {
-    for (std::size_t n = mLevels.size(); n-- > finest;) {
+    descendRightHandSide(b);
+    for (std::size_t n = mLevels.size(); n-- > 0;) {
         mProgress.check();
         Level& level = mLevels[n];
         if (n + 1 == mLevels.size()) {
@@ -163,49 +164,11 @@ void ScreenedPoisson::solveFrom(std::size_t finest, float border, int cycles)
         }
         fillBorder(level.grid, level.u, border);
         prolong(mLevels[n + 1].grid, mLevels[n + 1].u, level.grid, level.u, false);
-        const int here = n == finest ? cycles : 1;
+        const int here = n == 0 ? cycles : 1;
         if (here == 0) relax(level, 2);
         for (int c = 0; c < here; ++c) cycle(n);
     }
-}
-
-std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b, float border, int cycles)
-{
-    descendRightHandSide(b);
-    solveFrom(0, border, cycles);
     return mLevels[0].u;
-}
-
-double ScreenedPoisson::borderFlux(std::size_t n) const
-{
-    const Level& level = mLevels[n];
-    const auto& g = level.grid;
-    double sum = 0;
-    for (int i = 1; i < g.n[0] - 1; ++i)
-        for (int j = 1; j < g.n[1] - 1; ++j)
-            sum += double(level.u[g.index(i, j, 1)]) + level.u[g.index(i, j, g.n[2] - 2)];
-    for (int i = 1; i < g.n[0] - 1; ++i)
-        for (int k = 1; k < g.n[2] - 1; ++k)
-            sum += double(level.u[g.index(i, 1, k)]) + level.u[g.index(i, g.n[1] - 2, k)];
-    for (int j = 1; j < g.n[1] - 1; ++j)
-        for (int k = 1; k < g.n[2] - 1; ++k)
-            sum += double(level.u[g.index(1, j, k)]) + level.u[g.index(g.n[0] - 2, j, k)];
-    return sum;
-}
-
-float ScreenedPoisson::fluxFreeBorder(const std::vector<float>& b)
-{
-    const std::size_t half = std::min<std::size_t>(1, mLevels.size() - 1);
-    descendRightHandSide(b);
-    solveFrom(half, 0, 2);
-    const double ofData = borderFlux(half);
-    for (Level& level : mLevels) std::fill(level.b.begin(), level.b.end(), 0.0f);
-    solveFrom(half, 1, 2);
-    const double ofBorder = borderFlux(half);
-    const auto& n = mLevels[half].grid.n;
-    const double faces = 2.0 * ((n[0] - 2.0) * (n[1] - 2.0) + (n[1] - 2.0) * (n[2] - 2.0) +
-                                (n[2] - 2.0) * (n[0] - 2.0));
-    return float(ofData / std::max(faces - ofBorder, 1e-6 * faces));
 }
 
 } // namespace mpuvdb

@@ -35,9 +35,6 @@ public:
 
     /// @param cycles  V-cycles on the finest level after the full multigrid pass; 0: two sweeps.
     std::vector<float> solve(const std::vector<float>& b, float border, int cycles);
-    /// The border value with which no net flux of grad u leaves the box, from the level of half
-    /// the resolution.
-    float fluxFreeBorder(const std::vector<float>& b);
 
 private:
     struct Level {
@@ -45,10 +42,8 @@ private:
         std::vector<float> screening, u, b;
     };
     void descendRightHandSide(const std::vector<float>& b);
-    void solveFrom(std::size_t finest, float border, int cycles);
     void cycle(std::size_t level);
     void relax(Level& level, int sweeps) const;
-    double borderFlux(std::size_t level) const;
 
     std::vector<Level> mLevels; ///< finest first
     Progress& mProgress;

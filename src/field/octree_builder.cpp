@@ -34,12 +34,11 @@ Octree emptyTree(const RootCube& root, const MpuSettings& settings)
     return tree;
 }
 
-void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision& decision,
-               double tolerance)
+void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision& decision)
 {
     ++statistics.leaves;
     statistics.levels = std::max(statistics.levels, cell.level);
-    if (decision.result.error > tolerance || decision.result.needsSplit)
+    if (!decision.result.accepted || decision.result.needsSplit)
         ++statistics.overTolerance;
     else
         statistics.maxError = std::max(statistics.maxError, decision.result.error);
@@ -62,6 +61,7 @@ public:
         mTree = emptyTree(mRoot, mSettings);
         mPointFitter.clear();
         mPath.clear();
+        mFitter.forget();
         PointBatch& ball = batches(0)[0];
         mPoints.gather(cell, mFitter.supportRadius(cell.level), 1, mFilter, ball);
         if (ball.size() == 0)
@@ -128,7 +128,7 @@ private:
         }
         mTree.setLeaf(node, mTree.addFit(decision.result.fit, mRoot.centre(cell)),
                       supportOf(decision.gap, spacing, mFitter.supportRadius(cell.level)));
-        countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
+        countLeaf(mTree.statistics, cell, decision);
     }
 
     /// As above where a leaf may hold one point at most, through which its fit has to go.
@@ -154,7 +154,7 @@ private:
         Decision decision;
         if (radius <= kPointFitReach * fit.radius) {
             mTree.setLeaf(node, fit.index, 1);
-            countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
+            countLeaf(mTree.statistics, cell, decision);
             return;
         }
         decision = mFitter.decide(cell, ball, mPath, spacing);
@@ -170,7 +170,7 @@ private:
             mTree.setLeaf(node, mTree.addFit(decision.result.fit, centre),
                           supportOf(decision.gap, spacing, radius));
         }
-        countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
+        countLeaf(mTree.statistics, cell, decision);
     }
 
     void split(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
@@ -304,7 +304,7 @@ private:
                 const Decision& d = upper.decision;
                 tree.setLeaf(upper.node, tree.addFit(d.result.fit, mRoot.centre(upper.cell)),
                              supportOf(d.gap, upper.spacing, tree.supportRadius(upper.cell.level)));
-                countLeaf(tree.statistics, upper.cell, d, mSettings.tolerance);
+                countLeaf(tree.statistics, upper.cell, d);
             } else {
                 const auto first = std::uint32_t(tree.nodes.size());
                 tree.nodes.resize(first + 8);

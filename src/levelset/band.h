@@ -61,6 +61,7 @@ private:
     Block sample(BlockSampler& sampler, const Vec3i& at) const;
     Block uniformBlock(const Vec3i& at, bool inside) const;
     void ensureLeaf(Block& block);
+    std::size_t countData(const Vec3i& block, const SignWords& voxels) const;
     void turn(Block& block, const SignWords& voxels);
     void checkMemory() const;
 

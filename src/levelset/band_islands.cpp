@@ -3,6 +3,7 @@
 
 #include <mpuvdb/progress.h>
 
+#include <algorithm>
 #include <numeric>
 #include <tbb/parallel_for.h>
 
@@ -11,8 +12,10 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::uint64_t kIslandVoxels = 4000; ///< a larger component stays
-constexpr std::size_t kIslandPoints = 100;    ///< one with as many data points is an object
+constexpr std::uint64_t kIslandVoxels = 1 << 18; ///< a larger component stays
+/// One with as many data points in its voxels is an object. An object of a hundred points has about
+/// half of them there, the others in the voxels beyond its surface.
+constexpr std::size_t kIslandPoints = 30;
 
 constexpr std::uint64_t kFirstZ = 0x0101010101010101ull, kLastZ = kFirstZ << 7;
 
@@ -94,7 +97,7 @@ bool reachesFace(const SignWords& a, int axis, bool upper)
 class Components
 {
 public:
-    explicit Components(std::size_t parts) : mParent(parts), mVoxels(parts, 0), mBox(parts)
+    explicit Components(std::size_t parts) : mParent(parts), mVoxels(parts, 0)
     {
         std::iota(mParent.begin(), mParent.end(), 0u);
     }
@@ -111,20 +114,13 @@ public:
         if (b < a) std::swap(a, b);
         mParent[b] = a;
         mVoxels[a] += mVoxels[b];
-        mBox[a].extend(mBox[b]);
     }
-    void add(std::uint32_t part, std::uint64_t voxels, const Eigen::AlignedBox3i& box)
-    {
-        mVoxels[root(part)] += voxels;
-        mBox[root(part)].extend(box);
-    }
+    void add(std::uint32_t part, std::uint64_t voxels) { mVoxels[root(part)] += voxels; }
     std::uint64_t voxels(std::uint32_t n) { return mVoxels[root(n)]; }
-    const Eigen::AlignedBox3i& box(std::uint32_t n) { return mBox[root(n)]; }
 
 private:
     std::vector<std::uint32_t> mParent;
     std::vector<std::uint64_t> mVoxels;
-    std::vector<Eigen::AlignedBox3i> mBox;
 };
 
 std::uint64_t countVoxels(const SignWords& words)
@@ -153,16 +149,14 @@ std::size_t Band::removeIslands()
         const Vec3i at = mBlocks[n].at;
         for (std::uint32_t p = 0; p < parts[n].size(); ++p) {
             const Part& part = parts[n][p];
-            const Eigen::AlignedBox3i box(at * kBlockDim,
-                                          at * kBlockDim + Vec3i::Constant(kBlockDim - 1));
-            components.add(first[n] + p, countVoxels(part.voxels), box);
+            components.add(first[n] + p, countVoxels(part.voxels));
             for (int axis = 0; axis < 3; ++axis) {
                 for (const bool upper : {false, true}) {
                     if (!reachesFace(part.voxels, axis, upper)) continue;
                     const auto next =
                         mIndex.find(packed(at + (upper ? 1 : -1) * Vec3i::Unit(axis)));
                     if (next == mIndex.end()) {
-                        components.add(first[n] + p, kDeep, {});
+                        components.add(first[n] + p, kDeep);
                         continue;
                     }
                     const std::uint32_t m = next->second;
@@ -174,27 +168,44 @@ std::size_t Band::removeIslands()
             }
         }
     }
-    std::unordered_map<std::uint32_t, bool> island; // by root
-    const auto isIsland = [&](std::uint32_t part) {
-        if (components.voxels(part) >= kIslandVoxels) return false;
-        const auto [entry, isNew] = island.try_emplace(components.root(part), false);
-        if (isNew) {
-            const auto& box = components.box(part);
-            const auto corner = [&](const Vec3i& v) {
-                return Vec3d(mLattice.origin + mLattice.voxelSize * v.cast<double>());
-            };
-            const std::size_t data =
-                mField.countData({corner(box.min()), corner(box.max())}, kIslandPoints);
-            entry->second = data < kIslandPoints;
-        }
-        return entry->second;
+    std::unordered_map<std::uint32_t, std::size_t> data; // of small components, by root
+    const auto forEachSmall = [&](auto f) {
+        for (std::size_t n = 0; n < mBlocks.size(); ++n)
+            for (std::uint32_t p = 0; p < parts[n].size(); ++p)
+                if (components.voxels(first[n] + p) < kIslandVoxels)
+                    f(mBlocks[n], parts[n][p].voxels, components.root(first[n] + p));
     };
-    for (std::size_t n = 0; n < mBlocks.size(); ++n) {
-        for (std::uint32_t p = 0; p < parts[n].size(); ++p)
-            if (isIsland(first[n] + p)) turn(mBlocks[n], parts[n][p].voxels);
-    }
+    forEachSmall([&](const Block& block, const SignWords& voxels, std::uint32_t root) {
+        std::size_t& points = data[root];
+        if (points < kIslandPoints) points += countData(block.at, voxels);
+    });
+    forEachSmall([&](Block& block, const SignWords& voxels, std::uint32_t root) {
+        if (data[root] < kIslandPoints) turn(block, voxels);
+    });
+    return std::size_t(std::count_if(data.begin(), data.end(),
+                                     [](const auto& d) { return d.second < kIslandPoints; }));
+}
+
+/// Data points in the cubes of the voxels of a block.
+std::size_t Band::countData(const Vec3i& block, const SignWords& voxels) const
+{
+    const double h = mLattice.voxelSize;
     std::size_t count = 0;
-    for (const auto& [root, is] : island) count += is;
+    for (int row = 0; row < kBlockDim * kBlockDim; ++row) {
+        const auto bits =
+            unsigned(voxels[std::size_t(row / kBlockDim)] >> (8 * (row % kBlockDim))) & 0xffu;
+        for (int z = 0; z < kBlockDim;) {
+            if (!(bits >> z & 1u)) {
+                ++z;
+                continue;
+            }
+            const int first = z;
+            while (z < kBlockDim && (bits >> z & 1u)) ++z;
+            const Vec3i at = block * kBlockDim + Vec3i(row / kBlockDim, row % kBlockDim, first);
+            const Vec3d low = mLattice.origin + h * (at.cast<double>() - Vec3d::Constant(0.5));
+            count += mField.countData({low, low + h * Vec3d(1, 1, z - first)}, kIslandPoints);
+        }
+    }
     return count;
 }
 

@@ -11,9 +11,8 @@ namespace mpuvdb
 namespace
 {
 
-/// Without other word a fit may err by a tenth of a voxel, or by what noise throws a point off.
+/// Without other word a fit may err by a tenth of a voxel, and by the noise.
 constexpr double kToleranceVoxels = 0.1;
-constexpr double kToleranceNoise = 8;
 
 double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSettings& resolved)
 {
@@ -64,9 +63,12 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
     fit.interpolate = settings.interpolate;
     fit.alpha = settings.alpha.value_or(fit.interpolate ? kInterpolationAlpha : fit.alpha);
     fit.sharp = settings.sharp && !fit.interpolate;
-    fit.tolerance = settings.tolerance
-                        ? settings.tolerance->resolve(h, resolved.diagonal)
-                        : std::max(kToleranceVoxels * h, kToleranceNoise * resolved.points.noise);
+    if (settings.tolerance) {
+        fit.tolerance = settings.tolerance->resolve(h, resolved.diagonal);
+    } else {
+        fit.tolerance = kToleranceVoxels * h;
+        fit.noise = resolved.points.noise;
+    }
     fit.minPoints = settings.minPoints.value_or(MpuSettings{}.minPoints);
     progress.endStage();
     return resolved;

@@ -160,13 +160,18 @@ private:
         const ResolvedSettings& s = made.settings;
         const MpuStatistics& fit = made.field->statistics();
         Json& report = session.report();
-        report["settings"] = {
-            {"voxel_size", s.grid.lattice.voxelSize}, {"half_width", s.grid.halfWidth},
-            {"tolerance", s.fit.tolerance},           {"alpha", s.fit.alpha},
-            {"min_points", s.fit.minPoints},          {"sharp", s.fit.sharp},
-            {"interpolate", s.fit.interpolate},       {"normals", mNormals},
-            {"flip_normals", mFlipNormals},           {"bad_points", mBadPoints},
-            {"max_memory", mSettings.maxBytes}};
+        report["settings"] = {{"voxel_size", s.grid.lattice.voxelSize},
+                              {"half_width", s.grid.halfWidth},
+                              {"tolerance", s.fit.tolerance},
+                              {"noise", s.fit.noise},
+                              {"alpha", s.fit.alpha},
+                              {"min_points", s.fit.minPoints},
+                              {"sharp", s.fit.sharp},
+                              {"interpolate", s.fit.interpolate},
+                              {"normals", mNormals},
+                              {"flip_normals", mFlipNormals},
+                              {"bad_points", mBadPoints},
+                              {"max_memory", mSettings.maxBytes}};
         report["input"] = {{"points", mPoints},           {"dropped", mDropped},
                            {"spacing", s.points.spacing}, {"noise", s.points.noise},
                            {"box", toJson(s.boxSize)},    {"diagonal", s.diagonal}};
