@@ -37,7 +37,14 @@ std::uint64_t hashOf(std::uint64_t key)
     return h ^ (h >> 32);
 }
 
-/// The uppermost bits choose the part; its table takes others.
+/// Neighbours are mostly in one block of 8 x 8 x 8 cells, and blocks in one part: what is asked for
+/// together lies together.
+std::size_t partOf(std::uint64_t key, int partBits)
+{
+    constexpr std::uint64_t kWithin = 7ull << (2 * kKeyBits) | 7ull << kKeyBits | 7ull;
+    return partBits == 0 ? 0 : std::size_t(hashOf(key & ~kWithin) >> (64 - partBits));
+}
+
 std::size_t slotOf(std::uint64_t key, std::size_t slots)
 {
     return std::size_t(hashOf(key) >> 8) & (slots - 1);
@@ -84,16 +91,13 @@ CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Progress& p
     mCorner = box.min().array() - 1.5 * mSide;
     while (mPartBits < kMostPartBits && (points >> mPartBits) > kPartPoints) ++mPartBits;
     const std::size_t parts = std::size_t(1) << mPartBits;
-    const auto partOf = [&](std::uint64_t key) {
-        return mPartBits == 0 ? 0 : std::size_t(hashOf(key) >> (64 - mPartBits));
-    };
     const auto sliceStart = [&](std::size_t slice) { return points * slice / kSlices; };
 
     std::vector<std::vector<std::size_t>> next(kSlices, std::vector<std::size_t>(parts, 0));
     tbb::parallel_for(std::size_t(0), kSlices, [&](std::size_t s) {
         progress.check();
         for (std::size_t i = sliceStart(s); i < sliceStart(s + 1); ++i)
-            ++next[s][partOf(keyAt(positions[i]))];
+            ++next[s][partOf(keyAt(positions[i]), mPartBits)];
     });
     std::vector<std::size_t> starts;
     std::size_t start = 0;
@@ -107,7 +111,7 @@ CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Progress& p
         progress.check();
         for (std::size_t i = sliceStart(s); i < sliceStart(s + 1); ++i) {
             const std::uint64_t key = keyAt(positions[i]);
-            records[next[s][partOf(key)]++] = {key, std::uint32_t(i)};
+            records[next[s][partOf(key, mPartBits)]++] = {key, std::uint32_t(i)};
         }
     });
     mParts.resize(parts);
@@ -156,7 +160,7 @@ void CellGrid::sortPart(const Record* records, std::size_t begin, std::size_t en
 std::uint32_t CellGrid::find(const Vec3i& at) const
 {
     const std::uint64_t key = keyOf(at);
-    const Part& part = mParts[mPartBits == 0 ? 0 : std::size_t(hashOf(key) >> (64 - mPartBits))];
+    const Part& part = mParts[partOf(key, mPartBits)];
     const std::uint32_t found = part.slots[findSlot(part.slots, mCells.data() + part.firstCell, at)];
     return found == kNone ? kNone : part.firstCell + found;
 }
