@@ -28,15 +28,14 @@ constexpr double kCellSpacings = 5;        // a gap that a surface may have
 constexpr double kCellNoises = 4;          // standard deviations that a cell's width is at least
 constexpr std::size_t kGrain = 256;        // cells or points
 
-/// The grid's cells, joined where they touch. A nearly empty cell joins no others: outliers would
-/// hang together, and on surfaces.
+/// The grid's cells, joined where they share a face. A nearly empty cell joins no others: outliers
+/// would hang together, and on surfaces.
 class CellGroups
 {
 public:
     enum class Place { Within, Beside, Apart }; ///< of a cell, and the surfaces
 
-    CellGroups(const CellGrid& grid, Progress& progress)
-        : mGrid(grid), mGroups(grid.cells().size())
+    CellGroups(const CellGrid& grid, Progress& progress) : mGrid(grid), mGroups(grid.cells().size())
     {
         const auto& cells = grid.cells();
         std::vector<std::vector<std::uint32_t>> around(cells.size() / kGrain + 1);
@@ -45,7 +44,7 @@ public:
             const std::size_t end = std::min((chunk + 1) * kGrain, cells.size());
             for (std::size_t c = chunk * kGrain; c < end; ++c) {
                 if (cells[c].size() <= kSparse) continue;
-                grid.forHalfAround(cells[c], [&](std::uint32_t other) {
+                grid.forFacesAfter(cells[c], [&](std::uint32_t other) {
                     if (cells[other].size() <= kSparse) return;
                     around[chunk].push_back(std::uint32_t(c));
                     around[chunk].push_back(other);
@@ -53,8 +52,7 @@ public:
             }
         });
         for (const auto& pairs : around)
-            for (std::size_t k = 0; k < pairs.size(); k += 2)
-                mGroups.join(pairs[k], pairs[k + 1]);
+            for (std::size_t k = 0; k < pairs.size(); k += 2) mGroups.join(pairs[k], pairs[k + 1]);
         mPoints.assign(cells.size(), 0);
         for (std::uint32_t c = 0; c < cells.size(); ++c)
             mPoints[mGroups.find(c)] += cells[c].size();
