@@ -141,7 +141,7 @@ private:
     float mReach;
 };
 
-/// The points of a cell that look to one side.
+/// The points of a cell that look to about the same side.
 struct Patchlet {
     Vec3f position = Vec3f::Zero(); ///< middle
     Vec3f normal = Vec3f::Zero();   ///< mean, unit
@@ -154,7 +154,9 @@ class Patches
 public:
     Patches(const CellGrid& grid, const PointStatistics& statistics, TurnedNormals& normals,
             Progress& progress)
-        : mGrid(grid), mNoise(float(statistics.noise)), mNormals(normals), mProgress(progress)
+        : mGrid(grid), mNoise(float(statistics.noise)),
+          mSheet(float(statistics.spacing / 5 + statistics.noise)), mNormals(normals),
+          mProgress(progress)
     {
         mPatchlets.resize(2 * grid.cells().size());
         forEachCell(grid, progress, [&](std::size_t c) { average(c); });
@@ -177,11 +179,10 @@ public:
     }
 
 private:
-    /// Side of a cell's first normal that a point looks to: its patchlet is the even or the odd
-    /// one.
+    /// Whether a point looks elsewhere than its cell's first: its patchlet is the odd one.
     std::uint32_t sideOf(const CellGrid::Cell& cell, std::uint32_t point) const
     {
-        return mNormals.normal(mGrid.order()[cell.begin]).dot(mNormals.normal(point)) < 0;
+        return mNormals.normal(mGrid.order()[cell.begin]).dot(mNormals.normal(point)) < kAlike;
     }
 
     template <class F>
@@ -221,8 +222,8 @@ private:
             for (std::size_t c = chunk * kGrain; c < end; ++c) {
                 link(std::uint32_t(2 * c), std::uint32_t(2 * c + 1), chunks[chunk]);
                 mGrid.forFacesAfter(mGrid.cells()[c], [&](std::uint32_t other) {
-                    for (std::uint32_t n = 0; n < 4; ++n)
-                        link(std::uint32_t(2 * c) + n / 2, 2 * other + n % 2, chunks[chunk]);
+                    for (std::uint32_t side = 0; side < 2; ++side)
+                        linkToSheet(std::uint32_t(2 * c) + side, other, chunks[chunk]);
                 });
             }
         });
@@ -231,10 +232,38 @@ private:
         return links;
     }
 
+    /// Heights of two patchlets over each other's planes.
+    float heights(std::uint32_t a, std::uint32_t b) const
+    {
+        const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
+        const Vec3f apart = to.position - from.position;
+        return std::max(std::abs(from.normal.dot(apart)), std::abs(to.normal.dot(apart)));
+    }
+
+    /// Whether opposite normals are rightly so: each patchlet lies behind the other, or each before
+    /// it. On one curved sheet, one lies before and one behind.
+    bool areTwoSheets(const Patchlet& from, const Patchlet& to) const
+    {
+        constexpr float kOpposite = -0.5f;
+        const Vec3f apart = to.position - from.position;
+        return from.normal.dot(to.normal) < kOpposite &&
+               std::abs((to.normal - from.normal).dot(apart)) > 2 * mSheet;
+    }
+
+    /// Link a patchlet to the one of another cell that is rather on its sheet.
+    void linkToSheet(std::uint32_t a, std::uint32_t cell, std::vector<OrientationLink>& links) const
+    {
+        std::uint32_t b = 2 * cell;
+        if (mPatchlets[a].points == 0) return;
+        if (mPatchlets[b + 1].points > 0 && heights(a, b + 1) < heights(a, b)) ++b;
+        link(a, b, links);
+    }
+
     void link(std::uint32_t a, std::uint32_t b, std::vector<OrientationLink>& links) const
     {
         const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
         if (from.points == 0 || to.points == 0) return;
+        if (areTwoSheets(from, to)) return;
         links.push_back(
             orientationLink(a, b, to.position - from.position, from.normal, to.normal, mNoise));
     }
@@ -293,7 +322,10 @@ private:
     }
 
     const CellGrid& mGrid;
-    float mNoise;
+    static constexpr float kAlike = 0.5f; // cosine
+
+    const float mNoise;
+    const float mSheet; // height that one sheet may have over a cell
     TurnedNormals& mNormals;
     Progress& mProgress;
     std::vector<Patchlet> mPatchlets; // two of each cell
