@@ -195,6 +195,7 @@ private:
 
     void average(std::size_t c)
     {
+        constexpr float kPure = 0.8f;
         const CellGrid::Cell& cell = mGrid.cells()[c];
         const Vec3f base = mGrid.centre(cell).cast<float>();
         for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
@@ -208,7 +209,11 @@ private:
             Patchlet& patchlet = mPatchlets[2 * c + side];
             if (patchlet.points == 0) continue;
             patchlet.position = base + patchlet.position / float(patchlet.points);
-            patchlet.normal.normalize();
+            // What looks many ways, as at a thin wall's rim, says nothing.
+            if (patchlet.normal.norm() < kPure * float(patchlet.points))
+                patchlet.points = 0;
+            else
+                patchlet.normal.normalize();
         }
     }
 
@@ -263,7 +268,10 @@ private:
     {
         const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
         if (from.points == 0 || to.points == 0) return;
-        if (areTwoSheets(from, to)) return;
+        if (areTwoSheets(from, to)) {
+            links.push_back({kTwoSheets, true, std::min(a, b), std::max(a, b)});
+            return;
+        }
         links.push_back(
             orientationLink(a, b, to.position - from.position, from.normal, to.normal, mNoise));
     }
@@ -322,7 +330,8 @@ private:
     }
 
     const CellGrid& mGrid;
-    static constexpr float kAlike = 0.5f; // cosine
+    static constexpr float kAlike = 0.5f;      // cosine
+    static constexpr float kTwoSheets = 0.25f; // what sheets say that are as they should be
 
     const float mNoise;
     const float mSheet; // height that one sheet may have over a cell
