@@ -34,9 +34,8 @@ void flipNormals(PointCloud& cloud);
 /// Costs about 40 ns per point where there is nothing to find.
 /// @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none without normals. @throws Interrupted.
-std::vector<std::uint32_t> findFlippedNormals(const PointCloud& cloud,
-                                              const PointStatistics& statistics,
-                                              Progress& progress);
+std::vector<std::uint32_t>
+findFlippedNormals(const PointCloud& cloud, const PointStatistics& statistics, Progress& progress);
 
 /// Reverse the normals of the points @a indices.
 void flipNormals(PointCloud& cloud, const std::vector<std::uint32_t>& indices);
