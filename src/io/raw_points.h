@@ -81,7 +81,8 @@ struct PointBlock {
     void compact(const std::vector<std::uint8_t>& keep);
 };
 
-/// Move all points of @a block, and where they were seen from, by world = rotation * p + translation.
+/// Move all points of @a block, and where they were seen from, by world = rotation * p +
+/// translation.
 void movePoints(PointBlock& block, const Eigen::Matrix3d& rotation, const Vec3d& translation);
 
 /// What one reader hands over.

@@ -161,7 +161,8 @@ std::uint32_t CellGrid::find(const Vec3i& at) const
 {
     const std::uint64_t key = keyOf(at);
     const Part& part = mParts[partOf(key, mPartBits)];
-    const std::uint32_t found = part.slots[findSlot(part.slots, mCells.data() + part.firstCell, at)];
+    const std::uint32_t found =
+        part.slots[findSlot(part.slots, mCells.data() + part.firstCell, at)];
     return found == kNone ? kNone : part.firstCell + found;
 }
 

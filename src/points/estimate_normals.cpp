@@ -22,7 +22,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 1024;   // points
+constexpr std::size_t kGrain = 1024; // points
 constexpr double kFewestChosen = 12; // neighbours per plane where there is no noise
 
 std::size_t placeIn(const std::vector<Vec3f>& sorted, const Vec3f& p)
@@ -103,9 +103,8 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
     forEachPoint(count, progress, [&](std::size_t i) {
         for (std::size_t k = i * links; k < (i + 1) * links; ++k) {
             const std::uint32_t q = linked[k];
-            graph.links[k] =
-                orientationLink(std::uint32_t(i), q, positions[q] - positions[i],
-                                graph.normals[i], graph.normals[q], float(noise));
+            graph.links[k] = orientationLink(std::uint32_t(i), q, positions[q] - positions[i],
+                                             graph.normals[i], graph.normals[q], float(noise));
         }
     });
     return graph;

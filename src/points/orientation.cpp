@@ -130,8 +130,7 @@ void joinPatches(std::size_t nodes, std::vector<PatchLink>& links, Forest& fores
         for (std::uint32_t k = 0; k < links.size(); ++k)
             if (best[links[k].a] == k || best[links[k].b] == k) chosen.push_back(k);
         std::sort(chosen.begin(), chosen.end(), stronger);
-        for (const std::uint32_t k : chosen)
-            forest.join(links[k].a, links[k].b, links[k].vote < 0);
+        for (const std::uint32_t k : chosen) forest.join(links[k].a, links[k].b, links[k].vote < 0);
     }
 }
 

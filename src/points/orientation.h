@@ -30,9 +30,9 @@ struct Orientation {
     std::vector<char> turned;         ///< against the part's lowest node
 };
 
-/// Turn nodes so that links agree. Sure links join nodes one by one, the surest first; what then are
-/// patches is joined by the sum of all links between two, so that a few wrong ones do not turn a
-/// whole patch [a minimum spanning tree (Hoppe92) would hang on a single one].
+/// Turn nodes so that links agree. Sure links join nodes one by one, the surest first; what then
+/// are patches is joined by the sum of all links between two, so that a few wrong ones do not turn
+/// a whole patch [a minimum spanning tree (Hoppe92) would hang on a single one].
 Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
                              Progress& progress);
 
