@@ -31,7 +31,7 @@ void flipNormals(PointCloud& cloud);
 /// fifth of all, by a vote of those in the same plane; patches of a connected part by how they meet
 /// the rest, and if that leaves a choice, by the part's outermost points. Sheets close behind or
 /// before each other rightly look opposite ways, and stay; so do parts that are wholly inside out.
-/// Costs about 40 ns per point where there is nothing to find.
+/// Costs about 0.13 us of processor time per point where there is nothing to find.
 /// @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none without normals. @throws Interrupted.
 std::vector<std::uint32_t>

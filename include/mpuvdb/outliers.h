@@ -12,7 +12,7 @@ namespace mpuvdb
 /// others than these are from each other, or off the plane of their neighbours by many times their
 /// scatter. Distances are judged against the neighbourhood's own spacing, so that sparse surfaces,
 /// rims and detached parts of 100 points or more stay. Normals are not asked.
-/// Costs about 20 ns per point where there is nothing to find.
+/// Costs about 0.1 us of processor time per point where there is nothing to find.
 /// @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none of fewer than 200 points. @throws Interrupted.
 std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,

@@ -11,7 +11,7 @@ namespace mpuvdb
 class Progress;
 
 /// Cubic cells that hold points, found by hashing. Built part by part so that each part's table
-/// fits a cache: about 20 ns per point.
+/// fits a cache.
 class CellGrid
 {
 public:
