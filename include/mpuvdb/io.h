@@ -35,9 +35,12 @@ struct PointInput {
 /// Read points: PLY, Stanford .conf scan sets, XYZ/PTS/PWN/TXT, PTX, OBJ, OFF, STL, PCD, LAS.
 /// A mesh gives its vertices with area-weighted normals, a range grid normals and confidences
 /// [Curless96]. Normals are kept only if every file has them; "-" is stdin (PLY or text).
-/// @throws IoError (cannot read), InputError (malformed: file, line or byte, and the cure).
+/// Range grids and PTX tell the viewpoints of their points.
+/// @param viewpoints  instead of those: none, one for all files, or one for each; world units.
+/// @throws IoError (cannot read), InputError (malformed: file, line or byte, and the cure),
+/// UsageError (another number of viewpoints).
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
-                      Progress& progress);
+                      Progress& progress, const std::vector<Vec3d>& viewpoints = {});
 
 /// Write points as binary PLY (float offsets become doubles) or XYZ text.
 void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress);

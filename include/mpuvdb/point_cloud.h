@@ -12,6 +12,15 @@ namespace mpuvdb
 
 class Progress;
 
+/// Where a scanner stood, or from where it looked if it is far away.
+struct Viewpoint {
+    Vec3d place = Vec3d::Zero(); ///< world position; of a distant one the direction towards it
+    bool distant = false;
+
+    /// Towards the scanner from the world position @a p; not unit.
+    Vec3d towards(const Vec3d& p) const { return distant ? place : Vec3d(place - p); }
+};
+
 /// Oriented points about a frame: doubles at the door, floats near the origin inside.
 /// A point's world position is frame + position. Optional attributes are empty, or one per point.
 struct PointCloud {
@@ -23,10 +32,16 @@ struct PointCloud {
     std::vector<float> confidence; ///< in (0,1], largest 1; or empty (all 1)
     std::vector<Rgb> colors;       ///< or empty
 
+    static constexpr std::uint32_t kUnseen = 0xffffffffu;
+    std::vector<Viewpoint> viewpoints;
+    std::vector<std::uint32_t> seenFrom; ///< index into viewpoints, or kUnseen; or empty
+
     std::size_t size() const { return positions.size(); }
     bool empty() const { return positions.empty(); }
     bool hasNormals() const { return !normals.empty(); }
     Vec3d world(std::size_t i) const { return frame + positions[i].cast<double>(); }
+    /// Keep the points i with keep[i] != 0, in order, with all their attributes.
+    void compact(const std::vector<std::uint8_t>& keep);
     /// Tight box of the positions relative to frame; empty without points.
     Box3d localBounds() const;
 };

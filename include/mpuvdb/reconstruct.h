@@ -13,7 +13,8 @@ namespace mpuvdb
 
 /// What the user asked for; everything left empty is derived from the data.
 struct ReconstructSettings {
-    std::optional<Length> voxelSize; ///< default: the measured spacing of the points
+    std::optional<PointStatistics> points; ///< of the cloud, if known; default: measured
+    std::optional<Length> voxelSize;       ///< default: the measured spacing of the points
     std::optional<double> voxels;    ///< instead of voxelSize: along the longest side of the box
     std::optional<Length> tolerance; ///< default: from voxel size and measured noise
     double halfWidth = 3;            ///< voxels

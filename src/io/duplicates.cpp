@@ -130,10 +130,7 @@ std::uint64_t dropDuplicates(PointCloud& cloud, Progress& progress)
     std::uint64_t dropped = 0;
     for (const std::uint8_t k : keep) dropped += k == 0;
     if (dropped == 0) return 0;
-    compactVector(cloud.positions, keep);
-    compactVector(cloud.normals, keep);
-    compactVector(cloud.confidence, keep);
-    compactVector(cloud.colors, keep);
+    cloud.compact(keep);
     return dropped;
 }
 

@@ -26,19 +26,23 @@ using Inputs = std::vector<FilePoints>;
 struct Slice {
     const PointBlock* block = nullptr;
     std::size_t begin = 0, end = 0, place = 0;
+    std::uint32_t seenFrom = PointCloud::kUnseen; ///< index into the cloud's viewpoints
 };
 
 std::vector<Slice> slicesOf(const Inputs& inputs)
 {
     std::vector<Slice> slices;
     std::size_t place = 0;
+    std::uint32_t viewpoints = 0;
     for (const FilePoints& input : inputs)
-        for (const PointBlock& block : input.blocks)
+        for (const PointBlock& block : input.blocks) {
+            const std::uint32_t seenFrom = block.seenFrom ? viewpoints++ : PointCloud::kUnseen;
             for (std::size_t begin = 0; begin < block.size(); begin += kPointsPerSlice) {
                 const std::size_t end = std::min(begin + kPointsPerSlice, block.size());
-                slices.push_back({&block, begin, end, place});
+                slices.push_back({&block, begin, end, place, seenFrom});
                 place += end - begin;
             }
+        }
     return slices;
 }
 
@@ -186,6 +190,8 @@ void placeSlice(const Slice& slice, PointCloud& cloud)
         cloud.confidence[at(i)] = block.confidence[i];
     for (std::size_t i = slice.begin; i < slice.end && !cloud.colors.empty(); ++i)
         cloud.colors[at(i)] = block.colors[i];
+    for (std::size_t i = slice.begin; i < slice.end && !cloud.seenFrom.empty(); ++i)
+        cloud.seenFrom[at(i)] = slice.seenFrom;
 }
 
 void requirePoints(const Inputs& inputs, std::uint64_t points,
@@ -233,6 +239,10 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Pro
     if (any(&FilePoints::hasNormals)) resizeLarge(cloud.normals, points);
     if (any(&FilePoints::hasConfidence)) resizeLarge(cloud.confidence, points);
     if (any(&FilePoints::hasColors)) resizeLarge(cloud.colors, points);
+    if (any(&FilePoints::hasViewpoints)) resizeLarge(cloud.seenFrom, points);
+    for (const FilePoints& input : inputs)
+        for (const PointBlock& block : input.blocks)
+            if (block.seenFrom) cloud.viewpoints.push_back(*block.seenFrom);
     const std::vector<Slice> kept = slicesOf(inputs);
     tbb::parallel_for(std::size_t(0), kept.size(), [&](std::size_t s) {
         progress.check();

@@ -84,14 +84,11 @@ private:
         FilePoints scan = readRays(grid);
         grid.hasEye = true; // at the origin
         addRangeNormals(scan, grid);
+        for (PointBlock& block : scan.blocks) block.seenFrom = Viewpoint(); // also without a grid
         // Points are row vectors, so that the translation is the last row.
         const Eigen::Matrix3d rotation = transform.topLeftCorner<3, 3>().transpose();
         const Vec3d translation = transform.row(3).head<3>().transpose();
-        const Eigen::Matrix3f turn = rotation.cast<float>();
-        for (PointBlock& block : scan.blocks) {
-            for (Vec3d& p : block.positions) p = rotation * p + translation;
-            for (Vec3f& n : block.normals) n = turn * n;
-        }
+        for (PointBlock& block : scan.blocks) movePoints(block, rotation, translation);
         return scan;
     }
 

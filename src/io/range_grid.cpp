@@ -158,6 +158,7 @@ void addRangeNormals(FilePoints& points, const RangeGrid& grid)
         return;
     }
     block.normals = std::move(found.normals);
+    block.seenFrom = grid.hasEye ? Viewpoint{grid.eye, false} : Viewpoint{Vec3d::UnitZ(), true};
     if (block.confidence.empty()) {
         const std::vector<std::uint8_t> steps = borderSteps(grid, found.borders);
         block.confidence.resize(block.size());

@@ -2,6 +2,7 @@
 
 #include "text_scan.h"
 
+#include <algorithm>
 #include <cstring>
 #include <sys/mman.h>
 #include <unordered_map>
@@ -137,6 +138,17 @@ void PointBlock::compact(const std::vector<std::uint8_t>& keep)
     compactVector(colors, keep);
 }
 
+void movePoints(PointBlock& block, const Eigen::Matrix3d& rotation, const Vec3d& translation)
+{
+    const Eigen::Matrix3f turn = rotation.cast<float>();
+    for (Vec3d& p : block.positions) p = rotation * p + translation;
+    for (Vec3f& n : block.normals) n = turn * n;
+    if (!block.seenFrom) return;
+    Vec3d& place = block.seenFrom->place;
+    place = rotation * place;
+    if (!block.seenFrom->distant) place += translation;
+}
+
 std::uint64_t FilePoints::size() const
 {
     std::uint64_t points = 0;
@@ -155,6 +167,12 @@ bool FilePoints::hasConfidence() const
 bool FilePoints::hasColors() const
 {
     return anyBlockHas(blocks, &PointBlock::colors);
+}
+
+bool FilePoints::hasViewpoints() const
+{
+    return std::any_of(blocks.begin(), blocks.end(),
+                       [](const PointBlock& block) { return block.seenFrom.has_value(); });
 }
 
 PointBlock& FilePoints::joined()

@@ -3,6 +3,7 @@
 #include <mpuvdb/io.h>
 
 #include <array>
+#include <optional>
 #include <string_view>
 
 namespace mpuvdb
@@ -70,6 +71,7 @@ struct PointBlock {
     std::vector<Vec3f> normals;
     std::vector<float> confidence;
     std::vector<PointCloud::Rgb> colors;
+    std::optional<Viewpoint> seenFrom; ///< all of them
 
     std::size_t size() const { return positions.size(); }
     void reserve(std::size_t points, const AttributeSet& has);
@@ -78,6 +80,10 @@ struct PointBlock {
     /// Keep the points i with keep[i] != 0, in order.
     void compact(const std::vector<std::uint8_t>& keep);
 };
+
+/// Move all points of @a block, and where they were seen from, by world = rotation * p +
+/// translation.
+void movePoints(PointBlock& block, const Eigen::Matrix3d& rotation, const Vec3d& translation);
 
 /// What one reader hands over.
 struct FilePoints {
@@ -92,6 +98,7 @@ struct FilePoints {
     bool hasNormals() const;
     bool hasConfidence() const;
     bool hasColors() const;
+    bool hasViewpoints() const; ///< some blocks have one
     /// All blocks as one.
     PointBlock& joined();
 };

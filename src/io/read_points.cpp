@@ -76,23 +76,26 @@ FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints, Prog
 struct Part {
     PlacedScan scan;
     bool placed = false;
-    std::string set; ///< name of the set that lists it
+    std::string set;      ///< name of the set that lists it
+    std::size_t file = 0; ///< which of the files named it, or is it
 };
 
 std::vector<Part> listParts(const std::vector<std::filesystem::path>& files,
                             std::vector<std::string>& notes, Progress& progress)
 {
     std::vector<Part> parts;
-    for (const std::filesystem::path& file : files) {
+    for (std::size_t f = 0; f < files.size(); ++f) {
+        const std::filesystem::path& file = files[f];
         if (lowerCase(file.extension().string()) != ".conf") {
             Part part;
             part.scan.file = file;
+            part.file = f;
             parts.push_back(std::move(part));
             continue;
         }
         std::vector<std::string> ofSet;
         for (PlacedScan& scan : readScanSet(file, ofSet, progress))
-            parts.push_back({std::move(scan), true, file.string()});
+            parts.push_back({std::move(scan), true, file.string(), f});
         for (const std::string& note : ofSet) notes.push_back(file.string() + ": " + note);
     }
     return parts;
@@ -100,11 +103,7 @@ std::vector<Part> listParts(const std::vector<std::filesystem::path>& files,
 
 void place(FilePoints& points, const PlacedScan& scan)
 {
-    const Eigen::Matrix3f turn = scan.rotation.cast<float>();
-    for (PointBlock& block : points.blocks) {
-        for (Vec3d& p : block.positions) p = scan.rotation * p + scan.translation;
-        for (Vec3f& n : block.normals) n = turn * n;
-    }
+    for (PointBlock& block : points.blocks) movePoints(block, scan.rotation, scan.translation);
 }
 
 // What all scans of a set say is said once, of the set.
@@ -135,9 +134,13 @@ double bytesOf(const std::vector<Part>& parts)
 } // namespace
 
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
-                      Progress& progress)
+                      Progress& progress, const std::vector<Vec3d>& viewpoints)
 {
     if (files.empty()) throw UsageError("no input: name at least one file of points");
+    if (viewpoints.size() > 1 && viewpoints.size() != files.size())
+        throw UsageError(fmt::format("{} viewpoints for {} inputs. Give one for all of them, or "
+                                     "one for each",
+                                     viewpoints.size(), files.size()));
     std::vector<std::string> notes;
     const std::vector<Part> parts = listParts(files, notes, progress);
     progress.beginStage("read", bytesOf(parts));
@@ -147,6 +150,9 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
         try {
             inputs[i] = readFile(parts[i].scan.file, badPoints, progress);
             if (parts[i].placed) place(inputs[i], parts[i].scan);
+            if (viewpoints.empty()) return;
+            const Vec3d& eye = viewpoints[viewpoints.size() == 1 ? 0 : parts[i].file];
+            for (PointBlock& block : inputs[i].blocks) block.seenFrom = Viewpoint{eye, false};
         } catch (...) {
             errors[i] = std::current_exception();
         }

@@ -43,7 +43,7 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
     if (cloud.empty()) throw InputError("no points: the input is empty");
     ResolvedSettings resolved;
     progress.beginStage("measure");
-    resolved.points = measure(cloud, progress);
+    resolved.points = settings.points ? *settings.points : measure(cloud, progress);
     const Box3d box = cloud.localBounds();
     resolved.boxSize = box.sizes();
     resolved.diagonal = resolved.boxSize.norm();

@@ -2,6 +2,29 @@
 
 namespace mpuvdb
 {
+namespace
+{
+
+template <class T>
+void keepMarked(std::vector<T>& values, const std::vector<std::uint8_t>& keep)
+{
+    if (values.empty()) return;
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < keep.size(); ++i)
+        if (keep[i]) values[kept++] = values[i];
+    values.resize(kept);
+}
+
+} // namespace
+
+void PointCloud::compact(const std::vector<std::uint8_t>& keep)
+{
+    keepMarked(positions, keep);
+    keepMarked(normals, keep);
+    keepMarked(confidence, keep);
+    keepMarked(colors, keep);
+    keepMarked(seenFrom, keep);
+}
 
 Box3d PointCloud::localBounds() const
 {

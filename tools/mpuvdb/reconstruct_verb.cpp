@@ -2,18 +2,34 @@
 #include "describe.h"
 #include "verb.h"
 
+#include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/normals.h>
+#include <mpuvdb/outliers.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <fmt/format.h>
+
+#include <locale>
+#include <sstream>
 
 namespace mpuvdb::command
 {
 namespace
 {
 
-constexpr int kNormalNeighbours = 16;
+/// Three coordinates with commas between them.
+Vec3d parsePlace(const std::string& text)
+{
+    std::istringstream in(text);
+    in.imbue(std::locale::classic());
+    Vec3d place;
+    char first = 0, second = 0;
+    in >> place.x() >> first >> place.y() >> second >> place.z();
+    if (!in || first != ',' || second != ',' || in.peek() != EOF || !place.allFinite())
+        throw UsageError(fmt::format("--viewpoint {}: is no place. Give X,Y,Z", text));
+    return place;
+}
 
 class Reconstruct final : public Verb
 {
@@ -50,13 +66,10 @@ public:
         session.checkFiles(
             {{"-o", mOutput, {".vdb"}}, {"--mesh", mMesh, {".ply", ".obj", ".stl"}, true}},
             mInputs);
-        PointInput input = readPoints({mInputs.begin(), mInputs.end()},
-                                      mBadPoints == "fail" ? BadPoints::Fail : BadPoints::Drop,
-                                      session.progress());
-        for (const std::string& note : input.notes) session.note(note);
-        orient(session, input.cloud);
-        mPoints = input.cloud.size();
+        PointInput input = readInput(session);
         mDropped = input.dropped;
+        clean(session, input.cloud);
+        mPoints = input.cloud.size();
 
         mSettings.maxBytes = session.options().maxBytes;
         const Reconstruction made =
@@ -125,10 +138,26 @@ private:
     void addPointOptions(CLI::App& app)
     {
         const char* const group = "Points";
-        app.add_option("--normals", mNormals,
-                       "auto: those of the files, estimated where there are none; estimate: always")
-            ->type_name("auto|estimate")
-            ->check(oneOf({"auto", "estimate"}))
+        app.add_option(
+               "--normals", mNormals,
+               "auto: those of the files, what is flipped among them turned, estimated where\n"
+               "there are none; keep: as they are; estimate: always")
+            ->type_name("auto|keep|estimate")
+            ->check(oneOf({"auto", "keep", "estimate"}))
+            ->capture_default_str()
+            ->group(group);
+        app.add_option(
+               "--viewpoint", mViewpoints,
+               "Where the scanner stood: estimated normals look towards it. One for all\n"
+               "inputs, or one for each in their order; range images and PTX know their own")
+            ->type_name("X,Y,Z")
+            ->allow_extra_args(false)
+            ->group(group);
+        app.add_option("--outliers", mOutliers,
+                       "What is done with points that lie away from every surface")
+            ->type_name("drop|keep")
+            ->check(oneOf({"drop", "keep"}))
+            ->capture_default_str()
             ->group(group);
         app.add_flag("--flip-normals", mFlipNormals, "Turn all normals round: they point inward")
             ->group(group);
@@ -140,14 +169,58 @@ private:
             ->group(group);
     }
 
-    void orient(Session& session, PointCloud& cloud) const
+    PointInput readInput(Session& session) const
     {
-        if (mNormals == "estimate" || !cloud.hasNormals()) {
-            session.note(fmt::format("normals     estimated from {} neighbours each{}",
-                                     kNormalNeighbours,
-                                     cloud.hasNormals() ? "" : " (the points have none)"));
-            estimateNormals(cloud, kNormalNeighbours, session.progress());
+        std::vector<Vec3d> viewpoints;
+        for (const std::string& text : mViewpoints) viewpoints.push_back(parsePlace(text));
+        PointInput input = readPoints({mInputs.begin(), mInputs.end()},
+                                      mBadPoints == "fail" ? BadPoints::Fail : BadPoints::Drop,
+                                      session.progress(), viewpoints);
+        for (const std::string& note : input.notes) session.note(note);
+        return input;
+    }
+
+    /// Leave out outliers, and see to the normals.
+    void clean(Session& session, PointCloud& cloud)
+    {
+        session.progress().beginStage("clean");
+        mSettings.points = measure(cloud, session.progress());
+        if (mOutliers == "drop") {
+            const auto outliers = findOutliers(cloud, *mSettings.points, session.progress());
+            dropPoints(cloud, outliers);
+            if (!outliers.empty()) mDropped["outlier"] += outliers.size();
         }
+        const bool estimated = mNormals == "estimate" || !cloud.hasNormals();
+        if (estimated || (mNormals == "auto" && turnFlipped(session, cloud))) {
+            if (estimated) estimate(session, cloud);
+            mSettings.points = measure(cloud, session.progress()); // noise is told by normals
+        }
+        judgeInward(session, cloud);
+    }
+
+    void estimate(Session& session, PointCloud& cloud) const
+    {
+        const bool none = !cloud.hasNormals();
+        const int neighbours = estimateNormals(cloud, {}, session.progress());
+        session.note(fmt::format("normals     estimated from {} neighbours each{}", neighbours,
+                                 none ? " (the points have none)" : ""));
+    }
+
+    /// Whether any were.
+    bool turnFlipped(Session& session, PointCloud& cloud)
+    {
+        const auto flipped = findFlippedNormals(cloud, *mSettings.points, session.progress());
+        flipNormals(cloud, flipped);
+        mFlipped = flipped.size();
+        if (mFlipped > 0)
+            session.note(fmt::format("normals     {} looked the wrong way and were turned; "
+                                     "--normals keep leaves them",
+                                     mFlipped));
+        return mFlipped > 0;
+    }
+
+    void judgeInward(Session& session, PointCloud& cloud) const
+    {
         if (mFlipNormals)
             flipNormals(cloud);
         else if (pointsInward(cloud))
@@ -171,10 +244,12 @@ private:
                               {"normals", mNormals},
                               {"flip_normals", mFlipNormals},
                               {"bad_points", mBadPoints},
+                              {"outliers", mOutliers},
                               {"max_memory", mSettings.maxBytes}};
-        report["input"] = {{"points", mPoints},           {"dropped", mDropped},
-                           {"spacing", s.points.spacing}, {"noise", s.points.noise},
-                           {"box", toJson(s.boxSize)},    {"diagonal", s.diagonal}};
+        report["input"] = {{"points", mPoints},          {"dropped", mDropped},
+                           {"normals_turned", mFlipped}, {"spacing", s.points.spacing},
+                           {"noise", s.points.noise},    {"box", toJson(s.boxSize)},
+                           {"diagonal", s.diagonal}};
         report["field"] = {{"cells", fit.cells},
                            {"leaves", fit.leaves},
                            {"levels", fit.levels},
@@ -229,10 +304,11 @@ private:
 
     std::vector<std::string> mInputs;
     std::string mOutput, mMesh;
-    std::string mNormals = "auto", mBadPoints = "drop";
+    std::string mNormals = "auto", mBadPoints = "drop", mOutliers = "drop";
+    std::vector<std::string> mViewpoints;
     bool mFlipNormals = false;
     ReconstructSettings mSettings;
-    std::uint64_t mPoints = 0;
+    std::uint64_t mPoints = 0, mFlipped = 0;
     std::map<std::string, std::uint64_t> mDropped;
 };
 

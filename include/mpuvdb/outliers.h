@@ -1,0 +1,24 @@
+// Points that belong to no surface.
+#pragma once
+#include <mpuvdb/point_cloud.h>
+
+#include <cstdint>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// Find points that lie away from every surface: alone or in clumps of fewer than 24, farther from
+/// others than these are from each other, or off the plane of their neighbours by many times their
+/// scatter. Distances are judged against the neighbourhood's own spacing, so that sparse surfaces,
+/// rims and detached parts of 100 points or more stay. Normals are not asked.
+/// Costs about 0.1 us of processor time per point where there is nothing to find.
+/// @param statistics  of this cloud, from measure().
+/// @return indices, ascending; none of fewer than 200 points. @throws Interrupted.
+std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,
+                                        Progress& progress);
+
+/// Take the points @a indices (ascending) out of @a cloud; the others keep their order.
+void dropPoints(PointCloud& cloud, const std::vector<std::uint32_t>& indices);
+
+} // namespace mpuvdb

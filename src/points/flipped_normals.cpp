@@ -1,0 +1,364 @@
+// Normals that look the wrong way. A screen finds the cells of a grid whose normals disagree: there
+// each point asks its neighbours. Then cells are compared with cells, to find whole patches.
+#include "cell_grid.h"
+#include "orientation.h"
+#include "union_find.h"
+
+#include <mpuvdb/normals.h>
+#include <mpuvdb/progress.h>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr double kCellSpacings = 5;
+constexpr double kReachSpacings = 3; // of a vote; no more than a cell
+constexpr std::size_t kGrain = 256;  // cells
+
+template <class F>
+void forEachCell(const CellGrid& grid, Progress& progress, F&& f)
+{
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid.cells().size(), kGrain),
+                      [&](const auto& range) {
+                          progress.check();
+                          for (std::size_t c = range.begin(); c < range.end(); ++c) f(c);
+                      });
+}
+
+/// The cloud's normals, some of them turned.
+class TurnedNormals
+{
+public:
+    explicit TurnedNormals(const PointCloud& cloud) : mCloud(cloud), mTurned(cloud.size(), 0) {}
+
+    const Vec3f& position(std::uint32_t i) const { return mCloud.positions[i]; }
+    Vec3f normal(std::uint32_t i) const
+    {
+        return mTurned[i] ? -mCloud.normals[i] : mCloud.normals[i];
+    }
+    bool turned(std::uint32_t i) const { return mTurned[i] != 0; }
+    void turn(std::uint32_t i) { mTurned[i] ^= 1; }
+
+private:
+    const PointCloud& mCloud;
+    std::vector<char> mTurned;
+};
+
+/// Single flipped normals: those that most neighbours in their plane look away from.
+class Vote
+{
+public:
+    Vote(const CellGrid& grid, const PointStatistics& statistics, TurnedNormals& normals)
+        : mGrid(grid), mNormals(normals), mReach(float(kReachSpacings * statistics.spacing))
+    {
+    }
+
+    /// Rounds until none is turned: where every fifth is flipped, some are not outvoted at first.
+    void run(Progress& progress)
+    {
+        constexpr int kRounds = 8;
+        std::vector<std::uint32_t> mixed = mixedCells(progress);
+        for (int round = 0; round < kRounds && !mixed.empty(); ++round) {
+            std::vector<std::vector<std::uint32_t>> outvoted(mixed.size() / kGrain + 1);
+            tbb::parallel_for(std::size_t(0), outvoted.size(), [&](std::size_t chunk) {
+                progress.check();
+                const std::size_t end = std::min((chunk + 1) * kGrain, mixed.size());
+                for (std::size_t m = chunk * kGrain; m < end; ++m)
+                    ask(mGrid.cells()[mixed[m]], outvoted[chunk]);
+            });
+            bool any = false;
+            for (const auto& points : outvoted)
+                for (const std::uint32_t p : points) {
+                    mNormals.turn(p);
+                    any = true;
+                }
+            if (!any) break;
+        }
+    }
+
+private:
+    /// Cells with normals that look opposite ways.
+    std::vector<std::uint32_t> mixedCells(Progress& progress) const
+    {
+        constexpr float kOpposite = -0.5f;
+        std::vector<char> mixed(mGrid.cells().size(), 0);
+        forEachCell(mGrid, progress, [&](std::size_t c) {
+            const CellGrid::Cell& cell = mGrid.cells()[c];
+            const Vec3f first = mNormals.normal(mGrid.order()[cell.begin]);
+            for (std::uint32_t k = cell.begin + 1; k < cell.end && !mixed[c]; ++k)
+                mixed[c] = first.dot(mNormals.normal(mGrid.order()[k])) < kOpposite;
+        });
+        std::vector<std::uint32_t> result;
+        for (std::uint32_t c = 0; c < mixed.size(); ++c)
+            if (mixed[c]) result.push_back(c);
+        return result;
+    }
+
+    void ask(const CellGrid::Cell& cell, std::vector<std::uint32_t>& outvoted) const
+    {
+        std::vector<std::uint32_t> around(mGrid.order().begin() + cell.begin,
+                                          mGrid.order().begin() + cell.end);
+        mGrid.forEachAround(cell, [&](std::uint32_t n) {
+            const CellGrid::Cell& other = mGrid.cells()[n];
+            around.insert(around.end(), mGrid.order().begin() + other.begin,
+                          mGrid.order().begin() + other.end);
+        });
+        for (std::uint32_t k = cell.begin; k < cell.end; ++k)
+            if (isOutvoted(mGrid.order()[k], around)) outvoted.push_back(mGrid.order()[k]);
+    }
+
+    bool isOutvoted(std::uint32_t point, const std::vector<std::uint32_t>& around) const
+    {
+        // Other sheets lie above and below a cone about the point's plane.
+        constexpr float kSlope = 0.3f, kClear = -0.5f;
+        constexpr float kFewest = 5;
+        const Vec3f& p = mNormals.position(point);
+        const Vec3f normal = mNormals.normal(point);
+        float votes = 0, voters = 0;
+        for (const std::uint32_t q : around) {
+            const Vec3f apart = mNormals.position(q) - p;
+            const float squared = apart.squaredNorm();
+            const float height = normal.dot(apart);
+            if (squared > mReach * mReach || height * height > kSlope * kSlope * squared) continue;
+            if (q == point) continue;
+            // One across an edge has nothing to say.
+            const float vote = normal.dot(mNormals.normal(q));
+            votes += vote;
+            voters += std::abs(vote);
+        }
+        return voters >= kFewest && votes < kClear * voters;
+    }
+
+    const CellGrid& mGrid;
+    TurnedNormals& mNormals;
+    float mReach;
+};
+
+/// The points of a cell that look to about the same side.
+struct Patchlet {
+    Vec3f position = Vec3f::Zero(); ///< middle
+    Vec3f normal = Vec3f::Zero();   ///< mean, unit
+    std::uint32_t points = 0;
+};
+
+/// Whole patches: patchlets that neighbours, and theirs, say must be turned.
+class Patches
+{
+public:
+    Patches(const CellGrid& grid, const PointStatistics& statistics, TurnedNormals& normals,
+            Progress& progress)
+        : mGrid(grid), mNoise(float(statistics.noise)),
+          mSheet(float(statistics.spacing / 5 + statistics.noise)), mNormals(normals),
+          mProgress(progress)
+    {
+        mPatchlets.resize(2 * grid.cells().size());
+        forEachCell(grid, progress, [&](std::size_t c) { average(c); });
+    }
+
+    void run()
+    {
+        const std::vector<OrientationLink> links = findLinks();
+        // Where no two disagree there is nothing to solve.
+        constexpr float kClearly = -0.3f;
+        if (std::none_of(links.begin(), links.end(),
+                         [](const OrientationLink& l) { return l.vote < kClearly; }))
+            return;
+        std::vector<char> turn = solve(links);
+        confirm(links, turn);
+        std::vector<std::uint32_t> turning; // at the end: a cell's first normal tells its sides
+        for (std::uint32_t n = 0; n < mPatchlets.size(); ++n)
+            if (turn[n]) forEachPoint(n, [&](std::uint32_t point) { turning.push_back(point); });
+        for (const std::uint32_t point : turning) mNormals.turn(point);
+    }
+
+private:
+    /// Whether a point looks elsewhere than its cell's first: its patchlet is the odd one.
+    std::uint32_t sideOf(const CellGrid::Cell& cell, std::uint32_t point) const
+    {
+        return mNormals.normal(mGrid.order()[cell.begin]).dot(mNormals.normal(point)) < kAlike;
+    }
+
+    template <class F>
+    void forEachPoint(std::uint32_t patchlet, F&& f) const
+    {
+        const CellGrid::Cell& cell = mGrid.cells()[patchlet / 2];
+        for (std::uint32_t k = cell.begin; k < cell.end; ++k)
+            if (sideOf(cell, mGrid.order()[k]) == patchlet % 2) f(mGrid.order()[k]);
+    }
+
+    void average(std::size_t c)
+    {
+        constexpr float kPure = 0.8f;
+        const CellGrid::Cell& cell = mGrid.cells()[c];
+        const Vec3f base = mGrid.centre(cell).cast<float>();
+        for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
+            const std::uint32_t point = mGrid.order()[k];
+            Patchlet& patchlet = mPatchlets[2 * c + sideOf(cell, point)];
+            patchlet.position += mNormals.position(point) - base;
+            patchlet.normal += mNormals.normal(point);
+            ++patchlet.points;
+        }
+        for (std::size_t side = 0; side < 2; ++side) {
+            Patchlet& patchlet = mPatchlets[2 * c + side];
+            if (patchlet.points == 0) continue;
+            patchlet.position = base + patchlet.position / float(patchlet.points);
+            // What looks many ways, as at a thin wall's rim, says nothing.
+            if (patchlet.normal.norm() < kPure * float(patchlet.points))
+                patchlet.points = 0;
+            else
+                patchlet.normal.normalize();
+        }
+    }
+
+    std::vector<OrientationLink> findLinks() const
+    {
+        const std::size_t cells = mGrid.cells().size();
+        std::vector<std::vector<OrientationLink>> chunks(cells / kGrain + 1);
+        tbb::parallel_for(std::size_t(0), chunks.size(), [&](std::size_t chunk) {
+            mProgress.check();
+            const std::size_t end = std::min((chunk + 1) * kGrain, cells);
+            for (std::size_t c = chunk * kGrain; c < end; ++c) {
+                link(std::uint32_t(2 * c), std::uint32_t(2 * c + 1), chunks[chunk]);
+                mGrid.forFacesAfter(mGrid.cells()[c], [&](std::uint32_t other) {
+                    for (std::uint32_t side = 0; side < 2; ++side)
+                        linkToSheet(std::uint32_t(2 * c) + side, other, chunks[chunk]);
+                });
+            }
+        });
+        std::vector<OrientationLink> links;
+        for (const auto& chunk : chunks) links.insert(links.end(), chunk.begin(), chunk.end());
+        return links;
+    }
+
+    /// Heights of two patchlets over each other's planes.
+    float heights(std::uint32_t a, std::uint32_t b) const
+    {
+        const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
+        const Vec3f apart = to.position - from.position;
+        return std::max(std::abs(from.normal.dot(apart)), std::abs(to.normal.dot(apart)));
+    }
+
+    /// Whether opposite normals are rightly so: each patchlet lies behind the other, or each before
+    /// it. On one curved sheet, one lies before and one behind.
+    bool areTwoSheets(const Patchlet& from, const Patchlet& to) const
+    {
+        constexpr float kOpposite = -0.5f;
+        const Vec3f apart = to.position - from.position;
+        return from.normal.dot(to.normal) < kOpposite &&
+               std::abs((to.normal - from.normal).dot(apart)) > 2 * mSheet;
+    }
+
+    /// Link a patchlet to the one of another cell that is rather on its sheet.
+    void linkToSheet(std::uint32_t a, std::uint32_t cell, std::vector<OrientationLink>& links) const
+    {
+        std::uint32_t b = 2 * cell;
+        if (mPatchlets[a].points == 0) return;
+        if (mPatchlets[b + 1].points > 0 && heights(a, b + 1) < heights(a, b)) ++b;
+        link(a, b, links);
+    }
+
+    void link(std::uint32_t a, std::uint32_t b, std::vector<OrientationLink>& links) const
+    {
+        const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
+        if (from.points == 0 || to.points == 0) return;
+        if (areTwoSheets(from, to)) {
+            links.push_back({kTwoSheets, true, std::min(a, b), std::max(a, b)});
+            return;
+        }
+        links.push_back(
+            orientationLink(a, b, to.position - from.position, from.normal, to.normal, mNoise));
+    }
+
+    /// What each patchlet would have to be turned: in each part the fewer, or, where both are many,
+    /// those that then look inward.
+    std::vector<char> solve(const std::vector<OrientationLink>& links) const
+    {
+        constexpr std::uint64_t kClearly = 4; // to one
+        const Orientation found = solveOrientation(mPatchlets.size(), links, mProgress);
+        struct Part {
+            std::uint64_t points = 0, turned = 0;
+            OutwardVote outward; // with the lowest left as it is
+        };
+        std::vector<Part> parts(mPatchlets.size());
+        for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
+            const Patchlet& p = mPatchlets[n];
+            if (p.points == 0) continue;
+            Part& part = parts[found.parts[n]];
+            part.points += p.points;
+            if (found.turned[n]) part.turned += p.points;
+            part.outward.add(p.position, found.turned[n] ? Vec3f(-p.normal) : p.normal);
+        }
+        std::vector<char> turn(mPatchlets.size(), 0);
+        for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
+            const Part& part = parts[found.parts[n]];
+            const std::uint64_t kept = part.points - part.turned;
+            bool others = part.outward.inward();
+            if (kept > kClearly * part.turned) others = false;
+            if (part.turned > kClearly * kept) others = true;
+            turn[n] = mPatchlets[n].points > 0 && bool(found.turned[n]) != others;
+        }
+        return turn;
+    }
+
+    /// Keep only those groups of patchlets to turn that the others around clearly disagree with as
+    /// they are.
+    void confirm(const std::vector<OrientationLink>& links, std::vector<char>& turn) const
+    {
+        constexpr double kDisagree = -0.3;
+        UnionFind groups(mPatchlets.size());
+        for (const OrientationLink& l : links)
+            if (turn[l.a] && turn[l.b]) groups.join(l.a, l.b);
+        std::vector<double> votes(mPatchlets.size(), 0), all(mPatchlets.size(), 0);
+        for (const OrientationLink& l : links) {
+            if (turn[l.a] == turn[l.b]) continue;
+            const std::uint32_t group = groups.find(turn[l.a] ? l.a : l.b);
+            const double weight = std::min(mPatchlets[l.a].points, mPatchlets[l.b].points);
+            votes[group] += weight * l.vote;
+            all[group] += weight * std::abs(l.vote);
+        }
+        for (std::uint32_t n = 0; n < turn.size(); ++n) {
+            const std::uint32_t group = groups.find(n);
+            if (turn[n] && !(votes[group] < kDisagree * all[group])) turn[n] = 0;
+        }
+    }
+
+    const CellGrid& mGrid;
+    static constexpr float kAlike = 0.5f;      // cosine
+    static constexpr float kTwoSheets = 0.25f; // what sheets say that are as they should be
+
+    const float mNoise;
+    const float mSheet; // height that one sheet may have over a cell
+    TurnedNormals& mNormals;
+    Progress& mProgress;
+    std::vector<Patchlet> mPatchlets; // two of each cell
+};
+
+} // namespace
+
+std::vector<std::uint32_t> findFlippedNormals(const PointCloud& cloud,
+                                              const PointStatistics& statistics, Progress& progress)
+{
+    std::vector<std::uint32_t> flipped;
+    if (cloud.empty() || !cloud.hasNormals()) return flipped;
+    const CellGrid grid(cloud.positions, kCellSpacings * statistics.spacing, progress);
+    TurnedNormals normals(cloud);
+    Vote(grid, statistics, normals).run(progress);
+    Patches(grid, statistics, normals, progress).run();
+    for (std::uint32_t i = 0; i < cloud.size(); ++i)
+        if (normals.turned(i)) flipped.push_back(i);
+    return flipped;
+}
+
+void flipNormals(PointCloud& cloud, const std::vector<std::uint32_t>& indices)
+{
+    for (const std::uint32_t i : indices) cloud.normals[i] = -cloud.normals[i];
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,187 @@
+#include "orientation.h"
+
+#include <mpuvdb/progress.h>
+
+#include <tbb/parallel_sort.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kCheckEvery = 65536; // links
+
+/// Trees of nodes that share an orientation; each knows whether it is turned against its parent.
+class Forest
+{
+public:
+    explicit Forest(std::size_t count) : mParents(count), mTurned(count, 0)
+    {
+        std::iota(mParents.begin(), mParents.end(), 0u);
+    }
+
+    /// Root of @a i's tree, and whether i is turned against it. Shortens the path.
+    std::pair<std::uint32_t, bool> find(std::uint32_t i)
+    {
+        std::uint32_t root = i;
+        bool turned = false;
+        while (mParents[root] != root) {
+            turned ^= bool(mTurned[root]);
+            root = mParents[root];
+        }
+        bool rest = turned;
+        while (mParents[i] != root && i != root) {
+            const std::uint32_t next = mParents[i];
+            const bool nextRest = rest ^ bool(mTurned[i]);
+            mParents[i] = root;
+            mTurned[i] = rest;
+            i = next;
+            rest = nextRest;
+        }
+        return {root, turned};
+    }
+
+    /// Join two trees, if they are two; @a turned says how a stands to b. The lower root stays.
+    void join(std::uint32_t a, std::uint32_t b, bool turned)
+    {
+        auto [rootA, turnedA] = find(a);
+        auto [rootB, turnedB] = find(b);
+        if (rootA == rootB) return;
+        if (rootB < rootA) std::swap(rootA, rootB);
+        mParents[rootB] = rootA;
+        mTurned[rootB] = turned ^ turnedA ^ turnedB;
+    }
+
+private:
+    std::vector<std::uint32_t> mParents;
+    std::vector<char> mTurned;
+};
+
+bool surerThan(const OrientationLink& x, const OrientationLink& y)
+{
+    if (std::abs(x.vote) != std::abs(y.vote)) return std::abs(x.vote) > std::abs(y.vote);
+    return x.a != y.a ? x.a < y.a : x.b < y.b;
+}
+
+bool isSure(const OrientationLink& link)
+{
+    constexpr float kSure = 0.8f;
+    return !link.acrossSheets && std::abs(link.vote) >= kSure;
+}
+
+/// All that is said between two trees, by their roots; a < b.
+struct PatchLink {
+    std::uint32_t a, b;
+    double vote;
+};
+
+bool betweenBefore(const PatchLink& x, const PatchLink& y)
+{
+    if (x.a != y.a) return x.a < y.a;
+    return x.b != y.b ? x.b < y.b : x.vote < y.vote;
+}
+
+/// Links as they stand between the trees' roots, one for each pair; what is within a tree is left
+/// out.
+void gather(std::vector<PatchLink>& links, Forest& forest, Progress& progress)
+{
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < links.size(); ++k) {
+        if (k % kCheckEvery == 0) progress.check();
+        const auto [a, turnedA] = forest.find(links[k].a);
+        const auto [b, turnedB] = forest.find(links[k].b);
+        if (a == b) continue;
+        const double vote = turnedA != turnedB ? -links[k].vote : links[k].vote;
+        links[kept++] = {std::min(a, b), std::max(a, b), vote};
+    }
+    links.resize(kept);
+    tbb::parallel_sort(links.begin(), links.end(), betweenBefore);
+    kept = 0;
+    for (std::size_t k = 0; k < links.size(); ++k) {
+        if (kept > 0 && links[kept - 1].a == links[k].a && links[kept - 1].b == links[k].b)
+            links[kept - 1].vote += links[k].vote;
+        else
+            links[kept++] = links[k];
+    }
+    links.resize(kept);
+}
+
+/// Join every tree with the one that it has most to do with, until none has to do with another.
+void joinPatches(std::size_t nodes, std::vector<PatchLink>& links, Forest& forest,
+                 Progress& progress)
+{
+    std::vector<std::uint32_t> best(nodes);
+    for (gather(links, forest, progress); !links.empty(); gather(links, forest, progress)) {
+        // The order, and with it the sums, depend on the nodes' numbers only.
+        const auto stronger = [&](std::size_t x, std::size_t y) {
+            const double vx = std::abs(links[x].vote), vy = std::abs(links[y].vote);
+            return vx != vy ? vx > vy : x < y;
+        };
+        for (const PatchLink& l : links) best[l.a] = best[l.b] = ~0u;
+        for (std::uint32_t k = 0; k < links.size(); ++k)
+            for (const std::uint32_t end : {links[k].a, links[k].b})
+                if (best[end] == ~0u || stronger(k, best[end])) best[end] = k;
+        std::vector<std::uint32_t> chosen;
+        for (std::uint32_t k = 0; k < links.size(); ++k)
+            if (best[links[k].a] == k || best[links[k].b] == k) chosen.push_back(k);
+        std::sort(chosen.begin(), chosen.end(), stronger);
+        for (const std::uint32_t k : chosen) forest.join(links[k].a, links[k].b, links[k].vote < 0);
+    }
+}
+
+} // namespace
+
+OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
+                                const Vec3f& normalA, const Vec3f& normalB, float noise)
+{
+    constexpr float kAcross = 0.25f; // what two sheets say weighs less than what one says
+    OrientationLink link;
+    link.a = std::min(a, b);
+    link.b = std::max(a, b);
+    link.vote = normalA.dot(normalB);
+    const float length = apart.norm();
+    if (!(length > 0)) return link;
+    // Heights that noise can make say nothing.
+    const auto slope = [&](const Vec3f& normal) {
+        const float height = normal.dot(apart);
+        return std::copysign(std::max(std::abs(height) - 2 * noise, 0.f), height) / length;
+    };
+    const float mirrored = link.vote - 2 * slope(normalA) * slope(normalB);
+    link.acrossSheets = mirrored * link.vote < 0 && std::abs(link.vote) > std::abs(mirrored) / 4;
+    link.vote = link.acrossSheets ? kAcross * mirrored : mirrored;
+    return link;
+}
+
+Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
+                             Progress& progress)
+{
+    const auto unsure =
+        std::partition(links.begin(), links.end(), [](const auto& l) { return isSure(l); });
+    tbb::parallel_sort(links.begin(), unsure, surerThan);
+    Forest forest(nodes);
+    for (auto l = links.begin(); l != unsure; ++l) {
+        if ((l - links.begin()) % std::ptrdiff_t(kCheckEvery) == 0) progress.check();
+        forest.join(l->a, l->b, l->vote < 0);
+    }
+    std::vector<PatchLink> between;
+    for (const OrientationLink& l : links)
+        if (forest.find(l.a).first != forest.find(l.b).first) between.push_back({l.a, l.b, l.vote});
+    links = {};
+    joinPatches(nodes, between, forest, progress);
+    Orientation result;
+    result.parts.resize(nodes);
+    result.turned.resize(nodes);
+    for (std::uint32_t i = 0; i < nodes; ++i) {
+        const auto [root, turned] = forest.find(i);
+        result.parts[i] = root;
+        result.turned[i] = turned;
+    }
+    return result;
+}
+
+} // namespace mpuvdb

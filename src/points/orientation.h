@@ -1,0 +1,64 @@
+// Which of a surface's normals look to the same side, told from pairs of neighbours.
+#pragma once
+#include <mpuvdb/vec.h>
+
+#include <cstdint>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Progress;
+
+/// What two neighbours say about each other's normals: 1 the same side, -1 opposite sides, and 0
+/// nothing; reversing one normal reverses the sign.
+struct OrientationLink {
+    float vote = 0;
+    bool acrossSheets = false; ///< b lies not on a's sheet but behind or before it
+    std::uint32_t a = 0, b = 0;
+};
+
+/// The link of two oriented positions: one's normal, mirrored at the plane between the two, against
+/// the other's. 1 on planes, arcs, and across any edge; also for the two sides of a thin wall or a
+/// narrow gap, whose normals are opposite. @param noise  standard deviation of the positions.
+OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
+                                const Vec3f& normalA, const Vec3f& normalB, float noise);
+
+/// Parts that hang together by links, and who in a part must be turned round.
+struct Orientation {
+    std::vector<std::uint32_t> parts; ///< of each node its part's lowest node
+    std::vector<char> turned;         ///< against the part's lowest node
+};
+
+/// Turn nodes so that links agree. Sure links join nodes one by one, the surest first; what then
+/// are patches is joined by the sum of all links between two, so that a few wrong ones do not turn
+/// a whole patch [a minimum spanning tree (Hoppe92) would hang on a single one].
+Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
+                             Progress& progress);
+
+/// Whether a part's normals look inward, told by its outermost points: those farthest out along
+/// each axis, both ways, whose normals weigh as much as they keep to the axis.
+class OutwardVote
+{
+public:
+    void add(const Vec3f& position, const Vec3f& normal)
+    {
+        for (int axis = 0; axis < 3; ++axis) {
+            if (position[axis] < mLow[axis]) {
+                mLow[axis] = position[axis];
+                mLowNormal[axis] = -normal[axis];
+            }
+            if (position[axis] > mHigh[axis]) {
+                mHigh[axis] = position[axis];
+                mHighNormal[axis] = normal[axis];
+            }
+        }
+    }
+    bool inward() const { return mLowNormal.sum() + mHighNormal.sum() < 0; }
+
+private:
+    Vec3f mLow = Vec3f::Constant(HUGE_VALF), mHigh = Vec3f::Constant(-HUGE_VALF);
+    Vec3f mLowNormal = Vec3f::Zero(), mHighNormal = Vec3f::Zero();
+};
+
+} // namespace mpuvdb

@@ -1,0 +1,357 @@
+// Outliers. A screen on a grid of cells a few spacings wide settles nearly all points; what is left
+// in small groups of cells, or lies alone beside a surface, is compared with its neighbours.
+#include "cell_grid.h"
+#include "kd_tree.h"
+#include "local_plane.h"
+#include "position_order.h"
+#include "union_find.h"
+
+#include <mpuvdb/outliers.h>
+#include <mpuvdb/progress.h>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kFewestPoints = 200; // of a cloud that outliers are looked for in
+constexpr std::uint32_t kObject = 100;     // points of a group that is a surface without a look
+constexpr std::uint32_t kClump = 24;       // points below which a group is no surface
+constexpr std::uint32_t kSparse = 4;       // points of a cell up to which it joins no group
+constexpr double kCellSpacings = 5;        // a gap that a surface may have
+constexpr double kCellNoises = 4;          // standard deviations that a cell's width is at least
+constexpr std::size_t kGrain = 256;        // cells or points
+
+/// The grid's cells, joined where they share a face. A nearly empty cell joins no others: outliers
+/// would hang together, and on surfaces.
+class CellGroups
+{
+public:
+    enum class Place { Within, Beside, Apart }; ///< of a cell, and the surfaces
+
+    CellGroups(const CellGrid& grid, Progress& progress) : mGrid(grid), mGroups(grid.cells().size())
+    {
+        const auto& cells = grid.cells();
+        std::vector<std::vector<std::uint32_t>> around(cells.size() / kGrain + 1);
+        tbb::parallel_for(std::size_t(0), around.size(), [&](std::size_t chunk) {
+            progress.check();
+            const std::size_t end = std::min((chunk + 1) * kGrain, cells.size());
+            for (std::size_t c = chunk * kGrain; c < end; ++c) {
+                if (cells[c].size() <= kSparse) continue;
+                grid.forFacesAfter(cells[c], [&](std::uint32_t other) {
+                    if (cells[other].size() <= kSparse) return;
+                    around[chunk].push_back(std::uint32_t(c));
+                    around[chunk].push_back(other);
+                });
+            }
+        });
+        for (const auto& pairs : around)
+            for (std::size_t k = 0; k < pairs.size(); k += 2) mGroups.join(pairs[k], pairs[k + 1]);
+        mPoints.assign(cells.size(), 0);
+        for (std::uint32_t c = 0; c < cells.size(); ++c)
+            mPoints[mGroups.find(c)] += cells[c].size();
+    }
+
+    Place placeOf(std::uint32_t c)
+    {
+        if (isSurface(c)) return Place::Within;
+        const CellGrid::Cell& cell = mGrid.cells()[c];
+        bool beside = false;
+        if (cell.size() <= kSparse)
+            mGrid.forEachAround(cell, [&](std::uint32_t n) { beside = beside || isSurface(n); });
+        return beside ? Place::Beside : Place::Apart;
+    }
+    bool isSurface(std::uint32_t cell) { return mPoints[mGroups.find(cell)] >= kObject; }
+
+private:
+    const CellGrid& mGrid;
+    UnionFind mGroups;
+    std::vector<std::uint32_t> mPoints; // by root
+};
+
+/// Points in nearly empty cells beside those of a surface.
+class BesideSurface
+{
+public:
+    BesideSurface(const PointCloud& cloud, const PointStatistics& statistics, const CellGrid& grid)
+        : mPositions(cloud.positions), mStatistics(statistics), mGrid(grid)
+    {
+    }
+
+    bool isOutlier(const CellGrid::Cell& cell, std::uint32_t point)
+    {
+        const Vec3f& p = mPositions[point];
+        const float near = float(kNear * mStatistics.spacing);
+        mAround.clear();
+        bool accompanied = false;
+        const auto gather = [&](const CellGrid::Cell& from) {
+            for (std::uint32_t k = from.begin; k < from.end && !accompanied; ++k) {
+                const std::uint32_t q = mGrid.order()[k];
+                if (q == point) continue;
+                const float squared = (mPositions[q] - p).squaredNorm();
+                accompanied = squared < near * near;
+                mAround.push_back({squared, q});
+            }
+        };
+        gather(cell);
+        mGrid.forEachAround(cell, [&](std::uint32_t c) {
+            if (!accompanied) gather(mGrid.cells()[c]);
+        });
+        return !accompanied && mAround.size() >= kNeighbors && standsOff(p);
+    }
+
+private:
+    struct Around {
+        float squared;
+        std::uint32_t point;
+    };
+    static constexpr std::size_t kNeighbors = 12, kOnPlane = 9;
+    static constexpr double kNear = 1.5; // spacings
+
+    /// Whether @a p is off the plane of its neighbours, which themselves are on it.
+    bool standsOff(const Vec3f& p)
+    {
+        constexpr double kOffSpacings = 2, kOffScatter = 5, kOffNoise = 5;
+        const auto before = [&](const Around& a, const Around& b) {
+            return a.squared != b.squared
+                       ? a.squared < b.squared
+                       : positionBefore(mPositions[a.point], mPositions[b.point]);
+        };
+        std::nth_element(mAround.begin(), mAround.begin() + kNeighbors - 1, mAround.end(), before);
+        std::sort(mAround.begin(), mAround.begin() + kNeighbors, before);
+        mMembers.clear();
+        for (std::size_t k = 0; k < kNeighbors; ++k) mMembers.push_back(mAround[k].point);
+        // Some of them may be outliers too.
+        const LocalPlane first = planeOf(mPositions, mMembers);
+        std::sort(mMembers.begin(), mMembers.end(), [&](std::uint32_t a, std::uint32_t b) {
+            return std::abs(first.height(mPositions[a])) < std::abs(first.height(mPositions[b]));
+        });
+        mMembers.resize(kOnPlane);
+        const LocalPlane plane = planeOf(mPositions, mMembers);
+        // A disc's variance along each axis is a quarter of its squared radius.
+        const double squaredRadius = 2 * (plane.variances[1] + plane.variances[2]);
+        const double spacing = std::sqrt(M_PI / double(kOnPlane) * squaredRadius);
+        const double height = std::abs(plane.height(p));
+        return height > kOffSpacings * spacing &&
+               height > kOffScatter * std::sqrt(plane.variances[0]) &&
+               height > kOffNoise * mStatistics.noise;
+    }
+
+    const std::vector<Vec3f>& mPositions;
+    const PointStatistics& mStatistics;
+    const CellGrid& mGrid;
+    std::vector<Around> mAround;
+    std::vector<std::uint32_t> mMembers;
+};
+
+/// Points of groups too small to be surfaces at the cells' scale, among each other and points that
+/// stand for the surfaces' cells. Sparse surfaces are such groups, and so are outliers.
+class SparsePoints
+{
+public:
+    /// @param positions  those in doubt, then those that stand for surfaces.
+    SparsePoints(const std::vector<Vec3f>& positions, std::size_t doubtful, Progress& progress)
+        : mPositions(positions), mDoubtful(doubtful), mProgress(progress)
+    {
+        findNeighbors();
+        findPlanar();
+    }
+
+    /// Whether each of the doubtful is an outlier.
+    std::vector<char> outliers() const
+    {
+        std::vector<char> result(mDoubtful, 0);
+        for (std::size_t i = 0; i < mDoubtful; ++i) result[i] = !isSupported(i);
+        dropClumps(result);
+        return result;
+    }
+
+private:
+    static constexpr std::size_t kNeighbors = 10;
+
+    std::size_t reachable() const { return std::min(kNeighbors, mPositions.size() - 1); }
+    const std::uint32_t* neighbors(std::size_t i) const { return &mNeighbors[i * reachable()]; }
+    float reach(std::size_t i) const { return mDistances[(i + 1) * reachable() - 1]; }
+    float distance(std::size_t i, std::size_t k) const { return mDistances[i * reachable() + k]; }
+
+    void findNeighbors()
+    {
+        const KdTree tree(mPositions);
+        mNeighbors.resize(mPositions.size() * reachable());
+        mDistances.resize(mNeighbors.size());
+        forEach(mPositions.size(), [&](std::size_t i) {
+            std::vector<std::uint32_t> indices(reachable() + 1);
+            std::vector<float> squared(indices.size());
+            tree.nearest(mPositions[i], indices, squared);
+            // The point is its own nearest, or as near as copies of it.
+            std::size_t to = i * reachable();
+            const std::size_t end = to + reachable();
+            for (std::size_t k = 0; k < indices.size() && to < end; ++k) {
+                if (indices[k] == i) continue;
+                mDistances[to] = std::sqrt(squared[k]);
+                mNeighbors[to++] = indices[k];
+            }
+        });
+    }
+
+    /// Points that lie with their neighbours on a plane, and no farther from them than these are
+    /// from theirs.
+    void findPlanar()
+    {
+        mPlanar.resize(mDoubtful);
+        forEach(mDoubtful, [&](std::size_t i) { mPlanar[i] = isPlanar(i); });
+    }
+
+    bool isPlanar(std::size_t i) const
+    {
+        // Of ten points at random in a ball, one in a few hundred sets is as flat as this.
+        constexpr double kFlat = 0.3, kOffScatter = 3, kOffReach = 0.25;
+        const std::vector<std::uint32_t> members(neighbors(i), neighbors(i) + reachable());
+        const LocalPlane plane = planeOf(mPositions, members);
+        const double height = std::abs(plane.height(mPositions[i]));
+        const double scatter = std::sqrt(plane.variances[0]);
+        return scatter < kFlat * std::sqrt((plane.variances[1] + plane.variances[2]) / 2) &&
+               height < std::max(kOffScatter * scatter, kOffReach * double(reach(i))) &&
+               isAmongLike(i);
+    }
+
+    /// Whether its neighbours are about as far from theirs as it is from them.
+    bool isAmongLike(std::size_t i) const
+    {
+        constexpr float kSparser = 2;
+        std::vector<float> reaches;
+        for (std::size_t k = 0; k < reachable(); ++k) reaches.push_back(reach(neighbors(i)[k]));
+        const auto middle = reaches.begin() + std::ptrdiff_t(reaches.size() / 2);
+        std::nth_element(reaches.begin(), middle, reaches.end());
+        return reach(i) < kSparser * *middle;
+    }
+
+    /// Planar, or, as on an edge of a sparse solid, close to others that are.
+    bool isSupported(std::size_t i) const
+    {
+        constexpr std::size_t kClosest = 6, kNeeded = 3;
+        if (mPlanar[i]) return true;
+        std::size_t planar = 0;
+        for (std::size_t k = 0; k < std::min(kClosest, reachable()); ++k) {
+            const std::uint32_t q = neighbors(i)[k];
+            planar += q < mDoubtful && mPlanar[q];
+        }
+        return planar >= kNeeded && isAmongLike(i);
+    }
+
+    /// Groups of few points that touch no surface are none.
+    void dropClumps(std::vector<char>& outlier) const
+    {
+        constexpr float kTouch = 3; // distances to the third neighbour
+        constexpr std::size_t kThird = 2;
+        UnionFind groups(mPositions.size());
+        for (std::uint32_t i = 0; i < mDoubtful; ++i) {
+            if (i % 4096 == 0) mProgress.check();
+            for (std::size_t k = 0; k < reachable() && !outlier[i]; ++k) {
+                const std::uint32_t q = neighbors(i)[k];
+                if (q < mDoubtful && outlier[q]) continue;
+                const std::size_t third = std::min(kThird, reachable() - 1);
+                if (distance(i, k) <= kTouch * std::min(distance(i, third), distance(q, third)))
+                    groups.join(i, q);
+            }
+        }
+        std::vector<std::uint32_t> points(mPositions.size(), 0);
+        for (std::uint32_t i = 0; i < mPositions.size(); ++i)
+            points[groups.find(i)] += i < mDoubtful ? 1 : kClump;
+        for (std::uint32_t i = 0; i < mDoubtful; ++i)
+            if (points[groups.find(i)] < kClump) outlier[i] = 1;
+    }
+
+    template <class F>
+    void forEach(std::size_t count, F&& f) const
+    {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& r) {
+            mProgress.check();
+            for (std::size_t i = r.begin(); i < r.end(); ++i) f(i);
+        });
+    }
+
+    const std::vector<Vec3f>& mPositions;
+    const std::size_t mDoubtful;
+    Progress& mProgress;
+    std::vector<std::uint32_t> mNeighbors; // reachable() for each position, nearest first
+    std::vector<float> mDistances;
+    std::vector<char> mPlanar;
+};
+
+/// The position of a cell's point nearest to its centre.
+Vec3f representative(const PointCloud& cloud, const CellGrid& grid, const CellGrid::Cell& cell)
+{
+    const Vec3f centre = grid.centre(cell).cast<float>();
+    Vec3f best = cloud.positions[grid.order()[cell.begin]];
+    for (std::uint32_t k = cell.begin + 1; k < cell.end; ++k) {
+        const Vec3f& p = cloud.positions[grid.order()[k]];
+        const float now = (p - centre).squaredNorm(), until = (best - centre).squaredNorm();
+        if (now < until || (now == until && positionBefore(p, best))) best = p;
+    }
+    return best;
+}
+
+} // namespace
+
+std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,
+                                        Progress& progress)
+{
+    std::vector<std::uint32_t> result;
+    if (cloud.size() < kFewestPoints) return result;
+    const double side =
+        std::max(kCellSpacings * statistics.spacing, kCellNoises * statistics.noise);
+    const CellGrid grid(cloud.positions, side, progress);
+    CellGroups groups(grid, progress);
+    std::vector<std::uint32_t> doubtful, suspicious; // points; cells
+    for (std::uint32_t c = 0; c < grid.cells().size(); ++c) {
+        const CellGrid::Cell& cell = grid.cells()[c];
+        const CellGroups::Place place = groups.placeOf(c);
+        if (place == CellGroups::Place::Beside) suspicious.push_back(c);
+        if (place != CellGroups::Place::Apart) continue;
+        doubtful.insert(doubtful.end(), grid.order().begin() + cell.begin,
+                        grid.order().begin() + cell.end);
+    }
+    std::vector<char> outlier(cloud.size(), 0);
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, suspicious.size(), kGrain),
+                      [&](const auto& range) {
+                          progress.check();
+                          BesideSurface judge(cloud, statistics, grid);
+                          for (std::size_t s = range.begin(); s < range.end(); ++s) {
+                              const CellGrid::Cell& cell = grid.cells()[suspicious[s]];
+                              for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
+                                  const std::uint32_t p = grid.order()[k];
+                                  outlier[p] = judge.isOutlier(cell, p);
+                              }
+                          }
+                      });
+    if (!doubtful.empty()) {
+        std::vector<Vec3f> positions;
+        for (const std::uint32_t i : doubtful) positions.push_back(cloud.positions[i]);
+        for (std::uint32_t c = 0; c < grid.cells().size(); ++c)
+            if (groups.isSurface(c))
+                positions.push_back(representative(cloud, grid, grid.cells()[c]));
+        const std::vector<char> found =
+            SparsePoints(positions, doubtful.size(), progress).outliers();
+        for (std::size_t d = 0; d < doubtful.size(); ++d) outlier[doubtful[d]] = found[d];
+    }
+    for (std::uint32_t i = 0; i < outlier.size(); ++i)
+        if (outlier[i]) result.push_back(i);
+    return result;
+}
+
+void dropPoints(PointCloud& cloud, const std::vector<std::uint32_t>& indices)
+{
+    if (indices.empty()) return;
+    std::vector<std::uint8_t> keep(cloud.size(), 1);
+    for (const std::uint32_t i : indices) keep[i] = 0;
+    cloud.compact(keep);
+}
+
+} // namespace mpuvdb

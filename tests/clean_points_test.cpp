@@ -1,0 +1,277 @@
+// Outliers, flipped normals, orientation of estimated normals: against the virtual scanner's truth.
+#include <mpuvdb/error.h>
+#include <mpuvdb/normals.h>
+#include <mpuvdb/outliers.h>
+#include <mpuvdb/progress.h>
+#include <mpuvdb/scan_sampler.h>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <random>
+#include <utility>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Pattern = ScanSettings::Pattern;
+constexpr std::uint32_t kSeed = 5;
+
+PointCloud scanned(const std::string& solid, std::uint64_t points, Pattern pattern,
+                   double noise = 0, double outliers = 0)
+{
+    ScanSettings s;
+    s.points = points;
+    s.pattern = pattern;
+    s.noise = noise;
+    s.outliers = outliers;
+    s.seed = kSeed;
+    Progress progress;
+    return scan(*parseSolid(solid), s, progress);
+}
+
+std::vector<std::uint32_t> outliersOf(const PointCloud& cloud)
+{
+    Progress progress;
+    return findOutliers(cloud, measure(cloud, progress), progress);
+}
+
+std::vector<std::uint32_t> flippedOf(const PointCloud& cloud)
+{
+    Progress progress;
+    return findFlippedNormals(cloud, measure(cloud, progress), progress);
+}
+
+void append(PointCloud& to, const PointCloud& from, const Vec3f& offset)
+{
+    for (const Vec3f& p : from.positions) to.positions.push_back(p + offset);
+    to.normals.insert(to.normals.end(), from.normals.begin(), from.normals.end());
+}
+
+/// @a count points at random in a cube of edge @a size about @a middle.
+void appendClump(PointCloud& cloud, int count, const Vec3f& middle, float size)
+{
+    SCOPED_TRACE(kSeed);
+    std::mt19937 engine(kSeed);
+    const auto uniform = [&] { return float(engine()) / 4294967296.f - 0.5f; };
+    for (int i = 0; i < count; ++i) {
+        const float x = uniform(), y = uniform(), z = uniform();
+        cloud.positions.push_back(middle + size * Vec3f(x, y, z));
+        cloud.normals.push_back(Vec3f(x, y, z).normalized());
+    }
+}
+
+TEST(Outliers, CleanCloudsHaveNone)
+{
+    for (const char* solid :
+         {"sphere(1)", "torus(1,0.3)", "box(1,1,1)", "fandisk(1)", "slab(1,1,0.02)"})
+        for (const Pattern pattern : {Pattern::Even, Pattern::Random, Pattern::Scan})
+            EXPECT_EQ(outliersOf(scanned(solid, 10000, pattern)).size(), 0u)
+                << solid << " seed " << kSeed;
+}
+
+TEST(Outliers, OnePercentIsFound)
+{
+    for (const char* solid : {"blob(1,8,0.05)", "torus(1,0.3)"}) {
+        const auto truth = parseSolid(solid);
+        PointCloud cloud = scanned(solid, 50000, Pattern::Scan, 0.002, 0.01);
+        Progress progress;
+        const double spacing = measure(cloud, progress).spacing;
+        const auto away = [&](double spacings) {
+            std::size_t count = 0;
+            for (std::size_t i = 0; i < cloud.size(); ++i)
+                count += std::abs(truth->distance(cloud.world(i))) > spacings * spacing;
+            return count;
+        };
+        const std::size_t before = away(6);
+        const std::size_t points = cloud.size();
+        const auto found = outliersOf(cloud);
+        dropPoints(cloud, found);
+        EXPECT_EQ(cloud.size(), points - found.size());
+        EXPECT_EQ(cloud.normals.size(), cloud.size());
+        EXPECT_GT(before, 300u);
+        EXPECT_LT(double(away(6)), 0.1 * double(before)) << solid << " seed " << kSeed;
+        EXPECT_LT(double(found.size()), 0.01 * double(points)) << solid << " seed " << kSeed;
+    }
+}
+
+TEST(Outliers, ClumpsGoAndDetachedObjectsStay)
+{
+    PointCloud cloud = scanned("sphere(1)", 20000, Pattern::Even);
+    const std::size_t object = cloud.size();
+    append(cloud, scanned("sphere(0.08)", 120, Pattern::Even), Vec3f(1.5f, 0, 0));
+    append(cloud, scanned("sphere(0.3)", 150, Pattern::Even), Vec3f(0, 2, 0)); // sparser
+    const auto real = std::uint32_t(cloud.size());
+    ASSERT_GE(real, object + 230);
+    appendClump(cloud, 15, Vec3f(0, 0, 1.8f), 0.05f);
+    appendClump(cloud, 3, Vec3f(0, -1.5f, 0), 0.01f);
+    appendClump(cloud, 1, Vec3f(-1.2f, 0, 0), 0.01f);
+    std::vector<std::uint32_t> expected;
+    for (std::uint32_t i = real; i < cloud.size(); ++i) expected.push_back(i);
+    EXPECT_EQ(outliersOf(cloud), expected);
+}
+
+TEST(Outliers, SparsePartsStay)
+{
+    // Every two-hundredth point of one half: its spacing is fourteen times the other's.
+    PointCloud dense = scanned("sphere(1)", 100000, Pattern::Random), uneven;
+    std::size_t sparse = 0;
+    for (std::size_t i = 0; i < dense.size(); ++i)
+        if (dense.positions[i].x() > 0 || i % 200 == 0) {
+            sparse += dense.positions[i].x() <= 0;
+            uneven.positions.push_back(dense.positions[i]);
+        }
+    EXPECT_GT(sparse, 200u);
+    EXPECT_LT(double(outliersOf(uneven).size()), 0.03 * double(sparse)) << "seed " << kSeed;
+}
+
+TEST(Outliers, FewPointsAreAllKept)
+{
+    PointCloud cloud;
+    appendClump(cloud, 150, Vec3f::Zero(), 1);
+    EXPECT_TRUE(outliersOf(cloud).empty());
+    cloud.positions.assign(1000, Vec3f(1, 2, 3)); // one place
+    cloud.positions.push_back(Vec3f(1, 2, 4));
+    Progress progress;
+    EXPECT_NO_THROW(findOutliers(cloud, measure(cloud, progress), progress));
+}
+
+TEST(Outliers, KnowNoThreads)
+{
+    const PointCloud cloud = scanned("torus(1,0.3)", 30000, Pattern::Random, 0.002, 0.02);
+    const auto found = outliersOf(cloud);
+    EXPECT_GT(found.size(), 300u);
+    tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+    EXPECT_EQ(outliersOf(cloud), found);
+}
+
+TEST(FlippedNormals, CleanCloudsHaveNone)
+{
+    for (const char* solid : {"sphere(1)", "box(1,1,1)", "fandisk(1)", "gear(12,1,0.3)",
+                              "slab(1,1,0.03)", "sheets(1,1,0.3)"})
+        for (const Pattern pattern : {Pattern::Even, Pattern::Scan})
+            EXPECT_EQ(flippedOf(scanned(solid, 10000, pattern)).size(), 0u)
+                << solid << " seed " << kSeed;
+}
+
+/// Two flat sheets 1.5 spacings apart that look at each other, or away.
+TEST(FlippedNormals, CloseSheetsStay)
+{
+    for (const float side : {1.f, -1.f}) {
+        PointCloud cloud;
+        for (int x = 0; x < 100; ++x)
+            for (int y = 0; y < 100; ++y)
+                for (int z = 0; z < 2; ++z) {
+                    cloud.positions.emplace_back(float(x), float(y), 1.5f * float(z));
+                    cloud.normals.emplace_back(0.f, 0.f, z == 0 ? side : -side);
+                }
+        EXPECT_TRUE(flippedOf(cloud).empty()) << side;
+    }
+}
+
+TEST(FlippedNormals, EveryFifthIsTurnedBack)
+{
+    for (const char* solid : {"sphere(1)", "blob(1,8,0.05)", "torus(1,0.3)", "fandisk(1)"}) {
+        PointCloud cloud = scanned(solid, 30000, Pattern::Random, 0.002);
+        const std::vector<Vec3f> truth = cloud.normals;
+        std::mt19937 engine(kSeed);
+        for (Vec3f& n : cloud.normals)
+            if (engine() % 5 == 0) n = -n;
+        const auto flipped = flippedOf(cloud);
+        flipNormals(cloud, flipped);
+        std::size_t wrong = 0;
+        for (std::size_t i = 0; i < truth.size(); ++i) wrong += truth[i].dot(cloud.normals[i]) < 0;
+        EXPECT_LT(wrong, 150u) << solid << " seed " << kSeed;
+        tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+        PointCloud again = cloud;
+        flipNormals(again, flipped);
+        EXPECT_EQ(flippedOf(again), flipped) << solid;
+    }
+}
+
+TEST(FlippedNormals, PatchesAreTurnedBack)
+{
+    PointCloud cloud = scanned("blob(1,8,0.05)", 30000, Pattern::Even);
+    const Vec3f middle = cloud.positions[100];
+    std::vector<std::uint32_t> patch;
+    for (std::uint32_t i = 0; i < cloud.size(); ++i)
+        if ((cloud.positions[i] - middle).norm() < 0.3f) patch.push_back(i);
+    ASSERT_GT(patch.size(), 300u);
+    flipNormals(cloud, patch);
+    EXPECT_EQ(flippedOf(cloud), patch) << "seed " << kSeed;
+}
+
+TEST(FlippedNormals, ThreeFacesOfACube)
+{
+    PointCloud cloud = scanned("box(1,1,1)", 30000, Pattern::Even);
+    std::vector<std::uint32_t> faces;
+    for (std::uint32_t i = 0; i < cloud.size(); ++i)
+        if (cloud.normals[i].sum() > 0) faces.push_back(i);
+    flipNormals(cloud, faces);
+    flipNormals(cloud, flippedOf(cloud));
+    std::size_t inward = 0;
+    for (std::size_t i = 0; i < cloud.size(); ++i)
+        inward += cloud.normals[i].dot(cloud.positions[i]) < 0;
+    EXPECT_LT(inward, 90u);
+}
+
+/// Share of estimated normals that look to the true side.
+double shareRight(const std::string& solid, std::uint64_t points, Pattern pattern, double noise = 0)
+{
+    PointCloud cloud = scanned(solid, points, pattern, noise);
+    const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
+    Progress progress;
+    estimateNormals(cloud, {}, progress);
+    double right = 0;
+    for (std::size_t i = 0; i < truth.size(); ++i) right += truth[i].dot(cloud.normals[i]) > 0;
+    return right / double(truth.size());
+}
+
+TEST(EstimateNormals, ThinWallsAndCloseSheets)
+{
+    EXPECT_GT(shareRight("slab(1,1,0.02)", 50000, Pattern::Random), 0.998) << "seed " << kSeed;
+    EXPECT_GT(shareRight("sheets(1,1,0.3)", 30000, Pattern::Even), 0.998);
+    EXPECT_GT(
+        shareRight("union(translate(box(1,1,0.2),0,0,0.11),translate(box(1,1,0.2),0,0,-0.11))",
+                   40000, Pattern::Even),
+        0.995);
+}
+
+TEST(EstimateNormals, NoiseTakesMoreNeighbours)
+{
+    Progress progress;
+    PointCloud clean = scanned("torus(1,0.3)", 20000, Pattern::Random);
+    PointCloud noisy = scanned("torus(1,0.3)", 20000, Pattern::Random, 0.03);
+    clean.normals.clear();
+    noisy.normals.clear();
+    EXPECT_EQ(estimateNormals(clean, {}, progress), 12);
+    EXPECT_GT(estimateNormals(noisy, {}, progress), 30);
+    EXPECT_EQ(shareRight("torus(1,0.3)", 20000, Pattern::Random, 0.03), 1);
+}
+
+TEST(EstimateNormals, LookTowardsTheViewpoint)
+{
+    // An open plane has no outside; seen from below it looks down.
+    PointCloud cloud;
+    for (int x = 0; x < 30; ++x)
+        for (int y = 0; y < 30; ++y) cloud.positions.emplace_back(float(x), float(y), 0.f);
+    cloud.frame = Vec3d(5e6, 0, 0);
+    cloud.seenFrom.assign(cloud.size(), 0);
+    for (const double z : {-50.0, 50.0})
+        for (const bool distant : {false, true}) {
+            cloud.viewpoints = {{distant ? Vec3d(0, 0, z) : Vec3d(5e6, 10, z), distant}};
+            Progress progress;
+            estimateNormals(cloud, {}, progress);
+            for (const Vec3f& n : cloud.normals) ASSERT_GT(double(n.z()) * z, 0);
+        }
+    std::vector<std::uint8_t> keep(cloud.size(), 0);
+    keep[7] = 1;
+    cloud.compact(keep);
+    EXPECT_EQ(cloud.seenFrom.size(), 1u);
+}
+
+} // namespace
+} // namespace mpuvdb
