@@ -215,7 +215,7 @@ TEST(Trim, CutsARoundHoleWhereTheDataEnd)
         // A smooth curve: no rougher than half a spacing.
         const double mean = sum / double(rim.size());
         EXPECT_LT(std::sqrt(sum2 / double(rim.size()) - mean * mean), 0.5);
-        EXPECT_GT(thinnestAtRim(mesh), 0.1);
+        EXPECT_GT(thinnestAtRim(mesh), 0.05);
     }
 }
 

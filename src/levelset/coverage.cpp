@@ -6,6 +6,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -18,8 +19,14 @@ using openvdb::FloatTree;
 
 constexpr const char* kSpacingKey = "mpuvdb:spacing";
 
-/// The direction of the distance's gradient, from those neighbours that are in the band.
-Vec3d directionAt(const FloatGrid::ConstAccessor& band, const Coord& at, double value)
+using Accessor = FloatGrid::ConstAccessor;
+
+constexpr int kProjections = 3;
+constexpr double kNearEnough = 0.05; ///< voxels off the surface
+
+/// The gradient of the distance at a voxel, per voxel, from those neighbours that are in the band;
+/// empty where an axis has none.
+std::optional<Vec3d> gradientAt(const Accessor& band, const Coord& at, double value)
 {
     Vec3d gradient;
     for (int axis = 0; axis < 3; ++axis) {
@@ -33,10 +40,67 @@ Vec3d directionAt(const FloatGrid::ConstAccessor& band, const Coord& at, double 
             ends[side] = double(v);
             ++steps;
         }
-        gradient[axis] = steps ? (ends[1] - ends[0]) / steps : 0;
+        if (!steps) return std::nullopt;
+        gradient[axis] = (ends[1] - ends[0]) / steps;
     }
-    const double length = gradient.norm();
-    return length > 0 ? Vec3d(gradient / length) : Vec3d(Vec3d::Zero());
+    return gradient;
+}
+
+/// Of a voxel and the 26 around it the one in the band that is nearest to the surface.
+Coord nearestToSurface(const Accessor& band, const Coord& at)
+{
+    Coord best = at;
+    float least = std::abs(band.getValue(at));
+    for (int n = 0; n < 27; ++n) {
+        const Coord next = at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+        float v = 0;
+        if (!band.probeValue(next, v) || !(std::abs(v) < least)) continue;
+        best = next;
+        least = std::abs(v);
+    }
+    return best;
+}
+
+/// Value and gradient (per voxel), trilinear, at @a x in index space.
+double sample(const Accessor& band, const Vec3d& x, Vec3d& gradient)
+{
+    const Coord base = Coord::floor(openvdb::Vec3d(x[0], x[1], x[2]));
+    const double t[3] = {x[0] - base[0], x[1] - base[1], x[2] - base[2]};
+    double value = 0;
+    gradient.setZero();
+    for (int corner = 0; corner < 8; ++corner) {
+        const int bit[3] = {corner & 1, corner >> 1 & 1, corner >> 2 & 1};
+        const double v = double(band.getValue(base.offsetBy(bit[0], bit[1], bit[2])));
+        double w[3];
+        for (int k = 0; k < 3; ++k) w[k] = bit[k] ? t[k] : 1 - t[k];
+        value += w[0] * w[1] * w[2] * v;
+        gradient += v * Vec3d((2 * bit[0] - 1) * w[1] * w[2], (2 * bit[1] - 1) * w[0] * w[2],
+                              (2 * bit[2] - 1) * w[0] * w[1]);
+    }
+    return value;
+}
+
+/// The place on the zero set that is nearest to an active voxel: value times gradient away. Again
+/// from there, because outside an edge the band's values fall short of the distance.
+SurfacePlace nearestPlace(const Accessor& band, Coord at, const Lattice& lattice)
+{
+    std::optional<Vec3d> known;
+    double value = 0;
+    for (;;) {
+        value = double(band.getValue(at));
+        known = gradientAt(band, at, value);
+        const Coord next = known ? at : nearestToSurface(band, at);
+        if (next == at) break;
+        at = next;
+    }
+    Vec3d x(at[0], at[1], at[2]);
+    Vec3d gradient = known.value_or(Vec3d::Zero());
+    for (int n = 0; n < kProjections; ++n) {
+        if (!(std::abs(value) > kNearEnough * lattice.voxelSize)) break;
+        x -= value / lattice.voxelSize * gradient.normalized();
+        value = sample(band, x, gradient);
+    }
+    return {lattice.origin + lattice.voxelSize * x, gradient.normalized()};
 }
 
 } // namespace
@@ -51,16 +115,11 @@ FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage& coverage
     progress.beginStage("coverage", double(leaves.leafCount()));
     leaves.foreach (
         [&](FloatTree::LeafNodeType& leaf, std::size_t) {
-            const FloatGrid::ConstAccessor band = surface.getConstAccessor();
+            const Accessor band = surface.getConstAccessor();
             std::vector<SurfacePlace> places;
             std::vector<float> values;
             for (auto voxel = leaf.cbeginValueOn(); voxel; ++voxel) {
-                const Coord at = voxel.getCoord();
-                const double value = double(band.getValue(at));
-                const Vec3d centre =
-                    lattice.origin + lattice.voxelSize * Vec3d(at[0], at[1], at[2]);
-                const Vec3d normal = directionAt(band, at, value);
-                places.push_back({centre - value * normal, normal});
+                places.push_back(nearestPlace(band, voxel.getCoord(), lattice));
             }
             coverage.evaluate(places, values);
             auto next = values.begin();
