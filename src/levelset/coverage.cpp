@@ -22,11 +22,13 @@ constexpr const char* kSpacingKey = "mpuvdb:spacing";
 using Accessor = FloatGrid::ConstAccessor;
 
 constexpr int kProjections = 3;
+constexpr double kShortest = 0.5;    ///< of a gradient, whose length should be one
 constexpr double kNearEnough = 0.05; ///< voxels off the surface
 
 /// The gradient of the distance at a voxel, per voxel, from those neighbours that are in the band;
-/// empty where an axis has none.
-std::optional<Vec3d> gradientAt(const Accessor& band, const Coord& at, double value)
+/// empty where an axis has none, or they contradict each other.
+std::optional<Vec3d> gradientAt(const Accessor& band, const Coord& at, double value,
+                                double voxelSize)
 {
     Vec3d gradient;
     for (int axis = 0; axis < 3; ++axis) {
@@ -43,6 +45,7 @@ std::optional<Vec3d> gradientAt(const Accessor& band, const Coord& at, double va
         if (!steps) return std::nullopt;
         gradient[axis] = (ends[1] - ends[0]) / steps;
     }
+    if (gradient.norm() < kShortest * voxelSize) return std::nullopt;
     return gradient;
 }
 
@@ -88,7 +91,7 @@ SurfacePlace nearestPlace(const Accessor& band, Coord at, const Lattice& lattice
     double value = 0;
     for (;;) {
         value = double(band.getValue(at));
-        known = gradientAt(band, at, value);
+        known = gradientAt(band, at, value, lattice.voxelSize);
         const Coord next = known ? at : nearestToSurface(band, at);
         if (next == at) break;
         at = next;
