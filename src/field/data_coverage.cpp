@@ -15,8 +15,9 @@ namespace
 {
 
 constexpr float kFull = 2.5f, kNone = 5; ///< distances in spacings between which coverage falls
-constexpr std::size_t kBucketPoints = 24;
+constexpr std::size_t kBucketPoints = 40;
 constexpr std::size_t kNeighbours = 12; ///< that a spacing is measured with
+constexpr std::size_t kRemembered = 16; ///< points that supported places before
 
 float coverageOf(float ratio)
 {
@@ -85,9 +86,13 @@ DataCoverage::DataCoverage(const SortedPoints& points, const Vec3d& frame, Progr
     measureSpacings(progress);
 }
 
-Vec3f DataCoverage::position(std::size_t n) const
+inline float DataCoverage::ratioOf(std::uint32_t n, float spacing, const Vec3f& p,
+                                   const Vec3f& normal) const
 {
-    return {mPoints.x[n], mPoints.y[n], mPoints.z[n]};
+    const float cosine =
+        mPoints.nx[n] * normal[0] + mPoints.ny[n] * normal[1] + mPoints.nz[n] * normal[2];
+    const float reach = spacing * std::clamp(1 + 2 * cosine, 0.0f, 1.0f);
+    return reach > 0 ? (position(n) - p).norm() / reach : kNone;
 }
 
 std::uint32_t DataCoverage::build(std::size_t begin, std::size_t end)
@@ -163,15 +168,6 @@ void DataCoverage::gather(std::uint32_t at, Neighbours& neighbours) const
     if (d2[1 - nearer] < neighbours.reach()) gather(child[1 - nearer], neighbours);
 }
 
-float DataCoverage::ratioOf(std::uint32_t n, float spacing, const Vec3f& p,
-                            const Vec3f& normal) const
-{
-    const float cosine =
-        mPoints.nx[n] * normal[0] + mPoints.ny[n] * normal[1] + mPoints.nz[n] * normal[2];
-    const float reach = spacing * std::clamp(1 + 2 * cosine, 0.0f, 1.0f);
-    return reach > 0 ? (position(n) - p).norm() / reach : kNone;
-}
-
 void DataCoverage::improve(std::uint32_t at, const Vec3f& p, const Vec3f& normal,
                            Support& best) const
 {
@@ -199,19 +195,22 @@ void DataCoverage::evaluate(const std::vector<SurfacePlace>& places,
                             std::vector<float>& values) const
 {
     values.resize(places.size());
-    Support last{kNone};
+    std::array<Support, kRemembered> witnesses; // what supported places before often does again
+    std::size_t count = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
         const Vec3f p = (places[i].position - mFrame).cast<float>();
         const Vec3f normal = places[i].normal.cast<float>();
-        // What supported the place before often does here.
-        if (last.spacing > 0 && ratioOf(last.point, last.spacing, p, normal) <= kFull) {
+        const auto known = std::min(count, kRemembered);
+        if (std::any_of(witnesses.begin(), witnesses.begin() + known, [&](const Support& w) {
+                return ratioOf(w.point, w.spacing, p, normal) <= kFull;
+            })) {
             values[i] = 1;
             continue;
         }
         Support best{kNone};
         improve(0, p, normal, best);
         values[i] = coverageOf(best.ratio);
-        if (best.ratio <= kFull) last = best;
+        if (best.ratio <= kFull) witnesses[count++ % kRemembered] = best;
     }
 }
 

@@ -35,12 +35,12 @@ private:
     class Neighbours;
     /// The point that supports a place best, found so far.
     struct Support {
-        float ratio;
+        float ratio = 0;
         std::uint32_t point = 0;
         float spacing = 0;
     };
 
-    Vec3f position(std::size_t n) const;
+    Vec3f position(std::size_t n) const { return {mPoints.x[n], mPoints.y[n], mPoints.z[n]}; }
     std::uint32_t build(std::size_t begin, std::size_t end);
     void measureSpacings(Progress& progress);
     void gather(std::uint32_t node, Neighbours& neighbours) const;

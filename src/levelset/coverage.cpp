@@ -22,8 +22,8 @@ constexpr const char* kSpacingKey = "mpuvdb:spacing";
 using Accessor = FloatGrid::ConstAccessor;
 
 constexpr int kProjections = 3;
-constexpr double kShortest = 0.5;    ///< of a gradient, whose length should be one
-constexpr double kNearEnough = 0.05; ///< voxels off the surface
+constexpr double kShortest = 0.5;   ///< of a gradient, whose length should be one
+constexpr double kNearEnough = 0.2; ///< voxels off the surface
 
 /// The gradient of the distance at a voxel, per voxel, from those neighbours that are in the band;
 /// empty where an axis has none, or they contradict each other.

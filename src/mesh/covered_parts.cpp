@@ -15,7 +15,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr int kSmoothings = 4;
+constexpr int kSmoothings = 12;
 constexpr std::size_t kStride = 1 << 16; ///< triangles between two looks at the progress
 
 /// Call f(from, to) for each side of each triangle.
