@@ -138,6 +138,33 @@ TEST_F(CommandTest, ReconstructEchoesAndReportsWhatItResolved)
     EXPECT_EQ(mFolder.names(), (Words{"a.json", "a.ply", "a.vdb"}));
 }
 
+TEST_F(CommandTest, ReconstructInterpolatesWhereAsked)
+{
+    const Ended ended =
+        mpuvdb({"reconstruct", scan(), "-o", "a.vdb", "--interpolate", "--report", "a.json"});
+    ASSERT_EQ(ended.status, 0) << ended.err;
+    EXPECT_NE(ended.err.find("alpha 1.25, min-points 15, interpolate"), std::string::npos)
+        << ended.err;
+    json settings = readJson("a.json")["settings"];
+    EXPECT_EQ(settings["interpolate"], true);
+    EXPECT_EQ(settings["sharp"], false);
+    EXPECT_EQ(settings["alpha"], 1.25);
+
+    const Ended given =
+        mpuvdb({"reconstruct", scan(), "-o", "b.vdb", "--interpolate", "--alpha", "1.5",
+                "--min-points", "12", "--tolerance", "0.2%", "--report", "b.json"});
+    ASSERT_EQ(given.status, 0) << given.err;
+    settings = readJson("b.json")["settings"];
+    EXPECT_EQ(settings["alpha"], 1.5);
+    EXPECT_EQ(settings["min_points"], 12);
+    EXPECT_NEAR(settings["tolerance"].get<double>(), 0.002 * std::hypot(2.8, 2.8, 0.8), 2e-4);
+
+    const Ended narrow =
+        mpuvdb({"reconstruct", scan(), "-o", "c.vdb", "--interpolate", "--alpha", "0.75"});
+    EXPECT_EQ(narrow.status, 2);
+    EXPECT_NE(narrow.err.find("[1.05, 2] for interpolation"), std::string::npos) << narrow.err;
+}
+
 TEST_F(CommandTest, ErrorsAreReportedToo)
 {
     writeFile(mFolder / "bad.ply", "ply\nformat ascii 1.0\nelement vertex 3\nend_header\n");

@@ -10,6 +10,9 @@ namespace mpuvdb
 
 class Progress;
 
+/// The paper's alpha for interpolation.
+constexpr double kInterpolationAlpha = 1.25;
+
 /// How points are fitted.
 struct MpuSettings {
     double tolerance = 0; ///< largest Taubin error |Q|/|grad Q| of a local fit, world units, > 0
@@ -17,6 +20,10 @@ struct MpuSettings {
     double alpha = 0.75;  ///< support radius / cell diagonal, in [0.6, 2]
     int minPoints = 15;   ///< N_min: confidences a fit needs in sum, in [6, 1000]
     bool sharp = true;    ///< fit edges and corners [Ohtake03 §4c]
+    /// Zero at every point [Ohtake03 §6]: cells are split until each holds one point at most; the
+    /// tolerance rules cells that are large beside the spacing of their points. Copies of a point
+    /// count as one. Smooth everywhere, whatever sharp says; alpha in [1.05, 2].
+    bool interpolate = false;
 };
 
 /// What the fit came to.

@@ -17,10 +17,11 @@ struct ReconstructSettings {
     std::optional<double> voxels;    ///< instead of voxelSize: along the longest side of the box
     std::optional<Length> tolerance; ///< default: from voxel size and measured noise
     double halfWidth = 3;            ///< voxels
-    double alpha = 0.75;             ///< support radius / cell diagonal
+    std::optional<double> alpha;     ///< support radius / cell diagonal; default: 0.75, or 1.25
     std::optional<int> minPoints;    ///< default: 15, more on noisy points
-    bool sharp = true;
-    std::uint64_t maxBytes = 0; ///< memory the work may take; 0: no limit
+    bool sharp = true;               ///< no matter where points are interpolated
+    bool interpolate = false;        ///< zero at every point, for points that are exact
+    std::uint64_t maxBytes = 0;      ///< memory the work may take; 0: no limit
 };
 
 /// What the settings came to, in world units.

@@ -17,17 +17,28 @@ constexpr int kRow = kBlockDim;
 /// Below this blended gradients cancel between sheets and value / |gradient| means nothing.
 constexpr float kGradientFloor = 0.8f;
 
-} // namespace
+struct SmoothWeight {
+    float scale;
+    explicit SmoothWeight(float radius) : scale(1.5f / radius) {}
+    float operator()(float distance2) const { return bsplineWeight(std::sqrt(distance2) * scale); }
+};
 
-void BlockSums::clear()
-{
-    for (auto* a : {&weight, &value, &gx, &gy, &gz, &unsupported}) a->fill(0);
-}
+struct SingularWeight {
+    /// A voxel on a point: all other cells together weigh a hundred-millionth of this one.
+    static constexpr float kLeast2 = 1e-8f;
+    float inverseRadius;
+    explicit SingularWeight(float radius) : inverseRadius(1 / radius) {}
+    float operator()(float distance2) const
+    {
+        return singularWeight(std::sqrt(std::max(distance2, kLeast2)), inverseRadius);
+    }
+};
 
-MPUVDB_WIDE_CLONES
-void addCell(const KernelCell& cell, BlockSums& sums)
+template <typename Weight>
+[[gnu::always_inline]] inline void addWeighted(const KernelCell& cell, BlockSums& sums)
 {
-    const float radius2 = cell.radius * cell.radius, scale = 1.5f / cell.radius;
+    const Weight weigh(cell.radius);
+    const float radius2 = cell.radius * cell.radius;
     for (int x = 0; x < kBlockDim; ++x) {
         const float fx = float(x), dx = fx - cell.centre[0];
         if (dx * dx >= radius2) continue;
@@ -72,7 +83,7 @@ void addCell(const KernelCell& cell, BlockSums& sums)
                          *const sz = &sums.gz[size_t(row)];
             for (int z = 0; z < kRow; ++z) {
                 const float dz = float(z) - cell.centre[2];
-                const float weight = bsplineWeight(std::sqrt(row2 + dz * dz) * scale);
+                const float weight = weigh(row2 + dz * dz);
                 w[z] += weight;
                 v[z] += weight * q[z];
                 sx[z] += weight * gx[z];
@@ -86,6 +97,25 @@ void addCell(const KernelCell& cell, BlockSums& sums)
             }
         }
     }
+}
+
+} // namespace
+
+void BlockSums::clear()
+{
+    for (auto* a : {&weight, &value, &gx, &gy, &gz, &unsupported}) a->fill(0);
+}
+
+MPUVDB_WIDE_CLONES
+void addCell(const KernelCell& cell, BlockSums& sums)
+{
+    addWeighted<SmoothWeight>(cell, sums);
+}
+
+MPUVDB_WIDE_CLONES
+void addSingularCell(const KernelCell& cell, BlockSums& sums)
+{
+    addWeighted<SingularWeight>(cell, sums);
 }
 
 MPUVDB_WIDE_CLONES

@@ -28,6 +28,8 @@ struct KernelCell {
 
 /// Add @a cell to @a sums. Several instruction sets, chosen at run time; the same bits from all.
 void addCell(const KernelCell& cell, BlockSums& sums);
+/// The same with the weight that is singular at the ball's centre, for interpolation.
+void addSingularCell(const KernelCell& cell, BlockSums& sums);
 
 /// Turn the sums into distances (voxels): value / max(|gradient|, 0.8), clamped to +-@a limit.
 /// Where no cell contributes: +limit.

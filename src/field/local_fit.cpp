@@ -157,6 +157,17 @@ BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, co
     return system;
 }
 
+/// Q = w - quadratic(u, v) without its constant, from the solution @a k of a system, in world
+/// units.
+Quadric heightAbove(const Frame& frame, const Eigen::Matrix<double, 5, 1>& k, double scale)
+{
+    Quadric q;
+    q.A = -scale * (k[0] * frame.u * frame.u.transpose() + k[2] * frame.v * frame.v.transpose() +
+                    0.5 * k[1] * (frame.u * frame.v.transpose() + frame.v * frame.u.transpose()));
+    q.b = frame.w - k[3] * frame.u - k[4] * frame.v;
+    return q;
+}
+
 constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
 
 /// The cell's corners and centre, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
@@ -419,15 +430,24 @@ Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t 
     Eigen::Matrix<double, 6, 1> ridge;
     ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-14;
     const Eigen::Matrix<double, 6, 1> k = solveRidged<6>(system.M, system.r, ridge);
+    Quadric q = heightAbove(frame, k.head<5>(), system.scale);
+    q.c = -k[5] / system.scale;
+    return q.shifted(-origin); // from the centroid to the centre
+}
 
-    // Q = w - quadratic(u, v), back in world units about the centroid, then about the centre.
-    const double t = system.scale;
-    Quadric q;
-    q.A = -t * (k[0] * frame.u * frame.u.transpose() + k[2] * frame.v * frame.v.transpose() +
-                0.5 * k[1] * (frame.u * frame.v.transpose() + frame.v * frame.u.transpose()));
-    q.b = frame.w - k[3] * frame.u - k[4] * frame.v;
-    q.c = -k[5] / t;
-    return q.shifted(-origin);
+Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal)
+{
+    const Frame frame(normal);
+    double total = 0;
+    for (const double w : points.weight) total += w;
+    if (!(total > 0)) return planeThrough(Vec3d::Zero(), normal);
+    const BivariateSystem system = bivariateSystem(points, frame, Vec3d::Zero(), total);
+    if (!(system.scale > 0)) return planeThrough(Vec3d::Zero(), normal);
+    Eigen::Matrix<double, 5, 1> ridge;
+    ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6;
+    return heightAbove(frame,
+                       solveRidged<5>(system.M.topLeftCorner<5, 5>(), system.r.head<5>(), ridge),
+                       system.scale);
 }
 
 Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints,

@@ -59,6 +59,10 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
 /// @a minQuadratic points.
 Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic = 6);
 
+/// As (b), through the origin exactly: quadratic in the plane of @a normal about it. A plane where
+/// the points do not say more.
+Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal);
+
 /// (a) General quadric [Ohtake03 §4a eq. 11] with values @a auxValues at @a auxPoints.
 Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints,
                    const std::vector<double>& auxValues);

@@ -10,12 +10,21 @@ namespace
 /// Neighbouring blocks share the upper part of their descents: regions of 4x4x4 blocks.
 constexpr int kRegionShift = 2;
 
+/// Whether a ball (in voxels about the block's first) holds a voxel of the block: where points are
+/// closer than voxels most do not.
+bool reachesVoxel(const Vec3d& centre, double radius)
+{
+    const Vec3d nearest =
+        centre.array().round().max(0.0).min(double(kBlockDim - 1)).matrix(); // of the block
+    return (centre - nearest).squaredNorm() < radius * radius;
+}
+
 } // namespace
 
 MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, const Vec3d& origin,
                                  double voxelSize, double band)
     : mTree(tree), mCoarse(coarse), mOrigin(origin), mVoxelSize(voxelSize),
-      mLimit(float(band / voxelSize))
+      mLimit(float(band / voxelSize)), mAddCell(tree.interpolates() ? addSingularCell : addCell)
 {
 }
 
@@ -23,7 +32,7 @@ template <typename Leaf>
 void MpuBlockSampler::descend(const NodeAt& at, const Box3d& box, double stopSize,
                               std::vector<NodeAt>* inner, Leaf leaf) const
 {
-    const double radius = mTree.supportRadius(at.cell.level);
+    const double radius = mTree.reach(at.cell.level);
     if (!(box.squaredExteriorDistance(mTree.root.centre(at.cell)) < radius * radius)) return;
     const OctreeNode& node = mTree.nodes[at.node];
     if (node.isLeaf()) {
@@ -84,12 +93,14 @@ void MpuBlockSampler::addLeaf(const NodeAt& leaf, const Vec3d& blockOrigin)
 {
     const OctreeNode& node = mTree.nodes[leaf.node];
     const StoredFit& stored = mTree.fits[node.index];
-    const LocalFit fit = mTree.fitAbout(stored, blockOrigin);
     const double h = mVoxelSize;
-    const Vec3d centre = (mTree.root.centre(leaf.cell) - blockOrigin) / h;
+    const Vec3d centre = (mTree.ballCentre(leaf.cell, stored) - blockOrigin) / h;
+    const double radius = mTree.supportRadius(leaf.cell.level) / h;
+    if (mTree.interpolates() && !reachesVoxel(centre, radius)) return;
+    const LocalFit fit = mTree.fitAbout(stored, blockOrigin);
     KernelCell cell;
     for (int k = 0; k < 3; ++k) cell.centre[k] = float(centre[k]);
-    cell.radius = float(mTree.supportRadius(leaf.cell.level) / h);
+    cell.radius = float(radius);
     cell.count = fit.count;
     cell.maxBits = fit.maxBits;
     cell.unsupported = 1 - node.support;
@@ -102,7 +113,7 @@ void MpuBlockSampler::addLeaf(const NodeAt& leaf, const Vec3d& blockOrigin)
                               2 * A(1, 2) * h, 2 * A(2, 0) * h};
         for (int n = 0; n < 10; ++n) cell.q[p][n] = float(k[n]);
     }
-    addCell(cell, mSums);
+    mAddCell(cell, mSums);
 }
 
 } // namespace mpuvdb

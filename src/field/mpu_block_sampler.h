@@ -38,6 +38,7 @@ private:
     Vec3d mOrigin;
     double mVoxelSize;
     float mLimit; ///< voxels
+    void (*mAddCell)(const KernelCell&, BlockSums&);
     Vec3i mRegion;
     bool mHasRegion = false;
     std::vector<NodeAt> mRegionNodes; ///< cells that reach into the region, none finer than it

@@ -19,6 +19,10 @@ namespace
 
 constexpr double kGradientFloor = 0.8;
 
+/// Where interpolation's weights stop growing, in radii: at a point all other fits together weigh
+/// less than a rounding error.
+constexpr double kLeastDistance = 1e-12;
+
 void checkSettings(const PointCloud& cloud, const MpuSettings& s)
 {
     if (cloud.empty()) throw InputError("no points to fit: the input is empty");
@@ -30,7 +34,11 @@ void checkSettings(const PointCloud& cloud, const MpuSettings& s)
     };
     demand(s.tolerance > 0 && std::isfinite(s.tolerance), "tolerance", s.tolerance, "above 0");
     demand(s.voxelSize > 0 && std::isfinite(s.voxelSize), "voxel size", s.voxelSize, "above 0");
-    demand(s.alpha >= 0.6 && s.alpha <= 2, "alpha", s.alpha, "in [0.6, 2]");
+    if (s.interpolate)
+        demand(s.alpha >= 1.05 && s.alpha <= 2, "alpha", s.alpha,
+               "in [1.05, 2] for interpolation: the ball about a point has to cover its cell");
+    else
+        demand(s.alpha >= 0.6 && s.alpha <= 2, "alpha", s.alpha, "in [0.6, 2]");
     demand(s.minPoints >= 6 && s.minPoints <= 1000, "min points", s.minPoints, "in [6, 1000]");
 }
 
@@ -44,10 +52,11 @@ RootCube rootCube(const Box3d& bounds, double voxelSize)
 /// Take support from leaves whose side at the centre is clearly not the whole model's.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
-    tree.forEachLeaf([&](OctreeNode& node, const OctreeCell& cell) {
+    tree.forEachLeafParallel([&](OctreeNode& node, const OctreeCell& cell) {
         if (node.support <= 0) return;
         const Vec3d centre = tree.root.centre(cell);
         const StoredFit& stored = tree.fits[node.index];
+        if (tree.holdsItsPoint(cell, stored)) return;
         const Vec3d y = centre - stored.origin.cast<double>();
         const LocalFit fit = tree.fitAbout(stored, stored.origin.cast<double>());
         const Quadric& q = fit.ruling(y);
@@ -74,17 +83,22 @@ struct MpuField::Impl {
         FieldSample sample;
     };
     void blend(const Vec3d& p, std::uint32_t index, const OctreeCell& cell, Blend& sums) const;
+    double weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const;
 };
 
-MpuField::MpuField(PointCloud&& cloud, const MpuSettings& settings, Progress& progress)
+MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Progress& progress)
 {
-    checkSettings(cloud, settings);
+    checkSettings(cloud, given);
+    MpuSettings settings = given;
+    settings.sharp &= !settings.interpolate;
     auto impl = std::make_unique<Impl>();
     impl->frame = cloud.frame;
     impl->localBounds = cloud.localBounds();
     const RootCube root = rootCube(impl->localBounds, settings.voxelSize);
     progress.beginStage("sort");
-    impl->points = std::make_unique<SortedPoints>(std::move(cloud), root, progress);
+    const auto copies =
+        settings.interpolate ? SortedPoints::Copies::Merge : SortedPoints::Copies::Keep;
+    impl->points = std::make_unique<SortedPoints>(std::move(cloud), root, progress, copies);
     progress.beginStage("fit");
     impl->tree = buildOctree(*impl->points, root, settings, progress);
     if (!impl->tree.complete) {
@@ -114,9 +128,7 @@ Box3d MpuField::bounds() const
 void MpuField::Impl::blend(const Vec3d& p, std::uint32_t index, const OctreeCell& cell,
                            Blend& sums) const
 {
-    const double radius = tree.supportRadius(cell.level);
-    const double distance = (p - tree.root.centre(cell)).norm();
-    if (!(distance < radius)) return;
+    if (!((p - tree.root.centre(cell)).norm() < tree.reach(cell.level))) return;
     const OctreeNode& node = tree.nodes[index];
     if (!node.isLeaf()) {
         for (int octant = 0; octant < 8; ++octant)
@@ -124,15 +136,24 @@ void MpuField::Impl::blend(const Vec3d& p, std::uint32_t index, const OctreeCell
         return;
     }
     const StoredFit& stored = tree.fits[node.index];
+    const double w = weight(p, cell, stored);
+    if (!(w > 0)) return;
     const Vec3d origin = stored.origin.cast<double>();
     const LocalFit fit = tree.fitAbout(stored, origin);
     const Quadric& q = fit.ruling(p - origin);
-    const double w = bsplineWeight(1.5 * distance / radius);
     sums.weight += w;
     sums.supported += w * double(node.support);
     sums.sample.value += w * q.value(p - origin);
     sums.sample.gradient += w * q.gradient(p - origin);
     sums.sample.level = std::max(sums.sample.level, cell.level);
+}
+
+double MpuField::Impl::weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const
+{
+    const double radius = tree.supportRadius(cell.level);
+    const double distance = (p - tree.ballCentre(cell, fit)).norm();
+    if (!tree.interpolates()) return bsplineWeight(1.5 * distance / radius);
+    return singularWeight(std::max(distance, kLeastDistance * radius), 1 / radius);
 }
 
 FieldSample MpuField::evaluate(const Vec3d& position) const

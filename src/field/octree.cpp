@@ -49,6 +49,15 @@ std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin)
     return std::uint32_t(fits.size() - 1);
 }
 
+std::uint32_t Octree::addFitThrough(const Vec3f& point, const Quadric& fit)
+{
+    LocalFit single;
+    single.pieces[0] = fit;
+    const std::uint32_t index = addFit(single, point.cast<double>());
+    fits[index].throughOrigin = true;
+    return index;
+}
+
 LocalFit Octree::fitAbout(const StoredFit& stored, const Vec3d& origin) const
 {
     LocalFit fit;

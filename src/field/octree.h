@@ -7,6 +7,8 @@
 
 #include <array>
 #include <cstdint>
+#include <tbb/parallel_for.h>
+#include <utility>
 #include <vector>
 
 namespace mpuvdb
@@ -22,6 +24,7 @@ struct StoredFit {
     std::uint32_t firstQuadric = 0;
     std::uint8_t count = 1; ///< pieces, as in LocalFit
     std::uint8_t maxBits = 0;
+    bool throughOrigin = false; ///< the origin is an input point, and the fit is zero there
 };
 
 struct OctreeNode {
@@ -37,6 +40,9 @@ struct OctreeNode {
 struct Octree {
     RootCube root;
     double alpha = 0.75;
+    /// Largest distance of a ball's centre from its cell's, in diagonals of the cell; above 0 where
+    /// the points are interpolated: balls are centred at the points there, weights singular.
+    double offCentre = 0;
     std::vector<OctreeNode> nodes;
     std::vector<StoredFit> fits;
     std::vector<QuadricCoefficients> quadrics;
@@ -45,15 +51,33 @@ struct Octree {
 
     void setLeaf(std::uint32_t node, std::uint32_t fit, double support);
     double supportRadius(int level) const { return alpha * std::sqrt(3.0) * root.size(level); }
+    bool interpolates() const { return offCentre > 0; }
+    /// Radius of a ball about a cell's centre that holds the supports of the cell and its children.
+    double reach(int level) const
+    {
+        return (alpha + offCentre) * std::sqrt(3.0) * root.size(level);
+    }
+    /// Whether the leaf @a cell with @a fit holds the input point through which the fit goes.
+    bool holdsItsPoint(const OctreeCell& cell, const StoredFit& fit) const
+    {
+        return fit.throughOrigin && root.holds(cell, fit.origin.cast<double>());
+    }
+    /// Centre of the support of the leaf @a cell.
+    Vec3d ballCentre(const OctreeCell& cell, const StoredFit& fit) const
+    {
+        return holdsItsPoint(cell, fit) ? Vec3d(fit.origin.cast<double>()) : root.centre(cell);
+    }
     /// Store @a fit about @a origin (local coordinates); returns its index.
     std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin);
+    /// Store a fit about the input point @a point, at which it is zero.
+    std::uint32_t addFitThrough(const Vec3f& point, const Quadric& fit);
     /// A stored fit about another origin, in double precision.
     LocalFit fitAbout(const StoredFit& fit, const Vec3d& origin) const;
     /// Append @a subtree, whose node 0 becomes node @a at.
     void graft(std::uint32_t at, const Octree& subtree);
     std::uint64_t bytes() const;
 
-    /// Call f(node, cell) for every leaf, depth first.
+    /// Call f(node, cell) for every leaf below a node, depth first.
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
     {
@@ -63,6 +87,29 @@ struct Octree {
         }
         for (int octant = 0; octant < 8; ++octant)
             forEachLeaf(f, nodes[node].index + std::uint32_t(octant), cell.child(octant));
+    }
+
+    /// The same for all leaves, in parallel.
+    template <typename F>
+    void forEachLeafParallel(F f)
+    {
+        constexpr int kLevel = 4;
+        std::vector<std::pair<std::uint32_t, OctreeCell>> parts = {{0, {}}};
+        for (int level = 0; level < kLevel; ++level) {
+            std::vector<std::pair<std::uint32_t, OctreeCell>> finer;
+            for (const auto& [node, cell] : parts) {
+                if (nodes[node].isLeaf()) {
+                    f(nodes[node], cell);
+                    continue;
+                }
+                for (int octant = 0; octant < 8; ++octant)
+                    finer.push_back(
+                        {nodes[node].index + std::uint32_t(octant), cell.child(octant)});
+            }
+            parts = std::move(finer);
+        }
+        tbb::parallel_for(std::size_t(0), parts.size(),
+                          [&](std::size_t n) { forEachLeaf(f, parts[n].first, parts[n].second); });
     }
 };
 

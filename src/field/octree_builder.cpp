@@ -2,6 +2,7 @@
 // first on contiguous copies of its points, which shrink with every level.
 #include "cell_fitter.h"
 #include "octree.h"
+#include "point_fitter.h"
 
 #include <mpuvdb/progress.h>
 
@@ -17,6 +18,21 @@ namespace
 
 constexpr std::size_t kSubtreePoints = 4096; ///< a cell with fewer points around starts a subtree
 constexpr std::size_t kSpacingPoints = 256;  ///< spacing is measured among at most so many
+
+/// Interpolating, cells with balls up to so many times as large as that of the nearest point's fit
+/// have that fit; larger cells are held to the tolerance.
+constexpr double kPointFitReach = 1.2;
+
+/// An empty tree of one node.
+Octree emptyTree(const RootCube& root, const MpuSettings& settings)
+{
+    Octree tree;
+    tree.root = root;
+    tree.alpha = settings.alpha;
+    tree.offCentre = settings.interpolate ? 0.5 : 0;
+    tree.nodes.resize(1);
+    return tree;
+}
 
 void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision& decision,
                double tolerance)
@@ -36,17 +52,15 @@ public:
     SubtreeBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
                    Progress& progress)
         : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress),
-          mFitter(points, root, settings)
+          mFitter(points, root, settings), mPointFitter(points, root, settings)
     {
     }
 
     /// @param spacing  estimated for the parent; 0 if unknown.
     Octree build(const OctreeCell& cell, double spacing)
     {
-        mTree = Octree{};
-        mTree.root = mRoot;
-        mTree.alpha = mSettings.alpha;
-        mTree.nodes.resize(1);
+        mTree = emptyTree(mRoot, mSettings);
+        mPointFitter.clear();
         mPath.clear();
         PointBatch& ball = batches(0)[0];
         mPoints.gather(cell, mFitter.supportRadius(cell.level), 1, mFilter, ball);
@@ -86,26 +100,77 @@ private:
                  double parentSpacing, std::size_t depth)
     {
         if (depth < 3) mProgress.check();
-        const Vec3d centre = mRoot.centre(cell);
         const double radius = mFitter.supportRadius(cell.level);
         double spacing = parentSpacing;
         if (ball.size() <= kSpacingPoints && mSpacingDepth >= depth) {
-            if (const double measured = mFilter.spacing(ball, centre, radius); measured > 0)
+            if (const double measured = mFilter.spacing(ball, mRoot.centre(cell), radius);
+                measured > 0)
                 spacing = measured;
             else if (!(spacing > 0))
                 spacing = radius;
             mSpacingDepth = depth;
         }
         if (!(spacing > 0)) spacing = radius / 8; // more than kSpacingPoints in the ball
+        if (mSettings.interpolate)
+            decideInterpolating(node, cell, ball, spacing, depth);
+        else
+            decide(node, cell, ball, spacing, depth);
+        if (mSpacingDepth == depth) mSpacingDepth = kNoDepth;
+    }
+
+    void decide(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball, double spacing,
+                std::size_t depth)
+    {
         const Decision decision = mFitter.decide(cell, ball, mPath, spacing);
-        if (!decision.split) {
+        if (decision.split) {
+            split(node, cell, ball, decision, spacing, depth);
+            return;
+        }
+        mTree.setLeaf(node, mTree.addFit(decision.result.fit, mRoot.centre(cell)),
+                      supportOf(decision.gap, spacing, mFitter.supportRadius(cell.level)));
+        countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
+    }
+
+    /// As above where a leaf may hold one point at most, through which its fit has to go.
+    void decideInterpolating(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
+                             double spacing, std::size_t depth)
+    {
+        std::array<std::size_t, 2> inside;
+        const std::size_t count = mPointFitter.pointsIn(cell, ball, inside);
+        if (count > 1 && cell.level < PointFitter::kDeepest) {
+            mProgress.check(); // crowded points make long descents
+            Decision unfitted;
+            unfitted.split = true;
+            unfitted.fitted = false;
+            split(node, cell, ball, unfitted, spacing, depth);
+            return;
+        }
+        const Vec3d centre = mRoot.centre(cell);
+        const double radius = mFitter.supportRadius(cell.level);
+        const std::size_t point = count > 0 ? inside[0] : mFilter.nearestOf(ball, centre);
+        mPath.push_back({&ball, centre, radius});
+        const PointFitter::PointFit fit = mPointFitter.fitThrough(point, cell, mPath, mTree);
+        mPath.pop_back();
+        Decision decision;
+        if (radius <= kPointFitReach * fit.radius) {
+            mTree.setLeaf(node, fit.index, 1);
+            countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
+            return;
+        }
+        decision = mFitter.decide(cell, ball, mPath, spacing);
+        if (decision.split) {
+            split(node, cell, ball, decision, spacing, depth);
+            return;
+        }
+        if (count > 0) {
+            // The parent's ball reaches as far around every point of the cell.
+            const PointBatch& around = mPath.empty() ? ball : *mPath.back().batch;
+            mTree.setLeaf(node, mPointFitter.fitWithin(ball, point, radius, around, mTree), 1);
+        } else {
             mTree.setLeaf(node, mTree.addFit(decision.result.fit, centre),
                           supportOf(decision.gap, spacing, radius));
-            countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
-        } else {
-            split(node, cell, ball, decision, spacing, depth);
         }
-        if (mSpacingDepth == depth) mSpacingDepth = kNoDepth;
+        countLeaf(mTree.statistics, cell, decision, mSettings.tolerance);
     }
 
     void split(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
@@ -151,6 +216,7 @@ private:
     const MpuSettings& mSettings;
     Progress& mProgress;
     CellFitter mFitter;
+    PointFitter mPointFitter;
     Octree mTree;
     BatchFilter mFilter;
     std::deque<Octants> mBatches; ///< by depth; stable addresses
@@ -178,10 +244,7 @@ public:
 
     Octree build()
     {
-        Octree tree;
-        tree.root = mRoot;
-        tree.alpha = mSettings.alpha;
-        tree.nodes.resize(1);
+        Octree tree = emptyTree(mRoot, mSettings);
         ++tree.statistics.cells;
         std::vector<UpperCell> level(1), subtrees;
         while (!level.empty()) {
@@ -213,12 +276,17 @@ private:
         if (sample.size() > kSample) {
             const double spacing =
                 filter.spacing(sample, mRoot.centre(cell), radius); // of the sample
+            upper.spacing = spacing / std::sqrt(double(stride));
+            if (mSettings.interpolate) {
+                upper.decision.split = cell.level < SortedPoints::kMaxLevel;
+                upper.subtree = !upper.decision.split;
+                return;
+            }
             upper.decision = fitter.decide(cell, sample, {}, spacing);
             if (!upper.decision.split) {
                 mPoints.gather(cell, radius, 1, filter, sample);
                 upper.decision = fitter.decide(cell, sample, {}, spacing);
             }
-            upper.spacing = spacing / std::sqrt(double(stride));
             return;
         }
         // Many points around, few in the ball: its own copy is small.

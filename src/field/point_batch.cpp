@@ -176,6 +176,12 @@ double BatchFilter::nearest(const PointBatch& from, const Vec3d& centre, std::si
     return std::sqrt(double(last));
 }
 
+std::size_t BatchFilter::nearestOf(const PointBatch& from, const Vec3d& centre)
+{
+    squaredDistances(from, centre.cast<float>(), mDistance2);
+    return std::size_t(std::min_element(mDistance2.begin(), mDistance2.end()) - mDistance2.begin());
+}
+
 void BatchFilter::strided(const PointBatch& from, std::size_t stride, PointBatch& out)
 {
     mIndices.clear();

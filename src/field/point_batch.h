@@ -43,6 +43,8 @@ public:
     /// Copy to @a out the @a count (above 0) points of @a from nearest to @a centre, more where the
     /// last are as near as each other. Returns the distance of the last.
     double nearest(const PointBatch& from, const Vec3d& centre, std::size_t count, PointBatch& out);
+    /// Index of the point of @a from (not empty) nearest to @a centre; the first of several.
+    std::size_t nearestOf(const PointBatch& from, const Vec3d& centre);
     /// Every @a stride th point.
     void strided(const PointBatch& from, std::size_t stride, PointBatch& out);
     /// Append to @a out the points begin, begin + stride, ... below @a end within the ball.

@@ -65,4 +65,13 @@ inline T bsplineWeight(T t)
     return T(0.5) * outer * outer - T(1.5) * inner * inner;
 }
 
+/// The weight of interpolation at a distance (above 0) from the ball's centre, singular there:
+/// ((R - d)+ / (R d))^2 [Ohtake03 eq. 4]. Branch-free.
+template <typename T>
+inline T singularWeight(T distance, T inverseRadius)
+{
+    const T w = std::max(T(1) / distance - inverseRadius, T(0));
+    return w * w;
+}
+
 } // namespace mpuvdb

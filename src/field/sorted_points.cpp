@@ -113,7 +113,8 @@ void release(std::vector<T>& v)
 
 } // namespace
 
-SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress)
+SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress,
+                           Copies copies)
     : mRoot(root)
 {
     std::vector<KeyedIndex> order = sortedOrder(cloud, root, progress);
@@ -143,12 +144,42 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& p
 
     mKeys.resize(count);
     for (std::size_t n = 0; n < count; ++n) mKeys[n] = order[n].key;
+    if (copies == Copies::Merge) mergeCopies();
     mTop.resize((std::size_t(1) << 3 * kTopLevel) + 1);
     std::size_t first = 0;
     for (std::size_t cell = 0; cell < mTop.size(); ++cell) {
-        while (first < count && mKeys[first] >> 3 * (kMaxLevel - kTopLevel) < cell) ++first;
+        while (first < mKeys.size() && mKeys[first] >> 3 * (kMaxLevel - kTopLevel) < cell) ++first;
         mTop[cell] = std::uint32_t(first);
     }
+}
+
+// Copies are next to each other: points of one key are sorted by position.
+void SortedPoints::mergeCopies()
+{
+    PointBatch& p = mPoints;
+    const auto same = [&p](std::size_t a, std::size_t b) {
+        return p.x[a] == p.x[b] && p.y[a] == p.y[b] && p.z[a] == p.z[b];
+    };
+    std::size_t kept = 0;
+    for (std::size_t n = 0, end = 0; n < size(); n = end, ++kept) {
+        while (end < p.size() && same(n, end)) ++end;
+        p.forEach([&](std::vector<float>& a) { a[kept] = a[n]; });
+        mKeys[kept] = mKeys[n];
+        if (end - n < 2) continue;
+        Vec3d normal = Vec3d::Zero();
+        double weight = 0;
+        for (std::size_t k = n; k < end; ++k) {
+            normal += double(p.confidence[k]) * Vec3d(p.nx[k], p.ny[k], p.nz[k]);
+            weight += double(p.confidence[k]);
+        }
+        p.confidence[kept] = float(weight / double(end - n));
+        // Where they cancel the first stands for all.
+        if (!(normal.norm() > 1e-3 * weight)) continue;
+        const Vec3f mean = normal.normalized().cast<float>();
+        p.nx[kept] = mean[0], p.ny[kept] = mean[1], p.nz[kept] = mean[2];
+    }
+    p.resize(kept);
+    mKeys.resize(kept);
 }
 
 SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
@@ -170,7 +201,7 @@ SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
 OctreeCell SortedPoints::coveringCell(OctreeCell cell, double radius) const
 {
     const double half = mRoot.size(cell.level) / 2;
-    while (cell.level > 0 && mRoot.size(cell.level) + half < radius)
+    while (cell.level > kMaxLevel || (cell.level > 0 && mRoot.size(cell.level) + half < radius))
         cell = {cell.level - 1, cell.i / 2, cell.j / 2, cell.k / 2};
     return cell;
 }

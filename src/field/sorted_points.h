@@ -30,11 +30,20 @@ struct RootCube {
     Vec3d corner = Vec3d::Zero();
     double side = 1;
 
-    double size(int level) const { return std::ldexp(side, -level); }
+    double size(int level) const { return side / double(std::uint64_t(1) << level); }
     Vec3d centre(const OctreeCell& cell) const
     {
         const double s = size(cell.level);
         return corner + s * Vec3d(cell.i + 0.5, cell.j + 0.5, cell.k + 0.5);
+    }
+    /// Whether @a p is in the half-open cube: every point of the root is in one cell of each level,
+    /// rounding or not, because neighbours compute the same borders.
+    bool holds(const OctreeCell& cell, const Vec3d& p) const
+    {
+        const double s = size(cell.level);
+        const Vec3d low = corner + s * Vec3d(cell.i, cell.j, cell.k),
+                    high = corner + s * Vec3d(cell.i + 1.0, cell.j + 1.0, cell.k + 1.0);
+        return (low.array() <= p.array()).all() && (p.array() < high.array()).all();
     }
 };
 
@@ -45,8 +54,15 @@ public:
     /// Levels a Morton key resolves.
     static constexpr int kMaxLevel = 21;
 
+    /// What becomes of points at one position.
+    enum class Copies {
+        Keep,
+        Merge ///< into one: the mean of their normals and of their confidences
+    };
+
     /// Takes over positions, normals and confidences of @a cloud, and frees them.
-    SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress);
+    SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress,
+                 Copies copies = Copies::Keep);
 
     std::size_t size() const { return mPoints.size(); }
     const PointBatch& points() const { return mPoints; }
@@ -102,6 +118,7 @@ private:
     struct Range {
         std::size_t begin, end;
     };
+    void mergeCopies();
     Range cellRange(const OctreeCell& cell) const;
     OctreeCell coveringCell(OctreeCell cell, double radius) const;
     template <typename F>

@@ -61,8 +61,9 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
 
     MpuSettings& fit = resolved.fit;
     fit.voxelSize = h;
-    fit.alpha = settings.alpha;
-    fit.sharp = settings.sharp;
+    fit.interpolate = settings.interpolate;
+    fit.alpha = settings.alpha.value_or(fit.interpolate ? kInterpolationAlpha : fit.alpha);
+    fit.sharp = settings.sharp && !fit.interpolate;
     fit.tolerance = settings.tolerance
                         ? settings.tolerance->resolve(h, resolved.diagonal)
                         : std::max(kToleranceVoxels * h, kToleranceNoise * resolved.points.noise);

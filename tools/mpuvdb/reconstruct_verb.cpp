@@ -140,9 +140,9 @@ private:
                   "and the measured noise")
             ->group(group);
         app.add_option("--alpha", mSettings.alpha,
-                       "Radius of a fit's support, in diagonals of its cell; larger is smoother")
+                       "Radius of a fit's support, in diagonals of its cell; larger is smoother;\n"
+                       "default: 0.75, with --interpolate 1.25")
             ->type_name("RATIO")
-            ->capture_default_str()
             ->group(group);
         app.add_option("--min-points", mSettings.minPoints,
                        "Points that a local fit needs; default: 15, more where there is noise")
@@ -151,6 +151,12 @@ private:
         app.add_flag_callback(
                "--no-sharp", [this] { mSettings.sharp = false; },
                "Fit no edges and corners: smooth everywhere")
+            ->group(group);
+        app.add_flag(
+               "--interpolate", mSettings.interpolate,
+               "Pass through every point: for points that are exact. No edges and corners;\n"
+               "--tolerance still rules where cells are large beside the spacing, --min-points\n"
+               "the neighbours of a point that shape the surface at it; --alpha from 1.05 on")
             ->group(group);
     }
 
@@ -198,6 +204,7 @@ private:
                               {"alpha", s.fit.alpha},
                               {"min_points", s.fit.minPoints},
                               {"sharp", s.fit.sharp},
+                              {"interpolate", s.fit.interpolate},
                               {"normals", mNormals},
                               {"flip_normals", mFlipNormals},
                               {"bad_points", mBadPoints},
@@ -221,17 +228,20 @@ private:
     {
         const ResolvedSettings& s = made.settings;
         const auto text = [](const auto& value) { return fmt::format("{}", value); };
-        return {{"mpuvdb:version", MPUVDB_VERSION},
-                {"mpuvdb:points", text(mPoints)},
-                {"mpuvdb:spacing", text(s.points.spacing)},
-                {"mpuvdb:noise", text(s.points.noise)},
-                {"mpuvdb:voxel_size", text(s.grid.lattice.voxelSize)},
-                {"mpuvdb:half_width", text(s.grid.halfWidth)},
-                {"mpuvdb:tolerance", text(s.fit.tolerance)},
-                {"mpuvdb:max_error", text(made.field->statistics().maxError)},
-                {"mpuvdb:alpha", text(s.fit.alpha)},
-                {"mpuvdb:min_points", text(s.fit.minPoints)},
-                {"mpuvdb:sharp", text(s.fit.sharp)}};
+        std::map<std::string, std::string> result = {
+            {"mpuvdb:version", MPUVDB_VERSION},
+            {"mpuvdb:points", text(mPoints)},
+            {"mpuvdb:spacing", text(s.points.spacing)},
+            {"mpuvdb:noise", text(s.points.noise)},
+            {"mpuvdb:voxel_size", text(s.grid.lattice.voxelSize)},
+            {"mpuvdb:half_width", text(s.grid.halfWidth)},
+            {"mpuvdb:tolerance", text(s.fit.tolerance)},
+            {"mpuvdb:max_error", text(made.field->statistics().maxError)},
+            {"mpuvdb:alpha", text(s.fit.alpha)},
+            {"mpuvdb:min_points", text(s.fit.minPoints)},
+            {"mpuvdb:sharp", text(s.fit.sharp)}};
+        if (s.fit.interpolate) result["mpuvdb:interpolate"] = text(true);
+        return result;
     }
 
     void summarise(Session& session, const Reconstruction& made) const
@@ -243,9 +253,12 @@ private:
         session.note(fmt::format("points      {}, spacing {:.4g}, noise {:.2g}{}", mPoints,
                                  s.points.spacing, s.points.noise,
                                  dropped.empty() ? "" : "; dropped: " + dropped));
-        session.note(fmt::format(
-            "fit         tolerance {:.4g} ({:.2g}vx), alpha {}, min-points {}, {}", s.fit.tolerance,
-            s.fit.tolerance / h, s.fit.alpha, s.fit.minPoints, s.fit.sharp ? "sharp" : "no-sharp"));
+        session.note(
+            fmt::format("fit         tolerance {:.4g} ({:.2g}vx), alpha {}, min-points {}, {}",
+                        s.fit.tolerance, s.fit.tolerance / h, s.fit.alpha, s.fit.minPoints,
+                        s.fit.interpolate ? "interpolate"
+                        : s.fit.sharp     ? "sharp"
+                                          : "no-sharp"));
         session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, {} x {} x {}, {} "
                                  "active voxels: {}",
                                  h, s.grid.halfWidth, size.x(), size.y(), size.z(),

@@ -1,0 +1,103 @@
+#include "point_fitter.h"
+
+#include <cstring>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// A fit's ball beyond the last of its neighbours, whose weight would be zero on its border.
+constexpr double kMargin = 1.2;
+
+/// Within this part of the ball neighbours weigh alike; beyond, with the inverse square of their
+/// distance.
+constexpr double kNear = 0.2;
+
+Vec3f positionOf(const PointBatch& batch, std::size_t n)
+{
+    return {batch.x[n], batch.y[n], batch.z[n]};
+}
+
+Vec3d normalOf(const PointBatch& batch, std::size_t n)
+{
+    return Vec3d(batch.nx[n], batch.ny[n], batch.nz[n]);
+}
+
+} // namespace
+
+std::size_t PointFitter::Hash::operator()(const Key& key) const
+{
+    std::uint32_t bits[3];
+    const Vec3f plusZero = key.at + Vec3f::Zero(); // -0 equals 0
+    std::memcpy(bits, plusZero.data(), sizeof bits);
+    std::uint64_t h = (bits[0] | std::uint64_t(bits[1]) << 32) * 0x9e3779b97f4a7c15ull;
+    h = (h ^ h >> 29 ^ bits[2]) * 0x9e3779b97f4a7c15ull;
+    return std::size_t(h ^ h >> 32);
+}
+
+std::size_t PointFitter::pointsIn(const OctreeCell& cell, const PointBatch& ball,
+                                  std::array<std::size_t, 2>& found) const
+{
+    std::size_t count = 0;
+    for (std::size_t n = 0; n < ball.size() && count < found.size(); ++n)
+        if (mRoot.holds(cell, positionOf(ball, n).cast<double>())) found[count++] = n;
+    return count;
+}
+
+/// Collect the nearest neighbours of @a at; returns the distance of the last.
+double PointFitter::gatherNearest(const Vec3d& at, const OctreeCell& cell,
+                                  const std::vector<Ball>& path)
+{
+    for (std::size_t up = path.size(); up-- > 0;) {
+        const Ball& ball = path[up];
+        if (ball.batch->size() < mMinPoints) continue;
+        const double last = mFilter.nearest(*ball.batch, at, mMinPoints, mNear);
+        if (last + (at - ball.centre).norm() < ball.radius) return last;
+    }
+    const Vec3d centre = mRoot.centre(cell);
+    for (double radius = 2 * path.front().radius;; radius *= 2) {
+        mPoints.gather(cell, radius, 1, mFilter, mWide);
+        const bool all = mWide.size() == mPoints.size();
+        if (mWide.size() < mMinPoints && !all) continue;
+        const double last = mFilter.nearest(mWide, at, mMinPoints, mNear);
+        if (all || last + (at - centre).norm() < radius) return last;
+    }
+}
+
+/// Fit to mNear, the more closely the nearer: where neighbours' fits miss a point, the surface has
+/// a dimple that voxels may not see. Points that face the other way are of another sheet.
+Quadric PointFitter::fitNear(const Vec3f& at, const Vec3d& normal, double radius)
+{
+    mCell.assign(mNear, at.cast<double>(), radius);
+    const double near2 = kNear * kNear * radius * radius;
+    for (std::size_t i = 0; i < mCell.count; ++i)
+        mCell.weight[i] *= std::max(mCell.normal(i).dot(normal), 0.0) * near2 /
+                           (mCell.position(i).squaredNorm() + near2);
+    const Vec3d mean = meanNormal(mCell);
+    return fitBivariateThroughOrigin(mCell, mean.dot(normal) > 0 ? mean : normal);
+}
+
+PointFitter::PointFit PointFitter::fitThrough(std::size_t n, const OctreeCell& cell,
+                                              const std::vector<Ball>& path, Octree& tree)
+{
+    const PointBatch& ball = *path.back().batch;
+    const Vec3f at = positionOf(ball, n);
+    const auto [entry, isNew] = mFits.try_emplace(Key{at});
+    if (isNew) {
+        const double last = gatherNearest(at.cast<double>(), cell, path);
+        const double radius = kMargin * std::max(last, std::numeric_limits<double>::min());
+        entry->second = {tree.addFitThrough(at, fitNear(at, normalOf(ball, n), radius)), radius};
+    }
+    return entry->second;
+}
+
+std::uint32_t PointFitter::fitWithin(const PointBatch& ball, std::size_t n, double radius,
+                                     const PointBatch& around, Octree& tree)
+{
+    const Vec3f at = positionOf(ball, n);
+    mFilter.ball(around, at.cast<double>(), radius, mNear);
+    return tree.addFitThrough(at, fitNear(at, normalOf(ball, n), radius));
+}
+
+} // namespace mpuvdb
