@@ -334,6 +334,71 @@ TEST_F(CommandTest, MeshAndRenderWriteTheirFormats)
     EXPECT_EQ(mFolder.names(), (Words{"a.obj", "a.ply", "a.png", "a.stl"}));
 }
 
+/// A sphere of which a scanner sees one side.
+class HolesTest : public CommandTest
+{
+protected:
+    void SetUp() override
+    {
+        const Ended sampled = mpuvdb({"sample", "sphere(1)", "-o", "half.ply", "--points", "8000",
+                                      "--pattern", "scan", "--viewpoint", "5", "0", "0", "-q"});
+        ASSERT_EQ(sampled.status, 0) << sampled.err;
+    }
+};
+
+TEST_F(HolesTest, StayOpenWhereAsked)
+{
+    const Ended made = mpuvdb({"reconstruct", "half.ply", "-o", "a.vdb", "--mesh", "a.ply",
+                               "--holes", "open", "--report", "a.json"});
+    ASSERT_EQ(made.status, 0) << made.err;
+    EXPECT_EQ(made.err.find("warning"), std::string::npos) << made.err;
+    const json report = readJson("a.json");
+    EXPECT_EQ(report["settings"]["holes"], "open");
+    EXPECT_EQ(report["coverage"]["active_voxels"], report["grid"]["active_voxels"]);
+    EXPECT_EQ(report["holes"]["open"], 1);
+    EXPECT_EQ(report["mesh"]["boundary_loops"], 1);
+    EXPECT_EQ(report["mesh"]["components"], 1);
+    EXPECT_EQ(report["mesh"]["non_manifold_edges"], 0);
+
+    // The same from the file, and closed where the hole is small enough, or nothing is said.
+    ASSERT_EQ(mpuvdb({"mesh", "a.vdb", "-o", "b.ply", "--holes", "open", "-q"}).status, 0);
+    EXPECT_TRUE(readFile(mFolder / "a.ply") == readFile(mFolder / "b.ply"));
+    for (const Words& closed : {Words{"--holes", "90%"}, Words{"--holes", "close"}, Words{}}) {
+        Words words{"mesh", "a.vdb", "-o", "c.ply", "--report", "c.json"};
+        words.insert(words.end(), closed.begin(), closed.end());
+        ASSERT_EQ(mpuvdb(words).status, 0);
+        EXPECT_EQ(readJson("c.json")["mesh"]["boundary_edges"], 0);
+    }
+    EXPECT_EQ(mpuvdb({"check", "a.vdb"}).status, 0);
+}
+
+TEST_F(HolesTest, NeedCoverage)
+{
+    ASSERT_EQ(mpuvdb({"reconstruct", "half.ply", "-o", "a.vdb", "-q"}).status, 0);
+    const Ended without = mpuvdb({"mesh", "a.vdb", "-o", "a.ply", "--holes", "open"});
+    EXPECT_EQ(without.status, 3);
+    EXPECT_NE(without.err.find("reconstruct --coverage"), std::string::npos) << without.err;
+    EXPECT_EQ(mpuvdb({"mesh", "a.vdb", "-o", "a.ply", "--holes", "ajar"}).status, 2);
+    EXPECT_EQ(mpuvdb({"mesh", "a.vdb", "-o", "a.ply", "--holes", "-1"}).status, 2);
+    EXPECT_EQ(mFolder.names(), (Words{"a.vdb", "half.ply"}));
+}
+
+TEST_F(HolesTest, CoverageOpensInPython)
+{
+    ASSERT_EQ(mpuvdb({"reconstruct", "half.ply", "-o", "a.vdb", "--coverage", "-q"}).status, 0);
+    const auto python = [&](const std::string& code) {
+        return run(mFolder, {"/usr/bin/python3", "-c", "import pyopenvdb as vdb\n" + code});
+    };
+    if (python("").status != 0) GTEST_SKIP() << "python3-openvdb is not installed";
+    const Ended read = python("surface = vdb.read('a.vdb', 'surface')\n"
+                              "grid = vdb.read('a.vdb', 'coverage')\n"
+                              "values = [v.value for v in grid.iterOnValues()]\n"
+                              "print(surface.gridClass, grid.gridClass, grid.background, "
+                              "min(values), max(values), grid.transform == surface.transform)");
+    EXPECT_EQ(read.status, 0) << read.err;
+    EXPECT_EQ(read.out, "level set unknown 0.0 0.0 1.0 True\n");
+}
+
 TEST_F(CommandTest, SampleIsSeededAndListsItsSolids)
 {
     const auto sample = [&](const char* seed) {

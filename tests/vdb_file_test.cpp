@@ -115,6 +115,37 @@ TEST_F(VdbFile, ComesBackAsItWas)
     EXPECT_TRUE(check(b, progress).sound());
 }
 
+TEST_F(VdbFile, HoldsGridsBesideTheLevelSet)
+{
+    const LevelSet surface = sphere();
+    const auto coverage = FloatGrid::create(0);
+    coverage->setTransform(surface.grid().transform().copy());
+    coverage->setName("coverage");
+    coverage->tree().setValue(openvdb::Coord(1, 2, 3), 0.25f);
+    Progress progress;
+    const fs::path file = mFolder / "a.vdb";
+    writeLevelSet(file, surface, {{"mpuvdb:tolerance", "0.001"}}, progress, {coverage});
+
+    EXPECT_EQ(readLevelSet(file).grid().getName(), "surface");
+    const FloatGrid::Ptr read = readCoverage(file);
+    EXPECT_EQ(read->getName(), "coverage");
+    EXPECT_EQ(read->background(), 0);
+    EXPECT_EQ(read->transform(), coverage->transform());
+    EXPECT_EQ(read->activeVoxelCount(), 1u);
+    EXPECT_EQ(read->tree().getValue(openvdb::Coord(1, 2, 3)), 0.25f);
+    EXPECT_FALSE((*read)["mpuvdb:tolerance"]);
+    ASSERT_EQ(readGrids(file).size(), 2u);
+
+    save(mFolder / "b.vdb", surface);
+    try {
+        readCoverage(mFolder / "b.vdb");
+        ADD_FAILURE() << "accepted";
+    } catch (const InputError& e) {
+        for (const char* said : {"b.vdb", "'coverage'", "'surface'", "--coverage"})
+            EXPECT_NE(std::string(e.what()).find(said), std::string::npos) << e.what();
+    }
+}
+
 TEST_F(VdbFile, OfTheSameGridHasTheSameBytes)
 {
     save(mFolder / "a.vdb", sphere());

@@ -41,6 +41,26 @@ public:
     virtual void evaluate(const Vec3i& block, BlockValues& values) = 0;
 };
 
+/// A place on a surface.
+struct SurfacePlace {
+    Vec3d position = Vec3d::Zero(); ///< world units
+    Vec3d normal = Vec3d::Zero();   ///< unit, outward
+};
+
+/// Where data support a surface, and where it is invented. All members are safe to call from many
+/// threads.
+class Coverage
+{
+public:
+    virtual ~Coverage() = default;
+    /// One value per place, in [0,1]: 1 where data support the surface, 0 where it is invented.
+    /// Fastest where each place is near the one before it; no value depends on the others.
+    virtual void evaluate(const std::vector<SurfacePlace>& places,
+                          std::vector<float>& values) const = 0;
+    /// Median distance between data points, world units: the scale on which values change.
+    virtual double spacing() const = 0;
+};
+
 /// An immutable signed-distance function; all members are safe to call from many threads.
 class Field
 {

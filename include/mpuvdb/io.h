@@ -52,15 +52,21 @@ void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& pr
 /// level set. @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there).
 LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {});
 
+/// The grid that sampleCoverage() made, from a .vdb file. @throws IoError, InputError (as
+/// readLevelSet; no such grid).
+openvdb::FloatGrid::Ptr readCoverage(const std::filesystem::path& file);
+
 /// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
 /// Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels: damage
 /// there may crash, so read strangers' files in a process of their own.
 openvdb::GridPtrVec readGrids(const std::filesystem::path& file);
 
-/// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"). Equal grids and
-/// metadata give equal bytes. @throws IoError, Interrupted.
+/// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the grids
+/// of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.
+/// @throws IoError, Interrupted.
 void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
-                   const std::map<std::string, std::string>& metadata, Progress& progress);
+                   const std::map<std::string, std::string>& metadata, Progress& progress,
+                   const openvdb::GridCPtrVec& beside = {});
 
 /// A shaded picture of the zero set as PNG, by OpenVDB's ray tracer.
 /// @throws UsageError for settings out of range, IoError, Interrupted.

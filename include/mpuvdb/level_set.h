@@ -56,6 +56,21 @@ Lattice latticeFor(const Box3d& bounds, double voxelSize);
 /// @throws LimitError (memory, index range), InputError if there is no zero crossing, Interrupted.
 LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress);
 
+/// Name of the grid that says where data support the surface beside it.
+constexpr const char* kCoverageName = "coverage";
+
+/// What @a coverage says of the zero set of @a levelSet, on the active voxels of its band: each has
+/// the value of the nearest place on the zero set (value times gradient away from it). Same
+/// transform; class unknown, for it is neither a distance nor a density; inactive voxels 0; called
+/// kCoverageName, with metadata that say what it is and the data's spacing. The same for any number
+/// of threads. @throws Interrupted.
+openvdb::FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage& coverage,
+                                       Progress& progress);
+
+/// The data's spacing as sampleCoverage() noted it in @a coverage, or the size of its voxels if
+/// that is more (or nothing is noted): world units.
+double coverageScale(const openvdb::FloatGrid& coverage);
+
 /// One thing that is wrong with a grid.
 struct CheckFinding {
     std::string what;        ///< what is wrong, with the numbers

@@ -27,11 +27,40 @@ struct Mesh {
 /// active voxel later. @throws LimitError beyond 2^32 vertices, Interrupted.
 Mesh extractMesh(const LevelSet& levelSet, Progress& progress);
 
+/// What stays of a mesh that is trimmed where coverage is below one half. Sizes are the largest
+/// distance between two places of an uncovered patch or of a covered part, its rim included.
+struct TrimSettings {
+    double closeUpTo = 0; ///< holes of at most this size stay closed, world units
+    double islands = 0;   ///< covered parts inside a hole go up to this size, world units
+};
+
+/// What trimMesh() met.
+struct TrimReport {
+    std::uint64_t closed = 0;  ///< holes that were small enough to stay closed
+    std::uint64_t open = 0;    ///< holes left open
+    std::uint64_t islands = 0; ///< covered parts taken away
+};
+
+/// Settings for @a coverage as sampleCoverage() makes it: holes up to @a closeUpTo (world units)
+/// stay closed, and in any case those that are no more than a gap between two points; islands that
+/// a handful of stray points make go.
+TrimSettings trimSettings(const openvdb::FloatGrid& coverage, double closeUpTo);
+
+/// Cut the triangles of @a mesh along the line where @a coverage, a grid of any lattice, is one
+/// half, and drop those below: smoothed over a few edges so that the line is no rougher than the
+/// mesh, and with vertices near the line drawn onto it so that no slivers come about. The result is
+/// manifold with boundary if @a mesh is manifold; the vertices away from the line are as they were.
+/// Where there is no active voxel, nothing is covered. The same for any number of threads.
+/// @throws Interrupted.
+Mesh trimMesh(Mesh mesh, const openvdb::FloatGrid& coverage, const TrimSettings& settings,
+              TrimReport& report, Progress& progress);
+
 /// What is known of a mesh without looking at it.
 struct MeshReport {
     std::uint64_t vertices = 0, triangles = 0;
     std::uint64_t components = 0;         ///< by shared vertices
     std::uint64_t boundaryEdges = 0;      ///< with one triangle
+    std::uint64_t boundaryLoops = 0;      ///< connected parts of the boundary
     std::uint64_t nonManifoldEdges = 0;   ///< with more than two, or two that disagree in direction
     std::int64_t eulerCharacteristic = 0; ///< of the vertices that are used
     double area = 0, volume = 0;          ///< world units squared, cubed; volume signed

@@ -61,6 +61,14 @@ public:
 
     const MpuStatistics& statistics() const;
 
+    /// Where the points support the surface. With r the least of |x - p| / (s a) over all points p:
+    /// 1 up to r = 2.5, 0 from r = 5 on, smooth (cubic) between. s is the spacing of the points
+    /// about p, sqrt(pi/12) times the distance to the 12th neighbour, as the median of p's
+    /// neighbours has it; a = 1 where the normals of p and of the surface differ by at most 90
+    /// degrees, and falls with their cosine to 0 at 120: a sheet close behind supports nothing. The
+    /// result refers to this field, which has to outlive it. @throws Interrupted.
+    std::unique_ptr<const Coverage> coverage(Progress& progress) const;
+
 private:
     struct Impl;
     std::unique_ptr<const Impl> mImpl;

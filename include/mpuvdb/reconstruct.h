@@ -19,7 +19,7 @@ struct ReconstructSettings {
     std::optional<Length> tolerance; ///< default: from voxel size and measured noise
     double halfWidth = 3;            ///< voxels
     std::optional<double> alpha;     ///< support radius / cell diagonal; default: 0.75, or 1.25
-    std::optional<int> minPoints;    ///< default: 15, more on noisy points
+    std::optional<int> minPoints;    ///< default: 15
     bool sharp = true;               ///< no matter where points are interpolated
     bool interpolate = false;        ///< zero at every point, for points that are exact
     std::uint64_t maxBytes = 0;      ///< memory the work may take; 0: no limit

@@ -1,6 +1,7 @@
 #include <mpuvdb/mpu_field.h>
 
 #include "coarse_sign.h"
+#include "data_coverage.h"
 #include "mpu_block_sampler.h"
 #include "octree.h"
 #include "sorted_points.h"
@@ -213,6 +214,11 @@ std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const
 std::size_t MpuField::countData(const Box3d& box, std::size_t limit) const
 {
     return mImpl->points->countIn(box.translated(-mImpl->frame), limit);
+}
+
+std::unique_ptr<const Coverage> MpuField::coverage(Progress& progress) const
+{
+    return std::make_unique<DataCoverage>(*mImpl->points, mImpl->frame, progress);
 }
 
 std::unique_ptr<BlockSampler> MpuField::sampler(const Lattice& lattice, double band) const

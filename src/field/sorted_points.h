@@ -4,6 +4,7 @@
 
 #include <mpuvdb/point_cloud.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -87,7 +88,33 @@ public:
         }
     }
 
+    /// Call f(begin, end), in Morton order, for the largest cells of at most @a most points each
+    /// (more only where they coincide) that together hold all points.
+    template <typename F>
+    void forEachBucket(std::size_t most, F f) const
+    {
+        forEachBucketIn(0, 0, mKeys.size(), most, f);
+    }
+
 private:
+    template <typename F>
+    void forEachBucketIn(int level, std::size_t begin, std::size_t end, std::size_t most,
+                         F& f) const
+    {
+        if (end - begin <= most || level == kMaxLevel) {
+            if (begin < end) f(begin, end);
+            return;
+        }
+        const int below = 3 * (kMaxLevel - level - 1);
+        for (std::size_t first = begin, past = begin; first < end; first = past) {
+            const std::uint64_t next = ((mKeys[first] >> below) + 1) << below;
+            const auto at = mKeys.begin();
+            past = std::size_t(
+                std::lower_bound(at + std::ptrdiff_t(first), at + std::ptrdiff_t(end), next) - at);
+            forEachBucketIn(level + 1, first, past, most, f);
+        }
+    }
+
     struct Range {
         std::size_t begin, end;
     };

@@ -117,9 +117,9 @@ public:
             openvdb::io::COMPRESS_ACTIVE_MASK |
             (hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC : openvdb::io::COMPRESS_ZIP));
     }
-    void writeTo(std::ostream& out, const GridBase::ConstPtr& grid) const
+    void writeTo(std::ostream& out, const openvdb::GridCPtrVec& grids) const
     {
-        Archive::write(out, openvdb::GridCPtrVec{grid}, /*seekable=*/true, {});
+        Archive::write(out, grids, /*seekable=*/true, {});
     }
 };
 
@@ -164,7 +164,7 @@ void identifyByContent(const fs::path& file)
     stream.close();
 }
 
-void writeStream(const fs::path& file, const GridBase::ConstPtr& grid, const Progress& progress)
+void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids, const Progress& progress)
 {
     StoppableBuffer buffer(progress);
     if (!buffer.open(file, std::ios::out | std::ios::binary | std::ios::trunc))
@@ -172,18 +172,20 @@ void writeStream(const fs::path& file, const GridBase::ConstPtr& grid, const Pro
             fmt::format("{}: cannot be opened for writing. Write elsewhere", file.string()));
     std::ostream out(&buffer);
     out.exceptions(std::ios::failbit | std::ios::badbit);
-    Writer().writeTo(out, grid);
+    Writer().writeTo(out, grids);
     if (!buffer.close()) out.setstate(std::ios::badbit);
 }
 
 /// Read back what a reader sees first.
-void verify(const fs::path& temporary, const fs::path& file, const FloatGrid& grid)
+void verify(const fs::path& temporary, const fs::path& file, const openvdb::GridCPtrVec& grids)
 {
     const bool same = withVdbFile(temporary, [&](openvdb::io::File& archive) {
-        const auto read = archive.readGridMetadata(grid.getName());
-        const auto voxels =
-            read->getMetadata<openvdb::Int64Metadata>(GridBase::META_FILE_VOXEL_COUNT);
-        return voxels && voxels->value() == std::int64_t(grid.activeVoxelCount());
+        return std::all_of(grids.begin(), grids.end(), [&](const GridBase::ConstPtr& grid) {
+            const auto read = archive.readGridMetadata(grid->getName());
+            const auto voxels =
+                read->getMetadata<openvdb::Int64Metadata>(GridBase::META_FILE_VOXEL_COUNT);
+            return voxels && voxels->value() == std::int64_t(grid->activeVoxelCount());
+        });
     });
     if (!same)
         throw IoError(fmt::format("{}: what was written does not read back. Write to another disk",
@@ -204,20 +206,40 @@ LevelSet readLevelSet(const fs::path& file, const std::string& name)
     }
 }
 
+FloatGrid::Ptr readCoverage(const fs::path& file)
+{
+    return withVdbFile(file, [&](openvdb::io::File& archive) {
+        std::vector<std::string> there;
+        for (auto name = archive.beginName(); name != archive.endName(); ++name) {
+            const auto grid = archive.readGridMetadata(*name);
+            if (*name == kCoverageName && grid->isType<FloatGrid>() && grid->transform().isLinear())
+                return openvdb::gridPtrCast<FloatGrid>(archive.readGrid(*name));
+            there.push_back("'" + *name + "'");
+        }
+        throw InputError(fmt::format("{}: has no float grid '{}' that says where data support the "
+                                     "surface, but {}. Write one beside it with mpuvdb reconstruct "
+                                     "--coverage",
+                                     archive.filename(), kCoverageName,
+                                     there.empty() ? "no grid at all" : join(there)));
+    });
+}
+
 openvdb::GridPtrVec readGrids(const fs::path& file)
 {
     return withVdbFile(file, [](openvdb::io::File& archive) { return *archive.getGrids(); });
 }
 
 void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
-                   const std::map<std::string, std::string>& metadata, Progress& progress)
+                   const std::map<std::string, std::string>& metadata, Progress& progress,
+                   const openvdb::GridCPtrVec& beside)
 {
     initializeOpenVdb();
     progress.beginStage("write", 1);
-    const auto grid = described(levelSet, metadata);
+    openvdb::GridCPtrVec grids{described(levelSet, metadata)};
+    grids.insert(grids.end(), beside.begin(), beside.end());
     writeAtomically(file, [&](const fs::path& temporary) {
         try {
-            writeStream(temporary, grid, progress);
+            writeStream(temporary, grids, progress);
             identifyByContent(temporary);
         } catch (const std::ios::failure& e) {
             throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to "
@@ -230,7 +252,7 @@ void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
                             file.string(), e.what()));
         }
         progress.check();
-        verify(temporary, file, *grid);
+        verify(temporary, file, grids);
     });
     progress.advance();
     progress.endStage();

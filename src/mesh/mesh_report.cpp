@@ -6,6 +6,7 @@
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <unordered_map>
 
 namespace mpuvdb
 {
@@ -37,10 +38,32 @@ std::vector<HalfEdge> sortedHalfEdges(const Mesh& mesh)
     return edges;
 }
 
+/// Connected parts among @a edges.
+std::uint64_t countLoops(const std::vector<HalfEdge>& edges)
+{
+    std::unordered_map<std::uint32_t, std::uint32_t> parent;
+    const auto root = [&](std::uint32_t v) {
+        while (parent.at(v) != v) v = parent[v] = parent.at(parent.at(v));
+        return v;
+    };
+    for (const HalfEdge& edge : edges) {
+        parent.try_emplace(edge.from, edge.from);
+        parent.try_emplace(edge.to, edge.to);
+    }
+    std::uint64_t loops = parent.size();
+    for (const HalfEdge& edge : edges) {
+        const std::uint32_t a = root(edge.from), b = root(edge.to);
+        loops -= a != b;
+        parent[a] = b;
+    }
+    return loops;
+}
+
 /// Counts edges by kind. @return how many there are.
 std::uint64_t countEdges(const std::vector<HalfEdge>& edges, MeshReport& report)
 {
     std::uint64_t distinct = 0;
+    std::vector<HalfEdge> boundary;
     for (std::size_t i = 0; i < edges.size(); ++distinct) {
         std::size_t uses = 0, forward = 0;
         for (const std::uint64_t key = edges[i].key(); i < edges.size() && edges[i].key() == key;
@@ -49,10 +72,12 @@ std::uint64_t countEdges(const std::vector<HalfEdge>& edges, MeshReport& report)
             forward += edges[i].forward();
         }
         if (uses == 1)
-            ++report.boundaryEdges;
+            boundary.push_back(edges[i - 1]);
         else if (uses > 2 || forward != 1)
             ++report.nonManifoldEdges;
     }
+    report.boundaryEdges = boundary.size();
+    report.boundaryLoops = countLoops(boundary);
     return distinct;
 }
 

@@ -16,6 +16,7 @@ Json toJson(const MeshReport& mesh)
             {"triangles", mesh.triangles},
             {"components", mesh.components},
             {"boundary_edges", mesh.boundaryEdges},
+            {"boundary_loops", mesh.boundaryLoops},
             {"non_manifold_edges", mesh.nonManifoldEdges},
             {"euler_characteristic", mesh.eulerCharacteristic},
             {"area", mesh.area},

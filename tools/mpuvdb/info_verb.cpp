@@ -34,7 +34,8 @@ Json describeGrid(const openvdb::GridBase& grid)
               {"bytes", grid.memUsage()}};
     if (const auto* const floats = dynamic_cast<const openvdb::FloatGrid*>(&grid)) {
         json["background"] = floats->background();
-        json["half_width"] = double(floats->background()) / grid.voxelSize().x();
+        if (grid.getGridClass() == openvdb::GRID_LEVEL_SET)
+            json["half_width"] = double(floats->background()) / grid.voxelSize().x();
     }
     if (!box.empty()) {
         json["voxels"] = {{"min", toJson(box.min())}, {"max", toJson(box.max())}};

@@ -19,7 +19,9 @@ public:
     {
         return {"mesh", "A level set to triangles",
                 "  mpuvdb mesh scan.vdb -o scan.obj\n"
-                "  mpuvdb mesh scan.vdb -o - > scan.ply\n"};
+                "  mpuvdb mesh scan.vdb -o - > scan.ply\n"
+                "  mpuvdb mesh scan.vdb -o open.ply --holes 5vx\n"
+                "      Holes of more than five voxels stay open; needs reconstruct --coverage.\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -30,6 +32,7 @@ public:
             ->required()
             ->type_name("OUT.ply");
         addGridName(app, mGrid);
+        addHoles(app, mHoles);
     }
 
     ExitCode run(Session& session) override
@@ -38,7 +41,13 @@ public:
         session.progress().beginStage("read");
         const LevelSet levelSet = readLevelSet(mInput, mGrid);
         session.report()["grid"] = toJson(levelSet);
-        writeMeshOf(levelSet, mOutput, session);
+        Trim trim;
+        if (!mHoles.close) {
+            const double h = levelSet.voxelSize();
+            const auto size = levelSet.grid().evalActiveVoxelDim();
+            trim = {readCoverage(mInput), mHoles.closeUpTo.resolve(h, h * size.asVec3d().length())};
+        }
+        writeMeshOf(levelSet, trim, mOutput, session);
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return ExitCode::Ok;
@@ -46,13 +55,53 @@ public:
 
 private:
     std::string mInput, mOutput, mGrid;
+    Holes mHoles;
 };
+
+/// Trim, and say what became of the holes.
+Mesh trimmed(Mesh mesh, const Trim& trim, Session& session)
+{
+    TrimReport report;
+    const TrimSettings settings = trimSettings(*trim.coverage, trim.closeUpTo);
+    mesh = trimMesh(std::move(mesh), *trim.coverage, settings, report, session.progress());
+    session.report()["holes"] = {{"open", report.open},
+                                 {"closed", report.closed},
+                                 {"islands_removed", report.islands},
+                                 {"closed_up_to", settings.closeUpTo}};
+    session.note(fmt::format("holes       {} open, {} of up to {:.4g} closed, {} islands in them "
+                             "removed",
+                             report.open, report.closed, settings.closeUpTo, report.islands));
+    if (mesh.triangles.empty())
+        session.warn("nothing of the surface is covered: the trimmed mesh is empty");
+    return mesh;
+}
 
 } // namespace
 
-void writeMeshOf(const LevelSet& levelSet, const std::string& output, Session& session)
+CLI::Option* addHoles(CLI::App& app, Holes& holes)
 {
-    const Mesh mesh = extractMesh(levelSet, session.progress());
+    return app
+        .add_option_function<std::string>(
+            "--holes",
+            [&holes](const std::string& text) {
+                holes.close = text == "close";
+                if (holes.close || text == "open") return;
+                holes.closeUpTo = Length::parse(text);
+                if (!(holes.closeUpTo.value >= 0))
+                    throw UsageError(
+                        fmt::format("--holes: {} is below 0: say close, open or a size", text));
+            },
+            "Of the mesh, where no data support the surface. close: closed, the default;\n"
+            "open: the mesh is trimmed where coverage is below 1/2; a length: only where the\n"
+            "uncovered patch is larger than that from end to end")
+        ->type_name("close|open|LENGTH");
+}
+
+void writeMeshOf(const LevelSet& levelSet, const Trim& trim, const std::string& output,
+                 Session& session)
+{
+    Mesh mesh = extractMesh(levelSet, session.progress());
+    if (trim.coverage) mesh = trimmed(std::move(mesh), trim, session);
     const MeshReport report = measure(mesh);
     const auto write = [&](const std::filesystem::path& file) {
         writeMesh(file, mesh, session.progress());
@@ -64,7 +113,7 @@ void writeMeshOf(const LevelSet& levelSet, const std::string& output, Session& s
     session.report()["mesh"] = toJson(report);
     session.note(fmt::format("mesh        {} vertices, {} triangles, {} components: {}",
                              report.vertices, report.triangles, report.components, output));
-    if (report.boundaryEdges || report.nonManifoldEdges) {
+    if ((report.boundaryEdges && !trim.coverage) || report.nonManifoldEdges) {
         session.warn(
             fmt::format("{}: the mesh is not closed: {} boundary and {} non-manifold edges", output,
                         report.boundaryEdges, report.nonManifoldEdges));

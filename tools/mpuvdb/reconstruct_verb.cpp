@@ -56,6 +56,7 @@ public:
         app.add_option("--mesh", mMesh,
                        "Write a mesh too: .ply .obj .stl; - is PLY on standard output")
             ->type_name("OUT.ply");
+        addHoleOptions(app);
         addGridOptions(app);
         addFitOptions(app);
         addPointOptions(app);
@@ -76,10 +77,13 @@ public:
             reconstruct(std::move(input.cloud), mSettings, session.progress());
         describeFit(session, made);
         const CheckReport checked = check(made.levelSet.grid(), session.progress());
-        writeLevelSet(mOutput, made.levelSet, metadata(made), session.progress());
+        const openvdb::FloatGrid::ConstPtr coverage = coverageOf(made, session);
+        openvdb::GridCPtrVec beside;
+        if (coverage) beside.push_back(coverage);
+        writeLevelSet(mOutput, made.levelSet, metadata(made), session.progress(), beside);
         session.report()["grid"] = toJson(made.levelSet);
         session.report()["check"] = toJson(checked);
-        if (!mMesh.empty()) writeMeshOf(made.levelSet, mMesh, session);
+        if (!mMesh.empty()) writeMeshOf(made.levelSet, trimOf(made, coverage), mMesh, session);
         session.progress().endStage();
         summarise(session, made);
         for (const CheckFinding& finding : checked.findings)
@@ -88,6 +92,40 @@ public:
     }
 
 private:
+    void addHoleOptions(CLI::App& app)
+    {
+        const char* const group = "Holes";
+        addHoles(app, mHoles)->group(group);
+        app.add_flag(
+               "--coverage", mCoverage,
+               "Write a grid 'coverage' beside the level set: 1 where data support the\n"
+               "surface, 0 where it is invented. --holes implies it, unless it is close; the\n"
+               "level set itself is always closed")
+            ->group(group);
+    }
+
+    /// Null where nobody asked for it.
+    openvdb::FloatGrid::ConstPtr coverageOf(const Reconstruction& made, Session& session) const
+    {
+        if (mHoles.close && !mCoverage) return nullptr;
+        session.progress().beginStage("spacing");
+        const auto coverage = made.field->coverage(session.progress());
+        const auto grid = sampleCoverage(made.levelSet, *coverage, session.progress());
+        session.report()["coverage"] = {{"name", grid->getName()},
+                                        {"spacing", coverage->spacing()},
+                                        {"active_voxels", grid->activeVoxelCount()},
+                                        {"bytes", grid->memUsage()}};
+        return grid;
+    }
+
+    Trim trimOf(const Reconstruction& made, openvdb::FloatGrid::ConstPtr coverage) const
+    {
+        if (mHoles.close) return {};
+        const ResolvedSettings& s = made.settings;
+        return {std::move(coverage),
+                mHoles.closeUpTo.resolve(s.grid.lattice.voxelSize, s.diagonal)};
+    }
+
     void addGridOptions(CLI::App& app)
     {
         const char* const group = "Grid";
@@ -120,7 +158,7 @@ private:
             ->type_name("RATIO")
             ->group(group);
         app.add_option("--min-points", mSettings.minPoints,
-                       "Points that a local fit needs; default: 15, more where there is noise")
+                       "Points that a local fit needs; default: 15")
             ->type_name("N")
             ->group(group);
         app.add_flag_callback(
@@ -245,6 +283,8 @@ private:
                               {"flip_normals", mFlipNormals},
                               {"bad_points", mBadPoints},
                               {"outliers", mOutliers},
+                              {"holes", mHoles.text()},
+                              {"coverage", mCoverage || !mHoles.close},
                               {"max_memory", mSettings.maxBytes}};
         report["input"] = {{"points", mPoints},          {"dropped", mDropped},
                            {"normals_turned", mFlipped}, {"spacing", s.points.spacing},
@@ -306,7 +346,8 @@ private:
     std::string mOutput, mMesh;
     std::string mNormals = "auto", mBadPoints = "drop", mOutliers = "drop";
     std::vector<std::string> mViewpoints;
-    bool mFlipNormals = false;
+    bool mFlipNormals = false, mCoverage = false;
+    Holes mHoles;
     ReconstructSettings mSettings;
     std::uint64_t mPoints = 0, mFlipped = 0;
     std::map<std::string, std::uint64_t> mDropped;

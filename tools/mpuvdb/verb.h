@@ -4,17 +4,13 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/length.h>
+#include <mpuvdb/level_set.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
-
-namespace mpuvdb
-{
-class LevelSet;
-}
 
 namespace mpuvdb::command
 {
@@ -54,7 +50,28 @@ CLI::Validator oneOf(const std::vector<std::string>& words);
 /// Declare --grid, which names one grid of a .vdb file.
 CLI::Option* addGridName(CLI::App& app, std::string& value);
 
+/// What --holes asks for.
+struct Holes {
+    bool close = true;  ///< all of them
+    Length closeUpTo{}; ///< else: those of at most this size
+
+    std::string text() const
+    {
+        return close ? "close" : closeUpTo.value > 0 ? closeUpTo.text() : "open";
+    }
+};
+
+/// Declare --holes.
+CLI::Option* addHoles(CLI::App& app, Holes& holes);
+
+/// Where the mesh is to be trimmed.
+struct Trim {
+    openvdb::FloatGrid::ConstPtr coverage; ///< null: nowhere
+    double closeUpTo = 0;                  ///< holes of at most this size stay closed, world units
+};
+
 /// Extract the mesh of @a levelSet, write it to @a output ("-": PLY on standard output), report it.
-void writeMeshOf(const LevelSet& levelSet, const std::string& output, Session& session);
+void writeMeshOf(const LevelSet& levelSet, const Trim& trim, const std::string& output,
+                 Session& session);
 
 } // namespace mpuvdb::command

@@ -1,0 +1,161 @@
+#include "covered_parts.h"
+
+#include "cut_mesh.h"
+
+#include <mpuvdb/progress.h>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <numeric>
+#include <unordered_map>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr int kSmoothings = 12;
+constexpr std::size_t kStride = 1 << 16; ///< triangles between two looks at the progress
+
+/// Call f(from, to) for each side of each triangle.
+template <typename F>
+void forEachSide(const Mesh& mesh, const Progress& progress, F f)
+{
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+        if (t % kStride == 0) progress.check();
+        const Mesh::Triangle& v = mesh.triangles[t];
+        for (std::size_t side = 0; side < 3; ++side) f(v[side], v[(side + 1) % 3]);
+    }
+}
+
+/// Vertices that edges between vertices of one sign connect.
+class Parts
+{
+public:
+    Parts(const Mesh& mesh, const std::vector<float>& values, const Progress& progress)
+        : mRoot(mesh.positions.size())
+    {
+        std::iota(mRoot.begin(), mRoot.end(), 0u);
+        forEachSide(mesh, progress, [&](std::uint32_t a, std::uint32_t b) {
+            if (isCovered(values[a]) != isCovered(values[b])) return;
+            a = rootOf(a);
+            b = rootOf(b);
+            mRoot[std::max(a, b)] = std::min(a, b);
+        });
+        for (std::uint32_t& root : mRoot) root = rootOf(root);
+    }
+    std::uint32_t of(std::uint32_t vertex) const { return mRoot[vertex]; }
+
+private:
+    std::uint32_t rootOf(std::uint32_t v)
+    {
+        while (mRoot[v] != v) v = mRoot[v] = mRoot[mRoot[v]];
+        return v;
+    }
+    std::vector<std::uint32_t> mRoot;
+};
+
+/// One part of a sign, as far as its size is asked for.
+struct Part {
+    std::vector<Vec3f> places; ///< vertices, and where the line crosses the edges at its rim
+    bool hasRim = false;
+};
+
+/// Largest distance between two of @a places: from the first to the farthest, from there to the
+/// farthest, until it grows no more.
+double extentOf(const std::vector<Vec3f>& places)
+{
+    Vec3f from = places.front();
+    float extent2 = 0;
+    for (bool grew = true; grew;) {
+        grew = false;
+        Vec3f farthest = from;
+        for (const Vec3f& p : places) {
+            const float d2 = (p - from).squaredNorm();
+            if (!(d2 > extent2)) continue;
+            extent2 = d2;
+            farthest = p;
+            grew = true;
+        }
+        from = farthest;
+    }
+    return std::sqrt(double(extent2));
+}
+
+/// The parts of one sign, by root.
+std::unordered_map<std::uint32_t, Part> gatherParts(const Mesh& mesh,
+                                                    const std::vector<float>& values,
+                                                    const Parts& parts, bool covered,
+                                                    const Progress& progress)
+{
+    std::unordered_map<std::uint32_t, Part> gathered;
+    std::vector<char> used(mesh.positions.size(), 0);
+    const auto take = [&](std::uint32_t v) {
+        if (used[v]) return;
+        used[v] = 1;
+        gathered[parts.of(v)].places.push_back(mesh.positions[v]);
+    };
+    forEachSide(mesh, progress, [&](std::uint32_t a, std::uint32_t b) {
+        if (isCovered(values[a]) != covered) return;
+        take(a);
+        if (isCovered(values[b]) == covered) return;
+        Part& part = gathered[parts.of(a)];
+        part.hasRim = true;
+        const float t = crossing(values[a], values[b]);
+        part.places.push_back(mesh.positions[a] + t * (mesh.positions[b] - mesh.positions[a]));
+    });
+    return gathered;
+}
+
+} // namespace
+
+void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Progress& progress)
+{
+    std::vector<std::uint32_t> start(mesh.positions.size() + 1, 0);
+    forEachSide(mesh, progress, [&](std::uint32_t from, std::uint32_t) { ++start[from + 1]; });
+    std::partial_sum(start.begin(), start.end(), start.begin());
+    std::vector<std::uint32_t> neighbour(start.back()), next(start.begin(), start.end() - 1);
+    forEachSide(mesh, progress,
+                [&](std::uint32_t from, std::uint32_t to) { neighbour[next[from]++] = to; });
+    std::vector<float> smooth(values.size());
+    for (int n = 0; n < kSmoothings; ++n) {
+        progress.check();
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, values.size(), 4096),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              for (std::size_t v = range.begin(); v < range.end(); ++v) {
+                                  float sum = 0;
+                                  for (std::uint32_t i = start[v]; i < start[v + 1]; ++i)
+                                      sum += values[neighbour[i]];
+                                  const auto count = float(start[v + 1] - start[v]);
+                                  smooth[v] = count > 0 ? (values[v] + sum / count) / 2 : values[v];
+                              }
+                          });
+        values.swap(smooth);
+    }
+}
+
+void decideParts(const Mesh& mesh, const TrimSettings& settings, std::vector<float>& values,
+                 TrimReport& report, Progress& progress)
+{
+    for (const bool covered : {false, true}) {
+        const Parts parts(mesh, values, progress);
+        auto gathered = gatherParts(mesh, values, parts, covered, progress);
+        const double limit = covered ? settings.islands : settings.closeUpTo;
+        std::vector<char> turned(mesh.positions.size(), 0); // by root
+        for (const auto& [root, part] : gathered) {
+            const bool turn = part.hasRim && extentOf(part.places) <= limit;
+            turned[root] = turn;
+            if (turn) ++(covered ? report.islands : report.closed);
+        }
+        for (std::uint32_t v = 0; v < values.size(); ++v)
+            if (isCovered(values[v]) == covered && turned[parts.of(v)])
+                values[v] = covered ? -0.5f : 0.5f;
+    }
+    const Parts parts(mesh, values, progress);
+    report.open = 0;
+    for (const auto& [root, part] : gatherParts(mesh, values, parts, false, progress))
+        report.open += part.hasRim;
+}
+
+} // namespace mpuvdb

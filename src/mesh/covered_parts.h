@@ -1,0 +1,20 @@
+// Which vertices of a mesh belong to what is kept, decided part by part.
+#pragma once
+#include <mpuvdb/mesh.h>
+
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Progress;
+
+/// Average @a values with those of the neighbours along edges, a few times.
+void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Progress& progress);
+
+/// Turn the sign of @a values (0 and above: covered) on uncovered patches that are small enough to
+/// stay closed, and then on covered parts that are nothing but islands in a hole.
+void decideParts(const Mesh& mesh, const TrimSettings& settings, std::vector<float>& values,
+                 TrimReport& report, Progress& progress);
+
+} // namespace mpuvdb

@@ -1,0 +1,30 @@
+// Cuts a mesh along the zero line of a function on its vertices.
+#pragma once
+#include <mpuvdb/mesh.h>
+
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Progress;
+
+/// Whether a vertex of @a value stays.
+inline bool isCovered(float value)
+{
+    return value >= 0;
+}
+
+/// Where, in parts of the edge, the function is zero between ends of @a from and @a to, of which
+/// one is covered.
+inline float crossing(float from, float to)
+{
+    return from / (from - to);
+}
+
+/// The part of @a mesh where @a values are 0 or above, with new vertices on the edges that the zero
+/// line crosses; vertices within a quarter of an edge of it are drawn onto it. No vertex belongs to
+/// two fans of triangles.
+Mesh cutMesh(Mesh mesh, const std::vector<float>& values, Progress& progress);
+
+} // namespace mpuvdb

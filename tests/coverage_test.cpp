@@ -1,0 +1,323 @@
+// Where data support a surface: the grid that says so, and meshes trimmed by it.
+#include "cut_mesh.h"
+#include "field_fixture.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/reconstruct.h>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::FloatGrid;
+using test::treeBytes;
+
+/// A round hole: its axis, and the angle about it within which there is no point.
+struct Hole {
+    Vec3d axis;
+    double angle;
+};
+
+/// Even points on the unit sphere, without those in the holes.
+PointCloud holedSphere(const std::vector<Hole>& holes, std::uint64_t points = 20000)
+{
+    ScanSettings settings;
+    settings.points = points;
+    PointCloud all = test::scanOf("sphere(1)", settings), cloud;
+    cloud.frame = all.frame;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        const Vec3d p = all.world(i).normalized();
+        if (std::any_of(holes.begin(), holes.end(),
+                        [&](const Hole& hole) { return p.dot(hole.axis) > std::cos(hole.angle); }))
+            continue;
+        cloud.positions.push_back(all.positions[i]);
+        cloud.normals.push_back(all.normals[i]);
+    }
+    return cloud;
+}
+
+/// A level set with its coverage.
+struct Covered {
+    Reconstruction made;
+    FloatGrid::Ptr coverage;
+    double spacing;
+};
+
+Covered covered(PointCloud cloud, double voxelSize)
+{
+    ReconstructSettings settings;
+    settings.voxelSize = Length{voxelSize, Length::Unit::World};
+    Progress progress;
+    Reconstruction made = reconstruct(std::move(cloud), settings, progress);
+    const auto coverage = made.field->coverage(progress);
+    FloatGrid::Ptr grid = sampleCoverage(made.levelSet, *coverage, progress);
+    return {std::move(made), std::move(grid), coverage->spacing()};
+}
+
+Mesh trimmed(const Covered& model, double closeUpTo, TrimReport& report)
+{
+    Progress progress;
+    return trimMesh(extractMesh(model.made.levelSet, progress), *model.coverage,
+                    trimSettings(*model.coverage, closeUpTo), report, progress);
+}
+
+float least(const FloatGrid& grid)
+{
+    float value = 1;
+    for (auto v = grid.cbeginValueOn(); v; ++v) value = std::min(value, *v);
+    return value;
+}
+
+/// Vertices at the ends of edges with one triangle.
+std::vector<std::uint32_t> rimOf(const Mesh& mesh)
+{
+    std::map<std::pair<std::uint32_t, std::uint32_t>, int> uses;
+    for (const Mesh::Triangle& t : mesh.triangles)
+        for (std::size_t k = 0; k < 3; ++k) ++uses[std::minmax(t[k], t[(k + 1) % 3])];
+    std::vector<std::uint32_t> rim;
+    for (const auto& [edge, count] : uses) {
+        if (count > 1) continue;
+        rim.push_back(edge.first);
+        rim.push_back(edge.second);
+    }
+    return rim;
+}
+
+/// Smallest height of a triangle over its longest side, of those with a vertex on the rim.
+double thinnestAtRim(const Mesh& mesh)
+{
+    std::vector<char> onRim(mesh.positions.size(), 0);
+    for (const std::uint32_t v : rimOf(mesh)) onRim[v] = 1;
+    double thinnest = 1;
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        if (!onRim[t[0]] && !onRim[t[1]] && !onRim[t[2]]) continue;
+        const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
+        const double side2 =
+            std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+        thinnest = std::min(thinnest, (b - a).cross(c - a).norm() / side2);
+    }
+    return thinnest;
+}
+
+const Hole kLarge{Vec3d::UnitX(), 0.8}, kSmall{-Vec3d::UnitY(), 0.35};
+
+TEST(Coverage, IsOneOnCompleteData)
+{
+    for (const char* solid : {"sphere(1)", "roundedbox(2, 1.6, 1.2, 0.3)", "box(1, 2, 1)"}) {
+        const Covered model = covered(test::randomScan(solid, 30000), 0.03);
+        EXPECT_EQ(least(*model.coverage), 1.0f) << solid;
+        TrimReport report;
+        const Mesh mesh = trimmed(model, 0, report);
+        EXPECT_EQ(report.open + report.closed + report.islands, 0u);
+        EXPECT_EQ(measure(mesh).boundaryEdges, 0u);
+    }
+}
+
+TEST(Coverage, SitsOnTheBandAndFollowsItsFormula)
+{
+    const double h = 0.03;
+    const Covered model = covered(holedSphere({kLarge}), h);
+    const FloatGrid& surface = model.made.levelSet.grid();
+    EXPECT_TRUE(surface.tree().hasSameTopology(model.coverage->tree()));
+    EXPECT_EQ(surface.transform(), model.coverage->transform());
+    EXPECT_EQ(model.coverage->background(), 0);
+    EXPECT_EQ(model.coverage->getName(), "coverage");
+    EXPECT_NEAR(model.spacing, std::sqrt(4 * M_PI / 20000), 0.1 * model.spacing);
+    EXPECT_EQ(coverageScale(*model.coverage), std::max(h, model.spacing));
+    // Distance to the rim of the data, in spacings. At the rim a spacing is measured with half a
+    // disc of neighbours, and may be larger by sqrt(2).
+    std::size_t inside = 0;
+    for (auto v = model.coverage->cbeginValueOn(); v; ++v) {
+        const Vec3d p = test::worldOf(model.made.levelSet.lattice(), v.getCoord()).normalized();
+        const double angle = std::acos(std::clamp(p.dot(kLarge.axis), -1.0, 1.0));
+        const double beyond = 2 * std::sin((kLarge.angle - angle) / 2) / model.spacing;
+        ASSERT_GE(*v, 0);
+        ASSERT_LE(*v, 1);
+        ASSERT_TRUE(beyond >= 1 || *v == 1) << beyond << " " << *v;
+        ASSERT_TRUE(beyond <= 8.5 || *v == 0) << beyond << " " << *v;
+        inside += beyond > 8.5;
+    }
+    EXPECT_GT(inside, 1000u);
+}
+
+TEST(Coverage, KnowsTheBackOfASheet)
+{
+    // One side of a disc is seen; the level set closes it behind, a few spacings away.
+    PointCloud cloud;
+    test::Random random(3);
+    while (cloud.size() < 8000) {
+        const Vec3d p = random.inCube(1);
+        if (p[0] * p[0] + p[1] * p[1] > 1) continue;
+        cloud.positions.emplace_back(float(p[0]), float(p[1]), 0.0f);
+        cloud.normals.emplace_back(0.0f, 0.0f, 1.0f);
+    }
+    const Covered model = covered(std::move(cloud), 0.02);
+    TrimReport report;
+    const MeshReport mesh = measure(trimmed(model, 0, report));
+    EXPECT_EQ(mesh.components, 1u);
+    EXPECT_EQ(mesh.boundaryLoops, 1u);
+    EXPECT_EQ(mesh.eulerCharacteristic, 1);
+    EXPECT_GT(mesh.area, M_PI);
+    EXPECT_LT(mesh.area, M_PI * std::pow(1 + 6 * model.spacing, 2));
+}
+
+TEST(Coverage, KnowsDensityThatChanges)
+{
+    // Twenty times as many points on one half of a sphere.
+    PointCloud cloud = test::randomScan("sphere(1)", 60000), uneven;
+    uneven.frame = cloud.frame;
+    test::Random random(5);
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        if (cloud.positions[i][0] < 0 && random.uniform() > 0.05) continue;
+        uneven.positions.push_back(cloud.positions[i]);
+        uneven.normals.push_back(cloud.normals[i]);
+    }
+    const Covered model = covered(std::move(uneven), 0.03);
+    TrimReport report;
+    EXPECT_EQ(measure(trimmed(model, 0, report)).boundaryEdges, 0u);
+    EXPECT_EQ(report.open, 0u);
+}
+
+TEST(Trim, CutsARoundHoleWhereTheDataEnd)
+{
+    for (const double h : {0.05, 0.025}) {
+        const Covered model = covered(holedSphere({kLarge}), h);
+        TrimReport report;
+        const Mesh mesh = trimmed(model, 0, report);
+        const MeshReport measured = measure(mesh);
+        EXPECT_EQ(report.open, 1u);
+        EXPECT_EQ(measured.components, 1u);
+        EXPECT_EQ(measured.boundaryLoops, 1u);
+        EXPECT_EQ(measured.nonManifoldEdges, 0u);
+        EXPECT_EQ(measured.eulerCharacteristic, 1);
+        // Half way between 2.5 and 5 spacings beyond the data, of which a spacing at the rim is
+        // between one and sqrt(2), and the sampling leaves the rim itself open by one.
+        double low = 10, high = -10, sum = 0, sum2 = 0;
+        const std::vector<std::uint32_t> rim = rimOf(mesh);
+        for (const std::uint32_t v : rim) {
+            const double angle = std::acos(mesh.world(v).normalized().dot(kLarge.axis));
+            const double beyond = (kLarge.angle - angle) / model.spacing;
+            low = std::min(low, beyond);
+            high = std::max(high, beyond);
+            sum += beyond;
+            sum2 += beyond * beyond;
+        }
+        EXPECT_GT(low, 2.75 - 0.5 * h / model.spacing);
+        EXPECT_LT(high, 3.75 * std::sqrt(2) + 0.5 * h / model.spacing);
+        // A smooth curve: no rougher than half a spacing.
+        const double mean = sum / double(rim.size());
+        EXPECT_LT(std::sqrt(sum2 / double(rim.size()) - mean * mean), 0.5);
+        EXPECT_GT(thinnestAtRim(mesh), 0.05);
+    }
+}
+
+TEST(Trim, ClosesHolesUpToALength)
+{
+    const Covered model = covered(holedSphere({kLarge, kSmall}), 0.04);
+    const auto loops = [&](double closeUpTo) {
+        TrimReport report;
+        const MeshReport mesh = measure(trimmed(model, closeUpTo, report));
+        EXPECT_EQ(mesh.boundaryLoops, report.open);
+        EXPECT_EQ(report.open + report.closed, 2u);
+        EXPECT_EQ(mesh.nonManifoldEdges, 0u);
+        return mesh.boundaryLoops;
+    };
+    EXPECT_EQ(loops(0), 2u);
+    EXPECT_EQ(loops(2 * std::sin(kSmall.angle)), 1u);
+    EXPECT_EQ(loops(2 * std::sin(kLarge.angle)), 0u);
+}
+
+TEST(Trim, DropsIslandsOfStrayPoints)
+{
+    PointCloud cloud = holedSphere({kLarge});
+    cloud.positions.emplace_back(1.0f, 0.0f, 0.0f);
+    cloud.normals.emplace_back(1.0f, 0.0f, 0.0f);
+    const Covered model = covered(std::move(cloud), 0.03);
+    TrimReport report;
+    const MeshReport mesh = measure(trimmed(model, 0, report));
+    EXPECT_EQ(mesh.components, 1u);
+    EXPECT_EQ(mesh.boundaryLoops, 1u);
+}
+
+TEST(Trim, IsManifoldHoweverTheLineRuns)
+{
+    // Noise: every way in which the line can pass a triangle and a vertex.
+    Progress progress;
+    const Covered model = covered(holedSphere({}, 8000), 0.05);
+    const Mesh whole = extractMesh(model.made.levelSet, progress);
+    for (const std::uint64_t seed : {1, 2, 3, 4}) {
+        test::Random random(seed);
+        std::vector<float> values(whole.positions.size());
+        for (float& value : values) value = float(random.uniform(-1, 1));
+        const Mesh mesh = cutMesh(whole, values, progress);
+        const MeshReport measured = measure(mesh);
+        EXPECT_GT(measured.boundaryLoops, 200u) << seed;
+        EXPECT_EQ(measured.nonManifoldEdges, 0u) << seed;
+        EXPECT_GT(measured.area, 0.3 * 4 * M_PI) << seed;
+        EXPECT_LT(measured.area, 0.7 * 4 * M_PI) << seed;
+        EXPECT_EQ(measured.vertices, mesh.positions.size()) << seed;
+        std::vector<int> ends(mesh.positions.size(), 0);
+        for (const std::uint32_t v : rimOf(mesh)) ++ends[v];
+        for (const int n : ends) ASSERT_TRUE(n == 0 || n == 2) << seed << " " << n;
+    }
+}
+
+TEST(Trim, OfNothingCoveredIsNothing)
+{
+    Progress progress;
+    const Covered model = covered(holedSphere({}, 4000), 0.08);
+    const auto none = FloatGrid::create(0);
+    TrimReport report;
+    const Mesh mesh =
+        trimMesh(extractMesh(model.made.levelSet, progress), *none, {}, report, progress);
+    EXPECT_TRUE(mesh.triangles.empty());
+    EXPECT_TRUE(mesh.positions.empty());
+}
+
+TEST(Trim, IsTheSameForAnyNumberOfThreads)
+{
+    const auto make = [](std::size_t threads) {
+        tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
+        const Covered model = covered(holedSphere({kLarge, kSmall}), 0.04);
+        TrimReport report;
+        return std::make_pair(treeBytes(*model.coverage), trimmed(model, 0, report));
+    };
+    const auto [bytes, mesh] = make(1);
+    for (const std::size_t threads : {2, 5}) {
+        const auto [otherBytes, other] = make(threads);
+        EXPECT_TRUE(bytes == otherBytes);
+        EXPECT_EQ(mesh.triangles, other.triangles);
+        ASSERT_EQ(mesh.positions.size(), other.positions.size());
+        EXPECT_EQ(std::memcmp(mesh.positions.data(), other.positions.data(),
+                              mesh.positions.size() * sizeof(Vec3f)),
+                  0);
+    }
+}
+
+TEST(Trim, Stops)
+{
+    const Covered model = covered(holedSphere({kLarge}, 4000), 0.08);
+    Progress progress;
+    const Mesh mesh = extractMesh(model.made.levelSet, progress);
+    progress.stop();
+    TrimReport report;
+    EXPECT_THROW(trimMesh(mesh, *model.coverage, {}, report, progress), Interrupted);
+    EXPECT_THROW(model.made.field->coverage(progress), Interrupted);
+    const auto coverage = [&] {
+        Progress fresh;
+        return model.made.field->coverage(fresh);
+    }();
+    EXPECT_THROW(sampleCoverage(model.made.levelSet, *coverage, progress), Interrupted);
+}
+
+} // namespace
+} // namespace mpuvdb
