@@ -193,7 +193,9 @@ TEST(CoarseSign, IsNearTheDistanceNearData)
         const FieldSample sample = sign.evaluate((1 + d) * n - frame);
         // u is capped at 1.5 steps from the data: towards them it flattens, and tells too much.
         EXPECT_NEAR(sample.value, d, (std::abs(d) < 0.5 * sign.step() ? 0.5 : 1.5) * sign.step());
-        if (std::abs(d) > 0.3 * sign.step()) EXPECT_EQ(sample.value < 0, d < 0);
+        if (std::abs(d) > 0.3 * sign.step()) {
+            EXPECT_EQ(sample.value < 0, d < 0);
+        }
         EXPECT_GT(sample.gradient.dot(n), 0.8);
     }
 }
