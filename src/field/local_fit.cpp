@@ -499,12 +499,10 @@ bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double tes
 {
     constexpr std::size_t kParts = 16; // octants, each inside and outside of half the ball's disc
     constexpr double kLoud = 2, kSignificant = 2.5;
-    constexpr std::size_t kFew = 64; // no more points tell no shape from noise
-    constexpr double kFarthest = 8;  // of few points, in standard deviations
     std::array<double, kParts> sums{};
     std::array<std::size_t, kParts> counts{};
     const double radius2 = testRadius * testRadius;
-    double squares = 0, farthest = 0;
+    double squares = 0;
     std::size_t n = 0;
     for (std::size_t i = 0; i < points.count; ++i) {
         const Vec3d y = points.position(i);
@@ -518,10 +516,8 @@ bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double tes
         sums[part] += residual;
         ++counts[part];
         squares += residual * residual;
-        farthest = std::max(farthest, std::abs(residual));
         ++n;
     }
-    if (n <= kFew) return farthest <= kFarthest * noise;
     double between = 0;
     std::size_t parts = 0;
     for (std::size_t k = 0; k < kParts; ++k) {
@@ -585,6 +581,22 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
 
 } // namespace
 
+namespace
+{
+
+bool isAccepted(const FitResult& result, const CellPoints& points, double testRadius,
+                const FitSettings& settings)
+{
+    constexpr std::size_t kFew = 120; // no more points tell no shape from noise
+    constexpr double kFarthest = 8;   // of few points, in standard deviations
+    if (result.error <= settings.tolerance) return true;
+    if (!(settings.noise > 0)) return false;
+    if (points.count <= kFew) return result.error <= kFarthest * settings.noise;
+    return residualsAreNoise(result.fit, points, testRadius, settings.noise);
+}
+
+} // namespace
+
 FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
                   const FitSettings& settings, CellPoints& scratch)
 {
@@ -604,16 +616,11 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
         result.fit.pieces[0] = fitBivariate(points, normal);
     }
     result.error = taubinError(result.fit, points, testRadius);
-    const auto accept = [&] {
-        result.accepted = result.error <= settings.tolerance ||
-                          (settings.noise > 0 &&
-                           residualsAreNoise(result.fit, points, testRadius, settings.noise));
-    };
-    accept();
+    result.accepted = isAccepted(result, points, testRadius, settings);
     // A smooth fillet can look like an edge to test (14): a feature only where smooth fails.
     if (points.count <= settings.maxSharpPoints && !result.accepted) {
         trySharp(result, points, cellSize, testRadius, scratch);
-        accept();
+        result.accepted = isAccepted(result, points, testRadius, settings);
     }
     return result;
 }

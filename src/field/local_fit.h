@@ -80,8 +80,7 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
 
 /// Whether what @a fit leaves of the points within @a testRadius looks like noise of standard
 /// deviation @a noise (up to twice that: local noise differs), and not like a shape that it misses:
-/// the means over sixteen parts of the ball scatter no more than such noise lets them. Of 64
-/// points and fewer, none may be farther off than eight standard deviations.
+/// the means over sixteen parts of the ball scatter no more than such noise lets them.
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise);
 

@@ -218,21 +218,26 @@ private:
         return input;
     }
 
+    static constexpr std::size_t kJudgedFrom = 1000; ///< fewer points say little of each other
+
     /// Leave out outliers, and see to the normals.
     void clean(Session& session, PointCloud& cloud)
     {
         session.progress().beginStage("clean");
         mSettings.points = measure(cloud, session.progress());
-        if (mOutliers == "drop") {
+        const bool enough = cloud.size() >= kJudgedFrom;
+        if (enough && mOutliers == "drop") {
             const auto outliers = findOutliers(cloud, *mSettings.points, session.progress());
             dropPoints(cloud, outliers);
             if (!outliers.empty()) mDropped["outlier"] += outliers.size();
         }
-        const bool estimated = mNormals == "estimate" || !cloud.hasNormals();
-        if (estimated || (mNormals == "auto" && turnFlipped(session, cloud))) {
-            if (estimated) estimate(session, cloud);
-            mSettings.points = measure(cloud, session.progress()); // noise is told by normals
-        }
+        if (mNormals == "estimate" || !cloud.hasNormals())
+            estimate(session, cloud);
+        else if (!enough || mNormals == "keep" || !cloud.seenFrom.empty() ||
+                 !manyTurned(session, cloud)) // a range image knows its outside
+
+            return judgeInward(session, cloud);
+        mSettings.points = measure(cloud, session.progress()); // noise is told by normals
         judgeInward(session, cloud);
     }
 
@@ -244,8 +249,8 @@ private:
                                  none ? " (the points have none)" : ""));
     }
 
-    /// Whether any were.
-    bool turnFlipped(Session& session, PointCloud& cloud)
+    /// Whether so many normals were turned that they had spoilt what was measured.
+    bool manyTurned(Session& session, PointCloud& cloud)
     {
         const auto flipped = findFlippedNormals(cloud, *mSettings.points, session.progress());
         flipNormals(cloud, flipped);
@@ -254,7 +259,7 @@ private:
             session.note(fmt::format("normals     {} looked the wrong way and were turned; "
                                      "--normals keep leaves them",
                                      mFlipped));
-        return mFlipped > 0;
+        return mFlipped > cloud.size() / 100;
     }
 
     void judgeInward(Session& session, PointCloud& cloud) const
