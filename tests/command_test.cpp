@@ -267,6 +267,31 @@ TEST_F(CommandTest, SameBytesForAnyNumberOfThreads)
     }
 }
 
+TEST_F(CommandTest, PresetsSetWhatIsNotGiven)
+{
+    const auto settingsOf = [&](const Words& options) {
+        Words words{"reconstruct", scan(), "-o", "p.vdb", "--report", "p.json"};
+        words.insert(words.end(), options.begin(), options.end());
+        const Ended ended = mpuvdb(words);
+        EXPECT_EQ(ended.status, 0) << ended.err;
+        return readJson("p.json")["settings"];
+    };
+    const json plain = settingsOf({});
+    EXPECT_EQ(plain["preset"], "");
+    const json clean = settingsOf({"--preset", "clean"});
+    EXPECT_EQ(clean["outliers"], "keep");
+    EXPECT_EQ(clean["normals"], "keep");
+    EXPECT_EQ(clean["noise"], 0);
+    const json particles = settingsOf({"--preset", "particles", "--outliers", "drop"});
+    EXPECT_EQ(particles["outliers"], "drop"); // given, so the preset leaves it
+    EXPECT_EQ(particles["sharp"], false);
+    EXPECT_EQ(particles["alpha"], 1);
+    const json terrain = settingsOf({"--preset", "terrain", "--normals", "keep"});
+    EXPECT_EQ(terrain["holes"], "open");
+    EXPECT_EQ(terrain["normals"], "keep");
+    EXPECT_EQ(mpuvdb({"reconstruct", scan(), "-o", "p.vdb", "--preset", "film"}).status, 2);
+}
+
 TEST_F(CommandTest, NormalsAreEstimatedAndInsideOutIsSaidAndCured)
 {
     const Words sphere{"sample", "sphere(1)", "--points", "5000", "-o", "bare.xyz", "--no-normals"};

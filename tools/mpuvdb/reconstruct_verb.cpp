@@ -1,5 +1,6 @@
 // mpuvdb reconstruct: points in, level set (and mesh) out.
 #include "describe.h"
+#include "presets.h"
 #include "verb.h"
 
 #include <mpuvdb/error.h>
@@ -56,6 +57,8 @@ public:
         app.add_option("--mesh", mMesh,
                        "Write a mesh too: .ply .obj .stl; - is PLY on standard output")
             ->type_name("OUT.ply");
+        addPreset(app, mPreset);
+        app.callback([this, &app] { mPresetOptions = applyPreset(app, mPreset); });
         addHoleOptions(app);
         addGridOptions(app);
         addFitOptions(app);
@@ -64,6 +67,8 @@ public:
 
     ExitCode run(Session& session) override
     {
+        if (!mPreset.empty())
+            session.note(fmt::format("preset      {}: {}", mPreset, mPresetOptions));
         session.checkFiles(
             {{"-o", mOutput, {".vdb"}}, {"--mesh", mMesh, {".ply", ".obj", ".stl"}, true}},
             mInputs);
@@ -287,6 +292,7 @@ private:
                               {"normals", mNormals},
                               {"flip_normals", mFlipNormals},
                               {"bad_points", mBadPoints},
+                              {"preset", mPreset},
                               {"outliers", mOutliers},
                               {"holes", mHoles.text()},
                               {"coverage", mCoverage || !mHoles.close},
@@ -349,6 +355,7 @@ private:
 
     std::vector<std::string> mInputs;
     std::string mOutput, mMesh;
+    std::string mPreset, mPresetOptions; ///< its name; what it set
     std::string mNormals = "auto", mBadPoints = "drop", mOutliers = "drop";
     std::vector<std::string> mViewpoints;
     bool mFlipNormals = false, mCoverage = false;
