@@ -116,6 +116,14 @@ TEST_F(PictureFile, DependsNeitherOnPlaceNorThreads)
     }
 }
 
+TEST_F(PictureFile, DoesNotDependOnTheVoxelsSize)
+{
+    constexpr float kScale = 1024; // a power of two rounds nothing
+    const auto grid = openvdb::tools::createLevelSetSphere<FloatGrid>(kScale, openvdb::Vec3f(0),
+                                                                      0.05f * kScale, 3);
+    EXPECT_EQ(pictureOf(sphere(), small()).rgb, pictureOf(LevelSet(grid), small()).rgb);
+}
+
 TEST_F(PictureFile, ShowsNothingForNothing)
 {
     const auto grid = FloatGrid::create(3);

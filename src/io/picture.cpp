@@ -37,7 +37,7 @@ openvdb::Vec3d toOpenVdb(const Vec3d& v)
     return {v.x(), v.y(), v.z()};
 }
 
-/// Boxes, one per leaf, about the voxels beside the zero set; voxels.
+/// Boxes, one per leaf, about the voxels beside the zero set; multiples of the voxel size.
 std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize, const Progress& progress)
 {
     std::vector<Box3d> boxes;
@@ -47,11 +47,11 @@ std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize, const P
         for (auto value = leaf->cbeginValueOn(); value; ++value)
             if (std::abs(*value) < voxelSize) {
                 const openvdb::Coord at = value.getCoord();
-                box.extend(Vec3d(at.x(), at.y(), at.z()));
+                box.extend(voxelSize * Vec3d(at.x(), at.y(), at.z()));
             }
         if (!box.isEmpty()) boxes.push_back(box);
     }
-    if (boxes.empty()) boxes.emplace_back(Vec3d::Constant(-1), Vec3d::Constant(1));
+    if (boxes.empty()) boxes.emplace_back(Vec3d::Constant(-voxelSize), Vec3d::Constant(voxelSize));
     return boxes;
 }
 
@@ -149,11 +149,12 @@ std::uint8_t encode(double linear)
     return std::uint8_t(std::lround(255 * srgb));
 }
 
-/// Looks at the zero set along rays, in voxels.
+/// Looks at the zero set along rays.
 class Tracer
 {
 public:
-    Tracer(const FloatGrid& grid, const Camera& camera) : mCamera(camera), mClay(camera)
+    Tracer(const FloatGrid& grid, const Camera& camera)
+        : mCamera(camera), mClay(camera), mVoxelSize(grid.voxelSize()[0])
     {
         if (!grid.empty()) mIntersector.emplace(grid);
     }
@@ -169,7 +170,7 @@ public:
         if (!(n.squaredNorm() > 0)) n = -view;
         if (n.dot(view) > 0) n = -n; // open or broken grids show their inner side
         // Start the shadow off the surface, where the search would find it again.
-        const openvdb::Vec3d start = at + toOpenVdb(1.5 * n);
+        const openvdb::Vec3d start = at + toOpenVdb(1.5 * mVoxelSize * n);
         const bool lit = !mIntersector->intersectsWS(Ray(start, toOpenVdb(mClay.key())));
         return mClay.shade(n, view, lit);
     }
@@ -177,6 +178,7 @@ public:
 private:
     const Camera& mCamera;
     Clay mClay;
+    double mVoxelSize;
     std::optional<Intersector> mIntersector;
 };
 
@@ -194,11 +196,13 @@ void renderPixel(Tracer& tracer, Image& image, int column, int row)
 
 Image render(const LevelSet& levelSet, const PictureSettings& settings, Progress& progress)
 {
-    // In voxels, where coordinates are small however far from the origin the grid is.
+    // Without the translation, so that coordinates are small however far from the origin the grid
+    // is. The voxels keep their size: the intersector takes values and voxels in the same units.
+    const double h = levelSet.voxelSize();
     const auto voxels =
         openvdb::gridConstPtrCast<FloatGrid>(levelSet.grid().copyReplacingMetadataAndTransform(
-            levelSet.grid(), openvdb::math::Transform::createLinearTransform(1.0)));
-    const Camera camera(surfaceBoxes(*voxels, levelSet.voxelSize(), progress), settings);
+            levelSet.grid(), openvdb::math::Transform::createLinearTransform(h)));
+    const Camera camera(surfaceBoxes(*voxels, h, progress), settings);
     const Tracer tracer(*voxels, camera);
     Image image{settings.width, settings.height, {}};
     image.rgb.resize(std::size_t(3) * settings.width * settings.height);
