@@ -164,7 +164,7 @@ TEST(Measure, FewPoints)
 /// Exact nearest neighbours decide: spacing computed by brute force over all points.
 TEST(Measure, NeighborsAreThoseOfBruteForce)
 {
-    const PointCloud cloud = sample("torus(1,0.3)", 1500); // fewer than are chosen: all
+    const PointCloud cloud = sample("torus(1,0.3)", 700); // fewer than are chosen: all
     std::vector<double> spacings;
     for (const Vec3f& p : cloud.positions) {
         std::vector<double> squared;

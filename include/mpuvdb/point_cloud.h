@@ -46,13 +46,13 @@ struct PointCloud {
     Box3d localBounds() const;
 };
 
-/// What the points say about themselves, from a few thousand of them.
+/// What the points say about themselves, from a thousand of them or so.
 struct PointStatistics {
     double spacing = 0; ///< median distance between neighbours on the surface, world units
     double noise = 0;   ///< standard deviation of points about the surface, along the normal
 };
 
-/// Measure spacing and noise: each of about 2000 evenly chosen points is compared with its nearest
+/// Measure spacing and noise: each of about 1000 evenly chosen points is compared with its nearest
 /// neighbours; spacing = sqrt(pi/12) * distance to the 12th, noise = residual of a local quadric.
 /// @throws InputError for fewer than two distinct points.
 PointStatistics measure(const PointCloud& cloud, Progress& progress);

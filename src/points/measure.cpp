@@ -15,7 +15,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kSamples = 2000;
+constexpr std::size_t kSamples = 1000;
 constexpr std::size_t kSpacingNeighbors = 12;
 constexpr std::size_t kUnknowns = 6; // of a bivariate quadratic
 
