@@ -297,11 +297,11 @@ struct Probes {
         set(0, 0, 0, 0), set(15, 0, 0, 0);
         for (int k = 0; k < 6; ++k) {
             const double far = k & 1 ? -0.6 : 0.6;
-            set(std::size_t(1 + k), k / 2 == 0 ? far : 0, k / 2 == 1 ? far : 0,
+            set(std::size_t(k) + 1, k / 2 == 0 ? far : 0, k / 2 == 1 ? far : 0,
                 k / 2 == 2 ? far : 0);
         }
         for (int k = 0; k < 8; ++k)
-            set(std::size_t(7 + k), k & 1 ? 0.45 : -0.45, k & 2 ? 0.45 : -0.45,
+            set(std::size_t(k) + 7, k & 1 ? 0.45 : -0.45, k & 2 ? 0.45 : -0.45,
                 k & 4 ? 0.45 : -0.45);
     }
 };

@@ -105,6 +105,7 @@ double robustNoise(const std::vector<Neighborhood>& neighborhoods, std::size_t k
 double medianReach(const std::vector<Neighborhood>& neighborhoods)
 {
     std::vector<double> reach;
+    reach.reserve(neighborhoods.size());
     for (const Neighborhood& n : neighborhoods)
         reach.push_back(std::sqrt(n.neighbors.back().squaredDistance));
     return quantile(std::move(reach), 0.5);
@@ -128,6 +129,7 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
         const std::size_t found = neighborhoods.front().neighbors.size();
         if (k == kFewest) {
             std::vector<double> spacings;
+            spacings.reserve(neighborhoods.size());
             for (const Neighborhood& n : neighborhoods) spacings.push_back(spacingAt(n));
             result.spacing = quantile(std::move(spacings), 0.5);
         }
