@@ -192,7 +192,8 @@ private:
         app.add_option(
                "--viewpoint", mViewpoints,
                "Where the scanner stood: estimated normals look towards it. One for all\n"
-               "inputs, or one for each in their order; range images and PTX know their own")
+               "inputs, or one for each in their order; range images and PTX know their own.\n"
+               "Normals of the files are then taken as they are")
             ->type_name("X,Y,Z")
             ->allow_extra_args(false)
             ->group(group);
