@@ -1,5 +1,6 @@
 // Every kind of local fit reproduces its own kind of surface; none breaks on what is degenerate.
 #include "field_fixture.h"
+#include "fit_quality.h"
 #include "local_fit.h"
 
 #include <gtest/gtest.h>

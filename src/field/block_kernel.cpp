@@ -6,13 +6,34 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace mpuvdb
 {
 namespace
 {
 
-constexpr int kRow = kBlockDim;
+/// The voxels of a block along z, all at once; written so that every instruction set gives the same
+/// bits.
+using Row = float __attribute__((vector_size(sizeof(float) * kBlockDim)));
+
+[[gnu::always_inline]] inline Row squareRoot(const Row& row)
+{
+    float a[kBlockDim];
+    std::memcpy(a, &row, sizeof row);
+    for (float& v : a) v = std::sqrt(v);
+    Row root;
+    std::memcpy(&root, a, sizeof root);
+    return root;
+}
+
+[[gnu::always_inline]] inline void addTo(float* sums, const Row& row)
+{
+    Row sum;
+    std::memcpy(&sum, sums, sizeof sum);
+    sum += row;
+    std::memcpy(sums, &sum, sizeof sum);
+}
 
 /// Below this blended gradients cancel between sheets and value / |gradient| means nothing.
 constexpr float kGradientFloor = 0.8f;
@@ -20,7 +41,10 @@ constexpr float kGradientFloor = 0.8f;
 struct SmoothWeight {
     float scale;
     explicit SmoothWeight(float radius) : scale(1.5f / radius) {}
-    float operator()(float distance2) const { return bsplineWeight(std::sqrt(distance2) * scale); }
+    [[gnu::always_inline]] Row operator()(const Row& distance2) const
+    {
+        return bsplineWeight(Row(squareRoot(distance2) * scale));
+    }
 };
 
 struct SingularWeight {
@@ -28,17 +52,52 @@ struct SingularWeight {
     static constexpr float kLeast2 = 1e-8f;
     float inverseRadius;
     explicit SingularWeight(float radius) : inverseRadius(1 / radius) {}
-    float operator()(float distance2) const
+    [[gnu::always_inline]] Row operator()(const Row& distance2) const
     {
-        return singularWeight(std::sqrt(std::max(distance2, kLeast2)), inverseRadius);
+        const Row least = Row{} + kLeast2;
+        return singularWeight(Row(1 / squareRoot(distance2 > least ? distance2 : least)),
+                              inverseRadius);
     }
 };
+
+/// One piece's value and gradient in the row at (x, y).
+struct RowSamples {
+    Row q, gx, gy, gz;
+    [[gnu::always_inline]] RowSamples(const float* k, float x, float y, const Row& z)
+    {
+        const float q0 = k[0] + x * (k[1] + k[4] * x + k[7] * y) + y * (k[2] + k[5] * y);
+        const float q1 = k[3] + k[8] * y + k[9] * x, q2 = k[6];
+        q = q0 + z * (q1 + z * q2);
+        gx = (k[1] + 2 * k[4] * x + k[7] * y) + z * k[9];
+        gy = (k[2] + 2 * k[5] * y + k[7] * x) + z * k[8];
+        gz = q1 + 2 * q2 * z;
+    }
+};
+
+/// Pieces folded as LocalFit says.
+[[gnu::always_inline]] inline RowSamples sampleRow(const KernelCell& cell, float x, float y,
+                                                   const Row& z)
+{
+    RowSamples s(cell.q[cell.count - 1], x, y, z);
+    for (int piece = cell.count - 2; piece >= 0; --piece) {
+        const RowSamples other(cell.q[piece], x, y, z);
+        const float sign = (cell.maxBits >> piece & 1u) ? 1.0f : -1.0f;
+        const auto take = sign * other.q > sign * s.q;
+        s.q = take ? other.q : s.q;
+        s.gx = take ? other.gx : s.gx;
+        s.gy = take ? other.gy : s.gy;
+        s.gz = take ? other.gz : s.gz;
+    }
+    return s;
+}
 
 template <typename Weight>
 [[gnu::always_inline]] inline void addWeighted(const KernelCell& cell, BlockSums& sums)
 {
     const Weight weigh(cell.radius);
     const float radius2 = cell.radius * cell.radius;
+    const Row z = {0, 1, 2, 3, 4, 5, 6, 7};
+    const Row dz = z - cell.centre[2];
     for (int x = 0; x < kBlockDim; ++x) {
         const float fx = float(x), dx = fx - cell.centre[0];
         if (dx * dx >= radius2) continue;
@@ -46,55 +105,15 @@ template <typename Weight>
             const float fy = float(y), dy = fy - cell.centre[1];
             const float row2 = dx * dx + dy * dy;
             if (row2 >= radius2) continue;
-
-            float q[kRow], gx[kRow], gy[kRow], gz[kRow], weights[kRow];
-            for (int piece = cell.count - 1; piece >= 0; --piece) {
-                const float* k = cell.q[piece];
-                const float q0 =
-                    k[0] + fx * (k[1] + k[4] * fx + k[7] * fy) + fy * (k[2] + k[5] * fy);
-                const float q1 = k[3] + k[8] * fy + k[9] * fx, q2 = k[6];
-                const float gx0 = k[1] + 2 * k[4] * fx + k[7] * fy;
-                const float gy0 = k[2] + 2 * k[5] * fy + k[7] * fx;
-                if (piece == cell.count - 1) {
-                    for (int z = 0; z < kRow; ++z) {
-                        const float fz = float(z);
-                        q[z] = q0 + fz * (q1 + fz * q2);
-                        gx[z] = gx0 + fz * k[9];
-                        gy[z] = gy0 + fz * k[8];
-                        gz[z] = q1 + 2 * q2 * fz;
-                    }
-                    continue;
-                }
-                const float sign = (cell.maxBits >> piece & 1u) ? 1.0f : -1.0f;
-                for (int z = 0; z < kRow; ++z) {
-                    const float fz = float(z);
-                    const float other = q0 + fz * (q1 + fz * q2);
-                    const bool take = sign * other > sign * q[z];
-                    q[z] = take ? other : q[z];
-                    gx[z] = take ? gx0 + fz * k[9] : gx[z];
-                    gy[z] = take ? gy0 + fz * k[8] : gy[z];
-                    gz[z] = take ? q1 + 2 * q2 * fz : gz[z];
-                }
-            }
-
-            const int row = (x * kBlockDim + y) * kBlockDim;
-            float *const w = &sums.weight[size_t(row)], *const v = &sums.value[size_t(row)];
-            float *const sx = &sums.gx[size_t(row)], *const sy = &sums.gy[size_t(row)],
-                         *const sz = &sums.gz[size_t(row)];
-            for (int z = 0; z < kRow; ++z) {
-                const float dz = float(z) - cell.centre[2];
-                const float weight = weigh(row2 + dz * dz);
-                w[z] += weight;
-                v[z] += weight * q[z];
-                sx[z] += weight * gx[z];
-                sy[z] += weight * gy[z];
-                sz[z] += weight * gz[z];
-                weights[z] = weight;
-            }
-            if (cell.unsupported > 0) {
-                float* const u = &sums.unsupported[size_t(row)];
-                for (int z = 0; z < kRow; ++z) u[z] += cell.unsupported * weights[z];
-            }
+            const RowSamples s = sampleRow(cell, fx, fy, z);
+            const Row weight = weigh(row2 + dz * dz);
+            const auto row = std::size_t((x * kBlockDim + y) * kBlockDim);
+            addTo(&sums.weight[row], weight);
+            addTo(&sums.value[row], weight * s.q);
+            addTo(&sums.gx[row], weight * s.gx);
+            addTo(&sums.gy[row], weight * s.gy);
+            addTo(&sums.gz[row], weight * s.gz);
+            if (cell.unsupported > 0) addTo(&sums.unsupported[row], cell.unsupported * weight);
         }
     }
 }

@@ -1,7 +1,9 @@
 // What becomes of one cell: a leaf with its fit, or eight children.
 #pragma once
+#include "fit_quality.h"
 #include "local_fit.h"
 #include "octree.h"
+#include "sorted_points.h"
 
 #include <algorithm>
 #include <cmath>

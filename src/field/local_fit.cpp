@@ -1,80 +1,20 @@
 #include "local_fit.h"
 
+#include "fit_quality.h"
+#include "point_group.h"
+#include "ridged_solver.h"
+
 #include <mpuvdb/clones.h>
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <limits>
 
 namespace mpuvdb
 {
 namespace
 {
-
-/// Four points at a time; written so that every instruction set gives the same bits.
-using Group = double __attribute__((vector_size(32)));
-
-Group load(const std::vector<double>& a, std::size_t i)
-{
-    return Group{a[i], a[i + 1], a[i + 2], a[i + 3]};
-}
-
-double sum(const Group& g)
-{
-    return (g[0] + g[1]) + (g[2] + g[3]);
-}
-
-/// Factors M = L D L^T of a small symmetric positive definite matrix: Eigen's own loops are not
-/// unrolled at these sizes and take three times as long.
-template <int N>
-class SmallCholesky
-{
-public:
-    explicit SmallCholesky(const Eigen::Matrix<double, N, N>& M)
-    {
-        double scaled[N][N]; // L D
-        for (int j = 0; j < N; ++j) {
-            double pivot = M(j, j);
-            for (int k = 0; k < j; ++k) pivot -= mLower[j][k] * scaled[j][k];
-            mInverse[j] = 1 / pivot;
-            for (int i = j + 1; i < N; ++i) {
-                double entry = M(i, j);
-                for (int k = 0; k < j; ++k) entry -= mLower[i][k] * scaled[j][k];
-                scaled[i][j] = entry;
-                mLower[i][j] = entry * mInverse[j];
-            }
-        }
-    }
-    Eigen::Matrix<double, N, 1> solve(const Eigen::Matrix<double, N, 1>& r) const
-    {
-        Eigen::Matrix<double, N, 1> x = r;
-        for (int i = 1; i < N; ++i)
-            for (int k = 0; k < i; ++k) x[i] -= mLower[i][k] * x[k];
-        for (int i = 0; i < N; ++i) x[i] *= mInverse[i];
-        for (int i = N - 2; i >= 0; --i)
-            for (int k = i + 1; k < N; ++k) x[i] -= mLower[k][i] * x[k];
-        return x;
-    }
-
-private:
-    double mLower[N][N], mInverse[N];
-};
-
-/// Solve the normal equations M x = r, M symmetric semi-definite of O(1) entries, with the ridge
-/// @a ridge. Refined against M itself: directions that the points determine lose the ridge's bias
-/// (factor ridge / eigenvalue per step), others stay damped.
-template <int N>
-Eigen::Matrix<double, N, 1> solveRidged(const Eigen::Matrix<double, N, N>& M,
-                                        const Eigen::Matrix<double, N, 1>& r,
-                                        const Eigen::Matrix<double, N, 1>& ridge)
-{
-    Eigen::Matrix<double, N, N> damped = M;
-    damped.diagonal() += ridge;
-    const SmallCholesky<N> factor(damped);
-    Eigen::Matrix<double, N, 1> x = factor.solve(r);
-    for (int step = 0; step < 2; ++step) x += factor.solve(r - M * x);
-    return x.allFinite() ? x : Eigen::Matrix<double, N, 1>::Zero();
-}
 
 struct Frame {
     Vec3d u, v, w;
@@ -170,254 +110,70 @@ Quadric heightAbove(const Frame& frame, const Eigen::Matrix<double, 5, 1>& k, do
 
 constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
 
+constexpr std::size_t kNearest = 6; ///< points asked at an auxiliary point [Ohtake03 §4a]
+
+MPUVDB_CLONES
+void squaredDistances(const CellPoints& points, const Vec3d& at, std::vector<double>& out)
+{
+    out.resize(points.paddedCount());
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group dx = load(points.x, i) - at[0], dy = load(points.y, i) - at[1],
+                    dz = load(points.z, i) - at[2];
+        const Group d2 = dx * dx + dy * dy + dz * dz;
+        std::memcpy(&out[i], &d2, sizeof d2);
+    }
+}
+
+/// Indices of the least @a found.size() of the first @a n values, nearest first; how many there
+/// are.
+std::size_t leastOf(const std::vector<double>& values, std::size_t n,
+                    std::array<std::uint32_t, kNearest>& found)
+{
+    std::array<double, kNearest + 1> least;
+    least.fill(std::numeric_limits<double>::infinity());
+    for (std::size_t i = 0; i < n; ++i) {
+        if (!(values[i] < least[kNearest - 1])) continue;
+        std::size_t k = kNearest - 1;
+        for (; k > 0 && values[i] < least[k - 1]; --k) {
+            least[k] = least[k - 1];
+            found[k] = found[k - 1];
+        }
+        least[k] = values[i];
+        found[k] = std::uint32_t(i);
+    }
+    return std::min(n, kNearest);
+}
+
 /// The cell's corners and centre, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
 void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3d>& q,
                      std::vector<double>& d)
 {
-    constexpr std::size_t kNearest = 6;
-    std::vector<std::pair<double, std::uint32_t>> order(points.count);
+    std::vector<double> distance2;
+    std::array<std::uint32_t, kNearest> nearest;
     for (int corner = 0; corner < 9; ++corner) {
         const Vec3d at =
             corner == 8
                 ? Vec3d(0, 0, 0)
                 : Vec3d(Vec3d(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1) *
                         (cellSize / 2));
-        for (std::size_t i = 0; i < points.count; ++i)
-            order[i] = {(points.position(i) - at).squaredNorm(), std::uint32_t(i)};
-        const std::size_t near = std::min(kNearest, order.size());
-        std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(near), order.end());
+        squaredDistances(points, at, distance2);
+        const std::size_t near = leastOf(distance2, points.count, nearest);
         double total = 0, mean = 0;
-        int positive = 0;
+        std::size_t positive = 0;
         for (std::size_t k = 0; k < near; ++k) {
-            const std::uint32_t i = order[k].second;
+            const std::uint32_t i = nearest[k];
             const double side = points.normal(i).dot(at - points.position(i));
             positive += side > 0;
             mean += points.confidence[i] * side;
             total += points.confidence[i];
         }
-        if ((positive != 0 && positive != int(near)) || !(total > 0)) continue;
+        if ((positive != 0 && positive != near) || !(total > 0)) continue;
         q.push_back(at);
         d.push_back(mean / total);
     }
 }
 
-/// Square of a gradient below which a fit counts as flat, its error as huge.
-constexpr double kFlat = 1e-200;
-
-/// A fit at four points.
-struct Samples {
-    Group value, gx, gy, gz;
-};
-
-[[gnu::always_inline]] inline Samples sampleQuadric(const Quadric& q, const Group& x,
-                                                    const Group& y, const Group& z)
-{
-    const auto& A = q.A;
-    const Group ax = A(0, 0) * x + A(0, 1) * y + A(0, 2) * z,
-                ay = A(1, 0) * x + A(1, 1) * y + A(1, 2) * z,
-                az = A(2, 0) * x + A(2, 1) * y + A(2, 2) * z;
-    return {x * (ax + q.b[0]) + y * (ay + q.b[1]) + z * (az + q.b[2]) + q.c, 2 * ax + q.b[0],
-            2 * ay + q.b[1], 2 * az + q.b[2]};
-}
-
-/// As LocalFit::ruling chooses.
-[[gnu::always_inline]] inline Samples sampleFit(const LocalFit& fit, const Group& x, const Group& y,
-                                                const Group& z)
-{
-    Samples s = sampleQuadric(fit.pieces[std::size_t(fit.count - 1)], x, y, z);
-    for (int k = fit.count - 2; k >= 0; --k) {
-        const Samples other = sampleQuadric(fit.pieces[std::size_t(k)], x, y, z);
-        const double sign = fit.isMax(k) ? 1 : -1;
-        const auto take = sign * other.value > sign * s.value;
-        s.value = take ? other.value : s.value;
-        s.gx = take ? other.gx : s.gx;
-        s.gy = take ? other.gy : s.gy;
-        s.gz = take ? other.gz : s.gz;
-    }
-    return s;
-}
-
-/// Largest (confidence Q)^2 / |grad Q|^2 within the radius.
-MPUVDB_CLONES
-double worstSquared(const LocalFit& fit, const CellPoints& points, double testRadius)
-{
-    const double radius2 = testRadius * testRadius;
-    Group worst{};
-    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
-        const Group x = load(points.x, i), y = load(points.y, i), z = load(points.z, i);
-        const Samples s = sampleFit(fit, x, y, z);
-        const Group value = load(points.confidence, i) * s.value;
-        const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
-        const Group flat = Group{} + kFlat;
-        const Group error2 = value * value / (slope2 > flat ? slope2 : flat);
-        const Group within = x * x + y * y + z * z < radius2 ? error2 : Group{};
-        worst = within > worst ? within : worst;
-    }
-    return std::max(std::max(worst[0], worst[1]), std::max(worst[2], worst[3]));
-}
-
-/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough),
-/// looked for from @a start on, around to it; then @a start is where to look for one near y.
-MPUVDB_CLONES
-double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std::size_t& start)
-{
-    constexpr std::size_t kRun = 4 * CellPoints::kGroup; // between looks at what was found
-    const std::size_t end = points.paddedCount();
-    double least = std::numeric_limits<double>::infinity();
-    std::size_t run = start < end ? start : 0;
-    for (std::size_t seen = 0; seen < end; seen += kRun, run = run + kRun < end ? run + kRun : 0) {
-        Group nearest = Group{} + std::numeric_limits<double>::infinity();
-        for (std::size_t i = run; i < std::min(run + kRun, end); i += CellPoints::kGroup) {
-            const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
-                        dz = load(points.z, i) - y[2];
-            const Group d2 = dx * dx + dy * dy + dz * dz;
-            nearest = d2 < nearest ? d2 : nearest;
-        }
-        const double found =
-            std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
-        if (found < least) {
-            least = found;
-            start = run;
-            if (least <= enough) return least;
-        }
-    }
-    return least;
-}
-
-/// Where Newton steps from 15 points of the unit ball, and the middle once more, lead.
-struct Probes {
-    static constexpr std::size_t kCount = 16;
-    double x[kCount], y[kCount], z[kCount];
-
-    Probes()
-    {
-        const auto set = [this](std::size_t n, double px, double py, double pz) {
-            x[n] = px, y[n] = py, z[n] = pz;
-        };
-        set(0, 0, 0, 0), set(15, 0, 0, 0);
-        for (int k = 0; k < 6; ++k) {
-            const double far = k & 1 ? -0.6 : 0.6;
-            set(std::size_t(k) + 1, k / 2 == 0 ? far : 0, k / 2 == 1 ? far : 0,
-                k / 2 == 2 ? far : 0);
-        }
-        for (int k = 0; k < 8; ++k)
-            set(std::size_t(k) + 7, k & 1 ? 0.45 : -0.45, k & 2 ? 0.45 : -0.45,
-                k & 4 ? 0.45 : -0.45);
-    }
-};
-
-/// Take all probes from @a unit in the ball of @a radius about @a centre two steps towards the zero
-/// set; bit n of the result: probe n is within 0.85 radius.
-MPUVDB_CLONES
-unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& centre, double radius,
-                         const Probes& unit, Probes& probes)
-{
-    unsigned landed = 0;
-    const double reach2 = 0.85 * 0.85 * radius * radius;
-    for (std::size_t n = 0; n < Probes::kCount; n += CellPoints::kGroup) {
-        const auto at = [n](const double* a) { return Group{a[n], a[n + 1], a[n + 2], a[n + 3]}; };
-        Group x = centre[0] + radius * at(unit.x), y = centre[1] + radius * at(unit.y),
-              z = centre[2] + radius * at(unit.z);
-        for (int step = 0; step < 2; ++step) {
-            const Samples s = sampleFit(fit, x, y, z);
-            const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
-            const Group least = Group{} + 1e-6;
-            const Group length = s.value / (slope2 > least ? slope2 : least);
-            x -= s.gx * length;
-            y -= s.gy * length;
-            z -= s.gz * length;
-        }
-        const Group dx = x - centre[0], dy = y - centre[1], dz = z - centre[2];
-        const Group d2 = dx * dx + dy * dy + dz * dz;
-        for (std::size_t k = 0; k < CellPoints::kGroup; ++k) {
-            probes.x[n + k] = x[k], probes.y[n + k] = y[k], probes.z[n + k] = z[k];
-            landed |= unsigned(d2[k] < reach2) << (n + k);
-        }
-    }
-    return landed;
-}
-
 } // namespace
-
-double nearestSquared(const CellPoints& points, const Vec3d& y, double enough)
-{
-    std::size_t start = 0;
-    return nearestFrom(points, y, enough, start);
-}
-
-void CellPoints::setCount(std::size_t n)
-{
-    count = n;
-    const std::size_t padded = (n + kGroup - 1) / kGroup * kGroup;
-    for (auto* a : {&x, &y, &z, &nx, &ny, &nz, &weight, &confidence}) a->resize(padded);
-}
-
-// No nearer to anything than the points.
-void CellPoints::pad()
-{
-    for (std::size_t i = count; i < x.size(); ++i) {
-        for (auto* a : {&x, &y, &z, &nx, &ny, &nz}) (*a)[i] = (*a)[count - 1];
-        weight[i] = confidence[i] = 0;
-    }
-}
-
-MPUVDB_CLONES
-void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double ballRadius)
-{
-    setCount(batch.size());
-    radius = ballRadius;
-    const auto copy = [n = count](const std::vector<float>& from, std::vector<double>& to,
-                                  double origin) {
-        for (std::size_t i = 0; i < n; ++i) to[i] = double(from[i]) - origin;
-    };
-    copy(batch.x, x, centre[0]);
-    copy(batch.y, y, centre[1]);
-    copy(batch.z, z, centre[2]);
-    copy(batch.nx, nx, 0);
-    copy(batch.ny, ny, 0);
-    copy(batch.nz, nz, 0);
-    copy(batch.confidence, confidence, 0);
-    pad();
-    const double scale = 1.5 / ballRadius;
-    for (std::size_t i = 0; i < x.size(); i += kGroup) {
-        const Group gx = load(x, i), gy = load(y, i), gz = load(z, i);
-        const Group d2 = gx * gx + gy * gy + gz * gz;
-        for (std::size_t k = 0; k < kGroup; ++k)
-            weight[i + k] = confidence[i + k] * bsplineWeight(std::sqrt(d2[k]) * scale);
-    }
-}
-
-void CellPoints::assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members)
-{
-    setCount(members.size());
-    radius = other.radius;
-    for (std::size_t i = 0; i < count; ++i) {
-        const std::uint32_t m = members[i];
-        x[i] = other.x[m];
-        y[i] = other.y[m];
-        z[i] = other.z[m];
-        nx[i] = other.nx[m];
-        ny[i] = other.ny[m];
-        nz[i] = other.nz[m];
-        confidence[i] = other.confidence[m];
-        weight[i] = other.weight[m];
-    }
-    pad();
-}
-
-Vec3d meanNormal(const CellPoints& points)
-{
-    Group sx{}, sy{}, sz{};
-    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
-        const Group w = load(points.weight, i);
-        sx += w * load(points.nx, i);
-        sy += w * load(points.ny, i);
-        sz += w * load(points.nz, i);
-    }
-    const Vec3d total(sum(sx), sum(sy), sum(sz));
-    const double length = total.norm();
-    return length > 0 ? Vec3d(total / length) : Vec3d(0, 0, 1);
-}
 
 Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic)
 {
@@ -450,36 +206,61 @@ Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal)
                        system.scale);
 }
 
+namespace
+{
+
+constexpr std::size_t kTerms = 10; ///< x^2 y^2 z^2 xy yz zx x y z 1
+
+template <typename T>
+std::array<T, kTerms> quadraticTerms(const T& x, const T& y, const T& z)
+{
+    return {x * x, y * y, z * z, x * y, y * z, z * x, x, y, z, x * 0 + 1};
+}
+
+/// Weighted mean over the points of the products of the terms, in radii.
+MPUVDB_CLONES
+void meanProducts(const CellPoints& points, Eigen::Matrix<double, kTerms, kTerms>& M)
+{
+    Group sums[kTerms * (kTerms + 1) / 2] = {}, total{};
+    const double scale = 1 / points.radius;
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group weight = load(points.weight, i);
+        const std::array<Group, kTerms> phi = quadraticTerms<Group>(
+            scale * load(points.x, i), scale * load(points.y, i), scale * load(points.z, i));
+        std::size_t n = 0;
+        for (std::size_t row = 0; row < kTerms; ++row) {
+            const Group weighted = weight * phi[row];
+            for (std::size_t column = 0; column <= row; ++column)
+                sums[n++] += weighted * phi[column];
+        }
+        total += weight;
+    }
+    const double totalWeight = sum(total), share = totalWeight > 0 ? 1 / totalWeight : 1;
+    std::size_t n = 0;
+    for (std::size_t row = 0; row < kTerms; ++row)
+        for (std::size_t column = 0; column <= row; ++column)
+            M(row, column) = M(column, row) = share * sum(sums[n++]);
+}
+
+} // namespace
+
 Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints,
                    const std::vector<double>& auxValues)
 {
-    using Vector = Eigen::Matrix<double, 10, 1>;
-    using Matrix = Eigen::Matrix<double, 10, 10>;
+    using Vector = Eigen::Matrix<double, kTerms, 1>;
     const double scale = 1 / points.radius; // unit ball, so that all columns are O(1)
-    const auto basis = [&](const Vec3d& p) {
-        const Vec3d y = p * scale;
-        Vector phi;
-        phi << y[0] * y[0], y[1] * y[1], y[2] * y[2], y[0] * y[1], y[1] * y[2], y[2] * y[0], y[0],
-            y[1], y[2], 1;
-        return phi;
-    };
-    Matrix M = Matrix::Zero();
-    double totalWeight = 0;
-    for (std::size_t i = 0; i < points.count; ++i) {
-        const Vector phi = basis(points.position(i));
-        M.selfadjointView<Eigen::Lower>().rankUpdate(phi, points.weight[i]);
-        totalWeight += points.weight[i];
-    }
-    if (totalWeight > 0) M /= totalWeight;
+    Eigen::Matrix<double, kTerms, kTerms> M;
+    meanProducts(points, M);
     Vector r = Vector::Zero();
     const double share = 1.0 / double(auxPoints.size());
     for (std::size_t j = 0; j < auxPoints.size(); ++j) {
-        const Vector phi = basis(auxPoints[j]);
-        M.selfadjointView<Eigen::Lower>().rankUpdate(phi, share);
+        const Vec3d y = auxPoints[j] * scale;
+        const std::array<double, kTerms> terms = quadraticTerms(y[0], y[1], y[2]);
+        const Vector phi = Eigen::Map<const Vector>(terms.data());
+        M.noalias() += (share * phi) * phi.transpose();
         r += share * scale * auxValues[j] * phi;
     }
-    M = Matrix(M.selfadjointView<Eigen::Lower>());
-    const Vector k = solveRidged<10>(M, r, Vector::Constant(1e-7));
+    const Vector k = solveRidged<kTerms>(M, r, Vector::Constant(1e-7));
 
     Quadric q; // the unit ball's Q, times its radius
     q.A << k[0], k[3] / 2, k[5] / 2, k[3] / 2, k[1], k[4] / 2, k[5] / 2, k[4] / 2, k[2];
@@ -487,65 +268,6 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
     q.b = k.segment<3>(6);
     q.c = k[9] / scale;
     return q;
-}
-
-double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)
-{
-    return std::sqrt(worstSquared(fit, points, testRadius));
-}
-
-bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
-                       double noise)
-{
-    constexpr std::size_t kParts = 16; // octants, each inside and outside of half the ball's disc
-    constexpr double kLoud = 2, kSignificant = 2.5;
-    std::array<double, kParts> sums{};
-    std::array<std::size_t, kParts> counts{};
-    const double radius2 = testRadius * testRadius;
-    double squares = 0;
-    std::size_t n = 0;
-    for (std::size_t i = 0; i < points.count; ++i) {
-        const Vec3d y = points.position(i);
-        const double r2 = y.squaredNorm();
-        if (!(r2 < radius2)) continue;
-        const Quadric& q = fit.ruling(y);
-        const double residual = points.confidence[i] * q.value(y) /
-                                std::sqrt(std::max(q.gradient(y).squaredNorm(), kFlat));
-        const auto part = std::size_t(y[0] > 0) | std::size_t(y[1] > 0) << 1 |
-                          std::size_t(y[2] > 0) << 2 | std::size_t(2 * r2 > radius2) << 3;
-        sums[part] += residual;
-        ++counts[part];
-        squares += residual * residual;
-        ++n;
-    }
-    double between = 0;
-    std::size_t parts = 0;
-    for (std::size_t k = 0; k < kParts; ++k) {
-        if (counts[k] == 0) continue;
-        between += sums[k] * sums[k] / double(counts[k]);
-        ++parts;
-    }
-    const double least = noise * noise, most = kLoud * kLoud * least;
-    const double within = n > parts ? (squares - between) / double(n - parts) : squares;
-    if (!(within <= most)) return false;
-    const double expected = double(parts) + kSignificant * std::sqrt(2 * double(parts));
-    return between <= std::max(within, least) * expected;
-}
-
-double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
-                  double enough)
-{
-    static const Probes unit;
-    Probes probes;
-    const unsigned landed = stepOntoZeroSet(fit, centre, radius, unit, probes);
-    double gap2 = 0;
-    std::size_t start = 0;
-    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) { // the last is the first again
-        if (!(landed >> n & 1u)) continue;
-        const Vec3d y(probes.x[n], probes.y[n], probes.z[n]);
-        gap2 = std::max(gap2, nearestFrom(points, y, enough * enough, start));
-    }
-    return std::sqrt(gap2);
 }
 
 namespace
@@ -579,11 +301,6 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
     if (sharp->count == 4 && fitGeneralAbout(points, cellSize, general.pieces[0])) offer(general);
 }
 
-} // namespace
-
-namespace
-{
-
 bool isAccepted(const FitResult& result, const CellPoints& points, double testRadius,
                 const FitSettings& settings)
 {
@@ -597,14 +314,30 @@ bool isAccepted(const FitResult& result, const CellPoints& points, double testRa
 
 } // namespace
 
+namespace
+{
+
+/// Of the angles between @a normal and the points' normals; at most 1.
+MPUVDB_CLONES
+double lowestCosine(const CellPoints& points, const Vec3d& normal)
+{
+    Group lowest = Group{} + 1;
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group cosine = load(points.nx, i) * normal[0] + load(points.ny, i) * normal[1] +
+                             load(points.nz, i) * normal[2];
+        lowest = cosine < lowest ? cosine : lowest;
+    }
+    return std::min(std::min(lowest[0], lowest[1]), std::min(lowest[2], lowest[3]));
+}
+
+} // namespace
+
 FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
                   const FitSettings& settings, CellPoints& scratch)
 {
     FitResult result;
     const Vec3d normal = meanNormal(points);
-    double lowest = 1;
-    for (std::size_t i = 0; i < points.count; ++i)
-        lowest = std::min(lowest, points.normal(i).dot(normal));
+    const double lowest = lowestCosine(points, normal);
     result.opposedNormals = lowest <= 0;
     result.spreadNormals = lowest < kSpreadCosine;
 

@@ -160,7 +160,7 @@ double MpuField::Impl::weight(const Vec3d& p, const OctreeCell& cell, const Stor
     const double radius = tree.supportRadius(cell.level);
     const double distance = (p - tree.ballCentre(cell, fit)).norm();
     if (!tree.interpolates()) return bsplineWeight(1.5 * distance / radius);
-    return singularWeight(std::max(distance, kLeastDistance * radius), 1 / radius);
+    return singularWeight(1 / std::max(distance, kLeastDistance * radius), 1 / radius);
 }
 
 FieldSample MpuField::evaluate(const Vec3d& position) const

@@ -56,22 +56,24 @@ struct LocalFit {
 };
 
 /// The partition's weight at |x-c| = t R / 1.5: the quadratic B-spline of support 1.5
-/// [Ohtake03 eq. 3]. Branch-free.
+/// [Ohtake03 eq. 3]. Of a number or of a SIMD vector; branch-free.
 template <typename T>
-inline T bsplineWeight(T t)
+[[gnu::always_inline]] inline T bsplineWeight(const T& t)
 {
-    const T outer = std::max(T(1.5) - t, T(0));
-    const T inner = std::max(T(0.5) - t, T(0));
-    return T(0.5) * outer * outer - T(1.5) * inner * inner;
+    const T fromEnd = 1.5f - t, fromKnot = 0.5f - t;
+    const T outer = fromEnd > 0 ? fromEnd : T{};
+    const T inner = fromKnot > 0 ? fromKnot : T{};
+    return 0.5f * outer * outer - 1.5f * inner * inner;
 }
 
-/// The weight of interpolation at a distance (above 0) from the ball's centre, singular there:
-/// ((R - d)+ / (R d))^2 [Ohtake03 eq. 4]. Branch-free.
-template <typename T>
-inline T singularWeight(T distance, T inverseRadius)
+/// The weight of interpolation from the inverse of the distance to the ball's centre, singular
+/// there: ((R - d)+ / (R d))^2 [Ohtake03 eq. 4]. As above.
+template <typename T, typename Scalar>
+[[gnu::always_inline]] inline T singularWeight(const T& inverseDistance, Scalar inverseRadius)
 {
-    const T w = std::max(T(1) / distance - inverseRadius, T(0));
-    return w * w;
+    const T w = inverseDistance - inverseRadius;
+    const T within = w > 0 ? w : T{};
+    return within * within;
 }
 
 } // namespace mpuvdb

@@ -1,4 +1,5 @@
 // Edges and corners [Ohtake03 §4c].
+#include "fit_quality.h"
 #include "local_fit.h"
 
 #include <algorithm>

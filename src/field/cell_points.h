@@ -1,0 +1,41 @@
+// What local fits work on: the points of one cell, in double precision about its centre.
+#pragma once
+#include "point_batch.h"
+
+#include <mpuvdb/vec.h>
+
+#include <cstdint>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// The points of one cell's ball about the cell's centre, with the weights of the fit. Padded to
+/// whole SIMD groups with the last point again, of weight and confidence 0.
+struct CellPoints {
+    static constexpr std::size_t kGroup = 4;
+
+    std::vector<double> x, y, z, nx, ny, nz;
+    std::vector<double> weight; ///< confidence * b(1.5 |y| / radius) [Ohtake03 eq. 3, §6]
+    std::vector<double> confidence;
+    std::size_t count = 0; ///< without the padding
+    double radius = 0;     ///< of the (grown) ball
+
+    /// Take @a batch (all of it inside the ball) relative to @a centre.
+    void assign(const PointBatch& batch, const Vec3d& centre, double ballRadius);
+    /// Take the points @a members of @a other.
+    void assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members);
+
+    /// Make room for @a n points; once they are written, pad().
+    void setCount(std::size_t n);
+    void pad();
+
+    std::size_t paddedCount() const { return x.size(); }
+    Vec3d position(std::size_t i) const { return {x[i], y[i], z[i]}; }
+    Vec3d normal(std::size_t i) const { return {nx[i], ny[i], nz[i]}; }
+};
+
+/// Normalised weighted mean of the normals; +z where they cancel.
+Vec3d meanNormal(const CellPoints& points);
+
+} // namespace mpuvdb

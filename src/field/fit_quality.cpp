@@ -1,0 +1,250 @@
+#include "fit_quality.h"
+
+#include "point_group.h"
+
+#include <mpuvdb/clones.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Square of a gradient below which a fit counts as flat, its error as huge.
+constexpr double kFlat = 1e-200;
+
+/// A fit at four points.
+struct Samples {
+    Group value, gx, gy, gz;
+};
+
+[[gnu::always_inline]] inline Samples sampleQuadric(const Quadric& q, const Group& x,
+                                                    const Group& y, const Group& z)
+{
+    const auto& A = q.A;
+    const Group ax = A(0, 0) * x + A(0, 1) * y + A(0, 2) * z,
+                ay = A(1, 0) * x + A(1, 1) * y + A(1, 2) * z,
+                az = A(2, 0) * x + A(2, 1) * y + A(2, 2) * z;
+    return {x * (ax + q.b[0]) + y * (ay + q.b[1]) + z * (az + q.b[2]) + q.c, 2 * ax + q.b[0],
+            2 * ay + q.b[1], 2 * az + q.b[2]};
+}
+
+/// As LocalFit::ruling chooses.
+[[gnu::always_inline]] inline Samples sampleFit(const LocalFit& fit, const Group& x, const Group& y,
+                                                const Group& z)
+{
+    Samples s = sampleQuadric(fit.pieces[std::size_t(fit.count - 1)], x, y, z);
+    for (int k = fit.count - 2; k >= 0; --k) {
+        const Samples other = sampleQuadric(fit.pieces[std::size_t(k)], x, y, z);
+        const double sign = fit.isMax(k) ? 1 : -1;
+        const auto take = sign * other.value > sign * s.value;
+        s.value = take ? other.value : s.value;
+        s.gx = take ? other.gx : s.gx;
+        s.gy = take ? other.gy : s.gy;
+        s.gz = take ? other.gz : s.gz;
+    }
+    return s;
+}
+
+/// Largest (confidence Q)^2 / |grad Q|^2 within the radius.
+MPUVDB_CLONES
+double worstSquared(const LocalFit& fit, const CellPoints& points, double testRadius)
+{
+    const double radius2 = testRadius * testRadius;
+    Group worst{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group x = load(points.x, i), y = load(points.y, i), z = load(points.z, i);
+        const Samples s = sampleFit(fit, x, y, z);
+        const Group value = load(points.confidence, i) * s.value;
+        const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
+        const Group flat = Group{} + kFlat;
+        const Group error2 = value * value / (slope2 > flat ? slope2 : flat);
+        const Group within = x * x + y * y + z * z < radius2 ? error2 : Group{};
+        worst = within > worst ? within : worst;
+    }
+    return std::max(std::max(worst[0], worst[1]), std::max(worst[2], worst[3]));
+}
+
+/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough),
+/// looked for from @a start on, around to it; then @a start is where to look for one near y.
+MPUVDB_CLONES
+double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std::size_t& start)
+{
+    constexpr std::size_t kRun = 4 * CellPoints::kGroup; // between looks at what was found
+    const std::size_t end = points.paddedCount();
+    double least = std::numeric_limits<double>::infinity();
+    std::size_t run = start < end ? start : 0;
+    for (std::size_t seen = 0; seen < end; seen += kRun, run = run + kRun < end ? run + kRun : 0) {
+        Group nearest = Group{} + std::numeric_limits<double>::infinity();
+        for (std::size_t i = run; i < std::min(run + kRun, end); i += CellPoints::kGroup) {
+            const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
+                        dz = load(points.z, i) - y[2];
+            const Group d2 = dx * dx + dy * dy + dz * dz;
+            nearest = d2 < nearest ? d2 : nearest;
+        }
+        const double found =
+            std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
+        if (found < least) {
+            least = found;
+            start = run;
+            if (least <= enough) return least;
+        }
+    }
+    return least;
+}
+
+/// Where Newton steps from 15 points of the unit ball, and the middle once more, lead.
+struct Probes {
+    static constexpr std::size_t kCount = 16;
+    double x[kCount], y[kCount], z[kCount];
+
+    Probes()
+    {
+        const auto set = [this](std::size_t n, double px, double py, double pz) {
+            x[n] = px, y[n] = py, z[n] = pz;
+        };
+        set(0, 0, 0, 0), set(15, 0, 0, 0);
+        for (int k = 0; k < 6; ++k) {
+            const double far = k & 1 ? -0.6 : 0.6;
+            set(std::size_t(k) + 1, k / 2 == 0 ? far : 0, k / 2 == 1 ? far : 0,
+                k / 2 == 2 ? far : 0);
+        }
+        for (int k = 0; k < 8; ++k)
+            set(std::size_t(k) + 7, k & 1 ? 0.45 : -0.45, k & 2 ? 0.45 : -0.45,
+                k & 4 ? 0.45 : -0.45);
+    }
+};
+
+/// Take all probes from @a unit in the ball of @a radius about @a centre two steps towards the zero
+/// set; bit n of the result: probe n is within 0.85 radius.
+MPUVDB_CLONES
+unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& centre, double radius,
+                         const Probes& unit, Probes& probes)
+{
+    unsigned landed = 0;
+    const double reach2 = 0.85 * 0.85 * radius * radius;
+    for (std::size_t n = 0; n < Probes::kCount; n += CellPoints::kGroup) {
+        const auto at = [n](const double* a) { return Group{a[n], a[n + 1], a[n + 2], a[n + 3]}; };
+        Group x = centre[0] + radius * at(unit.x), y = centre[1] + radius * at(unit.y),
+              z = centre[2] + radius * at(unit.z);
+        for (int step = 0; step < 2; ++step) {
+            const Samples s = sampleFit(fit, x, y, z);
+            const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
+            const Group least = Group{} + 1e-6;
+            const Group length = s.value / (slope2 > least ? slope2 : least);
+            x -= s.gx * length;
+            y -= s.gy * length;
+            z -= s.gz * length;
+        }
+        const Group dx = x - centre[0], dy = y - centre[1], dz = z - centre[2];
+        const Group d2 = dx * dx + dy * dy + dz * dz;
+        for (std::size_t k = 0; k < CellPoints::kGroup; ++k) {
+            probes.x[n + k] = x[k], probes.y[n + k] = y[k], probes.z[n + k] = z[k];
+            landed |= unsigned(d2[k] < reach2) << (n + k);
+        }
+    }
+    return landed;
+}
+
+} // namespace
+
+double nearestSquared(const CellPoints& points, const Vec3d& y, double enough)
+{
+    std::size_t start = 0;
+    return nearestFrom(points, y, enough, start);
+}
+
+double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)
+{
+    return std::sqrt(worstSquared(fit, points, testRadius));
+}
+
+namespace
+{
+
+/// Sums of residuals over the parts of a ball: its octants, each inside and outside of half the
+/// ball's disc.
+struct ResidualSums {
+    static constexpr std::size_t kParts = 16;
+
+    std::array<double, kParts> sums{};
+    std::array<std::uint32_t, kParts> counts{};
+    double squares = 0;
+    std::size_t count = 0;
+};
+
+MPUVDB_CLONES
+void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadius,
+                  ResidualSums& result)
+{
+    using Integers = std::int64_t __attribute__((vector_size(32)));
+    const double radius2 = testRadius * testRadius;
+    Group squares{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group x = load(points.x, i), y = load(points.y, i), z = load(points.z, i);
+        const Samples s = sampleFit(fit, x, y, z);
+        const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
+        const Group flat = Group{} + kFlat;
+        const Group slope = squareRoot(slope2 > flat ? slope2 : flat);
+        const Group r2 = x * x + y * y + z * z;
+        const Group residual =
+            r2 < radius2 ? load(points.confidence, i) * s.value / slope : Group{};
+        squares += residual * residual;
+        const Integers part = ((x > 0) & 1) | ((y > 0) & 2) | ((z > 0) & 4) |
+                              ((2 * r2 > radius2) & 8) | ((r2 >= radius2) & 16);
+        for (std::size_t k = 0; k < CellPoints::kGroup && i + k < points.count; ++k) {
+            if (part[k] >= std::int64_t(ResidualSums::kParts)) continue;
+            result.sums[std::size_t(part[k])] += residual[k];
+            ++result.counts[std::size_t(part[k])];
+            ++result.count;
+        }
+    }
+    result.squares = sum(squares);
+}
+
+} // namespace
+
+bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
+                       double noise)
+{
+    constexpr double kLoud = 2, kSignificant = 2.5;
+    ResidualSums residuals;
+    sumResiduals(fit, points, testRadius, residuals);
+    double between = 0;
+    std::size_t parts = 0;
+    for (std::size_t k = 0; k < ResidualSums::kParts; ++k) {
+        if (residuals.counts[k] == 0) continue;
+        between += residuals.sums[k] * residuals.sums[k] / double(residuals.counts[k]);
+        ++parts;
+    }
+    const double least = noise * noise, most = kLoud * kLoud * least;
+    const double squares = residuals.squares;
+    const double within =
+        residuals.count > parts ? (squares - between) / double(residuals.count - parts) : squares;
+    if (!(within <= most)) return false;
+    const double expected = double(parts) + kSignificant * std::sqrt(2 * double(parts));
+    return between <= std::max(within, least) * expected;
+}
+
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
+                  double enough)
+{
+    static const Probes unit;
+    Probes probes;
+    const unsigned landed = stepOntoZeroSet(fit, centre, radius, unit, probes);
+    double gap2 = 0;
+    std::size_t start = 0;
+    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) { // the last is the first again
+        if (!(landed >> n & 1u)) continue;
+        const Vec3d y(probes.x[n], probes.y[n], probes.z[n]);
+        gap2 = std::max(gap2, nearestFrom(points, y, enough * enough, start));
+    }
+    return std::sqrt(gap2);
+}
+
+} // namespace mpuvdb

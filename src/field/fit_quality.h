@@ -1,0 +1,29 @@
+// How good a local fit is: near its points, free of a pattern, and nowhere far from the data.
+#pragma once
+#include "cell_points.h"
+#include "quadric.h"
+
+namespace mpuvdb
+{
+
+/// Largest confidence * |Q| / |grad Q| over the points within @a testRadius [Ohtake03 eq. 7, §6].
+double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius);
+
+/// Whether what @a fit leaves of the points within @a testRadius looks like noise of standard
+/// deviation @a noise (up to twice that: local noise differs), and not like a shape that it misses:
+/// the means over sixteen parts of the ball scatter no more than such noise lets them.
+bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
+                       double noise);
+
+/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough);
+/// infinite without points.
+double nearestSquared(const CellPoints& points, const Vec3d& y, double enough = 0);
+
+/// How far from the points the zero set of @a fit ventures inside the ball of @a radius about
+/// @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it; of
+/// those that land within 0.85 radius the largest distance to the nearest point. 0 if none lands.
+/// A gap up to @a enough may be told as any smaller one.
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
+                  double enough);
+
+} // namespace mpuvdb

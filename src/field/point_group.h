@@ -1,0 +1,33 @@
+// Four points at a time; written so that every instruction set gives the same bits.
+#pragma once
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <vector>
+
+namespace mpuvdb
+{
+
+using Group = double __attribute__((vector_size(32)));
+
+[[gnu::always_inline]] inline Group load(const std::vector<double>& a, std::size_t i)
+{
+    return Group{a[i], a[i + 1], a[i + 2], a[i + 3]};
+}
+
+[[gnu::always_inline]] inline double sum(const Group& g)
+{
+    return (g[0] + g[1]) + (g[2] + g[3]);
+}
+
+[[gnu::always_inline]] inline Group squareRoot(const Group& g)
+{
+    double a[4];
+    std::memcpy(a, &g, sizeof g);
+    for (double& v : a) v = std::sqrt(v);
+    Group root;
+    std::memcpy(&root, a, sizeof root);
+    return root;
+}
+
+} // namespace mpuvdb
