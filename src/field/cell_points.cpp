@@ -31,7 +31,7 @@ void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double bal
 {
     setCount(batch.size());
     radius = ballRadius;
-    const auto copy = [n = count](const std::vector<float>& from, std::vector<double>& to,
+    const auto copy = [n = count](const PointBatch::Floats& from, std::vector<double>& to,
                                   double origin) {
         for (std::size_t i = 0; i < n; ++i) to[i] = double(from[i]) - origin;
     };

@@ -12,8 +12,10 @@ namespace mpuvdb
 namespace
 {
 
+using Floats = PointBatch::Floats;
+
 MPUVDB_CLONES
-void squaredDistances(const PointBatch& points, const Vec3f& c, std::vector<float>& out)
+void squaredDistances(const PointBatch& points, const Vec3f& c, Floats& out)
 {
     const std::size_t n = points.size();
     out.resize(n);
@@ -29,7 +31,7 @@ void squaredDistances(const PointBatch& points, const Vec3f& c, std::vector<floa
 /// Bit o of mask[i]: point i is in the ball of octant o.
 MPUVDB_CLONES
 void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, float radius2,
-                 std::vector<std::uint32_t>& out)
+                 std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>>& out)
 {
     const std::size_t n = points.size();
     out.resize(n);
@@ -49,7 +51,7 @@ void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, 
 }
 
 MPUVDB_CLONES
-void findLeastAndMost(const std::vector<float>& values, float& least, float& most)
+void findLeastAndMost(const Floats& values, float& least, float& most)
 {
     constexpr std::size_t kLanes = 8;
     using Lanes = float __attribute__((vector_size(4 * kLanes)));
@@ -73,24 +75,29 @@ void findLeastAndMost(const std::vector<float>& values, float& least, float& mos
 }
 
 MPUVDB_CLONES
-std::size_t countUpTo(const std::vector<float>& values, float limit)
+std::size_t countUpTo(const Floats& values, float limit)
 {
     std::uint32_t count = 0;
     for (const float v : values) count += v <= limit;
     return count;
 }
 
-/// A limit that at least @a k of the values, and if possible few more, do not exceed: bisection
-/// touches no branch predictor, whatever the order of the values.
-float limitAbove(const std::vector<float>& values, std::size_t k)
+/// A limit that at least @a k of the values, and if possible few more, do not exceed. Counting
+/// touches no branch predictor, whatever the order of the values; squared distances on a surface
+/// spread evenly, so that a line through two counts mostly leads close at once.
+float limitAbove(const Floats& values, std::size_t k)
 {
     float low = 0, high = 0;
     findLeastAndMost(values, low, high);
-    for (int step = 0; step < 12; ++step) {
-        const float middle = 0.5f * (low + high);
+    std::size_t below = 0, upTo = values.size(); // counted at low and at high
+    for (int step = 0; step < 12 && upTo > 2 * k; ++step) {
+        const float share = (1.5f * float(k) - float(below)) / float(upTo - below);
+        const float middle = low + (high - low) * (step % 3 == 2 ? 0.5f : share);
         const std::size_t count = countUpTo(values, middle);
-        (count < k ? low : high) = middle;
-        if (count >= k && count <= 2 * k) break;
+        if (count < k)
+            low = middle, below = count;
+        else
+            high = middle, upTo = count;
     }
     return high;
 }
@@ -114,12 +121,17 @@ void BatchFilter::append(const PointBatch& from, PointBatch& out) const
 {
     const std::size_t before = out.size();
     out.resize(before + mSelected);
-    const auto one = [&](const std::vector<float>& source, std::vector<float>& target) {
-        for (std::size_t i = 0; i < mSelected; ++i) target[before + i] = source[mIndices[i]];
+    const auto two = [&](const Floats& a, Floats& toA, const Floats& b, Floats& toB) {
+        for (std::size_t i = 0; i < mSelected; ++i) {
+            const std::uint32_t n = mIndices[i];
+            toA[before + i] = a[n];
+            toB[before + i] = b[n];
+        }
     };
-    one(from.x, out.x), one(from.y, out.y), one(from.z, out.z);
-    one(from.nx, out.nx), one(from.ny, out.ny), one(from.nz, out.nz);
-    one(from.confidence, out.confidence);
+    two(from.x, out.x, from.y, out.y), two(from.z, out.z, from.nx, out.nx);
+    two(from.ny, out.ny, from.nz, out.nz);
+    for (std::size_t i = 0; i < mSelected; ++i)
+        out.confidence[before + i] = from.confidence[mIndices[i]];
 }
 
 void BatchFilter::ball(const PointBatch& from, const Vec3d& centre, double radius, PointBatch& out)

@@ -4,23 +4,47 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
+#include <utility>
 #include <vector>
 
 namespace mpuvdb
 {
 
+/// Leaves new elements unset: arrays that are written whole right after they grow.
+template <typename T>
+struct UnsetAllocator : std::allocator<T> {
+    template <typename U>
+    struct rebind {
+        using other = UnsetAllocator<U>;
+    };
+    template <typename U>
+    void construct(U* at) noexcept
+    {
+        ::new (static_cast<void*>(at)) U;
+    }
+    template <typename U, typename... Args>
+    void construct(U* at, Args&&... args)
+    {
+        ::new (static_cast<void*>(at)) U(std::forward<Args>(args)...);
+    }
+};
+
 /// Some points near a cell, one contiguous array per coordinate, local coordinates.
 struct PointBatch {
-    std::vector<float> x, y, z, nx, ny, nz, confidence;
+    using Floats = std::vector<float, UnsetAllocator<float>>;
+
+    Floats x, y, z, nx, ny, nz, confidence;
 
     std::size_t size() const { return x.size(); }
     void clear()
     {
-        forEach([](std::vector<float>& a) { a.clear(); });
+        forEach([](Floats& a) { a.clear(); });
     }
+    /// New points are unset.
     void resize(std::size_t n)
     {
-        forEach([n](std::vector<float>& a) { a.resize(n); });
+        forEach([n](Floats& a) { a.resize(n); });
     }
     std::size_t bytes() const { return 7 * sizeof(float) * x.capacity(); }
 
@@ -59,8 +83,8 @@ private:
     float kthSmallest(std::size_t k);
     void append(const PointBatch& from, PointBatch& out) const;
 
-    std::vector<float> mDistance2, mFew;
-    std::vector<std::uint32_t> mMask, mIndices;
+    PointBatch::Floats mDistance2, mFew;
+    std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>> mMask, mIndices;
     std::size_t mSelected = 0; ///< indices in use
 };
 

@@ -119,7 +119,7 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& p
 {
     std::vector<KeyedIndex> order = sortedOrder(cloud, root, progress);
     const std::size_t count = order.size();
-    const auto permute = [&](std::vector<float>& out, auto value) {
+    const auto permute = [&](PointBatch::Floats& out, auto value) {
         out.resize(count);
         tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 1 << 14),
                           [&](const tbb::blocked_range<std::size_t>& range) {
@@ -163,7 +163,7 @@ void SortedPoints::mergeCopies()
     std::size_t kept = 0;
     for (std::size_t n = 0, end = 0; n < size(); n = end, ++kept) {
         while (end < p.size() && same(n, end)) ++end;
-        p.forEach([&](std::vector<float>& a) { a[kept] = a[n]; });
+        p.forEach([&](PointBatch::Floats& a) { a[kept] = a[n]; });
         mKeys[kept] = mKeys[n];
         if (end - n < 2) continue;
         Vec3d normal = Vec3d::Zero();
