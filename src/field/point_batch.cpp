@@ -82,24 +82,32 @@ std::size_t countUpTo(const Floats& values, float limit)
     return count;
 }
 
-/// A limit that at least @a k of the values, and if possible few more, do not exceed. Counting
-/// touches no branch predictor, whatever the order of the values; squared distances on a surface
-/// spread evenly, so that a line through two counts mostly leads close at once.
-float limitAbove(const Floats& values, std::size_t k)
+/// Values up to a limit.
+struct Least {
+    float limit;
+    std::size_t count;
+};
+
+/// At least @a k of the values (all, if there are fewer), and no more than half as many again
+/// unless they are equal. Counting touches no branch predictor, whatever the order of the values;
+/// squared distances on a surface spread evenly, so that a line through two counts mostly leads
+/// close at once.
+Least leastOf(const Floats& values, std::size_t k)
 {
-    float low = 0, high = 0;
-    findLeastAndMost(values, low, high);
-    std::size_t below = 0, upTo = values.size(); // counted at low and at high
-    for (int step = 0; step < 12 && upTo > 2 * k; ++step) {
-        const float share = (1.5f * float(k) - float(below)) / float(upTo - below);
-        const float middle = low + (high - low) * (step % 3 == 2 ? 0.5f : share);
+    float low = 0;
+    Least least{0, values.size()};
+    findLeastAndMost(values, low, least.limit);
+    std::size_t below = 0; // counted at low
+    for (int step = 0; step < 16 && 2 * least.count > 3 * k; ++step) {
+        const float share = (1.25f * float(k) - float(below)) / float(least.count - below);
+        const float middle = low + (least.limit - low) * (step % 3 == 2 ? 0.5f : share);
         const std::size_t count = countUpTo(values, middle);
         if (count < k)
             low = middle, below = count;
         else
-            high = middle, upTo = count;
+            least = {middle, count};
     }
-    return high;
+    return least;
 }
 
 } // namespace
@@ -161,31 +169,15 @@ void BatchFilter::octants(const PointBatch& from, const Vec3d& centre, double ha
     }
 }
 
-/// The k th smallest (from 1) of the distances; the largest if there are fewer.
-float BatchFilter::kthSmallest(std::size_t k)
-{
-    k = std::min(k, mDistance2.size());
-    mFew.resize(mDistance2.size() + 1);
-    const float limit = limitAbove(mDistance2, k);
-    std::size_t few = 0;
-    for (const float d : mDistance2) {
-        mFew[few] = d;
-        few += d <= limit;
-    }
-    const auto kth = mFew.begin() + std::ptrdiff_t(k - 1);
-    std::nth_element(mFew.begin(), kth, mFew.begin() + std::ptrdiff_t(few));
-    return *kth;
-}
-
 double BatchFilter::nearest(const PointBatch& from, const Vec3d& centre, std::size_t count,
                             PointBatch& out)
 {
     squaredDistances(from, centre.cast<float>(), mDistance2);
-    const float last = kthSmallest(count);
-    select(std::nextafter(last, std::numeric_limits<float>::infinity()));
+    const float limit = leastOf(mDistance2, count).limit;
+    select(std::nextafter(limit, std::numeric_limits<float>::infinity()));
     out.clear();
     append(from, out);
-    return std::sqrt(double(last));
+    return std::sqrt(double(limit));
 }
 
 std::size_t BatchFilter::nearestOf(const PointBatch& from, const Vec3d& centre)
@@ -235,8 +227,9 @@ double BatchFilter::spacing(const PointBatch& ball, const Vec3d& centre, double 
     for (std::size_t k = 0; k < kProbes; ++k) {
         const std::uint32_t p = probes[k];
         squaredDistances(ball, Vec3f(ball.x[p], ball.y[p], ball.z[p]), mDistance2);
-        const float last = kthSmallest(kNeighbours + 1); // the probe itself is the first
-        found[k] = std::sqrt(M_PI / kNeighbours * double(last));
+        const Least near = leastOf(mDistance2, kNeighbours + 1);
+        // A disc of as many cells, but the probe itself, as it holds points.
+        found[k] = std::sqrt(M_PI / double(near.count - 1) * double(near.limit));
     }
     std::sort(found.begin(), found.end());
     return found[kProbes / 2];

@@ -64,8 +64,9 @@ public:
     /// The same for the eight centres @a centre +- @a half along each axis; octant bits: x, y, z.
     void octants(const PointBatch& from, const Vec3d& centre, double half, double radius,
                  std::array<PointBatch, 8>& out);
-    /// Copy to @a out the @a count (above 0) points of @a from nearest to @a centre, more where the
-    /// last are as near as each other. Returns the distance of the last.
+    /// Copy to @a out the @a count (above 0) points of @a from nearest to @a centre, or up to half
+    /// as many again; more where the last are as near as each other. Returns a distance that the
+    /// last does not exceed.
     double nearest(const PointBatch& from, const Vec3d& centre, std::size_t count, PointBatch& out);
     /// Index of the point of @a from (not empty) nearest to @a centre; the first of several.
     std::size_t nearestOf(const PointBatch& from, const Vec3d& centre);
@@ -74,16 +75,15 @@ public:
     /// Append to @a out the points begin, begin + stride, ... below @a end within the ball.
     void appendBall(const PointBatch& from, std::size_t begin, std::size_t end, std::size_t stride,
                     const Vec3d& centre, double radius, PointBatch& out);
-    /// Median over a few points of sqrt(pi/12) d12; 0 for too few points. Points near the middle of
-    /// the ball, where their neighbours are in it too.
+    /// Median over a few points of sqrt(pi/k) d, where k >= 12 neighbours are within d; 0 for too
+    /// few points. Points near the middle of the ball, where their neighbours are in it too.
     double spacing(const PointBatch& ball, const Vec3d& centre, double radius);
 
 private:
     void select(float below);
-    float kthSmallest(std::size_t k);
     void append(const PointBatch& from, PointBatch& out) const;
 
-    PointBatch::Floats mDistance2, mFew;
+    PointBatch::Floats mDistance2;
     std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>> mMask, mIndices;
     std::size_t mSelected = 0; ///< indices in use
 };

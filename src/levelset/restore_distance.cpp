@@ -383,9 +383,15 @@ private:
     {
         openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
         std::vector<Coord> touched;
+        Coord home;
+        Leaf::NodeMaskType* settled = nullptr; // of the leaf at home
         for (const auto& voxels : found) {
             for (const Examined& voxel : voxels) {
-                mSettled[voxel.at & ~7].setOn(Leaf::coordToOffset(voxel.at));
+                if (!settled || (voxel.at & ~7) != home) {
+                    home = voxel.at & ~7;
+                    settled = &mSettled[home];
+                }
+                settled->setOn(Leaf::coordToOffset(voxel.at));
                 float old = 0;
                 const bool active = access.probeValue(voxel.at, old);
                 const float a = std::abs(old) / mVoxelSize;
@@ -399,8 +405,7 @@ private:
                 else
                     continue;
                 ++changed;
-                for (int n = 0; n < 27; ++n)
-                    touched.push_back(voxel.at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1) & ~7);
+                addLeavesAround(voxel.at, touched);
             }
         }
         std::sort(touched.begin(), touched.end());
@@ -409,6 +414,15 @@ private:
         for (const Coord& origin : touched)
             if (Leaf* leaf = access.probeLeaf(origin)) leaves.push_back(leaf);
         return leaves;
+    }
+
+    /// Origins of the leaves that hold a voxel or one of its neighbours.
+    static void addLeavesAround(const Coord& at, std::vector<Coord>& origins)
+    {
+        const Coord low = at.offsetBy(-1) & ~7, high = at.offsetBy(1) & ~7;
+        for (int x = low.x(); x <= high.x(); x += kDim)
+            for (int y = low.y(); y <= high.y(); y += kDim)
+                for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace_back(x, y, z);
     }
 
     /// What a value is to be, given the distance to the nearest crossing.

@@ -57,7 +57,7 @@ std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
                                const std::vector<Vec3f>& chosen, std::size_t k, Progress& progress)
 {
     // A finer cloud takes longer to sort, a coarser one makes balls that hold far too much.
-    constexpr std::size_t kFewest = 65536, kThinning = 40;
+    constexpr std::size_t kFewest = 32768, kThinning = 40;
     const std::size_t size = std::max(kFewest, positions.size() / kThinning);
     const std::vector<Vec3f> thinned = choosePositions(positions, size, progress);
     const double expected =

@@ -185,7 +185,20 @@ private:
         const KdTree tree(mPositions);
         mNeighbors.resize(mPositions.size() * reachable());
         mDistances.resize(mNeighbors.size());
+        std::vector<char> asked(mPositions.size(), 0);
+        std::fill_n(asked.begin(), mDoubtful, char(1));
+        findNeighbors(tree, asked);
+        // Of those that stand for surfaces, the neighbours of the doubtful.
+        std::vector<char> beside(mPositions.size(), 0);
+        for (std::size_t n = 0; n < mDoubtful * reachable(); ++n)
+            beside[mNeighbors[n]] = !asked[mNeighbors[n]];
+        findNeighbors(tree, beside);
+    }
+
+    void findNeighbors(const KdTree& tree, const std::vector<char>& asked)
+    {
         forEach(mPositions.size(), [&](std::size_t i) {
+            if (!asked[i]) return;
             std::vector<std::uint32_t> indices(reachable() + 1);
             std::vector<float> squared(indices.size());
             tree.nearest(mPositions[i], indices, squared);
@@ -280,7 +293,8 @@ private:
     const std::vector<Vec3f>& mPositions;
     const std::size_t mDoubtful;
     Progress& mProgress;
-    std::vector<std::uint32_t> mNeighbors; // reachable() for each position, nearest first
+    /// reachable() for each doubtful position and each beside one, nearest first
+    std::vector<std::uint32_t> mNeighbors;
     std::vector<float> mDistances;
     std::vector<char> mPlanar;
 };

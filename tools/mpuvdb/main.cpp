@@ -62,6 +62,7 @@ int runVerb(Verb& verb, const CommonOptions& options)
 int main(int argc, char** argv)
 {
     using namespace mpuvdb;
+    command::reuseFreedMemory();
     try {
         const command::CommandLine line = command::parseCommandLine(argc, argv);
         return line.verb ? command::runVerb(*line.verb, line.options) : int(ExitCode::Ok);

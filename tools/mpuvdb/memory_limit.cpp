@@ -9,6 +9,9 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <limits>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <sstream>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -99,6 +102,14 @@ void limitMemory(std::uint64_t bytes)
     getrlimit(RLIMIT_DATA, &limit);
     limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, dataBytesNow() + bytes);
     setrlimit(RLIMIT_DATA, &limit);
+}
+
+void reuseFreedMemory()
+{
+#ifdef __GLIBC__
+    mallopt(M_MMAP_THRESHOLD, 32 << 20); // its most
+    mallopt(M_TRIM_THRESHOLD, 128 << 20);
+#endif
 }
 
 } // namespace mpuvdb::command

@@ -20,4 +20,8 @@ std::uint64_t defaultMemoryLimit();
 /// machine.
 void limitMemory(std::uint64_t bytes);
 
+/// Have the C library keep what a stage frees for the next stage: given back, the system clears the
+/// same pages again and again. Large arrays still go back at once. Once, before any thread starts.
+void reuseFreedMemory();
+
 } // namespace mpuvdb::command
