@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
@@ -191,23 +192,35 @@ FieldSample MpuField::evaluate(const Vec3d& position) const
 
 std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const
 {
+    using Block = std::array<int, 3>;
+    constexpr std::size_t kChunk = 1 << 14; // points
     const PointBatch& points = mImpl->points->points();
-    const Vec3d shift = mImpl->frame - lattice.origin;
-    std::vector<std::array<int, 3>> blocks;
-    std::array<int, 3> last{};
-    for (std::size_t i = 0; i < points.size(); ++i) {
-        const Vec3d p = Vec3d(points.x[i], points.y[i], points.z[i]) + shift;
-        std::array<int, 3> block;
-        for (std::size_t k = 0; k < 3; ++k)
-            block[k] = int(std::floor(std::round(p[int(k)] / lattice.voxelSize) / kBlockDim));
-        if (blocks.empty() || block != last) blocks.push_back(block);
-        last = block;
-    }
-    std::sort(blocks.begin(), blocks.end());
-    blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
-    std::vector<Vec3i> result(blocks.size());
-    for (std::size_t n = 0; n < blocks.size(); ++n)
-        result[n] = Vec3i(blocks[n][0], blocks[n][1], blocks[n][2]);
+    const Vec3d shift = (mImpl->frame - lattice.origin) / lattice.voxelSize;
+    const double scale = 1 / lattice.voxelSize;
+    const auto blockAt = [&](float x, int axis) {
+        const double voxel = std::floor(double(x) * scale + shift[axis] + 0.5);
+        return int(std::floor(voxel * (1.0 / kBlockDim)));
+    };
+    const auto sortUnique = [](std::vector<Block>& blocks) {
+        std::sort(blocks.begin(), blocks.end());
+        blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+    };
+    std::vector<std::vector<Block>> chunks((points.size() + kChunk - 1) / kChunk);
+    tbb::parallel_for(std::size_t(0), chunks.size(), [&](std::size_t c) {
+        std::vector<Block>& blocks = chunks[c];
+        const std::size_t end = std::min((c + 1) * kChunk, points.size());
+        for (std::size_t i = c * kChunk; i < end; ++i) {
+            const Block block = {blockAt(points.x[i], 0), blockAt(points.y[i], 1),
+                                 blockAt(points.z[i], 2)};
+            if (blocks.empty() || block != blocks.back()) blocks.push_back(block);
+        }
+        sortUnique(blocks);
+    });
+    std::vector<Block> all;
+    for (const auto& blocks : chunks) all.insert(all.end(), blocks.begin(), blocks.end());
+    sortUnique(all);
+    std::vector<Vec3i> result(all.size());
+    for (std::size_t n = 0; n < all.size(); ++n) result[n] = Vec3i(all[n][0], all[n][1], all[n][2]);
     return result;
 }
 
