@@ -19,6 +19,9 @@ struct MpuSettings {
     /// Standard deviation of the points about the surface, world units; 0: they are exact. A fit
     /// beyond the tolerance stays where all that it leaves of the points is noise.
     double noise = 0;
+    /// Standard deviation of the normals, radians, that lets fits weigh them against the positions;
+    /// 0: unknown, or they come from the positions, and normals only orient. Without noise, too.
+    double normalNoise = 0;
     double voxelSize = 0; ///< cells stay above about two of these (one where sharp), > 0
     double alpha = 0.75;  ///< support radius / cell diagonal, in [0.6, 2]
     int minPoints = 15;   ///< N_min: confidences a fit needs in sum, in [6, 1000]

@@ -50,10 +50,14 @@ struct PointCloud {
 struct PointStatistics {
     double spacing = 0; ///< median distance between neighbours on the surface, world units
     double noise = 0;   ///< standard deviation of points about the surface, along the normal
+    /// Standard deviation of normals about each of two axes across them, radians; 0 without
+    /// normals.
+    double normalNoise = 0;
 };
 
 /// Measure spacing and noise: each of about 1000 evenly chosen points is compared with its nearest
-/// neighbours; spacing = sqrt(pi/12) * distance to the 12th, noise = residual of a local quadric.
+/// neighbours; spacing = sqrt(pi/12) * distance to the 12th, noise = residual of a local quadric,
+/// normal noise = that of normals that change linearly.
 /// @throws InputError for fewer than two distinct points.
 PointStatistics measure(const PointCloud& cloud, Progress& progress);
 

@@ -19,7 +19,13 @@ constexpr double kRimSpacings =
 
 /// Least radius of a ball, in standard deviations of the noise: a smaller ball cuts off points that
 /// noise throws far, and takes its own border for the surface.
-constexpr double kNoiseRadius = 5;
+constexpr double kNoiseRadius = 3;
+
+/// Balls up to this radius, in standard deviations of the noise, cut through it.
+constexpr double kThickRadius = 8;
+
+/// Normals are trusted no farther, radians: a quadratic has not all of a shape's slopes.
+constexpr double kLeastNormalNoise = 0.04;
 
 constexpr double kHeirError =
     0.02; ///< largest error, in radii, of a fit that empty cells take over
@@ -63,6 +69,8 @@ public:
     {
         mFit.tolerance = settings.tolerance;
         mFit.noise = settings.noise;
+        if (settings.normalNoise > 0)
+            mFit.lever = settings.noise / std::max(settings.normalNoise, kLeastNormalNoise);
         mFit.minPoints = settings.minPoints;
     }
 
@@ -83,7 +91,7 @@ public:
         Decision decision;
         if (ball.size() > kSampleFrom) {
             mFilter.strided(ball, ball.size() / kSample, mGrown);
-            decision = decideOn(mGrown, cell, radius, spacing);
+            decision = decideOn(mGrown, cell, radius, radius, spacing);
             if (decision.split) return decision;
         }
         if (ball.size() < std::size_t(mFit.minPoints) && radius > kRimSpacings * spacing &&
@@ -94,8 +102,12 @@ public:
             decision.fitted = false;
             return decision;
         }
-        const double grown = grow(ball, cell, path);
-        decision = decideOn(grown > radius ? mGrown : ball, cell, grown, spacing);
+        if (thicken(cell, path)) {
+            decision = decideOn(mGrown, cell, thickened(radius), radius, spacing);
+        } else {
+            const double grown = grow(ball, cell, path);
+            decision = decideOn(grown > radius ? mGrown : ball, cell, grown, grown, spacing);
+        }
         if (!decision.split && !decision.result.accepted && mSettings.sharp &&
             mCell.count <= 8 * std::size_t(mFit.minPoints)) {
             // The level limit stops the descent to few points: look for a feature all the same.
@@ -189,11 +201,13 @@ private:
                mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
     }
 
+    /// @param reach  across the surface, of the points of the ball that count.
     Decision decideOn(const PointBatch& batch, const OctreeCell& cell, double ballRadius,
-                      double spacing)
+                      double reach, double spacing)
     {
         const double radius = supportRadius(cell.level);
         mCell.assign(batch, mRoot.centre(cell), ballRadius);
+        if (mSettings.noise > 0) mCell.weighAcross(meanNormal(mCell), reach);
         FitSettings fit = mFit;
         fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
         Decision decision;
@@ -209,6 +223,26 @@ private:
         decision.split = mayBe && decision.gap > heldUpGap(radius, ballRadius, spacing) &&
                          (ballRadius <= 1.5 * radius || radius > 3 * spacing);
         return decision;
+    }
+
+    /// Radius of a ball that the noise does not leave.
+    double thickened(double radius) const { return radius + 3 * mSettings.noise; }
+
+    /// Where the noise is thick against the ball, which cuts through it: put the points of a larger
+    /// one into mGrown, if an ancestor's holds it.
+    bool thicken(const OctreeCell& cell, const std::vector<Ball>& path)
+    {
+        const Vec3d centre = mRoot.centre(cell);
+        const double radius = supportRadius(cell.level), wanted = thickened(radius);
+        if (!(radius < kThickRadius * mSettings.noise)) return false;
+        for (std::size_t up = path.size(); up-- > 0;) {
+            if (path[up].radius - (path[up].centre - centre).norm() < wanted) continue;
+            mFilter.ball(*path[up].batch, centre, wanted, mGrown);
+            double sum = 0;
+            for (const float c : mGrown.confidence) sum += c;
+            return sum >= mFit.minPoints;
+        }
+        return false;
     }
 
     /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min

@@ -52,6 +52,20 @@ void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double bal
     }
 }
 
+MPUVDB_CLONES
+void CellPoints::weighAcross(const Vec3d& normal, double reach)
+{
+    const double scale = 1.5 / reach;
+    for (std::size_t i = 0; i < x.size(); i += kGroup) {
+        const Group gx = load(x, i), gy = load(y, i), gz = load(z, i);
+        const Group along = gx * normal[0] + gy * normal[1] + gz * normal[2];
+        const Group across2 = gx * gx + gy * gy + gz * gz - along * along;
+        const Group t = squareRoot(across2 > 0 ? across2 : Group{}) * scale;
+        const Group w = load(confidence, i) * bsplineWeight(t);
+        std::memcpy(&weight[i], &w, sizeof w);
+    }
+}
+
 void CellPoints::assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members)
 {
     setCount(members.size());

@@ -23,6 +23,10 @@ struct CellPoints {
 
     /// Take @a batch (all of it inside the ball) relative to @a centre.
     void assign(const PointBatch& batch, const Vec3d& centre, double ballRadius);
+    /// Weigh by the distance from the line through the centre along @a normal instead of from the
+    /// centre: of points that noise spreads along the normal those near the centre would count
+    /// more, and the fit would come to meet it. 0 from @a reach on.
+    void weighAcross(const Vec3d& normal, double reach);
     /// Take the points @a members of @a other.
     void assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members);
 

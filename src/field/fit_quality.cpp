@@ -167,8 +167,9 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
 namespace
 {
 
-/// Sums of residuals over the parts of a ball: its octants, each inside and outside of half the
-/// ball's disc.
+/// Sums of residuals over the parts of a disc across the fit's normal: eight sectors, each inside
+/// and outside of half its area. Parts along the normal would tell points thrown up from points
+/// thrown down, and find a pattern in any noise.
 struct ResidualSums {
     static constexpr std::size_t kParts = 16;
 
@@ -183,6 +184,9 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
                   ResidualSums& result)
 {
     using Integers = std::int64_t __attribute__((vector_size(32)));
+    const Vec3d slope0 = fit.ruling(Vec3d::Zero()).gradient(Vec3d::Zero());
+    const Vec3d normal = slope0.norm() > 0 ? Vec3d(slope0.normalized()) : Vec3d::UnitZ();
+    const Vec3d e1 = normal.unitOrthogonal(), e2 = normal.cross(e1);
     const double radius2 = testRadius * testRadius;
     Group squares{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
@@ -191,11 +195,12 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
         const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
         const Group flat = Group{} + kFlat;
         const Group slope = squareRoot(slope2 > flat ? slope2 : flat);
-        const Group r2 = x * x + y * y + z * z;
+        const Group u = x * e1[0] + y * e1[1] + z * e1[2], v = x * e2[0] + y * e2[1] + z * e2[2];
+        const Group u2 = u * u, v2 = v * v, r2 = u2 + v2;
         const Group residual =
             r2 < radius2 ? load(points.confidence, i) * s.value / slope : Group{};
         squares += residual * residual;
-        const Integers part = ((x > 0) & 1) | ((y > 0) & 2) | ((z > 0) & 4) |
+        const Integers part = ((u > 0) & 1) | ((v > 0) & 2) | ((u2 > v2) & 4) |
                               ((2 * r2 > radius2) & 8) | ((r2 >= radius2) & 16);
         for (std::size_t k = 0; k < CellPoints::kGroup && i + k < points.count; ++k) {
             if (part[k] >= std::int64_t(ResidualSums::kParts)) continue;

@@ -108,6 +108,53 @@ Quadric heightAbove(const Frame& frame, const Eigen::Matrix<double, 5, 1>& k, do
     return q;
 }
 
+/// Add to a system the slopes that the points' normals tell: each as good as a height at a lever's
+/// distance.
+MPUVDB_CLONES
+void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin,
+               double totalWeight, double lever, BivariateSystem& system)
+{
+    constexpr double kSteep = 0.4; // cosine below which a normal says nothing of a height
+    const double t = system.scale;
+    // Moments 1, u, v, uu, uv, vv, and slopes along u and v times 1, u, v.
+    Group m[6] = {}, su[3] = {}, sv[3] = {};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group dx = t * (load(points.x, i) - origin[0]),
+                    dy = t * (load(points.y, i) - origin[1]),
+                    dz = t * (load(points.z, i) - origin[2]);
+        const Group u = dx * frame.u[0] + dy * frame.u[1] + dz * frame.u[2];
+        const Group v = dx * frame.v[0] + dy * frame.v[1] + dz * frame.v[2];
+        const Group nx = load(points.nx, i), ny = load(points.ny, i), nz = load(points.nz, i);
+        const Group nu = nx * frame.u[0] + ny * frame.u[1] + nz * frame.u[2];
+        const Group nv = nx * frame.v[0] + ny * frame.v[1] + nz * frame.v[2];
+        const Group nw = nx * frame.w[0] + ny * frame.w[1] + nz * frame.w[2];
+        // A tilt of the normal changes the slope by 1 / nw^2: half of that is in the weight.
+        const Group weight = nw > kSteep ? load(points.weight, i) * nw * nw : Group{};
+        const Group along = nw > kSteep ? -nu / nw : Group{};
+        const Group across = nw > kSteep ? -nv / nw : Group{};
+        const Group wu = weight * u, wv = weight * v;
+        m[0] += weight, m[1] += wu, m[2] += wv;
+        m[3] += wu * u, m[4] += wu * v, m[5] += wv * v;
+        su[0] += weight * along, su[1] += wu * along, su[2] += wv * along;
+        sv[0] += weight * across, sv[1] += wu * across, sv[2] += wv * across;
+    }
+    const double share = lever * lever * t * t / totalWeight;
+    double one = share * sum(m[0]), u = share * sum(m[1]), v = share * sum(m[2]),
+           uu = share * sum(m[3]), uv = share * sum(m[4]), vv = share * sum(m[5]);
+    // d/du of the basis u^2, uv, v^2, u, v: 2u, v, 0, 1, 0; d/dv: 0, u, 2v, 0, 1.
+    Eigen::Matrix<double, 5, 5> S;
+    S << 4 * uu, 2 * uv, 0, 2 * u, 0,  //
+        2 * uv, uu + vv, 2 * uv, v, u, //
+        0, 2 * uv, 4 * vv, 0, 2 * v,   //
+        2 * u, v, 0, one, 0,           //
+        0, u, 2 * v, 0, one;
+    system.M.topLeftCorner<5, 5>() += S;
+    Eigen::Matrix<double, 5, 1> r;
+    r << 2 * sum(su[1]), sum(su[2]) + sum(sv[1]), 2 * sum(sv[2]), sum(su[0]), sum(sv[0]);
+    system.r.head<5>() += share * r;
+}
+
+constexpr std::size_t kFewestOfQuadratic = 6;
 constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
 
 constexpr std::size_t kNearest = 6; ///< points asked at an auxiliary point [Ohtake03 §4a]
@@ -175,14 +222,16 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
 
 } // namespace
 
-Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic)
+Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic,
+                     double lever)
 {
     double totalWeight = 0;
     const Vec3d origin = weightedCentroid(points, totalWeight);
     if (points.count < minQuadratic || !(totalWeight > 0)) return planeThrough(origin, normal);
     const Frame frame(normal);
-    const BivariateSystem system = bivariateSystem(points, frame, origin, totalWeight);
+    BivariateSystem system = bivariateSystem(points, frame, origin, totalWeight);
     if (!(system.scale > 0)) return planeThrough(origin, normal);
+    if (lever > 0) addSlopes(points, frame, origin, totalWeight, lever, system);
     Eigen::Matrix<double, 6, 1> ridge;
     ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-14;
     const Eigen::Matrix<double, 6, 1> k = solveRidged<6>(system.M, system.r, ridge);
@@ -346,7 +395,7 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
         if (result.needsSplit)
             result.fit.pieces[0] = fitBivariate(points, normal, points.count + 1);
     } else {
-        result.fit.pieces[0] = fitBivariate(points, normal);
+        result.fit.pieces[0] = fitBivariate(points, normal, kFewestOfQuadratic, settings.lever);
     }
     result.error = taubinError(result.fit, points, testRadius);
     result.accepted = isAccepted(result, points, testRadius, settings);

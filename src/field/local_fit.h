@@ -13,7 +13,10 @@ namespace mpuvdb
 struct FitSettings {
     double tolerance = 0; ///< world units
     double noise = 0;     ///< standard deviation of the points, world units; 0: they are exact
-    int minPoints = 15;   ///< N_min
+    /// Positions are off by as much at this distance from where a normal's tilt is known; 0:
+    /// normals only orient. World units.
+    double lever = 0;
+    int minPoints = 15;              ///< N_min
     std::size_t maxSharpPoints = 30; ///< edges and corners are tried up to so many points
 };
 
@@ -33,8 +36,10 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
                   const FitSettings& settings, CellPoints& scratch);
 
 /// (b) Bivariate quadratic over the plane of the mean normal [Ohtake03 §4b]; a plane for fewer than
-/// @a minQuadratic points.
-Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic = 6);
+/// @a minQuadratic points. With a lever (see FitSettings) also to the slopes that normals tell, as
+/// far as they are surer than those of the positions.
+Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic = 6,
+                     double lever = 0);
 
 /// As (b), through the origin exactly: quadratic in the plane of @a normal about it. A plane where
 /// the points do not say more.

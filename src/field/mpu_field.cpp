@@ -3,6 +3,7 @@
 #include "coarse_sign.h"
 #include "data_coverage.h"
 #include "mpu_block_sampler.h"
+#include "noise_bias.h"
 #include "octree.h"
 #include "sorted_points.h"
 
@@ -109,6 +110,9 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Progress& progr
     impl->points = std::make_unique<SortedPoints>(std::move(cloud), root, progress, copies);
     progress.beginStage("fit");
     impl->tree = buildOctree(*impl->points, root, settings, progress);
+    // Less noise moves no surface that voxels can tell.
+    if (settings.noise > 2 * settings.tolerance)
+        removeNoiseBias(impl->tree, *impl->points, settings.noise);
     if (!impl->tree.complete) {
         progress.beginStage("sign");
         impl->coarse =

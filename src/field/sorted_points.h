@@ -96,7 +96,14 @@ public:
         forEachBucketIn(0, 0, mKeys.size(), most, f);
     }
 
+    struct Range {
+        std::size_t begin, end;
+    };
+    /// The points in @a cell.
+    Range cellRange(const OctreeCell& cell) const;
+
 private:
+    void mergeCopies();
     template <typename F>
     void forEachBucketIn(int level, std::size_t begin, std::size_t end, std::size_t most,
                          F& f) const
@@ -115,11 +122,6 @@ private:
         }
     }
 
-    struct Range {
-        std::size_t begin, end;
-    };
-    void mergeCopies();
-    Range cellRange(const OctreeCell& cell) const;
     OctreeCell coveringCell(OctreeCell cell, double radius) const;
     template <typename F>
     void forEachAround(const OctreeCell& cell, double radius, F f) const;

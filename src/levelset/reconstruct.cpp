@@ -68,6 +68,7 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
     } else {
         fit.tolerance = kToleranceVoxels * h;
         fit.noise = resolved.points.noise;
+        fit.normalNoise = resolved.points.normalNoise;
     }
     fit.minPoints = settings.minPoints.value_or(MpuSettings{}.minPoints);
     progress.endStage();

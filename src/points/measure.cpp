@@ -33,44 +33,83 @@ double spacingAt(const Neighborhood& n)
     return std::sqrt(M_PI / double(j) * n.neighbors[j - 1].squaredDistance);
 }
 
-/// The center and its neighbors within the first @a k that lie on the same sheet: their normals, if
-/// there are any, do not turn away from the center's.
-std::vector<Vec3f> sheetOf(const Neighborhood& n, std::size_t k)
+/// Neighbours that lie on one sheet, about the point they are the neighbours of.
+struct Sheet {
+    Eigen::Matrix3Xd positions, normals; // the first is the center's; the last the farthest
+    double radius = 0;
+};
+
+/// The center and its neighbors within the first @a k whose normals, if there are any, do not turn
+/// away from the center's.
+Sheet sheetOf(const Neighborhood& n, std::size_t k)
 {
-    std::vector<Vec3f> sheet = {n.center};
-    for (std::size_t i = 0; i < std::min(k, n.neighbors.size()); ++i)
-        if (!(n.neighbors[i].normal.dot(n.normal) < 0)) sheet.push_back(n.neighbors[i].position);
+    Sheet sheet;
+    const std::size_t most = std::min(k, n.neighbors.size());
+    sheet.positions.resize(3, Eigen::Index(most + 1));
+    sheet.normals.resize(3, Eigen::Index(most + 1));
+    Eigen::Index count = 0;
+    const auto add = [&](const Vec3f& position, const Vec3f& normal) {
+        sheet.positions.col(count) = (position - n.center).cast<double>();
+        sheet.normals.col(count++) = normal.cast<double>();
+    };
+    add(n.center, n.normal);
+    for (std::size_t i = 0; i < most; ++i)
+        if (!(n.neighbors[i].normal.dot(n.normal) < 0))
+            add(n.neighbors[i].position, n.neighbors[i].normal);
+    sheet.positions.conservativeResize(3, count);
+    sheet.normals.conservativeResize(3, count);
+    sheet.radius = sheet.positions.col(count - 1).norm();
     return sheet;
 }
 
-/// Standard deviation of a sheet's heights about a quadratic over its own principal plane,
-/// corrected for the quadratic's freedom; the last of @a sheet is the farthest from the first.
-double residualOf(const std::vector<Vec3f>& sheet)
+/// What of a sheet is left unexplained, and how many degrees of freedom that has.
+struct Residual {
+    double deviation;
+    std::size_t freedom;
+};
+
+/// Coordinates of a sheet along its principal axes, in its radii; the first row is the heights.
+Eigen::Matrix3Xd alongAxes(const Sheet& sheet)
 {
-    const auto count = Eigen::Index(sheet.size());
-    Eigen::Matrix3Xd p(3, count);
-    for (Eigen::Index i = 0; i < count; ++i)
-        p.col(i) = (sheet[std::size_t(i)] - sheet.front()).cast<double>();
-    const double radius = p.col(count - 1).norm();
-    p /= radius;
+    Eigen::Matrix3Xd p = sheet.positions / sheet.radius;
     p.colwise() -= Vec3d(p.rowwise().mean());
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(p * p.transpose());
-    p = axes.eigenvectors().transpose() * p; // x: the heights
+    return axes.eigenvectors().transpose() * p;
+}
+
+/// Standard deviation of the heights about a quadratic over the sheet's principal plane.
+Residual heightResidual(const Sheet& sheet)
+{
+    const Eigen::Matrix3Xd p = alongAxes(sheet);
+    const Eigen::Index count = p.cols();
     Eigen::Matrix<double, Eigen::Dynamic, int(kUnknowns)> a(count, Eigen::Index(kUnknowns));
     const Eigen::ArrayXd u = p.row(1), v = p.row(2);
     a << Eigen::ArrayXd::Ones(count), u, v, u * u, u * v, v * v;
     const Eigen::VectorXd heights = p.row(0);
     const Eigen::VectorXd fit = a.colPivHouseholderQr().solve(heights);
-    const double squares = (heights - a * fit).squaredNorm();
-    return radius * std::sqrt(squares / double(count - Eigen::Index(kUnknowns)));
+    const std::size_t freedom = std::size_t(count) - kUnknowns;
+    return {sheet.radius * std::sqrt((heights - a * fit).squaredNorm() / double(freedom)), freedom};
 }
 
-/// Lower quartile of a residual of @a count points, of noise whose standard deviation is 1: of
-/// chi-square over its freedom [Wilson31].
-double expectedQuartile(std::size_t count)
+/// Standard deviation, radians, of the normals about ones that change linearly over the plane.
+Residual normalResidual(const Sheet& sheet)
+{
+    constexpr Eigen::Index kOfLine = 3;
+    const Eigen::Matrix3Xd p = alongAxes(sheet);
+    Eigen::Matrix<double, Eigen::Dynamic, kOfLine> a(p.cols(), kOfLine);
+    a << Eigen::VectorXd::Ones(p.cols()), p.row(1).transpose(), p.row(2).transpose();
+    const Eigen::MatrixX3d normals = sheet.normals.transpose();
+    const Eigen::MatrixX3d fit = a.colPivHouseholderQr().solve(normals);
+    const auto freedom = std::size_t(2 * (p.cols() - kOfLine)); // lengths do not vary
+    return {std::sqrt((normals - a * fit).squaredNorm() / double(freedom)), freedom};
+}
+
+/// Lower quartile of a residual of noise whose standard deviation is 1: of chi-square over its
+/// freedom [Wilson31].
+double expectedQuartile(std::size_t freedom)
 {
     constexpr double kNormalQuartile = -0.6745;
-    const double spread = 2 / (9 * double(count - kUnknowns));
+    const double spread = 2 / (9 * double(freedom));
     return std::pow(1 - spread + kNormalQuartile * std::sqrt(spread), 1.5);
 }
 
@@ -78,28 +117,30 @@ double expectedQuartile(std::size_t count)
 /// deviation that it stands for. Edges, outliers and second sheets only add to residuals: they can
 /// spoil three quarters of the samples. 0 if no sheet has enough points.
 double residualAmong(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
-                     Progress& progress)
+                     Residual (*residualOf)(const Sheet&), Progress& progress)
 {
     std::vector<double> noise(neighborhoods.size(), -1);
     tbb::parallel_for(std::size_t(0), noise.size(), [&](std::size_t i) {
         progress.check();
-        const std::vector<Vec3f> sheet = sheetOf(neighborhoods[i], k);
-        if (sheet.size() > 2 * kUnknowns)
-            noise[i] = residualOf(sheet) / expectedQuartile(sheet.size());
+        const Sheet sheet = sheetOf(neighborhoods[i], k);
+        if (std::size_t(sheet.positions.cols()) <= 2 * kUnknowns) return;
+        const Residual residual = residualOf(sheet);
+        noise[i] = residual.deviation / expectedQuartile(residual.freedom);
     });
     noise.erase(std::remove(noise.begin(), noise.end(), -1.0), noise.end());
     return noise.empty() ? 0 : quantile(std::move(noise), 0.25);
 }
 
-/// Residuals are noise and what a quadratic lacks of the shape. The latter, cubic in the radius,
-/// grows with k^(3/2): two sizes tell them apart.
+/// Residuals are noise and what the fit lacks of the shape. The latter grows with a power of the
+/// radius, and so of k: two sizes tell them apart.
+/// @param growth  of its square where k doubles.
 double robustNoise(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
-                   Progress& progress)
+                   Residual (*residualOf)(const Sheet&), double growth, Progress& progress)
 {
-    const double whole = residualAmong(neighborhoods, k, progress);
-    const double half = residualAmong(neighborhoods, k / 2, progress);
+    const double whole = residualAmong(neighborhoods, k, residualOf, progress);
+    const double half = residualAmong(neighborhoods, k / 2, residualOf, progress);
     if (!(half > 0)) return whole;
-    return std::sqrt(std::max(0.0, (8 * half * half - whole * whole) / 7));
+    return std::sqrt(std::max(0.0, (growth * half * half - whole * whole) / (growth - 1)));
 }
 
 double medianReach(const std::vector<Neighborhood>& neighborhoods)
@@ -134,7 +175,11 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
             result.spacing = quantile(std::move(spacings), 0.5);
         }
         if (found < 2 * kUnknowns) break; // too few to tell noise from shape
-        result.noise = robustNoise(neighborhoods, std::min(k, found), progress);
+        // What a quadratic lacks is cubic, what a line lacks quadratic.
+        const std::size_t used = std::min(k, found);
+        result.noise = robustNoise(neighborhoods, used, heightResidual, 8, progress);
+        if (k == kFewest && cloud.hasNormals()) // known however thick the noise of the positions
+            result.normalNoise = robustNoise(neighborhoods, used, normalResidual, 4, progress);
         if (found < k || result.noise < kThin * medianReach(neighborhoods)) break;
     }
     return result;
