@@ -86,7 +86,8 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
             indices.resize(neighbors + 1);
             squared.resize(neighbors + 1);
             tree.nearest(positions[i], indices, squared);
-            planes[i] = planeOf(positions, indices);
+            planes[i] =
+                sheetPlaneOf(positions, indices, planeOf(positions, indices), noise);
             // The point is its own nearest; distinct positions can round to the same distance.
             const auto self = std::find(indices.begin(), indices.end(), std::uint32_t(i));
             if (self != indices.end()) indices.erase(self);
