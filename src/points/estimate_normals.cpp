@@ -69,6 +69,27 @@ Vec3f sharpened(const std::vector<Vec3f>& positions, const std::vector<LocalPlan
     return best->normal.cast<float>();
 }
 
+/// Whether two planes that are about parallel are too far apart for one sheet. Nothing lies between
+/// neighbours: they then are the two sides of a wall or a gap.
+bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, double noise)
+{
+    constexpr double kParallel = 0.8, kSlope = 0.4, kThick = 3;
+    const double cosine = a.normal.dot(b.normal);
+    if (std::abs(cosine) < kParallel) return false;
+    // On one curved sheet the two heights cancel.
+    const Vec3d mean = (a.normal + std::copysign(1.0, cosine) * b.normal) / 2;
+    const double height = std::abs(mean.dot(apart.cast<double>()));
+    const double thickness = std::max(noise, std::sqrt(a.variances[0])) +
+                             std::max(noise, std::sqrt(b.variances[0]));
+    return height > kSlope * double(apart.norm()) && height > kThick * thickness;
+}
+
+void oppose(OrientationLink& link, const Vec3f& normalA, const Vec3f& normalB)
+{
+    link.unsure = true;
+    link.vote = std::copysign(0.25f, -normalA.dot(normalB));
+}
+
 PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors, double noise,
                      Progress& progress)
 {
@@ -104,8 +125,12 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
     forEachPoint(count, progress, [&](std::size_t i) {
         for (std::size_t k = i * links; k < (i + 1) * links; ++k) {
             const std::uint32_t q = linked[k];
-            graph.links[k] = orientationLink(std::uint32_t(i), q, positions[q] - positions[i],
-                                             graph.normals[i], graph.normals[q], float(noise));
+            const Vec3f apart = positions[q] - positions[i];
+            OrientationLink& link = graph.links[k];
+            link = orientationLink(std::uint32_t(i), q, apart, graph.normals[i], graph.normals[q],
+                                   float(noise));
+            link.unsure |= !planes[i].isThin() || !planes[q].isThin();
+            if (areTwoSheets(planes[i], planes[q], apart, noise)) oppose(link, graph.normals[i], graph.normals[q]);
         }
     });
     return graph;

@@ -16,6 +16,8 @@ struct LocalPlane {
     Vec3d variances = Vec3d::Zero();
 
     double height(const Vec3f& p) const { return normal.dot(p.cast<double>() - middle); }
+    /// Whether there is a plane at all: at the rim of a thin wall there is none.
+    bool isThin() const { return variances[0] < 0.15 * variances[1]; }
 };
 
 /// The plane of positions[members]; of less than two distinct ones any normal.

@@ -70,8 +70,8 @@ bool surerThan(const OrientationLink& x, const OrientationLink& y)
 
 bool isSure(const OrientationLink& link)
 {
-    constexpr float kSure = 0.8f;
-    return !link.acrossSheets && std::abs(link.vote) >= kSure;
+    constexpr float kSure = 0.9f;
+    return !link.unsure && std::abs(link.vote) >= kSure;
 }
 
 /// All that is said between two trees, by their roots; a < b.
@@ -139,7 +139,8 @@ void joinPatches(std::size_t nodes, std::vector<PatchLink>& links, Forest& fores
 OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
                                 const Vec3f& normalA, const Vec3f& normalB, float noise)
 {
-    constexpr float kAcross = 0.25f; // what two sheets say weighs less than what one says
+    constexpr float kAcross = 0.25f;  // what two sheets say weighs less than what one says
+    constexpr float kParallel = 0.9f; // planes that are not may be edges, or no planes
     OrientationLink link;
     link.a = std::min(a, b);
     link.b = std::max(a, b);
@@ -152,8 +153,9 @@ OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& a
         return std::copysign(std::max(std::abs(height) - 2 * noise, 0.f), height) / length;
     };
     const float mirrored = link.vote - 2 * slope(normalA) * slope(normalB);
-    link.acrossSheets = mirrored * link.vote < 0 && std::abs(link.vote) > std::abs(mirrored) / 4;
-    link.vote = link.acrossSheets ? kAcross * mirrored : mirrored;
+    const bool across = mirrored * link.vote < 0 && std::abs(link.vote) > std::abs(mirrored) / 4;
+    link.unsure = across || std::abs(link.vote) < kParallel;
+    link.vote = across ? kAcross * mirrored : mirrored;
     return link;
 }
 

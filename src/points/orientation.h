@@ -14,7 +14,7 @@ class Progress;
 /// nothing; reversing one normal reverses the sign.
 struct OrientationLink {
     float vote = 0;
-    bool acrossSheets = false; ///< b lies not on a's sheet but behind or before it
+    bool unsure = false; ///< across sheets, or by a plane that is none: counts only among others
     std::uint32_t a = 0, b = 0;
 };
 
