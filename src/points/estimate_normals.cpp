@@ -2,6 +2,7 @@
 #include "kd_tree.h"
 #include "local_plane.h"
 #include "orientation.h"
+#include "outward.h"
 #include "position_order.h"
 
 #include <mpuvdb/error.h>
@@ -84,12 +85,6 @@ bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, 
     return height > kSlope * double(apart.norm()) && height > kThick * thickness;
 }
 
-void oppose(OrientationLink& link, const Vec3f& normalA, const Vec3f& normalB)
-{
-    link.unsure = true;
-    link.vote = std::copysign(0.25f, -normalA.dot(normalB));
-}
-
 PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors, double noise,
                      Progress& progress)
 {
@@ -130,7 +125,9 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
             link = orientationLink(std::uint32_t(i), q, apart, graph.normals[i], graph.normals[q],
                                    float(noise));
             link.unsure |= !planes[i].isThin() || !planes[q].isThin();
-            if (areTwoSheets(planes[i], planes[q], apart, noise)) oppose(link, graph.normals[i], graph.normals[q]);
+            if (!areTwoSheets(planes[i], planes[q], apart, noise)) continue;
+            link.unsure = true;
+            link.vote = std::copysign(kAcrossSheets, -graph.normals[i].dot(graph.normals[q]));
         }
     });
     return graph;
@@ -153,22 +150,14 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight
     }
     const Orientation found =
         solveOrientation(positions.size() + 1, std::move(graph.links), progress);
-    std::vector<OutwardVote> votes;
-    std::vector<std::uint32_t> voteOf(positions.size() + 1, ~0u); // by part
-    for (std::uint32_t i = 0; i < positions.size(); ++i) {
+    for (std::uint32_t i = 0; i < positions.size(); ++i)
         if (found.turned[i]) graph.normals[i] = -graph.normals[i];
-        std::uint32_t& vote = voteOf[found.parts[i]];
-        if (vote == ~0u) {
-            vote = std::uint32_t(votes.size());
-            votes.emplace_back();
-        }
-        votes[vote].add(positions[i], graph.normals[i]);
-    }
+    std::vector<char> inward =
+        findInwardParts({positions, graph.normals, found.parts}, progress);
+    const std::uint32_t seen = found.parts[scanners];
+    if (seen != scanners) inward[seen] = found.turned[scanners];
     forEachPoint(positions.size(), progress, [&](std::size_t i) {
-        const std::uint32_t part = found.parts[i];
-        const bool inward = part == found.parts[scanners] ? bool(found.turned[scanners])
-                                                          : votes[voteOf[part]].inward();
-        if (inward) graph.normals[i] = -graph.normals[i];
+        if (inward[found.parts[i]]) graph.normals[i] = -graph.normals[i];
     });
 }
 

@@ -2,6 +2,7 @@
 // each point asks its neighbours. Then cells are compared with cells, to find whole patches.
 #include "cell_grid.h"
 #include "orientation.h"
+#include "outward.h"
 #include "union_find.h"
 
 #include <mpuvdb/normals.h>
@@ -272,7 +273,7 @@ private:
         const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
         if (from.points == 0 || to.points == 0) return;
         if (areTwoSheets(from, to)) {
-            links.push_back({kTwoSheets, true, std::min(a, b), std::max(a, b)});
+            links.push_back({kAcrossSheets, true, std::min(a, b), std::max(a, b)});
             return;
         }
         links.push_back(
@@ -287,27 +288,49 @@ private:
         const Orientation found = solveOrientation(mPatchlets.size(), links, mProgress);
         struct Part {
             std::uint64_t points = 0, turned = 0;
-            OutwardVote outward; // with the lowest left as it is
         };
         std::vector<Part> parts(mPatchlets.size());
         for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
-            const Patchlet& p = mPatchlets[n];
-            if (p.points == 0) continue;
             Part& part = parts[found.parts[n]];
-            part.points += p.points;
-            if (found.turned[n]) part.turned += p.points;
-            part.outward.add(p.position, found.turned[n] ? Vec3f(-p.normal) : p.normal);
+            part.points += mPatchlets[n].points;
+            if (found.turned[n]) part.turned += mPatchlets[n].points;
         }
+        const std::vector<char> inward = inwardParts(found);
         std::vector<char> turn(mPatchlets.size(), 0);
         for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
+            if (mPatchlets[n].points == 0) continue;
             const Part& part = parts[found.parts[n]];
             const std::uint64_t kept = part.points - part.turned;
-            bool others = part.outward.inward();
+            bool others = inward[found.parts[n]];
             if (kept > kClearly * part.turned) others = false;
             if (part.turned > kClearly * kept) others = true;
-            turn[n] = mPatchlets[n].points > 0 && bool(found.turned[n]) != others;
+            turn[n] = bool(found.turned[n]) != others;
         }
         return turn;
+    }
+
+    /// Whether parts look inward when their patchlets agree and the lowest is left as it is.
+    std::vector<char> inwardParts(const Orientation& found) const
+    {
+        std::vector<Vec3f> positions, normals;
+        std::vector<std::uint32_t> parts, placeOf(mPatchlets.size(), ~0u), partOf;
+        for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
+            const Patchlet& p = mPatchlets[n];
+            if (p.points == 0) continue;
+            std::uint32_t& place = placeOf[found.parts[n]];
+            if (place == ~0u) {
+                place = std::uint32_t(partOf.size());
+                partOf.push_back(found.parts[n]);
+            }
+            positions.push_back(p.position);
+            normals.push_back(found.turned[n] ? Vec3f(-p.normal) : p.normal);
+            parts.push_back(place);
+        }
+        const std::vector<char> inward = findInwardParts({positions, normals, parts}, mProgress);
+        std::vector<char> result(mPatchlets.size(), 0);
+        for (std::size_t place = 0; place < partOf.size(); ++place)
+            result[partOf[place]] = inward[place];
+        return result;
     }
 
     /// Patchlets to turn together, and how those around take them as they are.
@@ -358,8 +381,7 @@ private:
     }
 
     const CellGrid& mGrid;
-    static constexpr float kAlike = 0.5f;      // cosine
-    static constexpr float kTwoSheets = 0.25f; // what sheets say that are as they should be
+    static constexpr float kAlike = 0.5f; // cosine
 
     const float mNoise;
     const float mSheet; // height that one sheet may have over a cell

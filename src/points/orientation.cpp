@@ -139,7 +139,6 @@ void joinPatches(std::size_t nodes, std::vector<PatchLink>& links, Forest& fores
 OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
                                 const Vec3f& normalA, const Vec3f& normalB, float noise)
 {
-    constexpr float kAcross = 0.25f;  // what two sheets say weighs less than what one says
     constexpr float kParallel = 0.9f; // planes that are not may be edges, or no planes
     OrientationLink link;
     link.a = std::min(a, b);
@@ -155,7 +154,7 @@ OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& a
     const float mirrored = link.vote - 2 * slope(normalA) * slope(normalB);
     const bool across = mirrored * link.vote < 0 && std::abs(link.vote) > std::abs(mirrored) / 4;
     link.unsure = across || std::abs(link.vote) < kParallel;
-    link.vote = across ? kAcross * mirrored : mirrored;
+    link.vote = across ? kAcrossSheets * mirrored : mirrored;
     return link;
 }
 
