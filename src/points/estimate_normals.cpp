@@ -1,9 +1,9 @@
 // Normals of bare points: least-squares planes, then one orientation for all of a part.
+#include "distinct_positions.h"
 #include "kd_tree.h"
 #include "local_plane.h"
 #include "orientation.h"
 #include "outward.h"
-#include "position_order.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/normals.h>
@@ -11,7 +11,6 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 
 #include <fmt/format.h>
 
@@ -25,12 +24,6 @@ namespace
 
 constexpr std::size_t kGrain = 1024; // points
 constexpr double kFewestChosen = 12; // neighbours per plane where there is no noise
-
-std::size_t placeIn(const std::vector<Vec3f>& sorted, const Vec3f& p)
-{
-    const auto at = std::lower_bound(sorted.begin(), sorted.end(), p, positionBefore);
-    return std::size_t(at - sorted.begin());
-}
 
 /// Planes and links of distinct positions.
 struct PlaneGraph {
@@ -161,21 +154,21 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight
     });
 }
 
-/// For each of the sorted @a distinct positions the direction in which the first of the viewpoints
-/// that it was seen from lies; empty where no point was seen from a known one.
-std::vector<Vec3f> sights(const PointCloud& cloud, const std::vector<Vec3f>& distinct)
+/// For each of the @a distinct positions the direction in which the first of the viewpoints that it
+/// was seen from lies; empty where no point was seen from a known one.
+std::vector<Vec3f> sights(const PointCloud& cloud, const DistinctPositions& distinct)
 {
     std::vector<Vec3f> result;
     if (cloud.seenFrom.empty()) return result;
-    std::vector<std::uint32_t> from(distinct.size(), PointCloud::kUnseen);
+    std::vector<std::uint32_t> from(distinct.positions.size(), PointCloud::kUnseen);
     for (std::size_t i = 0; i < cloud.size(); ++i) {
-        std::uint32_t& first = from[placeIn(distinct, cloud.positions[i])];
+        std::uint32_t& first = from[distinct.placeOf[i]];
         first = std::min(first, cloud.seenFrom[i]);
     }
-    result.assign(distinct.size(), Vec3f::Zero());
-    for (std::size_t i = 0; i < distinct.size(); ++i)
+    result.assign(from.size(), Vec3f::Zero());
+    for (std::size_t i = 0; i < from.size(); ++i)
         if (from[i] != PointCloud::kUnseen) {
-            const Vec3d p = cloud.frame + distinct[i].cast<double>();
+            const Vec3d p = cloud.frame + distinct.positions[i].cast<double>();
             result[i] = cloud.viewpoints[from[i]].towards(p).normalized().cast<float>();
         }
     return result;
@@ -189,17 +182,6 @@ int neighborsFor(const PointStatistics& statistics)
     return int(std::min(kFewestChosen + kPerSlope * ratio + kPerNoise * ratio * ratio, kMost));
 }
 
-/// The positions of @a cloud, one of each, in their own order: the result depends on no other.
-PointCloud distinctPositions(const PointCloud& cloud)
-{
-    PointCloud distinct;
-    distinct.positions = cloud.positions;
-    tbb::parallel_sort(distinct.positions.begin(), distinct.positions.end(), positionBefore);
-    distinct.positions.erase(std::unique(distinct.positions.begin(), distinct.positions.end()),
-                             distinct.positions.end());
-    return distinct;
-}
-
 } // namespace
 
 int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& progress)
@@ -208,12 +190,15 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
     if (neighbours && (*neighbours < kFewest || *neighbours > kMost))
         throw UsageError(fmt::format("normals from {} neighbours: out of range. Give {} to {}",
                                      *neighbours, kFewest, kMost));
-    PointCloud distinct = distinctPositions(cloud);
-    if (distinct.size() < kFewest)
+    DistinctPositions sorted(cloud.positions);
+    progress.check();
+    if (sorted.positions.size() < kFewest)
         throw InputError(fmt::format("normals need at least {} distinct points, there are {}. Give "
                                      "more points, or points with normals",
-                                     kFewest, distinct.size()));
-    const std::vector<Vec3f> towardsScanner = sights(cloud, distinct.positions);
+                                     kFewest, sorted.positions.size()));
+    const std::vector<Vec3f> towardsScanner = sights(cloud, sorted);
+    PointCloud distinct;
+    distinct.positions = std::move(sorted.positions);
     const auto pass = [&](int count, double noise) {
         PlaneGraph graph = fitPlanes(distinct.positions, std::size_t(count), noise, progress);
         orient(distinct.positions, towardsScanner, graph, progress);
@@ -231,7 +216,7 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
     }
     cloud.normals.resize(cloud.size());
     forEachPoint(cloud.size(), progress, [&](std::size_t i) {
-        cloud.normals[i] = distinct.normals[placeIn(distinct.positions, cloud.positions[i])];
+        cloud.normals[i] = distinct.normals[sorted.placeOf[i]];
     });
     return used;
 }

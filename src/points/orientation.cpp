@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <utility>
 
@@ -62,16 +63,18 @@ private:
     std::vector<char> mTurned;
 };
 
-bool surerThan(const OrientationLink& x, const OrientationLink& y)
+/// Join nodes by sure links one by one, the surest first: in classes, which is as good as sorted.
+void joinSure(const std::vector<OrientationLink>& links, Forest& forest, Progress& progress)
 {
-    if (std::abs(x.vote) != std::abs(y.vote)) return std::abs(x.vote) > std::abs(y.vote);
-    return x.a != y.a ? x.a < y.a : x.b < y.b;
-}
-
-bool isSure(const OrientationLink& link)
-{
-    constexpr float kSure = 0.9f;
-    return !link.unsure && std::abs(link.vote) >= kSure;
+    constexpr float kClasses[] = {2, 0.99f, 0.97f, 0.94f, 0.9f};
+    for (std::size_t c = 1; c < std::size(kClasses); ++c)
+        for (std::size_t k = 0; k < links.size(); ++k) {
+            if (k % kCheckEvery == 0) progress.check();
+            const OrientationLink& l = links[k];
+            const float vote = std::abs(l.vote);
+            if (!l.unsure && vote >= kClasses[c] && vote < kClasses[c - 1])
+                forest.join(l.a, l.b, l.vote < 0);
+        }
 }
 
 /// All that is said between two trees, by their roots; a < b.
@@ -161,14 +164,8 @@ OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& a
 Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
                              Progress& progress)
 {
-    const auto unsure =
-        std::partition(links.begin(), links.end(), [](const auto& l) { return isSure(l); });
-    tbb::parallel_sort(links.begin(), unsure, surerThan);
     Forest forest(nodes);
-    for (auto l = links.begin(); l != unsure; ++l) {
-        if ((l - links.begin()) % std::ptrdiff_t(kCheckEvery) == 0) progress.check();
-        forest.join(l->a, l->b, l->vote < 0);
-    }
+    joinSure(links, forest, progress);
     std::vector<PatchLink> between;
     for (const OrientationLink& l : links)
         if (forest.find(l.a).first != forest.find(l.b).first) between.push_back({l.a, l.b, l.vote});
