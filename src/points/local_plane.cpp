@@ -10,76 +10,71 @@ namespace mpuvdb
 namespace
 {
 
-/// Members by their squared heights over planes through the first one.
+/// Members by their heights over planes through the first one.
 class Heights
 {
 public:
     Heights(const std::vector<Vec3f>& positions, const std::vector<std::uint32_t>& members)
-        : mSquared(members.size()), mFewest(members.size() / 2 + 1)
+        : mApart(3, Eigen::Index(members.size())), mFewest(members.size() / 2 + 1)
     {
-        mApart.reserve(members.size());
-        for (const std::uint32_t m : members)
-            mApart.push_back(positions[m] - positions[members.front()]);
+        for (std::size_t i = 0; i < members.size(); ++i)
+            mApart.col(Eigen::Index(i)) = positions[members[i]] - positions[members.front()];
     }
 
-    const std::vector<Vec3f>& apart() const { return mApart; }
+    Eigen::Index size() const { return mApart.cols(); }
+    Vec3f apart(Eigen::Index i) const { return mApart.col(i); }
 
-    /// Sum of the squared heights of that half which is nearest to the plane.
-    float nearerHalf(const Vec3f& normal)
+    /// Whether more than half of the members are nearer to the plane than @a height; which is made
+    /// the height that the nearer half reaches.
+    bool lowers(const Vec3f& normal, float& height)
     {
-        for (std::size_t i = 0; i < mApart.size(); ++i) {
-            const float height = normal.dot(mApart[i]);
-            mSquared[i] = height * height;
-        }
-        const auto half = mSquared.begin() + std::ptrdiff_t(mFewest);
-        std::nth_element(mSquared.begin(), half - 1, mSquared.end());
-        float sum = 0;
-        for (auto h = mSquared.begin(); h != half; ++h) sum += *h;
-        return sum;
+        mHeights = (normal.transpose() * mApart).cwiseAbs();
+        if (std::size_t((mHeights.array() < height).count()) < mFewest) return false;
+        const auto half = mHeights.data() + mFewest - 1;
+        std::nth_element(mHeights.data(), half, mHeights.data() + mHeights.size());
+        height = *half;
+        return true;
     }
 
-    /// The members of that half, and those not much farther off.
-    std::vector<std::uint32_t> onSheet(const Vec3f& normal,
-                                       const std::vector<std::uint32_t>& members)
+    /// The members nearer to the plane than @a height, or exactly as near.
+    std::vector<std::uint32_t> within(const Vec3f& normal, float height,
+                                      const std::vector<std::uint32_t>& members)
     {
-        constexpr float kFarther = 9; // ratio of squares, against the half's mean
-        const float limit = kFarther * nearerHalf(normal) / float(mFewest);
-        const float half = mSquared[mFewest - 1];
-        std::vector<std::uint32_t> sheet;
-        for (std::size_t i = 0; i < members.size(); ++i) {
-            const float height = normal.dot(mApart[i]);
-            if (height * height <= std::max(limit, half)) sheet.push_back(members[i]);
-        }
-        return sheet;
+        mHeights = (normal.transpose() * mApart).cwiseAbs();
+        std::vector<std::uint32_t> near;
+        for (std::size_t i = 0; i < members.size(); ++i)
+            if (mHeights[Eigen::Index(i)] <= height) near.push_back(members[i]);
+        return near;
     }
 
 private:
-    std::vector<Vec3f> mApart;
-    std::vector<float> mSquared;
+    Eigen::Matrix3Xf mApart;
+    Eigen::RowVectorXf mHeights;
     std::size_t mFewest;
 };
 
-/// Of the planes through the first member and two of the nearest, the one that half of the members
-/// are nearest to [least trimmed squares, Rousseeuw84]; zero if none is a plane.
-Vec3f bestTriple(Heights& heights)
+/// A plane through the first member and the height within which half of the members lie.
+struct TriplePlane {
+    Vec3f normal = Vec3f::Zero();
+    float height = std::numeric_limits<float>::infinity();
+};
+
+/// Of the planes through the first member and two of the nearest, the one to which half of the
+/// members are nearest [least median of squares, Rousseeuw84]; zero if none is a plane.
+TriplePlane bestTriple(Heights& heights)
 {
-    constexpr std::size_t kNearest = 9;
+    constexpr Eigen::Index kNearest = 9;
     constexpr float kFlat = 0.2f; // sine
-    const std::vector<Vec3f>& apart = heights.apart();
-    const std::size_t count = std::min(kNearest, apart.size());
-    Vec3f best = Vec3f::Zero();
-    float least = std::numeric_limits<float>::infinity();
-    for (std::size_t j = 1; j < count; ++j)
-        for (std::size_t k = j + 1; k < count; ++k) {
-            const Vec3f across = apart[j].cross(apart[k]);
+    const Eigen::Index count = std::min(kNearest, heights.size());
+    TriplePlane best;
+    for (Eigen::Index j = 1; j < count; ++j)
+        for (Eigen::Index k = j + 1; k < count; ++k) {
+            const Vec3f a = heights.apart(j), b = heights.apart(k);
+            const Vec3f across = a.cross(b);
             const float length = across.norm();
-            if (!(length > kFlat * apart[j].norm() * apart[k].norm())) continue;
+            if (!(length > kFlat * a.norm() * b.norm())) continue;
             const Vec3f normal = across / length;
-            const float sum = heights.nearerHalf(normal);
-            if (sum < least) {
-                least = sum;
-                best = normal;
-            }
+            if (heights.lowers(normal, best.height)) best.normal = normal;
         }
     return best;
 }
@@ -117,9 +112,11 @@ LocalPlane sheetPlaneOf(const std::vector<Vec3f>& positions,
     if (whole.variances[0] < kThick * whole.variances[1]) return whole;
     if (whole.variances[0] < kNoises * noise * noise) return whole;
     Heights heights(positions, members);
-    const Vec3f normal = bestTriple(heights);
-    if (normal == Vec3f::Zero()) return whole;
-    const LocalPlane sheet = planeOf(positions, heights.onSheet(normal, members));
+    const TriplePlane half = bestTriple(heights);
+    if (half.normal == Vec3f::Zero()) return whole;
+    constexpr float kFarther = 2; // a sheet's members lie not much farther off than half of all
+    const LocalPlane sheet =
+        planeOf(positions, heights.within(half.normal, kFarther * half.height, members));
     const bool flat = sheet.variances[0] < kThick * sheet.variances[1];
     return flat && sheet.variances[0] < kThinner * whole.variances[0] ? sheet : whole;
 }
