@@ -114,28 +114,69 @@ void gather(std::vector<PatchLink>& links, Forest& forest, Progress& progress)
     links.resize(kept);
 }
 
-/// Join every tree with the one that it has most to do with, until none has to do with another.
-void joinPatches(std::size_t nodes, std::vector<PatchLink>& links, Forest& forest,
-                 Progress& progress)
+/// Trees of more than one node, joined by what all their nodes say.
+class PatchJoiner
 {
-    std::vector<std::uint32_t> best(nodes);
-    for (gather(links, forest, progress); !links.empty(); gather(links, forest, progress)) {
+public:
+    PatchJoiner(std::size_t nodes, Forest& forest, Progress& progress)
+        : mForest(forest), mProgress(progress), mSizes(nodes, 0), mBest(nodes)
+    {
+        for (std::uint32_t i = 0; i < nodes; ++i) ++mSizes[forest.find(i).first];
+    }
+
+    /// Join every tree with the one that it has most to do with, until none is left that has enough
+    /// to do with another.
+    void run(std::vector<PatchLink>& links)
+    {
+        do gather(links, mForest, mProgress);
+        while (joinOnce(links));
+    }
+
+private:
+    /// Two large patches are not joined by a few links, which can be wrong: theirs is a border of
+    /// some sqrt(n) nodes.
+    bool isFirm(const PatchLink& l) const
+    {
+        constexpr std::uint32_t kLarge = 100;
+        constexpr double kFirm = 0.25;
+        const std::uint32_t smaller = std::min(mSizes[l.a], mSizes[l.b]);
+        return smaller < kLarge || std::abs(l.vote) >= kFirm * std::sqrt(double(smaller));
+    }
+
+    bool joinOnce(const std::vector<PatchLink>& links)
+    {
         // The order, and with it the sums, depend on the nodes' numbers only.
         const auto stronger = [&](std::size_t x, std::size_t y) {
             const double vx = std::abs(links[x].vote), vy = std::abs(links[y].vote);
             return vx != vy ? vx > vy : x < y;
         };
-        for (const PatchLink& l : links) best[l.a] = best[l.b] = ~0u;
-        for (std::uint32_t k = 0; k < links.size(); ++k)
+        for (const PatchLink& l : links) mBest[l.a] = mBest[l.b] = ~0u;
+        for (std::uint32_t k = 0; k < links.size(); ++k) {
+            if (!isFirm(links[k])) continue;
             for (const std::uint32_t end : {links[k].a, links[k].b})
-                if (best[end] == ~0u || stronger(k, best[end])) best[end] = k;
+                if (mBest[end] == ~0u || stronger(k, mBest[end])) mBest[end] = k;
+        }
         std::vector<std::uint32_t> chosen;
         for (std::uint32_t k = 0; k < links.size(); ++k)
-            if (best[links[k].a] == k || best[links[k].b] == k) chosen.push_back(k);
+            if (mBest[links[k].a] == k || mBest[links[k].b] == k) chosen.push_back(k);
         std::sort(chosen.begin(), chosen.end(), stronger);
-        for (const std::uint32_t k : chosen) forest.join(links[k].a, links[k].b, links[k].vote < 0);
+        for (const std::uint32_t k : chosen) join(links[k]);
+        return !chosen.empty();
     }
-}
+
+    void join(const PatchLink& l)
+    {
+        const std::uint32_t a = mForest.find(l.a).first, b = mForest.find(l.b).first;
+        if (a == b) return;
+        mForest.join(l.a, l.b, l.vote < 0);
+        mSizes[std::min(a, b)] = mSizes[a] + mSizes[b];
+    }
+
+    Forest& mForest;
+    Progress& mProgress;
+    std::vector<std::uint32_t> mSizes; ///< of trees, by root
+    std::vector<std::uint32_t> mBest;  ///< of each tree its strongest link
+};
 
 } // namespace
 
@@ -170,7 +211,7 @@ Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> lin
     for (const OrientationLink& l : links)
         if (forest.find(l.a).first != forest.find(l.b).first) between.push_back({l.a, l.b, l.vote});
     links = {};
-    joinPatches(nodes, between, forest, progress);
+    PatchJoiner(nodes, forest, progress).run(between);
     Orientation result;
     result.parts.resize(nodes);
     result.turned.resize(nodes);

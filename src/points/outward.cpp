@@ -2,11 +2,10 @@
 
 #include <mpuvdb/progress.h>
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace mpuvdb
 {
@@ -86,9 +85,9 @@ bool seenInward(const Part& part, const OrientedParts& points)
 class Winding
 {
 public:
-    Winding(const Part& part, const OrientedParts& points)
+    Winding(const Part& part, const OrientedParts& points, bool turned)
     {
-        constexpr int kCells = 16;
+        constexpr int kCells = 24;
         const float cell =
             std::max(part.box.sizes().maxCoeff() / kCells, std::numeric_limits<float>::min());
         std::vector<std::uint32_t> dipoleOf(kCells * kCells * kCells, ~0u);
@@ -109,9 +108,10 @@ public:
         const double area = 2.0 / 3 * double(cell) * double(cell);
         for (Dipole& d : mDipoles) {
             d.position /= d.points;
-            d.normal *= area / d.points;
+            d.normal *= (turned ? -area : area) / d.points;
         }
         mSoftening = area / (2 * M_PI);
+        mCell = double(cell);
     }
 
     /// About 1 or -1 within a closed part, 0 without.
@@ -126,28 +126,90 @@ public:
         return sum / (4 * M_PI);
     }
 
+    double cell() const { return mCell; }
+
 private:
     struct Dipole {
         Vec3d position = Vec3d::Zero(), normal = Vec3d::Zero();
         double points = 0;
     };
     std::vector<Dipole> mDipoles;
-    double mSoftening = 0;
+    double mSoftening = 0, mCell = 0;
 };
 
-/// Whether most of a few points of @a inner lie within @a outer.
-bool liesWithin(const Part& inner, const Winding& outer, const OrientedParts& points)
+/// Calls f(position, normal) for a few points of a part.
+template <class F>
+void forAFew(const Part& part, const OrientedParts& points, F&& f)
 {
-    constexpr std::size_t kAsked = 15;
-    constexpr double kInside = 0.5;
-    const std::size_t asked = std::min(kAsked, inner.points.size());
-    std::size_t within = 0;
+    constexpr std::size_t kAsked = 64;
+    const std::size_t asked = std::min(kAsked, part.points.size());
     for (std::size_t k = 0; k < asked; ++k) {
-        const std::uint32_t i = inner.points[k * inner.points.size() / asked];
-        within += std::abs(outer.at(points.positions[i].cast<double>())) > kInside;
+        const std::uint32_t i = part.points[k * part.points.size() / asked];
+        f(points.positions[i].cast<double>(), points.normals[i].cast<double>());
     }
-    return 2 * within > asked;
 }
+
+/// Decides part after part, the largest first; smaller ones see what is decided.
+class PartTurner
+{
+public:
+    PartTurner(const std::vector<Part>& parts, const OrientedParts& points)
+        : mParts(parts), mPoints(points)
+    {
+    }
+
+    bool isInward(std::size_t part)
+    {
+        bool nested = false;
+        double drop = 0;
+        for (const Decided& d : mDecided) {
+            const Part& other = mParts[d.part];
+            if (other.box.intersection(mParts[part].box).isEmpty()) continue;
+            nested ^= other.box.contains(mParts[part].box) && liesWithin(part, d.winding);
+            drop += dropAcross(part, d.winding);
+        }
+        constexpr double kClearly = 0.25; // of the 1 that a closed surface's number drops by
+        const bool inward = std::abs(drop) > kClearly ? drop < 0
+                                                      : seenInward(mParts[part], mPoints) != nested;
+        constexpr std::size_t kFewestPoints = 100, kMost = 64; // few are soon asked
+        if (mParts[part].points.size() >= kFewestPoints && mDecided.size() < kMost)
+            mDecided.push_back({part, Winding(mParts[part], mPoints, inward)});
+        return inward;
+    }
+
+private:
+    struct Decided {
+        std::size_t part;
+        Winding winding;
+    };
+
+    /// Whether most of a few points of a part lie within a closed one.
+    bool liesWithin(std::size_t inner, const Winding& outer) const
+    {
+        int votes = 0;
+        forAFew(mParts[inner], mPoints, [&](const Vec3d& p, const Vec3d&) {
+            votes += std::abs(outer.at(p)) > 0.5 ? 1 : -1;
+        });
+        return votes > 0;
+    }
+
+    /// How much the winding number of another part drops from behind a part's points to before
+    /// them: where the part fills a gap of the other, or lies on it, positive if it looks outward.
+    double dropAcross(std::size_t part, const Winding& other) const
+    {
+        double drop = 0, count = 0;
+        forAFew(mParts[part], mPoints, [&](const Vec3d& p, const Vec3d& normal) {
+            const Vec3d step = other.cell() / 2 * normal;
+            drop += other.at(p - step) - other.at(p + step);
+            count += 1;
+        });
+        return drop / count;
+    }
+
+    const std::vector<Part>& mParts;
+    const OrientedParts& mPoints;
+    std::vector<Decided> mDecided;
+};
 
 std::vector<Part> collectParts(const OrientedParts& points)
 {
@@ -165,56 +227,23 @@ std::vector<Part> collectParts(const OrientedParts& points)
     return parts;
 }
 
-/// The parts that others may lie in: the largest, at most as many as are soon asked.
-std::vector<std::size_t> largestParts(const std::vector<Part>& parts)
-{
-    constexpr std::size_t kFewestPoints = 100, kMostParts = 64;
-    std::vector<std::size_t> large;
-    for (std::size_t p = 0; p < parts.size(); ++p)
-        if (parts[p].points.size() >= kFewestPoints) large.push_back(p);
-    std::stable_sort(large.begin(), large.end(), [&](std::size_t x, std::size_t y) {
-        return parts[x].points.size() > parts[y].points.size();
-    });
-    if (large.size() > kMostParts) large.resize(kMostParts);
-    return large;
-}
-
-/// Which parts lie within an odd number of others.
-std::vector<char> findNested(const std::vector<Part>& parts, const OrientedParts& points,
-                             Progress& progress)
-{
-    std::vector<char> nested(parts.size(), 0);
-    for (const std::size_t outer : largestParts(parts)) {
-        progress.check();
-        std::vector<std::size_t> boxed;
-        for (std::size_t inner = 0; inner < parts.size(); ++inner)
-            if (inner != outer && parts[outer].box.contains(parts[inner].box))
-                boxed.push_back(inner);
-        if (boxed.empty()) continue;
-        const Winding winding(parts[outer], points);
-        tbb::parallel_for(std::size_t(0), boxed.size(), [&](std::size_t k) {
-            progress.check();
-            nested[boxed[k]] ^= char(liesWithin(parts[boxed[k]], winding, points));
-        });
-    }
-    return nested;
-}
-
 } // namespace
 
 std::vector<char> findInwardParts(const OrientedParts& points, Progress& progress)
 {
     const std::vector<Part> parts = collectParts(points);
-    std::vector<char> inward(parts.size(), 0);
-    tbb::parallel_for(std::size_t(0), parts.size(), [&](std::size_t p) {
-        progress.check();
-        inward[p] = seenInward(parts[p], points);
+    std::vector<std::size_t> largestFirst(parts.size());
+    std::iota(largestFirst.begin(), largestFirst.end(), std::size_t(0));
+    std::stable_sort(largestFirst.begin(), largestFirst.end(), [&](std::size_t x, std::size_t y) {
+        return parts[x].points.size() > parts[y].points.size();
     });
-    const std::vector<char> nested = findNested(parts, points, progress);
-    std::vector<char> result(points.positions.size(), 0);
-    for (std::size_t p = 0; p < parts.size(); ++p)
-        result[points.parts[parts[p].points.front()]] = inward[p] != nested[p];
-    return result;
+    PartTurner turner(parts, points);
+    std::vector<char> inward(points.positions.size(), 0);
+    for (const std::size_t p : largestFirst) {
+        progress.check();
+        inward[points.parts[parts[p].points.front()]] = turner.isInward(p);
+    }
+    return inward;
 }
 
 } // namespace mpuvdb

@@ -17,9 +17,10 @@ struct OrientedParts {
     const std::vector<std::uint32_t>& parts; ///< of each point, below positions.size()
 };
 
-/// Which parts look inward, by part. A part is looked at along the axes from all six sides, and
-/// what is seen of it votes; a part that lies within an odd number of others, told by the winding
-/// numbers of their normals [Barill18], is the wall of a cavity and looks the other way.
+/// Which parts look inward, by part, the largest decided first. One that fills a gap of those
+/// decided, or lies on them, looks to where their winding number [Barill18] drops. Another is
+/// looked at from six sides, along the axes, and what is seen of it votes; unless it lies within
+/// an odd number of others: then it is the wall of a cavity, and looks the other way.
 /// @throws Interrupted.
 std::vector<char> findInwardParts(const OrientedParts& points, Progress& progress);
 
