@@ -108,7 +108,7 @@ LocalPlane sheetPlaneOf(const std::vector<Vec3f>& positions,
                         const std::vector<std::uint32_t>& members, const LocalPlane& whole,
                         double noise)
 {
-    constexpr double kThick = 0.05, kThinner = 0.1, kNoises = 9; // ratios of squares
+    constexpr double kThick = 0.05, kThinner = 0.05, kNoises = 16; // ratios of squares
     if (whole.variances[0] < kThick * whole.variances[1]) return whole;
     if (whole.variances[0] < kNoises * noise * noise) return whole;
     Heights heights(positions, members);
