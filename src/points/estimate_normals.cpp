@@ -73,8 +73,8 @@ bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, 
     // On one curved sheet the two heights cancel.
     const Vec3d mean = (a.normal + std::copysign(1.0, cosine) * b.normal) / 2;
     const double height = std::abs(mean.dot(apart.cast<double>()));
-    const double thickness = std::max(noise, std::sqrt(a.variances[0])) +
-                             std::max(noise, std::sqrt(b.variances[0]));
+    const double thickness =
+        std::max(noise, std::sqrt(a.variances[0])) + std::max(noise, std::sqrt(b.variances[0]));
     return height > kSlope * double(apart.norm()) && height > kThick * thickness;
 }
 
@@ -95,8 +95,7 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
             indices.resize(neighbors + 1);
             squared.resize(neighbors + 1);
             tree.nearest(positions[i], indices, squared);
-            planes[i] =
-                sheetPlaneOf(positions, indices, planeOf(positions, indices), noise);
+            planes[i] = sheetPlaneOf(positions, indices, planeOf(positions, indices), noise);
             // The point is its own nearest; distinct positions can round to the same distance.
             const auto self = std::find(indices.begin(), indices.end(), std::uint32_t(i));
             if (self != indices.end()) indices.erase(self);
@@ -145,8 +144,7 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight
         solveOrientation(positions.size() + 1, std::move(graph.links), progress);
     for (std::uint32_t i = 0; i < positions.size(); ++i)
         if (found.turned[i]) graph.normals[i] = -graph.normals[i];
-    std::vector<char> inward =
-        findInwardParts({positions, graph.normals, found.parts}, progress);
+    std::vector<char> inward = findInwardParts({positions, graph.normals, found.parts}, progress);
     const std::uint32_t seen = found.parts[scanners];
     if (seen != scanners) inward[seen] = found.turned[scanners];
     forEachPoint(positions.size(), progress, [&](std::size_t i) {
@@ -215,9 +213,8 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
         pass(used, statistics.noise);
     }
     cloud.normals.resize(cloud.size());
-    forEachPoint(cloud.size(), progress, [&](std::size_t i) {
-        cloud.normals[i] = distinct.normals[sorted.placeOf[i]];
-    });
+    forEachPoint(cloud.size(), progress,
+                 [&](std::size_t i) { cloud.normals[i] = distinct.normals[sorted.placeOf[i]]; });
     return used;
 }
 

@@ -27,7 +27,8 @@ LocalPlane planeOf(const std::vector<Vec3f>& positions, const std::vector<std::u
 /// beyond an edge, or on the other side of a thin wall. It holds more than half of them and is
 /// much thinner than @a whole, the plane of all; else @a whole.
 /// @param members  nearest to the first one first.
-/// @param noise    standard deviation of the positions; planes that it can make are left as they are.
+/// @param noise    standard deviation of the positions; planes that it can make are left as they
+/// are.
 LocalPlane sheetPlaneOf(const std::vector<Vec3f>& positions,
                         const std::vector<std::uint32_t>& members, const LocalPlane& whole,
                         double noise);

@@ -169,8 +169,8 @@ public:
             drop += dropAcross(part, d.winding);
         }
         constexpr double kClearly = 0.25; // of the 1 that a closed surface's number drops by
-        const bool inward = std::abs(drop) > kClearly ? drop < 0
-                                                      : seenInward(mParts[part], mPoints) != nested;
+        const bool inward =
+            std::abs(drop) > kClearly ? drop < 0 : seenInward(mParts[part], mPoints) != nested;
         constexpr std::size_t kFewestPoints = 100, kMost = 64; // few are soon asked
         if (mParts[part].points.size() >= kFewestPoints && mDecided.size() < kMost)
             mDecided.push_back({part, Winding(mParts[part], mPoints, inward)});
