@@ -329,6 +329,7 @@ TEST(EstimateNormals, SheetsThinnerThanTheirNeighborhoods)
 {
     EXPECT_EQ(shareRightOnSheets(0), 1);
     EXPECT_GT(shareRightOnSheets(0.0005), 0.998);
+    EXPECT_GT(shareRight("slab(1,1,0.01)", 30000, Pattern::Random), 0.997) << "seed " << kSeed;
 }
 
 TEST(EstimateNormals, CavitiesLookInward)

@@ -183,7 +183,7 @@ private:
 OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
                                 const Vec3f& normalA, const Vec3f& normalB, float noise)
 {
-    constexpr float kParallel = 0.9f; // planes that are not may be edges, or no planes
+    constexpr float kParallel = 0.97f; // planes that are not may be edges, or no planes
     OrientationLink link;
     link.a = std::min(a, b);
     link.b = std::max(a, b);
