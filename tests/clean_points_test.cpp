@@ -1,5 +1,6 @@
 // Outliers, flipped normals, orientation of estimated normals: against the virtual scanner's truth.
 #include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
 #include <mpuvdb/normals.h>
 #include <mpuvdb/outliers.h>
 #include <mpuvdb/progress.h>
@@ -8,7 +9,11 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <numeric>
 #include <random>
 #include <utility>
 
@@ -204,6 +209,68 @@ TEST(FlippedNormals, PatchesAreTurnedBack)
     EXPECT_EQ(flippedOf(cloud), patch) << "seed " << kSeed;
 }
 
+/// The part of the points nearest to a random one, a @a share of all.
+std::vector<std::uint32_t> capOf(const PointCloud& cloud, double share, std::mt19937& engine)
+{
+    const Vec3f middle = cloud.positions[engine() % cloud.size()];
+    std::vector<std::uint32_t> cap(cloud.size());
+    std::iota(cap.begin(), cap.end(), 0u);
+    std::sort(cap.begin(), cap.end(), [&](std::uint32_t a, std::uint32_t b) {
+        return (cloud.positions[a] - middle).squaredNorm() <
+               (cloud.positions[b] - middle).squaredNorm();
+    });
+    cap.resize(std::size_t(share * double(cap.size())));
+    return cap;
+}
+
+TEST(FlippedNormals, CapsOfAllSizesAreTurnedBack)
+{
+    const auto seed = std::random_device()();
+    std::mt19937 engine(seed);
+    const struct {
+        const char* solid;
+        Pattern pattern;
+        double noise, mostWrong; // share; along edges some stay
+    } cases[] = {{"blob(1,8,0.05)", Pattern::Even, 0, 0.0005},
+                 {"blob(1,8,0.05)", Pattern::Scan, 0.005, 0.001},
+                 {"torus(1,0.3)", Pattern::Random, 0.003, 0.001},
+                 {"slab(1,1,0.05)", Pattern::Even, 0, 0.006},
+                 {"fandisk(1)", Pattern::Even, 0, 0.01}};
+    for (const auto& c : cases) {
+        PointCloud cloud = scanned(c.solid, 30000, c.pattern, c.noise);
+        cloud.seenFrom.clear();
+        const std::vector<Vec3f> truth = cloud.normals;
+        for (const double share : {0.05, 0.15, 0.3}) {
+            cloud.normals = truth;
+            flipNormals(cloud, capOf(cloud, share, engine));
+            flipNormals(cloud, flippedOf(cloud));
+            double wrong = 0;
+            for (std::size_t i = 0; i < truth.size(); ++i)
+                wrong += truth[i].dot(cloud.normals[i]) < 0;
+            EXPECT_LE(wrong, c.mostWrong * double(truth.size()))
+                << c.solid << ' ' << share << " seed " << seed;
+        }
+    }
+}
+
+/// Rims, folds, overlapping scans, and nothing flipped.
+TEST(FlippedNormals, RealScansKeepTheirs)
+{
+    const char* folder = std::getenv("MPUVDB_DATA_DIR");
+    if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
+    for (const char* file :
+         {"bunny/bun.conf", "bunny/bun_zipper.ply", "bunny/bun270.ply", "berger/anchor_scan.ply",
+          "berger/dc_scan.ply", "dragon_stand/dragonStandRight.conf",
+          "dragon_stand/dragonStandRight_216.ply", "dragon_stand/dragonStandRight_312.ply",
+          "cad/908460.stl"}) {
+        Progress progress;
+        PointCloud cloud =
+            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, progress).cloud;
+        ASSERT_TRUE(cloud.hasNormals());
+        EXPECT_LE(double(flippedOf(cloud).size()), 0.001 * double(cloud.size())) << file;
+    }
+}
+
 TEST(FlippedNormals, ThreeFacesOfACube)
 {
     PointCloud cloud = scanned("box(1,1,1)", 30000, Pattern::Even);
@@ -238,6 +305,68 @@ TEST(EstimateNormals, ThinWallsAndCloseSheets)
         shareRight("union(translate(box(1,1,0.2),0,0,0.11),translate(box(1,1,0.2),0,0,-0.11))",
                    40000, Pattern::Even),
         0.995);
+}
+
+/// Share of estimated normals that look to the true side, of two slabs 1.6 spacings thick that
+/// are a seventh of their width apart; only points away from the rims.
+double shareRightOnSheets(double noise)
+{
+    PointCloud cloud = scanned("sheets(0.7,0.7,0.1)", 50000, Pattern::Even, noise);
+    const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
+    cloud.seenFrom.clear();
+    Progress progress;
+    estimateNormals(cloud, {}, progress);
+    double right = 0, all = 0;
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+        if (cloud.positions[i].head<2>().cwiseAbs().maxCoeff() > 0.33f) continue;
+        all += 1;
+        right += truth[i].dot(cloud.normals[i]) > 0;
+    }
+    return right / all;
+}
+
+TEST(EstimateNormals, SheetsThinnerThanTheirNeighborhoods)
+{
+    EXPECT_EQ(shareRightOnSheets(0), 1);
+    EXPECT_GT(shareRightOnSheets(0.0005), 0.998);
+    EXPECT_GT(shareRight("slab(1,1,0.01)", 30000, Pattern::Random), 0.997) << "seed " << kSeed;
+}
+
+TEST(EstimateNormals, CavitiesLookInward)
+{
+    for (const char* solid :
+         {"difference(sphere(1),sphere(0.7))",
+          "difference(box(2,2,2),translate(sphere(0.3),0.4,0,0),translate(sphere(0.2),-0.5,0,0))",
+          "union(difference(sphere(1),sphere(0.9)),sphere(0.5))"})
+        EXPECT_EQ(shareRight(solid, 15000, Pattern::Even), 1) << solid << " seed " << kSeed;
+}
+
+TEST(EstimateNormals, SmoothSolidsAreRightEverywhere)
+{
+    for (const Pattern pattern : {Pattern::Random, Pattern::Scan})
+        for (const double noise : {0.0, 0.004})
+            for (const char* solid : {"blob(1,8,0.05)", "torus(1,0.2)"})
+                EXPECT_EQ(shareRight(solid, 10000, pattern, noise), 1)
+                    << solid << ' ' << noise << " seed " << kSeed;
+}
+
+TEST(EstimateNormals, OfRealPointsAgreeWithTheirTriangles)
+{
+    const char* folder = std::getenv("MPUVDB_DATA_DIR");
+    if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
+    for (const char* file : {"clouds/igea.ply", "bunny/bun_zipper.ply", "cad/rocker-arm.obj",
+                             "dragon_stand/dragonStandRight.conf"}) {
+        Progress progress;
+        PointCloud cloud =
+            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, progress).cloud;
+        const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
+        cloud.seenFrom.clear();
+        estimateNormals(cloud, {}, progress);
+        double wrong = 0;
+        for (std::size_t i = 0; i < truth.size(); ++i) wrong += truth[i].dot(cloud.normals[i]) < 0;
+        const double most = cloud.viewpoints.empty() ? 0.0001 : 0.006; // rims of scans say little
+        EXPECT_LE(wrong, most * double(truth.size())) << file;
+    }
 }
 
 TEST(EstimateNormals, NoiseTakesMoreNeighbours)

@@ -8,9 +8,11 @@
 namespace mpuvdb
 {
 
-/// Fill cloud.normals by local least-squares planes, oriented consistently over neighbours, also
-/// across edges and between the sides of thin walls and narrow gaps; towards the viewpoints where
-/// the cloud has some, else each connected part outward at its outermost points.
+/// Fill cloud.normals by local least-squares planes, of the point's own sheet where another is
+/// close, oriented consistently over neighbours, also across edges and between the sides of walls
+/// and gaps from some 1.5 spacings; towards the viewpoints where the cloud has some, else each
+/// connected part outward as seen from all sides, and the walls of cavities inward.
+/// Costs 2 to 3 us of processor time per point, and 8 to 12 where there is noise.
 /// @param neighbours  points per plane, in [4, 1000]; without a value 12, and up to 200 where the
 /// points are noisy. @return points per plane. @throws InputError for fewer than 4 points.
 int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& progress);
@@ -28,9 +30,10 @@ bool pointsInward(const PointCloud& cloud);
 void flipNormals(PointCloud& cloud);
 
 /// Find normals that look to the other side than their neighbours': single ones, up to about a
-/// fifth of all, by a vote of those in the same plane; patches of a connected part by how they meet
-/// the rest, and if that leaves a choice, by the part's outermost points. Sheets close behind or
-/// before each other rightly look opposite ways, and stay; so do parts that are wholly inside out.
+/// fifth of all, by a vote of those in the same plane; patches of a connected part where the rest
+/// disagrees all along their border, and if that leaves a choice, by what is seen of the part from
+/// outside. Rims, folds and thin parts disagree in places only, and stay; so do sheets close behind
+/// or before each other, which rightly look opposite ways, and parts that are wholly inside out.
 /// Costs about 0.13 us of processor time per point where there is nothing to find.
 /// @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none without normals. @throws Interrupted.

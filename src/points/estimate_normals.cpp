@@ -1,8 +1,9 @@
 // Normals of bare points: least-squares planes, then one orientation for all of a part.
+#include "distinct_positions.h"
 #include "kd_tree.h"
 #include "local_plane.h"
 #include "orientation.h"
-#include "position_order.h"
+#include "outward.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/normals.h>
@@ -10,7 +11,6 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
 
 #include <fmt/format.h>
 
@@ -24,12 +24,6 @@ namespace
 
 constexpr std::size_t kGrain = 1024; // points
 constexpr double kFewestChosen = 12; // neighbours per plane where there is no noise
-
-std::size_t placeIn(const std::vector<Vec3f>& sorted, const Vec3f& p)
-{
-    const auto at = std::lower_bound(sorted.begin(), sorted.end(), p, positionBefore);
-    return std::size_t(at - sorted.begin());
-}
 
 /// Planes and links of distinct positions.
 struct PlaneGraph {
@@ -69,6 +63,21 @@ Vec3f sharpened(const std::vector<Vec3f>& positions, const std::vector<LocalPlan
     return best->normal.cast<float>();
 }
 
+/// Whether two planes that are about parallel are too far apart for one sheet. Nothing lies between
+/// neighbours: they then are the two sides of a wall or a gap.
+bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, double noise)
+{
+    constexpr double kParallel = 0.8, kSlope = 0.4, kThick = 3;
+    const double cosine = a.normal.dot(b.normal);
+    if (std::abs(cosine) < kParallel) return false;
+    // On one curved sheet the two heights cancel.
+    const Vec3d mean = (a.normal + std::copysign(1.0, cosine) * b.normal) / 2;
+    const double height = std::abs(mean.dot(apart.cast<double>()));
+    const double thickness =
+        std::max(noise, std::sqrt(a.variances[0])) + std::max(noise, std::sqrt(b.variances[0]));
+    return height > kSlope * double(apart.norm()) && height > kThick * thickness;
+}
+
 PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors, double noise,
                      Progress& progress)
 {
@@ -86,7 +95,7 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
             indices.resize(neighbors + 1);
             squared.resize(neighbors + 1);
             tree.nearest(positions[i], indices, squared);
-            planes[i] = planeOf(positions, indices);
+            planes[i] = sheetPlaneOf(positions, indices, planeOf(positions, indices), noise);
             // The point is its own nearest; distinct positions can round to the same distance.
             const auto self = std::find(indices.begin(), indices.end(), std::uint32_t(i));
             if (self != indices.end()) indices.erase(self);
@@ -103,8 +112,14 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
     forEachPoint(count, progress, [&](std::size_t i) {
         for (std::size_t k = i * links; k < (i + 1) * links; ++k) {
             const std::uint32_t q = linked[k];
-            graph.links[k] = orientationLink(std::uint32_t(i), q, positions[q] - positions[i],
-                                             graph.normals[i], graph.normals[q], float(noise));
+            const Vec3f apart = positions[q] - positions[i];
+            OrientationLink& link = graph.links[k];
+            link = orientationLink(std::uint32_t(i), q, apart, graph.normals[i], graph.normals[q],
+                                   float(noise));
+            link.unsure |= !planes[i].isThin() || !planes[q].isThin();
+            if (!areTwoSheets(planes[i], planes[q], apart, noise)) continue;
+            link.unsure = true;
+            link.vote = std::copysign(kAcrossSheets, -graph.normals[i].dot(graph.normals[q]));
         }
     });
     return graph;
@@ -127,40 +142,31 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight
     }
     const Orientation found =
         solveOrientation(positions.size() + 1, std::move(graph.links), progress);
-    std::vector<OutwardVote> votes;
-    std::vector<std::uint32_t> voteOf(positions.size() + 1, ~0u); // by part
-    for (std::uint32_t i = 0; i < positions.size(); ++i) {
+    for (std::uint32_t i = 0; i < positions.size(); ++i)
         if (found.turned[i]) graph.normals[i] = -graph.normals[i];
-        std::uint32_t& vote = voteOf[found.parts[i]];
-        if (vote == ~0u) {
-            vote = std::uint32_t(votes.size());
-            votes.emplace_back();
-        }
-        votes[vote].add(positions[i], graph.normals[i]);
-    }
+    std::vector<char> inward = findInwardParts({positions, graph.normals, found.parts}, progress);
+    const std::uint32_t seen = found.parts[scanners];
+    if (seen != scanners) inward[seen] = found.turned[scanners];
     forEachPoint(positions.size(), progress, [&](std::size_t i) {
-        const std::uint32_t part = found.parts[i];
-        const bool inward = part == found.parts[scanners] ? bool(found.turned[scanners])
-                                                          : votes[voteOf[part]].inward();
-        if (inward) graph.normals[i] = -graph.normals[i];
+        if (inward[found.parts[i]]) graph.normals[i] = -graph.normals[i];
     });
 }
 
-/// For each of the sorted @a distinct positions the direction in which the first of the viewpoints
-/// that it was seen from lies; empty where no point was seen from a known one.
-std::vector<Vec3f> sights(const PointCloud& cloud, const std::vector<Vec3f>& distinct)
+/// For each of the @a distinct positions the direction in which the first of the viewpoints that it
+/// was seen from lies; empty where no point was seen from a known one.
+std::vector<Vec3f> sights(const PointCloud& cloud, const DistinctPositions& distinct)
 {
     std::vector<Vec3f> result;
     if (cloud.seenFrom.empty()) return result;
-    std::vector<std::uint32_t> from(distinct.size(), PointCloud::kUnseen);
+    std::vector<std::uint32_t> from(distinct.positions.size(), PointCloud::kUnseen);
     for (std::size_t i = 0; i < cloud.size(); ++i) {
-        std::uint32_t& first = from[placeIn(distinct, cloud.positions[i])];
+        std::uint32_t& first = from[distinct.placeOf[i]];
         first = std::min(first, cloud.seenFrom[i]);
     }
-    result.assign(distinct.size(), Vec3f::Zero());
-    for (std::size_t i = 0; i < distinct.size(); ++i)
+    result.assign(from.size(), Vec3f::Zero());
+    for (std::size_t i = 0; i < from.size(); ++i)
         if (from[i] != PointCloud::kUnseen) {
-            const Vec3d p = cloud.frame + distinct[i].cast<double>();
+            const Vec3d p = cloud.frame + distinct.positions[i].cast<double>();
             result[i] = cloud.viewpoints[from[i]].towards(p).normalized().cast<float>();
         }
     return result;
@@ -174,17 +180,6 @@ int neighborsFor(const PointStatistics& statistics)
     return int(std::min(kFewestChosen + kPerSlope * ratio + kPerNoise * ratio * ratio, kMost));
 }
 
-/// The positions of @a cloud, one of each, in their own order: the result depends on no other.
-PointCloud distinctPositions(const PointCloud& cloud)
-{
-    PointCloud distinct;
-    distinct.positions = cloud.positions;
-    tbb::parallel_sort(distinct.positions.begin(), distinct.positions.end(), positionBefore);
-    distinct.positions.erase(std::unique(distinct.positions.begin(), distinct.positions.end()),
-                             distinct.positions.end());
-    return distinct;
-}
-
 } // namespace
 
 int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& progress)
@@ -193,12 +188,15 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
     if (neighbours && (*neighbours < kFewest || *neighbours > kMost))
         throw UsageError(fmt::format("normals from {} neighbours: out of range. Give {} to {}",
                                      *neighbours, kFewest, kMost));
-    PointCloud distinct = distinctPositions(cloud);
-    if (distinct.size() < kFewest)
+    DistinctPositions sorted(cloud.positions);
+    progress.check();
+    if (sorted.positions.size() < kFewest)
         throw InputError(fmt::format("normals need at least {} distinct points, there are {}. Give "
                                      "more points, or points with normals",
-                                     kFewest, distinct.size()));
-    const std::vector<Vec3f> towardsScanner = sights(cloud, distinct.positions);
+                                     kFewest, sorted.positions.size()));
+    const std::vector<Vec3f> towardsScanner = sights(cloud, sorted);
+    PointCloud distinct;
+    distinct.positions = std::move(sorted.positions);
     const auto pass = [&](int count, double noise) {
         PlaneGraph graph = fitPlanes(distinct.positions, std::size_t(count), noise, progress);
         orient(distinct.positions, towardsScanner, graph, progress);
@@ -215,9 +213,8 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
         pass(used, statistics.noise);
     }
     cloud.normals.resize(cloud.size());
-    forEachPoint(cloud.size(), progress, [&](std::size_t i) {
-        cloud.normals[i] = distinct.normals[placeIn(distinct.positions, cloud.positions[i])];
-    });
+    forEachPoint(cloud.size(), progress,
+                 [&](std::size_t i) { cloud.normals[i] = distinct.normals[sorted.placeOf[i]]; });
     return used;
 }
 

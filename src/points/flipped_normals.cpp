@@ -2,6 +2,7 @@
 // each point asks its neighbours. Then cells are compared with cells, to find whole patches.
 #include "cell_grid.h"
 #include "orientation.h"
+#include "outward.h"
 #include "union_find.h"
 
 #include <mpuvdb/normals.h>
@@ -61,10 +62,12 @@ public:
     }
 
     /// Rounds until none is turned: where every fifth is flipped, some are not outvoted at first.
-    void run(Progress& progress)
+    /// @return how often one was turned.
+    std::size_t run(Progress& progress)
     {
         constexpr int kRounds = 8;
-        std::vector<std::uint32_t> mixed = mixedCells(progress);
+        const std::vector<std::uint32_t> mixed = mixedCells(progress);
+        std::size_t turned = 0;
         for (int round = 0; round < kRounds && !mixed.empty(); ++round) {
             std::vector<std::vector<std::uint32_t>> outvoted(mixed.size() / kGrain + 1);
             tbb::parallel_for(std::size_t(0), outvoted.size(), [&](std::size_t chunk) {
@@ -73,14 +76,14 @@ public:
                 for (std::size_t m = chunk * kGrain; m < end; ++m)
                     ask(mGrid.cells()[mixed[m]], outvoted[chunk]);
             });
-            bool any = false;
-            for (const auto& points : outvoted)
-                for (const std::uint32_t p : points) {
-                    mNormals.turn(p);
-                    any = true;
-                }
-            if (!any) break;
+            const std::size_t before = turned;
+            for (const auto& points : outvoted) {
+                for (const std::uint32_t p : points) mNormals.turn(p);
+                turned += points.size();
+            }
+            if (turned == before) break;
         }
+        return turned;
     }
 
 private:
@@ -152,11 +155,12 @@ struct Patchlet {
 class Patches
 {
 public:
-    Patches(const CellGrid& grid, const PointStatistics& statistics, TurnedNormals& normals,
-            Progress& progress)
+    /// @param voted  how many were turned before.
+    Patches(const CellGrid& grid, const PointStatistics& statistics, std::size_t voted,
+            TurnedNormals& normals, Progress& progress)
         : mGrid(grid), mNoise(float(statistics.noise)),
-          mSheet(float(statistics.spacing / 5 + statistics.noise)), mNormals(normals),
-          mProgress(progress)
+          mSheet(float(statistics.spacing / 5 + statistics.noise)), mVoted(double(voted)),
+          mNormals(normals), mProgress(progress)
     {
         mPatchlets.resize(2 * grid.cells().size());
         forEachCell(grid, progress, [&](std::size_t c) { average(c); });
@@ -269,7 +273,7 @@ private:
         const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
         if (from.points == 0 || to.points == 0) return;
         if (areTwoSheets(from, to)) {
-            links.push_back({kTwoSheets, true, std::min(a, b), std::max(a, b)});
+            links.push_back({kAcrossSheets, true, std::min(a, b), std::max(a, b)});
             return;
         }
         links.push_back(
@@ -284,57 +288,104 @@ private:
         const Orientation found = solveOrientation(mPatchlets.size(), links, mProgress);
         struct Part {
             std::uint64_t points = 0, turned = 0;
-            OutwardVote outward; // with the lowest left as it is
         };
         std::vector<Part> parts(mPatchlets.size());
         for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
-            const Patchlet& p = mPatchlets[n];
-            if (p.points == 0) continue;
             Part& part = parts[found.parts[n]];
-            part.points += p.points;
-            if (found.turned[n]) part.turned += p.points;
-            part.outward.add(p.position, found.turned[n] ? Vec3f(-p.normal) : p.normal);
+            part.points += mPatchlets[n].points;
+            if (found.turned[n]) part.turned += mPatchlets[n].points;
         }
+        const std::vector<char> inward = inwardParts(found);
         std::vector<char> turn(mPatchlets.size(), 0);
         for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
+            if (mPatchlets[n].points == 0) continue;
             const Part& part = parts[found.parts[n]];
             const std::uint64_t kept = part.points - part.turned;
-            bool others = part.outward.inward();
+            bool others = inward[found.parts[n]];
             if (kept > kClearly * part.turned) others = false;
             if (part.turned > kClearly * kept) others = true;
-            turn[n] = mPatchlets[n].points > 0 && bool(found.turned[n]) != others;
+            turn[n] = bool(found.turned[n]) != others;
         }
         return turn;
     }
 
-    /// Keep only those groups of patchlets to turn that the others around clearly disagree with as
-    /// they are.
+    /// Whether parts look inward when their patchlets agree and the lowest is left as it is.
+    std::vector<char> inwardParts(const Orientation& found) const
+    {
+        std::vector<Vec3f> positions, normals;
+        std::vector<std::uint32_t> parts, placeOf(mPatchlets.size(), ~0u), partOf;
+        for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
+            const Patchlet& p = mPatchlets[n];
+            if (p.points == 0) continue;
+            std::uint32_t& place = placeOf[found.parts[n]];
+            if (place == ~0u) {
+                place = std::uint32_t(partOf.size());
+                partOf.push_back(found.parts[n]);
+            }
+            positions.push_back(p.position);
+            normals.push_back(found.turned[n] ? Vec3f(-p.normal) : p.normal);
+            parts.push_back(place);
+        }
+        const std::vector<char> inward = findInwardParts({positions, normals, parts}, mProgress);
+        std::vector<char> result(mPatchlets.size(), 0);
+        for (std::size_t place = 0; place < partOf.size(); ++place)
+            result[partOf[place]] = inward[place];
+        return result;
+    }
+
+    /// Patchlets to turn together, and how those around take them as they are.
+    struct Group {
+        double points = 0, against = 0, all = 0;
+
+        /// Clearly disagreed with, and all along: rims, folds and thin parts disagree too, but at
+        /// a few places. A disc of n points has some 8 sqrt(n) points in the cells of its border.
+        bool isFlipped() const
+        {
+            constexpr double kDisagree = 0.6, kBorder = 2, kFewest = 20;
+            return points >= kFewest && against >= kDisagree * all &&
+                   against >= kBorder * std::sqrt(points);
+        }
+        /// What remains where many were flipped.
+        bool isCrumb() const
+        {
+            constexpr double kDisagree = 0.3, kMost = 200;
+            return points <= kMost && against > kDisagree * all;
+        }
+    };
+
+    /// Keep only those groups of patchlets to turn that are flipped beyond doubt.
     void confirm(const std::vector<OrientationLink>& links, std::vector<char>& turn) const
     {
-        constexpr double kDisagree = -0.3;
-        UnionFind groups(mPatchlets.size());
+        constexpr double kMany = 0.015; // of all points
+        UnionFind sets(mPatchlets.size());
         for (const OrientationLink& l : links)
-            if (turn[l.a] && turn[l.b]) groups.join(l.a, l.b);
-        std::vector<double> votes(mPatchlets.size(), 0), all(mPatchlets.size(), 0);
+            if (turn[l.a] && turn[l.b]) sets.join(l.a, l.b);
+        std::vector<Group> groups(mPatchlets.size());
+        for (std::uint32_t n = 0; n < turn.size(); ++n)
+            if (turn[n]) groups[sets.find(n)].points += mPatchlets[n].points;
         for (const OrientationLink& l : links) {
             if (turn[l.a] == turn[l.b]) continue;
-            const std::uint32_t group = groups.find(turn[l.a] ? l.a : l.b);
+            Group& group = groups[sets.find(turn[l.a] ? l.a : l.b)];
             const double weight = std::min(mPatchlets[l.a].points, mPatchlets[l.b].points);
-            votes[group] += weight * l.vote;
-            all[group] += weight * std::abs(l.vote);
+            group.against -= weight * l.vote;
+            group.all += weight * std::abs(l.vote);
         }
+        double flipped = mVoted;
+        for (const Group& group : groups)
+            if (group.isFlipped()) flipped += group.points;
+        const bool many = flipped > kMany * double(mGrid.order().size());
         for (std::uint32_t n = 0; n < turn.size(); ++n) {
-            const std::uint32_t group = groups.find(n);
-            if (turn[n] && !(votes[group] < kDisagree * all[group])) turn[n] = 0;
+            const Group& group = groups[sets.find(n)];
+            turn[n] = turn[n] && (group.isFlipped() || (many && group.isCrumb()));
         }
     }
 
     const CellGrid& mGrid;
-    static constexpr float kAlike = 0.5f;      // cosine
-    static constexpr float kTwoSheets = 0.25f; // what sheets say that are as they should be
+    static constexpr float kAlike = 0.5f; // cosine
 
     const float mNoise;
     const float mSheet; // height that one sheet may have over a cell
+    const double mVoted;
     TurnedNormals& mNormals;
     Progress& mProgress;
     std::vector<Patchlet> mPatchlets; // two of each cell
@@ -349,8 +400,8 @@ std::vector<std::uint32_t> findFlippedNormals(const PointCloud& cloud,
     if (cloud.empty() || !cloud.hasNormals()) return flipped;
     const CellGrid grid(cloud.positions, kCellSpacings * statistics.spacing, progress);
     TurnedNormals normals(cloud);
-    Vote(grid, statistics, normals).run(progress);
-    Patches(grid, statistics, normals, progress).run();
+    const std::size_t voted = Vote(grid, statistics, normals).run(progress);
+    Patches(grid, statistics, voted, normals, progress).run();
     for (std::uint32_t i = 0; i < cloud.size(); ++i)
         if (normals.turned(i)) flipped.push_back(i);
     return flipped;

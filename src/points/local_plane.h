@@ -2,8 +2,7 @@
 #pragma once
 #include <mpuvdb/vec.h>
 
-#include <Eigen/Eigenvalues>
-
+#include <cstdint>
 #include <vector>
 
 namespace mpuvdb
@@ -17,31 +16,21 @@ struct LocalPlane {
     Vec3d variances = Vec3d::Zero();
 
     double height(const Vec3f& p) const { return normal.dot(p.cast<double>() - middle); }
+    /// Whether there is a plane at all: at the rim of a thin wall there is none.
+    bool isThin() const { return variances[0] < 0.15 * variances[1]; }
 };
 
 /// The plane of positions[members]; of less than two distinct ones any normal.
-inline LocalPlane planeOf(const std::vector<Vec3f>& positions,
-                          const std::vector<std::uint32_t>& members)
-{
-    const Vec3d base = positions[members.front()].cast<double>();
-    Vec3d mean = Vec3d::Zero();
-    for (const std::uint32_t m : members) mean += positions[m].cast<double>() - base;
-    mean /= double(members.size());
-    Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-    for (const std::uint32_t m : members) {
-        const Vec3d d = positions[m].cast<double>() - base - mean;
-        scatter += d * d.transpose();
-    }
-    LocalPlane plane;
-    plane.middle = base + mean;
-    // Scaled, because the direct solver works to absolute precision.
-    const double size = scatter.trace();
-    if (!(size > 0)) return plane;
-    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes;
-    axes.computeDirect(scatter / size);
-    plane.normal = axes.eigenvectors().col(0).normalized();
-    plane.variances = axes.eigenvalues().cwiseMax(0) * (size / double(members.size()));
-    return plane;
-}
+LocalPlane planeOf(const std::vector<Vec3f>& positions, const std::vector<std::uint32_t>& members);
+
+/// The plane of those members that lie on the first one's sheet, where the rest lie on another:
+/// beyond an edge, or on the other side of a thin wall. It holds more than half of them and is
+/// much thinner than @a whole, the plane of all; else @a whole.
+/// @param members  nearest to the first one first.
+/// @param noise    standard deviation of the positions; planes that it can make are left as they
+/// are.
+LocalPlane sheetPlaneOf(const std::vector<Vec3f>& positions,
+                        const std::vector<std::uint32_t>& members, const LocalPlane& whole,
+                        double noise);
 
 } // namespace mpuvdb

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <utility>
 
@@ -62,16 +63,18 @@ private:
     std::vector<char> mTurned;
 };
 
-bool surerThan(const OrientationLink& x, const OrientationLink& y)
+/// Join nodes by sure links one by one, the surest first: in classes, which is as good as sorted.
+void joinSure(const std::vector<OrientationLink>& links, Forest& forest, Progress& progress)
 {
-    if (std::abs(x.vote) != std::abs(y.vote)) return std::abs(x.vote) > std::abs(y.vote);
-    return x.a != y.a ? x.a < y.a : x.b < y.b;
-}
-
-bool isSure(const OrientationLink& link)
-{
-    constexpr float kSure = 0.8f;
-    return !link.acrossSheets && std::abs(link.vote) >= kSure;
+    constexpr float kClasses[] = {2, 0.99f, 0.97f, 0.94f, 0.9f};
+    for (std::size_t c = 1; c < std::size(kClasses); ++c)
+        for (std::size_t k = 0; k < links.size(); ++k) {
+            if (k % kCheckEvery == 0) progress.check();
+            const OrientationLink& l = links[k];
+            const float vote = std::abs(l.vote);
+            if (!l.unsure && vote >= kClasses[c] && vote < kClasses[c - 1])
+                forest.join(l.a, l.b, l.vote < 0);
+        }
 }
 
 /// All that is said between two trees, by their roots; a < b.
@@ -111,35 +114,76 @@ void gather(std::vector<PatchLink>& links, Forest& forest, Progress& progress)
     links.resize(kept);
 }
 
-/// Join every tree with the one that it has most to do with, until none has to do with another.
-void joinPatches(std::size_t nodes, std::vector<PatchLink>& links, Forest& forest,
-                 Progress& progress)
+/// Trees of more than one node, joined by what all their nodes say.
+class PatchJoiner
 {
-    std::vector<std::uint32_t> best(nodes);
-    for (gather(links, forest, progress); !links.empty(); gather(links, forest, progress)) {
+public:
+    PatchJoiner(std::size_t nodes, Forest& forest, Progress& progress)
+        : mForest(forest), mProgress(progress), mSizes(nodes, 0), mBest(nodes)
+    {
+        for (std::uint32_t i = 0; i < nodes; ++i) ++mSizes[forest.find(i).first];
+    }
+
+    /// Join every tree with the one that it has most to do with, until none is left that has enough
+    /// to do with another.
+    void run(std::vector<PatchLink>& links)
+    {
+        do gather(links, mForest, mProgress);
+        while (joinOnce(links));
+    }
+
+private:
+    /// Two large patches are not joined by a few links, which can be wrong: theirs is a border of
+    /// some sqrt(n) nodes.
+    bool isFirm(const PatchLink& l) const
+    {
+        constexpr std::uint32_t kLarge = 100;
+        constexpr double kFirm = 0.25;
+        const std::uint32_t smaller = std::min(mSizes[l.a], mSizes[l.b]);
+        return smaller < kLarge || std::abs(l.vote) >= kFirm * std::sqrt(double(smaller));
+    }
+
+    bool joinOnce(const std::vector<PatchLink>& links)
+    {
         // The order, and with it the sums, depend on the nodes' numbers only.
         const auto stronger = [&](std::size_t x, std::size_t y) {
             const double vx = std::abs(links[x].vote), vy = std::abs(links[y].vote);
             return vx != vy ? vx > vy : x < y;
         };
-        for (const PatchLink& l : links) best[l.a] = best[l.b] = ~0u;
-        for (std::uint32_t k = 0; k < links.size(); ++k)
+        for (const PatchLink& l : links) mBest[l.a] = mBest[l.b] = ~0u;
+        for (std::uint32_t k = 0; k < links.size(); ++k) {
+            if (!isFirm(links[k])) continue;
             for (const std::uint32_t end : {links[k].a, links[k].b})
-                if (best[end] == ~0u || stronger(k, best[end])) best[end] = k;
+                if (mBest[end] == ~0u || stronger(k, mBest[end])) mBest[end] = k;
+        }
         std::vector<std::uint32_t> chosen;
         for (std::uint32_t k = 0; k < links.size(); ++k)
-            if (best[links[k].a] == k || best[links[k].b] == k) chosen.push_back(k);
+            if (mBest[links[k].a] == k || mBest[links[k].b] == k) chosen.push_back(k);
         std::sort(chosen.begin(), chosen.end(), stronger);
-        for (const std::uint32_t k : chosen) forest.join(links[k].a, links[k].b, links[k].vote < 0);
+        for (const std::uint32_t k : chosen) join(links[k]);
+        return !chosen.empty();
     }
-}
+
+    void join(const PatchLink& l)
+    {
+        const std::uint32_t a = mForest.find(l.a).first, b = mForest.find(l.b).first;
+        if (a == b) return;
+        mForest.join(l.a, l.b, l.vote < 0);
+        mSizes[std::min(a, b)] = mSizes[a] + mSizes[b];
+    }
+
+    Forest& mForest;
+    Progress& mProgress;
+    std::vector<std::uint32_t> mSizes; ///< of trees, by root
+    std::vector<std::uint32_t> mBest;  ///< of each tree its strongest link
+};
 
 } // namespace
 
 OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
                                 const Vec3f& normalA, const Vec3f& normalB, float noise)
 {
-    constexpr float kAcross = 0.25f; // what two sheets say weighs less than what one says
+    constexpr float kParallel = 0.97f; // planes that are not may be edges, or no planes
     OrientationLink link;
     link.a = std::min(a, b);
     link.b = std::max(a, b);
@@ -152,27 +196,22 @@ OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& a
         return std::copysign(std::max(std::abs(height) - 2 * noise, 0.f), height) / length;
     };
     const float mirrored = link.vote - 2 * slope(normalA) * slope(normalB);
-    link.acrossSheets = mirrored * link.vote < 0 && std::abs(link.vote) > std::abs(mirrored) / 4;
-    link.vote = link.acrossSheets ? kAcross * mirrored : mirrored;
+    const bool across = mirrored * link.vote < 0 && std::abs(link.vote) > std::abs(mirrored) / 4;
+    link.unsure = across || std::abs(link.vote) < kParallel;
+    link.vote = across ? kAcrossSheets * mirrored : mirrored;
     return link;
 }
 
 Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
                              Progress& progress)
 {
-    const auto unsure =
-        std::partition(links.begin(), links.end(), [](const auto& l) { return isSure(l); });
-    tbb::parallel_sort(links.begin(), unsure, surerThan);
     Forest forest(nodes);
-    for (auto l = links.begin(); l != unsure; ++l) {
-        if ((l - links.begin()) % std::ptrdiff_t(kCheckEvery) == 0) progress.check();
-        forest.join(l->a, l->b, l->vote < 0);
-    }
+    joinSure(links, forest, progress);
     std::vector<PatchLink> between;
     for (const OrientationLink& l : links)
         if (forest.find(l.a).first != forest.find(l.b).first) between.push_back({l.a, l.b, l.vote});
     links = {};
-    joinPatches(nodes, between, forest, progress);
+    PatchJoiner(nodes, forest, progress).run(between);
     Orientation result;
     result.parts.resize(nodes);
     result.turned.resize(nodes);

@@ -14,9 +14,12 @@ class Progress;
 /// nothing; reversing one normal reverses the sign.
 struct OrientationLink {
     float vote = 0;
-    bool acrossSheets = false; ///< b lies not on a's sheet but behind or before it
+    bool unsure = false; ///< across sheets, or by a plane that is none: counts only among others
     std::uint32_t a = 0, b = 0;
 };
+
+/// What two sheets say weighs less than what one says.
+constexpr float kAcrossSheets = 0.25f;
 
 /// The link of two oriented positions: one's normal, mirrored at the plane between the two, against
 /// the other's. 1 on planes, arcs, and across any edge; also for the two sides of a thin wall or a
@@ -35,30 +38,5 @@ struct Orientation {
 /// a whole patch [a minimum spanning tree (Hoppe92) would hang on a single one].
 Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
                              Progress& progress);
-
-/// Whether a part's normals look inward, told by its outermost points: those farthest out along
-/// each axis, both ways, whose normals weigh as much as they keep to the axis.
-class OutwardVote
-{
-public:
-    void add(const Vec3f& position, const Vec3f& normal)
-    {
-        for (int axis = 0; axis < 3; ++axis) {
-            if (position[axis] < mLow[axis]) {
-                mLow[axis] = position[axis];
-                mLowNormal[axis] = -normal[axis];
-            }
-            if (position[axis] > mHigh[axis]) {
-                mHigh[axis] = position[axis];
-                mHighNormal[axis] = normal[axis];
-            }
-        }
-    }
-    bool inward() const { return mLowNormal.sum() + mHighNormal.sum() < 0; }
-
-private:
-    Vec3f mLow = Vec3f::Constant(HUGE_VALF), mHigh = Vec3f::Constant(-HUGE_VALF);
-    Vec3f mLowNormal = Vec3f::Zero(), mHighNormal = Vec3f::Zero();
-};
 
 } // namespace mpuvdb
