@@ -266,6 +266,63 @@ TEST(CoarseSign, ClosesASphereWithAHole)
     EXPECT_GT(sign.evaluate(Vec3d(0, 0.6, 0.8) * 1.2 - frame).value, 0);
 }
 
+/// Distance from the coarse zero set to @a surface on the line along @a outward; both ends of the
+/// line, @a reach away, have to be on their sides.
+double misplacement(const CoarseSign& sign, const Vec3d& surface, const Vec3d& outward,
+                    double reach)
+{
+    double low = -reach, high = reach;
+    EXPECT_LT(sign.evaluate(surface + low * outward).value, 0);
+    EXPECT_GT(sign.evaluate(surface + high * outward).value, 0);
+    for (int i = 0; i < 30; ++i) {
+        const double middle = 0.5 * (low + high);
+        (sign.evaluate(surface + middle * outward).value < 0 ? low : high) = middle;
+    }
+    return std::abs(low);
+}
+
+TEST(CoarseSign, ClosesABoreAsItsWallBends)
+{
+    // A chord across the third of the wall that is missing leaves 0.2 at its middle.
+    constexpr double radius = 0.4, gap = M_PI / 3;
+    const PointCloud cloud = without(
+        test::randomScan("difference(box(2,2,1), cylinder(0.4,3))", 40000), [&](const Vec3d& p) {
+            return p.head<2>().norm() < radius + 1e-3 && std::abs(std::atan2(p[1], p[0])) < gap;
+        });
+    const Vec3d frame = cloud.frame;
+    const CoarseSign sign = coarseSignOf(cloud);
+    double sum = 0, worst = 0;
+    int count = 0;
+    for (double angle = -gap; angle <= gap; angle += gap / 16) {
+        for (double z = -0.35; z <= 0.36; z += 0.05) {
+            const Vec3d inwards(std::cos(angle), std::sin(angle), 0);
+            const double off =
+                misplacement(sign, radius * inwards + Vec3d(0, 0, z) - frame, -inwards, 0.3);
+            sum += off;
+            worst = std::max(worst, off);
+            ++count;
+        }
+    }
+    EXPECT_LT(sum / count, 0.05);
+    EXPECT_LT(worst, 0.12);
+}
+
+TEST(CoarseSign, DoesNotBlowUpWhatIsHalfUnseen)
+{
+    const auto solid = parseSolid("blob(1, 20, 0.05)");
+    const PointCloud cloud = without(test::randomScan("blob(1, 20, 0.05)", 40000),
+                                     [](const Vec3d& p) { return p[2] < 0.1; });
+    const Vec3d frame = cloud.frame;
+    const CoarseSign sign = coarseSignOf(cloud);
+    Random random(5);
+    double farthest = 0;
+    for (int i = 0; i < 100000; ++i) {
+        const Vec3d p = random.inCube(1.8);
+        if (sign.evaluate(p - frame).value < 0) farthest = std::max(farthest, solid->distance(p));
+    }
+    EXPECT_LT(farthest, 0.15);
+}
+
 TEST(CoarseSign, IsFiniteOnDegenerateClouds)
 {
     Random random(3);
