@@ -17,7 +17,7 @@ namespace
 constexpr double kPad = 0.2;    ///< of the extent, on each side
 constexpr int kMaxNodes = 64;   ///< along the longest side
 constexpr double kKernel = 1.5; ///< radius of the splats, node steps
-constexpr float kWeight = 4;    ///< of data at a node, against the equation between them
+constexpr float kWeight = 8;    ///< of data at a node, against the equation between them
 /// Steps across the cubes whose points stand for all where only distances to the box are asked.
 constexpr double kFewSteps = 6;
 
