@@ -110,6 +110,24 @@ TEST(ScreenedPoisson, EveryCycleReducesTheResidual)
     }
 }
 
+TEST(ScreenedPoisson, TakesEveryNodeOfTheBoxByItself)
+{
+    Progress progress;
+    const NodeGrid grid{{33, 17, 49}};
+    std::vector<float> linear(grid.size()), border(grid.size(), 1e6f);
+    for (int i = 0; i < grid.n[0]; ++i)
+        for (int j = 0; j < grid.n[1]; ++j)
+            for (int k = 0; k < grid.n[2]; ++k) {
+                const std::size_t n = grid.index(i, j, k);
+                linear[n] = 1 + 0.02f * float(i) - 0.05f * float(j) + 0.03f * float(k);
+                if (grid.onBorder(i, j, k)) border[n] = linear[n];
+            }
+    const std::vector<float> nothing(grid.size(), 0.0f);
+    ScreenedPoisson solver(grid, nothing, progress);
+    const std::vector<float> u = solver.solve(nothing, border, 2);
+    for (std::size_t n = 0; n < u.size(); ++n) ASSERT_NEAR(u[n], linear[n], 1e-3);
+}
+
 TEST(ScreenedPoisson, DoesNotDependOnThreads)
 {
     Progress progress;
