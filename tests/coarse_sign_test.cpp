@@ -110,6 +110,24 @@ TEST(ScreenedPoisson, EveryCycleReducesTheResidual)
     }
 }
 
+TEST(ScreenedPoisson, TakesEveryNodeOfTheBoxByItself)
+{
+    Progress progress;
+    const NodeGrid grid{{33, 17, 49}};
+    std::vector<float> linear(grid.size()), border(grid.size(), 1e6f);
+    for (int i = 0; i < grid.n[0]; ++i)
+        for (int j = 0; j < grid.n[1]; ++j)
+            for (int k = 0; k < grid.n[2]; ++k) {
+                const std::size_t n = grid.index(i, j, k);
+                linear[n] = 1 + 0.02f * float(i) - 0.05f * float(j) + 0.03f * float(k);
+                if (grid.onBorder(i, j, k)) border[n] = linear[n];
+            }
+    const std::vector<float> nothing(grid.size(), 0.0f);
+    ScreenedPoisson solver(grid, nothing, progress);
+    const std::vector<float> u = solver.solve(nothing, border, 2);
+    for (std::size_t n = 0; n < u.size(); ++n) ASSERT_NEAR(u[n], linear[n], 1e-3);
+}
+
 TEST(ScreenedPoisson, DoesNotDependOnThreads)
 {
     Progress progress;
@@ -264,6 +282,47 @@ TEST(CoarseSign, ClosesASphereWithAHole)
     // The surface bends on through the hole: there the sphere's, about.
     EXPECT_LT(sign.evaluate(Vec3d(0, 0.6, 0.8) * 0.8 - frame).value, 0);
     EXPECT_GT(sign.evaluate(Vec3d(0, 0.6, 0.8) * 1.2 - frame).value, 0);
+}
+
+/// Distance from the coarse zero set to @a surface on the line along @a outward; both ends of the
+/// line, @a reach away, have to be on their sides.
+double misplacement(const CoarseSign& sign, const Vec3d& surface, const Vec3d& outward,
+                    double reach)
+{
+    double low = -reach, high = reach;
+    EXPECT_LT(sign.evaluate(surface + low * outward).value, 0);
+    EXPECT_GT(sign.evaluate(surface + high * outward).value, 0);
+    for (int i = 0; i < 30; ++i) {
+        const double middle = 0.5 * (low + high);
+        (sign.evaluate(surface + middle * outward).value < 0 ? low : high) = middle;
+    }
+    return std::abs(low);
+}
+
+TEST(CoarseSign, ClosesABoreAsItsWallBends)
+{
+    // A chord across the third of the wall that is missing leaves 0.2 at its middle.
+    constexpr double radius = 0.4, gap = M_PI / 3;
+    const PointCloud cloud = without(
+        test::randomScan("difference(box(2,2,1), cylinder(0.4,3))", 40000), [&](const Vec3d& p) {
+            return p.head<2>().norm() < radius + 1e-3 && std::abs(std::atan2(p[1], p[0])) < gap;
+        });
+    const Vec3d frame = cloud.frame;
+    const CoarseSign sign = coarseSignOf(cloud);
+    double sum = 0, worst = 0;
+    int count = 0;
+    for (double angle = -gap; angle <= gap; angle += gap / 16) {
+        for (double z = -0.35; z <= 0.36; z += 0.05) {
+            const Vec3d inwards(std::cos(angle), std::sin(angle), 0);
+            const double off =
+                misplacement(sign, radius * inwards + Vec3d(0, 0, z) - frame, -inwards, 0.3);
+            sum += off;
+            worst = std::max(worst, off);
+            ++count;
+        }
+    }
+    EXPECT_LT(sum / count, 0.05);
+    EXPECT_LT(worst, 0.12);
 }
 
 TEST(CoarseSign, IsFiniteOnDegenerateClouds)

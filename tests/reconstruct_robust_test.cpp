@@ -12,6 +12,7 @@
 #include <atomic>
 #include <chrono>
 #include <thread>
+#include <vector>
 
 namespace mpuvdb
 {
@@ -32,6 +33,92 @@ Reconstruction reconstructed(PointCloud cloud, double voxelSize)
 {
     Progress progress;
     return reconstruct(std::move(cloud), voxelsOf(voxelSize), progress);
+}
+
+// --- Where data end
+
+/// Unit normal of the zero set of @a field where the line through @a p along @a direction meets it
+/// within @a reach; and the place.
+struct ZeroSet {
+    Vec3d place, normal;
+    bool supported;
+};
+
+ZeroSet zeroSetNear(const MpuField& field, const Vec3d& p, const Vec3d& direction, double reach)
+{
+    double low = -reach, high = reach;
+    for (int i = 0; i < 40; ++i) {
+        const double middle = 0.5 * (low + high);
+        (field.evaluate(p + middle * direction).value < 0 ? low : high) = middle;
+    }
+    ZeroSet found{p + low * direction, Vec3d::Zero(), false};
+    found.supported = field.evaluate(found.place).supported;
+    for (int k = 0; k < 3; ++k) {
+        const Vec3d step = 1e-3 * reach * Vec3d::Unit(k);
+        found.normal[k] =
+            field.evaluate(found.place + step).value - field.evaluate(found.place - step).value;
+    }
+    found.normal.normalize();
+    return found;
+}
+
+double median(std::vector<double> values)
+{
+    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+TEST(Reconstruct, InventsWithoutACrease)
+{
+    struct Case {
+        const char* solid;
+        Vec3d hole;
+    };
+    for (const Case& c : {Case{"sphere(1)", {1, 0, 0}}, Case{"torus(1, 0.4)", {1.4, 0, 0}},
+                          Case{"blob(1, 5, 0.05)", {1, 0, 0}}}) {
+        const PointCloud whole = test::randomScan(c.solid, 40000);
+        const double radius = 0.4;
+        PointCloud cloud;
+        cloud.frame = whole.frame;
+        std::vector<std::size_t> rim;
+        for (std::size_t i = 0; i < whole.size(); ++i) {
+            const double distance = (whole.world(i) - c.hole).norm();
+            if (std::abs(distance - radius) < 0.01) rim.push_back(i);
+            if (distance < radius) continue;
+            cloud.positions.push_back(whole.positions[i]);
+            cloud.normals.push_back(whole.normals[i]);
+        }
+        const double h = 0.02;
+        const Reconstruction result = reconstructed(cloud, h);
+        // Turns within a voxel, from well within the data to well within the hole, the surface's
+        // own among them: where support ends, and the largest per place on the rim.
+        std::vector<double> atSeam, largest;
+        const auto solid = parseSolid(c.solid);
+        for (const std::size_t i : rim) {
+            const Vec3d p = whole.world(i), n = whole.normals[i].cast<double>();
+            Vec3d across = p - c.hole;
+            across = (across - across.dot(n) * n).normalized();
+            ZeroSet last{};
+            double most = 0;
+            for (int k = -6; k <= 12; ++k) {
+                const Vec3d at = p - k * h * across;
+                const Vec3d foot = at - solid->distance(at) * n;
+                const ZeroSet next = zeroSetNear(*result.field, foot, n, 5 * h);
+                if (k > -6) {
+                    const double turn =
+                        std::acos(std::min(1.0, next.normal.dot(last.normal))) * 180 / M_PI;
+                    most = std::max(most, turn);
+                    if (last.supported != next.supported) atSeam.push_back(turn);
+                }
+                last = next;
+            }
+            largest.push_back(most);
+        }
+        ASSERT_GT(atSeam.size(), 50u) << c.solid;
+        EXPECT_LT(median(atSeam), 5) << c.solid;
+        EXPECT_LT(median(largest), 8) << c.solid;
+    }
 }
 
 // --- Determinism

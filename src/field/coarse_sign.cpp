@@ -1,9 +1,12 @@
 #include "coarse_sign.h"
 
+#include "coarse_fill.h"
+
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tbb/parallel_for.h>
 
 namespace mpuvdb
@@ -14,20 +17,14 @@ namespace
 constexpr double kPad = 0.2;    ///< of the extent, on each side
 constexpr int kMaxNodes = 64;   ///< along the longest side
 constexpr double kKernel = 1.5; ///< radius of the splats, node steps
-constexpr double kUnit = 1.5;   ///< u = distance / (kUnit steps), in [-1, 1]
-constexpr float kScreening = 4;
-/// Of u on the box. Above 0, so that every surface closes inside; low, so that what closes an
-/// opening bulges outwards as objects do: at 1 a cap over a hole in a sphere is flat.
-constexpr float kBorder = 0.3f;
+constexpr float kWeight = 8;    ///< of data at a node, against the equation between them
+/// Steps across the cubes whose points stand for all where only distances to the box are asked.
+constexpr double kFewSteps = 6;
 
 /// Points of one small cube as one: mean position, sum of normals.
 struct Dipole {
     Vec3f position, normal;
     float weight;
-};
-
-struct Splats {
-    std::vector<float> screening, value; ///< D and D-weighted u, per node
 };
 
 /// Mean distance between points: the area of the occupied cells of a level that holds a few points
@@ -140,14 +137,12 @@ struct NodeSums {
     }
 };
 
-Splats splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec3d& corner,
-             double step, Progress& progress)
+NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec3d& corner,
+               double step, Progress& progress)
 {
     const Bins bins = binDipoles(dipoles, grid, corner, step);
     const std::vector<char> near = nodesNear(bins, grid);
-    Splats splats;
-    splats.screening.assign(grid.size(), 0.0f);
-    splats.value.assign(grid.size(), 0.0f);
+    NodeData data(grid);
     tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
         progress.check();
         for (int j = 1; j < grid.n[1] - 1; ++j) {
@@ -167,20 +162,43 @@ Splats splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec
                     }
                 if (!sums.supported(step)) continue;
                 const std::size_t n = grid.index(i, j, k);
-                splats.screening[n] = kScreening;
-                const double u = std::clamp(sums.value / sums.weight / (kUnit * step), -1.0, 1.0);
-                splats.value[n] = kScreening * float(u);
+                data.weight[n] = kWeight;
+                data.distance[n] = float(sums.value / sums.weight / step);
+                const Vec3f normal = sums.normal.normalized().cast<float>();
+                for (int c = 0; c < 3; ++c) data.normal[std::size_t(c)][n] = normal[c];
             }
         }
     });
-    return splats;
+    return data;
 }
 
-std::vector<float> solvePotential(const NodeGrid& grid, Splats splats, Progress& progress)
+/// Distance from the nodes of the box to the nearest dipole, node steps; 0 at the other nodes.
+std::vector<float> borderDistance(const std::vector<Dipole>& dipoles, const NodeGrid& grid,
+                                  const Vec3d& corner, double step, Progress& progress)
 {
-    ScreenedPoisson solver(grid, std::move(splats.screening), progress);
-    for (float& v : splats.value) v = -v;
-    return solver.solve(splats.value, kBorder, 2);
+    std::vector<float> distance(grid.size(), 0.0f);
+    tbb::parallel_for(0, grid.n[0], [&](int i) {
+        progress.check();
+        for (int j = 0; j < grid.n[1]; ++j) {
+            for (int k = 0; k < grid.n[2]; ++k) {
+                if (!grid.onBorder(i, j, k)) continue;
+                const Vec3f at = (corner + step * Vec3d(i, j, k)).cast<float>();
+                float nearest = std::numeric_limits<float>::max();
+                for (const Dipole& d : dipoles)
+                    nearest = std::min(nearest, (d.position - at).squaredNorm());
+                distance[grid.index(i, j, k)] = std::sqrt(nearest) / float(step);
+            }
+        }
+    });
+    return distance;
+}
+
+/// Level of the first cubes that are no larger than @a size.
+int levelOf(const RootCube& root, double size)
+{
+    int level = 0;
+    while (level < SortedPoints::kMaxLevel && root.size(level) > size) ++level;
+    return level;
 }
 
 } // namespace
@@ -196,11 +214,11 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
         mGrid.n[std::size_t(k)] = 16 * std::max(1, int(std::ceil(side / mStep / 16))) + 1;
         mCorner[k] = bounds.center()[k] - mStep * (mGrid.n[std::size_t(k)] - 1) / 2;
     }
-    mSlopeFloor = 0.3 / (extent / mStep);
-    int level = 0;
-    while (level < SortedPoints::kMaxLevel && root.size(level) > 0.4 * mStep) ++level;
-    const std::vector<Dipole> dipoles = makeDipoles(points, level);
-    mU = solvePotential(mGrid, splat(dipoles, mGrid, mCorner, mStep, progress), progress);
+    mSlopeFloor = 0.45 / (extent / mStep);
+    const std::vector<Dipole> dipoles = makeDipoles(points, levelOf(root, 0.4 * mStep)),
+                              few = makeDipoles(points, levelOf(root, kFewSteps * mStep));
+    mU = fillBetween(mGrid, splat(dipoles, mGrid, mCorner, mStep, progress),
+                     borderDistance(few, mGrid, mCorner, mStep, progress), progress);
 }
 
 FieldSample CoarseSign::evaluate(const Vec3d& p) const

@@ -1,8 +1,9 @@
 // One coarse answer to inside or outside for the whole model, from its points alone: for where no
 // data support the local fits.
 //
-// A harmonic function, held to the points' signed distance near them: between them it has no zero
-// set that does not end on data (maximum principle), so nothing is invented in free space.
+// A nearly harmonic function, held to the points' signed distance near them. A harmonic function
+// has no zero set between data that does not end on them (maximum principle), so nothing is
+// invented in free space; what is added to it lets openings close as the data around them bend.
 #pragma once
 #include "multigrid.h"
 #include "sorted_points.h"

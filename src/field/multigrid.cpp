@@ -62,14 +62,6 @@ void prolong(const NodeGrid& coarse, const std::vector<float>& from, const NodeG
     });
 }
 
-void fillBorder(const NodeGrid& grid, std::vector<float>& u, float value)
-{
-    for (int i = 0; i < grid.n[0]; ++i)
-        for (int j = 0; j < grid.n[1]; ++j)
-            for (int k = 0; k < grid.n[2]; ++k)
-                if (grid.onBorder(i, j, k)) u[grid.index(i, j, k)] = value;
-}
-
 } // namespace
 
 ScreenedPoisson::ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening,
@@ -151,18 +143,38 @@ void ScreenedPoisson::descendRightHandSide(const std::vector<float>& b)
         restrictTo(mLevels[n - 1].grid, mLevels[n - 1].b, mLevels[n].grid, mLevels[n].b);
 }
 
+void ScreenedPoisson::fillBorder(std::size_t n, const std::vector<float>& border)
+{
+    Level& level = mLevels[n];
+    const NodeGrid& grid = level.grid;
+    const int finest = 1 << n; // steps of the finest grid
+    for (int i = 0; i < grid.n[0]; ++i)
+        for (int j = 0; j < grid.n[1]; ++j)
+            for (int k = 0; k < grid.n[2]; ++k)
+                if (grid.onBorder(i, j, k))
+                    level.u[grid.index(i, j, k)] =
+                        border[mLevels[0].grid.index(finest * i, finest * j, finest * k)];
+}
+
 std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b, float border, int cycles)
+{
+    return solve(b, std::vector<float>(mLevels[0].grid.size(), border), cycles);
+}
+
+std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b,
+                                          const std::vector<float>& border, int cycles)
 {
     descendRightHandSide(b);
     for (std::size_t n = mLevels.size(); n-- > 0;) {
         mProgress.check();
         Level& level = mLevels[n];
         if (n + 1 == mLevels.size()) {
-            std::fill(level.u.begin(), level.u.end(), border);
+            std::fill(level.u.begin(), level.u.end(), 0.0f);
+            fillBorder(n, border);
             relax(level, kCoarsestSweeps);
             continue;
         }
-        fillBorder(level.grid, level.u, border);
+        fillBorder(n, border);
         prolong(mLevels[n + 1].grid, mLevels[n + 1].u, level.grid, level.u, false);
         const int here = n == 0 ? cycles : 1;
         if (here == 0) relax(level, 2);

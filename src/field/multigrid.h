@@ -33,7 +33,11 @@ public:
     /// @param screening  D >= 0, one per node. Each dimension of @a grid is 16 a + 1.
     ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening, Progress& progress);
 
+    /// @param border  u on the box's nodes; other nodes' values are not read.
     /// @param cycles  V-cycles on the finest level after the full multigrid pass; 0: two sweeps.
+    std::vector<float> solve(const std::vector<float>& b, const std::vector<float>& border,
+                             int cycles);
+    /// The same with one value on the whole box.
     std::vector<float> solve(const std::vector<float>& b, float border, int cycles);
 
 private:
@@ -42,6 +46,7 @@ private:
         std::vector<float> screening, u, b;
     };
     void descendRightHandSide(const std::vector<float>& b);
+    void fillBorder(std::size_t level, const std::vector<float>& border);
     void cycle(std::size_t level);
     void relax(Level& level, int sweeps) const;
 

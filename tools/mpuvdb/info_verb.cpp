@@ -66,6 +66,7 @@ Json describePoints(const std::string& file, Progress& progress)
     const PointStatistics statistics = measure(cloud, progress);
     json["spacing"] = statistics.spacing;
     json["noise"] = statistics.noise;
+    if (cloud.hasNormals()) json["normal_noise"] = statistics.normalNoise * 180 / M_PI;
     json["notes"] = input.notes;
     return json;
 }

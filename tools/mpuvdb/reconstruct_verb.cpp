@@ -244,12 +244,15 @@ private:
 
             return judgeInward(session, cloud);
         mSettings.points = measure(cloud, session.progress()); // noise is told by normals
+        // Normals that come from the positions know nothing that these do not say.
+        if (mNormalsEstimated) mSettings.points->normalNoise = 0;
         judgeInward(session, cloud);
     }
 
-    void estimate(Session& session, PointCloud& cloud) const
+    void estimate(Session& session, PointCloud& cloud)
     {
         const bool none = !cloud.hasNormals();
+        mNormalsEstimated = true;
         const int neighbours = estimateNormals(cloud, {}, session.progress());
         session.note(fmt::format("normals     estimated from {} neighbours each{}", neighbours,
                                  none ? " (the points have none)" : ""));
@@ -286,6 +289,7 @@ private:
                               {"half_width", s.grid.halfWidth},
                               {"tolerance", s.fit.tolerance},
                               {"noise", s.fit.noise},
+                              {"normal_noise", s.fit.normalNoise * 180 / M_PI},
                               {"alpha", s.fit.alpha},
                               {"min_points", s.fit.minPoints},
                               {"sharp", s.fit.sharp},
@@ -298,10 +302,11 @@ private:
                               {"holes", mHoles.text()},
                               {"coverage", mCoverage || !mHoles.close},
                               {"max_memory", mSettings.maxBytes}};
-        report["input"] = {{"points", mPoints},          {"dropped", mDropped},
-                           {"normals_turned", mFlipped}, {"spacing", s.points.spacing},
-                           {"noise", s.points.noise},    {"box", toJson(s.boxSize)},
-                           {"diagonal", s.diagonal}};
+        report["input"] = {
+            {"points", mPoints},          {"dropped", mDropped},
+            {"normals_turned", mFlipped}, {"spacing", s.points.spacing},
+            {"noise", s.points.noise},    {"normal_noise", s.points.normalNoise * 180 / M_PI},
+            {"box", toJson(s.boxSize)},   {"diagonal", s.diagonal}};
         report["field"] = {{"cells", fit.cells},
                            {"leaves", fit.leaves},
                            {"levels", fit.levels},
@@ -363,6 +368,7 @@ private:
     Holes mHoles;
     ReconstructSettings mSettings;
     std::uint64_t mPoints = 0, mFlipped = 0;
+    bool mNormalsEstimated = false;
     std::map<std::string, std::uint64_t> mDropped;
 };
 

@@ -1,0 +1,120 @@
+#include "coarse_fill.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// On the grid's box. Above 0, so that every surface closes inside; low, so that what closes an
+/// opening bulges outwards as objects do: a cap over a hole in a sphere is flat if it is higher.
+constexpr float kBorder = 0.45f;
+/// Share of a true distance in the fill, the rest is harmonic. A harmonic function alone saturates:
+/// of an object of which half is unseen it makes too much.
+constexpr float kDistanceShare = 0.1f;
+/// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
+/// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
+/// data do bulge without.
+constexpr float kConcaveShare = 1.5f;
+/// Node steps on which normals and bends of data fade.
+constexpr float kFade = 6;
+/// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.
+constexpr float kMostCurved = 0.4f;
+
+/// Call f(node) for the interior nodes, in parallel.
+template <typename F>
+void forEachInterior(const NodeGrid& grid, F f)
+{
+    tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
+        for (int j = 1; j < grid.n[1] - 1; ++j)
+            for (int k = 1; k < grid.n[2] - 1; ++k) f(grid.index(i, j, k));
+    });
+}
+
+/// Index offset to the next node on each axis.
+std::array<std::size_t, 3> strides(const NodeGrid& grid)
+{
+    return {std::size_t(grid.n[1]) * std::size_t(grid.n[2]), std::size_t(grid.n[2]), 1};
+}
+
+float divergence(const std::array<std::vector<float>, 3>& v, std::size_t n,
+                 const std::array<std::size_t, 3>& stride)
+{
+    float sum = 0;
+    for (std::size_t c = 0; c < 3; ++c) sum += v[c][n + stride[c]] - v[c][n - stride[c]];
+    return 0.5f * sum;
+}
+
+std::vector<float> faded(std::vector<float> weight)
+{
+    for (float& w : weight) w += 1 / (kFade * kFade);
+    return weight;
+}
+
+/// Unit vectors everywhere, on from the data's normals.
+std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const NodeData& data,
+                                                Progress& progress)
+{
+    std::array<std::vector<float>, 3> spread;
+    ScreenedPoisson solver(grid, faded(data.weight), progress);
+    std::vector<float> rightHand(grid.size());
+    for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t n = 0; n < grid.size(); ++n)
+            rightHand[n] = -data.weight[n] * data.normal[c][n];
+        spread[c] = solver.solve(rightHand, 0, 1);
+    }
+    for (std::size_t n = 0; n < grid.size(); ++n) {
+        const float length = std::hypot(spread[0][n], spread[1][n], spread[2][n]);
+        for (auto& s : spread) s[n] = length > 0 ? s[n] / length : 0.0f;
+    }
+    return spread;
+}
+
+/// How much concave data bend, spread beyond them: the sum of principal curvatures, at most 0.
+std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Progress& progress)
+{
+    const auto stride = strides(grid);
+    std::vector<float> weight(grid.size(), 0.0f), rightHand(grid.size(), 0.0f);
+    forEachInterior(grid, [&](std::size_t n) {
+        bool known = data.weight[n] > 0;
+        for (const std::size_t s : stride)
+            known = known && data.weight[n - s] > 0 && data.weight[n + s] > 0;
+        if (!known) return;
+        const float bend = divergence(data.normal, n, stride);
+        weight[n] = data.weight[n];
+        rightHand[n] = -weight[n] * std::clamp(bend, -kMostCurved, kMostCurved);
+    });
+    ScreenedPoisson solver(grid, faded(std::move(weight)), progress);
+    std::vector<float> spread = solver.solve(rightHand, 0, 1);
+    for (float& s : spread) s = std::min(s, 0.0f);
+    return spread;
+}
+
+} // namespace
+
+NodeData::NodeData(const NodeGrid& grid)
+    : weight(grid.size(), 0.0f), distance(grid.size(), 0.0f), normal{distance, distance, distance}
+{
+}
+
+std::vector<float> fillBetween(const NodeGrid& grid, const NodeData& data,
+                               const std::vector<float>& borderDistance, Progress& progress)
+{
+    const std::array<std::vector<float>, 3> normals = spreadNormals(grid, data, progress);
+    std::vector<float> rightHand = spreadHollows(grid, data, progress);
+    const auto stride = strides(grid);
+    forEachInterior(grid, [&](std::size_t n) {
+        rightHand[n] = kConcaveShare * rightHand[n] +
+                       kDistanceShare * divergence(normals, n, stride) -
+                       data.weight[n] * data.distance[n];
+    });
+    std::vector<float> border(borderDistance);
+    for (float& b : border) b = (1 - kDistanceShare) * kBorder + kDistanceShare * b;
+    ScreenedPoisson solver(grid, data.weight, progress);
+    return solver.solve(rightHand, border, 2);
+}
+
+} // namespace mpuvdb

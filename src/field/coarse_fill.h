@@ -1,0 +1,28 @@
+// A signed function between data on a coarse grid: near the data their distance, elsewhere what
+// continues their shape.
+#pragma once
+#include "multigrid.h"
+
+#include <array>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// What data say at the nodes near them.
+struct NodeData {
+    explicit NodeData(const NodeGrid& grid);
+
+    std::vector<float> weight;                ///< 0 where they say nothing
+    std::vector<float> distance;              ///< signed, node steps
+    std::array<std::vector<float>, 3> normal; ///< unit
+};
+
+/// The function at every node, node steps, inside negative. Far from data only its sign and the
+/// direction of its slope mean something.
+/// @param borderDistance  distance from the nodes of the grid's box to the nearest data, node
+///                        steps; of the other nodes nothing is asked.
+std::vector<float> fillBetween(const NodeGrid& grid, const NodeData& data,
+                               const std::vector<float>& borderDistance, Progress& progress);
+
+} // namespace mpuvdb
