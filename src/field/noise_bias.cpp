@@ -1,8 +1,8 @@
 #include "noise_bias.h"
 
 #include <algorithm>
+#include <cmath>
 #include <tbb/parallel_for.h>
-#include <utility>
 #include <vector>
 
 namespace mpuvdb
@@ -12,6 +12,7 @@ namespace
 
 /// Of curvature times noise: a surface that turns faster is none, to the noise.
 constexpr double kMostTurn = 0.2;
+constexpr double kFarthest = 8; ///< of a point from its surface, in standard deviations
 
 /// Where a fit's zero set is nearest to the origin of its coordinates, to first order.
 Vec3d foot(const Quadric& q)
@@ -33,39 +34,52 @@ struct Sums {
     double offset = 0, square = 0;
 };
 
-void addLeaf(const LocalFit& fit, const Vec3d& centre, const SortedPoints& points,
-             const SortedPoints::Range& range, double noise, Sums& sums)
+/// The leaf that holds @a p, with its fit about p.
+LocalFit fitAt(const Octree& tree, const Vec3d& p)
 {
-    const Quadric& q = fit.pieces[0];
-    const double k = curvature(q, foot(q));
-    if (!(std::abs(k) * noise < kMostTurn)) return;
-    const PointBatch& p = points.points();
-    for (std::size_t n = range.begin; n < range.end; ++n) {
-        const Vec3d y = Vec3d(p.x[n], p.y[n], p.z[n]) - centre;
-        sums.offset += k * q.value(y) / std::max(q.gradient(y).norm(), 1e-6);
-        sums.square += k * k;
+    std::uint32_t node = 0;
+    OctreeCell cell;
+    while (!tree.nodes[node].isLeaf()) {
+        const Vec3d centre = tree.root.centre(cell);
+        const int octant =
+            int(p[0] > centre[0]) | int(p[1] > centre[1]) << 1 | int(p[2] > centre[2]) << 2;
+        node = tree.nodes[node].index + std::uint32_t(octant);
+        cell = cell.child(octant);
     }
+    return tree.fitAbout(tree.fits[tree.nodes[node].index], p);
+}
+
+/// Add the point @a p: what it is off the surface, by the fits at its foot there, not by those that
+/// points as far off as itself have made.
+void addPoint(const Octree& tree, const Vec3d& p, double noise, Sums& sums)
+{
+    constexpr int kSteps = 3;
+    Vec3d at = p, step;
+    Quadric q; // about the place before the last step
+    for (int n = 0; n < kSteps; ++n, at += step) {
+        const LocalFit fit = fitAt(tree, at);
+        q = fit.pieces[0];
+        step = foot(q);
+        if (fit.isSharp() || !(step.norm() < kFarthest * noise)) return;
+    }
+    const double k = curvature(q, step);
+    if (!(std::abs(k) * noise < kMostTurn)) return;
+    const Vec3d offset = p - at;
+    sums.offset += k * std::copysign(offset.norm(), offset.dot(q.b));
+    sums.square += k * k;
 }
 
 } // namespace
 
 void removeNoiseBias(Octree& tree, const SortedPoints& points, double noise)
 {
-    constexpr std::size_t kChunk = 256; // leaves
-    std::vector<std::pair<std::uint32_t, OctreeCell>> leaves;
-    tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
-        if (tree.fits[node.index].count == 1) leaves.push_back({node.index, cell});
-    });
-    std::vector<Sums> sums((leaves.size() + kChunk - 1) / kChunk);
+    constexpr std::size_t kChunk = 4096; // points
+    const PointBatch& p = points.points();
+    std::vector<Sums> sums((points.size() + kChunk - 1) / kChunk);
     tbb::parallel_for(std::size_t(0), sums.size(), [&](std::size_t c) {
-        const std::size_t end = std::min((c + 1) * kChunk, leaves.size());
-        for (std::size_t n = c * kChunk; n < end; ++n) {
-            const auto& [index, cell] = leaves[n];
-            const SortedPoints::Range range = points.cellRange(cell);
-            if (range.begin == range.end) continue;
-            const Vec3d centre = tree.root.centre(cell);
-            addLeaf(tree.fitAbout(tree.fits[index], centre), centre, points, range, noise, sums[c]);
-        }
+        const std::size_t end = std::min((c + 1) * kChunk, points.size());
+        for (std::size_t n = c * kChunk; n < end; ++n)
+            addPoint(tree, Vec3d(p.x[n], p.y[n], p.z[n]), noise, sums[c]);
     });
     Sums all;
     for (const Sums& s : sums) all.offset += s.offset, all.square += s.square;

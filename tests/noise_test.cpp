@@ -1,0 +1,237 @@
+// Points with noise: what it does to fits, to fields and to grids, and what takes it out again.
+#include "field_fixture.h"
+#include "fit_quality.h"
+#include "local_fit.h"
+
+#include <mpuvdb/reconstruct.h>
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using test::Random;
+
+constexpr std::uint64_t kSeed = 20030727;
+
+/// Of unit deviation: the sum of twelve, near enough.
+double normalDraw(Random& random)
+{
+    double sum = -6;
+    for (int i = 0; i < 12; ++i) sum += random.uniform();
+    return sum;
+}
+
+/// Points of the ball of radius 1 about the origin, on z = height + bend (x^2 - y^2 / 2) with
+/// noise along z and the surface's own normals.
+CellPoints sheetOf(std::size_t count, double height, double bend, double noise, Random& random)
+{
+    PointBatch batch;
+    while (batch.size() < count) {
+        const double x = random.uniform(-1, 1), y = random.uniform(-1, 1);
+        const double z = height + bend * (x * x - y * y / 2) + noise * normalDraw(random);
+        if (x * x + y * y + z * z >= 1) continue;
+        const Vec3d n = Vec3d(-2 * bend * x, bend * y, 1).normalized();
+        const std::size_t i = batch.size();
+        batch.resize(i + 1);
+        batch.x[i] = float(x), batch.y[i] = float(y), batch.z[i] = float(z);
+        batch.nx[i] = float(n[0]), batch.ny[i] = float(n[1]), batch.nz[i] = float(n[2]);
+        batch.confidence[i] = 1;
+    }
+    CellPoints points;
+    points.assign(batch, Vec3d::Zero(), 1);
+    return points;
+}
+
+/// Height of the zero set above (x, y), to first order.
+double heightOf(const Quadric& q, double x, double y)
+{
+    Vec3d p(x, y, 0);
+    for (int step = 0; step < 5; ++step) p[2] -= q.value(p) / q.gradient(p)[2];
+    return p[2];
+}
+
+/// Root mean square over a disc of what @a q errs about the sheet.
+double errorOf(const Quadric& q, double height, double bend)
+{
+    double squares = 0;
+    int count = 0;
+    for (double x = -0.6; x < 0.61; x += 0.1) {
+        for (double y = -0.6; y < 0.61; y += 0.1, ++count) {
+            const double off = heightOf(q, x, y) - height - bend * (x * x - y * y / 2);
+            squares += off * off;
+        }
+    }
+    return std::sqrt(squares / count);
+}
+
+TEST(Noise, ExactNormalsChangeNoExactFit)
+{
+    Random random(kSeed);
+    const CellPoints points = sheetOf(60, 0.1, 0.2, 0, random);
+    const Vec3d normal = Vec3d::UnitZ();
+    EXPECT_LT(errorOf(fitBivariate(points, normal), 0.1, 0.2), 1e-6);
+    EXPECT_LT(errorOf(fitBivariate(points, normal, 6, 2.0), 0.1, 0.2), 1e-6);
+}
+
+// The slopes and the bend are then told by the normals, and the noise is left with one unknown.
+TEST(Noise, NormalsSteadyTheFit)
+{
+    Random random(kSeed);
+    constexpr double kNoise = 0.1;
+    double plain = 0, steadied = 0;
+    for (int trial = 0; trial < 100; ++trial) {
+        const CellPoints points = sheetOf(60, 0.1, 0.2, kNoise, random);
+        plain += errorOf(fitBivariate(points, Vec3d::UnitZ()), 0.1, 0.2);
+        steadied += errorOf(fitBivariate(points, Vec3d::UnitZ(), 6, kNoise / 0.04), 0.1, 0.2);
+    }
+    EXPECT_LT(steadied, 0.55 * plain) << "seed " << kSeed;
+}
+
+// Weighed by the distance from the centre, points thrown towards it count more.
+TEST(Noise, WeightsAcrossTheSurfaceDoNotPullIt)
+{
+    Random random(kSeed);
+    constexpr double kHeight = 0.25, kNoise = 0.2;
+    constexpr int kTrials = 200;
+    double pulled = 0, free = 0;
+    for (int trial = 0; trial < kTrials; ++trial) {
+        CellPoints points = sheetOf(200, kHeight, 0, kNoise, random);
+        pulled += heightOf(fitBivariate(points, Vec3d::UnitZ(), 1000), 0, 0) - kHeight;
+        points.weighAcross(Vec3d::UnitZ(), 0.6); // where the ball cuts no noise off
+        free += heightOf(fitBivariate(points, Vec3d::UnitZ(), 1000), 0, 0) - kHeight;
+    }
+    // About 50 points count in each trial.
+    const double standardError = kNoise / std::sqrt(50.0 * kTrials);
+    EXPECT_LT(pulled / kTrials, -0.1 * kHeight);
+    EXPECT_LT(std::abs(free / kTrials), 5 * standardError) << "seed " << kSeed;
+}
+
+TEST(Noise, ResidualsAreToldFromShape)
+{
+    Random random(kSeed);
+    constexpr double kNoise = 0.15;
+    constexpr int kTrials = 200;
+    int noise = 0, shape = 0;
+    for (int trial = 0; trial < kTrials; ++trial) {
+        const CellPoints flat = sheetOf(300, 0.05, 0, kNoise, random);
+        LocalFit fit;
+        fit.pieces[0] = fitBivariate(flat, Vec3d::UnitZ());
+        noise += residualsAreNoise(fit, flat, 0.8, kNoise);
+        const CellPoints bent = sheetOf(300, 0, 0.6, kNoise, random);
+        fit.pieces[0] = fitBivariate(bent, Vec3d::UnitZ(), 1000); // a plane
+        shape += !residualsAreNoise(fit, bent, 0.8, kNoise);
+    }
+    EXPECT_GT(noise, 0.9 * kTrials) << "seed " << kSeed;
+    EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
+}
+
+PointCloud noisyScan(const std::string& solid, double points, double noise, double degrees)
+{
+    ScanSettings settings;
+    settings.points = std::uint64_t(points);
+    settings.pattern = ScanSettings::Pattern::Random;
+    settings.noise = noise;
+    settings.normalNoise = degrees;
+    return test::scanOf(solid, settings);
+}
+
+TEST(Noise, OfNormalsIsMeasured)
+{
+    Progress progress;
+    for (const char* const solid : {"sphere(1)", "torus(1,0.4)", "box(2,2,1)"}) {
+        for (const double degrees : {3.0, 10.0}) {
+            for (const double noise : {0.0, 0.02}) {
+                const PointCloud cloud = noisyScan(solid, 40000, noise, degrees);
+                const double measured = measure(cloud, progress).normalNoise * 180 / M_PI;
+                EXPECT_NEAR(measured, degrees, 0.25 * degrees) << solid << " noise " << noise;
+            }
+        }
+        const PointCloud exact = noisyScan(solid, 40000, 0, 0);
+        EXPECT_LT(measure(exact, progress).normalNoise, 0.02) << solid;
+    }
+    PointCloud bare = noisyScan("sphere(1)", 5000, 0.01, 0);
+    bare.normals.clear();
+    EXPECT_EQ(measure(bare, progress).normalNoise, 0);
+}
+
+/// Mean of the field's values at places on the sphere of radius 1.
+double meanOnSphere(const MpuField& field, Random& random)
+{
+    constexpr int kPlaces = 2000;
+    double sum = 0;
+    for (int i = 0; i < kPlaces; ++i) sum += field.evaluate(random.direction()).value;
+    return sum / kPlaces;
+}
+
+MpuSettings settingsFor(const PointCloud& cloud, double voxelSize)
+{
+    Progress progress;
+    const PointStatistics statistics = measure(cloud, progress);
+    MpuSettings settings;
+    settings.voxelSize = voxelSize;
+    settings.tolerance = 0.1 * voxelSize;
+    settings.noise = statistics.noise;
+    settings.normalNoise = statistics.normalNoise;
+    return settings;
+}
+
+// Thrown along the normals points are thinner outside: windows across a sphere of radius r see it
+// at r - 2 noise^2 / r. The rest of the bias must be small beside that.
+TEST(Noise, MovesNoSphere)
+{
+    constexpr double kNoise = 0.06, kShift = 2 * kNoise * kNoise;
+    Random random(kSeed);
+    Progress progress;
+    PointCloud cloud = noisyScan("sphere(1)", 60000, kNoise, 5);
+    const MpuSettings settings = settingsFor(cloud, 0.03);
+    const MpuField field(std::move(cloud), settings, progress);
+    // Standard error of 60 000 points' mean: 0.00025.
+    EXPECT_LT(std::abs(meanOnSphere(field, random)), 0.25 * kShift) << "seed " << kSeed;
+}
+
+/// Mean and root mean square of the distances of a grid's zero crossings from the torus (1, 0.4).
+double torusError(const LevelSet& levelSet)
+{
+    const openvdb::FloatGrid& grid = levelSet.grid();
+    const double h = grid.voxelSize()[0];
+    double squares = 0;
+    std::size_t count = 0;
+    const auto access = grid.getConstAccessor();
+    for (auto it = grid.cbeginValueOn(); it; ++it) {
+        for (int axis = 0; axis < 3; ++axis) {
+            openvdb::Coord next = it.getCoord();
+            next[axis] += 1;
+            const float a = *it, b = access.getValue(next);
+            if ((a < 0) == (b < 0)) continue;
+            openvdb::Vec3d p = grid.indexToWorld(it.getCoord());
+            p[axis] += h * double(a / (a - b));
+            const double d = std::hypot(std::hypot(p[0], p[1]) - 1, p[2]) - 0.4;
+            squares += d * d;
+            ++count;
+        }
+    }
+    return std::sqrt(squares / double(count));
+}
+
+TEST(Noise, IsTakenOutOfTheGrid)
+{
+    Progress progress;
+    const double diagonal = std::sqrt(2.8 * 2.8 * 2 + 0.8 * 0.8);
+    for (const double share : {0.005, 0.01}) {
+        const double noise = share * diagonal;
+        const Reconstruction made =
+            reconstruct(noisyScan("torus(1,0.4)", 100000, noise, 10), {}, progress);
+        EXPECT_LT(torusError(made.levelSet), noise / 12) << share;
+        const CheckReport report = check(made.levelSet.grid(), progress);
+        EXPECT_TRUE(report.sound()) << share << "\n" << test::texts(report);
+    }
+}
+
+} // namespace
+} // namespace mpuvdb
