@@ -5,6 +5,7 @@
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/reconstruct.h>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -414,6 +415,30 @@ PointCloud cloudOf(const std::vector<Vec3d>& positions, const Vec3d& normal)
         cloud.normals.push_back(normal.cast<float>());
     }
     return cloud;
+}
+
+// Voxels may lie in the plane of all points, and be all of one sign.
+TEST(Reconstruct, ClosesAFlatSheetBehind)
+{
+    Random random(2);
+    for (const bool round : {false, true}) {
+        std::vector<Vec3d> points;
+        while (points.size() < 8000) {
+            const Vec3d p(random.uniform(-1, 1), random.uniform(-1, 1), 0);
+            if (!round || p.norm() < 1) points.push_back(p);
+        }
+        for (const double voxelSize : {0.01, 0.02, 0.03, 0.05, 0.08}) {
+            SCOPED_TRACE(fmt::format("{} {}", round ? "disc" : "square", voxelSize));
+            const Reconstruction made = reconstructed(cloudOf(points, Vec3d::UnitZ()), voxelSize);
+            Progress progress;
+            const MeshReport mesh = measure(extractMesh(made.levelSet, progress));
+            EXPECT_EQ(mesh.components, 1u);
+            EXPECT_EQ(mesh.boundaryEdges, 0u);
+            EXPECT_EQ(mesh.eulerCharacteristic, 2);
+            EXPECT_GT(mesh.area, 2 * (round ? M_PI : 4)); // the sheet, and what closes it
+            EXPECT_GT(mesh.volume, 0);
+        }
+    }
 }
 
 TEST(Reconstruct, IsDefinedForDegenerateClouds)

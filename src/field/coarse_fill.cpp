@@ -14,7 +14,7 @@ namespace
 constexpr float kBorder = 0.45f;
 /// Share of a true distance in the fill, the rest is harmonic. A harmonic function alone saturates:
 /// of an object of which half is unseen it makes too much.
-constexpr float kDistanceShare = 0.1f;
+constexpr float kDistanceShare = 0.05f;
 /// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
 /// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
 /// data do bulge without.

@@ -186,7 +186,8 @@ std::size_t Band::removeIslands()
                                      [](const auto& d) { return d.second < kIslandPoints; }));
 }
 
-/// Data points in the cubes of the voxels of a block.
+/// Data points in the cubes of the voxels of a block, or up to half a voxel beside them: points in
+/// a plane of voxels, all of one sign, lie as near to the other side.
 std::size_t Band::countData(const Vec3i& block, const SignWords& voxels) const
 {
     const double h = mLattice.voxelSize;
@@ -202,8 +203,12 @@ std::size_t Band::countData(const Vec3i& block, const SignWords& voxels) const
             const int first = z;
             while (z < kBlockDim && (bits >> z & 1u)) ++z;
             const Vec3i at = block * kBlockDim + Vec3i(row / kBlockDim, row % kBlockDim, first);
-            const Vec3d low = mLattice.origin + h * (at.cast<double>() - Vec3d::Constant(0.5));
-            count += mField.countData({low, low + h * Vec3d(1, 1, z - first)}, kIslandPoints);
+            constexpr double kReach = 1.01; // of a voxel's cube, from its centre
+            const Vec3d centre = at.cast<double>(), last = centre + Vec3d(0, 0, z - 1 - first);
+            const Box3d around(centre - Vec3d::Constant(kReach), last + Vec3d::Constant(kReach));
+            count += mField.countData(
+                {mLattice.origin + h * around.min(), mLattice.origin + h * around.max()},
+                kIslandPoints);
         }
     }
     return count;
