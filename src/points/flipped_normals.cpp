@@ -3,10 +3,10 @@
 #include "cell_grid.h"
 #include "orientation.h"
 #include "outward.h"
-#include "union_find.h"
 
 #include <mpuvdb/normals.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/union_find.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>

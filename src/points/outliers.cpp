@@ -4,10 +4,10 @@
 #include "kd_tree.h"
 #include "local_plane.h"
 #include "position_order.h"
-#include "union_find.h"
 
 #include <mpuvdb/outliers.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/union_find.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
