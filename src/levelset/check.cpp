@@ -7,7 +7,7 @@
 #include "transform_lattice.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
 
 #include <cmath>
@@ -102,36 +102,6 @@ FaultTallies judgeTiles(const openvdb::FloatGrid& grid, const CheckLimits& limit
     const auto accessor = grid.getConstAccessor();
     for (auto tile = grid.tree().root().cbeginValueAll(); tile; ++tile)
         judgeTile(accessor, limits, tile.getCoord(), Upper::DIM, tallies);
-    return tallies;
-}
-
-/// Judge all leaves; @a steepness becomes the sums of ||grad| - 1|, added up in the leaves' order.
-FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                         SideSums& steepness, Progress& progress)
-{
-    std::vector<const LeafCheck::Leaf*> leaves;
-    grid.tree().getNodes(leaves);
-    progress.beginStage("check", double(std::max<std::size_t>(leaves.size(), 1)));
-    std::vector<SideSums> sums(leaves.size());
-    const FaultTallies tallies = tbb::parallel_reduce(
-        tbb::blocked_range<std::size_t>(0, leaves.size(), 64), FaultTallies{},
-        [&](const tbb::blocked_range<std::size_t>& range, FaultTallies part) {
-            const auto accessor = grid.getConstAccessor();
-            LeafCheck check(accessor, limits);
-            for (std::size_t n = range.begin(); n != range.end(); ++n) {
-                progress.check();
-                sums[n] = check.judge(*leaves[n], part);
-            }
-            progress.advance(double(range.size()));
-            return part;
-        },
-        [](FaultTallies a, const FaultTallies& b) {
-            a.join(b);
-            return a;
-        });
-    steepness = {};
-    for (const SideSums& sum : sums)
-        for (std::size_t side : {0, 1}) steepness[side] += sum[side];
     return tallies;
 }
 

@@ -1,7 +1,5 @@
-// What is wrong with the voxels of a leaf.
+// What is wrong with the voxels of leaves.
 #pragma once
-#include <mpuvdb/field.h>
-
 #include <openvdb/openvdb.h>
 
 #include <algorithm>
@@ -10,6 +8,8 @@
 
 namespace mpuvdb
 {
+
+class Progress;
 
 /// What a voxel can be at fault for, or a tile.
 enum class Fault {
@@ -79,45 +79,9 @@ struct FaultTallies {
 
 using SideSums = std::array<double, 2>; ///< outside, inside
 
-/// Looks at leaves with a rim of one voxel around them; most questions are answered for eight
-/// voxels at once, as bits of a row along z.
-class LeafCheck
-{
-public:
-    using Leaf = openvdb::FloatTree::LeafNodeType;
-
-    LeafCheck(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLimits& limits)
-        : mAccessor(accessor), mLimits(limits)
-    {
-    }
-
-    /// Judge @a leaf. @return the sums of ||grad| - 1|.
-    SideSums judge(const Leaf& leaf, FaultTallies& tallies);
-
-private:
-    using Row = std::uint32_t;
-    static constexpr int kPadded = kBlockDim + 2;
-    using Bits = Row[kPadded][kPadded];
-
-    openvdb::Coord coord(int x, int y, int z) const
-    {
-        return mOrigin.offsetBy(x - 1, y - 1, z - 1);
-    }
-    static Row neighbour(const Bits& bits, int x, int y, int dx, int dy, int dz);
-    void load();
-    void loadPart(int dx, int dy, int dz);
-    void markRow(int x, int y);
-    void judgeValues(int x, int y, FaultTallies& tallies) const;
-    void judgeSigns(int x, int y, FaultTallies& tallies) const;
-    void judgeBand(int x, int y, FaultTallies& tallies) const;
-    void judgeSteps(int x, int y, FaultTallies& tallies, SideSums& sums) const;
-
-    const openvdb::FloatGrid::ConstAccessor& mAccessor;
-    const CheckLimits& mLimits;
-    openvdb::Coord mOrigin;
-    float mValue[kPadded][kPadded][kPadded];
-    Bits mActive = {}, mTile = {}, mNegative = {};
-    Bits mNear[3] = {};
-};
+/// Judge all leaves; @a steepness becomes the sums of ||grad| - 1|, added up in the leaves' order.
+/// The stage "check" begins. @throws Interrupted.
+FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
+                         SideSums& steepness, Progress& progress);
 
 } // namespace mpuvdb
