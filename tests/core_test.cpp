@@ -1,8 +1,12 @@
+#include "union_find.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/length.h>
 #include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
+
+#include <random>
 
 namespace mpuvdb
 {
@@ -44,6 +48,28 @@ TEST(Progress, ReportsStagesAndStops)
     EXPECT_TRUE(progress.wasInterrupted());
     EXPECT_THROW(progress.check(), Interrupted);
     EXPECT_THROW(progress.advance(), Interrupted);
+}
+
+TEST(UnionFind, RootsAreTheLowestMembers)
+{
+    for (unsigned seed = 0; seed < 50; ++seed) {
+        SCOPED_TRACE(seed);
+        std::mt19937 random(seed);
+        const auto below = [&](std::uint32_t n) { return std::uint32_t(random() % n); };
+        const std::uint32_t count = 1 + below(60);
+        UnionFind sets(count);
+        std::vector<std::uint32_t> expected(count);
+        std::iota(expected.begin(), expected.end(), 0u);
+        for (std::uint32_t joins = below(count); joins > 0; --joins) {
+            const std::uint32_t a = below(count), b = below(count);
+            const std::uint32_t low = std::min(expected[a], expected[b]);
+            const std::uint32_t high = std::max(expected[a], expected[b]);
+            EXPECT_EQ(sets.join(a, b), low != high);
+            std::replace(expected.begin(), expected.end(), high, low);
+            EXPECT_EQ(sets.find(b), expected[b]);
+        }
+        EXPECT_EQ(sets.roots(), expected);
+    }
 }
 
 } // namespace

@@ -107,7 +107,7 @@ template <typename Weight>
             if (row2 >= radius2) continue;
             const RowSamples s = sampleRow(cell, fx, fy, z);
             const Row weight = weigh(row2 + dz * dz);
-            const auto row = std::size_t((x * kBlockDim + y) * kBlockDim);
+            const std::size_t row = (x * kBlockDim + y) * kBlockDim;
             addTo(&sums.weight[row], weight);
             addTo(&sums.value[row], weight * s.q);
             addTo(&sums.gx[row], weight * s.gx);

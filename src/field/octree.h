@@ -81,35 +81,35 @@ struct Octree {
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
     {
-        if (nodes[node].isLeaf()) {
-            f(nodes[node], cell);
-            return;
-        }
-        for (int octant = 0; octant < 8; ++octant)
-            forEachLeaf(f, nodes[node].index + std::uint32_t(octant), cell.child(octant));
+        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); },
+                    SortedPoints::kMaxLevel, node, cell);
     }
 
     /// The same for all leaves, in parallel.
     template <typename F>
     void forEachLeafParallel(F f)
     {
-        constexpr int kLevel = 4;
-        std::vector<std::pair<std::uint32_t, OctreeCell>> parts = {{0, {}}};
-        for (int level = 0; level < kLevel; ++level) {
-            std::vector<std::pair<std::uint32_t, OctreeCell>> finer;
-            for (const auto& [node, cell] : parts) {
-                if (nodes[node].isLeaf()) {
-                    f(nodes[node], cell);
-                    continue;
-                }
-                for (int octant = 0; octant < 8; ++octant)
-                    finer.push_back(
-                        {nodes[node].index + std::uint32_t(octant), cell.child(octant)});
-            }
-            parts = std::move(finer);
-        }
+        constexpr int kLevel = 4; // where there are enough subtrees for all threads
+        std::vector<std::pair<std::uint32_t, OctreeCell>> parts;
+        const auto collect = [&](std::uint32_t node, const OctreeCell& cell) {
+            parts.push_back({node, cell});
+        };
+        forEachPart(collect, kLevel, 0, {});
         tbb::parallel_for(std::size_t(0), parts.size(),
                           [&](std::size_t n) { forEachLeaf(f, parts[n].first, parts[n].second); });
+    }
+
+private:
+    /// Call f(index, cell) for every leaf and every node of level @a deepest, not what is below.
+    template <typename F>
+    void forEachPart(const F& f, int deepest, std::uint32_t node, const OctreeCell& cell)
+    {
+        if (nodes[node].isLeaf() || cell.level == deepest) {
+            f(node, cell);
+            return;
+        }
+        for (int octant = 0; octant < 8; ++octant)
+            forEachPart(f, deepest, nodes[node].index + std::uint32_t(octant), cell.child(octant));
     }
 };
 

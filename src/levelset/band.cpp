@@ -2,10 +2,10 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/union_find.h>
 
 #include <algorithm>
 #include <fmt/format.h>
-#include <numeric>
 #include <openvdb/tools/Prune.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
@@ -252,12 +252,6 @@ std::vector<Band::Gap> Band::findGaps() const
 namespace
 {
 
-std::uint32_t rootOf(std::vector<std::uint32_t>& parent, std::uint32_t n)
-{
-    while (parent[n] != n) n = parent[n] = parent[parent[n]];
-    return n;
-}
-
 } // namespace
 
 /// Per component of gaps (by root): faces that say inside, faces that say outside; and the gap
@@ -275,8 +269,7 @@ struct Band::Contacts {
 Band::Contacts Band::labelGaps(std::vector<Gap>& gaps) const
 {
     // Columns of gaps, for lookups and for joining neighbours.
-    std::vector<std::uint32_t> parent(gaps.size());
-    std::iota(parent.begin(), parent.end(), 0u);
+    UnionFind components(gaps.size());
     std::unordered_map<std::uint64_t, std::pair<std::uint32_t, std::uint32_t>> columns;
     for (std::uint32_t n = 0; n < gaps.size(); ++n) {
         auto& range = columns.try_emplace(packed({gaps[n].x, gaps[n].y, 0}), n, n).first->second;
@@ -290,8 +283,7 @@ Band::Contacts Band::labelGaps(std::vector<Gap>& gaps) const
                           std::pair<std::uint32_t, std::uint32_t> b) {
         while (a.first < a.second && b.first < b.second) {
             const Gap &ga = gaps[a.first], &gb = gaps[b.first];
-            if (ga.z0 <= gb.z1 && gb.z0 <= ga.z1)
-                parent[rootOf(parent, a.first)] = rootOf(parent, b.first);
+            if (ga.z0 <= gb.z1 && gb.z0 <= ga.z1) components.join(a.first, b.first);
             (ga.z1 < gb.z1 ? a.first : b.first)++;
         }
     };
@@ -304,7 +296,7 @@ Band::Contacts Band::labelGaps(std::vector<Gap>& gaps) const
     Contacts contacts;
     contacts.votes.assign(gaps.size(), 0);
     for (std::uint32_t n = 0; n < gaps.size(); ++n) {
-        gaps[n].root = rootOf(parent, n);
+        gaps[n].root = components.find(n);
         if (gaps[n].outer)
             contacts.votes[gaps[n].root] = std::numeric_limits<std::int64_t>::min() / 2;
     }

@@ -2,9 +2,9 @@
 #include "band.h"
 
 #include <mpuvdb/progress.h>
+#include <mpuvdb/union_find.h>
 
 #include <algorithm>
-#include <numeric>
 #include <tbb/parallel_for.h>
 
 namespace mpuvdb
@@ -93,36 +93,6 @@ bool reachesFace(const SignWords& a, int axis, bool upper)
     return false;
 }
 
-/// Components of parts, with what decides about them.
-class Components
-{
-public:
-    explicit Components(std::size_t parts) : mParent(parts), mVoxels(parts, 0)
-    {
-        std::iota(mParent.begin(), mParent.end(), 0u);
-    }
-    std::uint32_t root(std::uint32_t n)
-    {
-        while (mParent[n] != n) n = mParent[n] = mParent[mParent[n]];
-        return n;
-    }
-    void join(std::uint32_t a, std::uint32_t b)
-    {
-        a = root(a);
-        b = root(b);
-        if (a == b) return;
-        if (b < a) std::swap(a, b);
-        mParent[b] = a;
-        mVoxels[a] += mVoxels[b];
-    }
-    void add(std::uint32_t part, std::uint64_t voxels) { mVoxels[root(part)] += voxels; }
-    std::uint64_t voxels(std::uint32_t n) { return mVoxels[root(n)]; }
-
-private:
-    std::vector<std::uint32_t> mParent;
-    std::vector<std::uint64_t> mVoxels;
-};
-
 std::uint64_t countVoxels(const SignWords& words)
 {
     std::uint64_t count = 0;
@@ -143,20 +113,21 @@ std::size_t Band::removeIslands()
     for (std::size_t n = 0; n < parts.size(); ++n)
         first[n + 1] = first[n] + std::uint32_t(parts[n].size());
 
-    Components components(first.back());
+    UnionFind components(first.back());
+    std::vector<std::uint64_t> voxels(first.back());
     constexpr std::uint64_t kDeep = std::uint64_t(1) << 40; // beyond every limit
     for (std::size_t n = 0; n < mBlocks.size(); ++n) {
         const Vec3i at = mBlocks[n].at;
         for (std::uint32_t p = 0; p < parts[n].size(); ++p) {
             const Part& part = parts[n][p];
-            components.add(first[n] + p, countVoxels(part.voxels));
+            voxels[first[n] + p] = countVoxels(part.voxels);
             for (int axis = 0; axis < 3; ++axis) {
                 for (const bool upper : {false, true}) {
                     if (!reachesFace(part.voxels, axis, upper)) continue;
                     const auto next =
                         mIndex.find(packed(at + (upper ? 1 : -1) * Vec3i::Unit(axis)));
                     if (next == mIndex.end()) {
-                        components.add(first[n] + p, kDeep);
+                        voxels[first[n] + p] = kDeep;
                         continue;
                     }
                     const std::uint32_t m = next->second;
@@ -168,19 +139,22 @@ std::size_t Band::removeIslands()
             }
         }
     }
+    const std::vector<std::uint32_t>& roots = components.roots();
+    for (std::uint32_t p = 0; p < roots.size(); ++p)
+        if (roots[p] != p) voxels[roots[p]] += voxels[p];
     std::unordered_map<std::uint32_t, std::size_t> data; // of small components, by root
     const auto forEachSmall = [&](auto f) {
         for (std::size_t n = 0; n < mBlocks.size(); ++n)
             for (std::uint32_t p = 0; p < parts[n].size(); ++p)
-                if (components.voxels(first[n] + p) < kIslandVoxels)
-                    f(mBlocks[n], parts[n][p].voxels, components.root(first[n] + p));
+                if (const std::uint32_t root = roots[first[n] + p]; voxels[root] < kIslandVoxels)
+                    f(mBlocks[n], parts[n][p].voxels, root);
     };
-    forEachSmall([&](const Block& block, const SignWords& voxels, std::uint32_t root) {
+    forEachSmall([&](const Block& block, const SignWords& part, std::uint32_t root) {
         std::size_t& points = data[root];
-        if (points < kIslandPoints) points += countData(block.at, voxels);
+        if (points < kIslandPoints) points += countData(block.at, part);
     });
-    forEachSmall([&](Block& block, const SignWords& voxels, std::uint32_t root) {
-        if (data[root] < kIslandPoints) turn(block, voxels);
+    forEachSmall([&](Block& block, const SignWords& part, std::uint32_t root) {
+        if (data[root] < kIslandPoints) turn(block, part);
     });
     return std::size_t(std::count_if(data.begin(), data.end(),
                                      [](const auto& d) { return d.second < kIslandPoints; }));

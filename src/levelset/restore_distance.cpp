@@ -48,8 +48,7 @@ struct Halo {
         const float* const own = leaf.buffer().data();
         for (int row = 0; row < kDim * kDim; ++row)
             for (int z = 0; z < kDim; ++z)
-                value[std::size_t(index((row >> 3) + 1, (row & 7) + 1, 1) + z)] =
-                    own[row * kDim + z] * scale;
+                value[index((row >> 3) + 1, (row & 7) + 1, 1) + z] = own[row * kDim + z] * scale;
         for (int n = 0; n < 27; ++n)
             if (n != 13)
                 loadSide(access, leaf.origin(), {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}, scale);
@@ -72,8 +71,7 @@ private:
                 const int row =
                     index(x + 1 + side[0] * kDim, y + 1 + side[1] * kDim, 1 + side[2] * kDim);
                 for (int z = first(side[2]); z <= last(side[2]); ++z)
-                    value[std::size_t(row + z)] =
-                        data ? data[(x * kDim + y) * kDim + z] * scale : tile;
+                    value[row + z] = data ? data[(x * kDim + y) * kDim + z] * scale : tile;
             }
     }
 };
@@ -229,7 +227,7 @@ private:
         for (int x = 0; x < kDim; ++x) {
             for (int y = 0; y < kDim; ++y) {
                 const int row = Halo::index(x + 1, y + 1, 1);
-                const float* const values = &halo.value[std::size_t(row)];
+                const float* const values = &halo.value[row];
                 const unsigned active =
                     leaf.getValueMask().getWord<std::uint8_t>(openvdb::Index(x * kDim + y));
                 RowFlags flags;
@@ -309,7 +307,7 @@ private:
     {
         for (int n = 0; n < 27; ++n) {
             const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-            const float u = std::abs(halo.value[std::size_t(in + Halo::index(d[0], d[1], d[2]))]);
+            const float u = std::abs(halo.value[in + Halo::index(d[0], d[1], d[2])]);
             if (u + kLength[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
                 mHalfWidth - kMissing)
                 found.push_back({at + d, 0});

@@ -3,6 +3,7 @@
 #include "cut_mesh.h"
 
 #include <mpuvdb/progress.h>
+#include <mpuvdb/union_find.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -29,32 +30,16 @@ void forEachSide(const Mesh& mesh, const Progress& progress, F f)
     }
 }
 
-/// Vertices that edges between vertices of one sign connect.
-class Parts
+/// Of each vertex its part: vertices that edges between vertices of one sign connect.
+std::vector<std::uint32_t> partsOf(const Mesh& mesh, const std::vector<float>& values,
+                                   const Progress& progress)
 {
-public:
-    Parts(const Mesh& mesh, const std::vector<float>& values, const Progress& progress)
-        : mRoot(mesh.positions.size())
-    {
-        std::iota(mRoot.begin(), mRoot.end(), 0u);
-        forEachSide(mesh, progress, [&](std::uint32_t a, std::uint32_t b) {
-            if (isCovered(values[a]) != isCovered(values[b])) return;
-            a = rootOf(a);
-            b = rootOf(b);
-            mRoot[std::max(a, b)] = std::min(a, b);
-        });
-        for (std::uint32_t& root : mRoot) root = rootOf(root);
-    }
-    std::uint32_t of(std::uint32_t vertex) const { return mRoot[vertex]; }
-
-private:
-    std::uint32_t rootOf(std::uint32_t v)
-    {
-        while (mRoot[v] != v) v = mRoot[v] = mRoot[mRoot[v]];
-        return v;
-    }
-    std::vector<std::uint32_t> mRoot;
-};
+    UnionFind parts(mesh.positions.size());
+    forEachSide(mesh, progress, [&](std::uint32_t a, std::uint32_t b) {
+        if (isCovered(values[a]) == isCovered(values[b])) parts.join(a, b);
+    });
+    return parts.roots();
+}
 
 /// One part of a sign, as far as its size is asked for.
 struct Part {
@@ -86,21 +71,21 @@ double extentOf(const std::vector<Vec3f>& places)
 /// The parts of one sign, by root.
 std::unordered_map<std::uint32_t, Part> gatherParts(const Mesh& mesh,
                                                     const std::vector<float>& values,
-                                                    const Parts& parts, bool covered,
-                                                    const Progress& progress)
+                                                    const std::vector<std::uint32_t>& parts,
+                                                    bool covered, const Progress& progress)
 {
     std::unordered_map<std::uint32_t, Part> gathered;
     std::vector<char> used(mesh.positions.size(), 0);
     const auto take = [&](std::uint32_t v) {
         if (used[v]) return;
         used[v] = 1;
-        gathered[parts.of(v)].places.push_back(mesh.positions[v]);
+        gathered[parts[v]].places.push_back(mesh.positions[v]);
     };
     forEachSide(mesh, progress, [&](std::uint32_t a, std::uint32_t b) {
         if (isCovered(values[a]) != covered) return;
         take(a);
         if (isCovered(values[b]) == covered) return;
-        Part& part = gathered[parts.of(a)];
+        Part& part = gathered[parts[a]];
         part.hasRim = true;
         const float t = crossing(values[a], values[b]);
         part.places.push_back(mesh.positions[a] + t * (mesh.positions[b] - mesh.positions[a]));
@@ -139,7 +124,7 @@ void decideParts(const Mesh& mesh, const TrimSettings& settings, std::vector<flo
                  TrimReport& report, Progress& progress)
 {
     for (const bool covered : {false, true}) {
-        const Parts parts(mesh, values, progress);
+        const std::vector<std::uint32_t> parts = partsOf(mesh, values, progress);
         auto gathered = gatherParts(mesh, values, parts, covered, progress);
         const double limit = covered ? settings.islands : settings.closeUpTo;
         std::vector<char> turned(mesh.positions.size(), 0); // by root
@@ -149,10 +134,10 @@ void decideParts(const Mesh& mesh, const TrimSettings& settings, std::vector<flo
             if (turn) ++(covered ? report.islands : report.closed);
         }
         for (std::uint32_t v = 0; v < values.size(); ++v)
-            if (isCovered(values[v]) == covered && turned[parts.of(v)])
+            if (isCovered(values[v]) == covered && turned[parts[v]])
                 values[v] = covered ? -0.5f : 0.5f;
     }
-    const Parts parts(mesh, values, progress);
+    const std::vector<std::uint32_t> parts = partsOf(mesh, values, progress);
     report.open = 0;
     for (const auto& [root, part] : gatherParts(mesh, values, parts, false, progress))
         report.open += part.hasRim;

@@ -1,4 +1,5 @@
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/union_find.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -41,21 +42,14 @@ std::vector<HalfEdge> sortedHalfEdges(const Mesh& mesh)
 /// Connected parts among @a edges.
 std::uint64_t countLoops(const std::vector<HalfEdge>& edges)
 {
-    std::unordered_map<std::uint32_t, std::uint32_t> parent;
-    const auto root = [&](std::uint32_t v) {
-        while (parent.at(v) != v) v = parent[v] = parent.at(parent.at(v));
-        return v;
-    };
-    for (const HalfEdge& edge : edges) {
-        parent.try_emplace(edge.from, edge.from);
-        parent.try_emplace(edge.to, edge.to);
-    }
-    std::uint64_t loops = parent.size();
-    for (const HalfEdge& edge : edges) {
-        const std::uint32_t a = root(edge.from), b = root(edge.to);
-        loops -= a != b;
-        parent[a] = b;
-    }
+    std::unordered_map<std::uint32_t, std::uint32_t> placeOf; // of a vertex among those here
+    for (const HalfEdge& edge : edges)
+        for (const std::uint32_t v : {edge.from, edge.to})
+            placeOf.try_emplace(v, std::uint32_t(placeOf.size()));
+    UnionFind parts(placeOf.size());
+    std::uint64_t loops = placeOf.size();
+    for (const HalfEdge& edge : edges)
+        loops -= parts.join(placeOf.at(edge.from), placeOf.at(edge.to));
     return loops;
 }
 
@@ -84,27 +78,15 @@ std::uint64_t countEdges(const std::vector<HalfEdge>& edges, MeshReport& report)
 /// Counts what edges connect among the vertices that are used.
 void countVertices(const Mesh& mesh, std::uint64_t& used, std::uint64_t& components)
 {
-    constexpr std::uint32_t kUnused = ~std::uint32_t(0);
-    std::vector<std::uint32_t> parent(mesh.positions.size(), kUnused);
-    const auto root = [&](std::uint32_t v) {
-        while (parent[v] != v) v = parent[v] = parent[parent[v]];
-        return v;
-    };
-    used = components = 0;
+    UnionFind parts(mesh.positions.size());
+    std::vector<bool> isUsed(mesh.positions.size());
+    std::uint64_t joined = 0;
     for (const Mesh::Triangle& triangle : mesh.triangles) {
-        for (const std::uint32_t v : triangle)
-            if (parent[v] == kUnused) {
-                parent[v] = v;
-                ++used;
-                ++components;
-            }
-        for (const std::size_t corner : {1, 2}) {
-            const std::uint32_t a = root(triangle[0]), b = root(triangle[corner]);
-            if (a == b) continue;
-            parent[std::max(a, b)] = std::min(a, b);
-            --components;
-        }
+        for (const std::uint32_t v : triangle) isUsed[v] = true;
+        for (const std::size_t corner : {1, 2}) joined += parts.join(triangle[0], triangle[corner]);
     }
+    used = std::uint64_t(std::count(isUsed.begin(), isUsed.end(), true));
+    components = used - joined;
 }
 
 /// Twice the area and six times the volume, split alike for any number of threads.

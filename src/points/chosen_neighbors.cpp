@@ -1,6 +1,7 @@
 #include "chosen_neighbors.h"
 
 #include "kd_tree.h"
+#include "parallel_each.h"
 #include "position_order.h"
 #include "random.h"
 
@@ -34,17 +35,6 @@ std::uint64_t hashOf(const Vec3f& p)
     const Vec3f plain = p + Vec3f::Zero(); // -0 becomes 0
     std::memcpy(bits, plain.data(), sizeof bits);
     return mixBits(mixBits((std::uint64_t(bits[0]) << 32 | bits[1]) + 1) + bits[2]);
-}
-
-/// Calls body(chunk, begin, end) for fixed pieces of [0, count), in parallel.
-template <class Body>
-void forEachChunk(std::size_t count, Progress& progress, Body&& body)
-{
-    const std::size_t chunks = (count + kChunk - 1) / kChunk;
-    tbb::parallel_for(std::size_t(0), chunks, [&](std::size_t c) {
-        progress.check();
-        body(c, c * kChunk, std::min((c + 1) * kChunk, count));
-    });
 }
 
 double squaredDistance(const Vec3f& a, const Vec3f& b)
@@ -186,22 +176,18 @@ void collect(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
     };
     const std::vector<Vec3f>& positions = cloud.positions;
     const BallGrids grids(chosen, radii, members);
-    std::vector<std::vector<Hit>> hits((positions.size() + kChunk - 1) / kChunk);
-    forEachChunk(positions.size(), progress,
-                 [&](std::size_t c, std::size_t begin, std::size_t end) {
-                     for (std::size_t i = begin; i < end; ++i)
-                         grids.forBallsAt(positions[i], [&](std::uint32_t m) {
-                             hits[c].push_back({m, std::uint32_t(i)});
-                         });
-                 });
+    const auto findHits = [&](std::size_t i, std::vector<Hit>& hits) {
+        grids.forBallsAt(positions[i], [&](std::uint32_t m) {
+            hits.push_back({m, std::uint32_t(i)});
+        });
+    };
     for (const std::uint32_t m : members) neighborhoods[m].neighbors.clear();
-    for (const auto& chunk : hits)
-        for (const Hit& h : chunk) {
-            const Vec3f& p = positions[h.point];
-            const Vec3f normal = cloud.hasNormals() ? cloud.normals[h.point] : Vec3f::Zero();
-            neighborhoods[h.member].neighbors.push_back(
-                {p, normal, squaredDistance(p, chosen[h.member])});
-        }
+    for (const Hit& h : gatherParallel<Hit>(positions.size(), kChunk, progress, findHits)) {
+        const Vec3f& p = positions[h.point];
+        const Vec3f normal = cloud.hasNormals() ? cloud.normals[h.point] : Vec3f::Zero();
+        neighborhoods[h.member].neighbors.push_back(
+            {p, normal, squaredDistance(p, chosen[h.member])});
+    }
     tbb::parallel_for(std::size_t(0), members.size(), [&](std::size_t i) {
         Neighborhood& n = neighborhoods[members[i]];
         std::sort(n.neighbors.begin(), n.neighbors.end(), neighborBefore);
@@ -226,15 +212,10 @@ std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::siz
     for (bool enough = false; !enough; share *= 8) {
         const bool all = share >= 1;
         const std::uint64_t limit = all ? 0 : std::uint64_t(share * 0x1p64);
-        std::vector<std::vector<Vec3f>> pieces((positions.size() + kChunk - 1) / kChunk);
-        forEachChunk(positions.size(), progress,
-                     [&](std::size_t c, std::size_t begin, std::size_t end) {
-                         for (std::size_t i = begin; i < end; ++i)
-                             if (all || hashOf(positions[i]) < limit)
-                                 pieces[c].push_back(positions[i]);
-                     });
-        chosen.clear();
-        for (const auto& piece : pieces) chosen.insert(chosen.end(), piece.begin(), piece.end());
+        const auto choose = [&](std::size_t i, std::vector<Vec3f>& found) {
+            if (all || hashOf(positions[i]) < limit) found.push_back(positions[i]);
+        };
+        chosen = gatherParallel<Vec3f>(positions.size(), kChunk, progress, choose);
         sortUnique(chosen);
         enough = all || chosen.size() >= count / 4;
     }

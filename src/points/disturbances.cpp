@@ -1,11 +1,9 @@
 #include "disturbances.h"
 
+#include "parallel_each.h"
 #include "random.h"
 
 #include <mpuvdb/progress.h>
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <numeric>
@@ -16,15 +14,6 @@ namespace
 {
 
 constexpr std::size_t kGrain = 4096; // points
-
-template <class Body>
-void forEachPoint(std::size_t count, Progress& progress, Body&& body)
-{
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& range) {
-        progress.check();
-        for (std::size_t i = range.begin(); i < range.end(); ++i) body(i);
-    });
-}
 
 template <class T>
 void keepMarked(std::vector<T>& values, const std::vector<char>& keep)
@@ -109,7 +98,7 @@ void cutHoles(const Solid& solid, const ScanSettings& settings, RangeScans& scan
     const auto centres = sampleRandom(solid, std::uint64_t(settings.holes), seed, progress).points;
     const double radius = settings.holeRadius * solid.bounds().diagonal().norm();
     std::vector<char> keep(scans.points.size());
-    forEachPoint(keep.size(), progress, [&](std::size_t i) {
+    forEachParallel(keep.size(), kGrain, progress, [&](std::size_t i) {
         keep[i] = std::none_of(centres.begin(), centres.end(), [&](const SurfacePoint& c) {
             return (scans.points[i].position - c.position).squaredNorm() < radius * radius;
         });
@@ -131,7 +120,7 @@ PointCloud measureWithNoise(const Solid& solid, const ScanSettings& settings, Ra
     cloud.positions.resize(count);
     if (settings.normals) cloud.normals.resize(count);
     if (settings.confidence) cloud.confidence.resize(count);
-    forEachPoint(count, progress, [&](std::size_t i) {
+    forEachParallel(count, kGrain, progress, [&](std::size_t i) {
         Vec3d position = scans.points[i].position;
         Vec3d normal = scans.points[i].normal.cast<double>().normalized();
         const Vec3d along = scans.rays.empty() ? normal : Vec3d(scans.rays[i].cast<double>());

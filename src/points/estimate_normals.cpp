@@ -4,6 +4,7 @@
 #include "local_plane.h"
 #include "orientation.h"
 #include "outward.h"
+#include "parallel_each.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/normals.h>
@@ -30,15 +31,6 @@ struct PlaneGraph {
     std::vector<Vec3f> normals;
     std::vector<OrientationLink> links;
 };
-
-template <class F>
-void forEachPoint(std::size_t count, Progress& progress, F&& f)
-{
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& range) {
-        progress.check();
-        for (std::size_t i = range.begin(); i < range.end(); ++i) f(i);
-    });
-}
 
 /// At an edge, the neighbours' plane averages its sides: the plane of a neighbour that lies wholly
 /// on one side, and passes by the point, is taken instead where it is much thinner. Not where noise
@@ -104,22 +96,23 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
     });
     PlaneGraph graph;
     graph.normals.resize(count);
-    forEachPoint(count, progress, [&](std::size_t i) {
+    forEachParallel(count, kGrain, progress, [&](std::size_t i) {
         graph.normals[i] =
             sharpened(positions, planes, std::uint32_t(i), &linked[i * links], links, noise);
     });
     graph.links.resize(linked.size());
-    forEachPoint(count, progress, [&](std::size_t i) {
+    forEachParallel(count, kGrain, progress, [&](std::size_t i) {
         for (std::size_t k = i * links; k < (i + 1) * links; ++k) {
             const std::uint32_t q = linked[k];
             const Vec3f apart = positions[q] - positions[i];
+            const Vec3f &normalI = graph.normals[i], &normalQ = graph.normals[q];
             OrientationLink& link = graph.links[k];
-            link = orientationLink(std::uint32_t(i), q, apart, graph.normals[i], graph.normals[q],
-                                   float(noise));
+            if (areTwoSheets(planes[i], planes[q], apart, noise)) {
+                link = linkAcrossSheets(std::uint32_t(i), q, normalI, normalQ);
+                continue;
+            }
+            link = orientationLink(std::uint32_t(i), q, apart, normalI, normalQ, float(noise));
             link.unsure |= !planes[i].isThin() || !planes[q].isThin();
-            if (!areTwoSheets(planes[i], planes[q], apart, noise)) continue;
-            link.unsure = true;
-            link.vote = std::copysign(kAcrossSheets, -graph.normals[i].dot(graph.normals[q]));
         }
     });
     return graph;
@@ -147,7 +140,7 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight
     std::vector<char> inward = findInwardParts({positions, graph.normals, found.parts}, progress);
     const std::uint32_t seen = found.parts[scanners];
     if (seen != scanners) inward[seen] = found.turned[scanners];
-    forEachPoint(positions.size(), progress, [&](std::size_t i) {
+    forEachParallel(positions.size(), kGrain, progress, [&](std::size_t i) {
         if (inward[found.parts[i]]) graph.normals[i] = -graph.normals[i];
     });
 }
@@ -213,8 +206,8 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
         pass(used, statistics.noise);
     }
     cloud.normals.resize(cloud.size());
-    forEachPoint(cloud.size(), progress,
-                 [&](std::size_t i) { cloud.normals[i] = distinct.normals[sorted.placeOf[i]]; });
+    forEachParallel(cloud.size(), kGrain, progress,
+                    [&](std::size_t i) { cloud.normals[i] = distinct.normals[sorted.placeOf[i]]; });
     return used;
 }
 

@@ -3,13 +3,11 @@
 #include "cell_grid.h"
 #include "orientation.h"
 #include "outward.h"
-#include "union_find.h"
+#include "parallel_each.h"
 
 #include <mpuvdb/normals.h>
 #include <mpuvdb/progress.h>
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
+#include <mpuvdb/union_find.h>
 
 #include <algorithm>
 #include <cmath>
@@ -22,16 +20,6 @@ namespace
 constexpr double kCellSpacings = 5;
 constexpr double kReachSpacings = 3; // of a vote; no more than a cell
 constexpr std::size_t kGrain = 256;  // cells
-
-template <class F>
-void forEachCell(const CellGrid& grid, Progress& progress, F&& f)
-{
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid.cells().size(), kGrain),
-                      [&](const auto& range) {
-                          progress.check();
-                          for (std::size_t c = range.begin(); c < range.end(); ++c) f(c);
-                      });
-}
 
 /// The cloud's normals, some of them turned.
 class TurnedNormals
@@ -69,19 +57,12 @@ public:
         const std::vector<std::uint32_t> mixed = mixedCells(progress);
         std::size_t turned = 0;
         for (int round = 0; round < kRounds && !mixed.empty(); ++round) {
-            std::vector<std::vector<std::uint32_t>> outvoted(mixed.size() / kGrain + 1);
-            tbb::parallel_for(std::size_t(0), outvoted.size(), [&](std::size_t chunk) {
-                progress.check();
-                const std::size_t end = std::min((chunk + 1) * kGrain, mixed.size());
-                for (std::size_t m = chunk * kGrain; m < end; ++m)
-                    ask(mGrid.cells()[mixed[m]], outvoted[chunk]);
-            });
-            const std::size_t before = turned;
-            for (const auto& points : outvoted) {
-                for (const std::uint32_t p : points) mNormals.turn(p);
-                turned += points.size();
-            }
-            if (turned == before) break;
+            const auto outvoted = gatherParallel<std::uint32_t>(
+                mixed.size(), kGrain, progress,
+                [&](std::size_t m, auto& found) { ask(mGrid.cells()[mixed[m]], found); });
+            if (outvoted.empty()) break;
+            for (const std::uint32_t point : outvoted) mNormals.turn(point);
+            turned += outvoted.size();
         }
         return turned;
     }
@@ -91,17 +72,16 @@ private:
     std::vector<std::uint32_t> mixedCells(Progress& progress) const
     {
         constexpr float kOpposite = -0.5f;
-        std::vector<char> mixed(mGrid.cells().size(), 0);
-        forEachCell(mGrid, progress, [&](std::size_t c) {
+        const auto findMixed = [&](std::size_t c, std::vector<std::uint32_t>& mixed) {
             const CellGrid::Cell& cell = mGrid.cells()[c];
-            const Vec3f first = mNormals.normal(mGrid.order()[cell.begin]);
-            for (std::uint32_t k = cell.begin + 1; k < cell.end && !mixed[c]; ++k)
-                mixed[c] = first.dot(mNormals.normal(mGrid.order()[k])) < kOpposite;
-        });
-        std::vector<std::uint32_t> result;
-        for (std::uint32_t c = 0; c < mixed.size(); ++c)
-            if (mixed[c]) result.push_back(c);
-        return result;
+            const auto points = mGrid.order().begin();
+            const Vec3f first = mNormals.normal(points[cell.begin]);
+            if (std::any_of(points + cell.begin, points + cell.end, [&](std::uint32_t point) {
+                    return first.dot(mNormals.normal(point)) < kOpposite;
+                }))
+                mixed.push_back(std::uint32_t(c));
+        };
+        return gatherParallel<std::uint32_t>(mGrid.cells().size(), kGrain, progress, findMixed);
     }
 
     void ask(const CellGrid::Cell& cell, std::vector<std::uint32_t>& outvoted) const
@@ -163,7 +143,7 @@ public:
           mNormals(normals), mProgress(progress)
     {
         mPatchlets.resize(2 * grid.cells().size());
-        forEachCell(grid, progress, [&](std::size_t c) { average(c); });
+        forEachParallel(grid.cells().size(), kGrain, progress, [&](std::size_t c) { average(c); });
     }
 
     void run()
@@ -223,22 +203,14 @@ private:
 
     std::vector<OrientationLink> findLinks() const
     {
-        const std::size_t cells = mGrid.cells().size();
-        std::vector<std::vector<OrientationLink>> chunks(cells / kGrain + 1);
-        tbb::parallel_for(std::size_t(0), chunks.size(), [&](std::size_t chunk) {
-            mProgress.check();
-            const std::size_t end = std::min((chunk + 1) * kGrain, cells);
-            for (std::size_t c = chunk * kGrain; c < end; ++c) {
-                link(std::uint32_t(2 * c), std::uint32_t(2 * c + 1), chunks[chunk]);
-                mGrid.forFacesAfter(mGrid.cells()[c], [&](std::uint32_t other) {
-                    for (std::uint32_t side = 0; side < 2; ++side)
-                        linkToSheet(std::uint32_t(2 * c) + side, other, chunks[chunk]);
-                });
-            }
-        });
-        std::vector<OrientationLink> links;
-        for (const auto& chunk : chunks) links.insert(links.end(), chunk.begin(), chunk.end());
-        return links;
+        const auto linkCell = [&](std::size_t c, std::vector<OrientationLink>& links) {
+            const auto first = std::uint32_t(2 * c), second = first + 1;
+            link(first, second, links);
+            mGrid.forFacesAfter(mGrid.cells()[c], [&](std::uint32_t other) {
+                for (const std::uint32_t side : {first, second}) linkToSheet(side, other, links);
+            });
+        };
+        return gatherParallel<OrientationLink>(mGrid.cells().size(), kGrain, mProgress, linkCell);
     }
 
     /// Heights of two patchlets over each other's planes.
@@ -273,7 +245,7 @@ private:
         const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
         if (from.points == 0 || to.points == 0) return;
         if (areTwoSheets(from, to)) {
-            links.push_back({kAcrossSheets, true, std::min(a, b), std::max(a, b)});
+            links.push_back(linkAcrossSheets(a, b, from.normal, to.normal));
             return;
         }
         links.push_back(
@@ -313,24 +285,15 @@ private:
     std::vector<char> inwardParts(const Orientation& found) const
     {
         std::vector<Vec3f> positions, normals;
-        std::vector<std::uint32_t> parts, placeOf(mPatchlets.size(), ~0u), partOf;
+        std::vector<std::uint32_t> parts;
         for (std::uint32_t n = 0; n < mPatchlets.size(); ++n) {
             const Patchlet& p = mPatchlets[n];
             if (p.points == 0) continue;
-            std::uint32_t& place = placeOf[found.parts[n]];
-            if (place == ~0u) {
-                place = std::uint32_t(partOf.size());
-                partOf.push_back(found.parts[n]);
-            }
             positions.push_back(p.position);
             normals.push_back(found.turned[n] ? Vec3f(-p.normal) : p.normal);
-            parts.push_back(place);
+            parts.push_back(found.parts[n]);
         }
-        const std::vector<char> inward = findInwardParts({positions, normals, parts}, mProgress);
-        std::vector<char> result(mPatchlets.size(), 0);
-        for (std::size_t place = 0; place < partOf.size(); ++place)
-            result[partOf[place]] = inward[place];
-        return result;
+        return findInwardParts({positions, normals, parts}, mProgress);
     }
 
     /// Patchlets to turn together, and how those around take them as they are.

@@ -16,6 +16,7 @@ namespace
 {
 
 constexpr std::size_t kCheckEvery = 65536; // links
+constexpr float kAcrossSheets = 0.25f;     // what two sheets say against what one says
 
 /// Trees of nodes that share an orientation; each knows whether it is turned against its parent.
 class Forest
@@ -200,6 +201,13 @@ OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& a
     link.unsure = across || std::abs(link.vote) < kParallel;
     link.vote = across ? kAcrossSheets * mirrored : mirrored;
     return link;
+}
+
+OrientationLink linkAcrossSheets(std::uint32_t a, std::uint32_t b, const Vec3f& normalA,
+                                 const Vec3f& normalB)
+{
+    return {std::copysign(kAcrossSheets, -normalA.dot(normalB)), true, std::min(a, b),
+            std::max(a, b)};
 }
 
 Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,

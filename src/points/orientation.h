@@ -18,14 +18,15 @@ struct OrientationLink {
     std::uint32_t a = 0, b = 0;
 };
 
-/// What two sheets say weighs less than what one says.
-constexpr float kAcrossSheets = 0.25f;
-
 /// The link of two oriented positions: one's normal, mirrored at the plane between the two, against
 /// the other's. 1 on planes, arcs, and across any edge; also for the two sides of a thin wall or a
 /// narrow gap, whose normals are opposite. @param noise  standard deviation of the positions.
 OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
                                 const Vec3f& normalA, const Vec3f& normalB, float noise);
+
+/// The link of two positions on two sheets, such as a thin wall's sides: they look opposite ways.
+OrientationLink linkAcrossSheets(std::uint32_t a, std::uint32_t b, const Vec3f& normalA,
+                                 const Vec3f& normalB);
 
 /// Parts that hang together by links, and who in a part must be turned round.
 struct Orientation {

@@ -3,17 +3,19 @@
 #include "cell_grid.h"
 #include "kd_tree.h"
 #include "local_plane.h"
+#include "parallel_each.h"
 #include "position_order.h"
-#include "union_find.h"
 
 #include <mpuvdb/outliers.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/union_find.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -38,21 +40,15 @@ public:
     CellGroups(const CellGrid& grid, Progress& progress) : mGrid(grid), mGroups(grid.cells().size())
     {
         const auto& cells = grid.cells();
-        std::vector<std::vector<std::uint32_t>> around(cells.size() / kGrain + 1);
-        tbb::parallel_for(std::size_t(0), around.size(), [&](std::size_t chunk) {
-            progress.check();
-            const std::size_t end = std::min((chunk + 1) * kGrain, cells.size());
-            for (std::size_t c = chunk * kGrain; c < end; ++c) {
-                if (cells[c].size() <= kSparse) continue;
-                grid.forFacesAfter(cells[c], [&](std::uint32_t other) {
-                    if (cells[other].size() <= kSparse) return;
-                    around[chunk].push_back(std::uint32_t(c));
-                    around[chunk].push_back(other);
-                });
-            }
-        });
-        for (const auto& pairs : around)
-            for (std::size_t k = 0; k < pairs.size(); k += 2) mGroups.join(pairs[k], pairs[k + 1]);
+        using Pair = std::pair<std::uint32_t, std::uint32_t>;
+        const auto findPairs = [&](std::size_t c, std::vector<Pair>& pairs) {
+            if (cells[c].size() <= kSparse) return;
+            grid.forFacesAfter(cells[c], [&](std::uint32_t other) {
+                if (cells[other].size() > kSparse) pairs.push_back({std::uint32_t(c), other});
+            });
+        };
+        for (const auto& [a, b] : gatherParallel<Pair>(cells.size(), kGrain, progress, findPairs))
+            mGroups.join(a, b);
         mPoints.assign(cells.size(), 0);
         for (std::uint32_t c = 0; c < cells.size(); ++c)
             mPoints[mGroups.find(c)] += cells[c].size();
@@ -197,7 +193,7 @@ private:
 
     void findNeighbors(const KdTree& tree, const std::vector<char>& asked)
     {
-        forEach(mPositions.size(), [&](std::size_t i) {
+        forEachParallel(mPositions.size(), kGrain, mProgress, [&](std::size_t i) {
             if (!asked[i]) return;
             std::vector<std::uint32_t> indices(reachable() + 1);
             std::vector<float> squared(indices.size());
@@ -218,7 +214,8 @@ private:
     void findPlanar()
     {
         mPlanar.resize(mDoubtful);
-        forEach(mDoubtful, [&](std::size_t i) { mPlanar[i] = isPlanar(i); });
+        forEachParallel(mDoubtful, kGrain, mProgress,
+                        [&](std::size_t i) { mPlanar[i] = isPlanar(i); });
     }
 
     bool isPlanar(std::size_t i) const
@@ -279,15 +276,6 @@ private:
             points[groups.find(i)] += i < mDoubtful ? 1 : kClump;
         for (std::uint32_t i = 0; i < mDoubtful; ++i)
             if (points[groups.find(i)] < kClump) outlier[i] = 1;
-    }
-
-    template <class F>
-    void forEach(std::size_t count, F&& f) const
-    {
-        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& r) {
-            mProgress.check();
-            for (std::size_t i = r.begin(); i < r.end(); ++i) f(i);
-        });
     }
 
     const std::vector<Vec3f>& mPositions;

@@ -211,10 +211,17 @@ private:
     std::vector<Decided> mDecided;
 };
 
+/// One more than the last part.
+std::size_t partEnd(const OrientedParts& points)
+{
+    const auto last = std::max_element(points.parts.begin(), points.parts.end());
+    return last == points.parts.end() ? 0 : std::size_t(*last) + 1;
+}
+
 std::vector<Part> collectParts(const OrientedParts& points)
 {
     std::vector<Part> parts;
-    std::vector<std::uint32_t> placeOf(points.positions.size(), ~0u);
+    std::vector<std::uint32_t> placeOf(partEnd(points), ~0u);
     for (std::uint32_t i = 0; i < points.positions.size(); ++i) {
         std::uint32_t& place = placeOf[points.parts[i]];
         if (place == ~0u) {
@@ -238,7 +245,7 @@ std::vector<char> findInwardParts(const OrientedParts& points, Progress& progres
         return parts[x].points.size() > parts[y].points.size();
     });
     PartTurner turner(parts, points);
-    std::vector<char> inward(points.positions.size(), 0);
+    std::vector<char> inward(partEnd(points), 0);
     for (const std::size_t p : largestFirst) {
         progress.check();
         inward[points.parts[parts[p].points.front()]] = turner.isInward(p);

@@ -14,12 +14,12 @@ class Progress;
 struct OrientedParts {
     const std::vector<Vec3f>& positions;
     const std::vector<Vec3f>& normals;
-    const std::vector<std::uint32_t>& parts; ///< of each point, below positions.size()
+    const std::vector<std::uint32_t>& parts; ///< of each point
 };
 
-/// Which parts look inward, by part, the largest decided first. One that fills a gap of those
-/// decided, or lies on them, looks to where their winding number [Barill18] drops. Another is
-/// looked at from six sides, along the axes, and what is seen of it votes; unless it lies within
+/// Which parts look inward, by part up to the last, the largest decided first. One that fills a gap
+/// of those decided, or lies on them, looks to where their winding number [Barill18] drops. Another
+/// is looked at from six sides, along the axes, and what is seen of it votes; unless it lies within
 /// an odd number of others: then it is the wall of a cavity, and looks the other way.
 /// @throws Interrupted.
 std::vector<char> findInwardParts(const OrientedParts& points, Progress& progress);

@@ -1,0 +1,87 @@
+// What is wrong with the voxels of leaves.
+#pragma once
+#include <openvdb/openvdb.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+namespace mpuvdb
+{
+
+class Progress;
+
+/// What a voxel can be at fault for, or a tile.
+enum class Fault {
+    NotFinite,
+    ActiveTile,
+    BeyondBackground,
+    InactiveValue,
+    MissingVoxel,
+    SignChange,
+    Jump,
+    Steepness
+};
+constexpr std::size_t kFaults = std::size_t(Fault::Steepness) + 1;
+
+/// All thresholds, in world units.
+struct CheckLimits {
+    float background, tolerance, step, twiceVoxel;
+    std::array<float, 3> near; ///< below: the neighbours across a face, edge, corner are active
+    float steepness;           ///< largest ||grad| - 1| that is not counted
+};
+
+/// How often a fault was seen, and where most of it: the first voxel of those of highest rank.
+struct FaultTally {
+    std::uint64_t count = 0;
+    double rank = -1;
+    openvdb::Coord voxel;
+
+    void add(const openvdb::Coord& at, double atRank = 0, std::uint64_t times = 1)
+    {
+        count += times;
+        place(at, atRank);
+    }
+    void join(const FaultTally& other)
+    {
+        count += other.count;
+        if (other.rank >= 0) place(other.voxel, other.rank);
+    }
+
+private:
+    void place(const openvdb::Coord& at, double atRank)
+    {
+        if (atRank < rank || (atRank == rank && !(at < voxel))) return;
+        rank = atRank;
+        voxel = at;
+    }
+};
+
+/// What was seen: nothing of it depends on the order in which voxels are looked at.
+struct FaultTallies {
+    std::array<FaultTally, kFaults> faults;
+    std::uint64_t active = 0;
+    std::array<std::uint64_t, 2> gradients = {}; ///< outside, inside
+    double maxSteepness = 0;
+    float lowest = 0, highest = 0;
+
+    FaultTally& operator[](Fault fault) { return faults[std::size_t(fault)]; }
+    void join(const FaultTallies& other)
+    {
+        for (std::size_t n = 0; n < kFaults; ++n) faults[n].join(other.faults[n]);
+        active += other.active;
+        for (std::size_t side : {0, 1}) gradients[side] += other.gradients[side];
+        maxSteepness = std::max(maxSteepness, other.maxSteepness);
+        lowest = std::min(lowest, other.lowest);
+        highest = std::max(highest, other.highest);
+    }
+};
+
+using SideSums = std::array<double, 2>; ///< outside, inside
+
+/// Judge all leaves; @a steepness becomes the sums of ||grad| - 1|, added up in the leaves' order.
+/// The stage "check" begins. @throws Interrupted.
+FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
+                         SideSums& steepness, Progress& progress);
+
+} // namespace mpuvdb
