@@ -335,6 +335,7 @@ std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStat
                       });
     if (!doubtful.empty()) {
         std::vector<Vec3f> positions;
+        positions.reserve(doubtful.size());
         for (const std::uint32_t i : doubtful) positions.push_back(cloud.positions[i]);
         for (std::uint32_t c = 0; c < grid.cells().size(); ++c)
             if (groups.isSurface(c))
