@@ -321,8 +321,10 @@ private:
         const openvdb::FloatTree& tree = mTree;
         tree.getNodes(leaves);
         std::vector<Crossings> crossings(leaves.size());
-        tbb::parallel_for(std::size_t(0), leaves.size(),
-                          [&](std::size_t n) { crossings[n] = crossingsOf(*leaves[n]); });
+        tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
+            if (n % 1024 == 0) mProgress.check();
+            crossings[n] = crossingsOf(*leaves[n]);
+        });
         for (std::size_t n = 0; n < leaves.size(); ++n)
             if (!crossings[n].empty())
                 mCrossings.emplace(leaves[n]->origin(), std::move(crossings[n]));
