@@ -441,6 +441,45 @@ TEST(Reconstruct, ClosesAFlatSheetBehind)
     }
 }
 
+// Flat faces between two layers of voxels: all points may be in voxels on one side of them.
+TEST(Reconstruct, KeepsBoxesAlongTheAxes)
+{
+    const auto measured = [](const std::string& solid, double points) {
+        Progress progress;
+        const Reconstruction made = reconstruct(test::randomScan(solid, points), {}, progress);
+        return measure(extractMesh(made.levelSet, progress));
+    };
+    for (const double points : {300, 500, 1000, 3000}) {
+        const MeshReport box = measured("box(1,1,1)", points);
+        EXPECT_EQ(box.components, 1u) << points;
+        EXPECT_NEAR(box.volume, 1, 0.1) << points;
+    }
+    const MeshReport slab = measured("slab(2,2,0.04)", 80000);
+    EXPECT_EQ(slab.components, 1u);
+    EXPECT_NEAR(slab.volume, 0.16, 0.016);
+    const MeshReport hollow = measured("difference(box(1,1,1),box(0.4,0.4,0.4))", 20000);
+    EXPECT_EQ(hollow.components, 2u);
+    EXPECT_NEAR(hollow.volume, 1 - 0.064, 0.02);
+}
+
+// The blocks between them are none that anything is kept for.
+TEST(Reconstruct, TakesObjectsFarApart)
+{
+    PointCloud cloud = test::randomScan("sphere(1)", 2000);
+    const std::size_t count = cloud.size();
+    for (std::size_t i = 0; i < count; ++i) {
+        cloud.positions.push_back(cloud.positions[i] + Vec3f(3000, 3000, 0));
+        cloud.normals.push_back(cloud.normals[i]);
+    }
+    ReconstructSettings settings = voxelsOf(0.1);
+    settings.maxBytes = 200 << 20;
+    Progress progress;
+    const Reconstruction made = reconstruct(std::move(cloud), settings, progress);
+    const MeshReport mesh = measure(extractMesh(made.levelSet, progress));
+    EXPECT_EQ(mesh.components, 2u);
+    EXPECT_NEAR(mesh.volume, 2 * 4 * M_PI / 3, 0.2);
+}
+
 TEST(Reconstruct, IsDefinedForDegenerateClouds)
 {
     Random random(1);

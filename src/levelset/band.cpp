@@ -218,41 +218,40 @@ std::size_t Band::search(std::vector<Vec3i> wave)
 
 std::vector<Band::Gap> Band::findGaps() const
 {
+    using Column = std::array<int, 2>;
     std::vector<Vec3i> order(mBlocks.size());
     for (std::size_t n = 0; n < order.size(); ++n) order[n] = mBlocks[n].at;
     std::sort(order.begin(), order.end(), before);
-    Vec3i low = order.front(), high = order.front();
-    for (const Vec3i& b : order) {
-        low = low.cwiseMin(b);
-        high = high.cwiseMax(b);
+    // Columns without blocks are one with the outside. Only those beside blocks are asked for.
+    std::vector<Column> columns;
+    int low = order.front()[2], high = low;
+    for (std::size_t n = 0; n < order.size(); ++n) {
+        low = std::min(low, order[n][2]);
+        high = std::max(high, order[n][2]);
+        const int x = order[n][0], y = order[n][1];
+        if (n > 0 && order[n - 1][0] == x && order[n - 1][1] == y) continue;
+        columns.insert(columns.end(), {{x, y}, {x - 1, y}, {x + 1, y}, {x, y - 1}, {x, y + 1}});
     }
-    low -= Vec3i::Ones();
-    high += Vec3i::Ones();
+    std::sort(columns.begin(), columns.end());
+    columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+    --low;
+    ++high;
     std::vector<Gap> gaps;
     std::size_t n = 0;
-    for (int x = low[0]; x <= high[0]; ++x) {
-        for (int y = low[1]; y <= high[1]; ++y) {
-            const bool border = x == low[0] || x == high[0] || y == low[1] || y == high[1];
-            int z = low[2];
-            const auto addGap = [&](int end) {
-                if (z > end) return;
-                gaps.push_back({x, y, z, end, std::uint32_t(gaps.size()),
-                                border || z == low[2] || end == high[2]});
-            };
-            for (; n < order.size() && order[n][0] == x && order[n][1] == y; ++n) {
-                addGap(order[n][2] - 1);
-                z = order[n][2] + 1;
-            }
-            addGap(high[2]);
+    for (const auto& [x, y] : columns) {
+        int z = low;
+        const auto addGap = [&, x = x, y = y](int end) {
+            if (z > end) return;
+            gaps.push_back({x, y, z, end, std::uint32_t(gaps.size()), z == low || end == high});
+        };
+        for (; n < order.size() && order[n][0] == x && order[n][1] == y; ++n) {
+            addGap(order[n][2] - 1);
+            z = order[n][2] + 1;
         }
+        addGap(high);
     }
     return gaps;
 }
-
-namespace
-{
-
-} // namespace
 
 /// Per component of gaps (by root): faces that say inside, faces that say outside; and the gap
 /// blocks touched by each kind.

@@ -5,6 +5,7 @@
 #include <mpuvdb/union_find.h>
 
 #include <algorithm>
+#include <limits>
 #include <tbb/parallel_for.h>
 
 namespace mpuvdb
@@ -14,8 +15,9 @@ namespace
 
 constexpr std::uint64_t kIslandVoxels = 1 << 18; ///< a larger component stays
 /// One with as many data points in its voxels is an object. An object of a hundred points has about
-/// half of them there, the others in the voxels beyond its surface.
-constexpr std::size_t kIslandPoints = 30;
+/// half of them there, the others in the voxels beyond its surface. Of few points in all, a quarter
+/// is enough.
+constexpr std::size_t kIslandPoints = 30, kIslandShare = 4;
 
 constexpr std::uint64_t kFirstZ = 0x0101010101010101ull, kLastZ = kFirstZ << 7;
 
@@ -142,6 +144,11 @@ std::size_t Band::removeIslands()
     const std::vector<std::uint32_t>& roots = components.roots();
     for (std::uint32_t p = 0; p < roots.size(); ++p)
         if (roots[p] != p) voxels[roots[p]] += voxels[p];
+    const Vec3d everywhere = Vec3d::Constant(std::numeric_limits<double>::max());
+    const std::size_t all =
+                          mField.countData({-everywhere, everywhere}, kIslandShare * kIslandPoints),
+                      enough =
+                          std::min(kIslandPoints, std::max<std::size_t>(all / kIslandShare, 1));
     std::unordered_map<std::uint32_t, std::size_t> data; // of small components, by root
     const auto forEachSmall = [&](auto f) {
         for (std::size_t n = 0; n < mBlocks.size(); ++n)
@@ -151,13 +158,13 @@ std::size_t Band::removeIslands()
     };
     forEachSmall([&](const Block& block, const SignWords& part, std::uint32_t root) {
         std::size_t& points = data[root];
-        if (points < kIslandPoints) points += countData(block.at, part);
+        if (points < enough) points += countData(block.at, part);
     });
     forEachSmall([&](Block& block, const SignWords& part, std::uint32_t root) {
-        if (data[root] < kIslandPoints) turn(block, part);
+        if (data[root] < enough) turn(block, part);
     });
-    return std::size_t(std::count_if(data.begin(), data.end(),
-                                     [](const auto& d) { return d.second < kIslandPoints; }));
+    return std::size_t(
+        std::count_if(data.begin(), data.end(), [&](const auto& d) { return d.second < enough; }));
 }
 
 /// Data points in the cubes of the voxels of a block, or up to half a voxel beside them: points in

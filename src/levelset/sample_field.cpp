@@ -21,12 +21,16 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     progress.beginStage("sample");
     Band band(field, lattice, settings.halfWidth, settings.maxBytes, progress);
     band.search(field.seedBlocks(lattice));
-    if (!band.hasZeroCrossing())
-        throw InputError("the points enclose nothing at this voxel size: the fitted surface has no "
-                         "inside. Use smaller voxels, or check the normals");
+    const auto demandInside = [&band] {
+        if (!band.hasZeroCrossing())
+            throw InputError("the points enclose nothing at this voxel size: the fitted surface "
+                             "has no inside. Use smaller voxels, or check the normals");
+    };
+    demandInside();
     progress.beginStage("close");
     band.resolveSigns();
     band.removeIslands();
+    demandInside();
     band.close();
     progress.beginStage("assemble");
     const openvdb::FloatTree::Ptr tree = band.assemble();
