@@ -223,6 +223,28 @@ std::vector<std::uint32_t> capOf(const PointCloud& cloud, double share, std::mt1
     return cap;
 }
 
+TEST(FlippedNormals, AreTheSameInAnyOrder)
+{
+    PointCloud cloud = scanned("fandisk(1)", 30000, Pattern::Scan, 0.005, 0.02);
+    cloud.seenFrom.clear();
+    std::mt19937 engine(11);
+    for (Vec3f& n : cloud.normals)
+        if (engine() % 8 == 0) n = -n;
+    PointCloud other;
+    std::vector<std::uint32_t> order(cloud.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::shuffle(order.begin(), order.end(), engine);
+    for (const std::uint32_t i : order) {
+        other.positions.push_back(cloud.positions[i]);
+        other.normals.push_back(cloud.normals[i]);
+    }
+    std::vector<std::uint32_t> turned = flippedOf(other);
+    for (std::uint32_t& i : turned) i = order[i];
+    std::sort(turned.begin(), turned.end());
+    EXPECT_GT(turned.size(), 2000u);
+    EXPECT_EQ(turned, flippedOf(cloud));
+}
+
 TEST(FlippedNormals, CapsOfAllSizesAreTurnedBack)
 {
     const auto seed = std::random_device()();

@@ -249,6 +249,13 @@ TEST(Reconstruct, RefusesWhatMakesNoSense)
     };
     const auto nothing = [](ReconstructSettings&) {};
     EXPECT_NO_THROW(run(cloud, nothing));
+    PointCloud tiny = cloud; // OpenVDB takes such a transform for singular
+    for (Vec3f& p : tiny.positions) p *= 1e-5f;
+    EXPECT_THROW(run(tiny,
+                     [](auto& s) {
+                         s.voxelSize = Length{1e-6, Length::Unit::World};
+                     }),
+                 LimitError);
     EXPECT_THROW(run({}, nothing), InputError);
     PointCloud bare = cloud;
     bare.normals.clear();

@@ -47,8 +47,9 @@ struct SampleSettings {
 /// The lattice for voxels of @a voxelSize about @a bounds: aligned to the world's multiples of the
 /// voxel size, so that grids of one voxel size combine without resampling; from 2^20 voxels away
 /// from the origin on, the transform's translation keeps indices small.
-/// @throws UsageError unless 0 < @a voxelSize < infinity, InputError for bounds that are empty or
-/// not finite, LimitError where doubles or indices cannot tell the voxels apart.
+/// @throws UsageError unless 0 < @a voxelSize < infinity, LimitError below 1.5e-5, InputError for
+/// bounds that are empty or not finite, LimitError where doubles or indices cannot tell the voxels
+/// apart.
 Lattice latticeFor(const Box3d& bounds, double voxelSize);
 
 /// Sample @a field into a narrow band: searched from its seeds by continuation, closed so that no

@@ -60,11 +60,22 @@ Lattice LevelSet::lattice() const
     return *latticeOf(mGrid->transform());
 }
 
-Lattice latticeFor(const Box3d& bounds, double voxelSize)
+void demandVoxelSize(double voxelSize)
 {
+    constexpr double kLeast = 1.5e-5;
     if (!(voxelSize > 0) || !std::isfinite(voxelSize))
         throw UsageError(
             fmt::format("voxel size {}: must be a positive number of world units", voxelSize));
+    if (voxelSize < kLeast)
+        throw LimitError(fmt::format("voxel size {:.3g}: below {} OpenVDB takes a transform for "
+                                     "singular. Scale the model, for example from metres to "
+                                     "millimetres, or choose larger voxels",
+                                     voxelSize, kLeast));
+}
+
+Lattice latticeFor(const Box3d& bounds, double voxelSize)
+{
+    demandVoxelSize(voxelSize);
     if (bounds.isEmpty() || !bounds.min().allFinite() || !bounds.max().allFinite())
         throw InputError("bounding box: is empty or not finite, so that no grid can be laid about "
                          "it. Give at least one point");

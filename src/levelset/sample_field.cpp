@@ -1,5 +1,6 @@
 #include "band.h"
 #include "restore_distance.h"
+#include "transform_lattice.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/level_set.h>
@@ -13,8 +14,7 @@ namespace mpuvdb
 LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress)
 {
     const Lattice& lattice = settings.lattice;
-    if (!(lattice.voxelSize > 0) || !std::isfinite(lattice.voxelSize))
-        throw UsageError(fmt::format("voxel size is {}; it must be above 0", lattice.voxelSize));
+    demandVoxelSize(lattice.voxelSize);
     if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
         throw UsageError(
             fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));

@@ -13,4 +13,8 @@ namespace mpuvdb
 /// translates.
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
 
+/// @throws UsageError unless @a voxelSize is a positive number, LimitError for one that is too
+/// small for a transform: OpenVDB takes those whose determinant is below 3e-15 for singular.
+void demandVoxelSize(double voxelSize);
+
 } // namespace mpuvdb

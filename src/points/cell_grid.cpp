@@ -1,5 +1,7 @@
 #include "cell_grid.h"
 
+#include "position_order.h"
+
 #include <mpuvdb/progress.h>
 
 #include <tbb/parallel_for.h>
@@ -118,7 +120,7 @@ CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Progress& p
     mOrder.resize(points);
     tbb::parallel_for(std::size_t(0), parts, [&](std::size_t p) {
         progress.check();
-        sortPart(records.get(), starts[p], starts[p + 1], mParts[p]);
+        sortPart(positions, records.get(), starts[p], starts[p + 1], mParts[p]);
     });
     for (Part& part : mParts) {
         part.firstCell = std::uint32_t(mCells.size());
@@ -127,7 +129,8 @@ CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Progress& p
     }
 }
 
-void CellGrid::sortPart(const Record* records, std::size_t begin, std::size_t end, Part& part)
+void CellGrid::sortPart(const std::vector<Vec3f>& positions, const Record* records,
+                        std::size_t begin, std::size_t end, Part& part)
 {
     constexpr std::size_t kFewestSlots = 1024;
     part.slots.assign(kFewestSlots, kNone);
@@ -155,6 +158,17 @@ void CellGrid::sortPart(const Record* records, std::size_t begin, std::size_t en
     }
     for (std::size_t r = begin; r < end; ++r)
         mOrder[part.cells[cellOfRecord[r - begin]].end++] = records[r].point;
+    // Whatever the order of the points was, theirs in the grid is the same.
+    const auto place = mOrder.begin();
+    for (const Cell& cell : part.cells)
+        std::sort(place + cell.begin, place + cell.end, [&](std::uint32_t a, std::uint32_t b) {
+            return positionBefore(positions[a], positions[b]);
+        });
+    std::sort(part.cells.begin(), part.cells.end(),
+              [](const Cell& a, const Cell& b) { return keyOf(a.at) < keyOf(b.at); });
+    std::fill(part.slots.begin(), part.slots.end(), kNone);
+    for (std::uint32_t c = 0; c < part.cells.size(); ++c)
+        part.slots[findSlot(part.slots, part.cells, part.cells[c].at)] = c;
 }
 
 std::uint32_t CellGrid::find(const Vec3i& at) const

@@ -28,9 +28,9 @@ public:
     CellGrid(const std::vector<Vec3f>& positions, double side, Progress& progress);
 
     double side() const { return mSide; }
-    /// In no particular order, but the same for any number of threads.
+    /// In no particular order, but the same for any number of threads and order of the points.
     const std::vector<Cell>& cells() const { return mCells; }
-    /// Indices of the points, cell by cell, ascending in each.
+    /// Indices of the points, cell by cell, by position in each.
     const std::vector<std::uint32_t>& order() const { return mOrder; }
     /// Index of the cell at @a at, or kNone.
     std::uint32_t find(const Vec3i& at) const;
@@ -67,7 +67,8 @@ private:
         if (found != kNone) f(found);
     }
     std::uint64_t keyAt(const Vec3f& p) const;
-    void sortPart(const Record* records, std::size_t begin, std::size_t end, Part& part);
+    void sortPart(const std::vector<Vec3f>& positions, const Record* records, std::size_t begin,
+                  std::size_t end, Part& part);
 
     double mSide;
     Vec3d mCorner = Vec3d::Zero();

@@ -5,7 +5,9 @@
 
 #include <mpuvdb/io.h>
 
+#include <filesystem>
 #include <fmt/format.h>
+#include <limits>
 
 namespace mpuvdb::command
 {
@@ -97,6 +99,24 @@ CLI::Option* addHoles(CLI::App& app, Holes& holes)
         ->type_name("close|open|LENGTH");
 }
 
+namespace
+{
+
+/// STL has single precision: far from the origin vertices cannot stay where they are.
+void warnOfStl(const Mesh& mesh, double voxelSize, const std::string& output, Session& session)
+{
+    constexpr double kNoticed = 0.01; // voxels
+    if (std::filesystem::path(output).extension() != ".stl") return;
+    const double farthest = mesh.frame.cwiseAbs().maxCoeff();
+    const double off = 0.5 * farthest * double(std::numeric_limits<float>::epsilon());
+    if (off > kNoticed * voxelSize)
+        session.warn(fmt::format("{}: STL holds single precision only, which moves vertices by up "
+                                 "to {:.2g} ({:.2g} voxels) here; .ply and .obj keep them",
+                                 output, off, off / voxelSize));
+}
+
+} // namespace
+
 void writeMeshOf(const LevelSet& levelSet, const Trim& trim, const std::string& output,
                  Session& session)
 {
@@ -110,6 +130,7 @@ void writeMeshOf(const LevelSet& levelSet, const Trim& trim, const std::string& 
         printFile(".ply", write);
     else
         write(output);
+    warnOfStl(mesh, levelSet.voxelSize(), output, session);
     session.report()["mesh"] = toJson(report);
     session.note(fmt::format("mesh        {} vertices, {} triangles, {} components: {}",
                              report.vertices, report.triangles, report.components, output));
