@@ -1,5 +1,7 @@
 #include "coarse_fill.h"
 
+#include <mpuvdb/vec.h>
+
 #include <algorithm>
 #include <cmath>
 #include <tbb/parallel_for.h>
@@ -66,10 +68,11 @@ std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const Node
             rightHand[n] = -data.weight[n] * data.normal[c][n];
         spread[c] = solver.solve(rightHand, 0, 1);
     }
-    for (std::size_t n = 0; n < grid.size(); ++n) {
-        const float length = std::hypot(spread[0][n], spread[1][n], spread[2][n]);
+    forEachInterior(grid, [&](std::size_t n) {
+        const Vec3f normal(spread[0][n], spread[1][n], spread[2][n]);
+        const float length = normal.norm();
         for (auto& s : spread) s[n] = length > 0 ? s[n] / length : 0.0f;
-    }
+    });
     return spread;
 }
 

@@ -2,10 +2,12 @@
 
 #include "coarse_fill.h"
 
+#include <mpuvdb/clones.h>
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <tbb/parallel_for.h>
 
@@ -172,10 +174,52 @@ NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const V
     return data;
 }
 
+/// Coordinates of dipoles, one array each, for loops over them all.
+struct Places {
+    std::vector<float> x, y, z;
+
+    explicit Places(const std::vector<Dipole>& dipoles)
+    {
+        for (const Dipole& d : dipoles) {
+            x.push_back(d.position[0]);
+            y.push_back(d.position[1]);
+            z.push_back(d.position[2]);
+        }
+    }
+};
+
+MPUVDB_CLONES
+float nearestSquared(const Places& places, float x, float y, float z)
+{
+    using Lanes = float __attribute__((vector_size(32)));
+    constexpr std::size_t kLanes = 8;
+    float least[kLanes];
+    std::fill_n(least, kLanes, std::numeric_limits<float>::max());
+    const std::size_t whole = places.x.size() / kLanes * kLanes;
+    Lanes nearest;
+    std::memcpy(&nearest, least, sizeof nearest);
+    for (std::size_t n = 0; n < whole; n += kLanes) {
+        Lanes dx, dy, dz;
+        std::memcpy(&dx, &places.x[n], sizeof dx);
+        std::memcpy(&dy, &places.y[n], sizeof dy);
+        std::memcpy(&dz, &places.z[n], sizeof dz);
+        dx -= x, dy -= y, dz -= z;
+        const Lanes d2 = dx * dx + dy * dy + dz * dz;
+        nearest = d2 < nearest ? d2 : nearest;
+    }
+    std::memcpy(least, &nearest, sizeof least);
+    for (std::size_t n = whole; n < places.x.size(); ++n) {
+        const float dx = places.x[n] - x, dy = places.y[n] - y, dz = places.z[n] - z;
+        least[0] = std::min(least[0], dx * dx + dy * dy + dz * dz);
+    }
+    return *std::min_element(least, least + kLanes);
+}
+
 /// Distance from the nodes of the box to the nearest dipole, node steps; 0 at the other nodes.
 std::vector<float> borderDistance(const std::vector<Dipole>& dipoles, const NodeGrid& grid,
                                   const Vec3d& corner, double step, Progress& progress)
 {
+    const Places places(dipoles);
     std::vector<float> distance(grid.size(), 0.0f);
     tbb::parallel_for(0, grid.n[0], [&](int i) {
         progress.check();
@@ -183,10 +227,8 @@ std::vector<float> borderDistance(const std::vector<Dipole>& dipoles, const Node
             for (int k = 0; k < grid.n[2]; ++k) {
                 if (!grid.onBorder(i, j, k)) continue;
                 const Vec3f at = (corner + step * Vec3d(i, j, k)).cast<float>();
-                float nearest = std::numeric_limits<float>::max();
-                for (const Dipole& d : dipoles)
-                    nearest = std::min(nearest, (d.position - at).squaredNorm());
-                distance[grid.index(i, j, k)] = std::sqrt(nearest) / float(step);
+                distance[grid.index(i, j, k)] =
+                    std::sqrt(nearestSquared(places, at[0], at[1], at[2])) / float(step);
             }
         }
     });
