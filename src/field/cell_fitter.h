@@ -21,6 +21,9 @@ constexpr double kRimSpacings =
 /// noise throws far, and takes its own border for the surface.
 constexpr double kNoiseRadius = 3;
 
+/// Noise, in voxels, from which on cells below two voxels show no more of an edge.
+constexpr double kBlurringNoise = 0.05;
+
 /// Balls up to this radius, in standard deviations of the noise, cut through it.
 constexpr double kThickRadius = 8;
 
@@ -194,8 +197,9 @@ private:
 
     bool mayBeSplit(const OctreeCell& cell, const FitResult& result) const
     {
-        const bool fine = result.fit.isSharp() || result.opposedNormals ||
-                          (mSettings.sharp && result.spreadNormals && !result.accepted);
+        const bool fine = mSettings.noise < kBlurringNoise * mSettings.voxelSize &&
+                          (result.fit.isSharp() || result.opposedNormals ||
+                           (mSettings.sharp && result.spreadNormals && !result.accepted));
         if (supportRadius(cell.level + 1) < kNoiseRadius * mSettings.noise) return false;
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
