@@ -195,7 +195,7 @@ TEST(Noise, MovesNoSphere)
     EXPECT_LT(std::abs(meanOnSphere(field, random)), 0.25 * kShift) << "seed " << kSeed;
 }
 
-/// Mean and root mean square of the distances of a grid's zero crossings from the torus (1, 0.4).
+/// Root mean square of the distances of a grid's zero crossings from the torus (1, 0.4).
 double torusError(const LevelSet& levelSet)
 {
     const openvdb::FloatGrid& grid = levelSet.grid();

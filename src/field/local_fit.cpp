@@ -25,6 +25,19 @@ struct Frame {
     }
 };
 
+/// Coordinates of four vectors along a frame's axes.
+struct Components {
+    Group u, v, w;
+};
+
+[[gnu::always_inline]] inline Components along(const Frame& frame, const Group& x, const Group& y,
+                                               const Group& z)
+{
+    return {x * frame.u[0] + y * frame.u[1] + z * frame.u[2],
+            x * frame.v[0] + y * frame.v[1] + z * frame.v[2],
+            x * frame.w[0] + y * frame.w[1] + z * frame.w[2]};
+}
+
 Vec3d weightedCentroid(const CellPoints& points, double& totalWeight)
 {
     Group sw{}, sx{}, sy{}, sz{};
@@ -59,10 +72,8 @@ BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, co
     BivariateSystem system;
     Group variance{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
-        const Group dx = load(points.x, i) - origin[0], dy = load(points.y, i) - origin[1],
-                    dz = load(points.z, i) - origin[2];
-        const Group u = dx * frame.u[0] + dy * frame.u[1] + dz * frame.u[2];
-        const Group v = dx * frame.v[0] + dy * frame.v[1] + dz * frame.v[2];
+        const auto [u, v, w] = along(frame, load(points.x, i) - origin[0],
+                                     load(points.y, i) - origin[1], load(points.z, i) - origin[2]);
         variance += load(points.weight, i) * (u * u + v * v);
     }
     const double mean = sum(variance) / totalWeight;
@@ -71,12 +82,9 @@ BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, co
 
     Group m[5][5] = {}, s[6] = {}; // m[a][b] = sum weight u^a v^b
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
-        const Group dx = t * (load(points.x, i) - origin[0]),
-                    dy = t * (load(points.y, i) - origin[1]),
-                    dz = t * (load(points.z, i) - origin[2]);
-        const Group u = dx * frame.u[0] + dy * frame.u[1] + dz * frame.u[2];
-        const Group v = dx * frame.v[0] + dy * frame.v[1] + dz * frame.v[2];
-        const Group w = dx * frame.w[0] + dy * frame.w[1] + dz * frame.w[2];
+        const auto [u, v, w] =
+            along(frame, t * (load(points.x, i) - origin[0]), t * (load(points.y, i) - origin[1]),
+                  t * (load(points.z, i) - origin[2]));
         Group ua = load(points.weight, i);
         const Group powers[5] = {ua * 0 + 1, v, v * v, v * v * v, v * v * v * v};
         s[0] += ua * u * u * w;
@@ -119,24 +127,20 @@ void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin
     // Moments 1, u, v, uu, uv, vv, and slopes along u and v times 1, u, v.
     Group m[6] = {}, su[3] = {}, sv[3] = {};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
-        const Group dx = t * (load(points.x, i) - origin[0]),
-                    dy = t * (load(points.y, i) - origin[1]),
-                    dz = t * (load(points.z, i) - origin[2]);
-        const Group u = dx * frame.u[0] + dy * frame.u[1] + dz * frame.u[2];
-        const Group v = dx * frame.v[0] + dy * frame.v[1] + dz * frame.v[2];
-        const Group nx = load(points.nx, i), ny = load(points.ny, i), nz = load(points.nz, i);
-        const Group nu = nx * frame.u[0] + ny * frame.u[1] + nz * frame.u[2];
-        const Group nv = nx * frame.v[0] + ny * frame.v[1] + nz * frame.v[2];
-        const Group nw = nx * frame.w[0] + ny * frame.w[1] + nz * frame.w[2];
+        const auto [u, v, w] =
+            along(frame, t * (load(points.x, i) - origin[0]), t * (load(points.y, i) - origin[1]),
+                  t * (load(points.z, i) - origin[2]));
+        const auto [nu, nv, nw] =
+            along(frame, load(points.nx, i), load(points.ny, i), load(points.nz, i));
         // A tilt of the normal changes the slope by 1 / nw^2: half of that is in the weight.
         const Group weight = nw > kSteep ? load(points.weight, i) * nw * nw : Group{};
-        const Group along = nw > kSteep ? -nu / nw : Group{};
-        const Group across = nw > kSteep ? -nv / nw : Group{};
+        const Group slopeU = nw > kSteep ? -nu / nw : Group{};
+        const Group slopeV = nw > kSteep ? -nv / nw : Group{};
         const Group wu = weight * u, wv = weight * v;
         m[0] += weight, m[1] += wu, m[2] += wv;
         m[3] += wu * u, m[4] += wu * v, m[5] += wv * v;
-        su[0] += weight * along, su[1] += wu * along, su[2] += wv * along;
-        sv[0] += weight * across, sv[1] += wu * across, sv[2] += wv * across;
+        su[0] += weight * slopeU, su[1] += wu * slopeU, su[2] += wv * slopeU;
+        sv[0] += weight * slopeV, sv[1] += wu * slopeV, sv[2] += wv * slopeV;
     }
     const double share = lever * lever * t * t / totalWeight;
     double one = share * sum(m[0]), u = share * sum(m[1]), v = share * sum(m[2]),
