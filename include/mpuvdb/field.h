@@ -66,7 +66,7 @@ class Field
 {
 public:
     virtual ~Field() = default;
-    /// A box around the zero set, world units.
+    /// A box around the zero set, world units; infinite where the zero set is.
     virtual Box3d bounds() const = 0;
     /// Value, gradient and origin of the value at a world position.
     virtual FieldSample evaluate(const Vec3d& position) const = 0;
@@ -80,6 +80,11 @@ public:
         (void)box;
         return limit;
     }
+    /// Whether the value is the distance. If not, its sign and its zero set count, and grids made
+    /// from it are re-distanced.
+    virtual bool isDistance() const { return true; }
+    /// The largest length of the value's gradient near the zero set: 1 for a distance.
+    virtual double steepness() const { return 1; }
     /// A sampler of blocks on @a lattice that is exact where |value| <= @a band (world units).
     virtual std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const = 0;
 };

@@ -1,25 +1,12 @@
 // Triangle meshes: extracted from level sets, and measured.
 #pragma once
 #include <mpuvdb/level_set.h>
-#include <mpuvdb/vec.h>
+#include <mpuvdb/triangle_mesh.h>
 
-#include <array>
 #include <cstdint>
-#include <vector>
 
 namespace mpuvdb
 {
-
-/// An indexed triangle mesh about a frame: a vertex's world position is frame + position.
-struct Mesh {
-    using Triangle = std::array<std::uint32_t, 3>;
-
-    Vec3d frame = Vec3d::Zero();
-    std::vector<Vec3f> positions;    ///< world units, relative to frame
-    std::vector<Triangle> triangles; ///< counter-clockwise seen from outside
-
-    Vec3d world(std::size_t i) const { return frame + positions[i].cast<double>(); }
-};
 
 /// The zero set as triangles (openvdb::tools::volumeToMesh, extracted in index space so that far
 /// from the origin nothing is rounded). The same for any number of threads; no non-manifold edges.

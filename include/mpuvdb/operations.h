@@ -1,0 +1,132 @@
+// Operations on level sets. Each leaves its inputs as they are and gives back a level set: a true
+// distance in a full band. Lengths are world units unless a comment says voxels.
+#pragma once
+#include <mpuvdb/level_set.h>
+#include <mpuvdb/triangle_mesh.h>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Progress;
+
+/// How solids combine.
+enum class Boolean {
+    Union,
+    Intersection,
+    Difference ///< all others from the first
+};
+
+/// The solids of @a inputs (at least one, none changed) as one. With @a blendRadius > 0 the creases
+/// that come about are filleted as by a rolling ball of that radius; away from where both surfaces
+/// lie within the radius of the ball's path, nothing differs from the sharp result, to the bit.
+/// Inputs on other lattices than the finest one are resampled to it (see onOneLattice()). The
+/// half-width is the largest of the inputs'; inputs of narrower bands, or too narrow for the blend,
+/// are widened. Two inputs may change places without a bit changing (not for Difference).
+/// @throws UsageError (no input, negative or infinite radius), LimitError, Interrupted.
+LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
+                 Progress& progress);
+
+/// The inputs on the lattice of the one with the smallest voxels (of equals the first): those that
+/// lie on it already as they are, all others resampled. Each of those adds a line to @a notes.
+std::vector<LevelSet> onOneLattice(const std::vector<LevelSet>& inputs,
+                                   std::vector<std::string>& notes, Progress& progress);
+
+/// @a levelSet sampled on @a lattice with @a halfWidth voxels of it.
+LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
+                  Progress& progress);
+
+/// The same surface with a band of @a halfWidth voxels, in [1.5, 1000]: values that are there stay
+/// as they are, new ones are distances to the nearest place on the surface.
+LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& progress);
+
+/// The level set of the zero set of @a grid, whose values have the right sign and cross zero
+/// between active voxels, but are no distances: the surface stays where it is. @a grid satisfies
+/// what LevelSet demands of it. @param halfWidth  voxels, in [1.5, 1000].
+LevelSet redistance(const openvdb::FloatGrid& grid, double halfWidth, Progress& progress);
+
+/// A closed triangle mesh as a level set (openvdb::tools::meshToVolume), settings as for a field.
+/// @throws InputError (no triangles, indices out of range, not finite), LimitError, Interrupted.
+LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress);
+
+/// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the
+/// exact distance to the surface minus @a distance. An empty level set if nothing is left.
+LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress);
+
+/// Where the wall of a shell lies beside the surface.
+enum class Wall { Inward, Outward, Centred };
+
+/// The wall of @a thickness > 0 along the surface. Thinner than two voxels is a LimitError: no
+/// level set can show it.
+LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& progress);
+
+/// How smooth() filters the values.
+enum class Filter {
+    Mean,         ///< of a cube of 2 width + 1 voxels
+    Gaussian,     ///< four means, one after the other
+    Median,       ///< of that cube
+    MeanCurvature ///< flow by mean curvature, one explicit step per iteration
+};
+
+struct SmoothSettings {
+    Filter filter = Filter::Gaussian;
+    int iterations = 1; ///< in [1, 1000]
+    int width = 1;      ///< voxels, in [1, 32]; not for MeanCurvature
+    /// Where it acts: values in [0,1] blend from the input to the filtered surface; of any lattice;
+    /// inactive voxels count with their value. Null: everywhere, in full.
+    openvdb::FloatGrid::ConstPtr mask;
+};
+
+/// The surface smoothed. Away from the mask nothing changes, to the bit.
+LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Progress& progress);
+
+/// How morph() goes from one surface to the other.
+enum class Morphing {
+    Linear,   ///< the zero set of (1-t) a + t b [Ohtake03 §6]; needs bands that reach each other
+    Advection ///< the surface moves along its normal at the speed that b's distance tells
+              ///< (openvdb::tools::LevelSetMorphing): for shapes that are far apart
+};
+
+/// The surface on the way from @a a (@a t = 0) to @a b (@a t = 1), at the ends these themselves, on
+/// one lattice. @throws UsageError for t outside [0,1].
+LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Progress& progress);
+
+/// Density 1 inside, falling over the band's inner half to 0 at the surface: class fog volume,
+/// called "density", on the same lattice.
+openvdb::FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress);
+
+/// A connected part of a solid.
+struct SolidComponent {
+    LevelSet levelSet;
+    double volume = 0; ///< world units cubed
+};
+
+/// The connected parts of the solid, the largest first (of equals, by the first voxel); a part that
+/// encloses a cavity keeps it.
+std::vector<SolidComponent> components(const LevelSet& levelSet, Progress& progress);
+
+/// The parts together again: those of at least @a minVolume, at most @a count of them, the largest
+/// first.
+LevelSet keepComponents(const LevelSet& levelSet, double minVolume, std::size_t count,
+                        Progress& progress);
+
+/// What can be measured of a solid.
+struct SolidMeasures {
+    double volume = 0, area = 0;          ///< world units cubed, squared
+    Box3d bounds;                         ///< of the zero set, world units
+    std::int64_t eulerCharacteristic = 0; ///< of the surface
+    std::uint64_t surfaces = 0;           ///< connected parts of the surface, cavities too
+    double genus = 0;                     ///< handles of all surfaces: surfaces - Euler / 2
+    double minThickness = 0;              ///< the smallest, and
+    double meanThickness = 0; ///< the mean diameter of the largest ball inside that touches the
+                              ///< surface at a place
+};
+
+/// Measure the solid; second order in the voxel size.
+SolidMeasures measure(const LevelSet& levelSet, Progress& progress);
+
+} // namespace mpuvdb
