@@ -42,7 +42,11 @@ struct SampleSettings {
     double halfWidth = 3; ///< voxels, in [1.5, 100]
     std::string name = "surface";
     std::uint64_t maxBytes = 0; ///< memory the grid may take; 0: no limit
+    bool mayBeEmpty = false;    ///< without a zero crossing: an empty level set, and no InputError
 };
+
+/// The level set of nothing: outside everywhere. @param halfWidth  voxels.
+LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth);
 
 /// The lattice for voxels of @a voxelSize about @a bounds: aligned to the world's multiples of the
 /// voxel size, so that grids of one voxel size combine without resampling; from 2^20 voxels away

@@ -26,12 +26,13 @@ struct ShapeSettings {
     std::uint64_t maxBytes = 0; ///< memory that all grids together may take; 0: no limit
 };
 
-/// One step of a plan, children before parents.
+/// One step of a plan, as the expression reads: a node before its inputs.
 struct PlanStep {
     std::string what;         ///< "union", "sphere", ...
     int depth = 0;            ///< below the result
     bool shared = false;      ///< evaluated before, by an equal step
     double halfWidth = 0;     ///< voxels
+    double voxelSize = 0;     ///< world units
     Box3d region;             ///< where it is evaluated, world units
     std::uint64_t voxels = 0; ///< active, estimated
     std::uint64_t bytes = 0;  ///< of its grid, estimated

@@ -27,6 +27,24 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
     return lattice;
 }
 
+openvdb::math::Transform::Ptr transformOf(const Lattice& lattice)
+{
+    const auto transform = openvdb::math::Transform::createLinearTransform(lattice.voxelSize);
+    const Vec3d& o = lattice.origin;
+    if (o != Vec3d::Zero()) transform->postTranslate({o[0], o[1], o[2]});
+    return transform;
+}
+
+LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth)
+{
+    demandVoxelSize(lattice.voxelSize);
+    const auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
+    grid->setTransform(transformOf(lattice));
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    grid->setName("surface");
+    return LevelSet(grid);
+}
+
 LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid) : mGrid(std::move(grid))
 {
     if (!mGrid) throw InputError("level set: there is no grid. Read or make one first");

@@ -21,25 +21,24 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     progress.beginStage("sample");
     Band band(field, lattice, settings.halfWidth, settings.maxBytes, progress);
     band.search(field.seedBlocks(lattice));
-    const auto demandInside = [&band] {
-        if (!band.hasZeroCrossing())
-            throw InputError("the points enclose nothing at this voxel size: the fitted surface "
-                             "has no inside. Use smaller voxels, or check the normals");
+    const auto isEmpty = [&] {
+        if (band.hasZeroCrossing()) return false;
+        if (settings.mayBeEmpty) return true;
+        throw InputError("the points enclose nothing at this voxel size: the fitted surface has "
+                         "no inside. Use smaller voxels, or check the normals");
     };
-    demandInside();
+    if (isEmpty()) return emptyLevelSet(lattice, settings.halfWidth);
     progress.beginStage("close");
     band.resolveSigns();
     band.removeIslands();
-    demandInside();
+    if (isEmpty()) return emptyLevelSet(lattice, settings.halfWidth);
     band.close();
     progress.beginStage("assemble");
     const openvdb::FloatTree::Ptr tree = band.assemble();
     progress.beginStage("restore");
     restoreDistance(*tree, lattice.voxelSize, progress);
     auto grid = openvdb::FloatGrid::create(tree);
-    grid->setTransform(openvdb::math::Transform::createLinearTransform(lattice.voxelSize));
-    const Vec3d& o = lattice.origin;
-    if (o != Vec3d::Zero()) grid->transform().postTranslate({o[0], o[1], o[2]});
+    grid->setTransform(transformOf(lattice));
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
     progress.endStage();

@@ -13,6 +13,9 @@ namespace mpuvdb
 /// translates.
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
 
+/// A transform that puts voxels where @a lattice says.
+openvdb::math::Transform::Ptr transformOf(const Lattice& lattice);
+
 /// @throws UsageError unless @a voxelSize is a positive number, LimitError for one that is too
 /// small for a transform: OpenVDB takes those whose determinant is below 3e-15 for singular.
 void demandVoxelSize(double voxelSize);

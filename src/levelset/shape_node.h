@@ -1,0 +1,101 @@
+// The nodes of a shape's expression: what each needs of its inputs, and what it makes of them.
+#pragma once
+#include <mpuvdb/shape.h>
+
+#include <map>
+
+namespace mpuvdb
+{
+
+/// What is wanted of a node: values that are right within region, in a band of halfWidth voxels.
+struct Demand {
+    Lattice lattice;
+    double halfWidth = 0; ///< voxels
+    Box3d region;         ///< world units; empty: nothing is wanted
+
+    double band() const { return halfWidth * lattice.voxelSize; }
+};
+
+/// Grids that a node works on; null where nothing was wanted of an input: it is outside there.
+using Inputs = std::vector<const LevelSet*>;
+
+class Shape::Node : public std::enable_shared_from_this<Shape::Node>
+{
+public:
+    using Ptr = std::shared_ptr<const Node>;
+    /// Nodes that are moved or warped already, by their originals: what was shared stays shared.
+    using Moved = std::map<const Node*, Ptr>;
+
+    Node(std::string name, std::vector<Ptr> inputs, const Box3d& bounds)
+        : mName(std::move(name)), mInputs(std::move(inputs)), mBounds(bounds)
+    {
+    }
+    virtual ~Node() = default;
+
+    const std::string& name() const { return mName; }
+    const std::vector<Ptr>& inputs() const { return mInputs; }
+    const Box3d& bounds() const { return mBounds; }
+
+    /// What it needs of input @a n to give @a own.
+    virtual Demand demandOf(std::size_t n, const Demand& own) const = 0;
+    /// The widest band, in voxels, that it makes on its way to @a own.
+    virtual double widestBand(const Demand& own) const { return own.halfWidth; }
+    /// An estimate of its surface's area within @a region, world units squared.
+    virtual double area(const Box3d& region) const;
+    /// @param settings  lattice, half-width and memory.
+    virtual LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
+                          Progress& progress) const = 0;
+
+    /// @{ The same solid moved or deformed, with the motion carried to the leaves where that
+    /// changes nothing else.
+    Ptr moved(const Eigen::Affine3d& motion, Moved& done) const;
+    Ptr warped(const std::shared_ptr<const Warp>& warp, const std::string& how, Moved& done) const;
+    /// @}
+
+    static const Ptr& of(const Shape& shape) { return shape.mNode; }
+    static Shape toShape(Ptr node) { return Shape(std::move(node)); }
+
+protected:
+    /// @{ As moved() and warped(), of this node itself; null if the motion has to stay above it.
+    virtual Ptr movedSelf(const Eigen::Affine3d&, Moved&) const { return nullptr; }
+    virtual Ptr warpedSelf(const std::shared_ptr<const Warp>&, const std::string&, Moved&) const
+    {
+        return nullptr;
+    }
+    /// @}
+
+private:
+    std::string mName;
+    std::vector<Ptr> mInputs;
+    Box3d mBounds;
+};
+
+/// @{ The kinds of nodes.
+Shape::Node::Ptr fieldNode(FieldPtr field, std::string name);
+Shape::Node::Ptr gridNode(LevelSet levelSet, std::string name);
+Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh, std::string name);
+Shape::Node::Ptr combineNode(Boolean kind, std::vector<Shape::Node::Ptr> inputs,
+                             double blendRadius);
+Shape::Node::Ptr offsetNode(Shape::Node::Ptr input, double distance);
+Shape::Node::Ptr shellNode(Shape::Node::Ptr input, double thickness, Wall wall);
+Shape::Node::Ptr smoothNode(Shape::Node::Ptr input, const SmoothSettings& settings);
+Shape::Node::Ptr morphNode(Shape::Node::Ptr a, Shape::Node::Ptr b, double t, Morphing how);
+/// What cannot be carried to the leaves: the input's grid is sampled through it.
+Shape::Node::Ptr warpNode(Shape::Node::Ptr input, std::shared_ptr<const Warp> warp,
+                          std::string name);
+Shape::Node::Ptr motionNode(Shape::Node::Ptr input, const Eigen::Affine3d& motion);
+/// @}
+
+/// The lattice of the level set in @a node, if it holds one.
+const Lattice* latticeIn(const Shape::Node& node);
+
+/// @{ Boxes that may be empty or infinite.
+Box3d grown(const Box3d& box, double by);
+Box3d movedBox(const Box3d& box, const Eigen::Affine3d& motion);
+bool isFinite(const Box3d& box);
+/// @}
+
+/// The factor of a motion that scales all lengths alike; 0 if it does not.
+double uniformScale(const Eigen::Affine3d& motion);
+
+} // namespace mpuvdb

@@ -1,0 +1,430 @@
+// Inner nodes of shapes: Booleans, offsets, filters, morphs, motions.
+#include "shape_node.h"
+
+#include <mpuvdb/error.h>
+
+#include <Eigen/Eigenvalues>
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Node = Shape::Node;
+
+/// The level set of nothing.
+LevelSet nothing(const Demand& own)
+{
+    return emptyLevelSet(own.lattice, own.halfWidth);
+}
+
+/// The part of @a own that an input with another region has to give.
+Demand within(const Demand& own, const Box3d& region)
+{
+    return {own.lattice, own.halfWidth, region};
+}
+
+class CombineNode final : public Node
+{
+public:
+    CombineNode(Boolean kind, std::vector<Ptr> inputs, double blendRadius)
+        : Node(nameOf(kind, blendRadius), inputs, boundsOf(kind, inputs, blendRadius)), mKind(kind),
+          mBlendRadius(blendRadius)
+    {
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        Demand demand = own;
+        demand.halfWidth += mBlendRadius / own.lattice.voxelSize;
+        return demand;
+    }
+
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        std::vector<LevelSet> solids;
+        for (const LevelSet* input : inputs)
+            if (input) solids.push_back(*input);
+        const bool missing = solids.size() < inputs.size();
+        if (solids.empty() || (mKind == Boolean::Intersection && missing) ||
+            (mKind == Boolean::Difference && !inputs.front()))
+            return nothing(own);
+        return withHalfWidth(mpuvdb::combine(mKind, solids, mBlendRadius, progress), own.halfWidth,
+                             progress);
+    }
+
+protected:
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved& done) const override
+    {
+        const double scale = uniformScale(motion);
+        if (scale == 0 && mBlendRadius > 0) return nullptr;
+        std::vector<Ptr> inputs;
+        for (const Ptr& input : this->inputs()) inputs.push_back(input->moved(motion, done));
+        return combineNode(mKind, inputs, mBlendRadius * scale);
+    }
+    Ptr warpedSelf(const std::shared_ptr<const Warp>& warp, const std::string& how,
+                   Moved& done) const override
+    {
+        if (mBlendRadius > 0) return nullptr;
+        std::vector<Ptr> inputs;
+        for (const Ptr& input : this->inputs()) inputs.push_back(input->warped(warp, how, done));
+        return combineNode(mKind, inputs, 0);
+    }
+
+private:
+    static std::string nameOf(Boolean kind, double blendRadius)
+    {
+        const char* name = kind == Boolean::Union          ? "union"
+                           : kind == Boolean::Intersection ? "intersection"
+                                                           : "difference";
+        return blendRadius > 0 ? fmt::format("{}, blend {:.4g}", name, blendRadius) : name;
+    }
+
+    /// A fillet fills creases: it stays within the hull of what it fills, hence in the box.
+    static Box3d boundsOf(Boolean kind, const std::vector<Ptr>& inputs, double blendRadius)
+    {
+        if (inputs.empty()) throw UsageError("a Boolean of no shape: give at least one");
+        if (!(blendRadius >= 0) || !std::isfinite(blendRadius))
+            throw UsageError(
+                fmt::format("blend radius {}: must be a number from 0 on", blendRadius));
+        Box3d box = inputs.front()->bounds();
+        for (const Ptr& input : inputs) {
+            if (kind == Boolean::Union) box.extend(input->bounds());
+            if (kind == Boolean::Intersection) box = box.intersection(input->bounds());
+        }
+        return box;
+    }
+
+    Boolean mKind;
+    double mBlendRadius;
+};
+
+class OffsetNode final : public Node
+{
+public:
+    OffsetNode(const Ptr& input, double distance)
+        : Node(fmt::format("offset {:.4g}", distance), {input}, grown(input->bounds(), distance)),
+          mDistance(distance)
+    {
+        if (!std::isfinite(distance))
+            throw UsageError(fmt::format("offset {}: must be a finite length", distance));
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        return within(own, grown(own.region, std::abs(mDistance)));
+    }
+    double widestBand(const Demand& own) const override
+    {
+        return own.halfWidth + std::abs(mDistance) / own.lattice.voxelSize;
+    }
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        return inputs[0] ? mpuvdb::offset(*inputs[0], mDistance, progress) : nothing(own);
+    }
+
+protected:
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved& done) const override
+    {
+        const double scale = uniformScale(motion);
+        if (scale == 0) return nullptr;
+        return offsetNode(inputs()[0]->moved(motion, done), mDistance * scale);
+    }
+
+private:
+    double mDistance;
+};
+
+class ShellNode final : public Node
+{
+public:
+    ShellNode(const Ptr& input, double thickness, Wall wall)
+        : Node(fmt::format("shell {:.4g}", thickness), {input},
+               grown(input->bounds(), outward(thickness, wall))),
+          mThickness(thickness), mWall(wall)
+    {
+        if (!(thickness > 0) || !std::isfinite(thickness))
+            throw UsageError(fmt::format("shell {}: must be a length above 0", thickness));
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        return within(own, grown(own.region, mThickness));
+    }
+    double widestBand(const Demand& own) const override
+    {
+        return own.halfWidth + mThickness / own.lattice.voxelSize;
+    }
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        return inputs[0] ? mpuvdb::shell(*inputs[0], mThickness, mWall, progress) : nothing(own);
+    }
+
+protected:
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved& done) const override
+    {
+        const double scale = uniformScale(motion);
+        if (scale == 0) return nullptr;
+        return shellNode(inputs()[0]->moved(motion, done), mThickness * scale, mWall);
+    }
+
+private:
+    static double outward(double thickness, Wall wall)
+    {
+        return wall == Wall::Outward ? thickness : wall == Wall::Centred ? thickness / 2 : 0;
+    }
+    double mThickness;
+    Wall mWall;
+};
+
+class SmoothNode final : public Node
+{
+public:
+    SmoothNode(const Ptr& input, const SmoothSettings& settings)
+        : Node("smooth", {input}, input->bounds()), mSettings(settings)
+    {
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        // Filters look as far as their width in each pass; a Gaussian is four passes.
+        const int reach = 4 * mSettings.iterations * mSettings.width;
+        return within(own, grown(own.region, reach * own.lattice.voxelSize));
+    }
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        return inputs[0] ? mpuvdb::smooth(*inputs[0], mSettings, progress) : nothing(own);
+    }
+
+private:
+    SmoothSettings mSettings;
+};
+
+class MorphNode final : public Node
+{
+public:
+    MorphNode(const Ptr& a, const Ptr& b, double t, Morphing how)
+        : Node(fmt::format("morph {:.4g}", t), {a, b}, a->bounds().merged(b->bounds())), mT(t),
+          mHow(how)
+    {
+        if (!(t >= 0 && t <= 1)) throw UsageError(fmt::format("morph at {}: must be in [0,1]", t));
+    }
+
+    /// Both in full: how far they are apart decides.
+    Demand demandOf(std::size_t n, const Demand& own) const override
+    {
+        return within(own, inputs()[n]->bounds());
+    }
+    double widestBand(const Demand& own) const override
+    {
+        const Box3d &a = inputs()[0]->bounds(), &b = inputs()[1]->bounds();
+        if (mHow == Morphing::Advection || a.isEmpty() || b.isEmpty()) return own.halfWidth;
+        const double apart = (a.min() - b.min()).cwiseAbs().maxCoeff();
+        const double other = (a.max() - b.max()).cwiseAbs().maxCoeff();
+        return own.halfWidth + std::max(apart, other) / own.lattice.voxelSize;
+    }
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        const LevelSet a = inputs[0] ? *inputs[0] : nothing(own),
+                       b = inputs[1] ? *inputs[1] : nothing(own);
+        return mpuvdb::morph(a, b, mT, mHow, progress);
+    }
+
+private:
+    double mT;
+    Morphing mHow;
+};
+
+/// The input's grid, sampled through a motion or a warp of space.
+class ThroughNode : public Node
+{
+public:
+    using Node::Node;
+
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
+                  Progress& progress) const override
+    {
+        if (!inputs[0]) return nothing(own);
+        SampleSettings settings;
+        settings.lattice = own.lattice;
+        settings.halfWidth = own.halfWidth;
+        settings.maxBytes = maxBytes;
+        settings.mayBeEmpty = true;
+        return sampleField(*through(makeGridField(*inputs[0])), settings, progress);
+    }
+
+protected:
+    virtual FieldPtr through(FieldPtr field) const = 0;
+
+    /// The whole input on voxels of @a voxelSize, in a band that @a own reaches when lengths grow
+    /// by @a stretch on the way to the input.
+    Demand wholeInput(const Demand& own, double voxelSize, double stretch) const
+    {
+        constexpr double kStencil = 2; // voxels
+        const Box3d& box = inputs()[0]->bounds();
+        if (box.isEmpty()) return within(own, box);
+        const Lattice lattice = latticeFor(box, voxelSize);
+        return {lattice, own.band() * stretch / voxelSize + kStencil, box};
+    }
+};
+
+class MotionNode final : public ThroughNode
+{
+public:
+    MotionNode(const Ptr& input, const Eigen::Affine3d& motion)
+        : ThroughNode("transform", {input}, movedBox(input->bounds(), motion)), mMotion(motion)
+    {
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> squares;
+        squares.computeDirect(motion.linear().transpose() * motion.linear(),
+                              Eigen::EigenvaluesOnly);
+        mGrowth = std::sqrt(squares.eigenvalues().maxCoeff());
+        mShrink = std::sqrt(squares.eigenvalues().minCoeff());
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        return wholeInput(own, own.lattice.voxelSize / mGrowth, 1 / mShrink);
+    }
+
+protected:
+    FieldPtr through(FieldPtr field) const override
+    {
+        return makeMovedField(std::move(field), mMotion);
+    }
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved&) const override
+    {
+        return motionNode(inputs()[0], motion * mMotion);
+    }
+
+private:
+    Eigen::Affine3d mMotion;
+    double mGrowth, mShrink;
+};
+
+class WarpNode final : public ThroughNode
+{
+public:
+    WarpNode(const Ptr& input, std::shared_ptr<const Warp> warp, std::string name)
+        : ThroughNode(std::move(name), {input}, warp->image(input->bounds())),
+          mWarp(std::move(warp))
+    {
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        return wholeInput(own, own.lattice.voxelSize, mWarp->stretch(bounds()));
+    }
+
+protected:
+    FieldPtr through(FieldPtr field) const override
+    {
+        return makeWarpedField(std::move(field), mWarp);
+    }
+
+private:
+    std::shared_ptr<const Warp> mWarp;
+};
+
+} // namespace
+
+double Node::area(const Box3d& region) const
+{
+    double area = 0;
+    for (const Ptr& input : mInputs) area += input->area(region);
+    return area;
+}
+
+Node::Ptr Node::moved(const Eigen::Affine3d& motion, Moved& done) const
+{
+    Ptr& node = done[this];
+    if (!node) node = movedSelf(motion, done);
+    if (!node) node = motionNode(shared_from_this(), motion);
+    return node;
+}
+
+Node::Ptr Node::warped(const std::shared_ptr<const Warp>& warp, const std::string& how,
+                       Moved& done) const
+{
+    Ptr& node = done[this];
+    if (!node) node = warpedSelf(warp, how, done);
+    if (!node) node = warpNode(shared_from_this(), warp, how);
+    return node;
+}
+
+Node::Ptr combineNode(Boolean kind, std::vector<Node::Ptr> inputs, double blendRadius)
+{
+    return std::make_shared<CombineNode>(kind, std::move(inputs), blendRadius);
+}
+
+Node::Ptr offsetNode(Node::Ptr input, double distance)
+{
+    return std::make_shared<OffsetNode>(input, distance);
+}
+
+Node::Ptr shellNode(Node::Ptr input, double thickness, Wall wall)
+{
+    return std::make_shared<ShellNode>(input, thickness, wall);
+}
+
+Node::Ptr smoothNode(Node::Ptr input, const SmoothSettings& settings)
+{
+    return std::make_shared<SmoothNode>(input, settings);
+}
+
+Node::Ptr morphNode(Node::Ptr a, Node::Ptr b, double t, Morphing how)
+{
+    return std::make_shared<MorphNode>(a, b, t, how);
+}
+
+Node::Ptr warpNode(Node::Ptr input, std::shared_ptr<const Warp> warp, std::string name)
+{
+    return std::make_shared<WarpNode>(input, std::move(warp), std::move(name));
+}
+
+Node::Ptr motionNode(Node::Ptr input, const Eigen::Affine3d& motion)
+{
+    return std::make_shared<MotionNode>(input, motion);
+}
+
+bool isFinite(const Box3d& box)
+{
+    return box.min().allFinite() && box.max().allFinite();
+}
+
+Box3d grown(const Box3d& box, double by)
+{
+    if (box.isEmpty()) return box;
+    const Vec3d d = Vec3d::Constant(by);
+    return {box.min() - d, box.max() + d};
+}
+
+Box3d movedBox(const Box3d& box, const Eigen::Affine3d& motion)
+{
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    if (box.isEmpty()) return box;
+    if (!isFinite(box)) return {Vec3d::Constant(-kFar), Vec3d::Constant(kFar)};
+    Box3d image;
+    for (int corner = 0; corner < 8; ++corner)
+        image.extend(motion * box.corner(Box3d::CornerType(corner)));
+    return image;
+}
+
+double uniformScale(const Eigen::Affine3d& motion)
+{
+    const Eigen::Matrix3d& m = motion.linear();
+    const double square = m.squaredNorm() / 3;
+    const bool uniform =
+        (m.transpose() * m - square * Eigen::Matrix3d::Identity()).norm() <= 1e-9 * square;
+    return uniform ? std::sqrt(square) : 0;
+}
+
+} // namespace mpuvdb
