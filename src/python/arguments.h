@@ -54,6 +54,8 @@ T choose(const std::string& word, const char* what,
     throwChoice(word, what, words);
 }
 
+using Corners = std::pair<Vec3d, Vec3d>;
+
 /// The box from @a low to @a high. @throws UsageError unless low < high everywhere.
 Box3d boxBetween(const Vec3d& low, const Vec3d& high);
 

@@ -130,19 +130,24 @@ void bindQuestions(LevelSetClass& levelSets)
 
 } // namespace
 
+void demandWritable(const std::filesystem::path& file)
+{
+    for (const char* known : {".vdb", ".ply", ".obj", ".stl"})
+        if (file.extension() == known) return;
+    throw UsageError(fmt::format("{}: of no kind that can be written. Name a .vdb, .ply, .obj or "
+                                 ".stl file",
+                                 file.string()));
+}
+
 void writeAny(const std::filesystem::path& file, const LevelSet& levelSet,
               const std::map<std::string, std::string>& metadata, Progress& progress)
 {
-    const std::string extension = file.extension().string();
-    if (extension == ".vdb") {
+    demandWritable(file);
+    if (file.extension() == ".vdb") {
         std::map<std::string, std::string> all = {{"mpuvdb:version", MPUVDB_VERSION}};
         all.insert(metadata.begin(), metadata.end());
         return writeLevelSet(file, levelSet, all, progress);
     }
-    if (extension != ".ply" && extension != ".obj" && extension != ".stl")
-        throw UsageError(fmt::format("{}: of no kind that can be written. Name a .vdb, .ply, .obj "
-                                     "or .stl file",
-                                     file.string()));
     writeMesh(file, extractMesh(levelSet, progress), progress);
 }
 

@@ -28,13 +28,12 @@ void bindBooleans(pybind11::module_& module);
 void bindPrimitives(pybind11::module_& module);
 void bindSources(pybind11::module_& module);
 
-/// How a shape is sampled, from what a caller says.
-ShapeSettings shapeSettings(double voxelSize, double halfWidth, std::uint64_t maxBytes);
-
 /// Write a level set, or the mesh of it, as the extension says.
-/// @throws UsageError for any other extension.
 void writeAny(const std::filesystem::path& file, const LevelSet& levelSet,
               const std::map<std::string, std::string>& metadata, Progress& progress);
+
+/// Whether writeAny() knows the extension. @throws UsageError
+void demandWritable(const std::filesystem::path& file);
 
 /// Said of every long function.
 #define MPUVDB_PROGRESS_DOC                                                                        \
