@@ -15,6 +15,9 @@ namespace mpuvdb
 namespace
 {
 
+/// Renormalising would move the surface of sound meshes to smooth bumps of unsound ones.
+constexpr int kFlags = openvdb::tools::DISABLE_RENORMALIZATION;
+
 /// OpenVDB's view of a mesh: corners in voxels of the lattice.
 class IndexMesh
 {
@@ -117,7 +120,7 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
         openvdb::math::Transform::createLinearTransform(lattice.voxelSize);
     const auto width = float(settings.halfWidth);
     const openvdb::FloatGrid::Ptr grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
-        progress, indexMesh, *transform, width, width, FLAGS);
+        progress, indexMesh, *transform, width, width, kFlags);
     progress.check();
     if (!hasInside(*grid))
         throw InputError("mesh: encloses nothing at this voxel size: it is open, or thinner than a "
