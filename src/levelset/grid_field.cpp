@@ -163,8 +163,8 @@ public:
         for (std::size_t i = 0; i < 4; ++i)
             for (std::size_t j = 0; j < 4; ++j)
                 for (std::size_t k = 0; k < 4; ++k) {
-                    const double value = double(at.getValue(
-                        Coord(x.first + int(i), y.first + int(j), z.first + int(k))));
+                    const double value = double(
+                        at.getValue(Coord(x.first + int(i), y.first + int(j), z.first + int(k))));
                     sample.value += value * x.weights[i] * y.weights[j] * z.weights[k];
                     sample.gradient += value * Vec3d(x.slopes[i] * y.weights[j] * z.weights[k],
                                                      x.weights[i] * y.slopes[j] * z.weights[k],

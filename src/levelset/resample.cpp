@@ -62,8 +62,9 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
     const double beyond = isPartOf(lattice, from) ? 0 : kStencil;
     const double crossing = std::min(kCrossingWidth, halfWidth);
     const double least = (ratio > 1 ? crossing : halfWidth) * ratio + beyond;
-    const LevelSet source =
-        levelSet.halfWidth() < least * (1 - 1e-6) ? withHalfWidth(levelSet, least, progress) : levelSet;
+    const LevelSet source = levelSet.halfWidth() < least * (1 - 1e-6)
+                                ? withHalfWidth(levelSet, least, progress)
+                                : levelSet;
     const double known = std::max((source.halfWidth() - beyond) / ratio, crossing);
     SampleSettings settings;
     settings.lattice = lattice;

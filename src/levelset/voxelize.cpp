@@ -116,8 +116,7 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
     const IndexMesh indexMesh(mesh, lattice);
     demandMemory(areaOf(indexMesh, mesh, lattice.voxelSize), settings);
     progress.check();
-    const auto transform =
-        openvdb::math::Transform::createLinearTransform(lattice.voxelSize);
+    const auto transform = openvdb::math::Transform::createLinearTransform(lattice.voxelSize);
     const auto width = float(settings.halfWidth);
     const openvdb::FloatGrid::Ptr grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
         progress, indexMesh, *transform, width, width, kFlags);
