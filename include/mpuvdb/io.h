@@ -43,6 +43,12 @@ struct PointInput {
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
                       Progress& progress, const std::vector<Vec3d>& viewpoints = {});
 
+/// Read a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
+/// (PLY). Polygons become fans; vertices without a triangle are left out. The frame is the middle
+/// of the mesh.
+/// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite).
+Mesh readMesh(const std::filesystem::path& file, Progress& progress);
+
 /// Points that a program holds in memory: attributes are empty, or one per point.
 struct PointArrays {
     std::vector<Vec3d> positions;   ///< world units

@@ -31,10 +31,7 @@ private:
 class Gyroid final : public PointField
 {
 public:
-    Gyroid(double period, double thickness)
-        : mFrequency(2 * M_PI / period), mHalf(thickness / 2)
-    {
-    }
+    Gyroid(double period, double thickness) : mFrequency(2 * M_PI / period), mHalf(thickness / 2) {}
 
     Box3d bounds() const override { return wholeSpace(); }
     FieldSample evaluate(const Vec3d& p) const override

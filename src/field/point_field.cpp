@@ -14,7 +14,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kLastBlock = 1 << 26;               ///< so that voxels' indices stay ints
+constexpr double kLastBlock = 1 << 26; ///< so that voxels' indices stay ints
 constexpr std::size_t kMostBlocks = std::size_t(1) << 26;
 const double kSqrt3 = std::sqrt(3.0);
 
@@ -91,7 +91,8 @@ private:
         const double change = mField.change(centre, kSqrt3 * half * mLattice.voxelSize);
         if (std::abs(bound) > mBand + change) {
             const auto far = float(std::copysign(mBand, bound));
-            forEachVoxel(low, size, [&](const Vec3i&, float& value) { value = far; }, values);
+            forEachVoxel(
+                low, size, [&](const Vec3i&, float& value) { value = far; }, values);
             return;
         }
         constexpr int kLeast = 4; // smaller cubes are seldom beyond the band if this one is not

@@ -18,8 +18,7 @@ namespace
 class AffineWarp final : public Warp
 {
 public:
-    explicit AffineWarp(const Eigen::Affine3d& motion)
-        : mMotion(motion), mInverse(motion.inverse())
+    explicit AffineWarp(const Eigen::Affine3d& motion) : mMotion(motion), mInverse(motion.inverse())
     {
         const Eigen::JacobiSVD<Eigen::Matrix3d> svd(motion.linear());
         mStretch = 1 / svd.singularValues()[2];
@@ -153,8 +152,14 @@ public:
         sample.gradient = mScale * (jacobian.transpose() * sample.gradient);
         return sample;
     }
-    double value(const Vec3d& p) const override { return mScale * mSource.value(mWarp->inverse(p)); }
-    double bound(const Vec3d& p) const override { return mScale * mSource.bound(mWarp->inverse(p)); }
+    double value(const Vec3d& p) const override
+    {
+        return mScale * mSource.value(mWarp->inverse(p));
+    }
+    double bound(const Vec3d& p) const override
+    {
+        return mScale * mSource.bound(mWarp->inverse(p));
+    }
     void values(const std::vector<Vec3d>& points, std::vector<double>& values) const override
     {
         std::vector<Vec3d> from;
@@ -222,9 +227,9 @@ public:
     Box3d bounds() const override
     {
         const Box3d box = mField->bounds();
-        return box.isEmpty() ? box
-                             : Box3d(mScale * box.min() + mTranslation,
-                                     mScale * box.max() + mTranslation);
+        return box.isEmpty()
+                   ? box
+                   : Box3d(mScale * box.min() + mTranslation, mScale * box.max() + mTranslation);
     }
     FieldSample evaluate(const Vec3d& p) const override
     {

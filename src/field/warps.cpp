@@ -30,8 +30,7 @@ public:
         const Vec3d z = axis.direction.normalized();
         const Vec3d across = side - side.dot(z) * z;
         if (!(axis.direction.norm() > 0) || !axis.direction.allFinite() ||
-            !axis.origin.allFinite() || !side.allFinite() ||
-            !(across.norm() > 1e-9 * side.norm()))
+            !axis.origin.allFinite() || !side.allFinite() || !(across.norm() > 1e-9 * side.norm()))
             throw UsageError(fmt::format("{}: its axis must be finite and not zero, and its side "
                                          "not along it",
                                          what));
@@ -43,7 +42,10 @@ public:
     Vec3d local(const Vec3d& p) const { return mTurn.transpose() * (p - mOrigin); }
     Vec3d world(const Vec3d& q) const { return mOrigin + mTurn * q; }
     /// A box of the world in these coordinates: no smaller than the world's.
-    Box3d local(const Box3d& box) const { return turned(box, mTurn.transpose(), local(box.center())); }
+    Box3d local(const Box3d& box) const
+    {
+        return turned(box, mTurn.transpose(), local(box.center()));
+    }
     Box3d world(const Box3d& box) const { return turned(box, mTurn, world(box.center())); }
 
 private:
@@ -138,8 +140,7 @@ public:
         if (angle < opposite) angle += 2 * M_PI;
         if (angle <= 0) return p;
         if (angle < whole)
-            return mFrame.world(
-                Vec3d(mRadius - std::hypot(u, v), q.y(), mFrom + angle * mRadius));
+            return mFrame.world(Vec3d(mRadius - std::hypot(u, v), q.y(), mFrom + angle * mRadius));
         const double c = std::cos(whole), s = std::sin(whole);
         return mFrame.world(
             Vec3d(mRadius - (c * v + s * u), q.y(), mFrom + mLength + c * u - s * v));
@@ -151,8 +152,8 @@ public:
             std::max(std::abs(mRadius - from.min().x()), std::abs(mRadius - from.max().x()));
         const bool before = from.max().z() <= mFrom;
         const double factor = before ? 1 : std::max(1.0, outermost / mRadius);
-        return mFrame.world(ball(forward(mFrame.local(Vec3d(box.center()))),
-                                 factor * box.diagonal().norm() / 2));
+        return mFrame.world(
+            ball(forward(mFrame.local(Vec3d(box.center()))), factor * box.diagonal().norm() / 2));
     }
     double stretch(const Box3d& image) const override
     {
@@ -199,11 +200,10 @@ public:
         const Vec3d q = mFrame.local(Vec3d(box.center()));
         const double f = factor(q.z());
         const Factors factors = factorsOf(from);
-        const double reach = norm2(factors.high, farthest(from) * factors.slope) *
-                             box.diagonal().norm() / 2;
-        const Box3d to =
-            cylinder(factors.high * farthest(from), from.min().z(), from.max().z())
-                .intersection(ball({f * q.x(), f * q.y(), q.z()}, reach));
+        const double reach =
+            norm2(factors.high, farthest(from) * factors.slope) * box.diagonal().norm() / 2;
+        const Box3d to = cylinder(factors.high * farthest(from), from.min().z(), from.max().z())
+                             .intersection(ball({f * q.x(), f * q.y(), q.z()}, reach));
         return mFrame.world(to);
     }
     double stretch(const Box3d& image) const override
@@ -307,7 +307,8 @@ void demandRange(const char* what, double from, double to)
 std::shared_ptr<const Warp> makeTwist(const Axis& axis, double angle)
 {
     if (!std::isfinite(angle))
-        throw UsageError(fmt::format("twist: its angle per length is {}; it must be finite", angle));
+        throw UsageError(
+            fmt::format("twist: its angle per length is {}; it must be finite", angle));
     return std::make_shared<Twist>(axis, angle);
 }
 

@@ -38,8 +38,7 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     const Lattice& lattice = settings.lattice;
     const bool isDistance = field.isDistance();
     progress.beginStage("sample");
-    Band band(field, lattice,
-              isDistance ? settings.halfWidth : kCrossingWidth * field.steepness(),
+    Band band(field, lattice, isDistance ? settings.halfWidth : kCrossingWidth * field.steepness(),
               settings.maxBytes, progress);
     band.search(field.seedBlocks(lattice));
     const auto isEmpty = [&] {
