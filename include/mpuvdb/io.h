@@ -72,6 +72,15 @@ void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& pr
 /// level set. @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there).
 LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {});
 
+/// A level set, and the other grids of its file.
+struct LevelSetFile {
+    LevelSet levelSet;
+    openvdb::GridCPtrVec others;
+};
+
+/// As readLevelSet(), with all that is beside.
+LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::string& name = {});
+
 /// The grid that sampleCoverage() made, from a .vdb file. @throws IoError, InputError (as
 /// readLevelSet; no such grid).
 openvdb::FloatGrid::Ptr readCoverage(const std::filesystem::path& file);
@@ -87,6 +96,10 @@ openvdb::GridPtrVec readGrids(const std::filesystem::path& file);
 void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
                    const std::map<std::string, std::string>& metadata, Progress& progress,
                    const openvdb::GridCPtrVec& beside = {});
+
+/// Write @a grids as they are, as writeLevelSet() does.
+void writeGrids(const std::filesystem::path& file, const openvdb::GridCPtrVec& grids,
+                Progress& progress);
 
 /// A shaded picture of the zero set as PNG, by OpenVDB's ray tracer.
 /// @throws UsageError for settings out of range, IoError, Interrupted.

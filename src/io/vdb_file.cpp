@@ -90,6 +90,15 @@ std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted
                                  archive.filename(), join(levelSets)));
 }
 
+LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid)
+{
+    try {
+        return LevelSet(openvdb::gridPtrCast<FloatGrid>(grid));
+    } catch (const InputError& e) {
+        throw InputError(fmt::format("{}: {}", file.string(), e.what()));
+    }
+}
+
 /// A file that can be told to stop between two pieces of output.
 class StoppableBuffer : public std::filebuf
 {
@@ -199,11 +208,24 @@ LevelSet readLevelSet(const fs::path& file, const std::string& name)
     const auto grid = withVdbFile(file, [&](openvdb::io::File& archive) {
         return archive.readGrid(chooseLevelSet(archive, name));
     });
-    try {
-        return LevelSet(openvdb::gridPtrCast<FloatGrid>(grid));
-    } catch (const InputError& e) {
-        throw InputError(fmt::format("{}: {}", file.string(), e.what()));
-    }
+    return toLevelSet(file, grid);
+}
+
+LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name)
+{
+    return withVdbFile(file, [&](openvdb::io::File& archive) {
+        const std::string chosen = chooseLevelSet(archive, name);
+        GridBase::Ptr levelSet;
+        openvdb::GridCPtrVec others;
+        for (auto name = archive.beginName(); name != archive.endName(); ++name) {
+            const GridBase::Ptr grid = archive.readGrid(*name);
+            if (*name == chosen)
+                levelSet = grid;
+            else
+                others.push_back(grid);
+        }
+        return LevelSetFile{toLevelSet(file, levelSet), std::move(others)};
+    });
 }
 
 FloatGrid::Ptr readCoverage(const fs::path& file)
@@ -233,10 +255,15 @@ void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
                    const std::map<std::string, std::string>& metadata, Progress& progress,
                    const openvdb::GridCPtrVec& beside)
 {
-    initializeOpenVdb();
-    progress.beginStage("write", 1);
     openvdb::GridCPtrVec grids{described(levelSet, metadata)};
     grids.insert(grids.end(), beside.begin(), beside.end());
+    writeGrids(file, grids, progress);
+}
+
+void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids, Progress& progress)
+{
+    initializeOpenVdb();
+    progress.beginStage("write", 1);
     writeAtomically(file, [&](const fs::path& temporary) {
         try {
             writeStream(temporary, grids, progress);

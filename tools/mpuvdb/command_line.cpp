@@ -101,7 +101,10 @@ public:
         mRoot.require_subcommand(1);
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
-        for (auto make : {makeReconstruct, makeMesh, makeSample, makeInfo, makeCheck, makeRender})
+        for (auto make :
+             {makeReconstruct, makeVoxelize, makeMesh, makeUnion, makeIntersection, makeDifference,
+              makeOffset, makeShell, makeSmooth, makeMorph, makeTwistVerb, makeTransform,
+              makeResample, makeFog, makeComponents, makeSample, makeInfo, makeCheck, makeRender})
             add(make());
     }
 

@@ -94,4 +94,27 @@ void printFile(const std::string& extension,
         throw IoError(fmt::format("{}: cannot be read back", scratch.file().string()));
 }
 
+void spoolStandardInput(const std::string& extension,
+                        const std::function<void(const std::filesystem::path&)>& read)
+{
+    const ScratchFolder scratch(extension);
+    std::ofstream out(scratch.file(), std::ios::binary);
+    std::vector<char> chunk(1 << 20);
+    for (;;) {
+        const ssize_t n = ::read(STDIN_FILENO, chunk.data(), chunk.size());
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0)
+            throw IoError(fmt::format("cannot read standard input: {}. Is something piped into it?",
+                                      std::strerror(errno)));
+        if (n == 0) break;
+        out.write(chunk.data(), n);
+    }
+    out.close();
+    if (!out)
+        throw IoError(fmt::format("{}: cannot keep what came from standard input. Set TMPDIR to a "
+                                  "folder with more room",
+                                  scratch.file().string()));
+    read(scratch.file());
+}
+
 } // namespace mpuvdb::command

@@ -1,4 +1,4 @@
-// Data on standard output.
+// Data on standard output, and files that come through standard input.
 #pragma once
 #include <filesystem>
 #include <functional>
@@ -15,7 +15,12 @@ void printText(const std::string& text);
 void printFile(const std::string& extension,
                const std::function<void(const std::filesystem::path&)>& write);
 
-/// Remove printFile()'s folder (async-signal-safe): for a command that has to end now.
+/// Keep standard input as a file with @a extension in a folder of its own while @a read reads it.
+/// @throws IoError.
+void spoolStandardInput(const std::string& extension,
+                        const std::function<void(const std::filesystem::path&)>& read);
+
+/// Remove the folder of these two (async-signal-safe): for a command that has to end now.
 void removeScratchFolder() noexcept;
 
 } // namespace mpuvdb::command

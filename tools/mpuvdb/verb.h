@@ -39,6 +39,19 @@ std::unique_ptr<Verb> makeSample();
 std::unique_ptr<Verb> makeInfo();
 std::unique_ptr<Verb> makeCheck();
 std::unique_ptr<Verb> makeRender();
+std::unique_ptr<Verb> makeUnion();
+std::unique_ptr<Verb> makeIntersection();
+std::unique_ptr<Verb> makeDifference();
+std::unique_ptr<Verb> makeOffset();
+std::unique_ptr<Verb> makeShell();
+std::unique_ptr<Verb> makeSmooth();
+std::unique_ptr<Verb> makeMorph();
+std::unique_ptr<Verb> makeTwistVerb();
+std::unique_ptr<Verb> makeTransform();
+std::unique_ptr<Verb> makeResample();
+std::unique_ptr<Verb> makeFog();
+std::unique_ptr<Verb> makeComponents();
+std::unique_ptr<Verb> makeVoxelize();
 
 /// Declare an option whose value is a length with an optional unit.
 CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Length>& value,

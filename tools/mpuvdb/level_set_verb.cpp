@@ -1,0 +1,123 @@
+#include "level_set_verb.h"
+
+#include "standard_output.h"
+
+#include <mpuvdb/io.h>
+
+#include <fmt/format.h>
+
+#include <locale>
+#include <optional>
+#include <sstream>
+
+namespace mpuvdb::command
+{
+
+GridInput readGridInput(const std::string& file, const std::string& name, Session& session)
+{
+    session.progress().beginStage("read");
+    std::optional<LevelSetFile> there;
+    const auto read = [&](const std::filesystem::path& path) {
+        there = readLevelSetFile(path, name);
+    };
+    if (file == "-")
+        spoolStandardInput(".vdb", read);
+    else
+        read(file);
+    const auto size = there->levelSet.grid().evalActiveVoxelDim().asVec3d();
+    const double diagonal = size.length() * there->levelSet.voxelSize();
+    return {file, std::move(there->levelSet), std::move(there->others), diagonal};
+}
+
+ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
+                         const std::map<std::string, std::string>& metadata,
+                         const openvdb::GridCPtrVec& beside, Session& session)
+{
+    const CheckReport checked = check(levelSet.grid(), session.progress());
+    const auto write = [&](const std::filesystem::path& file) {
+        writeLevelSet(file, levelSet, metadata, session.progress(), beside);
+    };
+    if (output == "-")
+        printFile(".vdb", write);
+    else
+        write(output);
+    session.report()["grid"] = toJson(levelSet);
+    session.report()["check"] = toJson(checked);
+    const auto size = levelSet.grid().evalActiveVoxelDim();
+    session.note(fmt::format("grid        voxel size {:.4g}, half-width {:.3g}, {} x {} x {}, {} "
+                             "active voxels: {}",
+                             levelSet.voxelSize(), levelSet.halfWidth(), size.x(), size.y(),
+                             size.z(), levelSet.grid().activeVoxelCount(), output));
+    if (levelSet.grid().activeVoxelCount() == 0)
+        session.warn(fmt::format("{}: nothing is left: the level set is empty", output));
+    for (const CheckFinding& finding : checked.findings)
+        session.warn(fmt::format("{}: {}", output, findingText(finding)));
+    return checked.sound() ? ExitCode::Ok : ExitCode::CheckFailed;
+}
+
+void LevelSetVerb::addOptions(CLI::App& app)
+{
+    const Count count = inputCount();
+    const char* const what = count.most == 1
+                                 ? "A .vdb file with a level set; - is standard input"
+                                 : "Files (.vdb) with a level set each; - is standard input";
+    app.add_option("input", mInputs, what)
+        ->required()
+        ->expected(count.least, count.most ? count.most : CLI::detail::expected_max_vector_size)
+        ->type_name("IN.vdb");
+    app.add_option("-o,--output", mOutput, "The level set; - is standard output")
+        ->required()
+        ->type_name("OUT.vdb");
+    addGridName(app, mGrid);
+    addOwnOptions(app);
+}
+
+ExitCode LevelSetVerb::run(Session& session)
+{
+    session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, mInputs);
+    std::vector<GridInput> inputs;
+    for (const std::string& file : mInputs) inputs.push_back(readGridInput(file, mGrid, session));
+    const LevelSet made = make(inputs, session);
+    session.report()["settings"] = mSettings;
+    std::map<std::string, std::string> metadata = {{"mpuvdb:version", MPUVDB_VERSION},
+                                                   {"mpuvdb:operation", text().name}};
+    for (const auto& [key, value] : mSettings.items())
+        metadata["mpuvdb:" + key] = value.is_string() ? value.get<std::string>() : value.dump();
+    const ExitCode code = writeGridOutput(made, mOutput, metadata, inputs.front().others, session);
+    session.progress().endStage();
+    session.note("time        " + session.timesText());
+    return code;
+}
+
+std::vector<LevelSet> levelSetsOf(const std::vector<GridInput>& inputs)
+{
+    std::vector<LevelSet> levelSets;
+    for (const GridInput& input : inputs) levelSets.push_back(input.levelSet);
+    return levelSets;
+}
+
+std::string lengthText(double length, double voxelSize)
+{
+    return fmt::format("{:.4g} ({:.3g} vx)", length, length / voxelSize);
+}
+
+Vec3d parseTriple(const std::string& option, const std::string& text)
+{
+    std::istringstream in(text);
+    in.imbue(std::locale::classic());
+    Vec3d triple;
+    char first = 0, second = 0;
+    in >> triple.x() >> first >> triple.y() >> second >> triple.z();
+    if (!in || first != ',' || second != ',' || in.peek() != EOF || !triple.allFinite())
+        throw UsageError(fmt::format("{}: '{}' is not three numbers. Write X,Y,Z", option, text));
+    return triple;
+}
+
+CLI::Option* addTriple(CLI::App& app, const std::string& name, std::optional<Vec3d>& value,
+                       const std::string& description)
+{
+    const auto parse = [name, &value](const std::string& text) { value = parseTriple(name, text); };
+    return app.add_option_function<std::string>(name, parse, description)->type_name("X,Y,Z");
+}
+
+} // namespace mpuvdb::command

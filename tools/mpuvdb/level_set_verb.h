@@ -1,0 +1,72 @@
+// What verbs have in common that make a level set from level sets.
+#pragma once
+#include "describe.h"
+#include "verb.h"
+
+#include <mpuvdb/operations.h>
+
+namespace mpuvdb::command
+{
+
+/// A verb's input: the level set that was meant, and what else is in its file.
+struct GridInput {
+    std::string file;
+    LevelSet levelSet;
+    openvdb::GridCPtrVec others;
+    double diagonal = 0; ///< of the box of its active voxels, world units
+
+    /// @a length in world units.
+    double resolve(const Length& length) const
+    {
+        return length.resolve(levelSet.voxelSize(), diagonal);
+    }
+};
+
+/// Read the grid called @a name (empty: surface, or the only level set); "-" is standard input.
+GridInput readGridInput(const std::string& file, const std::string& name, Session& session);
+
+/// Check @a levelSet, write it with @a metadata and the grids of @a beside ("-": to standard
+/// output), report all that. @return CheckFailed if it is not sound.
+ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
+                         const std::map<std::string, std::string>& metadata,
+                         const openvdb::GridCPtrVec& beside, Session& session);
+
+/// Level sets in, one level set out; the first file's other grids pass through.
+class LevelSetVerb : public Verb
+{
+public:
+    void addOptions(CLI::App& app) final;
+    ExitCode run(Session& session) final;
+
+protected:
+    /// How many level sets it takes; most 0: any number.
+    struct Count {
+        int least = 1, most = 1;
+    };
+    virtual Count inputCount() const { return {}; }
+    virtual void addOwnOptions(CLI::App& app) = 0;
+    /// What it makes; settings() becomes what the options came to.
+    virtual LevelSet make(const std::vector<GridInput>& inputs, Session& session) = 0;
+    /// Resolved settings, for the report and as metadata of the grid.
+    Json& settings() { return mSettings; }
+
+private:
+    std::vector<std::string> mInputs;
+    std::string mOutput, mGrid;
+    Json mSettings = Json::object();
+};
+
+/// The level sets of @a inputs.
+std::vector<LevelSet> levelSetsOf(const std::vector<GridInput>& inputs);
+
+/// "0.01 (5 vx)"
+std::string lengthText(double length, double voxelSize);
+
+/// Three numbers with commas between them. @param option  for the error's text.
+Vec3d parseTriple(const std::string& option, const std::string& text);
+
+/// Declare an option whose value is X,Y,Z.
+CLI::Option* addTriple(CLI::App& app, const std::string& name, std::optional<Vec3d>& value,
+                       const std::string& description);
+
+} // namespace mpuvdb::command

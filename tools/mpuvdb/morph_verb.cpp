@@ -1,0 +1,140 @@
+// mpuvdb morph: from one solid to another, one frame or many.
+#include "frames.h"
+#include "level_set_verb.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <fmt/format.h>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+class MorphVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"morph", "A solid on its way to another, or a sequence of that",
+                "  mpuvdb morph cube.vdb ball.vdb -o half.vdb --at 0.5\n"
+                "  mpuvdb morph cube.vdb ball.vdb --frames 1-24 -o morph.####.vdb\n"
+                "      The first frame is the cube, the last the ball.\n"
+                "  mpuvdb morph cube.vdb ball.vdb --frames 1-24 --only 7 -o morph.####.vdb\n"
+                "      Only frame 7 of them: one task of a render farm.\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("from", mFiles[0], "A .vdb file with a level set")->required();
+        app.add_option("to", mFiles[1], "Another")->required();
+        app.add_option("-o,--output", mOutput,
+                       "The level set, - is standard output; for frames a pattern: name.####.vdb,\n"
+                       "name.%04d.vdb or name.$F4.vdb")
+            ->required()
+            ->type_name("OUT.vdb");
+        addGridName(app, mGrid);
+        CLI::Option* const at =
+            app.add_option("--at", mAt, "How far on the way, from 0 to 1; default: 0.5")
+                ->type_name("T");
+        CLI::Option* const frames =
+            app.add_option("--frames", mFrames, "A sequence from 0 to 1: 1-24, or 1-24x2 by steps")
+                ->type_name("RANGE")
+                ->excludes(at);
+        app.add_option("--only", mOnly, "Only this frame of --frames")
+            ->type_name("N")
+            ->needs(frames);
+        app.add_flag("--skip-existing", mSkipExisting, "Leave out frames whose file is there")
+            ->needs(frames);
+        app.add_option("--method", mMethod,
+                       "linear: the distances are blended, fits shapes that lie over each other;\n"
+                       "advection: the surface moves along its normals, for shapes far apart")
+            ->type_name("linear|advection")
+            ->check(oneOf({"linear", "advection"}))
+            ->capture_default_str();
+    }
+
+    ExitCode run(Session& session) override
+    {
+        const std::vector<Step> steps = plan();
+        std::vector<Output> outputs;
+        for (const Step& step : steps) outputs.push_back({"-o", step.file, {".vdb"}, true});
+        session.checkFiles(outputs, {mFiles[0], mFiles[1]});
+        const GridInput from = readGridInput(mFiles[0], mGrid, session);
+        const GridInput to = readGridInput(mFiles[1], mGrid, session);
+        session.progress().beginStage("resample");
+        std::vector<std::string> notes;
+        const std::vector<LevelSet> ends =
+            onOneLattice({from.levelSet, to.levelSet}, notes, session.progress());
+        for (const std::string& note : notes) session.note("resampled   " + note);
+        session.report()["settings"] = {{"method", mMethod}, {"resampled", notes}};
+        ExitCode worst = ExitCode::Ok;
+        for (const Step& step : steps) {
+            const ExitCode code = makeStep(ends, step, from.others, session);
+            if (code != ExitCode::Ok) worst = code;
+        }
+        session.progress().endStage();
+        session.note("time        " + session.timesText());
+        return worst;
+    }
+
+private:
+    struct Step {
+        double t;
+        std::string file;
+    };
+
+    std::vector<Step> plan() const
+    {
+        if (mFrames.empty()) {
+            if (!(mAt >= 0 && mAt <= 1))
+                throw UsageError(fmt::format("--at {}: must be from 0 to 1", mAt));
+            return {{mAt, mOutput}};
+        }
+        const std::vector<int> frames = parseFrames(mFrames);
+        if (mOnly && std::find(frames.begin(), frames.end(), *mOnly) == frames.end())
+            throw UsageError(fmt::format("--only {}: is none of --frames {}", *mOnly, mFrames));
+        if (!hasFrame(mOutput))
+            throw UsageError(fmt::format("-o {}: a sequence needs a place for the frame's number, "
+                                         "such as morph.####.vdb",
+                                         mOutput));
+        std::vector<Step> steps;
+        for (const int frame : frames) {
+            if (mOnly && frame != *mOnly) continue;
+            const std::string file = frameFile(mOutput, frame);
+            if (mSkipExisting && std::filesystem::exists(file)) continue;
+            const int length = frames.back() - frames.front();
+            steps.push_back({length ? double(frame - frames.front()) / length : 0.0, file});
+        }
+        return steps;
+    }
+
+    ExitCode makeStep(const std::vector<LevelSet>& ends, const Step& step,
+                      const openvdb::GridCPtrVec& others, Session& session) const
+    {
+        const Morphing how = mMethod == "linear" ? Morphing::Linear : Morphing::Advection;
+        session.note(fmt::format("morph       at {:.4g}", step.t));
+        const LevelSet made = morph(ends[0], ends[1], step.t, how, session.progress());
+        return writeGridOutput(made, step.file,
+                               {{"mpuvdb:version", MPUVDB_VERSION},
+                                {"mpuvdb:operation", "morph"},
+                                {"mpuvdb:at", fmt::format("{}", step.t)},
+                                {"mpuvdb:method", mMethod}},
+                               others, session);
+    }
+
+    std::array<std::string, 2> mFiles;
+    std::string mOutput, mGrid, mFrames, mMethod = "linear";
+    double mAt = 0.5;
+    std::optional<int> mOnly;
+    bool mSkipExisting = false;
+};
+
+} // namespace
+
+std::unique_ptr<Verb> makeMorph()
+{
+    return std::make_unique<MorphVerb>();
+}
+
+} // namespace mpuvdb::command

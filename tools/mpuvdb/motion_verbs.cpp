@@ -1,0 +1,204 @@
+// mpuvdb twist, transform, resample: the same solid elsewhere, deformed, or on other voxels.
+#include "level_set_verb.h"
+
+#include <mpuvdb/shape.h>
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+constexpr double kRadians = M_PI / 180;
+
+/// The shape on voxels like those of @a input.
+LevelSet evaluateLike(const Shape& shape, const LevelSet& input, Session& session)
+{
+    ShapeSettings settings;
+    settings.voxelSize = input.voxelSize();
+    settings.halfWidth = input.halfWidth();
+    settings.maxBytes = session.options().maxBytes;
+    return shape.evaluate(settings, session.progress());
+}
+
+class TwistVerb final : public LevelSetVerb
+{
+public:
+    VerbText text() const override
+    {
+        return {"twist", "A solid twisted about an axis",
+                "  mpuvdb twist bar.vdb -o screw.vdb --degrees-per-unit 90\n"
+                "  mpuvdb twist bar.vdb -o screw.vdb --turn 360 --axis 0,1,0 --center 0,0,0.5\n"
+                "      One full turn over the length of the solid, about an upright axis.\n"};
+    }
+
+protected:
+    void addOwnOptions(CLI::App& app) override
+    {
+        CLI::Option* const rate =
+            app.add_option("--degrees-per-unit", mRate, "Angle per world unit along the axis")
+                ->type_name("DEGREES");
+        app.add_option("--turn", mTurn, "Instead: angle over the solid's whole length")
+            ->type_name("DEGREES")
+            ->excludes(rate);
+        addTriple(app, "--axis", mAxis, "Direction of the axis; default: 0,0,1");
+        addTriple(app, "--center", mCenter, "A point on the axis, which stays; default: 0,0,0");
+    }
+
+    LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
+    {
+        if (!mRate && !mTurn) throw UsageError("say how far: --degrees-per-unit or --turn");
+        const LevelSet& solid = inputs.front().levelSet;
+        const Axis axis{mCenter.value_or(Vec3d::Zero()), mAxis.value_or(Vec3d::UnitZ())};
+        if (!(axis.direction.norm() > 0)) throw UsageError("--axis 0,0,0: is no direction");
+        const Shape shape(solid);
+        double rate = mRate.value_or(0);
+        if (mTurn) {
+            const double length =
+                shape.bounds().isEmpty()
+                    ? 0
+                    : shape.bounds().sizes().dot(axis.direction.normalized().cwiseAbs());
+            rate = length > 0 ? *mTurn / length : 0;
+        }
+        settings()["degrees_per_unit"] = rate;
+        settings()["axis"] = toJson(axis.direction);
+        settings()["center"] = toJson(axis.origin);
+        session.note(fmt::format("twist       {:.4g} degrees per unit", rate));
+        return evaluateLike(shape.warped(makeTwist(axis, rate * kRadians), "twist"), solid,
+                            session);
+    }
+
+private:
+    std::optional<double> mRate, mTurn;
+    std::optional<Vec3d> mAxis, mCenter;
+};
+
+class TransformVerb final : public LevelSetVerb
+{
+public:
+    VerbText text() const override
+    {
+        return {"transform", "A solid scaled, turned and moved, in this order",
+                "  mpuvdb transform part.vdb -o moved.vdb --translate 0,0,0.5\n"
+                "  mpuvdb transform part.vdb -o turned.vdb --rotate 0,0,45 --about 1,1,0\n"
+                "  mpuvdb transform part.vdb -o millimetres.vdb --scale 1000 --with-voxels\n"};
+    }
+
+protected:
+    void addOwnOptions(CLI::App& app) override
+    {
+        app.add_option_function<std::string>(
+               "--scale", [this](const std::string& text) { mScale = parseScale(text); },
+               "Factor, or one for each axis")
+            ->type_name("S|X,Y,Z");
+        addTriple(app, "--rotate", mRotate, "Degrees about the x, y and z axis, in this order");
+        addTriple(app, "--translate", mTranslate, "World units");
+        addTriple(app, "--about", mAbout,
+                  "The point that scaling and turning leave; default: 0,0,0");
+        app.add_flag("--with-voxels", mWithVoxels,
+                     "Scale the voxels too, where the factor is the same for all axes");
+    }
+
+    LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
+    {
+        const LevelSet& solid = inputs.front().levelSet;
+        const Vec3d turn = mRotate.value_or(Vec3d::Zero()) * kRadians;
+        const Vec3d about = mAbout.value_or(Vec3d::Zero());
+        const Eigen::Affine3d motion =
+            Eigen::Translation3d(mTranslate.value_or(Vec3d::Zero()) + about) *
+            Eigen::AngleAxisd(turn.z(), Vec3d::UnitZ()) *
+            Eigen::AngleAxisd(turn.y(), Vec3d::UnitY()) *
+            Eigen::AngleAxisd(turn.x(), Vec3d::UnitX()) * Eigen::Scaling(mScale) *
+            Eigen::Translation3d(-about);
+        settings()["scale"] = toJson(mScale);
+        settings()["rotate"] = toJson(mRotate.value_or(Vec3d::Zero()));
+        settings()["translate"] = toJson(mTranslate.value_or(Vec3d::Zero()));
+        settings()["about"] = toJson(about);
+        ShapeSettings shape;
+        shape.voxelSize = solid.voxelSize();
+        shape.halfWidth = solid.halfWidth();
+        shape.maxBytes = session.options().maxBytes;
+        if (mWithVoxels) {
+            if (!(mScale.minCoeff() == mScale.maxCoeff()))
+                throw UsageError("--with-voxels: voxels stay cubes; scale all axes alike");
+            shape.voxelSize *= std::abs(mScale.x());
+        }
+        settings()["voxel_size"] = shape.voxelSize;
+        return Shape(solid).moved(motion).evaluate(shape, session.progress());
+    }
+
+private:
+    static Vec3d parseScale(const std::string& text)
+    {
+        const bool single = text.find(',') == std::string::npos;
+        return parseTriple("--scale", single ? text + "," + text + "," + text : text);
+    }
+
+    Vec3d mScale = Vec3d::Ones();
+    std::optional<Vec3d> mRotate, mTranslate, mAbout;
+    bool mWithVoxels = false;
+};
+
+class ResampleVerb final : public LevelSetVerb
+{
+public:
+    VerbText text() const override
+    {
+        return {"resample", "A level set on larger or smaller voxels, or in another band",
+                "  mpuvdb resample scan.vdb -o coarse.vdb --voxel-size 0.01\n"
+                "  mpuvdb resample scan.vdb -o fine.vdb --voxel-size 0.5vx\n"
+                "  mpuvdb resample scan.vdb -o wide.vdb --half-width 10\n"};
+    }
+
+protected:
+    void addOwnOptions(CLI::App& app) override
+    {
+        addLength(app, "--voxel-size", mVoxelSize,
+                  "Edge of the new voxels; vx means the old ones; default: as it is");
+        app.add_option("--half-width", mHalfWidth,
+                       "Voxels of the band on either side; default: as it is")
+            ->type_name("VOXELS");
+    }
+
+    LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
+    {
+        const LevelSet& solid = inputs.front().levelSet;
+        const double voxelSize =
+            mVoxelSize ? inputs.front().resolve(*mVoxelSize) : solid.voxelSize();
+        const double halfWidth = mHalfWidth.value_or(solid.halfWidth());
+        settings()["voxel_size"] = voxelSize;
+        settings()["half_width"] = halfWidth;
+        if (!mVoxelSize) return withHalfWidth(solid, halfWidth, session.progress());
+        ShapeSettings settings;
+        settings.voxelSize = voxelSize;
+        settings.halfWidth = halfWidth;
+        settings.maxBytes = session.options().maxBytes;
+        return Shape(solid).evaluate(settings, session.progress());
+    }
+
+private:
+    std::optional<Length> mVoxelSize;
+    std::optional<double> mHalfWidth;
+};
+
+} // namespace
+
+std::unique_ptr<Verb> makeTwistVerb()
+{
+    return std::make_unique<TwistVerb>();
+}
+
+std::unique_ptr<Verb> makeTransform()
+{
+    return std::make_unique<TransformVerb>();
+}
+
+std::unique_ptr<Verb> makeResample()
+{
+    return std::make_unique<ResampleVerb>();
+}
+
+} // namespace mpuvdb::command

@@ -1,0 +1,173 @@
+// mpuvdb offset, shell, smooth: the surface moved along its normals, doubled, evened out.
+#include "level_set_verb.h"
+
+#include <mpuvdb/io.h>
+
+#include <fmt/format.h>
+
+#include <map>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+class OffsetVerb final : public LevelSetVerb
+{
+public:
+    VerbText text() const override
+    {
+        return {"offset", "A solid grown by a distance, or shrunk",
+                "  mpuvdb offset scan.vdb -o thick.vdb --distance 0.01\n"
+                "  mpuvdb offset scan.vdb -o thin.vdb --distance=-2vx\n"};
+    }
+
+protected:
+    void addOwnOptions(CLI::App& app) override
+    {
+        addLength(app, "--distance", mDistance, "How far outward; below 0: inward")->required();
+    }
+
+    LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
+    {
+        const LevelSet& solid = inputs.front().levelSet;
+        const double distance = inputs.front().resolve(*mDistance);
+        settings()["distance"] = distance;
+        session.note("distance    " + lengthText(distance, solid.voxelSize()));
+        return offset(solid, distance, session.progress());
+    }
+
+private:
+    std::optional<Length> mDistance;
+};
+
+class ShellVerb final : public LevelSetVerb
+{
+public:
+    VerbText text() const override
+    {
+        return {"shell", "A solid hollowed to a wall along its surface",
+                "  mpuvdb shell statue.vdb -o hollow.vdb --thickness 0.003\n"
+                "  mpuvdb shell scan.vdb -o skin.vdb --thickness 4vx --wall centred\n"};
+    }
+
+protected:
+    void addOwnOptions(CLI::App& app) override
+    {
+        addLength(app, "--thickness", mThickness, "Of the wall, two voxels at least")->required();
+        app.add_option("--wall", mWall, "Where it lies beside the surface")
+            ->type_name("inward|outward|centred")
+            ->check(oneOf({"inward", "outward", "centred"}))
+            ->capture_default_str();
+    }
+
+    LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
+    {
+        const LevelSet& solid = inputs.front().levelSet;
+        const double thickness = inputs.front().resolve(*mThickness);
+        const Wall wall = mWall == "inward"    ? Wall::Inward
+                          : mWall == "outward" ? Wall::Outward
+                                               : Wall::Centred;
+        settings()["thickness"] = thickness;
+        settings()["wall"] = mWall;
+        session.note(
+            fmt::format("wall        {} {}", lengthText(thickness, solid.voxelSize()), mWall));
+        return shell(solid, thickness, wall, session.progress());
+    }
+
+private:
+    std::optional<Length> mThickness;
+    std::string mWall = "inward";
+};
+
+const std::map<std::string, Filter> kFilters = {{"mean", Filter::Mean},
+                                                {"gaussian", Filter::Gaussian},
+                                                {"median", Filter::Median},
+                                                {"curvature", Filter::MeanCurvature}};
+
+class SmoothVerb final : public LevelSetVerb
+{
+public:
+    VerbText text() const override
+    {
+        return {
+            "smooth", "A surface evened out, all over or under a mask",
+            "  mpuvdb smooth scan.vdb -o soft.vdb\n"
+            "  mpuvdb smooth scan.vdb -o soft.vdb --filter median --width 2 --iterations 3\n"
+            "  mpuvdb smooth scan.vdb -o soft.vdb --mask face.vdb --mask-grid density\n"
+            "      Only where the grid density of face.vdb is above 0, in full where it is 1.\n"};
+    }
+
+protected:
+    void addOwnOptions(CLI::App& app) override
+    {
+        app.add_option("--filter", mFilter,
+                       "Of the distances: their mean, Gaussian mean or median in a cube of\n"
+                       "voxels; or a flow that takes off what is curved")
+            ->type_name("mean|gaussian|median|curvature")
+            ->check(oneOf({"mean", "gaussian", "median", "curvature"}))
+            ->capture_default_str();
+        app.add_option("--iterations", mSmooth.iterations, "How often, from 1 to 1000")
+            ->type_name("N")
+            ->capture_default_str();
+        app.add_option("--width", mSmooth.width,
+                       "Half the edge of the cube, from 1 to 32; not for curvature")
+            ->type_name("VOXELS")
+            ->capture_default_str();
+        app.add_option("--mask", mMask, "A .vdb file with a grid of values from 0 to 1")
+            ->type_name("MASK.vdb");
+        app.add_option("--mask-grid", mMaskGrid, "Which of its grids; default: its first of floats")
+            ->type_name("NAME");
+    }
+
+    LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
+    {
+        mSmooth.filter = kFilters.at(mFilter);
+        if (!mMask.empty()) mSmooth.mask = readMask();
+        settings()["filter"] = mFilter;
+        settings()["iterations"] = mSmooth.iterations;
+        settings()["width"] = mSmooth.width;
+        if (mSmooth.mask) settings()["mask"] = mSmooth.mask->getName();
+        session.note(fmt::format("filter      {}, width {} vx, {} times{}", mFilter, mSmooth.width,
+                                 mSmooth.iterations, mSmooth.mask ? ", masked" : ""));
+        return smooth(inputs.front().levelSet, mSmooth, session.progress());
+    }
+
+private:
+    openvdb::FloatGrid::ConstPtr readMask() const
+    {
+        std::string there;
+        for (const openvdb::GridBase::Ptr& grid : readGrids(mMask)) {
+            const auto floats = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
+            if (floats && (mMaskGrid.empty() || grid->getName() == mMaskGrid)) return floats;
+            there += fmt::format("{}'{}' ({})", there.empty() ? "" : ", ", grid->getName(),
+                                 grid->valueType());
+        }
+        throw InputError(fmt::format("{}: has no grid of floats{} to be a mask, but {}. Name one "
+                                     "with --mask-grid",
+                                     mMask, mMaskGrid.empty() ? "" : " called '" + mMaskGrid + "'",
+                                     there.empty() ? "no grid at all" : there));
+    }
+
+    SmoothSettings mSmooth;
+    std::string mFilter = "gaussian", mMask, mMaskGrid;
+};
+
+} // namespace
+
+std::unique_ptr<Verb> makeOffset()
+{
+    return std::make_unique<OffsetVerb>();
+}
+
+std::unique_ptr<Verb> makeShell()
+{
+    return std::make_unique<ShellVerb>();
+}
+
+std::unique_ptr<Verb> makeSmooth()
+{
+    return std::make_unique<SmoothVerb>();
+}
+
+} // namespace mpuvdb::command

@@ -1,0 +1,231 @@
+// mpuvdb fog, components, voxelize: densities, parts, and meshes as level sets.
+#include "level_set_verb.h"
+#include "standard_output.h"
+
+#include <mpuvdb/io.h>
+
+#include <fmt/format.h>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+class FogVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"fog", "A level set to a density, as renderers take for clouds",
+                "  mpuvdb fog scan.vdb -o cloud.vdb\n"
+                "  mpuvdb fog scan.vdb -o both.vdb --keep-surface\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+            ->required();
+        app.add_option("-o,--output", mOutput, "The density; - is standard output")
+            ->required()
+            ->type_name("OUT.vdb");
+        addGridName(app, mGrid);
+        app.add_flag("--keep-surface", mKeepSurface, "Write the level set too, beside the density");
+    }
+
+    ExitCode run(Session& session) override
+    {
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        const GridInput input = readGridInput(mInput, mGrid, session);
+        session.progress().beginStage("fog");
+        openvdb::GridCPtrVec grids{toFog(input.levelSet, session.progress())};
+        if (mKeepSurface) grids.push_back(input.levelSet.gridPtr());
+        grids.insert(grids.end(), input.others.begin(), input.others.end());
+        const auto write = [&](const std::filesystem::path& file) {
+            writeGrids(file, grids, session.progress());
+        };
+        if (mOutput == "-")
+            printFile(".vdb", write);
+        else
+            write(mOutput);
+        const auto count = grids.front()->activeVoxelCount();
+        session.report()["grid"] = {{"name", grids.front()->getName()},
+                                    {"voxel_size", input.levelSet.voxelSize()},
+                                    {"active_voxels", count},
+                                    {"bytes", grids.front()->memUsage()}};
+        session.note(fmt::format("density     {} active voxels: {}", count, mOutput));
+        session.progress().endStage();
+        session.note("time        " + session.timesText());
+        return ExitCode::Ok;
+    }
+
+private:
+    std::string mInput, mOutput, mGrid;
+    bool mKeepSurface = false;
+};
+
+class ComponentsVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"components", "The connected parts of a solid: listed, and the large ones kept",
+                "  mpuvdb components scan.vdb\n"
+                "  mpuvdb components scan.vdb -o clean.vdb --keep 1\n"
+                "  mpuvdb components scan.vdb -o clean.vdb --min-volume 0.001\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+            ->required();
+        app.add_option("-o,--output", mOutput, "The parts that are kept; - is standard output")
+            ->type_name("OUT.vdb");
+        addGridName(app, mGrid);
+        app.add_option("--keep", mKeep, "At most so many parts, the largest")->type_name("N");
+        app.add_option("--min-volume", mMinVolume, "Parts of at least this volume")
+            ->type_name("CUBIC UNITS");
+        app.add_flag("--json", mJson, "Print the list as JSON");
+    }
+
+    ExitCode run(Session& session) override
+    {
+        if (mOutput.empty() && (mKeep || mMinVolume > 0))
+            throw UsageError("--keep and --min-volume say what is written: name it with -o");
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        const GridInput input = readGridInput(mInput, mGrid, session);
+        session.progress().beginStage("components");
+        list(input.levelSet, session);
+        if (mOutput.empty()) return ExitCode::Ok;
+        const LevelSet kept = keepComponents(
+            input.levelSet, mMinVolume, mKeep.value_or(std::numeric_limits<std::size_t>::max()),
+            session.progress());
+        return writeGridOutput(kept, mOutput,
+                               {{"mpuvdb:version", MPUVDB_VERSION},
+                                {"mpuvdb:operation", "components"},
+                                {"mpuvdb:min_volume", fmt::format("{}", mMinVolume)}},
+                               input.others, session);
+    }
+
+private:
+    void list(const LevelSet& levelSet, Session& session) const
+    {
+        Json parts = Json::array();
+        std::string text;
+        for (const SolidComponent& part : components(levelSet, session.progress())) {
+            const SolidMeasures measures = measure(part.levelSet, session.progress());
+            parts.push_back({{"volume", part.volume},
+                             {"area", measures.area},
+                             {"genus", measures.genus},
+                             {"min", toJson(Vec3d(measures.bounds.min()))},
+                             {"max", toJson(Vec3d(measures.bounds.max()))}});
+            const Vec3d size = measures.bounds.sizes();
+            text += fmt::format("{}: volume {:.6g}, area {:.6g}, genus {}, size {:.4g} x {:.4g} x "
+                                "{:.4g}\n",
+                                parts.size(), part.volume, measures.area, measures.genus, size.x(),
+                                size.y(), size.z());
+        }
+        session.report()["components"] = parts;
+        if (mOutput == "-") return; // standard output is the grid's
+        printText(mJson          ? Json{{"components", parts}}.dump(2) + "\n"
+                  : text.empty() ? "no part: the level set is empty\n"
+                                 : text);
+    }
+
+    std::string mInput, mOutput, mGrid;
+    std::optional<std::size_t> mKeep;
+    double mMinVolume = 0;
+    bool mJson = false;
+};
+
+class VoxelizeVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"voxelize", "A closed triangle mesh to a level set",
+                "  mpuvdb voxelize part.obj -o part.vdb --voxels 256\n"
+                "  mpuvdb voxelize part.stl -o part.vdb --voxel-size 0.5 --half-width 4\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("input", mInput, "A mesh: .ply .obj .stl .off")->required();
+        app.add_option("-o,--output", mOutput, "The level set; - is standard output")
+            ->required()
+            ->type_name("OUT.vdb");
+        CLI::Option* const size =
+            addLength(app, "--voxel-size", mVoxelSize, "Edge of a voxel: world units or %");
+        app.add_option("--voxels", mVoxels,
+                       "Instead: voxels along the longest side of the mesh; default: 256")
+            ->type_name("N")
+            ->excludes(size);
+        app.add_option("--half-width", mHalfWidth,
+                       "Voxels of the narrow band on either side of the surface")
+            ->type_name("VOXELS")
+            ->capture_default_str();
+    }
+
+    ExitCode run(Session& session) override
+    {
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        session.progress().beginStage("read");
+        const Mesh mesh = readMesh(mInput, session.progress());
+        Box3d box;
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n) box.extend(mesh.world(n));
+        SampleSettings settings;
+        settings.halfWidth = mHalfWidth;
+        settings.maxBytes = session.options().maxBytes;
+        settings.lattice = latticeFor(box, voxelSize(box));
+        const LevelSet made = voxelize(mesh, settings, session.progress());
+        const double h = settings.lattice.voxelSize;
+        session.report()["settings"] = {{"voxel_size", h}, {"half_width", mHalfWidth}};
+        session.report()["input"] = {{"vertices", mesh.positions.size()},
+                                     {"triangles", mesh.triangles.size()}};
+        session.note(fmt::format("mesh        {} vertices, {} triangles", mesh.positions.size(),
+                                 mesh.triangles.size()));
+        const ExitCode code = writeGridOutput(made, mOutput,
+                                              {{"mpuvdb:version", MPUVDB_VERSION},
+                                               {"mpuvdb:operation", "voxelize"},
+                                               {"mpuvdb:voxel_size", fmt::format("{}", h)}},
+                                              {}, session);
+        session.progress().endStage();
+        session.note("time        " + session.timesText());
+        return code;
+    }
+
+private:
+    double voxelSize(const Box3d& box) const
+    {
+        if (mVoxelSize) {
+            if (mVoxelSize->unit == Length::Unit::Voxels)
+                throw UsageError("--voxel-size: voxels say nothing here: give world units or %");
+            return mVoxelSize->resolve(0, box.diagonal().norm());
+        }
+        if (!(mVoxels >= 4 && mVoxels <= 100000))
+            throw UsageError(fmt::format("--voxels {}: must be in [4, 100000]", mVoxels));
+        return box.sizes().maxCoeff() / mVoxels;
+    }
+
+    std::string mInput, mOutput;
+    std::optional<Length> mVoxelSize;
+    double mVoxels = 256, mHalfWidth = 3;
+};
+
+} // namespace
+
+std::unique_ptr<Verb> makeFog()
+{
+    return std::make_unique<FogVerb>();
+}
+
+std::unique_ptr<Verb> makeComponents()
+{
+    return std::make_unique<ComponentsVerb>();
+}
+
+std::unique_ptr<Verb> makeVoxelize()
+{
+    return std::make_unique<VoxelizeVerb>();
+}
+
+} // namespace mpuvdb::command
