@@ -1,6 +1,7 @@
 // Operations on level sets. Each leaves its inputs as they are and gives back a level set: a true
 // distance in a full band. Lengths are world units unless a comment says voxels.
 #pragma once
+#include <mpuvdb/fields.h>
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/triangle_mesh.h>
 
@@ -35,6 +36,10 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
 /// lie on it already as they are, all others resampled. Each of those adds a line to @a notes.
 std::vector<LevelSet> onOneLattice(const std::vector<LevelSet>& inputs,
                                    std::vector<std::string>& notes, Progress& progress);
+
+/// @a levelSet as a field: cubic interpolation of its values, exact at its voxels; deep inside and
+/// outside only the sign counts.
+FieldPtr makeGridField(const LevelSet& levelSet);
 
 /// @a levelSet sampled on @a lattice with @a halfWidth voxels of it.
 LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,

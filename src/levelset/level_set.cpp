@@ -27,6 +27,13 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
     return lattice;
 }
 
+void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
+{
+    grid.setTransform(openvdb::math::Transform::createLinearTransform(lattice.voxelSize));
+    const Vec3d& o = lattice.origin;
+    if (o != Vec3d::Zero()) grid.transform().postTranslate({o[0], o[1], o[2]});
+}
+
 LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid) : mGrid(std::move(grid))
 {
     if (!mGrid) throw InputError("level set: there is no grid. Read or make one first");

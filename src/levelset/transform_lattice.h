@@ -2,6 +2,7 @@
 #pragma once
 #include <mpuvdb/field.h>
 
+#include <openvdb/Grid.h>
 #include <openvdb/math/Transform.h>
 
 #include <optional>
@@ -12,6 +13,9 @@ namespace mpuvdb
 /// The lattice of @a transform; empty unless it only scales, by one positive number, and
 /// translates.
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
+
+/// Give @a grid the transform of @a lattice.
+void setLattice(openvdb::GridBase& grid, const Lattice& lattice);
 
 /// @throws UsageError unless @a voxelSize is a positive number, LimitError for one that is too
 /// small for a transform: OpenVDB takes those whose determinant is below 3e-15 for singular.
