@@ -137,8 +137,7 @@ public:
     {
         for (int i = 0; i < kBlockVoxels; ++i) {
             const Vec3i voxel = kBlockDim * block + Vec3i(i >> 6, i >> 3 & 7, i & 7);
-            mPoints[std::size_t(i)] =
-                mLattice.origin + mLattice.voxelSize * voxel.cast<double>();
+            mPoints[std::size_t(i)] = mLattice.origin + mLattice.voxelSize * voxel.cast<double>();
         }
         mField.values(mPoints, mValues);
         for (std::size_t i = 0; i < values.size(); ++i)

@@ -272,8 +272,8 @@ class BatchWarp final : public UserWarp
 public:
     BatchWarp(const PlacesFunction& inverse, std::function<Box3d(const Box3d&)> image,
               double stretch)
-        : UserWarp([inverse](const Vec3d& p) { return inverseOfOne(inverse, p); },
-                   std::move(image), stretch),
+        : UserWarp([inverse](const Vec3d& p) { return inverseOfOne(inverse, p); }, std::move(image),
+                   stretch),
           mInverses(inverse)
     {
     }

@@ -13,8 +13,8 @@ PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints
 {
     const auto demand = [&](std::size_t count, const char* what) {
         if (count != 0 && count != points.positions.size())
-            throw UsageError(fmt::format("{}: {} {} for {} points. Give one for each, or none", name,
-                                         count, what, points.positions.size()));
+            throw UsageError(fmt::format("{}: {} {} for {} points. Give one for each, or none",
+                                         name, count, what, points.positions.size()));
     };
     demand(points.normals.size(), "normals");
     demand(points.confidence.size(), "confidences");

@@ -136,9 +136,8 @@ Mesh meshOf(const py::object& vertices, const py::object& faces)
     Mesh mesh;
     if (!box.isEmpty()) mesh.frame = box.center();
     mesh.positions.resize(places.size());
-    forRows(places.size(), [&](std::size_t i) {
-        mesh.positions[i] = (places[i] - mesh.frame).cast<float>();
-    });
+    forRows(places.size(),
+            [&](std::size_t i) { mesh.positions[i] = (places[i] - mesh.frame).cast<float>(); });
     mesh.triangles = trianglesOf(faces, places.size());
     return mesh;
 }

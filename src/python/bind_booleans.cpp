@@ -56,7 +56,8 @@ void bindBooleans(py::module_& module)
             return combine(Boolean::Union, {a, b}, radius);
         },
         "a"_a, "b"_a, "radius"_a,
-        "The union of two with a fillet of radius (world units, or '1%'): union(a, b, blend=radius).");
+        "The union of two with a fillet of radius (world units, or '1%'): union(a, b, "
+        "blend=radius).");
 }
 
 } // namespace mpuvdb::python

@@ -118,10 +118,9 @@ void bindWarps(ShapeClass& shapes)
                const Vec3d& origin) {
                 const Axis along{origin, directionOf(axis, "axis")};
                 const auto [from, to] = span(shape, along, start, end);
-                return warped(shape,
-                              makeBend(along, directionOf(side, "side"), degrees * kRadians, from,
-                                       to),
-                              "bend");
+                return warped(
+                    shape, makeBend(along, directionOf(side, "side"), degrees * kRadians, from, to),
+                    "bend");
             },
             "degrees_per_unit"_a, "axis"_a = "z", "side"_a = "x", "start"_a = py::none(),
             "end"_a = py::none(), "origin"_a = kZero,
@@ -149,15 +148,18 @@ void bindWarps(ShapeClass& shapes)
                 const Box3d image = boxBetween(bounds.first, bounds.second);
                 return warped(
                     shape,
-                    makeWarp([function](const std::vector<Vec3d>& points,
-                                        std::vector<Vec3d>& from) { function.places(points, from); },
-                             [image](const Box3d&) { return image; }, stretch),
+                    makeWarp(
+                        [function](const std::vector<Vec3d>& points, std::vector<Vec3d>& from) {
+                            function.places(points, from);
+                        },
+                        [image](const Box3d&) { return image; }, stretch),
                     "warp");
             },
             "inverse"_a, "bounds"_a, "stretch"_a,
             "Deformed by a function of your own: inverse(points) gets an array (n, 3) of places "
             "and gives back, as (n, 3), the places that they come from. The result lies within "
-            "bounds (low, high); stretch is the largest factor by which inverse stretches a length, "
+            "bounds (low, high); stretch is the largest factor by which inverse stretches a "
+            "length, "
             "anywhere in it. Called from several threads, one at a time.");
 }
 

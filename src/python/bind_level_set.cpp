@@ -75,9 +75,8 @@ void bindArrays(LevelSetClass& levelSets)
         .def_static(
             "from_numpy",
             [](const py::array_t<float, py::array::forcecast>& values, const Vec3d& origin,
-               double voxelSize, double halfWidth) {
-                return levelSetOf(values, origin, voxelSize, halfWidth);
-            },
+               double voxelSize,
+               double halfWidth) { return levelSetOf(values, origin, voxelSize, halfWidth); },
             "values"_a, "origin"_a, "voxel_size"_a, "half_width"_a = 3.0,
             "The level set of a block (nx, ny, nz) of signed distances, world units, negative "
             "inside; values[0, 0, 0] lies at origin. The solid must not meet the block's border. "
@@ -122,9 +121,7 @@ void bindQuestions(LevelSetClass& levelSets)
             "progress"_a = py::none(), "The surface as triangles: a Mesh." MPUVDB_PROGRESS_DOC)
         .def(
             "shape",
-            [](const LevelSet& levelSet, const std::string& name) {
-                return Shape(levelSet, name);
-            },
+            [](const LevelSet& levelSet, const std::string& name) { return Shape(levelSet, name); },
             "name"_a = "grid", "A Shape of it, called name in plans.");
 }
 

@@ -74,8 +74,8 @@ void bindLatticeOperations(LevelSetClass& levelSets)
                 const double h = worldLength(voxelSize, scale);
                 const double width = halfWidth.value_or(levelSet.halfWidth());
                 return run(progress, [&](Progress& p) {
-                    const Lattice lattice = scale.box.isEmpty() ? Lattice{Vec3d::Zero(), h}
-                                                                : latticeFor(scale.box, h);
+                    const Lattice lattice =
+                        scale.box.isEmpty() ? Lattice{Vec3d::Zero(), h} : latticeFor(scale.box, h);
                     return resample(levelSet, lattice, width, p);
                 });
             },

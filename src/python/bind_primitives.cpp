@@ -78,8 +78,8 @@ void bindRound(py::module_& module)
         "torus",
         [](double ring, double tube, const Vec3d& center, const AxisArgument& axis) {
             Eigen::Affine3d motion((Eigen::Translation3d(center)));
-            motion.rotate(Eigen::Quaterniond::FromTwoVectors(Vec3d::UnitZ(),
-                                                             directionOf(axis, "axis")));
+            motion.rotate(
+                Eigen::Quaterniond::FromTwoVectors(Vec3d::UnitZ(), directionOf(axis, "axis")));
             return solidShape(fmt::format("torus({},{})", ring, tube), "torus").moved(motion);
         },
         "ring_radius"_a, "tube_radius"_a, "center"_a = kZero, "axis"_a = "z",
@@ -118,8 +118,7 @@ void bindBoxes(py::module_& module)
         "box",
         [](const Place& low, const Place& high, const Place& center, const Place& size) {
             const Box3d box = boxOf(low, high, center, size);
-            return at(box.center(),
-                      solidShape(fmt::format("box({})", sizes(box.sizes())), "box"));
+            return at(box.center(), solidShape(fmt::format("box({})", sizes(box.sizes())), "box"));
         },
         "low"_a = py::none(), "high"_a = py::none(), py::kw_only(), "center"_a = py::none(),
         "size"_a = py::none(),
@@ -157,8 +156,7 @@ void bindOthers(py::module_& module)
         "The wall of thickness along the gyroid that repeats after period; world units. Without "
         "bounds: intersect it with something.");
     module.def(
-        "solid",
-        [](const std::string& description) { return solidShape(description, "solid"); },
+        "solid", [](const std::string& description) { return solidShape(description, "solid"); },
         "description"_a,
         ("A solid by a description such as 'difference(box(2,2,1), cylinder(0.4,3))':\n\n" +
          solidHelp())
@@ -167,11 +165,13 @@ void bindOthers(py::module_& module)
         "function",
         [](const py::object& function, const Corners& bounds, double steepness) {
             const PointsCallable values(function, "function");
-            return Shape(makeFunctionField(
-                             [values](const std::vector<Vec3d>& points,
-                                      std::vector<double>& result) { values.values(points, result); },
-                             boxBetween(bounds.first, bounds.second), steepness),
-                         "function");
+            return Shape(
+                makeFunctionField(
+                    [values](const std::vector<Vec3d>& points, std::vector<double>& result) {
+                        values.values(points, result);
+                    },
+                    boxBetween(bounds.first, bounds.second), steepness),
+                "function");
         },
         "function"_a, "bounds"_a, "steepness"_a,
         "Wherever a function of your own is negative within bounds (low, high), which the solid "

@@ -23,15 +23,15 @@ void bindChecks(py::module_& module)
             },
             "Index (i, j, k) of the voxel where it is worst.")
         .def_readonly("count", &CheckFinding::count, "Voxels; 0: the grid as a whole.")
-        .def("__repr__", [](const CheckFinding& f) { return "<mpuvdb.CheckFinding " + f.what + ">"; });
+        .def("__repr__",
+             [](const CheckFinding& f) { return "<mpuvdb.CheckFinding " + f.what + ">"; });
 
     py::class_<CheckReport>(module, "CheckReport", "What LevelSet.check() measured.")
         .def_property_readonly("sound", &CheckReport::sound, "Whether nothing is wrong.")
         .def_readonly("active_voxels", &CheckReport::activeVoxels, "Number of active voxels.")
         .def_readonly("mean_gradient_error", &CheckReport::meanGradientError,
                       "Mean of ||grad| - 1|.")
-        .def_readonly("max_gradient_error", &CheckReport::maxGradientError,
-                      "Largest ||grad| - 1|.")
+        .def_readonly("max_gradient_error", &CheckReport::maxGradientError, "Largest ||grad| - 1|.")
         .def_readonly("band_inside", &CheckReport::bandInside,
                       "Largest distance of an active voxel inside, voxels.")
         .def_readonly("band_outside", &CheckReport::bandOutside,
@@ -82,8 +82,9 @@ void bindMeshReport(py::module_& module)
         .def_readonly("area", &R::area, "World units squared.")
         .def_readonly("volume", &R::volume, "Signed, world units cubed.")
         .def("__repr__", [](const R& r) {
-            return fmt::format("<mpuvdb.MeshReport: {} triangles, volume {:.6g}, {} boundary edges>",
-                               r.triangles, r.volume, r.boundaryEdges);
+            return fmt::format(
+                "<mpuvdb.MeshReport: {} triangles, volume {:.6g}, {} boundary edges>", r.triangles,
+                r.volume, r.boundaryEdges);
         });
 }
 

@@ -65,9 +65,8 @@ void bindEvaluation(ShapeClass& shapes)
                const py::object& progress) {
                 demandWritable(file);
                 const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
-                runWork(progress, [&](Progress& p) {
-                    writeAny(file, shape.evaluate(s, p), metadata, p);
-                });
+                runWork(progress,
+                        [&](Progress& p) { writeAny(file, shape.evaluate(s, p), metadata, p); });
             },
             "file"_a, "voxel_size"_a, "half_width"_a = 3.0,
             "metadata"_a = std::map<std::string, std::string>(), "max_bytes"_a = 0,
@@ -125,11 +124,10 @@ void bindSurfaceOperations(ShapeClass& shapes)
         .def(
             "morph",
             [](const Shape& shape, const Shape& other, double t, const std::string& how) {
-                return Shape::morph(
-                    shape, other, t,
-                    choose<Morphing>(
-                        how, "how",
-                        {{"linear", Morphing::Linear}, {"advection", Morphing::Advection}}));
+                return Shape::morph(shape, other, t,
+                                    choose<Morphing>(how, "how",
+                                                     {{"linear", Morphing::Linear},
+                                                      {"advection", Morphing::Advection}}));
             },
             "other"_a, "t"_a, "how"_a = "linear",
             "On the way from this (t = 0) to other (t = 1). 'linear' blends the distances; "

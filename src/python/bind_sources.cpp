@@ -79,8 +79,7 @@ PointArrays arraysOf(const py::object& points, const py::object& normals,
     arrays.positions = rowsOf(points, "points");
     if (!normals.is_none()) arrays.normals = floatRowsOf(normals, "normals");
     if (!confidence.is_none()) arrays.confidence = columnOf(confidence, "confidence");
-    if (viewpoints.size() > 1)
-        throw UsageError("viewpoint: an array of points has one, or none");
+    if (viewpoints.size() > 1) throw UsageError("viewpoint: an array of points has one, or none");
     if (!viewpoints.empty()) arrays.viewpoint = viewpoints.front();
     return arrays;
 }
@@ -179,8 +178,7 @@ void bindMeshes(py::module_& module)
     module.def(
         "mesh",
         [](const py::object& source, const py::object& faces, const py::object& progress) {
-            if (!faces.is_none())
-                return Shape(std::make_shared<const Mesh>(meshOf(source, faces)));
+            if (!faces.is_none()) return Shape(std::make_shared<const Mesh>(meshOf(source, faces)));
             if (py::isinstance<Mesh>(source))
                 return Shape(std::shared_ptr<const Mesh>(source.cast<std::shared_ptr<Mesh>>()));
             const Path file = source.cast<Path>();

@@ -33,8 +33,8 @@ void fillBand(const Values& values, float background, openvdb::FloatTree& tree)
                 if (!std::isfinite(value))
                     throw InputError(
                         fmt::format("values: that of voxel ({}, {}, {}) is not finite", x, y, z));
-                const bool border = x == 0 || y == 0 || z == 0 || x == nx - 1 || y == ny - 1 ||
-                                    z == nz - 1;
+                const bool border =
+                    x == 0 || y == 0 || z == 0 || x == nx - 1 || y == ny - 1 || z == nz - 1;
                 if (border && value <= 0)
                     throw InputError(fmt::format("values: the solid meets the array's border at "
                                                  "voxel ({}, {}, {}). Pad the array",
@@ -68,11 +68,11 @@ LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, doubl
                     double halfWidth)
 {
     if (values.ndim() != 3)
-        throw UsageError(fmt::format("values: an array of {} dimensions; it must have 3",
-                                     values.ndim()));
+        throw UsageError(
+            fmt::format("values: an array of {} dimensions; it must have 3", values.ndim()));
     if (!(voxelSize > 0) || !std::isfinite(voxelSize) || !origin.allFinite())
-        throw UsageError(fmt::format("voxel size {}: it must be above 0, and the origin finite",
-                                     voxelSize));
+        throw UsageError(
+            fmt::format("voxel size {}: it must be above 0, and the origin finite", voxelSize));
     const LevelSet nothing = emptyLevelSet({origin, voxelSize}, halfWidth);
     const openvdb::FloatGrid::Ptr grid = nothing.grid().deepCopy();
     const Values in = values.unchecked<3>();
