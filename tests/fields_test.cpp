@@ -107,7 +107,10 @@ TEST(SolidField, MeetsTheSurfaceWithItsSeedsOnly)
             for (int z = -25; z < 25; ++z) {
                 const Vec3d centre = lattice.origin + edge * Vec3d(x, y, z) +
                                      Vec3d::Constant((kBlockDim - 1) / 2.0 * lattice.voxelSize);
-                if (std::abs(solid->distance(centre)) > std::sqrt(3.0) / 2 * edge) continue;
+                const Vec3d half = Vec3d::Constant(edge / 2);
+                if (std::abs(solid->distance(centre)) > std::sqrt(3.0) / 2 * edge ||
+                    !solid->bounds().intersects(Box3d(centre - half, centre + half)))
+                    continue;
                 ASSERT_LT(n, seeds.size());
                 EXPECT_EQ(seeds[n], Vec3i(x, y, z));
                 ++n;
@@ -242,7 +245,7 @@ TEST(FunctionField, IsWhatItsFunctionSays)
     const Vec3d radii(1, 0.7, 0.5);
     const auto implicit = [&](const Vec3d& p) { return p.cwiseQuotient(radii).squaredNorm() - 1; };
     const Box3d box(-1.05 * radii, 1.05 * radii);
-    const FieldPtr field = makeFunctionField(implicit, box, 4.2);
+    const FieldPtr field = makeFunctionField(implicit, box, 6);
     const auto solid = parseSolid("ellipsoid(1, 0.7, 0.5)");
     const auto exact = [&](const Vec3d& p) { return solid->distance(p); };
     double before = 0;
