@@ -26,8 +26,8 @@ private:
     Vec3d mPoint, mNormal;
 };
 
-/// |G| / max(|grad G|, sqrt 2) with G = sin x cos y + sin y cos z + sin z cos x is about the distance
-/// from the gyroid, on which G's slope is sqrt 2 at least.
+/// |G| / max(|grad G|, sqrt 2) with G = sin x cos y + sin y cos z + sin z cos x is about the
+/// distance from the gyroid, on which G's slope is sqrt 2 at least.
 class Gyroid final : public PointField
 {
 public:
@@ -80,8 +80,8 @@ public:
     {
         constexpr double kFar = 1e30; // so that floats of it are finite
         const double value = mFunction(p);
-        if (std::isnan(value))
-            throw InputError(fmt::format("function: its value at ({}, {}, {}) is not a number. "
+        if (!std::isfinite(value))
+            throw InputError(fmt::format("function: its value at ({}, {}, {}) is not finite. "
                                          "Make it one everywhere about the bounds",
                                          p[0], p[1], p[2]));
         return std::clamp(value, -kFar, kFar);
