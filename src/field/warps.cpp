@@ -159,9 +159,12 @@ public:
     {
         const Box3d box = mFrame.local(image);
         if (box.max().z() <= mFrom && box.max().x() < mRadius) return 1;
+        // Two lower bounds of the distance from the circle's axis.
         const Vec3d q = mFrame.local(Vec3d(image.center()));
+        const double middle = std::hypot(q.z() - mFrom, mRadius - q.x());
+        const Vec3d axis(mRadius, q.y(), mFrom);
         const double nearest =
-            std::hypot(q.z() - mFrom, mRadius - q.x()) - image.diagonal().norm() / 2;
+            std::max(middle - image.diagonal().norm() / 2, box.exteriorDistance(axis));
         return nearest > 0 ? std::max(1.0, mRadius / nearest)
                            : std::numeric_limits<double>::infinity();
     }

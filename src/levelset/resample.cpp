@@ -18,6 +18,8 @@ namespace
 constexpr double kStencil = 2.5;
 /// Half-width, in voxels of the result, in which the surface is found.
 constexpr double kCrossingWidth = 2;
+/// Backgrounds are floats.
+constexpr double kRounding = 1e-6;
 
 bool isWhole(double x)
 {
@@ -51,8 +53,10 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
         throw UsageError(
             fmt::format("half-width is {} voxels; it must be in [1.5, 1000]", halfWidth));
     const Lattice from = levelSet.lattice();
-    if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize)
-        return withHalfWidth(levelSet, halfWidth, progress);
+    if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize) {
+        const bool same = std::abs(levelSet.halfWidth() - halfWidth) <= kRounding * halfWidth;
+        return same ? levelSet : withHalfWidth(levelSet, halfWidth, progress);
+    }
     const std::string name = levelSet.grid().getName();
     if (levelSet.grid().tree().activeVoxelCount() == 0) return emptyOn(lattice, halfWidth, name);
 
@@ -62,13 +66,13 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
     const double beyond = isPartOf(lattice, from) ? 0 : kStencil;
     const double crossing = std::min(kCrossingWidth, halfWidth);
     const double least = (ratio > 1 ? crossing : halfWidth) * ratio + beyond;
-    const LevelSet source = levelSet.halfWidth() < least * (1 - 1e-6)
+    const LevelSet source = levelSet.halfWidth() < least * (1 - kRounding)
                                 ? withHalfWidth(levelSet, least, progress)
                                 : levelSet;
     const double known = std::max((source.halfWidth() - beyond) / ratio, crossing);
     SampleSettings settings;
     settings.lattice = lattice;
-    settings.halfWidth = std::min({halfWidth, known, 100.0});
+    settings.halfWidth = std::min(known < halfWidth * (1 - kRounding) ? known : halfWidth, 100.0);
     settings.name = name;
     const LevelSet result = sampleField(*makeGridField(source), settings, progress);
     return settings.halfWidth < halfWidth ? withHalfWidth(result, halfWidth, progress) : result;
