@@ -112,7 +112,9 @@ TEST(Smooth, ChangesNothingAwayFromItsMask)
             const Coord at = on.getCoord();
             float now = 0;
             const bool active = after.grid().tree().probeValue(at, now);
-            if (at.x() < 2) EXPECT_TRUE(active && now == *on) << at;
+            if (at.x() < 2) {
+                EXPECT_TRUE(active && now == *on) << at;
+            }
             changed += now != *on;
         }
         EXPECT_GT(changed, 1000u);

@@ -136,7 +136,9 @@ TEST(Measure, ThicknessIsThatOfTheLargestBalls)
         std::cout << c.solid << ": least " << m.minThickness << ", mean " << m.meanThickness
                   << '\n';
         EXPECT_NEAR(m.minThickness, c.least, c.tolerance + 0.01 * c.least);
-        if (c.mean > 0) EXPECT_NEAR(m.meanThickness, c.mean, 0.01 * c.mean);
+        if (c.mean > 0) {
+            EXPECT_NEAR(m.meanThickness, c.mean, 0.01 * c.mean);
+        }
     }
 }
 
