@@ -103,13 +103,13 @@ enum class Morphing {
 /// The surface on the way from @a a (@a t = 0) to @a b (@a t = 1), at the ends these themselves, on
 /// one lattice, with the larger half-width. Each place changes sides at most once. What is empty is
 /// infinitely far away. Takes memory for bands as wide as the shapes differ (Linear: of both;
-/// Advection: of a). @throws UsageError for t outside [0,1], LimitError where that is more than 1000
-/// voxels, Interrupted.
+/// Advection: of a). @throws UsageError for t outside [0,1], LimitError where that is more than
+/// 1000 voxels, Interrupted.
 LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Progress& progress);
 
 /// Density 1 inside, falling over the band's inner half to 0 at the surface: class fog volume,
-/// called "density", on the same lattice. A solid that is nowhere as deep as its band has 1 where it
-/// is deepest.
+/// called "density", on the same lattice. A solid that is nowhere as deep as its band has 1 where
+/// it is deepest.
 openvdb::FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress);
 
 /// A connected part of a solid.
@@ -134,7 +134,7 @@ struct SolidMeasures {
     std::int64_t eulerCharacteristic = 0; ///< of the surface
     std::uint64_t surfaces = 0;           ///< connected parts of the surface, cavities too
     double genus = 0;                     ///< handles of all surfaces: surfaces - Euler / 2
-    double minThickness = 0;  ///< the smallest between walls that face each other, and
+    double minThickness = 0;              ///< the smallest between walls that face each other, and
     double meanThickness = 0; ///< the mean diameter of the largest ball inside that touches the
                               ///< surface at a place; not second order, but to a few percent
 };
