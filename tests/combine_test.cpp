@@ -98,6 +98,7 @@ std::uint64_t differences(const LevelSet& a, const LevelSet& b, double voxels)
 struct Errors {
     double rms = 0, max = 0;
     std::uint64_t voxels = 0, wrongSigns = 0;
+    Coord worst;
 };
 
 /// Over all voxels within the band in a box (world units) about the origin.
@@ -117,7 +118,10 @@ Errors errorsOf(const LevelSet& levelSet, const Exact& exact, double half)
                 const double clamped = std::max(-background, std::min(background, d));
                 const double error = std::abs(value - clamped) / h;
                 errors.rms += error * error;
-                errors.max = std::max(errors.max, error);
+                if (error > errors.max) {
+                    errors.max = error;
+                    errors.worst = Coord(x, y, z);
+                }
                 ++errors.voxels;
             }
     errors.rms = std::sqrt(errors.rms / double(std::max<std::uint64_t>(errors.voxels, 1)));
@@ -130,7 +134,12 @@ void expectNear(const LevelSet& levelSet, const Exact& exact, double half, doubl
     EXPECT_GT(errors.voxels, 100u);
     EXPECT_EQ(errors.wrongSigns, 0u);
     EXPECT_LE(errors.rms, rms);
-    EXPECT_LE(errors.max, max);
+    EXPECT_LE(errors.max, max) << errors.worst << ": "
+                               << levelSet.grid().getConstAccessor().getValue(errors.worst) /
+                                      levelSet.voxelSize()
+                               << " for "
+                               << exact(test::worldOf(levelSet.lattice(), errors.worst)) /
+                                      levelSet.voxelSize();
     if (std::getenv("MPUVDB_TEST_FIGURES"))
         fmt::print("  rms {:.5f} max {:.5f} of {}\n", errors.rms, errors.max, errors.voxels);
 }

@@ -108,7 +108,7 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     }
     const float u = mRadius - a.value, v = mRadius - b.value;
     if ((a.gradient + b.gradient).squaredNorm() < kOpposed * kOpposed)
-        return {u + v > -kTouching ? Place::Beyond : Place::Surface, 0};
+        return {u + v > -kTouching ? Place::Buried : Place::Surface, 0};
     const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
     if (lengthA < kLeastGradient || lengthB < kLeastGradient) return {Place::Unknown, 0};
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
@@ -116,16 +116,13 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     const Multipliers guess(ga, gb, u, v);
     if (guess.a < -kGuessMargin || guess.b < -kGuessMargin) return {};
     const Vec3f toCrease = guess.a * ga + guess.b * gb;
-    Answer answer;
-    if (toCrease.squaredNorm() < (mReach + 2) * (mReach + 2))
-        answer = follow(at, *readerA, *readerB, toCrease);
-    else if (bothBuried(at, *readerA, *readerB, u * ga, v * gb))
-        answer.place = Place::Beyond;
-    if (answer.place == Place::Unknown && !(guess.a > 0 && guess.b > 0)) return {};
-    // The crease is no nearer than the surfaces.
-    answer.distance = std::max({answer.distance, u, v});
-    if (answer.place == Place::Crease && answer.distance >= mReach) answer.place = Place::Beyond;
-    return answer;
+    if (toCrease.squaredNorm() < (mReach + 2) * (mReach + 2)) {
+        Answer answer = follow(at, *readerA, *readerB, toCrease);
+        // The crease is no nearer than the surfaces.
+        answer.distance = std::max({answer.distance, u, v});
+        if (answer.place != Place::Unknown) return answer;
+    }
+    return {bothBuried(at, *readerA, *readerB, u * ga, v * gb) ? Place::Buried : Place::Surface, 0};
 }
 
 /// From a first guess to the place on the crease that is nearest to the voxel: linearise both

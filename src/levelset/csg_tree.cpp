@@ -80,28 +80,38 @@ private:
     void fillWedges(const Leaf& a, const Leaf& b, const Leaf::NodeMaskType& inBoth,
                     Leaf& leaf) const
     {
-        const float radius = mRadius * mVoxelSize;
+        const float highest = (mRadius + kTouching) * mVoxelSize;
         const CreaseFinder finder(SolidReader(mA, mSigns.a / mVoxelSize),
                                   SolidReader(mB, mSigns.b / mVoxelSize), mRadius, mReach);
         for (auto it = inBoth.beginOn(); it; ++it) {
             const openvdb::Index i = it.pos();
             const float least = std::min(mSigns.a * a.getValue(i), mSigns.b * b.getValue(i));
-            if (least > radius + kTouching * mVoxelSize) continue;
+            if (least > highest) continue;
             const CreaseFinder::Answer answer = finder.find(leaf.offsetToGlobalCoord(i));
-            switch (answer.place) {
-            case CreaseFinder::Place::Surface:
-                break;
-            case CreaseFinder::Place::Crease:
-                leaf.setValueOn(i, mSigns.result * (radius - answer.distance * mVoxelSize));
-                break;
-            case CreaseFinder::Place::Beyond:
-                leaf.setValueOff(i, -mSigns.result * mBackground);
-                break;
-            case CreaseFinder::Place::Unknown:
-                mDoubtful = true;
-                break;
-            }
+            place(answer, i, leaf);
         }
+    }
+
+    void place(const CreaseFinder::Answer& answer, openvdb::Index voxel, Leaf& leaf) const
+    {
+        const float deepest = -mSigns.result * mBackground;
+        switch (answer.place) {
+        case CreaseFinder::Place::Surface:
+            return;
+        case CreaseFinder::Place::Crease:
+            if (answer.distance < mReach)
+                leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
+            else
+                leaf.setValueOff(voxel, deepest);
+            return;
+        case CreaseFinder::Place::Buried:
+            // Active as yet: the surface may be next to it.
+            leaf.setValueOn(voxel, deepest);
+            break;
+        case CreaseFinder::Place::Unknown:
+            break;
+        }
+        mDoubtful = true;
     }
 
     const FloatTree &mA, &mB;
