@@ -48,7 +48,7 @@ FloatTree::ConstPtr withBackground(const FloatGrid& grid, float background)
 /// Cut a band to @a background: values from there on become inactive.
 void narrow(FloatTree& tree, float background, Progress& progress)
 {
-    const float least = background * float(1 - kSameWidth);
+    const float least = background * (kBuried * (1 - 1e-6f));
     openvdb::tree::LeafManager<FloatTree> leaves(tree);
     leaves.foreach ([&](Leaf& leaf, std::size_t) {
         progress.check();

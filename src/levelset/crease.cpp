@@ -19,9 +19,14 @@ constexpr float kParallel = 0.014f;
 constexpr float kLeastGradient = 0.3f;
 /// How far, in voxels, the first guess may lie beyond where the surfaces are buried.
 constexpr float kGuessMargin = 0.3f;
-/// How near to both surfaces, in voxels, and how steady a place on the crease is to be.
-constexpr float kOnCrease = 0.05f;
-constexpr int kMostSteps = 8;
+/// How near to both surfaces, in voxels, a place on the crease is to be, and how steady (parts of
+/// its distance, for interpolated gradients jump from voxel to voxel); and how near if it is to be
+/// taken at all, at corners where an input's own creases end.
+constexpr float kOnCrease = 0.05f, kSteady = 0.1f, kNearCrease = 0.4f;
+/// Steps along the crease; the later ones are halved, against swinging about a corner.
+constexpr int kFullSteps = 4, kMostSteps = 10;
+/// Voxels that a place lies deeper than a surface to be buried under it.
+constexpr float kDepth = 0.1f;
 /// The least determinant of two gradients that tell where to go.
 constexpr float kLeastDeterminant = 1e-3f;
 
@@ -116,13 +121,16 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     const Multipliers guess(ga, gb, u, v);
     if (guess.a < -kGuessMargin || guess.b < -kGuessMargin) return {};
     const Vec3f toCrease = guess.a * ga + guess.b * gb;
-    if (toCrease.squaredNorm() < (mReach + 2) * (mReach + 2)) {
+    const bool isFar = toCrease.norm() >= mReach + 2;
+    if (!isFar) {
         Answer answer = follow(at, *readerA, *readerB, toCrease);
         // The crease is no nearer than the surfaces.
         answer.distance = std::max({answer.distance, u, v});
         if (answer.place != Place::Unknown) return answer;
     }
-    return {bothBuried(at, *readerA, *readerB, u * ga, v * gb) ? Place::Buried : Place::Surface, 0};
+    if (!bothBuried(at, *readerA, *readerB, u * ga, v * gb)) return {};
+    // What a ball's fillet covers may yet be outside.
+    return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0};
 }
 
 /// From a first guess to the place on the crease that is nearest to the voxel: linearise both
@@ -131,6 +139,8 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
                                           const SolidReader& readerB, Vec3f toCrease) const
 {
     SolidReader::Sample a, b;
+    Answer nearest{Place::Unknown, 0};
+    float least = kNearCrease; // off either surface
     for (int step = 0; step < kMostSteps; ++step) {
         if (!readerA.interpolate(at, toCrease, a) || !readerB.interpolate(at, toCrease, b)) break;
         const float u = mRadius - a.value, v = mRadius - b.value;
@@ -138,15 +148,20 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
                                 v + b.gradient.dot(toCrease));
         if (along.determinant < kLeastDeterminant) break;
         const Vec3f next = along.a * a.gradient + along.b * b.gradient;
-        const float moved2 = (next - toCrease).squaredNorm();
-        if (!(next.squaredNorm() < 4 * (mReach + 2) * (mReach + 2))) break;
-        toCrease = next;
-        if (std::abs(u) < kOnCrease && std::abs(v) < kOnCrease && moved2 < kOnCrease * kOnCrease) {
-            if (along.a <= 0 || along.b <= 0) return {};
-            return {Place::Crease, toCrease.norm()};
+        const float moved = (next - toCrease).norm(), off = std::max(std::abs(u), std::abs(v));
+        const float distance = toCrease.norm();
+        if (off < least) {
+            least = off;
+            nearest = {along.a > 0 && along.b > 0 ? Place::Crease : Place::Surface, distance};
         }
+        if (off < kOnCrease && moved < kOnCrease + kSteady * distance) {
+            nearest.distance = next.norm();
+            break;
+        }
+        toCrease = step < kFullSteps ? next : Vec3f(0.5f * (toCrease + next));
+        if (!(toCrease.squaredNorm() < 4 * (mReach + 2) * (mReach + 2))) break;
     }
-    return {Place::Unknown, 0};
+    return nearest;
 }
 
 /// Whether the nearest places of both surfaces (a ball's radius off) lie inside the other solid.
@@ -159,7 +174,7 @@ bool CreaseFinder::bothBuried(const Coord& at, const SolidReader& a, const Solid
             sample.value =
                 solid.valueAt(at.offsetBy(int(std::lround(offset[0])), int(std::lround(offset[1])),
                                           int(std::lround(offset[2]))));
-        return sample.value < mRadius;
+        return sample.value < mRadius - kDepth;
     };
     return isBuried(b, toA) && isBuried(a, toB);
 }

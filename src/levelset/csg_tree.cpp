@@ -106,7 +106,7 @@ private:
             return;
         case CreaseFinder::Place::Buried:
             // Active as yet: the surface may be next to it.
-            leaf.setValueOn(voxel, deepest);
+            leaf.setValueOn(voxel, deepest * kBuried);
             break;
         case CreaseFinder::Place::Unknown:
             break;
