@@ -99,11 +99,12 @@ private:
         case CreaseFinder::Place::Surface:
             return;
         case CreaseFinder::Place::Crease:
-            if (answer.distance < mReach)
+            if (answer.distance < mReach) {
                 leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
-            else
-                leaf.setValueOff(voxel, deepest);
-            return;
+                return;
+            }
+            leaf.setValueOff(voxel, deepest); // though another crease may be nearer
+            break;
         case CreaseFinder::Place::Buried:
             // Active as yet: the surface may be next to it.
             leaf.setValueOn(voxel, deepest * kBuried);
