@@ -27,7 +27,7 @@ constexpr float kLittleFarther = 0.3f;
 /// taken at all, at corners where an input's own creases end.
 constexpr float kOnCrease = 0.05f, kSteady = 0.1f, kNearCrease = 0.4f;
 /// Steps along the crease; the later ones are halved, against swinging about a corner.
-constexpr int kFullSteps = 4, kMostSteps = 12;
+constexpr int kFullSteps = 4, kMostSteps = 24;
 /// What is left of a step that leaves a band.
 constexpr float kShorter = 0.75f;
 /// Voxels that a place lies deeper than a surface to be buried under it.
