@@ -45,16 +45,18 @@ FloatTree::ConstPtr withBackground(const FloatGrid& grid, float background)
     return tree;
 }
 
-/// Cut a band that is too wide: values from @a background on become inactive.
+/// Cut a band to @a background: values from there on become inactive.
 void narrow(FloatTree& tree, float background, Progress& progress)
 {
+    const float least = background * (kBuried * (1 - 1e-6f));
     openvdb::tree::LeafManager<FloatTree> leaves(tree);
     leaves.foreach ([&](Leaf& leaf, std::size_t) {
         progress.check();
         for (auto it = leaf.beginValueOn(); it; ++it)
-            if (!(std::abs(*it) < background)) leaf.setValueOff(it.pos());
+            if (!(std::abs(*it) < least))
+                leaf.setValueOff(it.pos(), std::copysign(tree.background(), *it));
     });
-    openvdb::tools::changeLevelSetBackground(tree, background);
+    if (tree.background() != background) openvdb::tools::changeLevelSetBackground(tree, background);
 }
 
 /// The result with all that @a model says of itself but its contents.
@@ -99,14 +101,16 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
         const FloatTree::ConstPtr next = withBackground(solids[n].grid(), background);
         CsgTree result = csgTree(kind, *first, *next, voxelSize, blendRadius, progress);
         tree = std::move(result.tree);
+        if (result.doubtful) {
+            restoreDistance(*tree, voxelSize, progress);
+            narrow(*tree, background, progress);
+        }
         openvdb::tools::pruneLevelSet(*tree);
-        if (result.doubtful) restoreDistance(*tree, voxelSize, progress);
         first = tree;
         progress.advance();
     }
-    const float target = float(halfWidth * voxelSize);
-    if (background > target * (1 + kSameWidth)) {
-        narrow(*tree, target, progress);
+    if (blendRadius > 0) {
+        narrow(*tree, float(halfWidth * voxelSize), progress);
         openvdb::tools::pruneLevelSet(*tree);
     }
     progress.endStage();

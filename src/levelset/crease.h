@@ -47,8 +47,8 @@ public:
     enum class Place {
         Surface, ///< the nearest place is none of the crease: the sharp value holds
         Crease,  ///< it is the crease, or the ball's path
-        Beyond,  ///< both surfaces are buried, and the crease is farther than the reach
-        Unknown  ///< both surfaces may be buried; the crease was not found
+        Buried,  ///< the nearest places of both surfaces are buried, and no crease is near
+        Unknown  ///< nothing is known but the sharp value
     };
     struct Answer {
         Place place = Place::Surface;

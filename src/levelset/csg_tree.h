@@ -5,7 +5,11 @@
 namespace mpuvdb
 {
 
-/// A tree, and whether restoreDistance() has to look at it.
+/// What stands for the background, as parts of it, in active voxels whose surfaces are buried.
+constexpr float kBuried = 1 - 1e-4f;
+
+/// A tree, and whether restoreDistance() has to look at it; then values from kBuried on are to be
+/// cut.
 struct CsgTree {
     openvdb::FloatTree::Ptr tree;
     bool doubtful = false;
