@@ -1,5 +1,7 @@
 #include "restore_distance.h"
 
+#include "leaf_halo.h"
+
 #include <mpuvdb/clones.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/vec.h>
@@ -19,9 +21,10 @@ namespace
 {
 
 using Leaf = openvdb::FloatTree::LeafNodeType;
+using Halo = LeafHalo; ///< in voxels
 using openvdb::Coord;
 
-constexpr int kDim = 8, kHalo = kDim + 2;
+constexpr int kDim = Halo::kDim, kHalo = Halo::kHalo;
 constexpr float kDiagonal = 1.7320508f;
 /// Between neighbours of faces, edges, corners.
 constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
@@ -35,46 +38,6 @@ constexpr float kAbove = 0.2f, kBelow = 0.35f;
 /// The tip of an edge or corner may cross no edge between voxels: a value this near to zero is
 /// raised no farther than to where its neighbours' values can be reached.
 constexpr float kTip = 0.5f, kBelowAtTip = 0.5f;
-
-/// A leaf's values and its neighbours' next to it, in voxels.
-struct Halo {
-    std::array<float, kHalo * kHalo * kHalo> value;
-
-    static constexpr int index(int x, int y, int z) { return (x * kHalo + y) * kHalo + z; }
-
-    void load(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
-              const Leaf& leaf, float scale)
-    {
-        const float* const own = leaf.buffer().data();
-        for (int row = 0; row < kDim * kDim; ++row)
-            for (int z = 0; z < kDim; ++z)
-                value[index((row >> 3) + 1, (row & 7) + 1, 1) + z] = own[row * kDim + z] * scale;
-        for (int n = 0; n < 27; ++n)
-            if (n != 13)
-                loadSide(access, leaf.origin(), {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}, scale);
-    }
-
-private:
-    /// Along each axis: the last layer of a lower neighbour, all of the middle, the first of an
-    /// upper.
-    void loadSide(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
-                  const Coord& origin, const Coord& side, float scale)
-    {
-        const Coord from = origin + Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim);
-        const Leaf* const leaf = access.probeConstLeaf(from);
-        const float* const data = leaf ? leaf->buffer().data() : nullptr;
-        const float tile = leaf ? 0 : access.getValue(from) * scale;
-        const auto first = [](int s) { return s < 0 ? kDim - 1 : 0; };
-        const auto last = [](int s) { return s > 0 ? 0 : kDim - 1; };
-        for (int x = first(side[0]); x <= last(side[0]); ++x)
-            for (int y = first(side[1]); y <= last(side[1]); ++y) {
-                const int row =
-                    index(x + 1 + side[0] * kDim, y + 1 + side[1] * kDim, 1 + side[2] * kDim);
-                for (int z = first(side[2]); z <= last(side[2]); ++z)
-                    value[row + z] = data ? data[(x * kDim + y) * kDim + z] * scale : tile;
-            }
-    }
-};
 
 Vec3f toVec(const Coord& c)
 {

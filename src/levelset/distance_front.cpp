@@ -1,0 +1,375 @@
+// Each voxel knows the nearest patch found so far, and tells its neighbours when that changes.
+// Leaves exchange such news in waves: a wave reads only what the wave before has sent, so that
+// nothing depends on the order of threads. Waves go on until the front has passed a bound; then all
+// nearer voxels are settled, and the bound moves on.
+#include "distance_front.h"
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <limits>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <unordered_map>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = SurfacePatches::Leaf;
+using openvdb::Coord;
+
+constexpr int kDim = 8, kVoxels = kDim * kDim * kDim;
+constexpr std::uint32_t kNone = ~std::uint32_t(0);
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+/// Voxels by which the bound moves on.
+constexpr float kBoundStep = 4;
+/// Within a leaf nearer voxels tell first, in steps of as many voxels.
+constexpr float kOrderStep = 0.75f;
+/// The distance to a patch is less than that to its foot, by which the front goes, by no more.
+constexpr float kMargin = 0.3f;
+
+Coord coordOf(int voxel)
+{
+    return {voxel / (kDim * kDim), voxel / kDim % kDim, voxel % kDim};
+}
+
+/// News of one voxel at the side of its leaf.
+struct Message {
+    std::uint16_t voxel;
+    std::uint32_t patch;
+};
+
+/// What the voxels of a leaf that is not settled know.
+struct Knowledge {
+    std::array<std::uint32_t, kVoxels> patch;
+    std::array<float, kVoxels> distance2;         ///< to the patch's foot
+    std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbours
+    std::array<std::uint64_t, kDim> negative;
+
+    bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }
+};
+
+struct Node {
+    Coord origin;
+    const Leaf* signs = nullptr;
+    std::unique_ptr<Knowledge> known; ///< none before the first news, and once it is finished
+    std::vector<Message> sent, sending;
+    std::vector<std::uint32_t> senders; ///< nodes with news for this one
+    std::uint32_t touched = 0;          ///< which of 27 neighbours the news concern
+    std::array<std::uint32_t, 27> beside;
+    bool active = false, finished = false;
+    FinishedLeaf result;
+};
+
+class Front
+{
+public:
+    Front(const openvdb::FloatTree& signs, const SurfacePatches& patches, const Reach& reach,
+          const FinishLeaf& finish, Progress& progress)
+        : mSigns(signs), mPatches(patches.patches), mFinish(finish),
+          mProgress(progress), mReach{std::max(reach.outside, 0.0f), std::max(reach.inside, 0.0f)}
+    {
+        for (int side = 0; side < 2; ++side) {
+            const float reached = mReach[side] > 0 ? mReach[side] + kMargin : 0;
+            mLimit2[side] = reached * reached;
+        }
+        addSources(patches);
+    }
+
+    std::vector<FinishedLeaf> run()
+    {
+        const float last = std::max(mReach[0], mReach[1]) + kMargin;
+        for (float bound = kBoundStep; !mLive.empty(); bound += kBoundStep) {
+            mBound2 = bound * bound;
+            std::vector<std::uint32_t> work = mLive;
+            while (!work.empty()) work = wave(work);
+            finishSettled(bound >= last ? kInfinity : bound);
+        }
+        std::vector<FinishedLeaf> results;
+        results.reserve(mNodes.size());
+        for (auto& node : mNodes) results.push_back(std::move(node->result));
+        return results;
+    }
+
+private:
+    template <typename F>
+    void forEach(const std::vector<std::uint32_t>& nodes, F f)
+    {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, nodes.size(), 8),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              mProgress.check();
+                              for (std::size_t n = range.begin(); n < range.end(); ++n)
+                                  f(*mNodes[nodes[n]]);
+                          });
+    }
+
+    void addSources(const SurfacePatches& patches)
+    {
+        std::vector<std::size_t> leafOf;
+        for (std::size_t n = 0; n < patches.leaves.size(); ++n) {
+            if (patches.first[n] == patches.first[n + 1]) continue;
+            addNode(patches.leaves[n]->origin());
+            leafOf.push_back(n);
+        }
+        tbb::parallel_for(std::size_t(0), leafOf.size(), [&](std::size_t at) {
+            if (at % 256 == 0) mProgress.check();
+            Node& node = *mNodes[at];
+            prepare(node);
+            const std::size_t leaf = leafOf[at];
+            for (std::uint32_t n = patches.first[leaf]; n < patches.first[leaf + 1]; ++n) {
+                const int voxel = int(Leaf::coordToOffset(mPatches[n].voxel));
+                node.known->patch[voxel] = n;
+                node.known->distance2[voxel] = mPatches[n].foot.squaredNorm();
+                node.known->pending[std::size_t(voxel >> 6)] |= std::uint64_t(1) << (voxel & 63);
+            }
+        });
+    }
+
+    std::uint32_t addNode(const Coord& origin)
+    {
+        const auto number = std::uint32_t(mNodes.size());
+        const auto added = mIndex.emplace(origin, number);
+        if (!added.second) return added.first->second;
+        mNodes.push_back(std::make_unique<Node>());
+        mNodes.back()->origin = origin;
+        mNodes.back()->beside.fill(kNone);
+        mLive.push_back(number);
+        return number;
+    }
+
+    /// Make room for what is to be known of the leaf.
+    void prepare(Node& node) const
+    {
+        node.known = std::make_unique<Knowledge>();
+        Knowledge& known = *node.known;
+        known.patch.fill(kNone);
+        known.distance2.fill(kInfinity);
+        node.signs = mSigns.probeConstLeaf(node.origin);
+        if (!node.signs) {
+            known.negative.fill(mSigns.getValue(node.origin) < 0 ? ~std::uint64_t(0) : 0);
+            return;
+        }
+        const float* const values = node.signs->buffer().data();
+        known.negative = {};
+        for (int n = 0; n < kVoxels; ++n)
+            known.negative[std::size_t(n >> 6)] |= std::uint64_t(values[n] < 0) << (n & 63);
+    }
+
+    /// Let the nodes of @a work hear and tell; returns those that have news to hear.
+    std::vector<std::uint32_t> wave(const std::vector<std::uint32_t>& work)
+    {
+        forEach(work, [&](Node& node) {
+            if (!node.known) prepare(node);
+            for (const std::uint32_t from : node.senders) hear(*mNodes[from], node);
+            node.senders.clear();
+            tell(node);
+        });
+        for (const std::uint32_t n : mSenders) mNodes[n]->sent.clear();
+        mSenders.clear();
+        std::vector<std::uint32_t> next;
+        for (const std::uint32_t n : work) {
+            mNodes[n]->sent.swap(mNodes[n]->sending);
+            if (mNodes[n]->sent.empty()) continue;
+            mSenders.push_back(n);
+            for (int side = 0; side < 27; ++side)
+                if (mNodes[n]->touched >> side & 1u) address(n, side, next);
+        }
+        for (const std::uint32_t n : next) mNodes[n]->active = false;
+        std::sort(next.begin(), next.end());
+        return next;
+    }
+
+    /// The node beside node @a n is to hear its news.
+    void address(std::uint32_t n, int side, std::vector<std::uint32_t>& next)
+    {
+        std::uint32_t to = mNodes[n]->beside[std::size_t(side)];
+        if (to == kNone) {
+            const Coord step(side / 9 - 1, side / 3 % 3 - 1, side % 3 - 1);
+            to = addNode(mNodes[n]->origin + Coord(step[0] * kDim, step[1] * kDim, step[2] * kDim));
+            mNodes[n]->beside[std::size_t(side)] = to;
+        }
+        Node& node = *mNodes[to];
+        if (node.finished) return;
+        node.senders.push_back(n);
+        if (!node.active) next.push_back(to);
+        node.active = true;
+    }
+
+    void hear(const Node& from, Node& node)
+    {
+        const Coord shift = from.origin - node.origin;
+        for (const Message& m : from.sent) {
+            const Coord at = shift + coordOf(m.voxel);
+            const Vec3f v = mPatches[m.patch].to(node.origin + at);
+            offer(node, at, m.patch, v);
+        }
+    }
+
+    /// All voxels within the bound that have news tell them, the nearest first.
+    void tell(Node& node)
+    {
+        Knowledge& known = *node.known;
+        node.touched = 0;
+        float least2 = kInfinity;
+        forEachPending(known, [&](int n) { least2 = std::min(least2, known.distance2[n]); });
+        if (least2 > mBound2) return;
+        for (float at = std::sqrt(least2);;) {
+            at += kOrderStep;
+            const float now2 = std::min(at * at, mBound2);
+            for (bool again = true; again;) {
+                again = false;
+                forEachPending(known, [&](int n) {
+                    if (known.distance2[n] > now2) return;
+                    known.pending[std::size_t(n >> 6)] &= ~(std::uint64_t(1) << (n & 63));
+                    tellNeighbours(node, n);
+                    again = true;
+                });
+            }
+            if (now2 >= mBound2) return;
+        }
+    }
+
+    template <typename F>
+    static void forEachPending(const Knowledge& known, F f)
+    {
+        for (int word = 0; word < kDim; ++word)
+            for (std::uint64_t bits = known.pending[std::size_t(word)]; bits; bits &= bits - 1)
+                f(64 * word + __builtin_ctzll(bits));
+    }
+
+    void tellNeighbours(Node& node, int voxel)
+    {
+        const std::uint32_t patch = node.known->patch[voxel];
+        const Coord at = coordOf(voxel);
+        const Vec3f v = mPatches[patch].to(node.origin + at);
+        offer(node, at, patch, v);
+        const std::uint32_t sides = sidesReached(at, v);
+        if (sides == 0) return;
+        node.touched |= sides;
+        node.sending.push_back({std::uint16_t(voxel), patch});
+    }
+
+    /// Neighbour leaves, of 27, with a voxel beside @a at that is within reach.
+    std::uint32_t sidesReached(const Coord& at, const Vec3f& v) const
+    {
+        const auto low = [&](int a) { return at[a] == 0 ? -1 : 0; };
+        const auto high = [&](int a) { return at[a] == kDim - 1 ? 1 : 0; };
+        std::uint32_t sides = 0;
+        const float limit2 = std::max(mLimit2[0], mLimit2[1]);
+        for (int x = low(0); x <= high(0); ++x)
+            for (int y = low(1); y <= high(1); ++y)
+                for (int z = low(2); z <= high(2); ++z)
+                    if (leastDistance2(Coord(x, y, z), v) <= limit2)
+                        sides |= 1u << ((x + 1) * 9 + (y + 1) * 3 + z + 1);
+        return sides & ~(1u << 13);
+    }
+
+    /// The least square of a distance to the patch of v's foot, from voxels beside the one at @a v
+    /// that lie in the leaf at @a side.
+    static float leastDistance2(const Coord& side, const Vec3f& v)
+    {
+        float sum = 0;
+        for (int a = 0; a < 3; ++a) {
+            const float to = side[a] != 0 ? v[a] + float(side[a])
+                                          : std::copysign(std::max(0.0f, std::abs(v[a]) - 1), v[a]);
+            sum += to * to;
+        }
+        return sum;
+    }
+
+    /// Offer a patch, from whose foot it is @a v to @a at (in the leaf or beside it), to all voxels
+    /// of the leaf around.
+    void offer(Node& node, const Coord& at, std::uint32_t patch, const Vec3f& v)
+    {
+        Knowledge& known = *node.known;
+        const auto low = [&](int a) { return std::max(at[a] - 1, 0); };
+        const auto high = [&](int a) { return std::min(at[a] + 1, kDim - 1); };
+        const int z0 = low(2), z1 = high(2);
+        for (int x = low(0); x <= high(0); ++x) {
+            const float dx = v[0] + float(x - at[0]), dx2 = dx * dx;
+            for (int y = low(1); y <= high(1); ++y) {
+                const float dy = v[1] + float(y - at[1]), dxy2 = dx2 + dy * dy;
+                const int row = (x * kDim + y) * kDim;
+                for (int z = z0; z <= z1; ++z) {
+                    const float dz = v[2] + float(z - at[2]), d2 = dxy2 + dz * dz;
+                    const int n = row + z;
+                    if (!(d2 < known.distance2[n])) continue;
+                    if (d2 > mLimit2[known.isNegative(n)]) continue;
+                    known.distance2[n] = d2;
+                    known.patch[n] = patch;
+                    known.pending[std::size_t(n >> 6)] |= std::uint64_t(1) << (n & 63);
+                }
+            }
+        }
+    }
+
+    /// Finish the leaves all of whose voxels are nearer than @a bound or never reached.
+    void finishSettled(float bound)
+    {
+        forEach(mLive, [&](Node& node) {
+            if (isSettled(*node.known, bound)) finish(node);
+        });
+        mLive.erase(std::remove_if(mLive.begin(), mLive.end(),
+                                   [&](std::uint32_t n) { return mNodes[n]->finished; }),
+                    mLive.end());
+    }
+
+    bool isSettled(const Knowledge& known, float bound) const
+    {
+        for (int n = 0; n < kVoxels; ++n) {
+            const float reach = mReach[known.isNegative(n)];
+            if (known.distance2[n] > bound * bound && (reach > 0 && bound < reach + kMargin))
+                return false;
+        }
+        return true;
+    }
+
+    void finish(Node& node)
+    {
+        LeafDistances distances;
+        const Knowledge& known = *node.known;
+        for (int n = 0; n < kVoxels; ++n) {
+            const float side = known.isNegative(n) ? -1.0f : 1.0f;
+            float d = kInfinity;
+            if (known.patch[n] != kNone) {
+                const SurfacePatch& patch = mPatches[known.patch[n]];
+                d = patch.distance(patch.to(node.origin + coordOf(n)), side);
+            }
+            distances[std::size_t(n)] = side * d;
+        }
+        node.result = mFinish(node.origin, node.signs, distances);
+        node.result.origin = node.origin;
+        node.known.reset();
+        node.finished = true;
+        node.sent = node.sending = {};
+        node.senders = {};
+    }
+
+    struct HashCoord {
+        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
+    };
+
+    const openvdb::FloatTree& mSigns;
+    const std::vector<SurfacePatch>& mPatches;
+    const FinishLeaf& mFinish;
+    Progress& mProgress;
+    float mReach[2], mLimit2[2]; ///< outside, inside
+    float mBound2 = 0;
+    std::vector<std::unique_ptr<Node>> mNodes;
+    std::unordered_map<Coord, std::uint32_t, HashCoord> mIndex;
+    std::vector<std::uint32_t> mLive;    ///< not finished, in the order of their numbers
+    std::vector<std::uint32_t> mSenders; ///< those whose news of the wave before stand
+};
+
+} // namespace
+
+std::vector<FinishedLeaf> spreadDistances(const openvdb::FloatTree& signs,
+                                          const SurfacePatches& patches, const Reach& reach,
+                                          const FinishLeaf& finish, Progress& progress)
+{
+    return Front(signs, patches, reach, finish, progress).run();
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,42 @@
+// Distances to a surface, carried outwards from its patches.
+#pragma once
+#include "surface_patches.h"
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// How far from the surface distances are wanted, voxels; 0: not on that side.
+struct Reach {
+    float outside = 0, inside = 0;
+};
+
+/// Signed distances of a leaf's voxels, in voxels; +-infinity beyond the reach.
+using LeafDistances = std::array<float, 512>;
+
+/// What becomes of a leaf: voxels, or one value throughout.
+struct FinishedLeaf {
+    openvdb::Coord origin;
+    std::unique_ptr<SurfacePatches::Leaf> leaf; ///< or none
+    float tile = 0;                             ///< where there is no leaf
+};
+
+/// Turns distances into what is wanted of them; called from many threads. The leaf that gives the
+/// signs is null in a tile.
+using FinishLeaf = std::function<FinishedLeaf(
+    const openvdb::Coord& origin, const SurfacePatches::Leaf* signs, const LeafDistances&)>;
+
+/// Carry the distance to @a patches, made from @a signs, as far as @a reach, and finish each leaf
+/// within as soon as it is settled, so that its distances need not be kept. Each voxel gets the
+/// distance to the nearest of the patches that its neighbours know, with the sign it has in
+/// @a signs. The leaves come in an order that does not depend on the number of threads.
+/// @throws Interrupted.
+std::vector<FinishedLeaf> spreadDistances(const openvdb::FloatTree& signs,
+                                          const SurfacePatches& patches, const Reach& reach,
+                                          const FinishLeaf& finish, Progress& progress);
+
+} // namespace mpuvdb

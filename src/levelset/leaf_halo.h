@@ -1,0 +1,55 @@
+// A leaf's values together with those next to it.
+#pragma once
+#include <openvdb/openvdb.h>
+
+#include <array>
+
+namespace mpuvdb
+{
+
+/// A leaf's values and its neighbours' next to it, scaled.
+struct LeafHalo {
+    using Leaf = openvdb::FloatTree::LeafNodeType;
+    using Accessor = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
+
+    static constexpr int kDim = 8, kHalo = kDim + 2;
+    std::array<float, kHalo * kHalo * kHalo> value;
+
+    /// Voxel (x,y,z) of the leaf is at index(x + 1, y + 1, z + 1).
+    static constexpr int index(int x, int y, int z) { return (x * kHalo + y) * kHalo + z; }
+
+    void load(const Accessor& access, const Leaf& leaf, float scale)
+    {
+        const float* const own = leaf.buffer().data();
+        for (int row = 0; row < kDim * kDim; ++row)
+            for (int z = 0; z < kDim; ++z)
+                value[index((row >> 3) + 1, (row & 7) + 1, 1) + z] = own[row * kDim + z] * scale;
+        for (int n = 0; n < 27; ++n)
+            if (n != 13)
+                loadSide(access, leaf.origin(), {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}, scale);
+    }
+
+private:
+    /// Along each axis: the last layer of a lower neighbour, all of the middle, the first of an
+    /// upper.
+    void loadSide(const Accessor& access, const openvdb::Coord& origin, const openvdb::Coord& side,
+                  float scale)
+    {
+        const openvdb::Coord from =
+            origin + openvdb::Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim);
+        const Leaf* const leaf = access.probeConstLeaf(from);
+        const float* const data = leaf ? leaf->buffer().data() : nullptr;
+        const float tile = leaf ? 0 : access.getValue(from) * scale;
+        const auto first = [](int s) { return s < 0 ? kDim - 1 : 0; };
+        const auto last = [](int s) { return s > 0 ? 0 : kDim - 1; };
+        for (int x = first(side[0]); x <= last(side[0]); ++x)
+            for (int y = first(side[1]); y <= last(side[1]); ++y) {
+                const int row =
+                    index(x + 1 + side[0] * kDim, y + 1 + side[1] * kDim, 1 + side[2] * kDim);
+                for (int z = first(side[2]); z <= last(side[2]); ++z)
+                    value[row + z] = data ? data[(x * kDim + y) * kDim + z] * scale : tile;
+            }
+    }
+};
+
+} // namespace mpuvdb

@@ -1,0 +1,229 @@
+// Grids whose values are made anew from distances to a surface.
+#include "distance_front.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <limits>
+#include <openvdb/tools/Prune.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = SurfacePatches::Leaf;
+using openvdb::Coord;
+using openvdb::FloatGrid;
+using openvdb::FloatTree;
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+/// Farther, in voxels, no offset goes: floats would not tell a twentieth of a voxel any more.
+constexpr double kFarthest = 1e5;
+/// An offset's values this much below the distance to its surface are none, voxels.
+constexpr float kWedge = 0.1f;
+
+void demandHalfWidth(double halfWidth)
+{
+    if (!(halfWidth >= 1.5 && halfWidth <= 1000))
+        throw UsageError(fmt::format("half-width {}: must be in [1.5, 1000] voxels", halfWidth));
+}
+
+/// Turns the signed distance of a voxel of a leaf (null: of a tile), in voxels, into a new value.
+using NewValue = std::function<float(const Leaf*, int voxel, float distance)>;
+
+/// A band of @a halfWidth voxels of the values that @a newValue gives.
+class BandMaker
+{
+public:
+    BandMaker(double halfWidth, double voxelSize, NewValue newValue)
+        : mHalfWidth(float(halfWidth)), mVoxelSize(float(voxelSize)),
+          mBackground(float(halfWidth * voxelSize)), mNewValue(std::move(newValue))
+    {
+    }
+
+    FinishedLeaf finish(const Coord& origin, const Leaf* signs, const LeafDistances& d) const
+    {
+        FinishedLeaf finished;
+        finished.origin = origin;
+        auto leaf = std::make_unique<Leaf>(origin, mBackground);
+        unsigned negative = 0;
+        const float rim = mHalfWidth * (1 - 1e-6f);
+        for (int n = 0; n < int(Leaf::SIZE); ++n) {
+            const float v = mNewValue(signs, n, d[std::size_t(n)]);
+            negative += v < 0;
+            if (std::abs(v) < rim)
+                leaf->setValueOn(openvdb::Index(n), v * mVoxelSize);
+            else if (v < 0)
+                leaf->setValueOnly(openvdb::Index(n), -mBackground);
+        }
+        if (leaf->isEmpty() && (negative == 0 || negative == Leaf::SIZE))
+            finished.tile = negative ? -mBackground : mBackground;
+        else
+            finished.leaf = std::move(leaf);
+        return finished;
+    }
+
+    float background() const { return mBackground; }
+
+private:
+    float mHalfWidth, mVoxelSize, mBackground;
+    NewValue mNewValue;
+};
+
+/// The tree of new values: those of @a reached leaves, of all others of @a old by their own values
+/// and signs.
+FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
+                        std::vector<FinishedLeaf>&& reached, const BandMaker& maker,
+                        Progress& progress)
+{
+    auto tree = std::make_shared<FloatTree>(maker.background());
+    auto tile = old.cbeginValueAll();
+    tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
+    for (; tile; ++tile)
+        if (*tile < 0) tree->addTile(tile.getLevel(), tile.getCoord(), -maker.background(), false);
+    const auto add = [&](FinishedLeaf& leaf) {
+        if (leaf.leaf)
+            tree->addLeaf(leaf.leaf.release());
+        else
+            tree->addTile(1, leaf.origin, leaf.tile, false);
+    };
+    std::vector<Coord> origins;
+    for (const FinishedLeaf& leaf : reached) origins.push_back(leaf.origin);
+    std::sort(origins.begin(), origins.end());
+    LeafDistances beyond;
+    for (const Leaf* leaf : patches.leaves) {
+        if (std::binary_search(origins.begin(), origins.end(), leaf->origin())) continue;
+        progress.check();
+        for (int n = 0; n < int(Leaf::SIZE); ++n)
+            beyond[std::size_t(n)] = std::copysign(kInfinity, leaf->getValue(openvdb::Index(n)));
+        FinishedLeaf finished = maker.finish(leaf->origin(), leaf, beyond);
+        add(finished);
+    }
+    for (FinishedLeaf& leaf : reached) {
+        progress.check();
+        add(leaf);
+    }
+    openvdb::tools::pruneLevelSet(*tree);
+    return tree;
+}
+
+/// A level set on the lattice of @a grid with the new values that the distances to its zero set
+/// make, as far as @a reach.
+FloatGrid::Ptr remade(const FloatGrid& grid, Values values, const Reach& reach,
+                      const BandMaker& maker, Progress& progress)
+{
+    const SurfacePatches patches =
+        surfacePatches(grid.tree(), grid.voxelSize()[0], values, progress);
+    std::vector<FinishedLeaf> reached = spreadDistances(
+        grid.tree(), patches, reach,
+        [&](const Coord& origin, const Leaf* signs, const LeafDistances& d) {
+            return maker.finish(origin, signs, d);
+        },
+        progress);
+    auto result =
+        FloatGrid::create(assemble(grid.tree(), patches, std::move(reached), maker, progress));
+    result->insertMeta(grid);
+    result->setTransform(grid.transform().copy());
+    result->setGridClass(openvdb::GRID_LEVEL_SET);
+    return result;
+}
+
+/// The distance that @a grid has itself in a voxel, voxels, or else the one found.
+NewValue ownOrFound(const LevelSet& levelSet, std::function<float(float)> change)
+{
+    const auto scale = float(1 / levelSet.voxelSize());
+    return [scale, change](const Leaf* leaf, int n, float distance) {
+        const bool own = leaf && leaf->isValueOn(openvdb::Index(n));
+        return change(own ? leaf->getValue(openvdb::Index(n)) * scale : distance);
+    };
+}
+
+/// Where fronts from two sides of the old surface have met, the new surface has a crease, and
+/// behind it values are the distance to what the other front has swallowed. Give those on one side
+/// (1 outside, -1 inside) the distance to what is there.
+FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth,
+                             Progress& progress)
+{
+    const auto reach = float(halfWidth), scale = float(1 / grid.voxelSize()[0]);
+    const auto newValue = [side, scale](const Leaf* leaf, int n, float distance) {
+        const bool active = leaf && leaf->isValueOn(openvdb::Index(n));
+        if (!active) return std::copysign(kInfinity, distance);
+        const float v = leaf->getValue(openvdb::Index(n)) * scale;
+        const bool wedge = v * side > 0 && std::abs(distance) > std::abs(v) + kWedge;
+        return wedge ? distance : v;
+    };
+    const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
+    return remade(grid, Values::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker,
+                  progress);
+}
+
+void demandDistance(double distance, double voxelSize)
+{
+    if (!std::isfinite(distance))
+        throw UsageError(fmt::format("distance {}: must be a finite number", distance));
+    if (std::abs(distance) > kFarthest * voxelSize)
+        throw LimitError(fmt::format("distance {:g} is {:.3g} voxels, and no more than {:g} can be "
+                                     "told exactly: use larger voxels",
+                                     distance, std::abs(distance) / voxelSize, kFarthest));
+}
+
+} // namespace
+
+LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& progress)
+{
+    demandHalfWidth(halfWidth);
+    const auto reach = float(halfWidth);
+    const BandMaker maker(halfWidth, levelSet.voxelSize(),
+                          ownOrFound(levelSet, [](float d) { return d; }));
+    return LevelSet(remade(levelSet.grid(), Values::Distances, {reach, reach}, maker, progress));
+}
+
+LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
+{
+    demandHalfWidth(halfWidth);
+    const auto reach = float(halfWidth);
+    const BandMaker maker(halfWidth, grid.voxelSize()[0],
+                          [](const Leaf*, int, float distance) { return distance; });
+    return LevelSet(remade(grid, Values::Implicit, {reach, reach}, maker, progress));
+}
+
+LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
+{
+    demandDistance(distance, levelSet.voxelSize());
+    const double halfWidth = levelSet.halfWidth();
+    const auto reach = float(halfWidth), shift = float(distance / levelSet.voxelSize());
+    const BandMaker maker(halfWidth, levelSet.voxelSize(),
+                          ownOrFound(levelSet, [shift](float d) { return d - shift; }));
+    const FloatGrid::Ptr moved =
+        remade(levelSet.grid(), Values::Distances, {reach + shift, reach - shift}, maker, progress);
+    return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
+}
+
+LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& progress)
+{
+    demandDistance(thickness, levelSet.voxelSize());
+    if (!(thickness > 0)) throw UsageError(fmt::format("thickness {}: must be above 0", thickness));
+    const double halfWidth = levelSet.halfWidth();
+    const auto reach = float(halfWidth), half = float(0.5 * thickness / levelSet.voxelSize());
+    constexpr float kThinnest = 2;
+    if (!(2 * half >= kThinnest))
+        throw LimitError(fmt::format(
+            "thickness {:g} is {:.3g} voxels, and a level set shows no wall thinner than {:g}: use "
+            "voxels of at most {:g}",
+            thickness, 2 * half, kThinnest, thickness / kThinnest));
+    const float middle = wall == Wall::Inward ? -half : wall == Wall::Outward ? half : 0;
+    const BandMaker maker(halfWidth, levelSet.voxelSize(), ownOrFound(levelSet, [=](float d) {
+                              return std::abs(d - middle) - half;
+                          }));
+    const FloatGrid::Ptr hollow =
+        remade(levelSet.grid(), Values::Distances, {reach + middle + half, reach + half - middle},
+               maker, progress);
+    return LevelSet(withoutWedges(*hollow, -1, halfWidth, progress));
+}
+
+} // namespace mpuvdb

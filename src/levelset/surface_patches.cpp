@@ -1,0 +1,269 @@
+#include "surface_patches.h"
+
+#include "leaf_halo.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <limits>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = SurfacePatches::Leaf;
+
+constexpr int kDim = LeafHalo::kDim, kHalo = LeafHalo::kHalo;
+constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
+/// Values so near to the background, relative to it, come from beyond the band.
+constexpr float kBeyond = 1e-3f;
+constexpr float kLeastSlope = 0.3f; ///< below, a distance's gradient tells no direction
+constexpr float kLeastImplicit = 1e-6f;
+constexpr float kPoint = 1e3f; ///< the curvature of a point: its radius is below what counts
+constexpr float kLeastBend = 1 / kPoint;
+/// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
+constexpr float kOffSurface = 0.2f;
+
+/// The values around one voxel as a quadratic function.
+struct Quadratic {
+    float value;
+    Vec3f gradient;
+    Eigen::Matrix3f hessian;
+
+    float at(const Vec3f& d) const { return value + gradient.dot(d) + 0.5f * d.dot(hessian * d); }
+    Vec3f gradientAt(const Vec3f& d) const { return gradient + hessian * d; }
+};
+
+/// Patches of one leaf's voxels.
+class PatchMaker
+{
+public:
+    PatchMaker(const openvdb::FloatTree& tree, double voxelSize, Values values)
+        : mAccess(tree), mScale(float(1 / voxelSize)),
+          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values)
+    {
+    }
+
+    /// Call f(voxel's number in the leaf) for all active voxels with a face neighbour of the other
+    /// sign.
+    template <typename F>
+    void forEachCrossing(const Leaf& leaf, F f)
+    {
+        mHalo.load(mAccess, leaf, mScale);
+        for (int row = 0; row < kDim * kDim; ++row) {
+            unsigned active = leaf.getValueMask().getWord<std::uint8_t>(openvdb::Index(row));
+            if (active == 0) continue;
+            const int in = LeafHalo::index(row / kDim + 1, row % kDim + 1, 1);
+            const unsigned own = signs(in);
+            unsigned crosses = 0;
+            for (const int stride : kStride)
+                crosses |= (own ^ signs(in - stride)) | (own ^ signs(in + stride));
+            for (unsigned bits = crosses & active; bits; bits &= bits - 1)
+                f(row * kDim + __builtin_ctz(bits));
+        }
+    }
+
+    /// The patch of a voxel of the leaf that forEachCrossing() is at.
+    SurfacePatch make(const Leaf& leaf, int voxel) const
+    {
+        const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
+        const int in = LeafHalo::index(x + 1, y + 1, z + 1);
+        SurfacePatch patch;
+        patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
+        const Quadratic model = modelAt(in);
+        const bool found =
+            mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
+        if (!found) nearestCrossing(in, patch);
+        return patch;
+    }
+
+private:
+    /// Signs of eight voxels in a row.
+    unsigned signs(int in) const
+    {
+        unsigned bits = 0;
+        for (int z = 0; z < kDim; ++z) bits |= unsigned(mHalo.value[in + z] < 0) << z;
+        return bits;
+    }
+
+    bool known(int in) const { return std::abs(mHalo.value[in]) < mBeyond; }
+
+    /// By central differences; one-sided beside the band's rim.
+    Quadratic modelAt(int in) const
+    {
+        const auto& v = mHalo.value;
+        Quadratic q;
+        q.value = v[in];
+        q.hessian.setZero();
+        for (int axis = 0; axis < 3; ++axis) {
+            const int s = kStride[axis];
+            const bool low = known(in - s), high = known(in + s);
+            const float rise = low ? v[in] - v[in - s] : 0, next = high ? v[in + s] - v[in] : 0;
+            q.gradient[axis] = low && high ? 0.5f * (rise + next) : rise + next;
+            if (low && high) q.hessian(axis, axis) = next - rise;
+            const int t = kStride[(axis + 1) % 3];
+            if (known(in + s + t) && known(in + s - t) && known(in - s + t) && known(in - s - t))
+                q.hessian(axis, (axis + 1) % 3) = q.hessian((axis + 1) % 3, axis) =
+                    0.25f * ((v[in + s + t] - v[in + s - t]) - (v[in - s + t] - v[in - s - t]));
+        }
+        return q;
+    }
+
+    /// Where the ball of the voxel's distance touches the surface.
+    static bool touch(const Quadratic& model, SurfacePatch& patch)
+    {
+        const float slope = model.gradient.norm();
+        if (!(slope >= kLeastSlope)) return false;
+        patch.normal = model.gradient / slope;
+        patch.foot = -model.value * patch.normal;
+        bend(model.hessian / slope, model.value, patch);
+        return true;
+    }
+
+    /// Where the model's gradient meets its zero set, if the interpolated values are zero there.
+    bool intersect(const Quadratic& model, int in, SurfacePatch& patch) const
+    {
+        constexpr int kSteps = 4;
+        Vec3f d = Vec3f::Zero(), g = model.gradient;
+        for (int step = 0; step < kSteps; ++step) {
+            const float g2 = g.squaredNorm();
+            if (!(g2 > kLeastImplicit * kLeastImplicit)) return false;
+            d -= model.at(d) / g2 * g;
+            if (!(d.cwiseAbs().maxCoeff() <= 1)) return false;
+            g = model.gradientAt(d);
+        }
+        const float slope = g.norm();
+        if (!(std::abs(interpolated(in, d)) <= kOffSurface * slope)) return false;
+        patch.normal = g / slope;
+        patch.foot = d;
+        bend(model.hessian / slope, -d.dot(patch.normal), patch);
+        return true;
+    }
+
+    /// The value at @a d, each of its components in [-1,1], from the voxel.
+    float interpolated(int in, const Vec3f& d) const
+    {
+        float weight[3][2];
+        for (int axis = 0; axis < 3; ++axis) {
+            const bool below = d[axis] < 0;
+            if (below) in -= kStride[axis];
+            weight[axis][1] = d[axis] + float(below);
+            weight[axis][0] = 1 - weight[axis][1];
+        }
+        float sum = 0;
+        for (int n = 0; n < 8; ++n) {
+            const int corner =
+                in + (n >> 2) * kStride[0] + (n >> 1 & 1) * kStride[1] + (n & 1) * kStride[2];
+            sum +=
+                weight[0][n >> 2] * weight[1][n >> 1 & 1] * weight[2][n & 1] * mHalo.value[corner];
+        }
+        return sum;
+    }
+
+    /// Principal curvatures at the foot from the Hessian of the distance at @a height above it.
+    static void bend(const Eigen::Matrix3f& hessian, float height, SurfacePatch& patch)
+    {
+        const Vec3f& n = patch.normal;
+        const Vec3f a = n.unitOrthogonal(), b = n.cross(a);
+        const Vec3f ha = hessian * a, hb = hessian * b;
+        const float aa = a.dot(ha), ab = a.dot(hb), bb = b.dot(hb);
+        const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
+        patch.tangent = std::cos(angle) * a + std::sin(angle) * b;
+        const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
+        const float w[2] = {mean + half, mean - half};
+        // Parallel surfaces: the radius shrinks by the height.
+        for (int k = 0; k < 2; ++k)
+            patch.curvature[k] = w[k] / std::max(1 - height * w[k], kLeastBend);
+    }
+
+    /// A point where the values, linear between voxels, cross zero: what is left where they tell no
+    /// direction.
+    void nearestCrossing(int in, SurfacePatch& patch) const
+    {
+        const auto& v = mHalo.value;
+        float best = std::numeric_limits<float>::infinity();
+        for (int axis = 0; axis < 3; ++axis) {
+            for (const int side : {-1, 1}) {
+                const float other = v[in + side * kStride[axis]];
+                if ((other < 0) == (v[in] < 0)) continue;
+                const float at = v[in] / (v[in] - other);
+                if (!(at < best)) continue;
+                best = at;
+                patch.foot = float(side) * at * Vec3f::Unit(axis);
+                patch.normal = (v[in] < 0 ? 1.0f : -1.0f) * float(side) * Vec3f::Unit(axis);
+            }
+        }
+        patch.tangent = patch.normal.unitOrthogonal();
+        patch.curvature[0] = patch.curvature[1] = kPoint;
+    }
+
+    LeafHalo::Accessor mAccess;
+    LeafHalo mHalo;
+    float mScale, mBeyond;
+    Values mValues;
+};
+
+/// Distance to a curve of curvature @a k, in its plane, from @a height above a place on it and
+/// @a along beside: exact for lines, circles and points.
+float bent(float height, float along, float k)
+{
+    // Beyond half the way to a hollow's centre other places are nearer.
+    constexpr float kDeepest = -0.5f;
+    if (k * height < kDeepest) k = kDeepest / height;
+    const float a = 1 + k * height, b = k * along;
+    return (height * (1 + a) + b * along) / (std::sqrt(a * a + b * b) + 1);
+}
+
+} // namespace
+
+float SurfacePatch::distance(const Vec3f& from, float side) const
+{
+    const float height = side * normal.dot(from), e0 = tangent.dot(from);
+    const float length2 = from.squaredNorm();
+    const float e1 = std::sqrt(std::max(0.0f, length2 - height * height - e0 * e0));
+    const float d = bent(bent(height, e1, side * curvature[1]), e0, side * curvature[0]);
+    return std::min(d, std::sqrt(length2));
+}
+
+SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
+                              Progress& progress)
+{
+    SurfacePatches result;
+    tree.getNodes(result.leaves);
+    result.first.assign(result.leaves.size() + 1, 0);
+    const auto forEachLeaf = [&](auto f) {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, result.leaves.size(), 16),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              progress.check();
+                              PatchMaker maker(tree, voxelSize, values);
+                              for (std::size_t n = range.begin(); n < range.end(); ++n) f(maker, n);
+                          });
+    };
+    forEachLeaf([&](PatchMaker& maker, std::size_t n) {
+        std::uint32_t count = 0;
+        maker.forEachCrossing(*result.leaves[n], [&](int) { ++count; });
+        result.first[n + 1] = count;
+    });
+    std::uint64_t sum = 0;
+    for (std::uint32_t& count : result.first) {
+        sum += count;
+        count = std::uint32_t(sum);
+    }
+    if (sum >= std::numeric_limits<std::uint32_t>::max())
+        throw LimitError("the surface crosses more voxels than can be numbered (4e9): use larger "
+                         "voxels");
+    result.patches.resize(sum);
+    forEachLeaf([&](PatchMaker& maker, std::size_t n) {
+        std::uint32_t to = result.first[n];
+        const Leaf& leaf = *result.leaves[n];
+        maker.forEachCrossing(leaf,
+                              [&](int voxel) { result.patches[to++] = maker.make(leaf, voxel); });
+    });
+    return result;
+}
+
+} // namespace mpuvdb
