@@ -1,0 +1,182 @@
+#include "crease.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using Leaf = openvdb::FloatTree::LeafNodeType;
+
+/// Surfaces whose gradients add up to less run against each other: they meet nowhere near.
+constexpr float kOpposed = 0.014f;
+/// Surfaces whose gradients differ by less run along each other: the crease changes no value.
+constexpr float kParallel = 0.014f;
+/// A gradient shorter than this has no direction.
+constexpr float kLeastGradient = 0.3f;
+/// How far, in voxels, the first guess may lie beyond where the surfaces are buried.
+constexpr float kGuessMargin = 0.3f;
+/// How near to both surfaces, in voxels, a place on the crease is to be, and how steady (parts of
+/// its distance, for interpolated gradients jump from voxel to voxel); and how near if it is to be
+/// taken at all, at corners where an input's own creases end.
+constexpr float kOnCrease = 0.05f, kSteady = 0.1f, kNearCrease = 0.4f;
+/// Steps along the crease; the later ones are halved, against swinging about a corner.
+constexpr int kFullSteps = 4, kMostSteps = 10;
+/// Voxels that a place lies deeper than a surface to be buried under it.
+constexpr float kDepth = 0.1f;
+/// The least determinant of two gradients that tell where to go.
+constexpr float kLeastDeterminant = 1e-3f;
+
+bool before(const SolidReader::Sample& a, const SolidReader::Sample& b)
+{
+    if (a.value != b.value) return a.value < b.value;
+    return std::lexicographical_compare(a.gradient.data(), a.gradient.data() + 3, b.gradient.data(),
+                                        b.gradient.data() + 3);
+}
+
+} // namespace
+
+Vec3f SolidReader::gradientAt(const Coord& at) const
+{
+    const float here = mAccess.getValue(at);
+    Vec3f gradient;
+    for (int axis = 0; axis < 3; ++axis) {
+        Coord side = at;
+        float below = here, above = here;
+        side[axis] = at[axis] - 1;
+        const bool hasBelow = mAccess.probeValue(side, below);
+        side[axis] = at[axis] + 1;
+        const bool hasAbove = mAccess.probeValue(side, above);
+        gradient[axis] = hasBelow && hasAbove ? 0.5f * (above - below)
+                         : hasAbove           ? above - here
+                         : hasBelow           ? here - below
+                                              : 0;
+    }
+    return mScale * gradient;
+}
+
+bool SolidReader::interpolate(const Coord& at, const Vec3f& offset, Sample& sample) const
+{
+    const Vec3f low = offset.array().floor();
+    const Vec3f t = offset - low;
+    const Coord base = at.offsetBy(int(low[0]), int(low[1]), int(low[2]));
+    float v[8];
+    const Leaf* const leaf = mAccess.probeConstLeaf(base);
+    if (leaf && (base[0] & 7) < 7 && (base[1] & 7) < 7 && (base[2] & 7) < 7) {
+        const openvdb::Index first = Leaf::coordToOffset(base);
+        const float* const data = leaf->buffer().data();
+        for (unsigned n = 0; n < 8; ++n) {
+            const openvdb::Index i = first + (n >> 2) * 64 + (n >> 1 & 1) * 8 + (n & 1);
+            if (!leaf->isValueOn(i)) return false;
+            v[n] = data[i];
+        }
+    } else {
+        for (int n = 0; n < 8; ++n)
+            if (!mAccess.probeValue(base.offsetBy(n >> 2, n >> 1 & 1, n & 1), v[n])) return false;
+    }
+    const auto mix = [](float a, float b, float s) { return a + s * (b - a); };
+    const float z00 = mix(v[0], v[1], t[2]), z01 = mix(v[2], v[3], t[2]),
+                z10 = mix(v[4], v[5], t[2]), z11 = mix(v[6], v[7], t[2]);
+    const float y0 = mix(z00, z01, t[1]), y1 = mix(z10, z11, t[1]);
+    sample.value = mScale * mix(y0, y1, t[0]);
+    const float dz0 = mix(v[1] - v[0], v[3] - v[2], t[1]),
+                dz1 = mix(v[5] - v[4], v[7] - v[6], t[1]);
+    sample.gradient = mScale * Vec3f(y1 - y0, mix(z01 - z00, z11 - z10, t[0]), mix(dz0, dz1, t[0]));
+    return true;
+}
+
+/// How far along the two gradients the crease lies that they and their values tell.
+struct CreaseFinder::Multipliers {
+    float a = 0, b = 0, determinant = 0;
+
+    /// Solves (ga, gb)^T (ga a + gb b) = (u, v).
+    Multipliers(const Vec3f& ga, const Vec3f& gb, float u, float v)
+    {
+        const float aa = ga.squaredNorm(), bb = gb.squaredNorm(), ab = ga.dot(gb);
+        determinant = aa * bb - ab * ab;
+        if (determinant < kLeastDeterminant * kParallel) return;
+        a = (u * bb - v * ab) / determinant;
+        b = (v * aa - u * ab) / determinant;
+    }
+};
+
+CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
+{
+    const SolidReader *readerA = &mA, *readerB = &mB;
+    SolidReader::Sample a{mA.valueAt(at), mA.gradientAt(at)}, b{mB.valueAt(at), mB.gradientAt(at)};
+    if (before(b, a)) {
+        std::swap(a, b);
+        std::swap(readerA, readerB);
+    }
+    const float u = mRadius - a.value, v = mRadius - b.value;
+    if ((a.gradient + b.gradient).squaredNorm() < kOpposed * kOpposed)
+        return {u + v > -kTouching ? Place::Buried : Place::Surface, 0};
+    const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
+    if (lengthA < kLeastGradient || lengthB < kLeastGradient) return {Place::Unknown, 0};
+    const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
+    if ((ga - gb).squaredNorm() < kParallel * kParallel) return {};
+    const Multipliers guess(ga, gb, u, v);
+    if (guess.a < -kGuessMargin || guess.b < -kGuessMargin) return {};
+    const Vec3f toCrease = guess.a * ga + guess.b * gb;
+    const bool isFar = toCrease.norm() >= mReach + 2;
+    if (!isFar) {
+        Answer answer = follow(at, *readerA, *readerB, toCrease);
+        // The crease is no nearer than the surfaces.
+        answer.distance = std::max({answer.distance, u, v});
+        if (answer.place != Place::Unknown) return answer;
+    }
+    if (!bothBuried(at, *readerA, *readerB, u * ga, v * gb)) return {};
+    // What a ball's fillet covers may yet be outside.
+    return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0};
+}
+
+/// From a first guess to the place on the crease that is nearest to the voxel: linearise both
+/// values there, and go to the nearest place of the line where they are as wanted.
+CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& readerA,
+                                          const SolidReader& readerB, Vec3f toCrease) const
+{
+    SolidReader::Sample a, b;
+    Answer nearest{Place::Unknown, 0};
+    float least = kNearCrease; // off either surface
+    for (int step = 0; step < kMostSteps; ++step) {
+        if (!readerA.interpolate(at, toCrease, a) || !readerB.interpolate(at, toCrease, b)) break;
+        const float u = mRadius - a.value, v = mRadius - b.value;
+        const Multipliers along(a.gradient, b.gradient, u + a.gradient.dot(toCrease),
+                                v + b.gradient.dot(toCrease));
+        if (along.determinant < kLeastDeterminant) break;
+        const Vec3f next = along.a * a.gradient + along.b * b.gradient;
+        const float moved = (next - toCrease).norm(), off = std::max(std::abs(u), std::abs(v));
+        const float distance = toCrease.norm();
+        if (off < least) {
+            least = off;
+            nearest = {along.a > 0 && along.b > 0 ? Place::Crease : Place::Surface, distance};
+        }
+        if (off < kOnCrease && moved < kOnCrease + kSteady * distance) {
+            nearest.distance = next.norm();
+            break;
+        }
+        toCrease = step < kFullSteps ? next : Vec3f(0.5f * (toCrease + next));
+        if (!(toCrease.squaredNorm() < 4 * (mReach + 2) * (mReach + 2))) break;
+    }
+    return nearest;
+}
+
+/// Whether the nearest places of both surfaces (a ball's radius off) lie inside the other solid.
+bool CreaseFinder::bothBuried(const Coord& at, const SolidReader& a, const SolidReader& b,
+                              const Vec3f& toA, const Vec3f& toB) const
+{
+    const auto isBuried = [&](const SolidReader& solid, const Vec3f& offset) {
+        SolidReader::Sample sample;
+        if (!solid.interpolate(at, offset, sample))
+            sample.value =
+                solid.valueAt(at.offsetBy(int(std::lround(offset[0])), int(std::lround(offset[1])),
+                                          int(std::lround(offset[2]))));
+        return sample.value < mRadius - kDepth;
+    };
+    return isBuried(b, toA) && isBuried(a, toB);
+}
+
+} // namespace mpuvdb

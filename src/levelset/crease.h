@@ -1,0 +1,78 @@
+// The distance to where two surfaces meet: to their crease, or to the path of a ball that rolls
+// along both.
+//
+// A union is looked at from one side only: with values a and b, negative inside, its creases are
+// where a = b = 0, and a ball of radius r rolls outside along the curve a = b = r. A point from
+// which the nearest places of both surfaces are buried under the other has its nearest place there.
+// Intersections and differences are unions of complements.
+#pragma once
+#include <mpuvdb/vec.h>
+
+#include <openvdb/openvdb.h>
+
+namespace mpuvdb
+{
+
+/// Surfaces that run against each other and leave no wider gap, in voxels, touch: nothing is
+/// between them.
+constexpr float kTouching = 0.01f;
+
+/// One solid, or its complement, between voxels: values in voxels. For one thread.
+class SolidReader
+{
+public:
+    struct Sample {
+        float value = 0;
+        Vec3f gradient = Vec3f::Zero();
+    };
+
+    /// @param scale  1 / voxel size; negative for the complement.
+    SolidReader(const openvdb::FloatTree& tree, float scale) : mAccess(tree), mScale(scale) {}
+
+    float valueAt(const openvdb::Coord& at) const { return mScale * mAccess.getValue(at); }
+    /// By central differences between active voxels; 0 along axes where there are none.
+    Vec3f gradientAt(const openvdb::Coord& at) const;
+    /// Trilinear, at @a offset voxels from @a at; false where the band does not reach.
+    bool interpolate(const openvdb::Coord& at, const Vec3f& offset, Sample& sample) const;
+
+private:
+    openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
+    float mScale;
+};
+
+/// Lengths in voxels. For one thread.
+class CreaseFinder
+{
+public:
+    enum class Place {
+        Surface, ///< the nearest place is none of the crease: the sharp value holds
+        Crease,  ///< it is the crease, or the ball's path
+        Buried,  ///< the nearest places of both surfaces are buried, and no crease is near
+        Unknown  ///< nothing is known but the sharp value
+    };
+    struct Answer {
+        Place place = Place::Surface;
+        float distance = 0; ///< to the crease
+    };
+
+    /// @param radius  of the ball, 0 for the crease itself; @param reach  farthest distance asked.
+    CreaseFinder(const SolidReader& a, const SolidReader& b, float radius, float reach)
+        : mA(a), mB(b), mRadius(radius), mReach(reach)
+    {
+    }
+
+    /// For the voxel @a at, in both bands. The two solids may change places without a bit changing.
+    Answer find(const openvdb::Coord& at) const;
+
+private:
+    struct Multipliers;
+    Answer follow(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
+                  Vec3f toCrease) const;
+    bool bothBuried(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
+                    const Vec3f& toA, const Vec3f& toB) const;
+
+    SolidReader mA, mB;
+    float mRadius, mReach;
+};
+
+} // namespace mpuvdb

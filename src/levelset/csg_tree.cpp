@@ -1,0 +1,180 @@
+#include "csg_tree.h"
+
+#include "crease.h"
+
+#include <mpuvdb/progress.h>
+
+#include <openvdb/tools/Merge.h>
+#include <openvdb/tree/NodeManager.h>
+
+#include <atomic>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::FloatTree;
+using Leaf = FloatTree::LeafNodeType;
+
+/// The signs that make a union of a Boolean's solids, and it of the union.
+struct Signs {
+    float a, b, result;
+};
+
+Signs signsOf(Boolean kind)
+{
+    switch (kind) {
+    case Boolean::Union:
+        return {1, 1, 1};
+    case Boolean::Intersection:
+        return {-1, -1, -1};
+    case Boolean::Difference:
+        break;
+    }
+    return {-1, 1, -1};
+}
+
+/// Leaves of which both trees have one.
+class LeafCombiner
+{
+public:
+    LeafCombiner(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
+                 double radius, std::atomic<bool>& doubtful)
+        : mA(a), mB(b), mSigns(signsOf(kind)), mBackground(a.background()),
+          mVoxelSize(float(voxelSize)), mRadius(float(radius / voxelSize)),
+          mReach(mRadius + mBackground / mVoxelSize), mDoubtful(doubtful)
+    {
+    }
+
+    void combine(Leaf& leaf) const
+    {
+        const Leaf* const a = mA.probeConstLeaf(leaf.origin());
+        const Leaf* const b = mB.probeConstLeaf(leaf.origin());
+        if (!a || !b) return;
+        Leaf::NodeMaskType inBoth = a->getValueMask();
+        inBoth &= b->getValueMask();
+        mergeValues(*a, *b, leaf);
+        if (!inBoth.isOff()) fillWedges(*a, *b, inBoth, leaf);
+    }
+
+private:
+    void mergeValues(const Leaf& a, const Leaf& b, Leaf& leaf) const
+    {
+        const float *const as = a.buffer().data(), *const bs = b.buffer().data();
+        float* const values = leaf.buffer().data();
+        const float background = mSigns.result * mBackground;
+        Leaf::NodeMaskType active;
+        for (openvdb::Index i = 0; i < Leaf::SIZE; ++i) {
+            const float u = mSigns.a * as[i], v = mSigns.b * bs[i];
+            const bool on = (u <= v && a.isValueOn(i)) || (v <= u && b.isValueOn(i));
+            active.set(i, on);
+            // No zero below zero: its sign counts where distances are restored.
+            values[i] = on ? mSigns.result * std::min(u, v) + 0.0f
+                           : std::copysign(background, mSigns.result * std::min(u, v));
+        }
+        leaf.setValueMask(active);
+    }
+
+    void fillWedges(const Leaf& a, const Leaf& b, const Leaf::NodeMaskType& inBoth,
+                    Leaf& leaf) const
+    {
+        const float highest = (mRadius + kTouching) * mVoxelSize;
+        const CreaseFinder finder(SolidReader(mA, mSigns.a / mVoxelSize),
+                                  SolidReader(mB, mSigns.b / mVoxelSize), mRadius, mReach);
+        for (auto it = inBoth.beginOn(); it; ++it) {
+            const openvdb::Index i = it.pos();
+            const float least = std::min(mSigns.a * a.getValue(i), mSigns.b * b.getValue(i));
+            if (least > highest) continue;
+            const CreaseFinder::Answer answer = finder.find(leaf.offsetToGlobalCoord(i));
+            place(answer, i, leaf);
+        }
+    }
+
+    void place(const CreaseFinder::Answer& answer, openvdb::Index voxel, Leaf& leaf) const
+    {
+        const float deepest = -mSigns.result * mBackground;
+        switch (answer.place) {
+        case CreaseFinder::Place::Surface:
+            return;
+        case CreaseFinder::Place::Crease:
+            if (answer.distance < mReach)
+                leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
+            else
+                leaf.setValueOff(voxel, deepest);
+            return;
+        case CreaseFinder::Place::Buried:
+            // Active as yet: the surface may be next to it.
+            leaf.setValueOn(voxel, deepest * kBuried);
+            break;
+        case CreaseFinder::Place::Unknown:
+            break;
+        }
+        mDoubtful = true;
+    }
+
+    const FloatTree &mA, &mB;
+    Signs mSigns;
+    float mBackground, mVoxelSize; ///< world units
+    float mRadius, mReach;         ///< voxels
+    std::atomic<bool>& mDoubtful;
+};
+
+/// OpenVDB's merge of nodes and tiles, with leaves of our own, and stoppable.
+template <typename Merge>
+struct Merger {
+    const Merge& merge;
+    const LeafCombiner& leaves;
+    Progress& progress;
+
+    template <typename Node>
+    bool operator()(Node& node, std::size_t index) const
+    {
+        progress.check();
+        return merge(node, index);
+    }
+    bool operator()(Leaf& leaf, std::size_t) const
+    {
+        progress.check();
+        leaves.combine(leaf);
+        return false;
+    }
+};
+
+template <typename Merge>
+void mergeInto(FloatTree& tree, const FloatTree& other, const LeafCombiner& leaves,
+               Progress& progress)
+{
+    const Merge merge(other, openvdb::DeepCopy());
+    openvdb::tree::DynamicNodeManager<FloatTree> nodes(tree);
+    nodes.foreachTopDown(Merger<Merge>{merge, leaves, progress});
+}
+
+} // namespace
+
+CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
+                double radius, Progress& progress)
+{
+    std::atomic<bool> doubtful{false};
+    const LeafCombiner leaves(kind, a, b, voxelSize, radius, doubtful);
+    progress.check();
+    // The copy cannot be stopped: some 40 ms for five million voxels.
+    auto tree = std::make_shared<FloatTree>(a);
+    progress.check();
+    using namespace openvdb::tools;
+    switch (kind) {
+    case Boolean::Union:
+        mergeInto<CsgUnionOp<FloatTree>>(*tree, b, leaves, progress);
+        break;
+    case Boolean::Intersection:
+        mergeInto<CsgIntersectionOp<FloatTree>>(*tree, b, leaves, progress);
+        break;
+    case Boolean::Difference:
+        mergeInto<CsgDifferenceOp<FloatTree>>(*tree, b, leaves, progress);
+        break;
+    }
+    return {tree, doubtful};
+}
+
+} // namespace mpuvdb

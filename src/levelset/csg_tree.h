@@ -1,0 +1,25 @@
+// Two level sets' trees as one, with a distance about the creases.
+#pragma once
+#include <mpuvdb/operations.h>
+
+namespace mpuvdb
+{
+
+/// What stands for the background, as parts of it, in active voxels whose surfaces are buried.
+constexpr float kBuried = 1 - 1e-4f;
+
+/// A tree, and whether restoreDistance() has to look at it; then values from kBuried on are to be
+/// cut.
+struct CsgTree {
+    openvdb::FloatTree::Ptr tree;
+    bool doubtful = false;
+};
+
+/// The Boolean of two narrow bands on one lattice with backgrounds of the same size, not pruned.
+/// Where both bands are: the distance to the rolling ball's fillet or, for @a radius 0, to the
+/// crease, where that is nearest. @param voxelSize, radius  world units.
+/// @throws Interrupted.
+CsgTree csgTree(Boolean kind, const openvdb::FloatTree& a, const openvdb::FloatTree& b,
+                double voxelSize, double radius, Progress& progress);
+
+} // namespace mpuvdb

@@ -1,0 +1,617 @@
+// Booleans of level sets beside exact distances: sharp creases and those a ball rolled along.
+#include "field_fixture.h"
+#include "solid_field.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/operations.h>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <functional>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using Accessor = openvdb::FloatGrid::ConstAccessor;
+using Exact = std::function<double(const Vec3d&)>;
+
+LevelSet solid(const std::string& description, double voxelSize, double halfWidth = 3)
+{
+    SampleSettings settings;
+    settings.lattice = {Vec3d::Zero(), voxelSize};
+    settings.halfWidth = halfWidth;
+    settings.name = description;
+    Progress progress;
+    return sampleField(SolidField(parseSolid(description)), settings, progress);
+}
+
+LevelSet empty(double voxelSize, double halfWidth = 3)
+{
+    auto grid = openvdb::FloatGrid::create(float(halfWidth * voxelSize));
+    grid->setTransform(openvdb::math::Transform::createLinearTransform(voxelSize));
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    return LevelSet(grid);
+}
+
+LevelSet combined(Boolean kind, const std::vector<LevelSet>& inputs, double radius = 0)
+{
+    Progress progress;
+    return combine(kind, inputs, radius, progress);
+}
+
+LevelSet operator|(const LevelSet& a, const LevelSet& b)
+{
+    return combined(Boolean::Union, {a, b});
+}
+
+LevelSet operator&(const LevelSet& a, const LevelSet& b)
+{
+    return combined(Boolean::Intersection, {a, b});
+}
+
+LevelSet operator-(const LevelSet& a, const LevelSet& b)
+{
+    return combined(Boolean::Difference, {a, b});
+}
+
+CheckReport checked(const LevelSet& levelSet)
+{
+    Progress progress;
+    return check(levelSet.grid(), progress);
+}
+
+void expectSound(const LevelSet& levelSet)
+{
+    const CheckReport report = checked(levelSet);
+    EXPECT_TRUE(report.sound()) << test::texts(report);
+}
+
+std::string bytesOf(const LevelSet& levelSet)
+{
+    return test::treeBytes(levelSet.grid());
+}
+
+/// Voxels where either is active and the values differ by more than @a voxels, or the signs do.
+std::uint64_t differences(const LevelSet& a, const LevelSet& b, double voxels)
+{
+    std::uint64_t count = 0;
+    const auto compare = [&](const LevelSet& active, const LevelSet& other) {
+        const Accessor at = other.grid().getConstAccessor();
+        for (auto it = active.grid().cbeginValueOn(); it; ++it) {
+            const float v = at.getValue(it.getCoord());
+            count += std::abs(double(v) - double(*it)) > voxels * a.voxelSize() ||
+                     ((v < 0) != (*it < 0) && std::abs(*it) > 1e-5 * a.voxelSize());
+        }
+    };
+    compare(a, b);
+    compare(b, a);
+    return count;
+}
+
+/// What a band's values are off the exact distance, in voxels.
+struct Errors {
+    double rms = 0, max = 0;
+    std::uint64_t voxels = 0, wrongSigns = 0;
+    Coord worst;
+};
+
+/// Over all voxels within the band in a box (world units) about the origin.
+Errors errorsOf(const LevelSet& levelSet, const Exact& exact, double half)
+{
+    const double h = levelSet.voxelSize(), background = levelSet.grid().background();
+    const int reach = int(half / h);
+    const Accessor at = levelSet.grid().getConstAccessor();
+    Errors errors;
+    for (int x = -reach; x <= reach; ++x)
+        for (int y = -reach; y <= reach; ++y)
+            for (int z = -reach; z <= reach; ++z) {
+                const double d = exact(h * Vec3d(x, y, z));
+                const double value = double(at.getValue(Coord(x, y, z)));
+                errors.wrongSigns += (d < 0) != (value < 0) && std::abs(d) > 0.05 * h;
+                if (std::abs(d) >= background && !at.isValueOn(Coord(x, y, z))) continue;
+                const double clamped = std::max(-background, std::min(background, d));
+                const double error = std::abs(value - clamped) / h;
+                errors.rms += error * error;
+                if (error > errors.max) {
+                    errors.max = error;
+                    errors.worst = Coord(x, y, z);
+                }
+                ++errors.voxels;
+            }
+    errors.rms = std::sqrt(errors.rms / double(std::max<std::uint64_t>(errors.voxels, 1)));
+    return errors;
+}
+
+void expectNear(const LevelSet& levelSet, const Exact& exact, double half, double rms, double max)
+{
+    const Errors errors = errorsOf(levelSet, exact, half);
+    EXPECT_GT(errors.voxels, 100u);
+    EXPECT_EQ(errors.wrongSigns, 0u);
+    EXPECT_LE(errors.rms, rms);
+    EXPECT_LE(errors.max, max) << errors.worst << ": "
+                               << levelSet.grid().getConstAccessor().getValue(errors.worst) /
+                                      levelSet.voxelSize()
+                               << " for "
+                               << exact(test::worldOf(levelSet.lattice(), errors.worst)) /
+                                      levelSet.voxelSize();
+    if (std::getenv("MPUVDB_TEST_FIGURES"))
+        fmt::print("  rms {:.5f} max {:.5f} of {}\n", errors.rms, errors.max, errors.voxels);
+}
+
+// --- Exact distances
+
+/// A solid whose normals and crease with another are known.
+struct Smooth {
+    Exact distance;
+    std::function<Vec3d(const Vec3d&)> normal;
+};
+
+Smooth ball(const Vec3d& center, double radius)
+{
+    return {[=](const Vec3d& p) { return (p - center).norm() - radius; },
+            [=](const Vec3d& p) { return (p - center).normalized(); }};
+}
+
+Smooth below(const Vec3d& normal)
+{
+    return {[=](const Vec3d& p) { return normal.dot(p); }, [=](const Vec3d&) { return normal; }};
+}
+
+Smooth complement(const Smooth& s)
+{
+    return {[=](const Vec3d& p) { return -s.distance(p); },
+            [=](const Vec3d& p) { return Vec3d(-s.normal(p)); }};
+}
+
+/// The union with a ball of @a radius rolled along the crease, given the place on its path that is
+/// nearest to a point.
+Exact unionOf(const Smooth& a, const Smooth& b, double radius,
+              const std::function<Vec3d(const Vec3d&)>& onPath)
+{
+    return [=](const Vec3d& p) {
+        const Vec3d q = onPath(p), to = q - p;
+        const Vec3d na = a.normal(q), nb = b.normal(q);
+        const double c = na.dot(nb), u = na.dot(to), v = nb.dot(to);
+        if (u - c * v > 0 && v - c * u > 0) return radius - to.norm();
+        return std::min(a.distance(p), b.distance(p));
+    };
+}
+
+Exact negated(const Exact& f)
+{
+    return [=](const Vec3d& p) { return -f(p); };
+}
+
+/// The circle about the x axis at which two balls on it, of radii ra at x = 0 and rb at x = d,
+/// meet.
+std::function<Vec3d(const Vec3d&)> circle(double ra, double rb, double d)
+{
+    const double x = (d * d + ra * ra - rb * rb) / (2 * d), r = std::sqrt(ra * ra - x * x);
+    return [=](const Vec3d& p) {
+        const Vec3d across = Vec3d(0, p.y(), p.z());
+        const double length = across.norm();
+        return Vec3d(Vec3d(x, 0, 0) + (length > 0 ? Vec3d(across * (r / length)) : Vec3d(0, r, 0)));
+    };
+}
+
+constexpr double kBallA = 0.6, kBallB = 0.5, kApart = 0.7;
+
+TEST(Combine, GivesDistancesToTheCreaseOfTwoBalls)
+{
+    const double h = 1.0 / 32;
+    const LevelSet a = solid("sphere(0.6)", h), b = solid("translate(sphere(0.5), 0.7, 0, 0)", h);
+    const Smooth sa = ball(Vec3d::Zero(), kBallA), sb = ball(Vec3d(kApart, 0, 0), kBallB);
+    const auto crease = circle(kBallA, kBallB, kApart);
+    const double half = 1.4;
+    expectNear(a | b, unionOf(sa, sb, 0, crease), half, 0.004, 0.05);
+    expectNear(a & b, negated(unionOf(complement(sa), complement(sb), 0, crease)), half, 0.004,
+               0.05);
+    expectNear(a - b, negated(unionOf(complement(sa), sb, 0, crease)), half, 0.004, 0.05);
+    for (const LevelSet& result : {a | b, a & b, a - b}) expectSound(result);
+}
+
+TEST(Combine, RollsABallAlongTheCreaseOfTwoBalls)
+{
+    const double h = 1.0 / 32, half = 1.4;
+    const LevelSet a = solid("sphere(0.6)", h), b = solid("translate(sphere(0.5), 0.7, 0, 0)", h);
+    const Smooth sa = ball(Vec3d::Zero(), kBallA), sb = ball(Vec3d(kApart, 0, 0), kBallB);
+    for (const double r : {0.02, 0.1, 0.3}) {
+        SCOPED_TRACE(r);
+        const LevelSet both = combined(Boolean::Union, {a, b}, r);
+        expectNear(both, unionOf(sa, sb, r, circle(kBallA + r, kBallB + r, kApart)), half, 0.01,
+                   0.1);
+        const LevelSet cut = combined(Boolean::Difference, {a, b}, r);
+        expectNear(cut,
+                   negated(unionOf(complement(sa), sb, r, circle(kBallA - r, kBallB + r, kApart))),
+                   half, 0.01, 0.1);
+        for (const LevelSet& result : {both, cut}) {
+            EXPECT_LE(checked(result).meanGradientError, 0.03);
+            EXPECT_NEAR(result.halfWidth(), 3, 1e-5);
+            expectSound(result);
+        }
+    }
+}
+
+/// Slabs whose faces cross on the y axis, all turned alike.
+std::string slab(double degrees)
+{
+    return fmt::format("rotate(rotate(translate(box(3,3,1.5), 0,0,-0.75), 0,1,0, {}), 1,2,3, 25)",
+                       degrees);
+}
+
+Vec3d slabNormal(double degrees)
+{
+    const auto turn = [](const Vec3d& axis, double angle) {
+        return Eigen::AngleAxisd(angle * M_PI / 180, axis.normalized());
+    };
+    return turn(Vec3d(1, 2, 3), 25) * (turn(Vec3d(0, 1, 0), degrees) * Vec3d(0, 0, 1));
+}
+
+TEST(Combine, FilletsPlanesAtAnyAngle)
+{
+    const double h = 1.0 / 20, half = 0.5;
+    const LevelSet a = solid(slab(0), h);
+    const Vec3d na = slabNormal(0);
+    for (const double degrees : {30.0, 70.0, 90.0, 120.0, 150.0}) {
+        const LevelSet b = solid(slab(degrees), h);
+        const Vec3d nb = slabNormal(degrees);
+        const Vec3d along = na.cross(nb).normalized();
+        for (const double r : {0.0, 0.08}) {
+            SCOPED_TRACE(fmt::format("{} degrees, radius {}", degrees, r));
+            // In a gap so acute the fillet's depth reaches beyond the bands.
+            const bool isAcute = r > 0 && degrees > 120;
+            const double rms = isAcute ? 0.015 : 1e-4, max = isAcute ? 0.2 : 1e-3;
+            const Vec3d path = r / (1 + na.dot(nb)) * (na + nb);
+            const auto onPath = [&](const Vec3d& p) { return Vec3d(path + along.dot(p) * along); };
+            const auto opposite = [&](const Vec3d& p) {
+                return Vec3d(-path + along.dot(p) * along);
+            };
+            expectNear(combined(Boolean::Union, {a, b}, r),
+                       unionOf(below(na), below(nb), r, onPath), half, rms, max);
+            expectNear(combined(Boolean::Intersection, {a, b}, r),
+                       negated(unionOf(complement(below(na)), complement(below(nb)), r, opposite)),
+                       half, rms, max);
+        }
+    }
+}
+
+TEST(Combine, RollsABallBetweenABallAndAPlane)
+{
+    const double h = 1.0 / 24, r = 0.15, radius = 0.5;
+    const LevelSet plane = solid("translate(box(3,3,1), 0,0,-0.5)", h);
+    const LevelSet sphere = solid("translate(sphere(0.5), 0,0,0.2)", h);
+    const double rho = std::sqrt((radius + r) * (radius + r) - (r - 0.2) * (r - 0.2));
+    const auto path = [&](const Vec3d& p) {
+        const double length = std::hypot(p.x(), p.y());
+        if (length == 0) return Vec3d(rho, 0, r);
+        return Vec3d(p.x() * rho / length, p.y() * rho / length, r);
+    };
+    const LevelSet result = combined(Boolean::Union, {plane, sphere}, r);
+    expectNear(result, unionOf(below(Vec3d(0, 0, 1)), ball(Vec3d(0, 0, 0.2), radius), r, path), 0.9,
+               0.005, 0.08);
+    expectSound(result);
+}
+
+/// Boxes along the axes.
+struct Box {
+    Vec3d low, high;
+    bool holds(const Vec3d& p) const
+    {
+        return (p.array() > low.array()).all() && (p.array() < high.array()).all();
+    }
+    std::string text() const
+    {
+        const Vec3d s = high - low, c = 0.5 * (low + high);
+        return fmt::format("translate(box({}, {}, {}), {}, {}, {})", s[0], s[1], s[2], c[0], c[1],
+                           c[2]);
+    }
+};
+
+/// The planes of all boxes cut space into cells that are inside or outside as a whole; the distance
+/// is that to the nearest cell of the other kind.
+Exact boxesDistance(const std::vector<Box>& boxes, const std::function<bool(const Vec3d&)>& inside)
+{
+    std::vector<double> planes[3];
+    for (int axis = 0; axis < 3; ++axis) {
+        planes[axis] = {-100, 100};
+        for (const Box& box : boxes)
+            planes[axis].insert(planes[axis].end(), {box.low[axis], box.high[axis]});
+        std::sort(planes[axis].begin(), planes[axis].end());
+    }
+    std::vector<Box> cells[2];
+    for (std::size_t x = 1; x < planes[0].size(); ++x)
+        for (std::size_t y = 1; y < planes[1].size(); ++y)
+            for (std::size_t z = 1; z < planes[2].size(); ++z) {
+                const Box cell{{planes[0][x - 1], planes[1][y - 1], planes[2][z - 1]},
+                               {planes[0][x], planes[1][y], planes[2][z]}};
+                if ((cell.high - cell.low).minCoeff() > 0)
+                    cells[inside(0.5 * (cell.low + cell.high))].push_back(cell);
+            }
+    return [cellsOut = cells[0], cellsIn = cells[1], inside](const Vec3d& p) {
+        const auto nearest = [&](const std::vector<Box>& of) {
+            double d2 = HUGE_VAL;
+            for (const Box& c : of)
+                d2 = std::min(d2, (c.low - p).cwiseMax(p - c.high).cwiseMax(0.0).squaredNorm());
+            return std::sqrt(d2);
+        };
+        return nearest(cellsIn) - nearest(cellsOut);
+    };
+}
+
+TEST(Combine, GivesDistancesInBoxesThatCross)
+{
+    const double h = 1.0 / 24;
+    const std::vector<Box> boxes = {{{-0.61, -0.43, -0.52}, {0.4, 0.52, 0.5}},
+                                    {{-0.2, -0.17, -0.13}, {0.83, 0.75, 0.31}},
+                                    {{-0.71, 0.21, -0.3}, {-0.05, 0.8, 0.72}}};
+    const LevelSet a = solid(boxes[0].text(), h), b = solid(boxes[1].text(), h),
+                   c = solid(boxes[2].text(), h);
+    const auto in = [&](std::size_t n, const Vec3d& p) { return boxes[n].holds(p); };
+    const std::vector<std::pair<LevelSet, std::function<bool(const Vec3d&)>>> cases = {
+        {a | b, [&](const Vec3d& p) { return in(0, p) || in(1, p); }},
+        {a & b, [&](const Vec3d& p) { return in(0, p) && in(1, p); }},
+        {a - b, [&](const Vec3d& p) { return in(0, p) && !in(1, p); }},
+        {combined(Boolean::Union, {a, b, c}),
+         [&](const Vec3d& p) { return in(0, p) || in(1, p) || in(2, p); }},
+        {combined(Boolean::Difference, {a, b, c}),
+         [&](const Vec3d& p) { return in(0, p) && !in(1, p) && !in(2, p); }}};
+    for (const auto& [result, inside] : cases) {
+        expectNear(result, boxesDistance(boxes, inside), 1.1, 0.06, 0.6);
+        expectSound(result);
+    }
+}
+
+TEST(Combine, FusesBoxesThatTouch)
+{
+    const double h = 1.0 / 16;
+    // On voxels, between voxels, and where decimals round.
+    for (const double x : {0.0, 0.3 * h, 0.1 + 0.2}) {
+        SCOPED_TRACE(x);
+        const Box a{{-0.7, -0.5, -0.5}, {x, 0.5, 0.5}}, b{{x, -0.5, -0.5}, {0.8, 0.5, 0.5}};
+        const LevelSet both = solid(a.text(), h) | solid(b.text(), h);
+        const Box whole{a.low, b.high};
+        expectNear(both, boxesDistance({whole}, [&](const Vec3d& p) { return whole.holds(p); }),
+                   1.1, 0.02, 0.5);
+        expectSound(both);
+        const LevelSet cut = solid(whole.text(), h) - solid(b.text(), h);
+        expectNear(cut, boxesDistance({a}, [&](const Vec3d& p) { return a.holds(p); }), 1.1, 0.02,
+                   0.5);
+        expectSound(cut);
+    }
+}
+
+// --- Identities
+
+struct Three {
+    double h = 1.0 / 24;
+    LevelSet a = solid("rotate(torus(0.6, 0.25), 1, 2, 0, 40)", h);
+    LevelSet b = solid("translate(sphere(0.5), 0.4, 0.2, 0.1)", h);
+    LevelSet c = solid("translate(roundedbox(0.8, 0.9, 0.6, 0.1), -0.3, 0.3, 0.2)", h);
+};
+
+TEST(Combine, HoldsTheLawsOfSets)
+{
+    const Three s;
+    EXPECT_TRUE(bytesOf(s.a | s.a) == bytesOf(s.a));
+    EXPECT_TRUE(bytesOf(s.a & s.a) == bytesOf(s.a));
+    for (const LevelSet& x : {s.a, s.b, s.c, s.a - s.b}) {
+        const LevelSet nothing = x - x;
+        EXPECT_TRUE(nothing.grid().empty()) << nothing.grid().activeVoxelCount();
+        EXPECT_EQ(nothing.grid().getConstAccessor().getValue(Coord(3, 4, 5)),
+                  nothing.grid().background());
+    }
+    EXPECT_EQ(differences(s.a - (s.b | s.c), (s.a - s.b) - s.c, 0.5), 0u);
+    EXPECT_EQ(differences(s.a - (s.b | s.c), (s.a - s.b) & (s.a - s.c), 0.5), 0u);
+    EXPECT_EQ(differences(s.a - (s.b | s.c), combined(Boolean::Difference, {s.a, s.b, s.c}), 0.5),
+              0u);
+}
+
+TEST(Combine, DoesNotDependOnTheOrderOfTwo)
+{
+    const Three s;
+    for (const Boolean kind : {Boolean::Union, Boolean::Intersection})
+        for (const double r : {0.0, 0.1}) {
+            EXPECT_TRUE(bytesOf(combined(kind, {s.a, s.b}, r)) ==
+                        bytesOf(combined(kind, {s.b, s.a}, r)));
+            EXPECT_TRUE(bytesOf(combined(kind, {s.c, s.b}, r)) ==
+                        bytesOf(combined(kind, {s.b, s.c}, r)));
+        }
+}
+
+TEST(Combine, TakesEmptyAndDistantSolids)
+{
+    const Three s;
+    const LevelSet nothing = empty(s.h);
+    EXPECT_TRUE(bytesOf(s.a | nothing) == bytesOf(s.a));
+    EXPECT_TRUE(bytesOf(nothing | s.a) == bytesOf(s.a));
+    EXPECT_TRUE(bytesOf(s.a - nothing) == bytesOf(s.a));
+    for (const LevelSet& none : {s.a & nothing, nothing & s.a, nothing - s.a, nothing | nothing})
+        EXPECT_TRUE(none.grid().empty());
+    const LevelSet far = solid("translate(sphere(0.3), 9, 9, 9)", s.h);
+    EXPECT_TRUE((s.a & far).grid().empty());
+    EXPECT_TRUE(bytesOf(s.a - far) == bytesOf(s.a));
+    EXPECT_EQ((s.a | far).grid().activeVoxelCount(),
+              s.a.grid().activeVoxelCount() + far.grid().activeVoxelCount());
+}
+
+TEST(Combine, KeepsTheInsideOfWhatLiesInsideAnother)
+{
+    const double h = 1.0 / 24;
+    const LevelSet large = solid("sphere(1)", h), small = solid("sphere(0.3)", h);
+    EXPECT_TRUE(bytesOf(large | small) == bytesOf(large));
+    EXPECT_TRUE(bytesOf(large & small) == bytesOf(small));
+    EXPECT_TRUE((small - large).grid().empty());
+    const LevelSet hollow = large - small;
+    const Accessor at = hollow.grid().getConstAccessor();
+    EXPECT_GT(at.getValue(Coord(0, 0, 0)), 0);
+    EXPECT_EQ(at.getValue(Coord(15, 0, 0)), -hollow.grid().background());
+    expectSound(hollow);
+}
+
+TEST(Combine, VolumesAddUp)
+{
+    for (const double h : {1.0 / 16, 1.0 / 32, 1.0 / 64}) {
+        const LevelSet a = solid("sphere(0.6)", h);
+        const LevelSet b = solid("translate(torus(0.5, 0.2), 0.5, 0.1, 0.2)", h);
+        const auto volume = [](const LevelSet& s) {
+            Progress progress;
+            return measure(extractMesh(s, progress)).volume;
+        };
+        const double sum = volume(a) + volume(b), parts = volume(a | b) + volume(a & b);
+        EXPECT_NEAR(parts, sum, 2 * h * h);
+        EXPECT_NEAR(volume(a - b) + volume(a & b), volume(a), 2 * h * h);
+        if (std::getenv("MPUVDB_TEST_FIGURES"))
+            fmt::print("  {:.4f} h^2\n", (parts - sum) / (h * h));
+    }
+}
+
+// --- Blends
+
+TEST(Combine, BlendsOnlyWithinTheRadius)
+{
+    const Three s;
+    const double r = 0.1;
+    const LevelSet sharp = s.a | s.b, blend = combined(Boolean::Union, {s.a, s.b}, r);
+    const auto a = parseSolid(s.a.grid().getName()), b = parseSolid(s.b.grid().getName());
+    const Accessor at = blend.grid().getConstAccessor();
+    std::uint64_t changed = 0;
+    for (auto it = sharp.grid().cbeginValueOn(); it; ++it) {
+        const Vec3d p = test::worldOf(sharp.lattice(), it.getCoord());
+        const bool isFar = std::min(a->distance(p), b->distance(p)) > r ||
+                           std::max(a->distance(p), b->distance(p)) > 2 * r + 4 * s.h;
+        const bool isSame = at.getValue(it.getCoord()) == *it && at.isValueOn(it.getCoord());
+        changed += !isSame;
+        EXPECT_TRUE(isSame || !isFar) << it.getCoord() << " " << *it;
+    }
+    EXPECT_GT(changed, 100u);
+    EXPECT_TRUE(bytesOf(combined(Boolean::Union, {s.a, s.b}, 0)) == bytesOf(sharp));
+}
+
+// --- Refusals, threads, lattices
+
+TEST(Combine, RefusesWhatItCannotCombine)
+{
+    const LevelSet a = solid("sphere(0.5)", 1.0 / 8);
+    Progress progress;
+    EXPECT_THROW(combine(Boolean::Union, {}, 0, progress), UsageError);
+    for (const double bad : {-1.0, std::nan(""), HUGE_VAL})
+        EXPECT_THROW(combine(Boolean::Union, {a, a}, bad, progress), UsageError);
+    progress.stop();
+    EXPECT_THROW(combine(Boolean::Union, {a, a}, 0, progress), Interrupted);
+}
+
+TEST(Combine, TakesTheFinestLatticeAndTheWidestBand)
+{
+    const LevelSet coarse = solid("sphere(0.5)", 1.0 / 8, 4);
+    const LevelSet fine = solid("translate(sphere(0.5), 0.4, 0, 0)", 1.0 / 16);
+    std::vector<std::string> notes;
+    Progress progress;
+    const std::vector<LevelSet> same = onOneLattice({coarse, fine, fine}, notes, progress);
+    ASSERT_EQ(same.size(), 3u);
+    EXPECT_EQ(notes.size(), 1u);
+    EXPECT_EQ(same[0].voxelSize(), fine.voxelSize());
+    EXPECT_EQ(same[1].gridPtr(), fine.gridPtr());
+    const LevelSet both = coarse | fine;
+    EXPECT_EQ(both.voxelSize(), fine.voxelSize());
+    EXPECT_NEAR(both.halfWidth(), 4, 1e-5);
+    EXPECT_EQ(both.grid().getName(), coarse.grid().getName());
+    expectSound(both);
+}
+
+TEST(Combine, DoesNotDependOnThreads)
+{
+    const Three s;
+    for (const double r : {0.0, 0.1}) {
+        std::vector<std::string> bytes;
+        for (const std::size_t threads : {1u, 2u, 8u}) {
+            tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+            bytes.push_back(bytesOf(combined(Boolean::Difference, {s.a, s.b, s.c}, r)));
+        }
+        EXPECT_TRUE(bytes[0] == bytes[1]);
+        EXPECT_TRUE(bytes[0] == bytes[2]);
+    }
+}
+
+// --- Random programs
+
+/// A level set and the exact sign of what it stands for.
+struct Program {
+    LevelSet levelSet;
+    Exact exact;
+    std::string text;
+};
+
+Program randomLeaf(test::Random& random, double h)
+{
+    const auto number = [&](double low, double high) {
+        return std::round(random.uniform(low, high) * 64) / 64;
+    };
+    std::string text;
+    switch (random.below(3)) {
+    case 0:
+        text = fmt::format("sphere({})", number(0.2, 0.5));
+        break;
+    case 1:
+        text = fmt::format("box({},{},{})", number(0.3, 0.9), number(0.3, 0.9), number(0.3, 0.9));
+        break;
+    default:
+        text = fmt::format("torus({},{})", number(0.3, 0.5), number(0.12, 0.25));
+    }
+    if (random.below(2))
+        text =
+            fmt::format("rotate({},{},{},1,{})", text, number(-1, 1), number(-1, 1), number(0, 90));
+    text = fmt::format("translate({},{},{},{})", text, number(-0.5, 0.5), number(-0.5, 0.5),
+                       number(-0.5, 0.5));
+    const auto exact = parseSolid(text);
+    return {solid(text, h), [exact](const Vec3d& p) { return exact->distance(p); }, text};
+}
+
+Program randomProgram(test::Random& random, double h, std::size_t nodes)
+{
+    if (nodes < 3) return randomLeaf(random, h);
+    const std::size_t left = 1 + random.below(nodes - 2);
+    const Program a = randomProgram(random, h, left);
+    const Program b = randomProgram(random, h, nodes - 1 - left);
+    const auto fa = a.exact, fb = b.exact;
+    switch (random.below(4)) {
+    case 0:
+        return {a.levelSet & b.levelSet, [=](const Vec3d& p) { return std::max(fa(p), fb(p)); },
+                fmt::format("intersection({},{})", a.text, b.text)};
+    case 1:
+        return {a.levelSet - b.levelSet, [=](const Vec3d& p) { return std::max(fa(p), -fb(p)); },
+                fmt::format("difference({},{})", a.text, b.text)};
+    default:
+        return {a.levelSet | b.levelSet, [=](const Vec3d& p) { return std::min(fa(p), fb(p)); },
+                fmt::format("union({},{})", a.text, b.text)};
+    }
+}
+
+TEST(Combine, RunsRandomPrograms)
+{
+    const double h = 1.0 / 20;
+    for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+        test::Random random(seed);
+        const Program program = randomProgram(random, h, 3 + random.below(28));
+        SCOPED_TRACE(fmt::format("seed {}: {}", seed, program.text));
+        expectSound(program.levelSet);
+        const Accessor at = program.levelSet.grid().getConstAccessor();
+        std::uint64_t wrong = 0;
+        for (int n = 0; n < 2000; ++n) {
+            const Vec3d p = random.inCube(1.2);
+            const Vec3i voxel = (p / h).array().round().cast<int>();
+            const double d = program.exact(h * voxel.cast<double>());
+            if (std::abs(d) > h)
+                wrong += (at.getValue(Coord(voxel[0], voxel[1], voxel[2])) < 0) != (d < 0);
+        }
+        EXPECT_EQ(wrong, 0u);
+    }
+}
+
+} // namespace
+} // namespace mpuvdb
