@@ -42,6 +42,12 @@ struct PointInput {
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
                       Progress& progress, const std::vector<Vec3d>& viewpoints = {});
 
+/// Read a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
+/// (PLY). Polygons become fans; vertices without a triangle are left out. The frame is the middle
+/// of the mesh.
+/// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite).
+Mesh readMesh(const std::filesystem::path& file, Progress& progress);
+
 /// Write points as binary PLY (float offsets become doubles) or XYZ text.
 void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress);
 

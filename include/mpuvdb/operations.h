@@ -37,7 +37,8 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
 std::vector<LevelSet> onOneLattice(const std::vector<LevelSet>& inputs,
                                    std::vector<std::string>& notes, Progress& progress);
 
-/// @a levelSet as a field, by interpolation; beyond its band only the sign counts.
+/// @a levelSet as a field: cubic interpolation of its values, exact at its voxels; deep inside and
+/// outside only the sign counts.
 FieldPtr makeGridField(const LevelSet& levelSet);
 
 /// @a levelSet sampled on @a lattice with @a halfWidth voxels of it.

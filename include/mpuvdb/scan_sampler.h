@@ -22,6 +22,8 @@ public:
     virtual double distance(const Vec3d& p) const = 0;
     /// Where the distance is costly, a cheap value of the same sign and no larger magnitude.
     virtual double bound(const Vec3d& p) const { return distance(p); }
+    /// Whether distance() is exact in a band of any width.
+    virtual bool isExact() const { return true; }
     /// Outward unit normal at a point on (or near) the surface.
     virtual Vec3d normal(const Vec3d& p) const = 0;
     virtual Box3d bounds() const = 0;

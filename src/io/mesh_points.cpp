@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 namespace mpuvdb
 {
 namespace
@@ -60,8 +62,9 @@ void throwBadCorner(std::int64_t corner, std::uint64_t vertices, const std::stri
                     where, corner, vertices));
 }
 
-void addMeshNormals(FilePoints& points, const Triangles& triangles)
+void addMeshNormals(FilePoints& points)
 {
+    const Triangles triangles = std::exchange(points.triangles, {});
     if (triangles.empty() || points.size() == 0 || points.hasNormals()) return;
     PointBlock& block = points.joined();
     const std::vector<Vec3f> local = localPositions(block.positions);

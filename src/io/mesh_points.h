@@ -5,9 +5,6 @@
 namespace mpuvdb
 {
 
-/// A mesh's triangles while its vertices are still blocks.
-using Triangles = std::vector<std::array<std::uint32_t, 3>>;
-
 /// Append the fan of a polygon. Polygons of less than three corners give nothing.
 void appendPolygon(const std::vector<std::int64_t>& corners, Triangles& triangles);
 /// Append triangle strips, separated by negative numbers.
@@ -20,8 +17,8 @@ const std::int64_t* findBadCorner(const std::vector<std::int64_t>& corners, std:
 [[noreturn]] void throwBadCorner(std::int64_t corner, std::uint64_t vertices,
                                  const std::string& where);
 
-/// Give vertices area-weighted normals and leave out those that no triangle uses. Vertices with
-/// normals of their own, and files without triangles, stay as they are.
-void addMeshNormals(FilePoints& points, const Triangles& triangles);
+/// Give vertices area-weighted normals and leave out those that no triangle uses, and let go of the
+/// triangles. Vertices with normals of their own, and files without triangles, stay as they are.
+void addMeshNormals(FilePoints& points);
 
 } // namespace mpuvdb

@@ -153,7 +153,7 @@ FilePoints readObj(const ByteSource& source, Progress& progress)
     if (triangles.empty() && file.normals.size() == file.points.size())
         file.points.normals = std::move(file.normals);
     result.blocks.push_back(std::move(file.points));
-    addMeshNormals(result, triangles);
+    result.triangles = std::move(triangles);
     return result;
 }
 

@@ -27,7 +27,7 @@ public:
         FilePoints result;
         result.unit = "vertex";
         result.blocks.push_back(readVertices());
-        addMeshNormals(result, readFaces());
+        result.triangles = readFaces();
         return result;
     }
 

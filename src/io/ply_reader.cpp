@@ -198,7 +198,7 @@ public:
             readAscii();
         else
             readBinary();
-        addNormals();
+        addGridNormals();
         return std::move(mResult);
     }
 
@@ -284,15 +284,14 @@ private:
     void merge(Rows&& rows)
     {
         if (rows.points.size() > 0) mResult.blocks.push_back(std::move(rows.points));
-        mTriangles.insert(mTriangles.end(), rows.triangles.begin(), rows.triangles.end());
+        mResult.triangles.insert(mResult.triangles.end(), rows.triangles.begin(),
+                                 rows.triangles.end());
         mGrid.insert(mGrid.end(), rows.grid.begin(), rows.grid.end());
     }
 
-    void addNormals()
+    void addGridNormals()
     {
-        if (mResult.hasNormals()) return;
-        addMeshNormals(mResult, mTriangles);
-        if (mResult.hasNormals() || mGrid.empty()) return;
+        if (mResult.hasNormals() || !mResult.triangles.empty() || mGrid.empty()) return;
         RangeGrid grid;
         grid.columns = mHeader.gridColumns;
         grid.rows = mHeader.gridRows;
@@ -319,7 +318,6 @@ private:
     Progress& mProgress;
     PlyHeader mHeader;
     FilePoints mResult;
-    Triangles mTriangles;
     std::vector<std::uint32_t> mGrid;
 };
 

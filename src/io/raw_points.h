@@ -85,11 +85,15 @@ struct PointBlock {
 /// translation.
 void movePoints(PointBlock& block, const Eigen::Matrix3d& rotation, const Vec3d& translation);
 
+/// A mesh's triangles while its vertices are still blocks.
+using Triangles = std::vector<std::array<std::uint32_t, 3>>;
+
 /// What one reader hands over.
 struct FilePoints {
     std::string name;           ///< of the file, for messages
     const char* unit = "point"; ///< what the file calls a point, for messages
     std::vector<PointBlock> blocks;
+    Triangles triangles; ///< of all blocks' points, in order; corners are valid
     std::map<std::string, std::uint64_t> dropped;
     std::vector<std::string> notes; ///< without the file's name
 

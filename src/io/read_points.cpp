@@ -1,4 +1,5 @@
 // Which reader a file wants, and all files as one cloud.
+#include "mesh_points.h"
 #include "readers.h"
 #include "text_scan.h"
 
@@ -47,7 +48,9 @@ Reader readerByExtension(const std::string& extension)
     return found == readers.end() ? nullptr : found->second;
 }
 
-FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints, Progress& progress)
+} // namespace
+
+FilePoints readFormat(const std::filesystem::path& file, Progress& progress)
 {
     const ByteSource source(file, progress);
     if (source.size() == 0)
@@ -68,6 +71,16 @@ FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints, Prog
                         source.name()));
     FilePoints points = reader(source, progress);
     points.name = source.name();
+    return points;
+}
+
+namespace
+{
+
+FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints, Progress& progress)
+{
+    FilePoints points = readFormat(file, progress);
+    addMeshNormals(points);
     cleanPoints(points, badPoints, progress);
     return points;
 }

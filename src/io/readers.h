@@ -17,6 +17,10 @@ FilePoints readStl(const ByteSource& source, Progress& progress);
 FilePoints readPcd(const ByteSource& source, Progress& progress);
 FilePoints readLas(const ByteSource& source, Progress& progress);
 
+/// Points and triangles as the file has them, by the reader that its first bytes or its extension
+/// ask for.
+FilePoints readFormat(const std::filesystem::path& file, Progress& progress);
+
 /// A scan of a Stanford .conf set: world = rotation * p + translation.
 struct PlacedScan {
     std::filesystem::path file;

@@ -1,6 +1,5 @@
 // STL: triangles whose equal corners become one vertex.
 #include "line_reader.h"
-#include "mesh_points.h"
 #include "readers.h"
 #include "records.h"
 #include "text_scan.h"
@@ -47,13 +46,11 @@ public:
 
     FilePoints finish()
     {
-        Triangles triangles;
-        for (std::size_t i = 2; i < mCorners.size(); i += 3)
-            triangles.push_back({mCorners[i - 2], mCorners[i - 1], mCorners[i]});
         FilePoints result;
         result.unit = "vertex";
+        for (std::size_t i = 2; i < mCorners.size(); i += 3)
+            result.triangles.push_back({mCorners[i - 2], mCorners[i - 1], mCorners[i]});
         result.blocks.push_back(std::move(mBlock));
-        addMeshNormals(result, triangles);
         return result;
     }
 

@@ -2,6 +2,7 @@
 #pragma once
 #include <mpuvdb/field.h>
 
+#include <openvdb/Grid.h>
 #include <openvdb/math/Transform.h>
 
 #include <optional>
@@ -13,8 +14,8 @@ namespace mpuvdb
 /// translates.
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
 
-/// A transform that puts voxels where @a lattice says.
-openvdb::math::Transform::Ptr transformOf(const Lattice& lattice);
+/// Give @a grid the transform of @a lattice.
+void setLattice(openvdb::GridBase& grid, const Lattice& lattice);
 
 /// @throws UsageError unless @a voxelSize is a positive number, LimitError for one that is too
 /// small for a transform: OpenVDB takes those whose determinant is below 3e-15 for singular.

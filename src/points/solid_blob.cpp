@@ -46,6 +46,8 @@ public:
         return (length - shell(p / length).radius) / mSteepest;
     }
 
+    bool isExact() const override { return false; }
+
     Vec3d normal(const Vec3d& p) const override
     {
         return shellNormal(std::abs(bound(p)) > mReach ? p : foot(p));

@@ -26,6 +26,7 @@ public:
     }
     double distance(const Vec3d& p) const override { return combine(p, &Solid::distance); }
     double bound(const Vec3d& p) const override { return combine(p, &Solid::bound); }
+    bool isExact() const override { return mOperands.size() == 1 && mOperands[0].solid->isExact(); }
     Vec3d normal(const Vec3d& p) const override
     {
         const Operand* ruler = nullptr;
@@ -71,6 +72,7 @@ public:
     }
     double distance(const Vec3d& p) const override { return mScale * mSolid->distance(local(p)); }
     double bound(const Vec3d& p) const override { return mScale * mSolid->bound(local(p)); }
+    bool isExact() const override { return mSolid->isExact(); }
     Vec3d normal(const Vec3d& p) const override { return mRotation * mSolid->normal(local(p)); }
     Box3d bounds() const override
     {
@@ -105,6 +107,7 @@ public:
     {
         return mSolid->bound(sectorOf(p).transpose() * p);
     }
+    bool isExact() const override { return mSolid->isExact(); }
     Vec3d normal(const Vec3d& p) const override
     {
         const Eigen::Matrix3d r = sectorOf(p);

@@ -121,6 +121,10 @@ std::vector<Maker> primitiveMakers()
          [](A a) {
              return makeBox({a.numbers[0], a.numbers[1], a.numbers[2]}, a.numbers[3]);
          }},
+        {"ellipsoid", "x,y,z", "radii along the axes", 0, 3, wantPositive,
+         [](A a) {
+             return makeEllipsoid({a.numbers[0], a.numbers[1], a.numbers[2]});
+         }},
         {"capsule", "r,length", "radius, length of the straight part along z", 0, 2, wantPositive,
          [](A a) { return makeCapsule(a.numbers[0], a.numbers[1]); }},
         {"cylinder", "r,height", "radius, height along z", 0, 2, wantPositive,

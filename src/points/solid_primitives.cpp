@@ -184,6 +184,67 @@ private:
     Eigen::Vector2d mSlope;
 };
 
+/// The nearest point x of the surface satisfies p - x = t grad(x^2/r^2) / 2, so that x_i =
+/// r_i^2 p_i / (t + r_i^2) with the largest t for which x lies on the surface.
+class Ellipsoid final : public Solid
+{
+public:
+    explicit Ellipsoid(const Vec3d& radii) : mRadii(radii)
+    {
+        mRadii.minCoeff(&mShort);
+        // r_i^2 - r_short^2, without cancellation.
+        mExcess = (mRadii.array() - mRadii[mShort]) * (mRadii.array() + mRadii[mShort]);
+    }
+    double distance(const Vec3d& p) const override
+    {
+        const double away = (p.cwiseAbs() - foot(p.cwiseAbs())).norm();
+        return p.cwiseQuotient(mRadii).squaredNorm() < 1 ? -away : away;
+    }
+    Vec3d normal(const Vec3d& p) const override
+    {
+        const Vec3d x = foot(p.cwiseAbs());
+        return withSigns((x.array() / mRadii.array().square()).matrix().normalized(), p);
+    }
+    Box3d bounds() const override { return boxAbout(mRadii); }
+
+private:
+    /// Nearest surface point of a point in the positive octant.
+    Vec3d foot(const Vec3d& p) const
+    {
+        // u = t + r_short^2 is where cancellation would be. The sum of squares below is at least 1
+        // at the start; 1 / sqrt(sum) is convex, so Newton's steps approach its 1 from one side.
+        const Eigen::Array3d scaled = mRadii.array() * p.array();
+        double u = std::max((scaled - mExcess).maxCoeff(), 0.0);
+        constexpr int kMaxSteps = 60; // fewer than ten are usual
+        for (int step = 0; step < kMaxSteps; ++step) {
+            double sum = 0, slope = 0;
+            for (int i = 0; i < 3; ++i) {
+                if (!(scaled[i] > 0)) continue;
+                const double bottom = u + mExcess[i], term = scaled[i] / bottom;
+                sum += term * term;
+                slope += term * term / bottom;
+            }
+            if (!(sum > 1)) break;
+            const double next = u + sum * (std::sqrt(sum) - 1) / slope;
+            if (!(next > u)) break;
+            u = next;
+        }
+        Vec3d x = Vec3d::Zero();
+        for (int i = 0; i < 3; ++i)
+            if (scaled[i] > 0) x[i] = mRadii[i] * scaled[i] / (u + mExcess[i]);
+        // From the middle plane, inside the focal curve, the surface is met along the short axis.
+        if (!(scaled[mShort] > 0)) {
+            const double rest = 1 - x.cwiseQuotient(mRadii).squaredNorm();
+            if (rest > 0) x[mShort] = mRadii[mShort] * std::sqrt(rest);
+        }
+        return x;
+    }
+
+    Vec3d mRadii;
+    Eigen::Index mShort = 0;
+    Eigen::Array3d mExcess;
+};
+
 } // namespace
 
 SolidPtr makeSphere(double radius)
@@ -197,6 +258,10 @@ SolidPtr makeTorus(double major, double minor)
 SolidPtr makeBox(const Vec3d& size, double radius)
 {
     return std::make_shared<RoundedBox>(size, radius);
+}
+SolidPtr makeEllipsoid(const Vec3d& radii)
+{
+    return std::make_shared<Ellipsoid>(radii);
 }
 SolidPtr makeCapsule(double radius, double length)
 {

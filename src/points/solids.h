@@ -15,6 +15,8 @@ SolidPtr makeSphere(double radius);
 SolidPtr makeTorus(double major, double minor);
 /// @a size is the full size; edges are rounded with @a radius, from 0 to half the smallest side.
 SolidPtr makeBox(const Vec3d& size, double radius);
+/// @a radii along the axes.
+SolidPtr makeEllipsoid(const Vec3d& radii);
 /// All points within @a radius of a segment of @a length along z.
 SolidPtr makeCapsule(double radius, double length);
 SolidPtr makeCylinder(double radius, double height);

@@ -1,0 +1,133 @@
+// Half-space, gyroid, and any function.
+#include "point_field.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+class HalfSpace final : public PointField
+{
+public:
+    HalfSpace(const Vec3d& point, const Vec3d& normal) : mPoint(point), mNormal(normal) {}
+
+    Box3d bounds() const override { return wholeSpace(); }
+    FieldSample evaluate(const Vec3d& p) const override { return {value(p), mNormal, -1, true}; }
+    double value(const Vec3d& p) const override { return mNormal.dot(p - mPoint); }
+
+private:
+    Vec3d mPoint, mNormal;
+};
+
+/// |G| / max(|grad G|, sqrt 2) with G = sin x cos y + sin y cos z + sin z cos x is about the
+/// distance from the gyroid, on which G's slope is sqrt 2 at least.
+class Gyroid final : public PointField
+{
+public:
+    Gyroid(double period, double thickness) : mFrequency(2 * M_PI / period), mHalf(thickness / 2) {}
+
+    Box3d bounds() const override { return wholeSpace(); }
+    FieldSample evaluate(const Vec3d& p) const override
+    {
+        constexpr double kStep = 1e-6;
+        return {value(p), slope(p, kStep / mFrequency), -1, true};
+    }
+    double value(const Vec3d& p) const override
+    {
+        const Eigen::Array3d angle = mFrequency * p.array();
+        const Eigen::Array3d s = angle.sin(), c = angle.cos();
+        const double g = s[0] * c[1] + s[1] * c[2] + s[2] * c[0];
+        const Vec3d gradient(c[0] * c[1] - s[2] * s[0], c[1] * c[2] - s[0] * s[1],
+                             c[2] * c[0] - s[1] * s[2]);
+        return std::abs(g) / (mFrequency * std::max(gradient.norm(), M_SQRT2)) - mHalf;
+    }
+    bool isDistance() const override { return false; }
+    double steepness() const override { return kSteepness; }
+
+    /// The value's largest, in parts of the period.
+    static constexpr double kFarthest = 1.5 / (M_SQRT2 * 2 * M_PI);
+
+private:
+    /// The largest slope that 1.5 million random places have is 1.498; near thin walls it is 1.06.
+    static constexpr double kSteepness = 1.51;
+
+    double mFrequency, mHalf;
+};
+
+class FunctionField final : public PointField
+{
+public:
+    FunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
+                  double steepness)
+        : mFunction(std::move(function)), mBounds(bounds), mSteepness(steepness)
+    {
+    }
+
+    Box3d bounds() const override { return mBounds; }
+    FieldSample evaluate(const Vec3d& p) const override
+    {
+        constexpr double kStep = 1e-6; // of the diagonal
+        return {value(p), slope(p, kStep * mBounds.diagonal().norm()), -1, true};
+    }
+    double value(const Vec3d& p) const override
+    {
+        constexpr double kFar = 1e30; // so that floats of it are finite
+        const double value = mFunction(p);
+        if (!std::isfinite(value))
+            throw InputError(fmt::format("function: its value at ({}, {}, {}) is not finite. "
+                                         "Make it one everywhere about the bounds",
+                                         p[0], p[1], p[2]));
+        return std::clamp(value, -kFar, kFar);
+    }
+    bool isDistance() const override { return false; }
+    double steepness() const override { return mSteepness; }
+
+private:
+    std::function<double(const Vec3d&)> mFunction;
+    Box3d mBounds;
+    double mSteepness;
+};
+
+} // namespace
+
+FieldPtr makeHalfSpace(const Vec3d& point, const Vec3d& normal)
+{
+    const double length = normal.norm();
+    if (!(length > 0) || !std::isfinite(length) || !point.allFinite())
+        throw UsageError("half-space: its point must be finite, its normal too, and not zero");
+    return std::make_shared<HalfSpace>(point, normal / length);
+}
+
+FieldPtr makeGyroid(double period, double thickness)
+{
+    if (!(period > 0) || !std::isfinite(period))
+        throw UsageError(fmt::format("gyroid: its period is {}; it must be above 0", period));
+    const double most = 1.8 * Gyroid::kFarthest;
+    if (!(thickness > 0 && thickness <= most * period))
+        throw UsageError(fmt::format("gyroid: its thickness is {}; it must be above 0 and at most "
+                                     "{:.3g}, {:.2g} of its period: thicker walls fill all space",
+                                     thickness, most * period, most));
+    return std::make_shared<Gyroid>(period, thickness);
+}
+
+FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
+                           double steepness)
+{
+    if (!function) throw UsageError("function: there is none to call");
+    if (bounds.isEmpty() || !isFinite(bounds))
+        throw UsageError("function: its bounds are empty or not finite. Give a box that holds the "
+                         "solid");
+    if (!(steepness > 0) || !std::isfinite(steepness))
+        throw UsageError(
+            fmt::format("function: its steepness is {}; it must be above 0", steepness));
+    return std::make_shared<FunctionField>(std::move(function), bounds, steepness);
+}
+
+} // namespace mpuvdb

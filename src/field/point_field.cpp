@@ -1,0 +1,241 @@
+#include "point_field.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr double kLastBlock = 1 << 26; ///< so that voxels' indices stay ints
+constexpr std::size_t kMostBlocks = std::size_t(1) << 26;
+const double kSqrt3 = std::sqrt(3.0);
+
+/// Far from its data a field may say more than the distance: it is believed half of what it says.
+constexpr double kDoubt = 2;
+
+class Descent
+{
+public:
+    Descent(const Lattice& lattice, const BlockRange& range, const CubeTest& mayMeet)
+        : mLattice(lattice), mRange(range), mMayMeet(mayMeet)
+    {
+    }
+
+    std::vector<Vec3i> run()
+    {
+        const Vec3i size = mRange.high - mRange.low;
+        int level = 0;
+        while (size.maxCoeff() >> level > 0) ++level;
+        descend(mRange.low, level);
+        sortBlocks(mBlocks);
+        return std::move(mBlocks);
+    }
+
+private:
+    void descend(const Vec3i& low, int level)
+    {
+        if ((low.array() > mRange.high.array()).any()) return;
+        const double half = 0.5 * kBlockDim * std::ldexp(1.0, level); // voxels
+        const Vec3d corner = double(kBlockDim) * low.cast<double>() - Vec3d::Constant(0.5);
+        const Vec3d centre =
+            mLattice.origin + mLattice.voxelSize * (corner + Vec3d::Constant(half));
+        if (!mMayMeet(centre, kSqrt3 * half * mLattice.voxelSize)) return;
+        if (level == 0) {
+            if (mBlocks.size() == kMostBlocks)
+                throw LimitError(fmt::format("the surface meets more than {} blocks of voxels of "
+                                             "size {}: use larger voxels",
+                                             kMostBlocks, mLattice.voxelSize));
+            mBlocks.push_back(low);
+            return;
+        }
+        const int step = 1 << (level - 1);
+        for (int octant = 0; octant < 8; ++octant)
+            descend(low + step * Vec3i(octant >> 2, octant >> 1 & 1, octant & 1), level - 1);
+    }
+
+    Lattice mLattice;
+    BlockRange mRange;
+    const CubeTest& mMayMeet;
+    std::vector<Vec3i> mBlocks;
+};
+
+/// Evaluates voxel by voxel, but for cubes of voxels that a value at their middle puts beyond the
+/// band.
+class PointSampler final : public BlockSampler
+{
+public:
+    PointSampler(const PointField& field, const Lattice& lattice, double band)
+        : mField(field), mLattice(lattice), mBand(band)
+    {
+    }
+
+    void evaluate(const Vec3i& block, BlockValues& values) override
+    {
+        fill(kBlockDim * block, Vec3i::Zero(), kBlockDim, values);
+    }
+
+private:
+    void fill(const Vec3i& first, const Vec3i& low, int size, BlockValues& values) const
+    {
+        const double half = 0.5 * (size - 1); // voxels
+        const Vec3d centre = world((first + low).cast<double>() + Vec3d::Constant(half));
+        const double bound = mField.bound(centre);
+        const double change = mField.change(centre, kSqrt3 * half * mLattice.voxelSize);
+        if (std::abs(bound) > mBand + change) {
+            const auto far = float(std::copysign(mBand, bound));
+            forEachVoxel(
+                low, size, [&](const Vec3i&, float& value) { value = far; }, values);
+            return;
+        }
+        constexpr int kLeast = 4; // smaller cubes are seldom beyond the band if this one is not
+        if (size == kLeast) {
+            const auto take = [&](const Vec3i& voxel, float& value) {
+                value = float(mField.value(world((first + voxel).cast<double>())));
+            };
+            forEachVoxel(low, size, take, values);
+            return;
+        }
+        for (int octant = 0; octant < 8; ++octant)
+            fill(first, low + size / 2 * Vec3i(octant >> 2, octant >> 1 & 1, octant & 1), size / 2,
+                 values);
+    }
+
+    Vec3d world(const Vec3d& voxel) const { return mLattice.origin + mLattice.voxelSize * voxel; }
+
+    template <class F>
+    static void forEachVoxel(const Vec3i& low, int size, F&& f, BlockValues& values)
+    {
+        for (int x = low[0]; x < low[0] + size; ++x)
+            for (int y = low[1]; y < low[1] + size; ++y)
+                for (int z = low[2]; z < low[2] + size; ++z)
+                    f(Vec3i(x, y, z), values[std::size_t((x * kBlockDim + y) * kBlockDim + z)]);
+    }
+
+    const PointField& mField;
+    Lattice mLattice;
+    double mBand;
+};
+
+} // namespace
+
+void sortBlocks(std::vector<Vec3i>& blocks)
+{
+    std::sort(blocks.begin(), blocks.end(), [](const Vec3i& a, const Vec3i& b) {
+        return std::make_tuple(a[0], a[1], a[2]) < std::make_tuple(b[0], b[1], b[2]);
+    });
+    blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+}
+
+BlockRange blocksOf(const Lattice& lattice, const Box3d& box)
+{
+    const auto blockOf = [&](const Vec3d& p) {
+        const Eigen::Array3d voxel = (p - lattice.origin).array() / lattice.voxelSize + 0.5;
+        const Eigen::Array3d block = (voxel / kBlockDim).floor();
+        if (!(block.abs() < kLastBlock).all())
+            throw LimitError(fmt::format("voxels of size {} about a box that reaches to ({}, {}, "
+                                         "{}) are beyond the index range: use larger voxels",
+                                         lattice.voxelSize, p[0], p[1], p[2]));
+        return Vec3i(block.cast<int>().matrix());
+    };
+    return {blockOf(box.min()), blockOf(box.max())};
+}
+
+Box3d cubeOf(const Lattice& lattice, const Vec3i& block)
+{
+    const Vec3d corner = double(kBlockDim) * block.cast<double>() - Vec3d::Constant(0.5);
+    const Vec3d low = lattice.origin + lattice.voxelSize * corner;
+    return Box3d(low, low + Vec3d::Constant(kBlockDim * lattice.voxelSize));
+}
+
+std::vector<Vec3i> descendBlocks(const Lattice& lattice, const Box3d& box, const CubeTest& mayMeet)
+{
+    if (box.isEmpty()) return {};
+    return Descent(lattice, blocksOf(lattice, box), mayMeet).run();
+}
+
+double boxDistance(const Box3d& box, const Vec3d& p)
+{
+    const Vec3d q = (box.min() - p).cwiseMax(p - box.max());
+    return q.cwiseMax(0).norm() + std::min(q.maxCoeff(), 0.0);
+}
+
+bool isFinite(const Box3d& box)
+{
+    return box.min().allFinite() && box.max().allFinite();
+}
+
+Box3d wholeSpace()
+{
+    const Vec3d far = Vec3d::Constant(std::numeric_limits<double>::infinity());
+    return Box3d(-far, far);
+}
+
+std::vector<Vec3i> PointField::seedsWithin(const Lattice& lattice, const Box3d& box) const
+{
+    return descendBlocks(lattice, box, [&](const Vec3d& centre, double radius) {
+        return !(std::abs(bound(centre)) > change(centre, radius));
+    });
+}
+
+std::vector<Vec3i> PointField::seedBlocks(const Lattice& lattice) const
+{
+    const Box3d box = bounds();
+    if (!box.isEmpty() && !isFinite(box))
+        throw UsageError("the solid has no bounds: intersect it with a box or another solid "
+                         "that has");
+    return seedsWithin(lattice, box);
+}
+
+std::unique_ptr<BlockSampler> PointField::sampler(const Lattice& lattice, double band) const
+{
+    return std::make_unique<PointSampler>(*this, lattice, band);
+}
+
+Vec3d PointField::slope(const Vec3d& p, double step) const
+{
+    Vec3d gradient;
+    for (int axis = 0; axis < 3; ++axis) {
+        const Vec3d by = step * Vec3d::Unit(axis);
+        gradient[axis] = (value(p + by) - value(p - by)) / (2 * step);
+    }
+    return gradient;
+}
+
+Source::Source(FieldPtr field)
+    : mField(std::move(field)), mPoints(dynamic_cast<const PointField*>(mField.get()))
+{
+}
+
+double Source::value(const Vec3d& p) const
+{
+    return mPoints ? mPoints->value(p) : mField->evaluate(p).value;
+}
+
+double Source::bound(const Vec3d& p) const
+{
+    return mPoints ? mPoints->bound(p) : mField->evaluate(p).value;
+}
+
+double Source::change(const Vec3d& centre, double radius) const
+{
+    return mPoints ? mPoints->change(centre, radius) : kDoubt * mField->steepness() * radius;
+}
+
+std::vector<Vec3i> Source::seedsWithin(const Lattice& lattice, const Box3d& box) const
+{
+    if (mPoints) return mPoints->seedsWithin(lattice, box);
+    std::vector<Vec3i> blocks = mField->seedBlocks(lattice);
+    const auto apart = [&](const Vec3i& b) { return !cubeOf(lattice, b).intersects(box); };
+    blocks.erase(std::remove_if(blocks.begin(), blocks.end(), apart), blocks.end());
+    return blocks;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,84 @@
+// Fields that are known by their values at single points: their seeds, and their blocks.
+#pragma once
+#include <mpuvdb/fields.h>
+
+#include <functional>
+
+namespace mpuvdb
+{
+
+/// The blocks of @a lattice that meet @a box (world units) and for whose cubes, and all larger ones
+/// of an octree around them, @a mayMeet says yes; sorted by (x,y,z), unique.
+/// @throws LimitError for more blocks than can be kept, or beyond the index range.
+using CubeTest = std::function<bool(const Vec3d& centre, double radius)>;
+std::vector<Vec3i> descendBlocks(const Lattice& lattice, const Box3d& box, const CubeTest& mayMeet);
+
+/// Sort by (x,y,z) and leave out what comes twice.
+void sortBlocks(std::vector<Vec3i>& blocks);
+
+/// Voxels of @a lattice in which @a box lies, which may be half a voxel less than a block on each
+/// side.
+struct BlockRange {
+    Vec3i low, high; ///< the last included
+};
+/// @throws LimitError beyond the index range.
+BlockRange blocksOf(const Lattice& lattice, const Box3d& box);
+
+/// The cube of block @a block: its voxels and half a voxel around them, so that cubes fill space.
+Box3d cubeOf(const Lattice& lattice, const Vec3i& block);
+
+/// Distance from the faces of @a box, negative inside.
+double boxDistance(const Box3d& box, const Vec3d& p);
+
+/// A function of the point. Derived classes give its value, and how far values are to be trusted.
+class PointField : public Field
+{
+public:
+    virtual double value(const Vec3d& p) const = 0;
+    /// A value of the same sign and no larger magnitude, where that is cheaper.
+    virtual double bound(const Vec3d& p) const { return value(p); }
+    /// How much the bound may change from @a centre within @a radius.
+    virtual double change(const Vec3d& /*centre*/, double radius) const
+    {
+        return steepness() * radius;
+    }
+    /// The blocks within @a box that the zero set may meet: all of them, or at least one per
+    /// component of the zero set within the box.
+    virtual std::vector<Vec3i> seedsWithin(const Lattice& lattice, const Box3d& box) const;
+
+    /// @throws UsageError if the field is unbounded.
+    std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override;
+    std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override;
+
+protected:
+    /// The gradient by differences of @a step.
+    Vec3d slope(const Vec3d& p, double step) const;
+};
+
+/// The field that another one is made from.
+class Source
+{
+public:
+    explicit Source(FieldPtr field);
+
+    const Field& field() const { return *mField; }
+    const PointField* points() const { return mPoints; }
+    double value(const Vec3d& p) const;
+    /// @{ As PointField's; for a field that only is a distance near its zero set, with a doubt.
+    double bound(const Vec3d& p) const;
+    double change(const Vec3d& centre, double radius) const;
+    /// @}
+    std::vector<Vec3i> seedsWithin(const Lattice& lattice, const Box3d& box) const;
+
+private:
+    FieldPtr mField;
+    const PointField* mPoints; ///< the same, or null
+};
+
+/// Whether @a box has finite corners.
+bool isFinite(const Box3d& box);
+
+/// All of space.
+Box3d wholeSpace();
+
+} // namespace mpuvdb

@@ -1,0 +1,322 @@
+// Fields moved and deformed.
+#include "point_field.h"
+
+#include <mpuvdb/error.h>
+
+#include <Eigen/SVD>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <unordered_set>
+
+namespace mpuvdb
+{
+namespace
+{
+
+class AffineWarp final : public Warp
+{
+public:
+    explicit AffineWarp(const Eigen::Affine3d& motion) : mMotion(motion), mInverse(motion.inverse())
+    {
+        const Eigen::JacobiSVD<Eigen::Matrix3d> svd(motion.linear());
+        mStretch = 1 / svd.singularValues()[2];
+        mLeast = 1 / svd.singularValues()[0];
+    }
+    Vec3d inverse(const Vec3d& p) const override { return mInverse * p; }
+    Box3d image(const Box3d& box) const override
+    {
+        if (!isFinite(box)) return wholeSpace();
+        const Vec3d centre = mMotion * Vec3d(box.center());
+        const Vec3d half = mMotion.linear().cwiseAbs() * (box.sizes() / 2);
+        return Box3d(centre - half, centre + half);
+    }
+    double stretch(const Box3d& /*image*/) const override { return mStretch; }
+    bool keepsRatios() const { return mStretch - mLeast <= 1e-9 * mStretch; }
+
+private:
+    Eigen::Affine3d mMotion, mInverse;
+    double mStretch = 1, mLeast = 1; ///< of the inverse
+};
+
+/// A set of blocks that says whether a ball meets any of their cubes, quickly for balls of any
+/// size.
+class BlockSet
+{
+public:
+    BlockSet(const Lattice& lattice, std::vector<Vec3i> blocks)
+        : mOrigin(lattice.origin - Vec3d::Constant(lattice.voxelSize / 2)),
+          mEdge(kBlockDim * lattice.voxelSize)
+    {
+        while (!blocks.empty()) {
+            mLevels.emplace_back();
+            for (const Vec3i& b : blocks) mLevels.back().insert(key(b));
+            if (blocks.size() == 1 || mLevels.size() == 32) break;
+            for (Vec3i& b : blocks) b = Vec3i(b[0] >> 1, b[1] >> 1, b[2] >> 1);
+            sortBlocks(blocks);
+        }
+    }
+
+    bool meets(const Vec3d& centre, double radius) const
+    {
+        if (mLevels.empty()) return false;
+        // At most three cubes of the level lie along the ball's diameter.
+        const double ratio = std::max(radius / mEdge, 1.0);
+        const auto level = std::size_t(std::ceil(std::log2(std::min(ratio, 1e15))));
+        if (level >= mLevels.size()) return true;
+        const double edge = std::ldexp(mEdge, int(level));
+        const Eigen::Array3d low = ((centre - mOrigin).array() - radius) / edge;
+        const Eigen::Array3d high = ((centre - mOrigin).array() + radius) / edge;
+        if (!(low.abs() < kFar).all() || !(high.abs() < kFar).all()) return true;
+        const Vec3i first = low.floor().cast<int>(), last = high.floor().cast<int>();
+        for (int x = first[0]; x <= last[0]; ++x)
+            for (int y = first[1]; y <= last[1]; ++y)
+                for (int z = first[2]; z <= last[2]; ++z)
+                    if (mLevels[level].count(key(Vec3i(x, y, z)))) return true;
+        return false;
+    }
+
+private:
+    static constexpr double kFar = 1 << 30;
+
+    /// Of blocks whose voxels have ints for indices, and of their parents.
+    static std::uint64_t key(const Vec3i& b)
+    {
+        const auto bits = [](int v) { return std::uint64_t(v) & 0x1fffff; };
+        return bits(b[0]) | bits(b[1]) << 21 | bits(b[2]) << 42;
+    }
+
+    Vec3d mOrigin;
+    double mEdge;
+    std::vector<std::unordered_set<std::uint64_t>> mLevels;
+};
+
+/// What a deformation does to a field's bounds and slope.
+struct Deformed {
+    Box3d bounds;
+    double steepness = 0;
+};
+
+/// Goes through cubes that fill the field's bounds: the smaller they are, the better is known what
+/// a warp does to them.
+Deformed measureWarp(const Source& source, const Warp& warp)
+{
+    constexpr double kCubes = 24; // along the longest side
+    const Box3d box = source.field().bounds();
+    Deformed result;
+    if (box.isEmpty()) return result;
+    const double edge = std::max(box.sizes().maxCoeff() / kCubes, 1e-300);
+    const Vec3i count = (box.sizes() / edge).array().ceil().max(1.0).min(kCubes).cast<int>();
+    const Vec3d size = box.sizes().cwiseQuotient(count.cast<double>());
+    for (int x = 0; x < count[0]; ++x)
+        for (int y = 0; y < count[1]; ++y)
+            for (int z = 0; z < count[2]; ++z) {
+                const Vec3d low = box.min() + size.cwiseProduct(Vec3d(x, y, z));
+                const Box3d cube(low, low + size);
+                const Box3d image = warp.image(cube);
+                result.bounds.extend(image);
+                const double radius = size.norm() / 2;
+                const Vec3d centre = cube.center();
+                if (!(std::abs(source.bound(centre)) > source.change(centre, radius)))
+                    result.steepness = std::max(result.steepness, warp.stretch(image));
+            }
+    if (!(result.steepness > 0)) result.steepness = 1; // there is no zero set
+    result.steepness *= source.field().steepness();
+    return result;
+}
+
+/// scale * field(inverse(p)).
+class WarpedField final : public PointField
+{
+public:
+    /// @param scale  of the values: a similarity's.
+    WarpedField(Source source, std::shared_ptr<const Warp> warp, const Deformed& deformed,
+                double scale, bool isDistance)
+        : mSource(std::move(source)), mWarp(std::move(warp)), mBounds(deformed.bounds),
+          mSteepness(deformed.steepness), mScale(scale), mIsDistance(isDistance),
+          mStep(isFinite(mBounds) ? 1e-6 * mBounds.diagonal().norm() : 1e-3)
+    {
+    }
+
+    Box3d bounds() const override { return mBounds; }
+    FieldSample evaluate(const Vec3d& p) const override
+    {
+        FieldSample sample = mSource.field().evaluate(mWarp->inverse(p));
+        Eigen::Matrix3d jacobian;
+        for (int axis = 0; axis < 3; ++axis) {
+            const Vec3d by = mStep * Vec3d::Unit(axis);
+            jacobian.col(axis) = (mWarp->inverse(p + by) - mWarp->inverse(p - by)) / (2 * mStep);
+        }
+        sample.value *= mScale;
+        sample.gradient = mScale * (jacobian.transpose() * sample.gradient);
+        return sample;
+    }
+    double value(const Vec3d& p) const override
+    {
+        return mScale * mSource.value(mWarp->inverse(p));
+    }
+    double bound(const Vec3d& p) const override
+    {
+        return mScale * mSource.bound(mWarp->inverse(p));
+    }
+    double change(const Vec3d& centre, double radius) const override
+    {
+        return mScale * mSource.change(mWarp->inverse(centre), sourceRadius(centre, radius));
+    }
+    bool isDistance() const override { return mIsDistance; }
+    double steepness() const override { return mSteepness; }
+    std::size_t countData(const Box3d& box, std::size_t limit) const override
+    {
+        const Vec3d centre = box.center();
+        const double radius = sourceRadius(centre, box.diagonal().norm() / 2);
+        if (!std::isfinite(radius)) return limit;
+        return mSource.field().countData(about(mWarp->inverse(centre), radius), limit);
+    }
+
+    /// A field that is only known to tell the distance near its zero set has seeds of its own:
+    /// wanted are the blocks whose origins they meet.
+    std::vector<Vec3i> seedsWithin(const Lattice& lattice, const Box3d& box) const override
+    {
+        if (mSource.points() || mSource.field().bounds().isEmpty())
+            return PointField::seedsWithin(lattice, box);
+        const Lattice from{mSource.field().bounds().min(),
+                           lattice.voxelSize * mSteepness / mSource.field().steepness() / mScale};
+        const BlockSet seeds(from, mSource.field().seedBlocks(from));
+        return descendBlocks(lattice, box, [&](const Vec3d& centre, double radius) {
+            return seeds.meets(mWarp->inverse(centre), sourceRadius(centre, radius));
+        });
+    }
+
+private:
+    static Box3d about(const Vec3d& centre, double radius)
+    {
+        return Box3d(centre - Vec3d::Constant(radius), centre + Vec3d::Constant(radius));
+    }
+    /// What comes from a ball lies in a ball of this radius.
+    double sourceRadius(const Vec3d& centre, double radius) const
+    {
+        return radius > 0 ? radius * mWarp->stretch(about(centre, radius)) : 0;
+    }
+
+    Source mSource;
+    std::shared_ptr<const Warp> mWarp;
+    Box3d mBounds;
+    double mSteepness, mScale;
+    bool mIsDistance;
+    double mStep; ///< of differences
+};
+
+/// A field scaled and translated, whose lattices are lattices of the field itself.
+class ShiftedField final : public Field
+{
+public:
+    ShiftedField(FieldPtr field, double scale, const Vec3d& translation)
+        : mField(std::move(field)), mScale(scale), mTranslation(translation)
+    {
+    }
+
+    Box3d bounds() const override
+    {
+        const Box3d box = mField->bounds();
+        return box.isEmpty()
+                   ? box
+                   : Box3d(mScale * box.min() + mTranslation, mScale * box.max() + mTranslation);
+    }
+    FieldSample evaluate(const Vec3d& p) const override
+    {
+        FieldSample sample = mField->evaluate(from(p));
+        sample.value *= mScale;
+        return sample;
+    }
+    std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override
+    {
+        return mField->seedBlocks(from(lattice));
+    }
+    std::size_t countData(const Box3d& box, std::size_t limit) const override
+    {
+        return mField->countData(Box3d(from(box.min()), from(box.max())), limit);
+    }
+    bool isDistance() const override { return mField->isDistance(); }
+    double steepness() const override { return mField->steepness(); }
+    std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override
+    {
+        return std::make_unique<Sampler>(mField->sampler(from(lattice), band / mScale),
+                                         float(mScale), float(band));
+    }
+
+private:
+    class Sampler final : public BlockSampler
+    {
+    public:
+        Sampler(std::unique_ptr<BlockSampler> field, float scale, float band)
+            : mField(std::move(field)), mScale(scale), mBand(band)
+        {
+        }
+        void evaluate(const Vec3i& block, BlockValues& values) override
+        {
+            mField->evaluate(block, values);
+            for (float& v : values) v = std::clamp(v * mScale, -mBand, mBand);
+        }
+
+    private:
+        std::unique_ptr<BlockSampler> mField;
+        float mScale, mBand;
+    };
+
+    Vec3d from(const Vec3d& p) const { return (p - mTranslation) / mScale; }
+    Lattice from(const Lattice& lattice) const
+    {
+        return {from(lattice.origin), lattice.voxelSize / mScale};
+    }
+
+    FieldPtr mField;
+    double mScale;
+    Vec3d mTranslation;
+};
+
+} // namespace
+
+FieldPtr makeMovedField(FieldPtr field, const Eigen::Affine3d& motion)
+{
+    constexpr double kSingular = 1e-9; // smallest to largest
+    const Eigen::Matrix3d& linear = motion.linear();
+    const bool finite = motion.matrix().allFinite();
+    if (finite) {
+        const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear);
+        if (!(svd.singularValues()[2] > kSingular * svd.singularValues()[0]))
+            throw UsageError("motion: it has no inverse, it makes everything flat. Scale by "
+                             "numbers other than 0");
+    } else {
+        throw UsageError("motion: it is not finite");
+    }
+    Source source(field);
+    const double scale = linear(0, 0);
+    if (!source.points() && scale > 0 && linear == scale * Eigen::Matrix3d::Identity())
+        return std::make_shared<ShiftedField>(std::move(field), scale, motion.translation());
+    const auto warp = std::make_shared<AffineWarp>(motion);
+    const bool similar = warp->keepsRatios();
+    const double stretch = warp->stretch({});
+    const double valueScale = similar ? 1 / stretch : 1;
+    Deformed deformed;
+    deformed.bounds = field->bounds().isEmpty() ? Box3d() : warp->image(field->bounds());
+    deformed.steepness = valueScale * stretch * field->steepness();
+    return std::make_shared<WarpedField>(std::move(source), warp, deformed, valueScale,
+                                         similar && field->isDistance());
+}
+
+FieldPtr makeWarpedField(FieldPtr field, std::shared_ptr<const Warp> warp)
+{
+    const Box3d box = field->bounds();
+    if (!box.isEmpty() && !isFinite(box))
+        throw UsageError("warp: the solid has no bounds. Intersect it with a box first");
+    Source source(std::move(field));
+    const Deformed deformed = measureWarp(source, *warp);
+    if (!std::isfinite(deformed.steepness))
+        throw UsageError("warp: it presses a part of the solid into a point or a line: the solid "
+                         "reaches as far as the centre of a bend. Bend it less, or to the other "
+                         "side");
+    return std::make_shared<WarpedField>(std::move(source), std::move(warp), deformed, 1, false);
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,79 @@
+#include "transform_lattice.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Voxels that interpolation looks beyond the place: values there must be in the band.
+constexpr double kStencil = 2.5;
+/// Half-width, in voxels of the result, in which the surface is found.
+constexpr double kCrossingWidth = 2;
+/// Backgrounds are floats.
+constexpr double kRounding = 1e-6;
+
+bool isWhole(double x)
+{
+    return std::abs(x - std::round(x)) < 1e-6;
+}
+
+/// Whether each voxel of @a to is one of @a from.
+bool isPartOf(const Lattice& to, const Lattice& from)
+{
+    const Vec3d shift = (to.origin - from.origin) / from.voxelSize;
+    return isWhole(to.voxelSize / from.voxelSize) && isWhole(shift[0]) && isWhole(shift[1]) &&
+           isWhole(shift[2]);
+}
+
+LevelSet emptyOn(const Lattice& lattice, double halfWidth, const std::string& name)
+{
+    auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
+    setLattice(*grid, lattice);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    grid->setName(name);
+    return LevelSet(grid);
+}
+
+} // namespace
+
+LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
+                  Progress& progress)
+{
+    demandVoxelSize(lattice.voxelSize);
+    if (!(halfWidth >= 1.5 && halfWidth <= 1000))
+        throw UsageError(
+            fmt::format("half-width is {} voxels; it must be in [1.5, 1000]", halfWidth));
+    const Lattice from = levelSet.lattice();
+    if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize)
+        return withHalfWidth(levelSet, halfWidth, progress);
+    const std::string name = levelSet.grid().getName();
+    if (levelSet.grid().tree().activeVoxelCount() == 0) return emptyOn(lattice, halfWidth, name);
+
+    // Larger voxels need a band that is wide in the source's: only as wide as the surface needs,
+    // and the rest is added to the result.
+    const double ratio = lattice.voxelSize / from.voxelSize;
+    const double beyond = isPartOf(lattice, from) ? 0 : kStencil;
+    const double crossing = std::min(kCrossingWidth, halfWidth);
+    const double least = (ratio > 1 ? crossing : halfWidth) * ratio + beyond;
+    const LevelSet source = levelSet.halfWidth() < least * (1 - kRounding)
+                                ? withHalfWidth(levelSet, least, progress)
+                                : levelSet;
+    const double known = std::max((source.halfWidth() - beyond) / ratio, crossing);
+    SampleSettings settings;
+    settings.lattice = lattice;
+    settings.halfWidth = std::min(known < halfWidth * (1 - kRounding) ? known : halfWidth, 100.0);
+    settings.name = name;
+    const LevelSet result = sampleField(*makeGridField(source), settings, progress);
+    return settings.halfWidth < halfWidth ? withHalfWidth(result, halfWidth, progress) : result;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,134 @@
+#include "transform_lattice.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+#include <openvdb/tools/MeshToVolume.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Renormalising would move the surface of sound meshes to smooth bumps of unsound ones.
+constexpr int kFlags = openvdb::tools::DISABLE_RENORMALIZATION;
+
+/// OpenVDB's view of a mesh: corners in voxels of the lattice.
+class IndexMesh
+{
+public:
+    IndexMesh(const Mesh& mesh, const Lattice& lattice)
+        : mMesh(mesh), mShift((mesh.frame - lattice.origin) / lattice.voxelSize),
+          mScale(1 / lattice.voxelSize)
+    {
+    }
+    std::size_t polygonCount() const { return mMesh.triangles.size(); }
+    std::size_t pointCount() const { return mMesh.positions.size(); }
+    std::size_t vertexCount(std::size_t /*polygon*/) const { return 3; }
+    void getIndexSpacePoint(std::size_t polygon, std::size_t corner, openvdb::Vec3d& p) const
+    {
+        const Vec3d q = at(mMesh.triangles[polygon][corner]);
+        p = {q[0], q[1], q[2]};
+    }
+    Vec3d at(std::size_t vertex) const
+    {
+        return mScale * mMesh.positions[vertex].cast<double>() + mShift;
+    }
+
+private:
+    const Mesh& mMesh;
+    Vec3d mShift;
+    double mScale;
+};
+
+void demandMesh(const Mesh& mesh)
+{
+    if (mesh.triangles.empty())
+        throw InputError("mesh: has no triangles, so that nothing is inside. Export its faces too, "
+                         "or reconstruct a surface from its points");
+    for (std::size_t i = 0; i < mesh.positions.size(); ++i)
+        if (!mesh.world(i).allFinite())
+            throw InputError(fmt::format("mesh: vertex {} is not finite. Export it again, or "
+                                         "remove that vertex",
+                                         i));
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+        for (const std::uint32_t corner : mesh.triangles[t])
+            if (corner >= mesh.positions.size())
+                throw InputError(fmt::format("mesh: triangle {} has vertex {} of {}: it is "
+                                             "damaged. Export it again",
+                                             t, corner, mesh.positions.size()));
+}
+
+/// Voxels squared, of all triangles. @throws LimitError beyond the index range.
+double areaOf(const IndexMesh& mesh, const Mesh& triangles, double voxelSize)
+{
+    constexpr double kFar = 1 << 23; // meshToVolume's own steps are floats
+    double area = 0;
+    for (const Mesh::Triangle& t : triangles.triangles) {
+        const Vec3d a = mesh.at(t[0]), b = mesh.at(t[1]), c = mesh.at(t[2]);
+        for (const Vec3d& p : {a, b, c})
+            if (!(p.cwiseAbs().maxCoeff() < kFar))
+                throw LimitError(fmt::format("mesh: reaches to voxel ({:.0f}, {:.0f}, {:.0f}) of "
+                                             "size {}, beyond the index range. Use larger voxels",
+                                             p[0], p[1], p[2], voxelSize));
+        area += 0.5 * (b - a).cross(c - a).norm();
+    }
+    return area;
+}
+
+void demandMemory(double area, const SampleSettings& settings)
+{
+    // Distances and nearest triangles in all blocks that the band meets.
+    constexpr double kBytesPerVoxel = 8.5, kBlocksReach = 10;
+    const double bytes = area * (2 * settings.halfWidth + kBlocksReach) * kBytesPerVoxel;
+    if (settings.maxBytes && bytes > double(settings.maxBytes))
+        throw LimitError(fmt::format("mesh: about {:.1f} MB are needed at voxels of size {}, and "
+                                     "the limit is {:.1f} MB. Use larger voxels or a larger "
+                                     "--max-memory",
+                                     bytes / 1e6, settings.lattice.voxelSize,
+                                     double(settings.maxBytes) / 1e6));
+}
+
+bool hasInside(const openvdb::FloatGrid& grid)
+{
+    for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
+        for (auto on = leaf->cbeginValueOn(); on; ++on)
+            if (*on < 0) return true;
+    return false;
+}
+
+} // namespace
+
+LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress)
+{
+    const Lattice& lattice = settings.lattice;
+    demandVoxelSize(lattice.voxelSize);
+    if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
+        throw UsageError(
+            fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));
+    progress.beginStage("voxelize");
+    demandMesh(mesh);
+    const IndexMesh indexMesh(mesh, lattice);
+    demandMemory(areaOf(indexMesh, mesh, lattice.voxelSize), settings);
+    progress.check();
+    const auto transform = openvdb::math::Transform::createLinearTransform(lattice.voxelSize);
+    const auto width = float(settings.halfWidth);
+    const openvdb::FloatGrid::Ptr grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
+        progress, indexMesh, *transform, width, width, kFlags);
+    progress.check();
+    if (!hasInside(*grid))
+        throw InputError("mesh: encloses nothing at this voxel size: it is open, or thinner than a "
+                         "voxel. Close its holes, use smaller voxels, or reconstruct a surface "
+                         "from its points");
+    setLattice(*grid, lattice);
+    grid->setName(settings.name);
+    progress.endStage();
+    return LevelSet(grid);
+}
+
+} // namespace mpuvdb
