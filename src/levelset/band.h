@@ -1,6 +1,8 @@
 // The sparse set of sampled blocks that becomes a narrow band: search, signs of what lies between,
 // closing, assembly.
 #pragma once
+#include "block_parts.h"
+
 #include <mpuvdb/field.h>
 
 #include <openvdb/openvdb.h>
@@ -14,9 +16,6 @@ namespace mpuvdb
 {
 
 class Progress;
-
-/// Signs (1: inside) of a block's voxels: word x, bit 8 y + z, as in an OpenVDB leaf's mask.
-using SignWords = std::array<std::uint64_t, kBlockDim>;
 
 /// One number per block position.
 std::uint64_t packed(const Vec3i& at);

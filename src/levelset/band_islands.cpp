@@ -19,33 +19,6 @@ constexpr std::uint64_t kIslandVoxels = 1 << 18; ///< a larger component stays
 /// is enough.
 constexpr std::size_t kIslandPoints = 30, kIslandShare = 4;
 
-constexpr std::uint64_t kFirstZ = 0x0101010101010101ull, kLastZ = kFirstZ << 7;
-
-bool any(const SignWords& words)
-{
-    std::uint64_t all = 0;
-    for (const std::uint64_t w : words) all |= w;
-    return all != 0;
-}
-
-/// Grow @a seed through face neighbours inside @a mask until it fills its component.
-SignWords fill(SignWords seed, const SignWords& mask)
-{
-    for (bool grew = true; grew;) {
-        grew = false;
-        for (std::size_t x = 0; x < kBlockDim; ++x) {
-            const std::uint64_t s = seed[x];
-            std::uint64_t g = s | s << 8 | s >> 8 | (s << 1 & ~kFirstZ) | (s >> 1 & ~kLastZ);
-            if (x > 0) g |= seed[x - 1];
-            if (x + 1 < kBlockDim) g |= seed[x + 1];
-            g &= mask[x];
-            grew |= g != s;
-            seed[x] = g;
-        }
-    }
-    return seed;
-}
-
 /// A connected part of one block.
 struct Part {
     SignWords voxels;
@@ -54,52 +27,12 @@ struct Part {
 
 std::vector<Part> partsOf(const SignWords& inside)
 {
+    SignWords outside = inside;
+    for (std::uint64_t& w : outside) w = ~w;
     std::vector<Part> parts;
-    for (const bool sign : {false, true}) {
-        SignWords rest = inside;
-        if (!sign)
-            for (std::uint64_t& w : rest) w = ~w;
-        while (any(rest)) {
-            SignWords seed{};
-            for (std::size_t x = 0; x < kBlockDim; ++x) {
-                if (!rest[x]) continue;
-                seed[x] = rest[x] & (~rest[x] + 1);
-                break;
-            }
-            const SignWords part = fill(seed, rest);
-            for (std::size_t x = 0; x < kBlockDim; ++x) rest[x] &= ~part[x];
-            parts.push_back({part, sign});
-        }
-    }
+    for (const SignWords& voxels : connectedParts(outside)) parts.push_back({voxels, false});
+    for (const SignWords& voxels : connectedParts(inside)) parts.push_back({voxels, true});
     return parts;
-}
-
-/// Whether two parts meet across the face from block a to its upper neighbour b on @a axis.
-bool meet(const SignWords& a, const SignWords& b, int axis)
-{
-    if (axis == 0) return (a[kBlockDim - 1] & b[0]) != 0;
-    for (std::size_t x = 0; x < kBlockDim; ++x) {
-        if (axis == 1 ? ((a[x] >> 56) & (b[x] & 0xff)) != 0 : ((a[x] >> 7) & b[x] & kFirstZ) != 0)
-            return true;
-    }
-    return false;
-}
-
-bool reachesFace(const SignWords& a, int axis, bool upper)
-{
-    if (axis == 0) return a[upper ? kBlockDim - 1 : 0] != 0;
-    const std::uint64_t mask =
-        axis == 1 ? (upper ? 0xffull << 56 : 0xffull) : (upper ? kLastZ : kFirstZ);
-    for (const std::uint64_t w : a)
-        if (w & mask) return true;
-    return false;
-}
-
-std::uint64_t countVoxels(const SignWords& words)
-{
-    std::uint64_t count = 0;
-    for (const std::uint64_t w : words) count += std::uint64_t(__builtin_popcountll(w));
-    return count;
 }
 
 } // namespace

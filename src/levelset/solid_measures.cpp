@@ -1,0 +1,33 @@
+// Measures of a solid.
+#include "surface_integrals.h"
+#include "thickness.h"
+
+#include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
+
+namespace mpuvdb
+{
+
+SolidMeasures measure(const LevelSet& levelSet, Progress& progress)
+{
+    const LevelSet band = levelSet.halfWidth() < kMeasuredHalfWidth
+                              ? withHalfWidth(levelSet, kMeasuredHalfWidth, progress)
+                              : levelSet;
+    progress.beginStage("measure", 2);
+    const SurfaceIntegrals sums = integrateSurface(band, progress);
+    progress.advance();
+    const Thickness thickness = measureThickness(band, sums.crossings, progress);
+    progress.endStage();
+    SolidMeasures measures;
+    measures.volume = sums.volume;
+    measures.area = sums.area;
+    measures.bounds = sums.bounds;
+    measures.eulerCharacteristic = sums.eulerCharacteristic;
+    measures.surfaces = sums.surfaces;
+    measures.genus = double(sums.surfaces) - 0.5 * double(sums.eulerCharacteristic);
+    measures.minThickness = thickness.least;
+    measures.meanThickness = thickness.mean;
+    return measures;
+}
+
+} // namespace mpuvdb

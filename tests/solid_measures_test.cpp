@@ -1,0 +1,181 @@
+// Measures of solids beside exact ones and OpenVDB's.
+#include "solid_level_set.h"
+
+#include <openvdb/tools/LevelSetMeasure.h>
+
+#include <cmath>
+#include <iostream>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using namespace test;
+
+struct Errors {
+    double volume = 0, area = 0; ///< relative
+};
+
+Errors errorsOf(const SolidMeasures& m, double volume, double area)
+{
+    return {std::abs(m.volume / volume - 1), std::abs(m.area / area - 1)};
+}
+
+Errors errorsOfOpenVdb(const LevelSet& levelSet, double volume, double area)
+{
+    openvdb::tools::LevelSetMeasure<openvdb::FloatGrid> other(levelSet.grid());
+    return {std::abs(other.volume() / volume - 1), std::abs(other.area() / area - 1)};
+}
+
+/// Surface of an ellipsoid of revolution with radii a, a, c < a.
+double oblateArea(double a, double c)
+{
+    const double e = std::sqrt(1 - c * c / (a * a));
+    return 2 * M_PI * a * a * (1 + (1 - e * e) / e * std::atanh(e));
+}
+
+struct Shape {
+    std::string solid;
+    double volume, area;
+    int handles;
+    bool smooth;
+};
+
+const Shape kShapes[] = {
+    {"translate(sphere(1),0.013,0.027,0.011)", 4 * M_PI / 3, 4 * M_PI, 0, true},
+    {"torus(1,0.4)", 2 * M_PI* M_PI * 0.16, 4 * M_PI* M_PI * 0.4, 1, true},
+    {"capsule(0.5,1)", M_PI * 0.25 + M_PI / 6, M_PI + M_PI, 0, true},
+    {"ellipsoid(1,1,0.6)", 4 * M_PI / 3 * 0.6, oblateArea(1, 0.6), 0, true},
+    {"translate(box(1.6,1.4,1.2),0.013,0.027,0.011)", 1.6 * 1.4 * 1.2,
+     2 * (1.6 * 1.4 + 1.4 * 1.2 + 1.2 * 1.6), 0, false},
+};
+
+TEST(Measure, ConvergesAndIsAtLeastAsExactAsOpenVdb)
+{
+    for (const Shape& shape : kShapes) {
+        SCOPED_TRACE(shape.solid);
+        Errors before{1, 1};
+        for (const double h : {0.1, 0.05, 0.025}) {
+            const LevelSet solid = solidLevelSet(shape.solid, h);
+            const Errors ours = errorsOf(measured(solid), shape.volume, shape.area),
+                         theirs = errorsOfOpenVdb(solid, shape.volume, shape.area);
+            std::cout << shape.solid << " h " << h << ": volume " << ours.volume << " (OpenVDB "
+                      << theirs.volume << "), area " << ours.area << " (OpenVDB " << theirs.area
+                      << ")\n";
+            EXPECT_LE(ours.volume, std::max(theirs.volume, 2e-5));
+            EXPECT_LE(ours.area, std::max(theirs.area, 2e-5));
+            // An order of two at least, until rounding shows.
+            EXPECT_LE(ours.volume, std::max(before.volume / 3, 2e-5));
+            EXPECT_LE(ours.area, std::max(before.area / (shape.smooth ? 3 : 1.8), 2e-5));
+            before = ours;
+        }
+    }
+}
+
+TEST(Measure, NeedsNoWideBand)
+{
+    for (const Shape& shape : kShapes) {
+        SCOPED_TRACE(shape.solid);
+        const SolidMeasures wide = measured(solidLevelSet(shape.solid, 0.05, 5));
+        for (const double halfWidth : {1.5, 2.0, 3.0}) {
+            const SolidMeasures m = measured(solidLevelSet(shape.solid, 0.05, halfWidth));
+            EXPECT_NEAR(m.volume, wide.volume, 0.002 * wide.volume) << halfWidth;
+            EXPECT_NEAR(m.area, wide.area, 0.01 * wide.area) << halfWidth;
+            EXPECT_EQ(m.eulerCharacteristic, wide.eulerCharacteristic) << halfWidth;
+            EXPECT_EQ(m.surfaces, wide.surfaces) << halfWidth;
+        }
+    }
+}
+
+TEST(Measure, CountsSurfacesAndHandles)
+{
+    for (const Shape& shape : kShapes) {
+        const SolidMeasures m = measured(solidLevelSet(shape.solid, 0.05));
+        EXPECT_EQ(m.surfaces, 1u) << shape.solid;
+        EXPECT_EQ(m.eulerCharacteristic, 2 - 2 * shape.handles) << shape.solid;
+        EXPECT_EQ(m.genus, shape.handles) << shape.solid;
+    }
+    const SolidMeasures several = measured(solidLevelSet(
+        "union(difference(sphere(1),sphere(0.5)),translate(torus(0.6,0.2),0,0,2))", 0.05));
+    EXPECT_EQ(several.surfaces, 3u);
+    EXPECT_EQ(several.genus, 1);
+    EXPECT_EQ(several.eulerCharacteristic, 4);
+}
+
+TEST(Measure, BoundsTheZeroSet)
+{
+    const double h = 0.05;
+    const SolidMeasures m = measured(solidLevelSet("translate(sphere(1),0.313,-0.127,5.02)", h));
+    const Vec3d centre(0.313, -0.127, 5.02);
+    for (int axis = 0; axis < 3; ++axis) {
+        EXPECT_NEAR(m.bounds.min()[axis], centre[axis] - 1, 0.02 * h);
+        EXPECT_NEAR(m.bounds.max()[axis], centre[axis] + 1, 0.02 * h);
+    }
+}
+
+TEST(Measure, ThicknessIsThatOfTheLargestBalls)
+{
+    const struct {
+        const char* solid;
+        double least;
+        double mean; ///< negative: not known in closed form
+        double tolerance;
+    } cases[] = {
+        {"slab(4,4,0.2)", 0.2, -1, 1e-4},
+        {"slab(4,4,0.17)", 0.17, -1, 1e-3},
+        {"rotate(slab(3,3,0.3),1,2,3,40)", 0.3, -1, 1e-3},
+        {"translate(sphere(1),0.01,0.02,0)", 2, 2, 2e-3},
+        {"capsule(0.4,2)", 0.8, 0.8, 2e-3},
+        {"torus(1,0.4)", 0.8, 0.8, 2e-3},
+        {"difference(sphere(1),sphere(0.7))", 0.3, -1, 2e-3},
+    };
+    for (const auto& c : cases) {
+        SCOPED_TRACE(c.solid);
+        const SolidMeasures m = measured(solidLevelSet(c.solid, 0.05));
+        std::cout << c.solid << ": least " << m.minThickness << ", mean " << m.meanThickness
+                  << '\n';
+        EXPECT_NEAR(m.minThickness, c.least, c.tolerance + 0.01 * c.least);
+        if (c.mean > 0) {
+            EXPECT_NEAR(m.meanThickness, c.mean, 0.01 * c.mean);
+        }
+    }
+}
+
+TEST(Measure, OfNothingIsZero)
+{
+    const SolidMeasures m = measured(emptyLevelSet(0.1));
+    EXPECT_EQ(m.volume, 0);
+    EXPECT_EQ(m.area, 0);
+    EXPECT_TRUE(m.bounds.isEmpty());
+    EXPECT_EQ(m.eulerCharacteristic, 0);
+    EXPECT_EQ(m.surfaces, 0u);
+    EXPECT_EQ(m.genus, 0);
+    EXPECT_EQ(m.minThickness, 0);
+    EXPECT_EQ(m.meanThickness, 0);
+}
+
+TEST(Measure, IsTheSameForAnyNumberOfThreads)
+{
+    const LevelSet solid = solidLevelSet("torus(1,0.4)", 0.05);
+    const auto with = [&](std::size_t threads) {
+        const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
+        return measured(solid);
+    };
+    const SolidMeasures one = with(1), two = with(2);
+    EXPECT_EQ(one.volume, two.volume);
+    EXPECT_EQ(one.area, two.area);
+    EXPECT_EQ(one.minThickness, two.minThickness);
+    EXPECT_EQ(one.meanThickness, two.meanThickness);
+}
+
+TEST(Measure, CanBeStopped)
+{
+    const LevelSet solid = solidLevelSet("sphere(1)", 0.01);
+    expectStops([&](Progress& progress) {
+        for (;;) measure(solid, progress);
+    });
+}
+
+} // namespace
+} // namespace mpuvdb
