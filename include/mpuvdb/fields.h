@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace mpuvdb
 {
@@ -28,6 +29,11 @@ FieldPtr makeGyroid(double period, double thickness);
 FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
                            double steepness);
 
+/// A value for each of many points: for functions that cost much to call, such as a script's.
+using PointsFunction =
+    std::function<void(const std::vector<Vec3d>& points, std::vector<double>& values)>;
+FieldPtr makeFunctionField(PointsFunction function, const Box3d& bounds, double steepness);
+
 /// @a field turned, scaled and moved: a distance if the scale is uniform and @a field is one.
 /// @throws UsageError if @a motion has no inverse or is not finite.
 FieldPtr makeMovedField(FieldPtr field, const Eigen::Affine3d& motion);
@@ -46,6 +52,10 @@ public:
     virtual Box3d image(const Box3d& box) const = 0;
     /// The largest factor by which the inverse stretches a length, anywhere in @a image.
     virtual double stretch(const Box3d& image) const = 0;
+    /// inverse() of many points.
+    virtual void inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const;
+    /// Whether inverses() costs much less than inverse() of one point after the other.
+    virtual bool inBatches() const { return false; }
 };
 
 /// An axis in space. @param direction  not zero.
@@ -67,6 +77,12 @@ std::shared_ptr<const Warp> makeTaper(const Axis& axis, double from, double to, 
                                       double factorTo);
 /// A user's own. @param stretch  see Warp, everywhere. @param image  see Warp.
 std::shared_ptr<const Warp> makeWarp(std::function<Vec3d(const Vec3d&)> inverse,
+                                     std::function<Box3d(const Box3d&)> image, double stretch);
+
+/// The same for a function of many points at once.
+using PlacesFunction =
+    std::function<void(const std::vector<Vec3d>& points, std::vector<Vec3d>& from)>;
+std::shared_ptr<const Warp> makeWarp(PlacesFunction inverse,
                                      std::function<Box3d(const Box3d&)> image, double stretch);
 
 /// @a field deformed by @a warp: no distance.

@@ -9,6 +9,7 @@
 #include <functional>
 #include <iosfwd>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,19 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
 /// of the mesh.
 /// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite).
 Mesh readMesh(const std::filesystem::path& file, Progress& progress);
+
+/// Points that a program holds in memory: attributes are empty, or one per point.
+struct PointArrays {
+    std::vector<Vec3d> positions;   ///< world units
+    std::vector<Vec3f> normals;     ///< outward, of any length
+    std::vector<float> confidence;  ///< of any scale
+    std::optional<Vec3d> viewpoint; ///< where all were seen from, world units
+};
+
+/// What readPoints() does to the points of a file, done to these. @param name  for messages.
+/// @throws UsageError (another number of normals or confidences than of points), InputError.
+PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints badPoints,
+                        Progress& progress);
 
 /// Write points as binary PLY (float offsets become doubles) or XYZ text.
 void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress);

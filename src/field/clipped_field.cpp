@@ -46,6 +46,13 @@ public:
     {
         return std::max(mSource.value(p), boxDistance(mBox, p));
     }
+    void values(const std::vector<Vec3d>& points, std::vector<double>& values) const override
+    {
+        mSource.values(points, values);
+        for (std::size_t i = 0; i < points.size(); ++i)
+            values[i] = std::max(values[i], boxDistance(mBox, points[i]));
+    }
+    bool inBatches() const override { return mSource.inBatches(); }
     double bound(const Vec3d& p) const override
     {
         return std::max(mSource.bound(p), boxDistance(mBox, p));

@@ -61,7 +61,17 @@ private:
     double mFrequency, mHalf;
 };
 
-class FunctionField final : public PointField
+double demandNumber(double value, const Vec3d& p)
+{
+    constexpr double kFar = 1e30; // so that floats of it are finite
+    if (!std::isfinite(value))
+        throw InputError(fmt::format("function: its value at ({}, {}, {}) is not finite. "
+                                     "Make it one everywhere about the bounds",
+                                     p[0], p[1], p[2]));
+    return std::clamp(value, -kFar, kFar);
+}
+
+class FunctionField : public PointField
 {
 public:
     FunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
@@ -76,16 +86,7 @@ public:
         constexpr double kStep = 1e-6; // of the diagonal
         return {value(p), slope(p, kStep * mBounds.diagonal().norm()), -1, true};
     }
-    double value(const Vec3d& p) const override
-    {
-        constexpr double kFar = 1e30; // so that floats of it are finite
-        const double value = mFunction(p);
-        if (!std::isfinite(value))
-            throw InputError(fmt::format("function: its value at ({}, {}, {}) is not finite. "
-                                         "Make it one everywhere about the bounds",
-                                         p[0], p[1], p[2]));
-        return std::clamp(value, -kFar, kFar);
-    }
+    double value(const Vec3d& p) const override { return demandNumber(mFunction(p), p); }
     bool isDistance() const override { return false; }
     double steepness() const override { return mSteepness; }
 
@@ -94,6 +95,46 @@ private:
     Box3d mBounds;
     double mSteepness;
 };
+
+double valueOfOne(const PointsFunction& function, const Vec3d& p)
+{
+    std::vector<double> values;
+    function({p}, values);
+    return values.front();
+}
+
+class BatchField final : public FunctionField
+{
+public:
+    BatchField(const PointsFunction& function, const Box3d& bounds, double steepness)
+        : FunctionField([function](const Vec3d& p) { return valueOfOne(function, p); }, bounds,
+                        steepness),
+          mFunction(function)
+    {
+    }
+
+    void values(const std::vector<Vec3d>& points, std::vector<double>& values) const override
+    {
+        mFunction(points, values);
+        for (std::size_t i = 0; i < points.size(); ++i)
+            values[i] = demandNumber(values[i], points[i]);
+    }
+    bool inBatches() const override { return true; }
+
+private:
+    PointsFunction mFunction;
+};
+
+void demandFunction(bool function, const Box3d& bounds, double steepness)
+{
+    if (!function) throw UsageError("function: there is none to call");
+    if (bounds.isEmpty() || !isFinite(bounds))
+        throw UsageError("function: its bounds are empty or not finite. Give a box that holds the "
+                         "solid");
+    if (!(steepness > 0) || !std::isfinite(steepness))
+        throw UsageError(
+            fmt::format("function: its steepness is {}; it must be above 0", steepness));
+}
 
 } // namespace
 
@@ -120,14 +161,14 @@ FieldPtr makeGyroid(double period, double thickness)
 FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
                            double steepness)
 {
-    if (!function) throw UsageError("function: there is none to call");
-    if (bounds.isEmpty() || !isFinite(bounds))
-        throw UsageError("function: its bounds are empty or not finite. Give a box that holds the "
-                         "solid");
-    if (!(steepness > 0) || !std::isfinite(steepness))
-        throw UsageError(
-            fmt::format("function: its steepness is {}; it must be above 0", steepness));
+    demandFunction(bool(function), bounds, steepness);
     return std::make_shared<FunctionField>(std::move(function), bounds, steepness);
+}
+
+FieldPtr makeFunctionField(PointsFunction function, const Box3d& bounds, double steepness)
+{
+    demandFunction(bool(function), bounds, steepness);
+    return std::make_shared<BatchField>(function, bounds, steepness);
 }
 
 } // namespace mpuvdb

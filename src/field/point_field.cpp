@@ -124,6 +124,34 @@ private:
     double mBand;
 };
 
+/// Evaluates all voxels of a block at once.
+class BatchSampler final : public BlockSampler
+{
+public:
+    BatchSampler(const PointField& field, const Lattice& lattice, double band)
+        : mField(field), mLattice(lattice), mBand(band), mPoints(kBlockVoxels)
+    {
+    }
+
+    void evaluate(const Vec3i& block, BlockValues& values) override
+    {
+        for (int i = 0; i < kBlockVoxels; ++i) {
+            const Vec3i voxel = kBlockDim * block + Vec3i(i >> 6, i >> 3 & 7, i & 7);
+            mPoints[std::size_t(i)] = mLattice.origin + mLattice.voxelSize * voxel.cast<double>();
+        }
+        mField.values(mPoints, mValues);
+        for (std::size_t i = 0; i < values.size(); ++i)
+            values[i] = float(std::clamp(mValues[i], -mBand, mBand));
+    }
+
+private:
+    const PointField& mField;
+    Lattice mLattice;
+    double mBand;
+    std::vector<Vec3d> mPoints;
+    std::vector<double> mValues;
+};
+
 } // namespace
 
 void sortBlocks(std::vector<Vec3i>& blocks)
@@ -196,7 +224,14 @@ std::vector<Vec3i> PointField::seedBlocks(const Lattice& lattice) const
 
 std::unique_ptr<BlockSampler> PointField::sampler(const Lattice& lattice, double band) const
 {
+    if (inBatches()) return std::make_unique<BatchSampler>(*this, lattice, band);
     return std::make_unique<PointSampler>(*this, lattice, band);
+}
+
+void PointField::values(const std::vector<Vec3d>& points, std::vector<double>& values) const
+{
+    values.clear();
+    for (const Vec3d& p : points) values.push_back(value(p));
 }
 
 Vec3d PointField::slope(const Vec3d& p, double step) const
@@ -217,6 +252,13 @@ Source::Source(FieldPtr field)
 double Source::value(const Vec3d& p) const
 {
     return mPoints ? mPoints->value(p) : mField->evaluate(p).value;
+}
+
+void Source::values(const std::vector<Vec3d>& points, std::vector<double>& values) const
+{
+    if (mPoints) return mPoints->values(points, values);
+    values.clear();
+    for (const Vec3d& p : points) values.push_back(mField->evaluate(p).value);
 }
 
 double Source::bound(const Vec3d& p) const

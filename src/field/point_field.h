@@ -37,6 +37,10 @@ public:
     virtual double value(const Vec3d& p) const = 0;
     /// A value of the same sign and no larger magnitude, where that is cheaper.
     virtual double bound(const Vec3d& p) const { return value(p); }
+    /// The values at many points.
+    virtual void values(const std::vector<Vec3d>& points, std::vector<double>& values) const;
+    /// Whether values() costs much less than value() of one point after the other.
+    virtual bool inBatches() const { return false; }
     /// How much the bound may change from @a centre within @a radius.
     virtual double change(const Vec3d& /*centre*/, double radius) const
     {
@@ -64,6 +68,8 @@ public:
     const Field& field() const { return *mField; }
     const PointField* points() const { return mPoints; }
     double value(const Vec3d& p) const;
+    void values(const std::vector<Vec3d>& points, std::vector<double>& values) const;
+    bool inBatches() const { return mPoints && mPoints->inBatches(); }
     /// @{ As PointField's; for a field that only is a distance near its zero set, with a doubt.
     double bound(const Vec3d& p) const;
     double change(const Vec3d& centre, double radius) const;

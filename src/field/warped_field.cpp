@@ -160,6 +160,14 @@ public:
     {
         return mScale * mSource.bound(mWarp->inverse(p));
     }
+    void values(const std::vector<Vec3d>& points, std::vector<double>& values) const override
+    {
+        std::vector<Vec3d> from;
+        mWarp->inverses(points, from);
+        mSource.values(from, values);
+        for (double& value : values) value *= mScale;
+    }
+    bool inBatches() const override { return mWarp->inBatches() || mSource.inBatches(); }
     double change(const Vec3d& centre, double radius) const override
     {
         return mScale * mSource.change(mWarp->inverse(centre), sourceRadius(centre, radius));

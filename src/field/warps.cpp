@@ -245,7 +245,7 @@ public:
     double stretch(const Box3d& /*image*/) const override { return 1; }
 };
 
-class UserWarp final : public Warp
+class UserWarp : public Warp
 {
 public:
     UserWarp(std::function<Vec3d(const Vec3d&)> inverse, std::function<Box3d(const Box3d&)> image,
@@ -262,6 +262,40 @@ private:
     std::function<Box3d(const Box3d&)> mImage;
     double mStretch;
 };
+
+Vec3d inverseOfOne(const PlacesFunction& inverse, const Vec3d& p)
+{
+    std::vector<Vec3d> from;
+    inverse({p}, from);
+    return from.front();
+}
+
+class BatchWarp final : public UserWarp
+{
+public:
+    BatchWarp(const PlacesFunction& inverse, std::function<Box3d(const Box3d&)> image,
+              double stretch)
+        : UserWarp([inverse](const Vec3d& p) { return inverseOfOne(inverse, p); }, std::move(image),
+                   stretch),
+          mInverses(inverse)
+    {
+    }
+    void inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const override
+    {
+        mInverses(points, from);
+    }
+    bool inBatches() const override { return true; }
+
+private:
+    PlacesFunction mInverses;
+};
+
+void demandWarp(bool functions, double stretch)
+{
+    if (!functions) throw UsageError("warp: its inverse and its image must be functions");
+    if (!(stretch > 0) || !std::isfinite(stretch))
+        throw UsageError(fmt::format("warp: its stretch is {}; it must be above 0", stretch));
+}
 
 void demandRange(const char* what, double from, double to)
 {
@@ -309,10 +343,21 @@ std::shared_ptr<const Warp> makeTaper(const Axis& axis, double from, double to, 
 std::shared_ptr<const Warp> makeWarp(std::function<Vec3d(const Vec3d&)> inverse,
                                      std::function<Box3d(const Box3d&)> image, double stretch)
 {
-    if (!inverse || !image) throw UsageError("warp: its inverse and its image must be functions");
-    if (!(stretch > 0) || !std::isfinite(stretch))
-        throw UsageError(fmt::format("warp: its stretch is {}; it must be above 0", stretch));
+    demandWarp(inverse && image, stretch);
     return std::make_shared<UserWarp>(std::move(inverse), std::move(image), stretch);
+}
+
+std::shared_ptr<const Warp> makeWarp(PlacesFunction inverse,
+                                     std::function<Box3d(const Box3d&)> image, double stretch)
+{
+    demandWarp(inverse && image, stretch);
+    return std::make_shared<BatchWarp>(inverse, std::move(image), stretch);
+}
+
+void Warp::inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const
+{
+    from.clear();
+    for (const Vec3d& p : points) from.push_back(inverse(p));
 }
 
 } // namespace mpuvdb

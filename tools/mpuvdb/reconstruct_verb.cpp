@@ -3,10 +3,9 @@
 #include "presets.h"
 #include "verb.h"
 
+#include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/normals.h>
-#include <mpuvdb/outliers.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <fmt/format.h>
@@ -224,58 +223,28 @@ private:
         return input;
     }
 
-    static constexpr std::size_t kJudgedFrom = 1000; ///< fewer points say little of each other
-
     /// Leave out outliers, and see to the normals.
     void clean(Session& session, PointCloud& cloud)
     {
-        session.progress().beginStage("clean");
-        mSettings.points = measure(cloud, session.progress());
-        const bool enough = cloud.size() >= kJudgedFrom;
-        if (enough && mOutliers == "drop") {
-            const auto outliers = findOutliers(cloud, *mSettings.points, session.progress());
-            dropPoints(cloud, outliers);
-            if (!outliers.empty()) mDropped["outlier"] += outliers.size();
-        }
-        if (mNormals == "estimate" || !cloud.hasNormals())
-            estimate(session, cloud);
-        else if (!enough || mNormals == "keep" || !cloud.seenFrom.empty() ||
-                 !manyTurned(session, cloud)) // a range image knows its outside
-
-            return judgeInward(session, cloud);
-        mSettings.points = measure(cloud, session.progress()); // noise is told by normals
-        // Normals that come from the positions know nothing that these do not say.
-        if (mNormalsEstimated) mSettings.points->normalNoise = 0;
-        judgeInward(session, cloud);
-    }
-
-    void estimate(Session& session, PointCloud& cloud)
-    {
-        const bool none = !cloud.hasNormals();
-        mNormalsEstimated = true;
-        const int neighbours = estimateNormals(cloud, {}, session.progress());
-        session.note(fmt::format("normals     estimated from {} neighbours each{}", neighbours,
-                                 none ? " (the points have none)" : ""));
-    }
-
-    /// Whether so many normals were turned that they had spoilt what was measured.
-    bool manyTurned(Session& session, PointCloud& cloud)
-    {
-        const auto flipped = findFlippedNormals(cloud, *mSettings.points, session.progress());
-        flipNormals(cloud, flipped);
-        mFlipped = flipped.size();
+        CleanSettings settings;
+        settings.normals = mNormals == "keep"       ? NormalsFrom::Keep
+                           : mNormals == "estimate" ? NormalsFrom::Estimate
+                                                    : NormalsFrom::Auto;
+        settings.dropOutliers = mOutliers == "drop";
+        settings.flipNormals = mFlipNormals;
+        const CleanReport report = mpuvdb::clean(cloud, settings, session.progress());
+        mSettings.points = report.statistics;
+        if (report.outliers > 0) mDropped["outlier"] += report.outliers;
+        mFlipped = report.flipped;
+        if (report.estimateNeighbors)
+            session.note(fmt::format("normals     estimated from {} neighbours each{}",
+                                     *report.estimateNeighbors,
+                                     report.hadNormals ? "" : " (the points have none)"));
         if (mFlipped > 0)
             session.note(fmt::format("normals     {} looked the wrong way and were turned; "
                                      "--normals keep leaves them",
                                      mFlipped));
-        return mFlipped > cloud.size() / 100;
-    }
-
-    void judgeInward(Session& session, PointCloud& cloud) const
-    {
-        if (mFlipNormals)
-            flipNormals(cloud);
-        else if (pointsInward(cloud))
+        if (report.inward)
             session.warn("the normals point inward, so that inside and outside are exchanged; "
                          "turn them with --flip-normals");
     }
@@ -368,7 +337,6 @@ private:
     Holes mHoles;
     ReconstructSettings mSettings;
     std::uint64_t mPoints = 0, mFlipped = 0;
-    bool mNormalsEstimated = false;
     std::map<std::string, std::uint64_t> mDropped;
 };
 

@@ -1,0 +1,39 @@
+// What is done to points before they are fitted: outliers go, normals are estimated or put right.
+#pragma once
+#include <mpuvdb/point_cloud.h>
+
+#include <cstdint>
+#include <optional>
+
+namespace mpuvdb
+{
+
+/// Where normals come from.
+enum class NormalsFrom {
+    Auto,    ///< the points', what is flipped among them turned; estimated where there are none
+    Keep,    ///< the points', as they are; estimated where there are none
+    Estimate ///< always estimated
+};
+
+struct CleanSettings {
+    NormalsFrom normals = NormalsFrom::Auto;
+    bool dropOutliers = true;
+    bool flipNormals = false; ///< turn all normals round, at last
+};
+
+/// What clean() found and did.
+struct CleanReport {
+    PointStatistics statistics;           ///< of the points as they are now
+    std::uint64_t outliers = 0;           ///< points left out
+    std::uint64_t flipped = 0;            ///< normals turned
+    bool hadNormals = false;              ///< before
+    std::optional<int> estimateNeighbors; ///< points per plane where normals were estimated
+    bool inward = false; ///< normals point inward, so that inside and outside are exchanged
+};
+
+/// Leave out outliers, and see to the normals. Fewer than 1000 points say little of each other:
+/// they all stay, and so do their normals. Normals of points whose viewpoints are known, too.
+/// @throws InputError for too few points, Interrupted.
+CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Progress& progress);
+
+} // namespace mpuvdb

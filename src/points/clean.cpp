@@ -1,0 +1,56 @@
+#include <mpuvdb/clean.h>
+
+#include <mpuvdb/normals.h>
+#include <mpuvdb/outliers.h>
+#include <mpuvdb/progress.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kJudgedFrom = 1000; ///< fewer points say little of each other
+
+/// Estimate normals, or turn those that are flipped if they can be @a judged. @return whether so
+/// much changed that it had spoilt what was measured.
+bool seeToNormals(PointCloud& cloud, bool judged, NormalsFrom from, CleanReport& report,
+                  Progress& progress)
+{
+    if (from == NormalsFrom::Estimate || !cloud.hasNormals()) {
+        report.estimateNeighbors = estimateNormals(cloud, {}, progress);
+        return true;
+    }
+    // A range image knows its outside.
+    if (!judged || from == NormalsFrom::Keep || !cloud.seenFrom.empty()) return false;
+    const auto flipped = findFlippedNormals(cloud, report.statistics, progress);
+    flipNormals(cloud, flipped);
+    report.flipped = flipped.size();
+    return report.flipped > cloud.size() / 100;
+}
+
+} // namespace
+
+CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Progress& progress)
+{
+    progress.beginStage("clean");
+    CleanReport report;
+    report.hadNormals = cloud.hasNormals();
+    report.statistics = measure(cloud, progress);
+    const bool judged = cloud.size() >= kJudgedFrom;
+    if (judged && settings.dropOutliers) {
+        const auto outliers = findOutliers(cloud, report.statistics, progress);
+        dropPoints(cloud, outliers);
+        report.outliers = outliers.size();
+    }
+    if (seeToNormals(cloud, judged, settings.normals, report, progress))
+        report.statistics = measure(cloud, progress); // noise is told by normals
+    // Normals that come from the positions know nothing that these do not say.
+    if (report.estimateNeighbors) report.statistics.normalNoise = 0;
+    if (settings.flipNormals)
+        flipNormals(cloud);
+    else
+        report.inward = pointsInward(cloud);
+    return report;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,67 @@
+#include "arguments.h"
+
+#include "arrays.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
+namespace mpuvdb::python
+{
+namespace py = pybind11;
+
+Length lengthOf(const LengthArgument& argument)
+{
+    if (const auto* text = std::get_if<std::string>(&argument)) return Length::parse(*text);
+    return Length{std::get<double>(argument), Length::Unit::World};
+}
+
+double worldLength(const LengthArgument& argument, const Scale& scale)
+{
+    const Length length = lengthOf(argument);
+    if (length.unit == Length::Unit::Voxels && !(scale.voxelSize > 0))
+        throw UsageError(fmt::format("'{}': a shape has no voxels before it is evaluated. Give "
+                                     "world units or a part of the diagonal (0.1%), or work on a "
+                                     "LevelSet",
+                                     length.text()));
+    const bool bounded =
+        !scale.box.isEmpty() && scale.box.min().allFinite() && scale.box.max().allFinite();
+    if (length.unit == Length::Unit::Percent && !bounded)
+        throw UsageError(fmt::format("'{}': this has no bounds whose diagonal it could be a part "
+                                     "of. Give world units",
+                                     length.text()));
+    return length.resolve(scale.voxelSize, bounded ? scale.box.diagonal().norm() : 0);
+}
+
+Vec3d directionOf(const AxisArgument& argument, const char* what)
+{
+    if (const auto* name = std::get_if<std::string>(&argument))
+        return choose<Vec3d>(*name, what,
+                             {{"x", Vec3d::UnitX()}, {"y", Vec3d::UnitY()}, {"z", Vec3d::UnitZ()}});
+    const Vec3d& direction = std::get<Vec3d>(argument);
+    if (!direction.allFinite() || direction.isZero(0))
+        throw UsageError(fmt::format("{}: the direction must be finite, and not zero", what));
+    return direction;
+}
+
+void throwChoice(const std::string& word, const char* what, const std::string& words)
+{
+    throw UsageError(fmt::format("{}: '{}' is none of: {}", what, word, words));
+}
+
+Box3d boxBetween(const Vec3d& low, const Vec3d& high)
+{
+    if (!(low.array() < high.array()).all())
+        throw UsageError(fmt::format("a box from ({}, {}, {}) to ({}, {}, {}) holds nothing: low "
+                                     "must be below high on each axis",
+                                     low[0], low[1], low[2], high[0], high[1], high[2]));
+    return {low, high};
+}
+
+py::object cornersOf(const Box3d& box)
+{
+    if (box.isEmpty()) return py::none();
+    return py::make_tuple(arrayOf(box.min()), arrayOf(box.max()));
+}
+
+} // namespace mpuvdb::python

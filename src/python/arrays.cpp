@@ -1,0 +1,159 @@
+#include "arrays.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb::python
+{
+namespace py = pybind11;
+namespace
+{
+
+constexpr std::size_t kRowsPerTask = 1 << 15;
+
+template <class F>
+void forRows(std::size_t rows, F&& f)
+{
+    const py::gil_scoped_release release;
+    tbb::parallel_for(std::size_t(0), (rows + kRowsPerTask - 1) / kRowsPerTask, [&](std::size_t t) {
+        const std::size_t end = std::min((t + 1) * kRowsPerTask, rows);
+        for (std::size_t i = t * kRowsPerTask; i < end; ++i) f(i);
+    });
+}
+
+[[noreturn]] void throwShape(const py::array& array, const char* what, const char* wanted)
+{
+    throw UsageError(fmt::format("{}: an array of shape {}; it must be {}", what,
+                                 py::str(array.attr("shape")).cast<std::string>(), wanted));
+}
+
+/// Three numbers per row of @a from, as @a To.
+template <class From, class To>
+std::vector<Eigen::Matrix<To, 3, 1>> convertRows(const py::array& from)
+{
+    const py::array_t<From> typed(from); // the same memory: it has this type
+    const auto in = typed.template unchecked<2>();
+    std::vector<Eigen::Matrix<To, 3, 1>> rows(std::size_t(in.shape(0)));
+    forRows(rows.size(), [&](std::size_t i) {
+        const auto at = py::ssize_t(i);
+        rows[i] = {To(in(at, 0)), To(in(at, 1)), To(in(at, 2))};
+    });
+    return rows;
+}
+
+py::array asArray(const py::object& object, const char* what)
+{
+    py::array array = py::array::ensure(object);
+    if (!array) {
+        PyErr_Clear();
+        throw UsageError(fmt::format("{}: is no array of numbers", what));
+    }
+    return array;
+}
+
+/// @a array itself if it has one of our types, else converted.
+py::array asNumbers(const py::array& array, const char* what)
+{
+    if (py::isinstance<py::array_t<float>>(array) || py::isinstance<py::array_t<double>>(array))
+        return array;
+    py::array numbers = py::array_t<double, py::array::forcecast>::ensure(array);
+    if (!numbers) {
+        PyErr_Clear();
+        throw UsageError(fmt::format("{}: is no array of numbers", what));
+    }
+    return numbers;
+}
+
+template <class To>
+std::vector<Eigen::Matrix<To, 3, 1>> rows(const py::object& object, const char* what)
+{
+    const py::array array = asNumbers(asArray(object, what), what);
+    if (array.ndim() != 2 || array.shape(1) != 3) throwShape(array, what, "(n, 3)");
+    return py::isinstance<py::array_t<float>>(array) ? convertRows<float, To>(array)
+                                                     : convertRows<double, To>(array);
+}
+
+std::vector<Mesh::Triangle> trianglesOf(const py::object& object, std::size_t vertices)
+{
+    const py::array array = asArray(object, "faces");
+    if (array.ndim() != 2 || array.shape(1) != 3) throwShape(array, "faces", "(m, 3)");
+    const char kind = array.dtype().kind();
+    if (kind != 'i' && kind != 'u') throw UsageError("faces: must be an array of integers");
+    std::vector<Mesh::Triangle> triangles(std::size_t(array.shape(0)));
+    const auto convert = [&](const auto& in) {
+        std::atomic<bool> outside{false};
+        forRows(triangles.size(), [&](std::size_t i) {
+            for (int corner = 0; corner < 3; ++corner) {
+                const auto vertex = in(py::ssize_t(i), corner);
+                if (vertex < 0 || std::uint64_t(vertex) >= vertices) outside = true;
+                triangles[i][std::size_t(corner)] = std::uint32_t(vertex);
+            }
+        });
+        if (outside)
+            throw InputError(fmt::format("faces: an index is outside of [0, {}), the vertices that "
+                                         "there are",
+                                         vertices));
+    };
+    if (py::isinstance<py::array_t<std::uint32_t>>(array))
+        convert(py::array_t<std::uint32_t>(array).unchecked<2>());
+    else
+        convert(py::array_t<std::int64_t, py::array::forcecast>(array).unchecked<2>());
+    return triangles;
+}
+
+} // namespace
+
+std::vector<Vec3d> rowsOf(const py::object& array, const char* what)
+{
+    return rows<double>(array, what);
+}
+
+std::vector<Vec3f> floatRowsOf(const py::object& array, const char* what)
+{
+    return rows<float>(array, what);
+}
+
+std::vector<float> columnOf(const py::object& array, const char* what)
+{
+    const py::array_t<float, py::array::forcecast> column(asNumbers(asArray(array, what), what));
+    if (column.ndim() != 1) throwShape(column, what, "(n,)");
+    const auto in = column.unchecked<1>();
+    std::vector<float> values(std::size_t(in.shape(0)));
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = in(py::ssize_t(i));
+    return values;
+}
+
+Mesh meshOf(const py::object& vertices, const py::object& faces)
+{
+    const std::vector<Vec3d> places = rowsOf(vertices, "vertices");
+    Box3d box;
+    for (const Vec3d& p : places) {
+        if (!p.allFinite()) throw InputError("vertices: one of them is not finite");
+        box.extend(p);
+    }
+    Mesh mesh;
+    if (!box.isEmpty()) mesh.frame = box.center();
+    mesh.positions.resize(places.size());
+    forRows(places.size(),
+            [&](std::size_t i) { mesh.positions[i] = (places[i] - mesh.frame).cast<float>(); });
+    mesh.triangles = trianglesOf(faces, places.size());
+    return mesh;
+}
+
+py::array_t<double> worldVertices(const Mesh& mesh)
+{
+    py::array_t<double> vertices({py::ssize_t(mesh.positions.size()), py::ssize_t(3)});
+    double* const out = vertices.mutable_data();
+    forRows(mesh.positions.size(),
+            [&](std::size_t i) { Eigen::Map<Vec3d>(out + 3 * i) = mesh.world(i); });
+    return vertices;
+}
+
+py::array_t<double> arrayOf(const Vec3d& v)
+{
+    return py::array_t<double>(3, v.data());
+}
+
+} // namespace mpuvdb::python

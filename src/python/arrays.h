@@ -1,0 +1,43 @@
+// Numpy arrays in and out.
+#pragma once
+#include <mpuvdb/triangle_mesh.h>
+
+#include <pybind11/numpy.h>
+
+#include <string>
+#include <vector>
+
+namespace mpuvdb::python
+{
+
+/// Rows of three numbers, read where they are if they are floats or doubles of whatever strides;
+/// else as a copy that is converted to doubles. @param what  for messages.
+/// @throws UsageError unless @a array has the shape (n, 3).
+std::vector<Vec3d> rowsOf(const pybind11::object& array, const char* what);
+std::vector<Vec3f> floatRowsOf(const pybind11::object& array, const char* what);
+/// @throws UsageError unless @a array has the shape (n,).
+std::vector<float> columnOf(const pybind11::object& array, const char* what);
+
+/// A mesh about the middle of its vertices.
+/// @throws UsageError unless the shapes are (n, 3) and (m, 3), with integers for the faces;
+/// InputError for a vertex that is not finite, or an index that is out of range.
+Mesh meshOf(const pybind11::object& vertices, const pybind11::object& faces);
+
+/// What lies in @a data as an array of that shape which cannot be written to, without a copy;
+/// @a owner keeps it alive.
+template <class T>
+pybind11::array viewOf(const T* data, const std::vector<pybind11::ssize_t>& shape,
+                       const pybind11::handle& owner)
+{
+    pybind11::array_t<T> view(shape, data, owner);
+    view.attr("flags").attr("writeable") = false;
+    return std::move(view);
+}
+
+/// World positions of a mesh's vertices, (n, 3).
+pybind11::array_t<double> worldVertices(const Mesh& mesh);
+
+/// @a v as (3,).
+pybind11::array_t<double> arrayOf(const Vec3d& v);
+
+} // namespace mpuvdb::python

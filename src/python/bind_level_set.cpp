@@ -1,0 +1,159 @@
+// Level sets: what they are, and where they come from and go to.
+#include "arguments.h"
+#include "arrays.h"
+#include "bindings.h"
+#include "dense.h"
+#include "pyopenvdb.h"
+#include "run.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+
+#include <fmt/format.h>
+
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+namespace mpuvdb::python
+{
+namespace py = pybind11;
+using namespace py::literals;
+namespace
+{
+
+void bindProperties(LevelSetClass& levelSets)
+{
+    levelSets
+        .def_property_readonly("voxel_size", &LevelSet::voxelSize, "Edge of a voxel, world units.")
+        .def_property_readonly("half_width", &LevelSet::halfWidth,
+                               "Width of the band on either side of the surface, voxels.")
+        .def_property_readonly(
+            "origin", [](const LevelSet& s) { return arrayOf(s.lattice().origin); },
+            "World position (3,) of the centre of voxel (0, 0, 0).")
+        .def_property_readonly(
+            "active_voxels", [](const LevelSet& s) { return s.grid().activeVoxelCount(); },
+            "Number of voxels in the band.")
+        .def_property_readonly(
+            "memory", [](const LevelSet& s) { return s.grid().memUsage(); }, "Bytes it takes.")
+        .def("__repr__", [](const LevelSet& s) {
+            return fmt::format("<mpuvdb.LevelSet: voxel size {:.6g}, half-width {:.3g}, {} active "
+                               "voxels>",
+                               s.voxelSize(), s.halfWidth(), s.grid().activeVoxelCount());
+        });
+}
+
+void bindFiles(LevelSetClass& levelSets)
+{
+    levelSets
+        .def_static(
+            "read",
+            [](const std::filesystem::path& file, const std::optional<std::string>& grid) {
+                return run(py::none(),
+                           [&](Progress&) { return readLevelSet(file, grid.value_or("")); });
+            },
+            "file"_a, "grid"_a = py::none(),
+            "Read the level set called grid from a .vdb file; None: 'surface', or the only one.")
+        .def(
+            "write",
+            [](const LevelSet& levelSet, const std::filesystem::path& file,
+               const std::map<std::string, std::string>& metadata, const py::object& progress) {
+                runWork(progress, [&](Progress& p) { writeAny(file, levelSet, metadata, p); });
+            },
+            "file"_a, "metadata"_a = std::map<std::string, std::string>(),
+            "progress"_a = py::none(),
+            "Write .vdb, with metadata (names to texts) on the grid; or the mesh as .ply, .obj or "
+            ".stl. The file appears whole or not at all." MPUVDB_PROGRESS_DOC);
+}
+
+void bindArrays(LevelSetClass& levelSets)
+{
+    levelSets
+        .def("to_numpy", &denseOf,
+             "(values, origin): the smallest block (nx, ny, nz) of float32 that holds the band, "
+             "and the world position (3,) of values[0, 0, 0]. Beyond the band values are the "
+             "band's width, negative inside.")
+        .def_static(
+            "from_numpy",
+            [](const py::array_t<float, py::array::forcecast>& values, const Vec3d& origin,
+               double voxelSize,
+               double halfWidth) { return levelSetOf(values, origin, voxelSize, halfWidth); },
+            "values"_a, "origin"_a, "voxel_size"_a, "half_width"_a = 3.0,
+            "The level set of a block (nx, ny, nz) of signed distances, world units, negative "
+            "inside; values[0, 0, 0] lies at origin. The solid must not meet the block's border. "
+            "Whether values are true distances is for check() to tell.")
+        .def(
+            "to_pyopenvdb", [](const LevelSet& s) { return toPyOpenVdb(s.grid()); },
+            "A FloatGrid of OpenVDB's own Python module, with the same voxels and transform.")
+        .def_static(
+            "from_pyopenvdb",
+            [](const py::object& grid) { return LevelSet(fromPyOpenVdb(grid, "grid")); }, "grid"_a,
+            "The level set of a FloatGrid of OpenVDB's own Python module.\n\n"
+            "Raises InputError unless it has the class level set, uniform voxels and a positive "
+            "background.");
+}
+
+void bindQuestions(LevelSetClass& levelSets)
+{
+    levelSets
+        .def(
+            "check",
+            [](const LevelSet& levelSet, double tolerance, const py::object& progress) {
+                return run(progress,
+                           [&](Progress& p) { return check(levelSet.grid(), p, tolerance); });
+            },
+            "gradient_tolerance"_a = 0.1, "progress"_a = py::none(),
+            "Whether it is a true signed distance in a complete band: a CheckReport. "
+            "gradient_tolerance is the largest mean of ||grad| - 1|." MPUVDB_PROGRESS_DOC)
+        .def(
+            "measure",
+            [](const LevelSet& levelSet, const py::object& progress) {
+                return run(progress, [&](Progress& p) { return measure(levelSet, p); });
+            },
+            "progress"_a = py::none(),
+            "Volume, area, bounds, genus, thickness: SolidMeasures." MPUVDB_PROGRESS_DOC)
+        .def(
+            "to_mesh",
+            [](const LevelSet& levelSet, const py::object& progress) {
+                return run(progress, [&](Progress& p) {
+                    return std::make_shared<Mesh>(extractMesh(levelSet, p));
+                });
+            },
+            "progress"_a = py::none(), "The surface as triangles: a Mesh." MPUVDB_PROGRESS_DOC)
+        .def(
+            "shape",
+            [](const LevelSet& levelSet, const std::string& name) { return Shape(levelSet, name); },
+            "name"_a = "grid", "A Shape of it, called name in plans.");
+}
+
+} // namespace
+
+void demandWritable(const std::filesystem::path& file)
+{
+    for (const char* known : {".vdb", ".ply", ".obj", ".stl"})
+        if (file.extension() == known) return;
+    throw UsageError(fmt::format("{}: of no kind that can be written. Name a .vdb, .ply, .obj or "
+                                 ".stl file",
+                                 file.string()));
+}
+
+void writeAny(const std::filesystem::path& file, const LevelSet& levelSet,
+              const std::map<std::string, std::string>& metadata, Progress& progress)
+{
+    demandWritable(file);
+    if (file.extension() == ".vdb") {
+        std::map<std::string, std::string> all = {{"mpuvdb:version", MPUVDB_VERSION}};
+        all.insert(metadata.begin(), metadata.end());
+        return writeLevelSet(file, levelSet, all, progress);
+    }
+    writeMesh(file, extractMesh(levelSet, progress), progress);
+}
+
+void bindLevelSet(LevelSetClass& levelSets)
+{
+    bindProperties(levelSets);
+    bindFiles(levelSets);
+    bindArrays(levelSets);
+    bindQuestions(levelSets);
+}
+
+} // namespace mpuvdb::python

@@ -1,0 +1,75 @@
+// Triangle meshes.
+#include "arrays.h"
+#include "bindings.h"
+#include "run.h"
+
+#include <mpuvdb/io.h>
+
+#include <fmt/format.h>
+
+#include <pybind11/stl/filesystem.h>
+
+namespace mpuvdb::python
+{
+namespace py = pybind11;
+using namespace py::literals;
+
+void bindMesh(MeshClass& meshes)
+{
+    meshes
+        .def(py::init([](const py::object& vertices, const py::object& faces) {
+                 return std::make_shared<Mesh>(meshOf(vertices, faces));
+             }),
+             "vertices"_a, "faces"_a,
+             "vertices: (n, 3), world units; float32 and float64 are read in place.\n"
+             "faces: (m, 3) integers, counter-clockwise seen from outside.\n\n"
+             "Raises UsageError for other shapes, InputError for indices out of range.")
+        .def_property_readonly(
+            "vertices", [](const Mesh& mesh) { return worldVertices(mesh); },
+            "World positions (n, 3), float64: frame + positions, made at each call.")
+        .def_property_readonly(
+            "frame", [](const Mesh& mesh) { return arrayOf(mesh.frame); },
+            "World position (3,) that positions are relative to.")
+        .def_property_readonly(
+            "positions",
+            [](const py::object& self) {
+                const auto& mesh = self.cast<const Mesh&>();
+                return viewOf(reinterpret_cast<const float*>(mesh.positions.data()),
+                              {py::ssize_t(mesh.positions.size()), 3}, self);
+            },
+            "Positions relative to frame (n, 3), float32: a read-only view, no copy.")
+        .def_property_readonly(
+            "faces",
+            [](const py::object& self) {
+                const auto& mesh = self.cast<const Mesh&>();
+                return viewOf(reinterpret_cast<const std::uint32_t*>(mesh.triangles.data()),
+                              {py::ssize_t(mesh.triangles.size()), 3}, self);
+            },
+            "Vertex indices (m, 3), uint32: a read-only view, no copy.")
+        .def(
+            "measure",
+            [](const Mesh& mesh) {
+                return run(py::none(), [&](Progress&) { return measure(mesh); });
+            },
+            "Count, and measure area and volume: a MeshReport.")
+        .def(
+            "shape",
+            [](const std::shared_ptr<Mesh>& mesh) {
+                return Shape(std::shared_ptr<const Mesh>(mesh));
+            },
+            "The solid inside a closed mesh, as a Shape.")
+        .def(
+            "write",
+            [](const Mesh& mesh, const std::filesystem::path& file, const py::object& progress) {
+                runWork(progress, [&](Progress& p) { writeMesh(file, mesh, p); });
+            },
+            "file"_a, "progress"_a = py::none(),
+            "Write .ply (binary), .obj or .stl (binary); it appears whole or not at "
+            "all." MPUVDB_PROGRESS_DOC)
+        .def("__repr__", [](const Mesh& mesh) {
+            return fmt::format("<mpuvdb.Mesh: {} vertices, {} faces>", mesh.positions.size(),
+                               mesh.triangles.size());
+        });
+}
+
+} // namespace mpuvdb::python

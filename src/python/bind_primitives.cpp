@@ -1,0 +1,191 @@
+// Shapes from formulas.
+#include "arguments.h"
+#include "bindings.h"
+#include "callables.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/scan_sampler.h>
+
+#include <fmt/format.h>
+
+#include <pybind11/eigen.h>
+#include <pybind11/stl.h>
+
+namespace mpuvdb::python
+{
+namespace py = pybind11;
+using namespace py::literals;
+namespace
+{
+
+const Vec3d kZero = Vec3d::Zero();
+
+Shape solidShape(const std::string& description, const std::string& name)
+{
+    return Shape(makeSolidField(parseSolid(description)), name);
+}
+
+Shape at(const Vec3d& place, const Shape& shape)
+{
+    return shape.moved(Eigen::Affine3d(Eigen::Translation3d(place)));
+}
+
+/// A solid that stands along z about the origin, between @a a and @a b; @a describe gets their
+/// distance.
+template <class Describe>
+Shape between(const Vec3d& a, const Vec3d& b, const char* name, Describe&& describe)
+{
+    const Vec3d along = b - a;
+    const double length = along.norm();
+    if (!(length > 0) || !std::isfinite(length))
+        throw UsageError(fmt::format("{}: its ends must be finite, and not the same", name));
+    Eigen::Affine3d motion(Eigen::Translation3d((a + b) / 2));
+    motion.rotate(Eigen::Quaterniond::FromTwoVectors(Vec3d::UnitZ(), along));
+    return solidShape(describe(length), name).moved(motion);
+}
+
+Box3d boxOf(const std::optional<Vec3d>& low, const std::optional<Vec3d>& high,
+            const std::optional<Vec3d>& center, const std::optional<Vec3d>& size)
+{
+    if (low && high && !center && !size) return boxBetween(*low, *high);
+    if (size && !low && !high) {
+        const Vec3d middle = center.value_or(kZero);
+        return boxBetween(middle - *size / 2, middle + *size / 2);
+    }
+    throw UsageError("box: give low and high, or size and center");
+}
+
+std::string sizes(const Vec3d& v)
+{
+    return fmt::format("{},{},{}", v[0], v[1], v[2]);
+}
+
+void bindRound(py::module_& module)
+{
+    module.def(
+        "sphere",
+        [](const Vec3d& center, double radius) {
+            return at(center, solidShape(fmt::format("sphere({})", radius), "sphere"));
+        },
+        "center"_a = kZero, "radius"_a = 1.0, "A ball; world units.");
+    module.def(
+        "ellipsoid",
+        [](const Vec3d& center, const Vec3d& radii) {
+            return at(center, solidShape(fmt::format("ellipsoid({})", sizes(radii)), "ellipsoid"));
+        },
+        "center"_a, "radii"_a, "An ellipsoid with radii along the axes; world units.");
+    module.def(
+        "torus",
+        [](double ring, double tube, const Vec3d& center, const AxisArgument& axis) {
+            Eigen::Affine3d motion((Eigen::Translation3d(center)));
+            motion.rotate(
+                Eigen::Quaterniond::FromTwoVectors(Vec3d::UnitZ(), directionOf(axis, "axis")));
+            return solidShape(fmt::format("torus({},{})", ring, tube), "torus").moved(motion);
+        },
+        "ring_radius"_a, "tube_radius"_a, "center"_a = kZero, "axis"_a = "z",
+        "A ring about axis ('x', 'y', 'z' or a vector) through center; world units.");
+    module.def(
+        "capsule",
+        [](const Vec3d& a, const Vec3d& b, double radius) {
+            return between(a, b, "capsule", [&](double length) {
+                return fmt::format("capsule({},{})", radius, length);
+            });
+        },
+        "a"_a, "b"_a, "radius"_a, "All places within radius of the line from a to b; world units.");
+    module.def(
+        "cylinder",
+        [](const Vec3d& a, const Vec3d& b, double radius) {
+            return between(a, b, "cylinder", [&](double length) {
+                return fmt::format("cylinder({},{})", radius, length);
+            });
+        },
+        "a"_a, "b"_a, "radius"_a, "A cylinder with its ends' middles at a and b; world units.");
+    module.def(
+        "cone",
+        [](const Vec3d& a, const Vec3d& b, double radius) {
+            return between(a, b, "cone", [&](double length) {
+                return fmt::format("cone({},{})", radius, length);
+            });
+        },
+        "a"_a, "b"_a, "radius"_a,
+        "A cone with its base of radius about a and its apex at b; world units.");
+}
+
+void bindBoxes(py::module_& module)
+{
+    using Place = std::optional<Vec3d>;
+    module.def(
+        "box",
+        [](const Place& low, const Place& high, const Place& center, const Place& size) {
+            const Box3d box = boxOf(low, high, center, size);
+            return at(box.center(), solidShape(fmt::format("box({})", sizes(box.sizes())), "box"));
+        },
+        "low"_a = py::none(), "high"_a = py::none(), py::kw_only(), "center"_a = py::none(),
+        "size"_a = py::none(),
+        "A box along the axes, from low to high, or of size about center; world units.");
+    module.def(
+        "rounded_box",
+        [](const Place& low, const Place& high, double radius, const Place& center,
+           const Place& size) {
+            const Box3d box = boxOf(low, high, center, size);
+            return at(box.center(),
+                      solidShape(fmt::format("roundedbox({},{})", sizes(box.sizes()), radius),
+                                 "rounded box"));
+        },
+        "low"_a = py::none(), "high"_a = py::none(), "radius"_a = 0.0, py::kw_only(),
+        "center"_a = py::none(), "size"_a = py::none(),
+        "A box along the axes whose edges are rounded with radius, up to half its smallest side.");
+}
+
+void bindOthers(py::module_& module)
+{
+    module.def(
+        "half_space",
+        [](const Vec3d& point, const Vec3d& normal) {
+            return Shape(makeHalfSpace(point, normal), "half-space");
+        },
+        "point"_a, "normal"_a,
+        "All that lies behind a plane through point; normal points out. Without bounds: intersect "
+        "it, or take it away from something.");
+    module.def(
+        "gyroid",
+        [](double period, double thickness) {
+            return Shape(makeGyroid(period, thickness), "gyroid");
+        },
+        "period"_a, "thickness"_a,
+        "The wall of thickness along the gyroid that repeats after period; world units. Without "
+        "bounds: intersect it with something.");
+    module.def(
+        "solid", [](const std::string& description) { return solidShape(description, "solid"); },
+        "description"_a,
+        ("A solid by a description such as 'difference(box(2,2,1), cylinder(0.4,3))':\n\n" +
+         solidHelp())
+            .c_str());
+    module.def(
+        "function",
+        [](const py::object& function, const Corners& bounds, double steepness) {
+            const PointsCallable values(function, "function");
+            return Shape(
+                makeFunctionField(
+                    [values](const std::vector<Vec3d>& points, std::vector<double>& result) {
+                        values.values(points, result);
+                    },
+                    boxBetween(bounds.first, bounds.second), steepness),
+                "function");
+        },
+        "function"_a, "bounds"_a, "steepness"_a,
+        "Wherever a function of your own is negative within bounds (low, high), which the solid "
+        "does not leave. function(points) gets an array (n, 3) and gives back n values; steepness "
+        "is the largest length of its gradient. Called from several threads, one at a time.");
+}
+
+} // namespace
+
+void bindPrimitives(py::module_& module)
+{
+    bindRound(module);
+    bindBoxes(module);
+    bindOthers(module);
+}
+
+} // namespace mpuvdb::python

@@ -1,0 +1,158 @@
+// Shapes: what is asked of them, and operations that need no deformation of space.
+#include "arguments.h"
+#include "bindings.h"
+#include "modelling_arguments.h"
+#include "run.h"
+
+#include <mpuvdb/io.h>
+
+#include <fmt/format.h>
+
+#include <pybind11/eigen.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+namespace mpuvdb::python
+{
+namespace py = pybind11;
+using namespace py::literals;
+namespace
+{
+
+#define MPUVDB_SAMPLING_DOC                                                                        \
+    " voxel_size: world units, or '1%' of the diagonal of the bounds. half_width: voxels, in "     \
+    "[1.5, 100]. max_bytes: memory that all grids together may take, 0 for any; more is a "        \
+    "LimitError before it is taken."
+
+ShapeSettings settingsFor(const Shape& shape, const LengthArgument& voxelSize, double halfWidth,
+                          std::uint64_t maxBytes)
+{
+    ShapeSettings settings;
+    settings.voxelSize = worldLength(voxelSize, {shape.bounds()});
+    settings.halfWidth = halfWidth;
+    settings.maxBytes = maxBytes;
+    return settings;
+}
+
+void bindEvaluation(ShapeClass& shapes)
+{
+    shapes
+        .def(
+            "level_set",
+            [](const Shape& shape, const LengthArgument& voxelSize, double halfWidth,
+               std::uint64_t maxBytes, const py::object& progress) {
+                const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
+                return run(progress, [&](Progress& p) { return shape.evaluate(s, p); });
+            },
+            "voxel_size"_a, "half_width"_a = 3.0, "max_bytes"_a = 0, "progress"_a = py::none(),
+            "Plan and sample: a LevelSet." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
+        .def(
+            "to_mesh",
+            [](const Shape& shape, const LengthArgument& voxelSize, std::uint64_t maxBytes,
+               const py::object& progress) {
+                const ShapeSettings s = settingsFor(shape, voxelSize, 3, maxBytes);
+                return run(progress, [&](Progress& p) {
+                    return std::make_shared<Mesh>(extractMesh(shape.evaluate(s, p), p));
+                });
+            },
+            "voxel_size"_a, "max_bytes"_a = 0, "progress"_a = py::none(),
+            "Plan, sample and extract the surface: a Mesh." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
+        .def(
+            "write",
+            [](const Shape& shape, const std::filesystem::path& file,
+               const LengthArgument& voxelSize, double halfWidth,
+               const std::map<std::string, std::string>& metadata, std::uint64_t maxBytes,
+               const py::object& progress) {
+                demandWritable(file);
+                const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
+                runWork(progress,
+                        [&](Progress& p) { writeAny(file, shape.evaluate(s, p), metadata, p); });
+            },
+            "file"_a, "voxel_size"_a, "half_width"_a = 3.0,
+            "metadata"_a = std::map<std::string, std::string>(), "max_bytes"_a = 0,
+            "progress"_a = py::none(),
+            "Plan, sample and write .vdb, with metadata (names to texts) on the grid; or the mesh "
+            "as .ply, .obj or .stl. The file appears whole or not at "
+            "all." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
+        .def(
+            "explain",
+            [](const Shape& shape, const LengthArgument& voxelSize, double halfWidth) {
+                const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, 0);
+                return run(py::none(), [&](Progress&) { return shape.explain(s); });
+            },
+            "voxel_size"_a, "half_width"_a = 3.0,
+            "What level_set() would do: a line for each part, with its band, voxels and memory.")
+        .def_property_readonly(
+            "bounds", [](const Shape& shape) { return cornersOf(shape.bounds()); },
+            "(low, high) of a box around the solid, world units, infinite where the solid is; None "
+            "if there is nothing.")
+        .def("__repr__", [](const Shape& shape) {
+            const Box3d box = shape.bounds();
+            if (box.isEmpty()) return std::string("<mpuvdb.Shape: nothing>");
+            const Vec3d &a = box.min(), &b = box.max();
+            return fmt::format("<mpuvdb.Shape within ({:.6g}, {:.6g}, {:.6g}) to ({:.6g}, {:.6g}, "
+                               "{:.6g})>",
+                               a[0], a[1], a[2], b[0], b[1], b[2]);
+        });
+}
+
+void bindSurfaceOperations(ShapeClass& shapes)
+{
+    shapes
+        .def(
+            "offset",
+            [](const Shape& shape, const LengthArgument& distance) {
+                return shape.offset(worldLength(distance, {shape.bounds()}));
+            },
+            "distance"_a, "Grown by distance (world units, or '1%'), or shrunk by a negative one.")
+        .def(
+            "shell",
+            [](const Shape& shape, const LengthArgument& thickness, const std::string& wall) {
+                return shape.shell(worldLength(thickness, {shape.bounds()}), wallOf(wall));
+            },
+            "thickness"_a, "wall"_a = "inward",
+            "The wall along the surface; wall is 'inward', 'outward' or 'centred'. Thinner than "
+            "two voxels is a LimitError once it is sampled.")
+        .def(
+            "smooth",
+            [](const Shape& shape, const std::string& filter, int iterations, int width,
+               const py::object& mask) {
+                return shape.smooth(smoothSettings(filter, iterations, width, mask));
+            },
+            "filter"_a = "gaussian", "iterations"_a = 1, "width"_a = 1, "mask"_a = py::none(),
+            MPUVDB_SMOOTH_DOC)
+        .def(
+            "morph",
+            [](const Shape& shape, const Shape& other, double t, const std::string& how) {
+                return Shape::morph(shape, other, t,
+                                    choose<Morphing>(how, "how",
+                                                     {{"linear", Morphing::Linear},
+                                                      {"advection", Morphing::Advection}}));
+            },
+            "other"_a, "t"_a, "how"_a = "linear",
+            "On the way from this (t = 0) to other (t = 1). 'linear' blends the distances; "
+            "'advection' moves the surface along its normals, for shapes that are far apart.");
+}
+
+void bindOperators(ShapeClass& shapes)
+{
+    const auto operation = [&](const char* name, const char* doc, auto&& combine) {
+        shapes.def(name, combine, "other"_a, py::is_operator(), doc);
+    };
+    operation("__or__", "The union.", [](const Shape& a, const Shape& b) { return a | b; });
+    operation("__and__", "The intersection.", [](const Shape& a, const Shape& b) { return a & b; });
+    operation("__sub__", "The difference.", [](const Shape& a, const Shape& b) { return a - b; });
+}
+
+} // namespace
+
+void bindShape(ShapeClass& shapes)
+{
+    shapes.def(py::init([](const LevelSet& levelSet) { return Shape(levelSet); }), "level_set"_a,
+               "The solid of a LevelSet; resampled where its voxels are not those asked for.");
+    bindEvaluation(shapes);
+    bindSurfaceOperations(shapes);
+    bindOperators(shapes);
+}
+
+} // namespace mpuvdb::python

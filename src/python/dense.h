@@ -1,0 +1,19 @@
+// Level sets as dense arrays.
+#pragma once
+#include <mpuvdb/level_set.h>
+
+#include <pybind11/numpy.h>
+
+namespace mpuvdb::python
+{
+
+/// (values, origin): the smallest block that holds all active voxels, and the world position of its
+/// voxel [0, 0, 0]. Voxels beyond the band have the background's magnitude.
+pybind11::tuple denseOf(const LevelSet& levelSet);
+
+/// What denseOf() took apart.
+/// @throws UsageError (shape, sizes), InputError (not finite, the solid meets the array's border).
+LevelSet levelSetOf(const pybind11::array_t<float>& values, const Vec3d& origin, double voxelSize,
+                    double halfWidth);
+
+} // namespace mpuvdb::python

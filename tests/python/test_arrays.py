@@ -1,0 +1,306 @@
+"""Numpy arrays, level sets and meshes in and out, and OpenVDB's own module."""
+
+import unittest
+
+import numpy as np
+
+import mpuvdb as mv
+from fixture import CENTRE, FolderTest, ShapeTest, octahedron, radii, sphere_points
+
+try:
+    import openvdb as vdb
+except ImportError:
+    try:
+        import pyopenvdb as vdb
+    except ImportError:
+        vdb = None
+
+
+class Meshes(unittest.TestCase):
+    def test_no_copy(self):
+        mesh = mv.sphere().to_mesh(0.2)
+        for view in (mesh.positions, mesh.faces):
+            self.assertIs(view.base, mesh)
+            self.assertFalse(view.flags.writeable)
+        first, second = mesh.faces, mesh.faces
+        self.assertTrue(np.shares_memory(first, second))
+        self.assertEqual(mesh.positions.dtype, np.float32)
+        self.assertEqual(mesh.faces.dtype, np.uint32)
+
+    def test_views_outlive_the_mesh(self):
+        faces = mv.sphere().to_mesh(0.2).faces
+        copy = faces.copy()
+        for _ in range(3):
+            mv.sphere().to_mesh(0.2)
+        np.testing.assert_array_equal(faces, copy)
+
+    def test_vertices_are_doubles_about_a_frame(self):
+        far = np.array([1e6, -2e6, 3e6])
+        vertices, faces = octahedron()
+        mesh = mv.Mesh(vertices + far, faces)
+        self.assertEqual(mesh.vertices.dtype, np.float64)
+        np.testing.assert_allclose(mesh.vertices, vertices + far, atol=1e-7, rtol=0)
+        np.testing.assert_allclose(mesh.frame + mesh.positions, mesh.vertices)
+        self.assertAlmostEqual(mesh.measure().volume, 4 / 3)
+        self.assertEqual(mesh.measure().boundary_edges, 0)
+
+    def test_types_and_strides(self):
+        vertices, faces = octahedron()
+        expected = mv.Mesh(vertices, faces).vertices
+        wide = np.zeros((12, 5), dtype=np.float32)
+        wide[::2, 1:4] = vertices
+        inputs = {
+            "float32": vertices.astype(np.float32),
+            "strided": wide[::2, 1:4],
+            "column order": np.asfortranarray(vertices),
+            "other byte order": vertices.astype(">f8"),
+            "integers": vertices.astype(int),
+            "lists": vertices.tolist(),
+        }
+        for name, given in inputs.items():
+            with self.subTest(name):
+                np.testing.assert_array_equal(mv.Mesh(given, faces).vertices, expected)
+        for kind in (np.uint32, np.int32, np.uint8, np.int64):
+            with self.subTest(kind):
+                np.testing.assert_array_equal(mv.Mesh(vertices, faces.astype(kind)).faces, faces)
+
+    def test_errors(self):
+        vertices, faces = octahedron()
+        for bad in (faces + 1, faces - 1):
+            with self.assertRaisesRegex(mv.InputError, "outside"):
+                mv.Mesh(vertices, bad)
+        with self.assertRaisesRegex(mv.UsageError, r"\(n, 3\)"):
+            mv.Mesh(vertices[:, :2], faces)
+        with self.assertRaisesRegex(mv.UsageError, "integers"):
+            mv.Mesh(vertices, faces.astype(float))
+        with self.assertRaisesRegex(mv.UsageError, "no array"):
+            mv.Mesh("vertices", faces)
+        with self.assertRaisesRegex(mv.InputError, "finite"):
+            mv.Mesh(np.where(vertices > 0, np.nan, vertices), faces)
+
+
+class Points(ShapeTest):
+    def test_arrays(self):
+        points, normals = sphere_points(20000, 1, CENTRE)
+        for kind in (np.float32, np.float64):
+            with self.subTest(kind):
+                shape = mv.points(points.astype(kind), normals.astype(kind), tolerance="0.1%")
+                level_set = shape.level_set(0.05)
+                self.assert_sound(level_set)
+                np.testing.assert_allclose(radii(level_set.to_mesh(), CENTRE), 1, atol=5e-3)
+
+    def test_arrays_are_read_in_place(self):
+        # Rows of a record array, as PLY libraries have them: no numpy copy has these strides.
+        points, normals = sphere_points(5000)
+        table = np.zeros(5000, dtype=[("p", "f4", 3), ("n", "f4", 3), ("id", "i4")])
+        table["p"], table["n"] = points, normals
+        level_set = mv.points(table["p"], table["n"]).level_set(0.1)
+        packed = mv.points(table["p"].copy(), table["n"].copy()).level_set(0.1)
+        np.testing.assert_array_equal(level_set.to_numpy()[0], packed.to_numpy()[0])
+
+    def test_cleaned_as_the_command_does(self):
+        points, normals = sphere_points(5000)
+        normals[::50] *= -1
+        points[7] = (5, 5, 5)
+        points[11] = np.nan
+        with self.assertLogs("mpuvdb", "INFO") as logs:
+            shape = mv.points(points, normals)
+        text = "\n".join(logs.output)
+        self.assertIn("not finite", text)
+        self.assertIn("1 outliers", text)
+        self.assertIn("turned", text)
+        np.testing.assert_allclose(radii(shape.to_mesh(0.1)), 1, atol=0.02)
+        with self.assertRaisesRegex(mv.InputError, "not finite"):
+            mv.points(points, normals, bad_points="fail")
+
+    def test_normals_are_estimated(self):
+        points, _ = sphere_points(5000)
+        with self.assertLogs("mpuvdb", "INFO") as logs:
+            shape = mv.points(points)
+        self.assertIn("normals estimated", "\n".join(logs.output))
+        np.testing.assert_allclose(radii(shape.to_mesh(0.1)), 1, atol=0.02)
+
+    def test_viewpoint(self):
+        # From within, the sphere is a cavity: its normals look at the viewer.
+        points, _ = sphere_points(5000)
+        with self.assertWarnsRegex(UserWarning, "inward"):
+            mv.points(points, viewpoint=(0, 0, 0))
+
+    def test_inward_normals(self):
+        points, normals = sphere_points(5000)
+        with self.assertWarnsRegex(UserWarning, "flip_normals=True"):
+            mv.points(points, -normals)
+        shape = mv.points(points, -normals, flip_normals=True)
+        self.assertGreater(shape.to_mesh(0.1).measure().volume, 4)
+
+    def test_errors(self):
+        points, normals = sphere_points(1000)
+        cases = {
+            "shape": (lambda: mv.points(points[:, :2]), mv.UsageError, r"\(n, 3\)"),
+            "count": (lambda: mv.points(points, normals[:10]), mv.UsageError, "10 normals"),
+            "empty": (lambda: mv.points(np.zeros((0, 3))), mv.InputError, "no points"),
+            "word": (lambda: mv.points(points, outliers="no"), mv.UsageError, "drop, keep"),
+            "unit": (lambda: mv.points(points, tolerance="1m"), mv.UsageError, "not a length"),
+            "file": (lambda: mv.points("none.ply"), mv.IoError, "none.ply"),
+            "file and normals": (lambda: mv.points("a.ply", normals), mv.UsageError, "array"),
+        }
+        for name, (call, error, text) in cases.items():
+            with self.subTest(name), self.assertRaisesRegex(error, text):
+                call()
+
+
+class Files(FolderTest):
+    def test_vdb(self):
+        file = self.folder / "ball.vdb"
+        mv.sphere(CENTRE, 0.5).write(file, voxel_size=0.05, metadata={"maker": "test"})
+        level_set = mv.LevelSet.read(file)
+        self.assertAlmostEqual(level_set.voxel_size, 0.05)
+        np.testing.assert_allclose(radii(mv.load(file).to_mesh(0.05), CENTRE), 0.5, atol=5e-3)
+        level_set.write(str(file), metadata={"other": "text"})
+        with self.assertRaisesRegex(mv.InputError, "surface"):
+            mv.load(file, grid="density")
+
+    def test_mesh_files(self):
+        ball = mv.sphere(CENTRE, 0.5)
+        for name in ("ball.ply", "ball.obj", "ball.stl"):
+            with self.subTest(name):
+                file = self.folder / name
+                ball.write(file, voxel_size=0.05)
+                again = mv.mesh(file).to_mesh(0.05)
+                np.testing.assert_allclose(radii(again, CENTRE), 0.5, atol=5e-3)
+                shape = mv.points([file])
+                np.testing.assert_allclose(radii(shape.to_mesh(0.05), CENTRE), 0.5, atol=0.01)
+
+    def test_refused(self):
+        with self.assertRaisesRegex(mv.UsageError, ".txt: of no kind"):
+            mv.sphere().write(self.folder / "ball.txt", voxel_size=0.1)
+        with self.assertRaises(mv.IoError) as caught:
+            mv.sphere().write(self.folder / "none" / "ball.vdb", voxel_size=0.1)
+        self.assertIsInstance(caught.exception, OSError)
+        self.assertIsInstance(caught.exception, mv.Error)
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+
+class Dense(ShapeTest):
+    def test_values_are_distances(self):
+        level_set = mv.sphere(CENTRE, 0.5).level_set(0.05)
+        values, origin = level_set.to_numpy()
+        self.assertEqual(values.dtype, np.float32)
+        index = np.moveaxis(np.indices(values.shape), 0, -1)
+        distance = np.linalg.norm(origin + 0.05 * index - CENTRE, axis=-1) - 0.5
+        # Active voxels lie within the band, and may reach a little beyond their own distance.
+        np.testing.assert_allclose(values, np.clip(distance, -0.15, 0.15), atol=1e-3)
+
+    def test_there_and_back(self):
+        for shape in (mv.sphere(CENTRE, 0.5), mv.box(size=(1, 1, 1)).shell(0.2)):
+            level_set = shape.level_set(0.05)
+            values, origin = level_set.to_numpy()
+            padded = np.pad(values, 1, constant_values=1)
+            again = mv.LevelSet.from_numpy(padded, origin - 0.05, 0.05)
+            self.assert_sound(again)
+            back, place = again.to_numpy()
+            np.testing.assert_array_equal(back, values)
+            np.testing.assert_allclose(place, origin)
+
+    def test_refused(self):
+        with self.assertRaisesRegex(mv.UsageError, "3"):
+            mv.LevelSet.from_numpy(np.zeros((4, 4)), (0, 0, 0), 1)
+        with self.assertRaisesRegex(mv.InputError, "border"):
+            mv.LevelSet.from_numpy(-np.ones((4, 4, 4)), (0, 0, 0), 1)
+        with self.assertRaisesRegex(mv.InputError, "finite"):
+            mv.LevelSet.from_numpy(np.full((4, 4, 4), np.nan), (0, 0, 0), 1)
+        with self.assertRaises(mv.UsageError):
+            mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, 0, 0), 0)
+
+
+class LevelSets(ShapeTest):
+    def setUp(self):
+        self.ball = mv.sphere(radius=0.5).level_set(0.05)
+
+    def test_properties(self):
+        self.assertAlmostEqual(self.ball.voxel_size, 0.05)
+        self.assertAlmostEqual(self.ball.half_width, 3, places=5)
+        self.assertGreater(self.ball.memory, 4 * self.ball.active_voxels)
+        self.assertIn("LevelSet", repr(self.ball))
+
+    def test_voxels_are_a_unit(self):
+        np.testing.assert_allclose(radii(self.ball.offset("2vx").to_mesh()), 0.6, atol=5e-3)
+        self.assert_volume(self.ball.shell("4vx"), 4 / 3 * np.pi * (0.125 - 0.027))
+        self.assertAlmostEqual(self.ball.resample("0.5vx").voxel_size, 0.025)
+
+    def test_band(self):
+        wide = self.ball.with_half_width(6)
+        self.assertAlmostEqual(wide.half_width, 6, places=5)
+        self.assert_sound(wide)
+
+    def test_measure(self):
+        measured = self.ball.measure()
+        self.assertAlmostEqual(measured.volume, 4 / 3 * np.pi / 8, delta=0.005)
+        self.assertAlmostEqual(measured.area, np.pi, delta=0.03)
+        self.assertEqual((measured.surfaces, measured.genus), (1, 0))
+        np.testing.assert_allclose(measured.bounds[0], -0.5, atol=0.01)
+
+    def test_components(self):
+        two = (mv.sphere(radius=0.5) | mv.sphere((2, 0, 0), 0.3)).level_set(0.05)
+        parts = two.components()
+        self.assertEqual(len(parts), 2)
+        self.assertGreater(parts[0][1], parts[1][1])
+        np.testing.assert_allclose(radii(parts[1][0].to_mesh(), (2, 0, 0)), 0.3, atol=5e-3)
+        self.assertEqual(len(two.keep_components(count=1).components()), 1)
+        self.assertEqual(len(two.keep_components(min_volume=0.2).components()), 1)
+
+    def test_findings(self):
+        values, origin = self.ball.to_numpy()
+        squashed = mv.LevelSet.from_numpy(np.pad(values / 2, 1, constant_values=1), origin, 0.05)
+        report = squashed.check()
+        self.assertFalse(report)
+        self.assertTrue(report.findings[0].what)
+        self.assertEqual(len(report.findings[0].voxel), 3)
+
+
+@unittest.skipIf(vdb is None, "OpenVDB's Python module is not installed")
+class PyOpenVdb(ShapeTest):
+    def test_there(self):
+        level_set = (mv.box(size=(1, 1, 1)).translate(CENTRE)).level_set(0.05)
+        grid = level_set.to_pyopenvdb()
+        self.assertIsInstance(grid, vdb.FloatGrid)
+        self.assertEqual(grid.activeVoxelCount(), level_set.active_voxels)
+        self.assertAlmostEqual(grid.background, 0.15, places=6)
+        voxel = grid.transform.worldToIndex(tuple(CENTRE))
+        values = grid.getConstAccessor()
+        deep = values.probeValue(tuple(round(v) for v in voxel))
+        self.assertEqual(deep, (-grid.background, False))
+
+    def test_and_back(self):
+        level_set = mv.sphere(CENTRE, 0.5).level_set(0.04, half_width=4)
+        again = mv.LevelSet.from_pyopenvdb(level_set.to_pyopenvdb())
+        np.testing.assert_array_equal(again.to_numpy()[0], level_set.to_numpy()[0])
+        np.testing.assert_allclose(again.origin, level_set.origin)
+        self.assertEqual(again.active_voxels, level_set.active_voxels)
+        self.assert_sound(again)
+
+    def test_their_sphere(self):
+        grid = vdb.createLevelSetSphere(radius=0.5, center=tuple(CENTRE), voxelSize=0.05)
+        shape = mv.LevelSet.from_pyopenvdb(grid).shape()
+        np.testing.assert_allclose(radii(shape.to_mesh(0.05), CENTRE), 0.5, atol=5e-3)
+
+    def test_refused(self):
+        with self.assertRaisesRegex(mv.InputError, "not a level set"):
+            mv.LevelSet.from_pyopenvdb(vdb.FloatGrid(1.0))
+        with self.assertRaisesRegex(mv.UsageError, "BoolGrid"):
+            mv.LevelSet.from_pyopenvdb(vdb.BoolGrid())
+        with self.assertRaisesRegex(mv.UsageError, "int"):
+            mv.LevelSet.from_pyopenvdb(3)
+
+    def test_masked_smoothing(self):
+        mask = vdb.FloatGrid(0.0)
+        mask.fill((-100, -100, 0), (100, 100, 100), 1.0)
+        cube = mv.box(size=(1, 1, 1))
+        smoothed = cube.smooth(iterations=3, mask=mask).to_mesh(0.05).vertices
+        reach = np.abs(smoothed)
+        self.assertGreater(np.linalg.norm(reach[smoothed[:, 2] < -0.3], axis=1).max(), 0.85)
+        self.assertLess(np.linalg.norm(reach[smoothed[:, 2] > 0.3], axis=1).max(), 0.83)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,234 @@
+"""Primitives, operators and deformations of shapes."""
+
+import math
+import unittest
+
+import numpy as np
+
+import mpuvdb as mv
+from fixture import CENTRE, ShapeTest, octahedron, radii
+
+PI = math.pi
+
+
+class Primitives(ShapeTest):
+    def test_volumes(self):
+        cases = {
+            "sphere": (mv.sphere((1, 2, 3), 0.5), 4 / 3 * PI * 0.5**3),
+            "box": (mv.box((0, 0, 0), (1, 0.8, 0.6)), 0.48),
+            "box by size": (mv.box(size=(1, 0.8, 0.6), center=CENTRE), 0.48),
+            "rounded box": (mv.rounded_box((0, 0, 0), (1, 1, 1), 0.5), 4 / 3 * PI * 0.5**3),
+            "ellipsoid": (mv.ellipsoid((0, 0, 0), (0.7, 0.5, 0.4)), 4 / 3 * PI * 0.14),
+            "capsule": (mv.capsule((0, 0, 0), (1, 1, 1), 0.3), PI * 0.09 * (math.sqrt(3) + 0.4)),
+            "cylinder": (mv.cylinder((0, 0, 0), (0, 1, 0), 0.4), PI * 0.16),
+            "cone": (mv.cone((0, 0, 0), (1, 0, 0), 0.5), PI * 0.25 / 3),
+            "torus": (mv.torus(0.6, 0.2, axis="x"), 2 * PI**2 * 0.6 * 0.04),
+            "half space": (mv.half_space((0, 0, 0), (0, 0, 1)) & mv.sphere(), 2 / 3 * PI),
+            "solid": (mv.solid("difference(box(1,1,1), cylinder(0.3,3))"), 1 - PI * 0.09),
+        }
+        for name, (shape, volume) in cases.items():
+            with self.subTest(name):
+                self.assert_volume(shape, volume, voxel_size=0.03)
+
+    def test_gyroid_fills_its_share(self):
+        volume = (mv.gyroid(0.5, 0.1) & mv.box(size=(1, 1, 1))).level_set(0.02)
+        share = volume.to_mesh().measure().volume
+        self.assertTrue(0.3 < share < 0.9, share)
+
+    def test_places(self):
+        low, high = mv.sphere(CENTRE, 0.5).bounds
+        np.testing.assert_allclose((low + high) / 2, CENTRE)
+        np.testing.assert_allclose(high - low, 1)
+        low, high = mv.cone((0, 0, 0), (0, 0, 2), 1).translate((0, 0, 1)).bounds
+        self.assertAlmostEqual(low[2], 1, delta=0.01)
+        self.assertAlmostEqual(high[2], 3, delta=0.01)
+        self.assertTrue(np.isinf(mv.half_space((0, 0, 0), (0, 0, 1)).bounds[0]).any())
+
+    def test_function_gets_many_points(self):
+        sizes = []
+
+        def ball(points):
+            sizes.append(points.shape)
+            return np.linalg.norm(points - CENTRE, axis=1) - 0.5
+
+        shape = mv.function(ball, (CENTRE - 0.6, CENTRE + 0.6), 1)
+        level_set = shape.level_set(0.03)
+        self.assert_sound(level_set)
+        np.testing.assert_allclose(radii(level_set.to_mesh(), CENTRE), 0.5, atol=2e-3)
+        self.assertTrue(all(s[1] == 3 for s in sizes))
+        self.assertEqual(max(s[0] for s in sizes), 512)
+
+    def test_function_errors(self):
+        bounds = ((-1, -1, -1), (1, 1, 1))
+
+        def raises(points):
+            raise KeyError("mine")
+
+        with self.assertRaisesRegex(KeyError, "mine"):
+            mv.function(raises, bounds, 1).level_set(0.1)
+        with self.assertRaisesRegex(mv.InputError, "shape"):
+            mv.function(lambda points: 0.0, bounds, 1).level_set(0.1)
+        with self.assertRaisesRegex(mv.InputError, "not a number"):
+            mv.function(lambda points: np.full(len(points), np.nan), bounds, 1).level_set(0.1)
+        with self.assertRaises(mv.UsageError):
+            mv.function(3, bounds, 1)
+        with self.assertRaises(mv.UsageError):
+            mv.function(len, ((1, 1, 1), (0, 0, 0)), 1)
+
+
+class Operators(ShapeTest):
+    def setUp(self):
+        self.a = mv.box(size=(1, 1, 1))
+        self.b = mv.box(size=(1, 1, 1), center=(0.5, 0, 0))
+
+    def test_operators(self):
+        self.assert_volume(self.a | self.b, 1.5)
+        self.assert_volume(self.a & self.b, 0.5)
+        self.assert_volume(self.a - self.b, 0.5)
+
+    def test_functions(self):
+        c = mv.box(size=(1, 1, 1), center=(0, 0.5, 0))
+        self.assert_volume(mv.union(self.a, self.b, c), 2)
+        self.assert_volume(mv.intersection(self.a, self.b, c), 0.25)
+        self.assert_volume(mv.difference(self.a, self.b, c), 0.25)
+
+    def test_operator_and_function_agree_to_the_bit(self):
+        ours = (self.a - self.b).level_set(0.05).to_numpy()[0]
+        theirs = mv.difference(self.a, self.b).level_set(0.05).to_numpy()[0]
+        np.testing.assert_array_equal(ours, theirs)
+
+    def test_blend_fills_the_crease(self):
+        plate = mv.box((-1, -1, -0.2), (1, 1, 0))
+        post = mv.cylinder((0, 0, -0.2), (0, 0, 1), 0.4)
+        sharp = (plate | post).to_mesh(0.04).measure().volume
+        blended = mv.blend_union(plate, post, radius=0.2).to_mesh(0.04).measure().volume
+        # The fillet's section is (1 - pi/4) r^2, its way around the post a bit over 2 pi 0.4.
+        self.assertTrue(0.02 < blended - sharp < 0.035, blended - sharp)
+        same = mv.union(plate, post, blend="0%").to_mesh(0.04).measure().volume
+        self.assertEqual(same, sharp)
+
+    def test_other_operands(self):
+        with self.assertRaises(TypeError):
+            self.a | 3
+        with self.assertRaises(TypeError):
+            mv.union(self.a, "b")
+        with self.assertRaises(mv.UsageError):
+            mv.union()
+
+    def test_level_sets_are_shapes(self):
+        half = self.b.level_set(0.04)
+        self.assert_volume(self.a - half, 0.5)
+        self.assert_volume(half | self.a, 1.5)
+
+
+class Surfaces(ShapeTest):
+    def test_offset(self):
+        ball = mv.sphere(radius=0.5)
+        np.testing.assert_allclose(radii(ball.offset(0.2).to_mesh(0.04)), 0.7, atol=4e-3)
+        percent = 100 * 0.1 / math.sqrt(3)  # the diagonal of the box is sqrt(3)
+        np.testing.assert_allclose(radii(ball.offset(f"-{percent}%").to_mesh(0.04)), 0.4, atol=4e-3)
+
+    def test_voxels_say_nothing_to_a_shape(self):
+        with self.assertRaisesRegex(mv.UsageError, "no voxels"):
+            mv.sphere().offset("2vx")
+        with self.assertRaisesRegex(mv.UsageError, "not a length"):
+            mv.sphere().offset("2 metres")
+
+    def test_shell(self):
+        def hollow(outer, inner):
+            return 4 / 3 * PI * (outer**3 - inner**3)
+
+        ball = mv.sphere(radius=0.5)
+        self.assert_volume(ball.shell(0.2), hollow(0.5, 0.3))
+        self.assert_volume(ball.shell(0.2, wall="outward"), hollow(0.7, 0.5))
+        self.assert_volume(ball.shell(0.2, wall="centred"), hollow(0.6, 0.4))
+        with self.assertRaisesRegex(mv.UsageError, "inward, outward, centred"):
+            ball.shell(0.2, wall="inwards")
+
+    def test_smooth_rounds_corners(self):
+        cube = mv.box(size=(1, 1, 1))
+        for name in ("mean", "gaussian", "median", "curvature"):
+            with self.subTest(name):
+                round_cube = cube.smooth(name, iterations=3).level_set(0.04)
+                self.assertLess(radii(round_cube.to_mesh()).max(), math.sqrt(0.75) - 0.02)
+
+    def test_morph(self):
+        small, large = mv.sphere(radius=0.4), mv.sphere(radius=0.6)
+        np.testing.assert_allclose(radii(small.morph(large, 0.5).to_mesh(0.04)), 0.5, atol=4e-3)
+        with self.assertRaises(mv.UsageError):
+            small.morph(large, 1.5)
+
+    def test_explain_names_the_parts(self):
+        text = (mv.sphere() - mv.box(size=(1, 1, 1)).offset(0.1)).explain(0.05)
+        for word in ("difference", "sphere", "box", "offset", "MB"):
+            self.assertIn(word, text)
+
+    def test_memory_is_known_before(self):
+        with self.assertRaises(mv.LimitError):
+            mv.sphere().level_set(0.001, max_bytes=1000000)
+
+
+class Motions(ShapeTest):
+    def setUp(self):
+        self.rod = mv.box((0, -0.2, -0.1), (1, 0.2, 0.1))
+
+    def assert_box(self, shape, low, high):
+        vertices = shape.to_mesh(0.02).vertices
+        np.testing.assert_allclose(vertices.min(axis=0), low, atol=0.01)
+        np.testing.assert_allclose(vertices.max(axis=0), high, atol=0.01)
+
+    def test_rigid(self):
+        self.assert_box(self.rod.translate((1, 2, 3)), (1, 1.8, 2.9), (2, 2.2, 3.1))
+        self.assert_box(self.rod.rotate(90), (-0.2, 0, -0.1), (0.2, 1, 0.1))
+        self.assert_box(self.rod.rotate(90, axis="y"), (-0.1, -0.2, -1), (0.1, 0.2, 0))
+        self.assert_box(self.rod.rotate(180, origin=(1, 0, 0)), (1, -0.2, -0.1), (2, 0.2, 0.1))
+        self.assert_box(self.rod.rotate(-90, axis=(0, 0, -5)), (-0.2, 0, -0.1), (0.2, 1, 0.1))
+
+    def test_scale(self):
+        self.assert_box(self.rod.scale(2), (0, -0.4, -0.2), (2, 0.4, 0.2))
+        self.assert_box(self.rod.scale((2, 1, 1), origin=(1, 0, 0)), (-1, -0.2, -0.1), (1, 0.2, 0.1))
+        with self.assertRaises(mv.UsageError):
+            self.rod.scale(0)
+
+    def test_matrix(self):
+        matrix = np.eye(4)
+        matrix[:3, 3] = (1, 2, 3)
+        self.assert_box(self.rod.transform(matrix), (1, 1.8, 2.9), (2, 2.2, 3.1))
+        with self.assertRaisesRegex(mv.UsageError, "last row"):
+            self.rod.transform(matrix.T)
+
+    def test_twist_keeps_the_volume(self):
+        bar = mv.box(size=(0.6, 0.4, 1))
+        self.assert_volume(bar.twist(degrees_per_unit=90, axis="z"), 0.24)
+
+    def test_bend_and_taper(self):
+        bar = mv.box((-0.1, -0.1, 0), (0.1, 0.1, 2))
+        bent = bar.bend(45, side="x")  # a quarter of a circle of radius 4 / pi
+        self.assert_volume(bent, 0.08, voxel_size=0.02)
+        end = bent.to_mesh(0.02).vertices
+        self.assertAlmostEqual(end[:, 0].max(), 4 / PI, delta=0.02)
+        tapered = bar.taper(1, 0.5)
+        self.assert_volume(tapered, 0.08 * 7 / 12, voxel_size=0.02)
+
+    def test_warp(self):
+        ball = mv.sphere(radius=0.5)
+        sheared = ball.warp(
+            lambda p: p - np.stack([0.5 * p[:, 2], 0 * p[:, 1], 0 * p[:, 2]], axis=1),
+            ((-1, -0.6, -0.6), (1, 0.6, 0.6)),
+            stretch=1.3,
+        )
+        self.assert_volume(sheared, 4 / 3 * PI * 0.125)
+        self.assertAlmostEqual(
+            sheared.to_mesh(0.04).vertices[:, 0].max(), 0.5 * math.sqrt(1.25), delta=0.01
+        )
+
+
+class Meshes(ShapeTest):
+    def test_octahedron(self):
+        shape = mv.mesh(*octahedron())
+        self.assert_volume(shape, 4 / 3)
+        self.assert_volume(mv.mesh(mv.Mesh(*octahedron())) - mv.half_space((0, 0, 0), (0, 0, 1)), 2 / 3)
+
+
+if __name__ == "__main__":
+    unittest.main()
