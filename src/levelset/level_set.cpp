@@ -27,29 +27,21 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
     return lattice;
 }
 
-openvdb::math::Transform::Ptr transformOf(const Lattice& lattice)
+void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
 {
-    const auto transform = openvdb::math::Transform::createLinearTransform(lattice.voxelSize);
+    grid.setTransform(openvdb::math::Transform::createLinearTransform(lattice.voxelSize));
     const Vec3d& o = lattice.origin;
-    if (o != Vec3d::Zero()) transform->postTranslate({o[0], o[1], o[2]});
-    return transform;
+    if (o != Vec3d::Zero()) grid.transform().postTranslate({o[0], o[1], o[2]});
 }
 
 LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth)
 {
     demandVoxelSize(lattice.voxelSize);
     const auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
-    grid->setTransform(transformOf(lattice));
+    setLattice(*grid, lattice);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName("surface");
     return LevelSet(grid);
-}
-
-void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
-{
-    grid.setTransform(openvdb::math::Transform::createLinearTransform(lattice.voxelSize));
-    const Vec3d& o = lattice.origin;
-    if (o != Vec3d::Zero()) grid.transform().postTranslate({o[0], o[1], o[2]});
 }
 
 LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid) : mGrid(std::move(grid))

@@ -30,6 +30,16 @@ void demandSettings(const Field& field, const SampleSettings& settings)
                          "a box, or with a solid that ends");
 }
 
+/// Whether there is no surface. @throws InputError where there has to be one.
+bool isEmpty(const Band& band, const SampleSettings& settings)
+{
+    if (band.hasZeroCrossing()) return false;
+    if (!settings.mayBeEmpty)
+        throw InputError("the surface encloses nothing at this voxel size: no voxel is inside. Use "
+                         "smaller voxels, or, if points were fitted, check their normals");
+    return true;
+}
+
 } // namespace
 
 LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress)
@@ -41,17 +51,11 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     Band band(field, lattice, isDistance ? settings.halfWidth : kCrossingWidth * field.steepness(),
               settings.maxBytes, progress);
     band.search(field.seedBlocks(lattice));
-    const auto isEmpty = [&] {
-        if (band.hasZeroCrossing()) return false;
-        if (settings.mayBeEmpty) return true;
-        throw InputError("the surface encloses nothing at this voxel size: no voxel is inside. Use "
-                         "smaller voxels, or, if points were fitted, check their normals");
-    };
-    if (isEmpty()) return emptyLevelSet(lattice, settings.halfWidth);
+    if (isEmpty(band, settings)) return emptyLevelSet(lattice, settings.halfWidth);
     progress.beginStage("close");
     band.resolveSigns();
     band.removeIslands();
-    if (isEmpty()) return emptyLevelSet(lattice, settings.halfWidth);
+    if (isEmpty(band, settings)) return emptyLevelSet(lattice, settings.halfWidth);
     band.close();
     progress.beginStage("assemble");
     const openvdb::FloatTree::Ptr tree = band.assemble();

@@ -14,8 +14,6 @@ namespace mpuvdb
 /// translates.
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
 
-/// A transform that puts voxels where @a lattice says.
-openvdb::math::Transform::Ptr transformOf(const Lattice& lattice);
 /// Give @a grid the transform of @a lattice.
 void setLattice(openvdb::GridBase& grid, const Lattice& lattice);
 
