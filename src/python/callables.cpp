@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include <cstring>
+#include <algorithm>
 
 namespace mpuvdb::python
 {
@@ -40,7 +40,7 @@ void PointsCallable::places(const std::vector<Vec3d>& points, std::vector<Vec3d>
     const py::gil_scoped_acquire acquire;
     const py::array_t<double> result = call(points, 3);
     places.resize(points.size());
-    std::memcpy(places.data(), result.data(), points.size() * sizeof(Vec3d));
+    std::copy_n(result.data(), 3 * points.size(), places.front().data());
 }
 
 py::array_t<double> PointsCallable::call(const std::vector<Vec3d>& points,

@@ -24,7 +24,7 @@ def stub_parameters(function):
     a = function.args
     names = [x.arg for x in a.posonlyargs + a.args if x.arg != "self"]
     if a.vararg:
-        names.append("*" + a.vararg.arg)
+        names.append("*args")  # pybind11 knows no other name
     return names + [x.arg for x in a.kwonlyargs]
 
 
