@@ -10,8 +10,8 @@
 namespace mpuvdb::python
 {
 
-/// A Python function of points, an array (n, 3) of doubles, n > 0. Copies may be called and destroyed
-/// without the interpreter's lock.
+/// A Python function of points, an array (n, 3) of doubles, n > 0. Copies may be called and
+/// destroyed without the interpreter's lock.
 class PointsCallable
 {
 public:
