@@ -125,6 +125,11 @@ private:
                 node.known->pending[std::size_t(voxel >> 6)] |= std::uint64_t(1) << (voxel & 63);
             }
         });
+        for (std::size_t n = patches.first.back(); n < mPatches.size(); ++n) {
+            Node& node = *mNodes[mIndex.at(mPatches[n].voxel & ~7)];
+            spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), std::uint32_t(n));
+        }
+        publish(std::vector<std::uint32_t>(mLive));
     }
 
     std::uint32_t addNode(const Coord& origin)
@@ -164,8 +169,15 @@ private:
             if (!node.known) prepare(node);
             for (const std::uint32_t from : node.senders) hear(*mNodes[from], node);
             node.senders.clear();
+            node.touched = 0;
             tell(node);
         });
+        return publish(work);
+    }
+
+    /// Let what @a work has to tell stand for the next wave; returns those that it concerns.
+    std::vector<std::uint32_t> publish(const std::vector<std::uint32_t>& work)
+    {
         for (const std::uint32_t n : mSenders) mNodes[n]->sent.clear();
         mSenders.clear();
         std::vector<std::uint32_t> next;
@@ -211,7 +223,6 @@ private:
     void tell(Node& node)
     {
         Knowledge& known = *node.known;
-        node.touched = 0;
         float least2 = kInfinity;
         forEachPending(known, [&](int n) { least2 = std::min(least2, known.distance2[n]); });
         if (least2 > mBound2) return;
@@ -223,7 +234,7 @@ private:
                 forEachPending(known, [&](int n) {
                     if (known.distance2[n] > now2) return;
                     known.pending[std::size_t(n >> 6)] &= ~(std::uint64_t(1) << (n & 63));
-                    tellNeighbours(node, n);
+                    spread(node, n, known.patch[n]);
                     again = true;
                 });
             }
@@ -239,9 +250,9 @@ private:
                 f(64 * word + __builtin_ctzll(bits));
     }
 
-    void tellNeighbours(Node& node, int voxel)
+    /// Offer a voxel's patch to all around it.
+    void spread(Node& node, int voxel, std::uint32_t patch)
     {
-        const std::uint32_t patch = node.known->patch[voxel];
         const Coord at = coordOf(voxel);
         const Vec3f v = mPatches[patch].to(node.origin + at);
         offer(node, at, patch, v);

@@ -1,5 +1,6 @@
 #include "surface_patches.h"
 
+#include "crease_patches.h"
 #include "leaf_halo.h"
 
 #include <mpuvdb/error.h>
@@ -23,8 +24,14 @@ constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
 constexpr float kBeyond = 1e-3f;
 constexpr float kLeastSlope = 0.3f; ///< below, a distance's gradient tells no direction
 constexpr float kLeastImplicit = 1e-6f;
-constexpr float kPoint = 1e3f; ///< the curvature of a point: its radius is below what counts
-constexpr float kLeastBend = 1 / kPoint;
+/// Where the slope changes by more from voxel to voxel, relative to itself, there may be a crease.
+constexpr float kCrease = 0.15f;
+/// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
+/// slope; a distance's slope is 1 to so much there.
+constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f;
+/// Feet of neighbours are no farther from each other than twice this, voxels. From there to the end
+/// a patch turns into its foot, for beside a crease it would reach into the open.
+constexpr float kExtent = 0.75f, kEnd = 1;
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
@@ -68,16 +75,22 @@ public:
     }
 
     /// The patch of a voxel of the leaf that forEachCrossing() is at.
-    SurfacePatch make(const Leaf& leaf, int voxel) const
+    SurfacePatch make(const Leaf& leaf, int voxel, PatchKind& kind) const
     {
         const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
         const int in = LeafHalo::index(x + 1, y + 1, z + 1);
         SurfacePatch patch;
         patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
-        const Quadratic model = modelAt(in);
+        Quadratic model = modelAt(in);
+        kind = PatchKind::Smooth;
+        if (model.hessian.cwiseAbs().maxCoeff() > kCrease * model.gradient.norm())
+            kind = flatten(in, model);
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
-        if (!found) nearestCrossing(in, patch);
+        if (!found) {
+            kind = PatchKind::Rough;
+            nearestCrossing(in, patch);
+        }
         return patch;
     }
 
@@ -111,6 +124,44 @@ private:
                     0.25f * ((v[in + s + t] - v[in + s - t]) - (v[in - s + t] - v[in - s - t]));
         }
         return q;
+    }
+
+    /// If the values in one octant are a plane's, let the model be that plane.
+    PatchKind flatten(int in, Quadratic& model) const
+    {
+        const auto& v = mHalo.value;
+        float least = kPlane * model.hessian.cwiseAbs().maxCoeff();
+        PatchKind kind =
+            model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * model.gradient.norm()
+                ? PatchKind::Rough
+                : PatchKind::Smooth;
+        for (int octant = 0; octant < 8; ++octant) {
+            const int s[3] = {octant & 4 ? kStride[0] : -kStride[0],
+                              octant & 2 ? kStride[1] : -kStride[1],
+                              octant & 1 ? kStride[2] : -kStride[2]};
+            Vec3f rise;
+            bool all = true;
+            for (int axis = 0; axis < 3; ++axis) {
+                rise[axis] = v[in + s[axis]] - v[in];
+                all &= known(in + s[axis]);
+            }
+            float off = 0;
+            for (int n = 0; n < 4; ++n) { // two axes of three, and all
+                const Vec3f on(n != 0, n != 1, n != 2);
+                const int at = in + (n != 0) * s[0] + (n != 1) * s[1] + (n != 2) * s[2];
+                all &= known(at);
+                off = std::max(off, std::abs(v[at] - v[in] - on.dot(rise)));
+            }
+            const float slope = rise.norm();
+            if (mValues == Values::Distances) all &= std::abs(slope - 1) < kPlaneSlope;
+            if (!all || !(off < least) || !(off < kPlaneSlope * slope)) continue;
+            least = off;
+            kind = PatchKind::Plane;
+            for (int axis = 0; axis < 3; ++axis)
+                model.gradient[axis] = s[axis] > 0 ? rise[axis] : -rise[axis];
+        }
+        if (kind == PatchKind::Plane) model.hessian.setZero();
+        return kind;
     }
 
     /// Where the ball of the voxel's distance touches the surface.
@@ -177,7 +228,7 @@ private:
         const float w[2] = {mean + half, mean - half};
         // Parallel surfaces: the radius shrinks by the height.
         for (int k = 0; k < 2; ++k)
-            patch.curvature[k] = w[k] / std::max(1 - height * w[k], kLeastBend);
+            patch.curvature[k] = w[k] / std::max(1 - height * w[k], (1 / kPointCurvature));
     }
 
     /// A point where the values, linear between voxels, cross zero: what is left where they tell no
@@ -198,7 +249,7 @@ private:
             }
         }
         patch.tangent = patch.normal.unitOrthogonal();
-        patch.curvature[0] = patch.curvature[1] = kPoint;
+        patch.curvature[0] = patch.curvature[1] = kPointCurvature;
     }
 
     LeafHalo::Accessor mAccess;
@@ -222,11 +273,20 @@ float bent(float height, float along, float k)
 
 float SurfacePatch::distance(const Vec3f& from, float side) const
 {
-    const float height = side * normal.dot(from), e0 = tangent.dot(from);
-    const float length2 = from.squaredNorm();
-    const float e1 = std::sqrt(std::max(0.0f, length2 - height * height - e0 * e0));
-    const float d = bent(bent(height, e1, side * curvature[1]), e0, side * curvature[0]);
-    return std::min(d, std::sqrt(length2));
+    const Vec3f across = normal.cross(tangent);
+    const float height = side * normal.dot(from);
+    const float along[2] = {tangent.dot(from), across.dot(from)};
+    const float length = from.norm();
+    float shift[2]; // of the nearest place on the patch
+    for (int n = 0; n < 2; ++n)
+        shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
+    const float shift2 = shift[0] * shift[0] + shift[1] * shift[1];
+    if (shift2 >= kEnd * kEnd) return length;
+    const float d = std::min(
+        length, bent(bent(height, along[1], side * curvature[1]), along[0], side * curvature[0]));
+    if (shift2 <= kExtent * kExtent) return d;
+    const float beyond = (std::sqrt(shift2) - kExtent) / (kEnd - kExtent);
+    return d + beyond * (length - d);
 }
 
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
@@ -257,12 +317,16 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, 
         throw LimitError("the surface crosses more voxels than can be numbered (4e9): use larger "
                          "voxels");
     result.patches.resize(sum);
+    result.kinds.resize(sum);
     forEachLeaf([&](PatchMaker& maker, std::size_t n) {
         std::uint32_t to = result.first[n];
         const Leaf& leaf = *result.leaves[n];
-        maker.forEachCrossing(leaf,
-                              [&](int voxel) { result.patches[to++] = maker.make(leaf, voxel); });
+        maker.forEachCrossing(leaf, [&](int voxel) {
+            result.patches[to] = maker.make(leaf, voxel, result.kinds[to]);
+            ++to;
+        });
     });
+    addCreasePatches(result, progress);
     return result;
 }
 

@@ -13,6 +13,9 @@ namespace mpuvdb
 
 class Progress;
 
+/// The curvature of a point: its radius is below what counts.
+constexpr float kPointCurvature = 1e3f;
+
 /// A place on the zero set and how the surface bends there. Lengths are voxels.
 struct SurfacePatch {
     openvdb::Coord voxel; ///< the voxel from whose neighbourhood it was made
@@ -38,13 +41,22 @@ enum class Values {
     Implicit   ///< a function with the right zero set
 };
 
-/// Patches of all voxels with a neighbour of the other sign, by leaf.
+/// What the values around a voxel look like.
+enum class PatchKind : std::uint8_t {
+    Smooth,
+    Plane, ///< on one side of a crease
+    Rough  ///< neither
+};
+
+/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel, and behind them
+/// those on creases and corners: each belongs to a voxel beside it that has a patch of its own.
 struct SurfacePatches {
     using Leaf = openvdb::FloatTree::LeafNodeType;
 
     std::vector<const Leaf*> leaves;  ///< all of the tree
     std::vector<std::uint32_t> first; ///< patches of leaf n: [first[n], first[n + 1])
     std::vector<SurfacePatch> patches;
+    std::vector<PatchKind> kinds; ///< of the patches before those on creases
 };
 
 /// The patches of @a tree. @param voxelSize  world units. @throws LimitError, Interrupted.
