@@ -17,16 +17,21 @@ constexpr float kOpposed = 0.014f;
 constexpr float kParallel = 0.014f;
 /// A gradient shorter than this has no direction.
 constexpr float kLeastGradient = 0.3f;
-/// How far, in voxels, the first guess may lie beyond where the surfaces are buried.
-constexpr float kGuessMargin = 0.3f;
+/// How far the first guess may lie beyond where the surfaces are buried: voxels, and parts of the
+/// distance to them, over which they may curve.
+constexpr float kGuessMargin = 0.3f, kCurving = 0.15f;
+/// Farther than the surfaces by less, in voxels, a crease is taken without a look at those.
+constexpr float kLittleFarther = 0.3f;
 /// How near to both surfaces, in voxels, a place on the crease is to be, and how steady (parts of
 /// its distance, for interpolated gradients jump from voxel to voxel); and how near if it is to be
 /// taken at all, at corners where an input's own creases end.
 constexpr float kOnCrease = 0.05f, kSteady = 0.1f, kNearCrease = 0.4f;
 /// Steps along the crease; the later ones are halved, against swinging about a corner.
-constexpr int kFullSteps = 4, kMostSteps = 10;
+constexpr int kFullSteps = 4, kMostSteps = 24;
+/// What is left of a step that leaves a band.
+constexpr float kShorter = 0.75f;
 /// Voxels that a place lies deeper than a surface to be buried under it.
-constexpr float kDepth = 0.1f;
+constexpr float kDepth = 0.05f;
 /// The least determinant of two gradients that tell where to go.
 constexpr float kLeastDeterminant = 1e-3f;
 
@@ -119,16 +124,18 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
     if ((ga - gb).squaredNorm() < kParallel * kParallel) return {};
     const Multipliers guess(ga, gb, u, v);
-    if (guess.a < -kGuessMargin || guess.b < -kGuessMargin) return {};
+    const float surfaces = std::max(u, v), margin = kGuessMargin + kCurving * surfaces;
+    if (guess.a < -margin || guess.b < -margin) return {};
     const Vec3f toCrease = guess.a * ga + guess.b * gb;
     const bool isFar = toCrease.norm() >= mReach + 2;
-    if (!isFar) {
-        Answer answer = follow(at, *readerA, *readerB, toCrease);
-        // The crease is no nearer than the surfaces.
-        answer.distance = std::max({answer.distance, u, v});
-        if (answer.place != Place::Unknown) return answer;
-    }
+    Answer answer{Place::Unknown, 0};
+    if (!isFar) answer = follow(at, *readerA, *readerB, toCrease);
+    if (answer.place == Place::Surface) return answer;
+    // The crease is no nearer than the surfaces.
+    answer.distance = std::max(answer.distance, surfaces);
+    if (answer.place == Place::Crease && answer.distance < surfaces + kLittleFarther) return answer;
     if (!bothBuried(at, *readerA, *readerB, u * ga, v * gb)) return {};
+    if (answer.place == Place::Crease) return answer;
     // What a ball's fillet covers may yet be outside.
     return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0};
 }
@@ -142,7 +149,10 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
     Answer nearest{Place::Unknown, 0};
     float least = kNearCrease; // off either surface
     for (int step = 0; step < kMostSteps; ++step) {
-        if (!readerA.interpolate(at, toCrease, a) || !readerB.interpolate(at, toCrease, b)) break;
+        if (!readerA.interpolate(at, toCrease, a) || !readerB.interpolate(at, toCrease, b)) {
+            toCrease *= kShorter;
+            continue;
+        }
         const float u = mRadius - a.value, v = mRadius - b.value;
         const Multipliers along(a.gradient, b.gradient, u + a.gradient.dot(toCrease),
                                 v + b.gradient.dot(toCrease));

@@ -7,6 +7,9 @@
 #include <openvdb/tools/Merge.h>
 #include <openvdb/tree/NodeManager.h>
 
+#include <tbb/concurrent_vector.h>
+
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 
@@ -41,10 +44,10 @@ class LeafCombiner
 {
 public:
     LeafCombiner(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
-                 double radius, std::atomic<bool>& doubtful)
+                 double radius)
         : mA(a), mB(b), mSigns(signsOf(kind)), mBackground(a.background()),
           mVoxelSize(float(voxelSize)), mRadius(float(radius / voxelSize)),
-          mReach(mRadius + mBackground / mVoxelSize), mDoubtful(doubtful)
+          mReach(mRadius + mBackground / mVoxelSize)
     {
     }
 
@@ -59,7 +62,30 @@ public:
         if (!inBoth.isOff()) fillWedges(*a, *b, inBoth, leaf);
     }
 
+    /// Whether @a tree, the result, needs a look: also where it lacks a voxel whose crease is out
+    /// of reach, while another one, by its neighbours, is near.
+    bool isDoubtful(const FloatTree& tree) const
+    {
+        const openvdb::tree::ValueAccessor<const FloatTree> access(tree);
+        return mDoubtful || std::any_of(mCut.begin(), mCut.end(), [&](const openvdb::Coord& at) {
+                   for (int n = 0; n < 27; ++n) {
+                       const openvdb::Coord side(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+                       const float length = std::sqrt(float(side[0] * side[0] + side[1] * side[1] +
+                                                            side[2] * side[2])) +
+                                            kMissed;
+                       float value = 0;
+                       if (access.probeValue(at + side, value) &&
+                           std::abs(value) + length * mVoxelSize < mBackground)
+                           return true;
+                   }
+                   return false;
+               });
+    }
+
 private:
+    /// A voxel is missed if it is so much nearer than the band reaches, voxels.
+    static constexpr float kMissed = 0.3f;
+
     void mergeValues(const Leaf& a, const Leaf& b, Leaf& leaf) const
     {
         const float *const as = a.buffer().data(), *const bs = b.buffer().data();
@@ -99,10 +125,12 @@ private:
         case CreaseFinder::Place::Surface:
             return;
         case CreaseFinder::Place::Crease:
-            if (answer.distance < mReach)
+            if (answer.distance < mReach) {
                 leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
-            else
-                leaf.setValueOff(voxel, deepest);
+                return;
+            }
+            leaf.setValueOff(voxel, deepest);
+            mCut.push_back(leaf.offsetToGlobalCoord(voxel));
             return;
         case CreaseFinder::Place::Buried:
             // Active as yet: the surface may be next to it.
@@ -118,7 +146,8 @@ private:
     Signs mSigns;
     float mBackground, mVoxelSize; ///< world units
     float mRadius, mReach;         ///< voxels
-    std::atomic<bool>& mDoubtful;
+    mutable std::atomic<bool> mDoubtful{false};
+    mutable tbb::concurrent_vector<openvdb::Coord> mCut; ///< in any order
 };
 
 /// OpenVDB's merge of nodes and tiles, with leaves of our own, and stoppable.
@@ -156,8 +185,7 @@ void mergeInto(FloatTree& tree, const FloatTree& other, const LeafCombiner& leav
 CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
                 double radius, Progress& progress)
 {
-    std::atomic<bool> doubtful{false};
-    const LeafCombiner leaves(kind, a, b, voxelSize, radius, doubtful);
+    const LeafCombiner leaves(kind, a, b, voxelSize, radius);
     progress.check();
     // The copy cannot be stopped: some 40 ms for five million voxels.
     auto tree = std::make_shared<FloatTree>(a);
@@ -174,7 +202,7 @@ CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double vox
         mergeInto<CsgDifferenceOp<FloatTree>>(*tree, b, leaves, progress);
         break;
     }
-    return {tree, doubtful};
+    return {tree, leaves.isDoubtful(*tree)};
 }
 
 } // namespace mpuvdb
