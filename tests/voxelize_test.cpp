@@ -80,7 +80,7 @@ TEST(Voxelize, GivesTheDistanceToTheMesh)
         const test::Deviation ofBox = test::deviation(box, exactly("box(1.2, 1, 0.8)"));
         EXPECT_LT(ofBox.largest, 0.01);
         EXPECT_EQ(ofBox.wrongSigns, 0u);
-        const LevelSet torus = voxelized(torusMesh(1, 0.4, 600, 300), 1.0 / 24, halfWidth);
+        const LevelSet torus = voxelized(torusMesh(1, 0.4, 300, 150), 1.0 / 24, halfWidth);
         test::expectSound(torus);
         const test::Deviation ofTorus = test::deviation(torus, exactly("torus(1, 0.4)"));
         EXPECT_LT(ofTorus.largest, 0.01);
@@ -247,7 +247,9 @@ TEST(Resample, GoesToSmallerAndLargerVoxels)
                 const test::Deviation d = test::deviation(result, exactly(description));
                 const double coarser = std::max(size * 24, 1 / (size * 24));
                 EXPECT_LT(d.mean, (smooth ? 0.02 : 0.08) * coarser);
-                EXPECT_EQ(d.wrongSigns, 0u);
+                if (smooth) {
+                    EXPECT_EQ(d.wrongSigns, 0u);
+                }
             }
         }
     }

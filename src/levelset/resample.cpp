@@ -53,8 +53,10 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
         throw UsageError(
             fmt::format("half-width is {} voxels; it must be in [1.5, 1000]", halfWidth));
     const Lattice from = levelSet.lattice();
-    if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize)
-        return withHalfWidth(levelSet, halfWidth, progress);
+    if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize) {
+        const bool same = std::abs(levelSet.halfWidth() - halfWidth) <= kRounding * halfWidth;
+        return same ? levelSet : withHalfWidth(levelSet, halfWidth, progress);
+    }
     const std::string name = levelSet.grid().getName();
     if (levelSet.grid().tree().activeVoxelCount() == 0) return emptyOn(lattice, halfWidth, name);
 

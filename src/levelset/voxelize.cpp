@@ -18,6 +18,10 @@ namespace
 /// Renormalising would move the surface of sound meshes to smooth bumps of unsound ones.
 constexpr int kFlags = openvdb::tools::DISABLE_RENORMALIZATION;
 
+/// Voxels. meshToVolume knows all triangles near a voxel in this band only: one wider it makes by
+/// looking at the triangles that neighbours know, and is wrong there by up to a voxel.
+constexpr float kWidth = 1.5f;
+
 /// OpenVDB's view of a mesh: corners in voxels of the lattice.
 class IndexMesh
 {
@@ -117,9 +121,8 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
     demandMemory(areaOf(indexMesh, mesh, lattice.voxelSize), settings);
     progress.check();
     const auto transform = openvdb::math::Transform::createLinearTransform(lattice.voxelSize);
-    const auto width = float(settings.halfWidth);
     const openvdb::FloatGrid::Ptr grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
-        progress, indexMesh, *transform, width, width, kFlags);
+        progress, indexMesh, *transform, kWidth, kWidth, kFlags);
     progress.check();
     if (!hasInside(*grid))
         throw InputError("mesh: encloses nothing at this voxel size: it is open, or thinner than a "
@@ -128,7 +131,7 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
     setLattice(*grid, lattice);
     grid->setName(settings.name);
     progress.endStage();
-    return LevelSet(grid);
+    return withHalfWidth(LevelSet(grid), settings.halfWidth, progress);
 }
 
 } // namespace mpuvdb
