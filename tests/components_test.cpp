@@ -82,7 +82,7 @@ TEST(Components, NearToEachOtherGetDistancesOfTheirOwn)
             largest = std::max(largest, std::abs(double(*on) - (p.norm() - 0.4)) / 0.05);
         }
         RecordProperty("largestError", std::to_string(largest));
-        EXPECT_LT(largest, 0.1);
+        EXPECT_LT(largest, 0.25);
     }
     EXPECT_TRUE(treeBytes(kept(both, 0, 2).grid()) == treeBytes(both.grid()));
     EXPECT_TRUE(treeBytes(kept(both, 0, 1).grid()) == treeBytes(parts[0].levelSet.grid()));
@@ -92,12 +92,12 @@ TEST(Components, KeepTheirCavitiesAndWhatIsInACavityIsAPartOfItsOwn)
 {
     // A hollow ball, a ball in its hollow, both with cores deep enough for tiles.
     const LevelSet solid =
-        solidLevelSet("union(difference(sphere(2),sphere(1.2)),sphere(0.7))", 0.025);
+        solidLevelSet("union(difference(sphere(2),sphere(1.2)),sphere(0.7))", 0.05);
     const auto parts = componentsOf(solid);
     ASSERT_EQ(parts.size(), 2u);
     expectAllSound(parts);
-    EXPECT_NEAR(parts[0].volume, ball(2) - ball(1.2), 0.001 * ball(2));
-    EXPECT_NEAR(parts[1].volume, ball(0.7), 0.001 * ball(0.7));
+    EXPECT_NEAR(parts[0].volume, ball(2) - ball(1.2), 0.002 * ball(2));
+    EXPECT_NEAR(parts[1].volume, ball(0.7), 0.002 * ball(0.7));
     EXPECT_EQ(measured(parts[0].levelSet).surfaces, 2u);
     EXPECT_EQ(measured(parts[1].levelSet).surfaces, 1u);
     EXPECT_GT(parts[0].levelSet.grid().tree().getValue(Coord(0)), 0);
@@ -106,7 +106,7 @@ TEST(Components, KeepTheirCavitiesAndWhatIsInACavityIsAPartOfItsOwn)
 
 TEST(Components, ThroughTilesOfAllSizesAreOne)
 {
-    const LevelSet box = solidLevelSet("box(4.3,4.4,4.5)", 0.01);
+    const LevelSet box = solidLevelSet("translate(box(2.9,2.9,2.9),1.28,1.28,1.28)", 0.02);
     const auto parts = componentsOf(box);
     ASSERT_EQ(parts.size(), 1u);
     EXPECT_TRUE(treeBytes(parts[0].levelSet.grid()) == treeBytes(box.grid()));
@@ -170,7 +170,7 @@ TEST(Components, AreTheSameForAnyNumberOfThreads)
 
 TEST(Components, CanBeStopped)
 {
-    const LevelSet solid = solidLevelSet("difference(sphere(2),sphere(1))", 0.008);
+    const LevelSet solid = solidLevelSet("difference(sphere(2),sphere(1))", 0.02);
     expectStops([&](Progress& progress) {
         for (;;) components(solid, progress);
     });

@@ -65,9 +65,10 @@ TEST(Measure, ConvergesAndIsAtLeastAsExactAsOpenVdb)
                       << ")\n";
             EXPECT_LE(ours.volume, std::max(theirs.volume, 2e-5));
             EXPECT_LE(ours.area, std::max(theirs.area, 2e-5));
-            // An order of two at least, until rounding shows.
+            // An order of two at least, until rounding shows; but edges are cut off, and the area
+            // that this takes is of order one.
             EXPECT_LE(ours.volume, std::max(before.volume / 3, 2e-5));
-            EXPECT_LE(ours.area, std::max(before.area / (shape.smooth ? 3 : 1.8), 2e-5));
+            EXPECT_LE(ours.area, std::max(before.area / (shape.smooth ? 3 : 1.6), 2e-5));
             before = ours;
         }
     }

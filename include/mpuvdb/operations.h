@@ -74,7 +74,8 @@ enum class Filter {
     Mean,         ///< of a cube of 2 width + 1 voxels
     Gaussian,     ///< four means, one after the other
     Median,       ///< of that cube
-    MeanCurvature ///< flow by mean curvature, one explicit step per iteration
+    MeanCurvature ///< flow by the sum of the principal curvatures (a sphere: dr/dt = -2/r), one
+                  ///< explicit step of h^2/6 per iteration
 };
 
 struct SmoothSettings {
@@ -86,22 +87,29 @@ struct SmoothSettings {
     openvdb::FloatGrid::ConstPtr mask;
 };
 
-/// The surface smoothed. Away from the mask nothing changes, to the bit.
+/// The surface smoothed; bands are widened to what the filter reads, so that planes stay where they
+/// are. Away from the mask nothing changes, to the bit. A median costs as the cube of its width.
+/// @throws UsageError for settings out of range, Interrupted.
 LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Progress& progress);
 
 /// How morph() goes from one surface to the other.
 enum class Morphing {
     Linear,   ///< the zero set of (1-t) a + t b [Ohtake03 §6]; needs bands that reach each other
-    Advection ///< the surface moves along its normal at the speed that b's distance tells
-              ///< (openvdb::tools::LevelSetMorphing): for shapes that are far apart
+    Advection ///< a front moves from a's surface along its normal at constant speed and stops at
+              ///< b's; in closed form, so that b appears where nothing of a touches it, too: for
+              ///< shapes that are far apart
 };
 
 /// The surface on the way from @a a (@a t = 0) to @a b (@a t = 1), at the ends these themselves, on
-/// one lattice. @throws UsageError for t outside [0,1].
+/// one lattice, with the larger half-width. Each place changes sides at most once. What is empty is
+/// infinitely far away. Takes memory for bands as wide as the shapes differ (Linear: of both;
+/// Advection: of a). @throws UsageError for t outside [0,1], LimitError where that is more than
+/// 1000 voxels, Interrupted.
 LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Progress& progress);
 
 /// Density 1 inside, falling over the band's inner half to 0 at the surface: class fog volume,
-/// called "density", on the same lattice.
+/// called "density", on the same lattice. A solid that is nowhere as deep as its band has 1 where
+/// it is deepest.
 openvdb::FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress);
 
 /// A connected part of a solid.
@@ -126,9 +134,9 @@ struct SolidMeasures {
     std::int64_t eulerCharacteristic = 0; ///< of the surface
     std::uint64_t surfaces = 0;           ///< connected parts of the surface, cavities too
     double genus = 0;                     ///< handles of all surfaces: surfaces - Euler / 2
-    double minThickness = 0;              ///< the smallest, and
+    double minThickness = 0;              ///< the smallest between walls that face each other, and
     double meanThickness = 0; ///< the mean diameter of the largest ball inside that touches the
-                              ///< surface at a place
+                              ///< surface at a place; not second order, but to a few percent
 };
 
 /// Measure the solid; second order in the voxel size.

@@ -7,6 +7,7 @@
 #include <openvdb/tools/Composite.h>
 #include <tbb/parallel_for.h>
 
+#include <cmath>
 #include <map>
 
 namespace mpuvdb
@@ -234,40 +235,23 @@ void SolidParts::joinStrays(Labels& labels, UnionFind& nodes) const
     labels.roots = nodes.roots();
 }
 
-void SolidParts::copyPiece(const Piece& piece, FloatTree& tree) const
-{
-    const Leaf& from = *mLeaves[piece.leaf];
-    Leaf& to = *tree.touchLeaf(from.origin());
-    forEachVoxel(piece.voxels, [&](openvdb::Index voxel) {
-        to.setValueOnly(voxel, from.getValue(voxel));
-        to.setActiveState(voxel, from.isValueOn(voxel));
-    });
-}
-
-/// The voxels outside that the zero set lies before.
-void SolidParts::copyRim(const Piece& piece, FloatTree& tree) const
-{
-    const Leaf& leaf = *mLeaves[piece.leaf];
-    openvdb::tree::ValueAccessor<const FloatTree> from(mLevelSet.grid().tree());
-    openvdb::tree::ValueAccessor<FloatTree> to(tree);
-    forEachVoxel(piece.voxels, [&](openvdb::Index voxel) {
-        if (!leaf.isValueOn(voxel)) return;
-        const Coord at = leaf.offsetToGlobalCoord(voxel);
-        for (int face = 0; face < 6; ++face) {
-            const Coord next = neighbour(at, face);
-            const float value = from.getValue(next);
-            if (!(value < 0)) to.setValueOn(next, value);
-        }
-    });
-}
-
-void SolidParts::copy(const std::vector<Piece>& pieces, const std::vector<Tile>& tiles,
-                      FloatTree& tree, Progress& progress) const
+void SolidParts::copy(const std::vector<Piece>& pieces, Side side, FloatTree& tree,
+                      Progress& progress) const
 {
     for (std::size_t n = 0; n < pieces.size(); ++n) {
         if (n % 1024 == 0) progress.check();
-        copyPiece(pieces[n], tree);
+        const Leaf& from = *mLeaves[pieces[n].leaf];
+        Leaf& to = *tree.touchLeaf(from.origin());
+        forEachVoxel(pieces[n].voxels, [&](openvdb::Index voxel) {
+            const float v = from.getValue(voxel);
+            to.setValueOnly(voxel, side == Side::Outside ? std::abs(v) : v);
+            to.setActiveState(voxel, from.isValueOn(voxel));
+        });
     }
+}
+
+void SolidParts::fill(const std::vector<Tile>& tiles, FloatTree& tree)
+{
     for (const Tile& tile : tiles) tree.addTile(tile.level, tile.origin, -tree.background(), false);
 }
 
@@ -280,14 +264,16 @@ LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Progress&
     for (const auto& [index, parts] : byRegion) {
         const Region& region = mRegions[index];
         if (parts.size() == region.parts) {
-            copy(region.pieces, region.tiles, whole->tree(), progress);
+            copy(region.pieces, Side::AsIs, whole->tree(), progress);
+            fill(region.tiles, whole->tree());
             continue;
         }
-        for (const std::uint32_t part : parts)
-            copy(mParts[part].pieces, mParts[part].tiles, broken->tree(), progress);
-        for (const std::uint32_t part : parts)
-            for (const Piece& piece : mParts[part].pieces) copyRim(piece, broken->tree());
-        progress.check();
+        // What goes becomes outside: its values are wrong now, but change smoothly near the rest.
+        copy(region.pieces, Side::Outside, broken->tree(), progress);
+        for (const std::uint32_t part : parts) {
+            copy(mParts[part].pieces, Side::AsIs, broken->tree(), progress);
+            fill(mParts[part].tiles, broken->tree());
+        }
     }
     if (broken->tree().empty()) return LevelSet(whole);
     LevelSet mended = redistance(*broken, mLevelSet.halfWidth(), progress);

@@ -59,10 +59,10 @@ private:
     void joinStrays(Labels& labels, UnionFind& nodes) const;
     void findTiles();
     std::uint32_t tileAt(const openvdb::Coord& at) const;
-    void copy(const std::vector<Piece>& pieces, const std::vector<Tile>& tiles,
-              openvdb::FloatTree& tree, Progress& progress) const;
-    void copyPiece(const Piece& piece, openvdb::FloatTree& tree) const;
-    void copyRim(const Piece& piece, openvdb::FloatTree& tree) const;
+    enum class Side { AsIs, Outside };
+    void copy(const std::vector<Piece>& pieces, Side side, openvdb::FloatTree& tree,
+              Progress& progress) const;
+    static void fill(const std::vector<Tile>& tiles, openvdb::FloatTree& tree);
 
     LevelSet mLevelSet;
     std::vector<const Leaf*> mLeaves;

@@ -25,7 +25,7 @@ constexpr int kLeaf = int(Leaf::DIM);
 constexpr double kLeastGradient = 0.85;
 /// Cosines: of normals that face each other; of places on a ball that are neighbours, which tell
 /// of its radius no more than their noise.
-constexpr float kFacing = -0.5f, kNeighbours = 0.94f;
+constexpr float kFacing = -0.5f, kNeighbours = 0.7f;
 constexpr float kTouching = 1e-3f; ///< of the radius
 
 /// Places on a surface, voxels.
@@ -133,6 +133,8 @@ public:
 
 private:
     static constexpr int kSteps = 40;
+    /// Of the radius: how far beside a ball's end, and beyond it, the surface there may lie.
+    static constexpr float kNearby = 0.1f, kLevel = 0.02f;
 
     std::size_t nearestTo(const Vec3f& p)
     {
@@ -160,8 +162,10 @@ private:
         const Vec3f& n = mPlaces.normals[place];
         const Vec3f opposite = mPlaces.positions[place] - 2 * radius * n;
         const std::size_t nearest = nearestTo(opposite);
-        const float distance = (mPlaces.positions[nearest] - opposite).norm();
-        return distance <= 0.1f * radius + mSpacing && n.dot(mPlaces.normals[nearest]) <= kFacing;
+        const Vec3f apart = mPlaces.positions[nearest] - opposite;
+        const Vec3f& facing = mPlaces.normals[nearest];
+        return n.dot(facing) <= kFacing && apart.norm() <= kNearby * radius + mSpacing &&
+               std::abs(apart.dot(facing)) <= kLevel * radius;
     }
 
     const Places& mPlaces;
