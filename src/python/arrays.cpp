@@ -5,6 +5,9 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
+#include <atomic>
+
 namespace mpuvdb::python
 {
 namespace py = pybind11;

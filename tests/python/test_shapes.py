@@ -68,7 +68,7 @@ class Primitives(ShapeTest):
             mv.function(raises, bounds, 1).level_set(0.1)
         with self.assertRaisesRegex(mv.InputError, "shape"):
             mv.function(lambda points: 0.0, bounds, 1).level_set(0.1)
-        with self.assertRaisesRegex(mv.InputError, "not a number"):
+        with self.assertRaisesRegex(mv.InputError, "not finite"):
             mv.function(lambda points: np.full(len(points), np.nan), bounds, 1).level_set(0.1)
         with self.assertRaises(mv.UsageError):
             mv.function(3, bounds, 1)
