@@ -256,7 +256,7 @@ TEST(FunctionField, IsWhatItsFunctionSays)
         const test::Deviation d = test::deviation(levelSet, exact);
         RecordProperty("mean_" + std::to_string(int(n)), std::to_string(d.mean));
         EXPECT_EQ(d.wrongSigns, 0u);
-        EXPECT_LT(d.largest, 0.25);
+        EXPECT_LT(d.largest, 0.1);
         EXPECT_LT(d.mean, 0.02);
         if (before > 0) {
             EXPECT_LT(d.mean, 0.6 * before);

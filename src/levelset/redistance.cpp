@@ -69,6 +69,12 @@ public:
     }
 
     float background() const { return mBackground; }
+    /// What a tile becomes that is beyond all reach.
+    float farValue(bool inside) const
+    {
+        const float v = mNewValue(nullptr, 0, inside ? -kInfinity : kInfinity);
+        return v < 0 ? -mBackground : mBackground;
+    }
 
 private:
     float mHalfWidth, mVoxelSize, mBackground;
@@ -85,7 +91,8 @@ FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
     auto tile = old.cbeginValueAll();
     tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
     for (; tile; ++tile)
-        if (*tile < 0) tree->addTile(tile.getLevel(), tile.getCoord(), -maker.background(), false);
+        if (const float value = maker.farValue(*tile < 0); value < 0)
+            tree->addTile(tile.getLevel(), tile.getCoord(), value, false);
     const auto add = [&](FinishedLeaf& leaf) {
         if (leaf.leaf)
             tree->addLeaf(leaf.leaf.release());

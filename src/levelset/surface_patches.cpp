@@ -29,9 +29,10 @@ constexpr float kCrease = 0.15f;
 /// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
 /// slope; a distance's slope is 1 to so much there.
 constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f;
-/// Feet of neighbours are no farther from each other than twice this, voxels. From there to the end
-/// a patch turns into its foot, for beside a crease it would reach into the open.
-constexpr float kExtent = 0.75f, kEnd = 1;
+/// A patch's radius, voxels. It shrinks to nothing as what is nearest on its plane gets farther
+/// away than the first and as far as the second: beside a crease the patch would reach into the
+/// open.
+constexpr float kExtent = 0.9f, kFull = 1.25f, kNone = 2;
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
@@ -281,12 +282,15 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
     const float shift2 = shift[0] * shift[0] + shift[1] * shift[1];
-    if (shift2 >= kEnd * kEnd) return length;
-    const float d = std::min(
-        length, bent(bent(height, along[1], side * curvature[1]), along[0], side * curvature[0]));
-    if (shift2 <= kExtent * kExtent) return d;
-    const float beyond = (std::sqrt(shift2) - kExtent) / (kEnd - kExtent);
-    return d + beyond * (length - d);
+    if (shift2 <= kExtent * kExtent)
+        return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
+                                     side * curvature[0]));
+    // From the place nearest to where it should be, as far as the patch goes.
+    const float reached = std::sqrt(shift2);
+    const float share =
+        kExtent * std::clamp((kNone - reached) / (kNone - kFull), 0.0f, 1.0f) / reached;
+    const float u = along[0] - share * shift[0], v = along[1] - share * shift[1];
+    return std::min(length, std::sqrt(height * height + u * u + v * v));
 }
 
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,

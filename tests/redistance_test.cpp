@@ -1,0 +1,315 @@
+// Re-distancing, widening, offsets and shells beside exact distances.
+#include "field_fixture.h"
+#include "solid_field.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/operations.h>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <chrono>
+#include <functional>
+#include <thread>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using openvdb::FloatGrid;
+using Distance = std::function<double(const Vec3d&)>;
+
+constexpr double kVoxel = 0.04;
+const Vec3d kOrigin(0.013, 0.027, -0.011);
+
+LevelSet sampled(const std::string& solid, double voxelSize = kVoxel, double halfWidth = 3)
+{
+    SampleSettings settings;
+    settings.lattice = {kOrigin, voxelSize};
+    settings.halfWidth = halfWidth;
+    Progress progress;
+    return sampleField(SolidField(parseSolid(solid)), settings, progress);
+}
+
+struct Errors {
+    double mean = 0, largest = 0; ///< voxels
+    Coord worst;
+};
+
+/// Errors of the active values against @a distance.
+Errors errorsOf(const LevelSet& levelSet, const Distance& distance)
+{
+    Errors errors;
+    const Lattice lattice = levelSet.lattice();
+    std::uint64_t count = 0;
+    for (auto it = levelSet.grid().cbeginValueOn(); it; ++it, ++count) {
+        const double d = distance(test::worldOf(lattice, it.getCoord()));
+        const double error = std::abs(double(*it) - d) / lattice.voxelSize;
+        errors.mean += error;
+        if (error > errors.largest) {
+            errors.largest = error;
+            errors.worst = it.getCoord();
+        }
+    }
+    EXPECT_GT(count, 0u);
+    if (count) errors.mean /= double(count);
+    return errors;
+}
+
+void expectErrors(const LevelSet& levelSet, const Distance& distance, double mean, double largest)
+{
+    const Errors errors = errorsOf(levelSet, distance);
+    EXPECT_LE(errors.mean, mean);
+    EXPECT_LE(errors.largest, largest) << "at " << errors.worst;
+}
+
+void expectSound(const LevelSet& levelSet, double gradientTolerance = 0.03)
+{
+    Progress progress;
+    const CheckReport report = check(levelSet.grid(), progress, gradientTolerance);
+    EXPECT_TRUE(report.sound()) << test::texts(report);
+    EXPECT_EQ(levelSet.grid().getName(), "surface");
+}
+
+/// Every voxel in a box, active or not, has the sign of @a distance.
+void expectSigns(const LevelSet& levelSet, const Distance& distance, int reach)
+{
+    const auto at = levelSet.grid().getConstAccessor();
+    const Lattice lattice = levelSet.lattice();
+    std::uint64_t wrong = 0;
+    for (int x = -reach; x <= reach; x += 3)
+        for (int y = -reach; y <= reach; y += 3)
+            for (int z = -reach; z <= reach; z += 3) {
+                const double d = distance(test::worldOf(lattice, {x, y, z}));
+                if (std::abs(d) < 0.2 * lattice.voxelSize) continue;
+                wrong += (at.getValue({x, y, z}) < 0) != (d < 0);
+            }
+    EXPECT_EQ(wrong, 0u);
+}
+
+/// The same zero set, but values up to three times the distance.
+FloatGrid::Ptr distorted(const LevelSet& levelSet)
+{
+    const FloatGrid::Ptr grid = levelSet.grid().deepCopy();
+    for (auto it = grid->beginValueOn(); it; ++it) {
+        const Vec3d p = test::worldOf(levelSet.lattice(), it.getCoord());
+        it.setValue(float(*it * (1.8 + 0.9 * std::sin(3 * p[0] + 2 * p[1]))));
+    }
+    return grid;
+}
+
+struct Case {
+    const char* solid;
+    double mean, largest; ///< voxels
+};
+
+class Redistance : public testing::TestWithParam<Case>
+{
+};
+
+TEST_P(Redistance, WidensToTheExactDistance)
+{
+    Progress progress;
+    const auto solid = parseSolid(GetParam().solid);
+    const LevelSet narrow = sampled(GetParam().solid);
+    const LevelSet wide = withHalfWidth(narrow, 6, progress);
+    EXPECT_DOUBLE_EQ(wide.halfWidth(), sampled("sphere(1)", kVoxel, 6).halfWidth());
+    expectSound(wide);
+    const auto exact = [&](const Vec3d& p) { return solid->distance(p); };
+    expectErrors(wide, exact, GetParam().mean, GetParam().largest);
+    expectSigns(wide, exact, 40);
+    const auto at = wide.grid().getConstAccessor();
+    for (auto it = narrow.grid().cbeginValueOn(); it; ++it)
+        ASSERT_NEAR(at.getValue(it.getCoord()), *it, 1e-6 * kVoxel) << it.getCoord();
+}
+
+TEST_P(Redistance, MakesDistancesOfOtherValues)
+{
+    Progress progress;
+    const auto solid = parseSolid(GetParam().solid);
+    const LevelSet made = redistance(*distorted(sampled(GetParam().solid)), 4, progress);
+    expectSound(made);
+    expectErrors(
+        made, [&](const Vec3d& p) { return solid->distance(p); }, 0.012 + GetParam().mean,
+        0.15 + 2 * GetParam().largest);
+}
+
+TEST_P(Redistance, OffsetsAreTheDistanceLessTheShift)
+{
+    Progress progress;
+    const auto solid = parseSolid(GetParam().solid);
+    const LevelSet grown = offset(sampled(GetParam().solid), 7 * kVoxel, progress);
+    expectSound(grown);
+    const auto exact = [&](const Vec3d& p) { return solid->distance(p) - 7 * kVoxel; };
+    expectErrors(grown, exact, GetParam().mean, GetParam().largest);
+    expectSigns(grown, exact, 50);
+}
+
+INSTANTIATE_TEST_SUITE_P(Solids, Redistance,
+                         testing::Values(Case{"sphere(1)", 0.002, 0.08},
+                                         Case{"torus(1,0.4)", 0.003, 0.1},
+                                         Case{"roundedbox(1.6,1.2,1.4,0.25)", 0.005, 0.1},
+                                         Case{"box(1.6,1.2,1.4)", 0.004, 0.25},
+                                         Case{"capsule(0.3,0.8)", 0.004, 0.1}));
+
+TEST(Offset, InwardReachesIntoTheFullInside)
+{
+    Progress progress;
+    const LevelSet ball = sampled("sphere(1.5)");
+    const LevelSet shrunk = offset(ball, -20 * kVoxel, progress);
+    expectSound(shrunk);
+    const auto exact = [](const Vec3d& p) { return p.norm() - 1.5 + 20 * kVoxel; };
+    expectErrors(shrunk, exact, 0.01, 0.06);
+    expectSigns(shrunk, exact, 45);
+}
+
+TEST(Offset, ThereAndBackIsTheSame)
+{
+    Progress progress;
+    for (const char* solid : {"sphere(1)", "torus(1,0.4)", "roundedbox(1.6,1.2,1.4,0.3)"}) {
+        SCOPED_TRACE(solid);
+        const auto exact = parseSolid(solid);
+        const LevelSet start = sampled(solid);
+        const LevelSet back = offset(offset(start, 4 * kVoxel, progress), -4 * kVoxel, progress);
+        expectErrors(
+            back, [&](const Vec3d& p) { return exact->distance(p); }, 0.004, 0.12);
+    }
+}
+
+TEST(Offset, ToNothingIsEmpty)
+{
+    Progress progress;
+    const LevelSet gone = offset(sampled("sphere(0.3)"), -0.5, progress);
+    EXPECT_EQ(gone.grid().activeVoxelCount(), 0u);
+    EXPECT_GT(gone.grid().getConstAccessor().getValue({0, 0, 0}), 0);
+    expectSound(gone);
+}
+
+TEST(Offset, BallsThatMeetHaveADistanceInTheirCrease)
+{
+    Progress progress;
+    const double radius = 0.5, apart = 0.65, shift = 8 * kVoxel;
+    const LevelSet grown =
+        offset(sampled("union(translate(sphere(0.5),-0.65,0,0),translate(sphere(0.5),0.65,0,0))"),
+               shift, progress);
+    expectSound(grown);
+    const double r = radius + shift, crease = std::sqrt(r * r - apart * apart);
+    const auto exact = [&](const Vec3d& p) {
+        const Vec3d q(std::abs(p[0]), p[1], p[2]);
+        const double d = (q - Vec3d(apart, 0, 0)).norm() - r;
+        const double across = std::hypot(p[1], p[2]);
+        // Inside, beyond the cone from the centre to the crease, the crease is nearest.
+        const bool wedge = (apart - q[0]) * crease > across * apart && d < 0;
+        return wedge ? -std::hypot(q[0], across - crease) : d;
+    };
+    expectErrors(grown, exact, 0.005, 0.65);
+}
+
+TEST(Offset, RefusesWhatIsNoDistance)
+{
+    Progress progress;
+    const LevelSet ball = sampled("sphere(0.3)");
+    EXPECT_THROW(offset(ball, std::nan(""), progress), UsageError);
+    EXPECT_THROW(offset(ball, 1e9, progress), LimitError);
+    EXPECT_THROW(withHalfWidth(ball, 1, progress), UsageError);
+    EXPECT_THROW(redistance(ball.grid(), std::nan(""), progress), UsageError);
+    EXPECT_THROW(shell(ball, 0, Wall::Inward, progress), UsageError);
+    EXPECT_THROW(shell(ball, kVoxel, Wall::Inward, progress), LimitError);
+}
+
+TEST(Shell, IsAWallBesideTheSurface)
+{
+    Progress progress;
+    const LevelSet ball = sampled("sphere(1)");
+    const double thickness = 8 * kVoxel;
+    const std::pair<Wall, double> walls[] = {
+        {Wall::Inward, 1 - thickness / 2}, {Wall::Centred, 1}, {Wall::Outward, 1 + thickness / 2}};
+    for (const auto& [wall, middle] : walls) {
+        const LevelSet made = shell(ball, thickness, wall, progress);
+        expectSound(made);
+        const auto exact = [&, m = middle](const Vec3d& p) {
+            return std::abs(p.norm() - m) - thickness / 2;
+        };
+        expectErrors(made, exact, 0.003, 0.1);
+        expectSigns(made, exact, 40);
+    }
+}
+
+TEST(Redistancing, AThinSlabKeepsBothSides)
+{
+    Progress progress;
+    const auto solid = parseSolid("box(1.5,1.5,0.06)"); // one and a half voxels thick
+    const LevelSet slab = sampled("box(1.5,1.5,0.06)");
+    const auto exact = [&](const Vec3d& p) { return solid->distance(p); };
+    expectErrors(redistance(slab.grid(), 3, progress), exact, 0.02, 0.7);
+    const LevelSet wide = withHalfWidth(slab, 5, progress);
+    expectErrors(wide, exact, 0.01, 0.4);
+    expectSigns(wide, exact, 30);
+}
+
+TEST(Redistancing, AnEmptyGridStaysEmpty)
+{
+    Progress progress;
+    const FloatGrid::Ptr grid = FloatGrid::create(0.3f);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    grid->setTransform(openvdb::math::Transform::createLinearTransform(0.1));
+    EXPECT_EQ(redistance(*grid, 3, progress).grid().activeVoxelCount(), 0u);
+    EXPECT_EQ(offset(LevelSet(grid), 1, progress).grid().activeVoxelCount(), 0u);
+    EXPECT_EQ(withHalfWidth(LevelSet(grid), 5, progress).halfWidth(), double(float(5 * 0.1)) / 0.1);
+}
+
+TEST(Redistancing, ErrorFallsWithTheSquareOfTheVoxelSize)
+{
+    Progress progress;
+    std::vector<double> means; // world units
+    for (const double h : {0.08, 0.04, 0.02}) {
+        const LevelSet made = redistance(*distorted(sampled("torus(1,0.4)", h)), 3, progress);
+        const auto solid = parseSolid("torus(1,0.4)");
+        means.push_back(h *
+                        errorsOf(made, [&](const Vec3d& p) { return solid->distance(p); }).mean);
+    }
+    for (std::size_t n = 1; n < means.size(); ++n)
+        EXPECT_GT(std::log2(means[n - 1] / means[n]), 1.8) << means[n - 1] << " " << means[n];
+}
+
+TEST(Redistancing, NothingDependsOnThreadsAndInputsStay)
+{
+    const LevelSet start = sampled("difference(box(1.6,1.2,1.4),sphere(0.75))");
+    const std::string before = test::treeBytes(start.grid());
+    std::string first;
+    for (const std::size_t threads : {1, 2, 5}) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        Progress progress;
+        const std::string bytes =
+            test::treeBytes(redistance(start.grid(), 4, progress).grid()) +
+            test::treeBytes(offset(start, 0.3, progress).grid()) +
+            test::treeBytes(offset(start, -0.2, progress).grid()) +
+            test::treeBytes(shell(start, 0.2, Wall::Centred, progress).grid());
+        if (first.empty()) first = bytes;
+        EXPECT_EQ(bytes == first, true) << threads << " threads";
+    }
+    EXPECT_EQ(test::treeBytes(start.grid()) == before, true);
+}
+
+TEST(Redistancing, StopsWithinAQuarterSecond)
+{
+    using Clock = std::chrono::steady_clock;
+    const LevelSet ball = sampled("sphere(3)", 0.02);
+    Progress progress;
+    Clock::time_point stopped;
+    std::thread stopper([&] {
+        std::this_thread::sleep_for(std::chrono::milliseconds(60));
+        stopped = Clock::now();
+        progress.stop();
+    });
+    EXPECT_THROW(offset(ball, 60 * 0.02, progress), Interrupted);
+    const auto late = Clock::now();
+    stopper.join();
+    EXPECT_LT(std::chrono::duration<double>(late - stopped).count(), 0.25);
+}
+
+} // namespace
+} // namespace mpuvdb
