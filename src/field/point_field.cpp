@@ -195,11 +195,6 @@ double boxDistance(const Box3d& box, const Vec3d& p)
     return q.cwiseMax(0).norm() + std::min(q.maxCoeff(), 0.0);
 }
 
-bool isFinite(const Box3d& box)
-{
-    return box.min().allFinite() && box.max().allFinite();
-}
-
 Box3d wholeSpace()
 {
     const Vec3d far = Vec3d::Constant(std::numeric_limits<double>::infinity());

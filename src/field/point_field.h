@@ -1,5 +1,6 @@
 // Fields that are known by their values at single points: their seeds, and their blocks.
 #pragma once
+#include <mpuvdb/boxes.h>
 #include <mpuvdb/fields.h>
 
 #include <functional>
@@ -80,9 +81,6 @@ private:
     FieldPtr mField;
     const PointField* mPoints; ///< the same, or null
 };
-
-/// Whether @a box has finite corners.
-bool isFinite(const Box3d& box);
 
 /// All of space.
 Box3d wholeSpace();

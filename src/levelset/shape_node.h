@@ -1,5 +1,6 @@
 // The nodes of a shape's expression: what each needs of its inputs, and what it makes of them.
 #pragma once
+#include <mpuvdb/boxes.h>
 #include <mpuvdb/shape.h>
 
 #include <map>
@@ -92,7 +93,6 @@ const Lattice* latticeIn(const Shape::Node& node);
 /// @{ Boxes that may be empty or infinite.
 Box3d grown(const Box3d& box, double by);
 Box3d movedBox(const Box3d& box, const Eigen::Affine3d& motion);
-bool isFinite(const Box3d& box);
 /// @}
 
 /// The factor of a motion that scales all lengths alike; 0 if it does not.

@@ -395,11 +395,6 @@ Node::Ptr motionNode(Node::Ptr input, const Eigen::Affine3d& motion)
     return std::make_shared<MotionNode>(input, motion);
 }
 
-bool isFinite(const Box3d& box)
-{
-    return box.min().allFinite() && box.max().allFinite();
-}
-
 Box3d grown(const Box3d& box, double by)
 {
     if (box.isEmpty()) return box;

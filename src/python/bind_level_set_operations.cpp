@@ -21,6 +21,16 @@ Scale scaleOf(const LevelSet& levelSet)
     return {Shape(levelSet).bounds(), levelSet.voxelSize()};
 }
 
+/// run() in a stage called @a name.
+template <class Work>
+auto runStage(const py::object& listener, const char* name, Work&& work)
+{
+    return run(listener, [&](Progress& progress) {
+        progress.beginStage(name);
+        return work(progress);
+    });
+}
+
 void bindSurfaceOperations(LevelSetClass& levelSets)
 {
     levelSets
@@ -29,7 +39,8 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
             [](const LevelSet& levelSet, const LengthArgument& distance,
                const py::object& progress) {
                 const double d = worldLength(distance, scaleOf(levelSet));
-                return run(progress, [&](Progress& p) { return offset(levelSet, d, p); });
+                return runStage(progress, "offset",
+                                [&](Progress& p) { return offset(levelSet, d, p); });
             },
             "distance"_a, "progress"_a = py::none(),
             "Grown by distance, or shrunk by a negative one." MPUVDB_PROGRESS_DOC)
@@ -39,7 +50,8 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
                const py::object& progress) {
                 const double t = worldLength(thickness, scaleOf(levelSet));
                 const Wall where = wallOf(wall);
-                return run(progress, [&](Progress& p) { return shell(levelSet, t, where, p); });
+                return runStage(progress, "shell",
+                                [&](Progress& p) { return shell(levelSet, t, where, p); });
             },
             "thickness"_a, "wall"_a = "inward", "progress"_a = py::none(),
             "The wall along the surface; wall is 'inward', 'outward' or 'centred'. Thinner than "
@@ -49,7 +61,8 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
             [](const LevelSet& levelSet, const std::string& filter, int iterations, int width,
                const py::object& mask, const py::object& progress) {
                 const SmoothSettings settings = smoothSettings(filter, iterations, width, mask);
-                return run(progress, [&](Progress& p) { return smooth(levelSet, settings, p); });
+                return runStage(progress, "smooth",
+                                [&](Progress& p) { return smooth(levelSet, settings, p); });
             },
             "filter"_a = "gaussian", "iterations"_a = 1, "width"_a = 1, "mask"_a = py::none(),
             "progress"_a = py::none(), MPUVDB_SMOOTH_DOC MPUVDB_PROGRESS_DOC);
@@ -61,8 +74,8 @@ void bindLatticeOperations(LevelSetClass& levelSets)
         .def(
             "with_half_width",
             [](const LevelSet& levelSet, double halfWidth, const py::object& progress) {
-                return run(progress,
-                           [&](Progress& p) { return withHalfWidth(levelSet, halfWidth, p); });
+                return runStage(progress, "widen",
+                                [&](Progress& p) { return withHalfWidth(levelSet, halfWidth, p); });
             },
             "half_width"_a, "progress"_a = py::none(),
             "The same surface in a band of half_width voxels, in [1.5, 1000]." MPUVDB_PROGRESS_DOC)
@@ -73,7 +86,7 @@ void bindLatticeOperations(LevelSetClass& levelSets)
                 const Scale scale = scaleOf(levelSet);
                 const double h = worldLength(voxelSize, scale);
                 const double width = halfWidth.value_or(levelSet.halfWidth());
-                return run(progress, [&](Progress& p) {
+                return runStage(progress, "resample", [&](Progress& p) {
                     const Lattice lattice =
                         scale.box.isEmpty() ? Lattice{Vec3d::Zero(), h} : latticeFor(scale.box, h);
                     return resample(levelSet, lattice, width, p);
@@ -90,8 +103,8 @@ void bindComponents(LevelSetClass& levelSets)
         .def(
             "components",
             [](const LevelSet& levelSet, const py::object& progress) {
-                const auto parts =
-                    run(progress, [&](Progress& p) { return components(levelSet, p); });
+                const auto parts = runStage(progress, "components",
+                                            [&](Progress& p) { return components(levelSet, p); });
                 py::list result;
                 for (const SolidComponent& part : parts)
                     result.append(py::make_tuple(part.levelSet, part.volume));
@@ -105,7 +118,7 @@ void bindComponents(LevelSetClass& levelSets)
             [](const LevelSet& levelSet, double minVolume, std::optional<std::size_t> count,
                const py::object& progress) {
                 const std::size_t most = count.value_or(std::numeric_limits<std::size_t>::max());
-                return run(progress, [&](Progress& p) {
+                return runStage(progress, "components", [&](Progress& p) {
                     return keepComponents(levelSet, minVolume, most, p);
                 });
             },

@@ -134,10 +134,15 @@ void bindSurfaceOperations(ShapeClass& shapes)
             "'advection' moves the surface along its normals, for shapes that are far apart.");
 }
 
-void bindOperators(ShapeClass& shapes)
+/// Of shapes, or of level sets as shapes.
+template <class Class>
+void bindOperators(Class& solids)
 {
-    const auto operation = [&](const char* name, const char* doc, auto&& combine) {
-        shapes.def(name, combine, "other"_a, py::is_operator(), doc);
+    using Solid = typename Class::type;
+    const auto operation = [&](const char* name, const char* doc, auto combine) {
+        solids.def(
+            name, [combine](const Solid& a, const Shape& b) { return combine(Shape(a), b); },
+            "other"_a, py::is_operator(), doc);
     };
     operation("__or__", "The union.", [](const Shape& a, const Shape& b) { return a | b; });
     operation("__and__", "The intersection.", [](const Shape& a, const Shape& b) { return a & b; });
@@ -146,13 +151,14 @@ void bindOperators(ShapeClass& shapes)
 
 } // namespace
 
-void bindShape(ShapeClass& shapes)
+void bindShape(ShapeClass& shapes, LevelSetClass& levelSets)
 {
     shapes.def(py::init([](const LevelSet& levelSet) { return Shape(levelSet); }), "level_set"_a,
                "The solid of a LevelSet; resampled where its voxels are not those asked for.");
     bindEvaluation(shapes);
     bindSurfaceOperations(shapes);
     bindOperators(shapes);
+    bindOperators(levelSets);
 }
 
 } // namespace mpuvdb::python

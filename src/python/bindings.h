@@ -22,7 +22,7 @@ void bindReports(pybind11::module_& module);
 void bindMesh(MeshClass& meshes);
 void bindLevelSet(LevelSetClass& levelSets);
 void bindLevelSetOperations(LevelSetClass& levelSets);
-void bindShape(ShapeClass& shapes);
+void bindShape(ShapeClass& shapes, LevelSetClass& levelSets);
 void bindDeformations(ShapeClass& shapes);
 void bindBooleans(pybind11::module_& module);
 void bindPrimitives(pybind11::module_& module);

@@ -1,5 +1,7 @@
 #include "callables.h"
 
+#include "run.h"
+
 #include <mpuvdb/error.h>
 
 #include <fmt/format.h>
@@ -30,6 +32,7 @@ PointsCallable::PointsCallable(const py::object& function, const char* name) : m
 
 void PointsCallable::values(const std::vector<Vec3d>& points, std::vector<double>& values) const
 {
+    checkWork();
     const py::gil_scoped_acquire acquire;
     const py::array_t<double> result = call(points, 0);
     values.assign(result.data(), result.data() + points.size());
@@ -37,6 +40,7 @@ void PointsCallable::values(const std::vector<Vec3d>& points, std::vector<double
 
 void PointsCallable::places(const std::vector<Vec3d>& points, std::vector<Vec3d>& places) const
 {
+    checkWork();
     const py::gil_scoped_acquire acquire;
     const py::array_t<double> result = call(points, 3);
     places.resize(points.size());

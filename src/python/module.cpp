@@ -35,7 +35,7 @@ PYBIND11_MODULE(mpuvdb, module)
     bindMesh(meshes);
     bindLevelSet(levelSets);
     bindLevelSetOperations(levelSets);
-    bindShape(shapes);
+    bindShape(shapes, levelSets);
     bindDeformations(shapes);
     py::implicitly_convertible<LevelSet, Shape>();
     bindBooleans(module);

@@ -18,6 +18,9 @@ namespace
 
 constexpr std::chrono::milliseconds kNap{20};
 
+/// Of the work that runs on this thread.
+thread_local const Progress* tProgress = nullptr;
+
 struct Report {
     std::string stage;
     double fraction = 0;
@@ -71,6 +74,11 @@ void attend(const py::object& listener, const std::vector<Report>& reports)
 
 } // namespace
 
+void checkWork()
+{
+    if (tProgress) tProgress->check();
+}
+
 void runWork(const py::object& listener, const std::function<void(Progress&)>& work)
 {
     if (!listener.is_none() && !PyCallable_Check(listener.ptr()))
@@ -82,6 +90,7 @@ void runWork(const py::object& listener, const std::function<void(Progress&)>& w
     Progress progress(hear);
     std::exception_ptr failed, stopped;
     std::thread worker([&] {
+        tProgress = &progress;
         try {
             work(progress);
             progress.endStage();

@@ -16,7 +16,11 @@ namespace mpuvdb::python
 /// returns False or raises; either is thrown here, after the work has ended.
 void runWork(const pybind11::object& listener, const std::function<void(Progress&)>& work);
 
-/// The same, with a result.
+/// End here if the work that runs on this thread is to stop: for long loops of Python functions.
+/// @throws Interrupted
+void checkWork();
+
+/// The same as runWork(), with a result.
 template <class Work>
 auto run(const pybind11::object& listener, Work&& work)
 {
