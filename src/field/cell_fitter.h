@@ -24,7 +24,7 @@ constexpr double kNoiseRadius = 3;
 
 /// The same where points are so dense that a ball is this many spacings wide and still tells them
 /// from their noise.
-constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 3;
+constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 2.5;
 
 /// Noise, in voxels, from which on cells below two voxels show no more of an edge.
 constexpr double kBlurringNoise = 0.05;
@@ -205,6 +205,7 @@ private:
     bool isLostInNoise(double radius, double spacing) const
     {
         if (radius >= kNoiseRadius * mSettings.noise) return false;
+        if (!(mSettings.normalNoise > 0)) return true;
         return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
     }
 

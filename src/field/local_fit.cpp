@@ -411,7 +411,7 @@ void refitOverFeet(FitResult& result, const CellPoints& points, const Vec3d& nor
                    double testRadius, const FitSettings& settings, CellPoints& scratch)
 {
     constexpr double kFarthest = 5; // standard deviations
-    constexpr double kCrease = 0.015, kNormalNoises = 1.2;
+    constexpr double kCrease = 0.04, kNormalNoises = 1.2;
     FitResult again = result;
     Quadric& q = again.fit.pieces[0];
     scratch = points;
