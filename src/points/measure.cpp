@@ -179,8 +179,7 @@ PointCloud thinned(const PointCloud& cloud, std::size_t count, Progress& progres
             kept.push_back(i);
     };
     PointCloud result;
-    for (const std::size_t i :
-         gatherParallel<std::size_t>(cloud.size(), kGrain, progress, keep)) {
+    for (const std::size_t i : gatherParallel<std::size_t>(cloud.size(), kGrain, progress, keep)) {
         result.positions.push_back(cloud.positions[i]);
         if (cloud.hasNormals()) result.normals.push_back(cloud.normals[i]);
     }
@@ -195,10 +194,10 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
     if (chosen.size() < 2)
         throw InputError("the points have fewer than two distinct positions: nothing can be "
                          "measured. Give points on a surface");
-    // More neighbours, then fewer points, until the noise is thin against the ball that they fill: a
-    // ball that lies within the noise shows its own size instead.
+    // More neighbours, then fewer points, until the noise is thin against the ball that they fill:
+    // a ball that lies within the noise shows its own size instead.
     constexpr std::size_t kFewest = 40, kMost = 640, kFactor = 4;
-    constexpr double kThin = 0.18;
+    constexpr double kThin = 0.22;
     PointStatistics result;
     const PointCloud* among = &cloud;
     PointCloud sparse;
