@@ -83,12 +83,12 @@ void CellPoints::moveOverFeet(const Quadric& q, const Vec3d& normal, double fart
             const Group value = fx * (ax + q.b[0]) + fy * (ay + q.b[1]) + fz * (az + q.b[2]) + q.c;
             const Group gx = 2 * ax + q.b[0], gy = 2 * ay + q.b[1], gz = 2 * az + q.b[2];
             const Group scale = 1 / squareRoot(gx * gx + gy * gy + gz * gz + 1e-30);
-            const Group nx = gx * scale, ny = gy * scale, nz = gz * scale;
-            off = (px - fx) * nx + (py - fy) * ny + (pz - fz) * nz + value * scale;
-            fx = px - off * nx;
-            fy = py - off * ny;
-            fz = pz - off * nz;
-            across = nx * normal[0] + ny * normal[1] + nz * normal[2];
+            const Group ux = gx * scale, uy = gy * scale, uz = gz * scale; // the foot's normal
+            off = (px - fx) * ux + (py - fy) * uy + (pz - fz) * uz + value * scale;
+            fx = px - off * ux;
+            fy = py - off * uy;
+            fz = pz - off * uz;
+            across = ux * normal[0] + uy * normal[1] + uz * normal[2];
         }
         const Group height = off / (across > steep ? across : steep);
         const auto near = off * off < farthest * farthest;
