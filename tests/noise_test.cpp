@@ -3,6 +3,7 @@
 #include "fit_quality.h"
 #include "local_fit.h"
 
+#include <mpuvdb/mesh.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <gtest/gtest.h>
@@ -131,6 +132,60 @@ TEST(Noise, ResidualsAreToldFromShape)
     EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
 }
 
+/// Points about the top of the sphere of radius 1, relative to it, thrown along the normals.
+CellPoints thrownOffSphere(std::size_t count, double noise, double reach, Random& random)
+{
+    PointBatch batch;
+    while (batch.size() < count) {
+        const Vec3d n = random.direction();
+        const Vec3d p = (1 + noise * normalDraw(random)) * n - Vec3d::UnitZ();
+        if (n[2] < 0 || p.norm() >= reach + 3 * noise) continue;
+        const std::size_t i = batch.size();
+        batch.resize(i + 1);
+        batch.x[i] = float(p[0]), batch.y[i] = float(p[1]), batch.z[i] = float(p[2]);
+        batch.nx[i] = float(n[0]), batch.ny[i] = float(n[1]), batch.nz[i] = float(n[2]);
+        batch.confidence[i] = 1;
+    }
+    CellPoints points;
+    points.assign(batch, Vec3d::Zero(), reach + 3 * noise);
+    points.weighAcross(Vec3d::UnitZ(), reach);
+    return points;
+}
+
+TEST(Noise, PointsOverTheirFeetMoveNoCurvedSheet)
+{
+    Random random(kSeed);
+    constexpr double kNoise = 0.1, kReach = 0.4, kShift = 2 * kNoise * kNoise;
+    constexpr int kTrials = 100;
+    FitSettings settings;
+    settings.tolerance = 0.01;
+    settings.noise = kNoise;
+    double across = 0, overFeet = 0;
+    CellPoints scratch;
+    for (int trial = 0; trial < kTrials; ++trial) {
+        const CellPoints points = thrownOffSphere(400, kNoise, kReach, random);
+        settings.reach = 0;
+        across += heightOf(fitCell(points, 0.3, kReach, settings, scratch).fit.pieces[0], 0, 0);
+        settings.reach = kReach;
+        overFeet += heightOf(fitCell(points, 0.3, kReach, settings, scratch).fit.pieces[0], 0, 0);
+    }
+    EXPECT_LT(across / kTrials, -0.7 * kShift) << "seed " << kSeed;
+    EXPECT_LT(std::abs(overFeet / kTrials), 0.4 * kShift) << "seed " << kSeed;
+}
+
+TEST(Noise, StraysAmongNormalsAreNoSecondSheet)
+{
+    Random random(kSeed);
+    CellPoints points = sheetOf(300, 0, 0.1, 0.05, random);
+    for (std::size_t i = 0; i < points.count; i += 60) points.nz[i] = -points.nz[i];
+    FitSettings settings;
+    settings.tolerance = 0.01;
+    CellPoints scratch;
+    EXPECT_TRUE(fitCell(points, 1, 1, settings, scratch).opposedNormals);
+    settings.noise = 0.05;
+    EXPECT_FALSE(fitCell(points, 1, 1, settings, scratch).opposedNormals);
+}
+
 PointCloud noisyScan(const std::string& solid, double points, double noise, double degrees)
 {
     ScanSettings settings;
@@ -158,6 +213,17 @@ TEST(Noise, OfNormalsIsMeasured)
     PointCloud bare = noisyScan("sphere(1)", 5000, 0.01, 0);
     bare.normals.clear();
     EXPECT_EQ(measure(bare, progress).normalNoise, 0);
+}
+
+// A thousand neighbours then fill a ball not much larger than the noise.
+TEST(Noise, OfDensePointsIsMeasured)
+{
+    Progress progress;
+    for (const char* const solid : {"torus(1,0.4)", "difference(box(2,2,1), cylinder(0.4,3))"}) {
+        constexpr double kNoise = 0.03;
+        const PointCloud cloud = noisyScan(solid, 300000, kNoise, 5);
+        EXPECT_NEAR(measure(cloud, progress).noise, kNoise, 0.15 * kNoise) << solid;
+    }
 }
 
 /// Mean of the field's values at places on the sphere of radius 1.
@@ -231,6 +297,17 @@ TEST(Noise, IsTakenOutOfTheGrid)
         const CheckReport report = check(made.levelSet.grid(), progress);
         EXPECT_TRUE(report.sound()) << share << "\n" << test::texts(report);
     }
+}
+
+// At its edges a few normals out of many are turned by a right angle or more from the mean.
+TEST(Noise, MakesNoHandlesAtEdges)
+{
+    Progress progress;
+    const Reconstruction made = reconstruct(
+        noisyScan("difference(box(2,2,1), cylinder(0.4,3))", 50000, 0.03, 10), {}, progress);
+    const MeshReport report = measure(extractMesh(made.levelSet, progress));
+    EXPECT_EQ(report.components, 1u);
+    EXPECT_EQ(report.eulerCharacteristic, 0);
 }
 
 } // namespace

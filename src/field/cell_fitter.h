@@ -2,6 +2,7 @@
 #pragma once
 #include "fit_quality.h"
 #include "local_fit.h"
+#include "noise_bias.h"
 #include "octree.h"
 #include "sorted_points.h"
 
@@ -20,6 +21,10 @@ constexpr double kRimSpacings =
 /// Least radius of a ball, in standard deviations of the noise: a smaller ball cuts off points that
 /// noise throws far, and takes its own border for the surface.
 constexpr double kNoiseRadius = 3;
+
+/// The same where points are so dense that a ball is this many spacings wide and still tells them
+/// from their noise.
+constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 2.5;
 
 /// Noise, in voxels, from which on cells below two voxels show no more of an edge.
 constexpr double kBlurringNoise = 0.05;
@@ -72,6 +77,7 @@ public:
     {
         mFit.tolerance = settings.tolerance;
         mFit.noise = settings.noise;
+        mFit.normalNoise = settings.normalNoise;
         if (settings.normalNoise > 0)
             mFit.lever = settings.noise / std::max(settings.normalNoise, kLeastNormalNoise);
         mFit.minPoints = settings.minPoints;
@@ -195,12 +201,20 @@ private:
         return std::min(tooNear, tooFar);
     }
 
-    bool mayBeSplit(const OctreeCell& cell, const FitResult& result) const
+    /// Whether a ball of @a radius is too small to tell the surface from the noise.
+    bool isLostInNoise(double radius, double spacing) const
+    {
+        if (radius >= kNoiseRadius * mSettings.noise) return false;
+        if (!(mSettings.normalNoise > 0)) return true;
+        return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
+    }
+
+    bool mayBeSplit(const OctreeCell& cell, const FitResult& result, double spacing) const
     {
         const bool fine = mSettings.noise < kBlurringNoise * mSettings.voxelSize &&
                           (result.fit.isSharp() || result.opposedNormals ||
                            (mSettings.sharp && result.spreadNormals && !result.accepted));
-        if (supportRadius(cell.level + 1) < kNoiseRadius * mSettings.noise) return false;
+        if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
     }
@@ -213,10 +227,11 @@ private:
         mCell.assign(batch, mRoot.centre(cell), ballRadius);
         if (mSettings.noise > 0) mCell.weighAcross(meanNormal(mCell), reach);
         FitSettings fit = mFit;
+        if (mSettings.noise > kMovingNoise * mSettings.tolerance) fit.reach = reach;
         fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
         Decision decision;
         decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
-        const bool mayBe = mayBeSplit(cell, decision.result);
+        const bool mayBe = mayBeSplit(cell, decision.result, spacing);
         if (decision.result.needsSplit || !decision.result.accepted) {
             decision.split = mayBe;
             if (mayBe) return decision;
@@ -233,7 +248,7 @@ private:
     double thickened(double radius) const { return radius + 3 * mSettings.noise; }
 
     /// Where the noise is thick against the ball, which cuts through it: put the points of a larger
-    /// one into mGrown, if an ancestor's holds it.
+    /// one into mGrown. Whether they are enough.
     bool thicken(const OctreeCell& cell, const std::vector<Ball>& path)
     {
         const Vec3d centre = mRoot.centre(cell);
@@ -242,11 +257,22 @@ private:
         for (std::size_t up = path.size(); up-- > 0;) {
             if (path[up].radius - (path[up].centre - centre).norm() < wanted) continue;
             mFilter.ball(*path[up].batch, centre, wanted, mGrown);
-            double sum = 0;
-            for (const float c : mGrown.confidence) sum += c;
-            return sum >= mFit.minPoints;
+            return isEnough(mGrown);
         }
-        return false;
+        if (mWideRadius - (mWideCentre - centre).norm() < wanted) {
+            mWideRadius = 1.5 * wanted;
+            mWideCentre = centre;
+            mPoints.gather(cell, mWideRadius, 1, mFilter, mWide);
+        }
+        mFilter.ball(mWide, centre, wanted, mGrown);
+        return isEnough(mGrown);
+    }
+
+    bool isEnough(const PointBatch& batch) const
+    {
+        double sum = 0;
+        for (const float c : batch.confidence) sum += c;
+        return sum >= mFit.minPoints;
     }
 
     /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min

@@ -66,6 +66,41 @@ void CellPoints::weighAcross(const Vec3d& normal, double reach)
     }
 }
 
+MPUVDB_CLONES
+void CellPoints::moveOverFeet(const Quadric& q, const Vec3d& normal, double farthest)
+{
+    constexpr int kSteps = 4;
+    constexpr double kSteep = 0.4; // cosine below which a zero set is no sheet over the plane
+    const auto& A = q.A;
+    const Group steep = Group{} + kSteep;
+    for (std::size_t i = 0; i < x.size(); i += kGroup) {
+        const Group px = load(x, i), py = load(y, i), pz = load(z, i);
+        Group fx = px, fy = py, fz = pz, off{}, across{};
+        for (int step = 0; step < kSteps; ++step) {
+            const Group ax = A(0, 0) * fx + A(0, 1) * fy + A(0, 2) * fz,
+                        ay = A(1, 0) * fx + A(1, 1) * fy + A(1, 2) * fz,
+                        az = A(2, 0) * fx + A(2, 1) * fy + A(2, 2) * fz;
+            const Group value = fx * (ax + q.b[0]) + fy * (ay + q.b[1]) + fz * (az + q.b[2]) + q.c;
+            const Group gx = 2 * ax + q.b[0], gy = 2 * ay + q.b[1], gz = 2 * az + q.b[2];
+            const Group scale = 1 / squareRoot(gx * gx + gy * gy + gz * gz + 1e-30);
+            const Group ux = gx * scale, uy = gy * scale, uz = gz * scale; // the foot's normal
+            off = (px - fx) * ux + (py - fy) * uy + (pz - fz) * uz + value * scale;
+            fx = px - off * ux;
+            fy = py - off * uy;
+            fz = pz - off * uz;
+            across = ux * normal[0] + uy * normal[1] + uz * normal[2];
+        }
+        const Group height = off / (across > steep ? across : steep);
+        const auto near = off * off < farthest * farthest;
+        const Group mx = near ? fx + height * normal[0] : px,
+                    my = near ? fy + height * normal[1] : py,
+                    mz = near ? fz + height * normal[2] : pz;
+        std::memcpy(&x[i], &mx, sizeof mx);
+        std::memcpy(&y[i], &my, sizeof my);
+        std::memcpy(&z[i], &mz, sizeof mz);
+    }
+}
+
 void CellPoints::assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members)
 {
     setCount(members.size());

@@ -383,6 +383,48 @@ double lowestCosine(const CellPoints& points, const Vec3d& normal)
     return std::min(std::min(lowest[0], lowest[1]), std::min(lowest[2], lowest[3]));
 }
 
+/// Whether some normal turns by pi/2 or more from @a normal; with noise, more than strays do.
+bool areOpposed(const CellPoints& points, const Vec3d& normal, double lowest, double noise)
+{
+    constexpr double kStrays = 0.05; // share
+    if (!(noise > 0) || lowest > 0) return lowest <= 0;
+    std::size_t opposed = 0;
+    for (std::size_t i = 0; i < points.count; ++i) opposed += points.normal(i).dot(normal) <= 0;
+    return double(opposed) > kStrays * double(points.count);
+}
+
+/// Weighted mean of 1 - cosine of the angles between the points' normals and those of @a q.
+double meanTurn(const Quadric& q, const CellPoints& points)
+{
+    double sum = 0, total = 0;
+    for (std::size_t i = 0; i < points.count; ++i) {
+        const Vec3d slope = q.gradient(points.position(i));
+        sum += points.weight[i] * (1 - points.normal(i).dot(slope) / std::max(slope.norm(), 1e-9));
+        total += points.weight[i];
+    }
+    return total > 0 ? sum / total : 0;
+}
+
+/// Fit again to the points over their feet on @a result's zero set, as long as they are on one
+/// smooth sheet: beside an edge they have no feet, since noise throws none off it.
+void refitOverFeet(FitResult& result, const CellPoints& points, const Vec3d& normal,
+                   double testRadius, const FitSettings& settings, CellPoints& scratch)
+{
+    constexpr double kFarthest = 5; // standard deviations
+    constexpr double kCrease = 0.04, kNormalNoises = 1.2;
+    FitResult again = result;
+    Quadric& q = again.fit.pieces[0];
+    scratch = points;
+    scratch.moveOverFeet(q, normal, kFarthest * settings.noise);
+    scratch.weighAcross(normal, settings.reach);
+    q = fitBivariate(scratch, normal, kFewestOfQuadratic, settings.lever);
+    const double noise2 = settings.normalNoise * settings.normalNoise;
+    if (meanTurn(q, scratch) > kCrease + kNormalNoises * noise2) return;
+    again.error = taubinError(again.fit, scratch, testRadius);
+    again.accepted = isAccepted(again, scratch, testRadius, settings);
+    result = again;
+}
+
 } // namespace
 
 FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
@@ -391,10 +433,12 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     FitResult result;
     const Vec3d normal = meanNormal(points);
     const double lowest = lowestCosine(points, normal);
-    result.opposedNormals = lowest <= 0;
+    result.opposedNormals = areOpposed(points, normal, lowest, settings.noise);
     result.spreadNormals = lowest < kSpreadCosine;
 
-    if (result.opposedNormals && points.count > 2 * std::size_t(settings.minPoints)) {
+    const bool general =
+        result.opposedNormals && points.count > 2 * std::size_t(settings.minPoints);
+    if (general) {
         result.needsSplit = !fitGeneralAbout(points, cellSize, result.fit.pieces[0]);
         if (result.needsSplit)
             result.fit.pieces[0] = fitBivariate(points, normal, points.count + 1);
@@ -403,6 +447,8 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     }
     result.error = taubinError(result.fit, points, testRadius);
     result.accepted = isAccepted(result, points, testRadius, settings);
+    if (settings.reach > 0 && !general)
+        refitOverFeet(result, points, normal, testRadius, settings, scratch);
     // A smooth fillet can look like an edge to test (14): a feature only where smooth fails.
     if (points.count <= settings.maxSharpPoints && !result.accepted) {
         trySharp(result, points, cellSize, testRadius, scratch);

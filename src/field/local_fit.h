@@ -16,6 +16,10 @@ struct FitSettings {
     /// Positions are off by as much at this distance from where a normal's tilt is known; 0:
     /// normals only orient. World units.
     double lever = 0;
+    double normalNoise = 0; ///< standard deviation of the normals, radians; 0: unknown
+    /// Of the points that count, across the surface, world units; above 0 where noise hides its
+    /// feet: fits are then made again of the points over their feet.
+    double reach = 0;
     int minPoints = 15;              ///< N_min
     std::size_t maxSharpPoints = 30; ///< edges and corners are tried up to so many points
 };

@@ -110,8 +110,7 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Progress& progr
     impl->points = std::make_unique<SortedPoints>(std::move(cloud), root, progress, copies);
     progress.beginStage("fit");
     impl->tree = buildOctree(*impl->points, root, settings, progress);
-    // Less noise moves no surface that voxels can tell.
-    if (settings.noise > 2 * settings.tolerance)
+    if (settings.noise > kMovingNoise * settings.tolerance)
         removeNoiseBias(impl->tree, *impl->points, settings.noise);
     if (!impl->tree.complete) {
         progress.beginStage("sign");

@@ -11,7 +11,7 @@ namespace
 {
 
 /// Of curvature times noise: a surface that turns faster is none, to the noise.
-constexpr double kMostTurn = 0.2;
+constexpr double kMostTurn = 0.5;
 constexpr double kFarthest = 8; ///< of a point from its surface, in standard deviations
 
 /// Where a fit's zero set is nearest to the origin of its coordinates, to first order.

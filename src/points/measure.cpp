@@ -1,5 +1,7 @@
 // Spacing and noise of a cloud.
 #include "chosen_neighbors.h"
+#include "parallel_each.h"
+#include "position_order.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -77,10 +79,24 @@ Eigen::Matrix3Xd alongAxes(const Sheet& sheet)
     return axes.eigenvectors().transpose() * p;
 }
 
+/// The columns of @a p, in radii along its axes, that the ball does not leave short of the far ones
+/// along the first axis; all if they are few.
+Eigen::Matrix3Xd withinCylinder(const Eigen::Matrix3Xd& p)
+{
+    constexpr double kAcross = 0.8; // of the radius
+    constexpr Eigen::Index kFew = 60;
+    if (p.cols() < kFew) return p;
+    Eigen::Matrix3Xd within(3, p.cols());
+    Eigen::Index count = 0;
+    for (Eigen::Index i = 0; i < p.cols(); ++i)
+        if (p.col(i).tail<2>().squaredNorm() < kAcross * kAcross) within.col(count++) = p.col(i);
+    return count > 2 * Eigen::Index(kUnknowns) ? Eigen::Matrix3Xd(within.leftCols(count)) : p;
+}
+
 /// Standard deviation of the heights about a quadratic over the sheet's principal plane.
 Residual heightResidual(const Sheet& sheet)
 {
-    const Eigen::Matrix3Xd p = alongAxes(sheet);
+    const Eigen::Matrix3Xd p = withinCylinder(alongAxes(sheet));
     const Eigen::Index count = p.cols();
     Eigen::Matrix<double, Eigen::Dynamic, int(kUnknowns)> a(count, Eigen::Index(kUnknowns));
     const Eigen::ArrayXd u = p.row(1), v = p.row(2);
@@ -152,6 +168,24 @@ double medianReach(const std::vector<Neighborhood>& neighborhoods)
     return quantile(std::move(reach), 0.5);
 }
 
+/// About @a count points of a cloud, positions and normals alone, for balls that reach far with few
+/// neighbours; a smaller choice of points is among them.
+PointCloud thinned(const PointCloud& cloud, std::size_t count, Progress& progress)
+{
+    constexpr std::size_t kGrain = 1 << 14; // points
+    const std::vector<Vec3f> chosen = choosePositions(cloud.positions, count, progress);
+    const auto keep = [&](std::size_t i, std::vector<std::size_t>& kept) {
+        if (std::binary_search(chosen.begin(), chosen.end(), cloud.positions[i], positionBefore))
+            kept.push_back(i);
+    };
+    PointCloud result;
+    for (const std::size_t i : gatherParallel<std::size_t>(cloud.size(), kGrain, progress, keep)) {
+        result.positions.push_back(cloud.positions[i]);
+        if (cloud.hasNormals()) result.normals.push_back(cloud.normals[i]);
+    }
+    return result;
+}
+
 } // namespace
 
 PointStatistics measure(const PointCloud& cloud, Progress& progress)
@@ -160,13 +194,15 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
     if (chosen.size() < 2)
         throw InputError("the points have fewer than two distinct positions: nothing can be "
                          "measured. Give points on a surface");
-    // More neighbours, until the noise is thin against the ball that they fill: a ball that lies
-    // within the noise shows its own size instead.
+    // More neighbours, then fewer points, until the noise is thin against the ball that they fill:
+    // a ball that lies within the noise shows its own size instead.
     constexpr std::size_t kFewest = 40, kMost = 640, kFactor = 4;
-    constexpr double kThin = 0.18;
+    constexpr double kThin = 0.22;
     PointStatistics result;
-    for (std::size_t k = kFewest; k <= kMost; k *= kFactor) {
-        const auto neighborhoods = nearestOfChosen(cloud, chosen, k, progress);
+    const PointCloud* among = &cloud;
+    PointCloud sparse;
+    for (std::size_t k = kFewest;;) {
+        const auto neighborhoods = nearestOfChosen(*among, chosen, k, progress);
         const std::size_t found = neighborhoods.front().neighbors.size();
         if (k == kFewest) {
             std::vector<double> spacings;
@@ -181,6 +217,13 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
         if (k == kFewest && cloud.hasNormals()) // known however thick the noise of the positions
             result.normalNoise = robustNoise(neighborhoods, used, normalResidual, 4, progress);
         if (found < k || result.noise < kThin * medianReach(neighborhoods)) break;
+        if (k < kMost) {
+            k *= kFactor;
+        } else {
+            if (among->size() < kFactor * kFactor * kMost) break;
+            sparse = thinned(*among, among->size() / kFactor, progress);
+            among = &sparse;
+        }
     }
     return result;
 }
