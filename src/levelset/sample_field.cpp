@@ -30,6 +30,7 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     progress.beginStage("close");
     band.resolveSigns();
     band.removeIslands();
+    band.removeHandles();
     demandInside();
     band.close();
     progress.beginStage("assemble");
