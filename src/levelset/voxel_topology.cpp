@@ -68,15 +68,16 @@ bool oneComponent(Neighbourhood voxels, Neighbourhood seeds,
 
 bool isSimple(Neighbourhood around)
 {
-    const Neighbourhood set = around & ~kCentre, rest = ~around & facesAndEdges() & kAll;
-    return oneComponent(rest, kFaceNeighbours, kAdjacent.byFace) &&
-           oneComponent(set, set, kAdjacent.byCorner);
+    const Neighbourhood set = around & facesAndEdges(), rest = ~around & kAll & ~kCentre;
+    return oneComponent(set, kFaceNeighbours, kAdjacent.byFace) &&
+           oneComponent(rest, rest, kAdjacent.byCorner);
 }
 
 int eulerChange(Neighbourhood around)
 {
-    // As a union of closed cubes: of the centre's own corners, edges and faces those are new that
-    // no other cube has.
+    // The rest as a union of closed cubes: of the centre's corners, edges and faces those go that
+    // no other cube has. What the rest loses of handles, the set gains of them, and so on.
+    const Neighbourhood rest = ~around & kAll & ~kCentre;
     int change = -1; // its body
     for (int n = 0; n < kCells; ++n) {
         const int at[3] = {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1};
@@ -87,10 +88,10 @@ int eulerChange(Neighbourhood around)
             for (int y = 0; y <= std::abs(at[1]); ++y)
                 for (int z = 0; z <= std::abs(at[2]); ++z)
                     sharing |= bit(x * at[0], y * at[1], z * at[2]);
-        if (around & sharing & ~kCentre) continue;
+        if (rest & sharing) continue;
         change += codimension == 2 ? -1 : 1;
     }
-    return change;
+    return -change;
 }
 
 } // namespace mpuvdb

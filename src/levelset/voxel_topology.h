@@ -1,5 +1,5 @@
-// How one voxel holds a set of voxels together. The set is connected through faces, edges and
-// corners, what is outside it through faces only.
+// How one voxel holds a set of voxels together. The set is connected through faces, what is not in
+// it through faces, edges and corners: what the set shuts is shut however a mesh joins diagonals.
 #pragma once
 #include <cstdint>
 
