@@ -27,13 +27,15 @@ constexpr double kShallow = 0.5;
 constexpr std::size_t kManyPoints = 20;
 /// A deep plug turns if it has fewer points than one in as many voxels.
 constexpr std::size_t kVoxelsPerPoint = 8;
-/// A wire is an object, even if it is thin: a bridge is cut where the way round is that short.
-constexpr int kWayRound = 12;
+/// A wire is an object, even if it is thin. A bridge is no longer than so many steps from what it
+/// joins.
+constexpr int kBridgeSteps = 6;
 
 /// Voxels whose turn to the other sign takes a handle away.
 struct Plug {
     std::vector<VoxelId> voxels;
     bool inside;        ///< the voxels' sign before
+    bool wire = false;  ///< part of something that is thin for longer than a bridge
     double cost = 0;    ///< how deep the voxels are in their side, together
     double deepest = 0; ///< of them
 };
@@ -147,39 +149,6 @@ private:
     std::vector<SignWords> mSet, mGaps;
 };
 
-
-/// The plugs of the narrow gaps between @a inside, and of those between what is not in it.
-template <typename Depth>
-std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
-                            Depth depth)
-{
-    std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());
-    tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
-        mosaic.findNarrow(inside, n, kReach, tunnels[n], bridges[n]);
-    });
-    std::vector<Plug> plugs;
-    const auto add = [&](std::vector<SignWords> set, std::vector<SignWords> narrow, bool sign) {
-        Gaps gaps(mosaic, std::move(set), std::move(narrow));
-        gaps.open(depth);
-        for (std::vector<VoxelId>& voxels : gaps.plugs()) {
-            Plug plug{std::move(voxels), sign};
-            for (const VoxelId v : plug.voxels) {
-                plug.cost += double(depth(v));
-                plug.deepest = std::max(plug.deepest, double(depth(v)));
-            }
-            plugs.push_back(std::move(plug));
-        }
-    };
-    add(inside, std::move(tunnels), false);
-    add(inverse(inside), std::move(bridges), true);
-    // What changes least comes first: of a handle's tunnel and its bridge one is enough.
-    std::sort(plugs.begin(), plugs.end(), [](const Plug& a, const Plug& b) {
-        return std::make_tuple(a.cost, a.voxels.front()) <
-               std::make_tuple(b.cost, b.voxels.front());
-    });
-    return plugs;
-}
-
 /// Voxels of @a set that share a face with one of @a voxels.
 std::vector<VoxelId> sidesOf(const BlockMosaic& mosaic, const std::vector<SignWords>& set,
                              const std::vector<VoxelId>& voxels)
@@ -193,28 +162,69 @@ std::vector<VoxelId> sidesOf(const BlockMosaic& mosaic, const std::vector<SignWo
     return sides;
 }
 
-/// Whether what of @a set is at @a voxels hangs together: through faces, on ways of at most
-/// @a steps steps from one of these places.
-bool connectedNear(const BlockMosaic& mosaic, const std::vector<SignWords>& set,
-                   const std::vector<VoxelId>& voxels, int steps)
+/// Whether a few steps through faces lead from @a start to a voxel of @a set that is not narrow.
+bool reachesThick(const BlockMosaic& mosaic, const std::vector<SignWords>& set,
+                  const std::vector<SignWords>& narrow, VoxelId start)
 {
-    const std::vector<VoxelId> sides = sidesOf(mosaic, set, voxels);
-    if (sides.empty()) return false;
-    std::vector<VoxelId> front = {sides.front()};
+    std::vector<VoxelId> front = {start};
     std::set<VoxelId> reached(front.begin(), front.end());
-    for (int step = 0; step < steps; ++step)
-        for (const VoxelId v : std::exchange(front, {}))
+    for (int step = 0; step < kBridgeSteps; ++step)
+        for (const VoxelId v : std::exchange(front, {})) {
+            if (!contains(narrow, v)) return true;
             mosaic.forEachAround(v, kFaceNeighbours & mosaic.neighbourhood(set, v),
                                  [&](VoxelId next) {
                                      if (reached.insert(next).second) front.push_back(next);
                                  });
-    return std::all_of(sides.begin(), sides.end(), [&](VoxelId v) { return reached.count(v) > 0; });
+        }
+    return false;
+}
+
+/// The plugs of the narrow gaps between @a inside, and of those between what is not in it.
+template <typename Depth>
+std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
+                            Depth depth)
+{
+    std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());
+    tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
+        mosaic.findNarrow(inside, n, kReach, tunnels[n], bridges[n]);
+    });
+    std::vector<Plug> plugs;
+    const auto add = [&](std::vector<SignWords> set, const std::vector<SignWords>& narrow,
+                         bool sign) {
+        Gaps gaps(mosaic, std::move(set), narrow);
+        gaps.open(depth);
+        for (std::vector<VoxelId>& voxels : gaps.plugs()) {
+            Plug plug{std::move(voxels), sign};
+            for (const VoxelId v : plug.voxels) {
+                plug.cost += double(depth(v));
+                plug.deepest = std::max(plug.deepest, double(depth(v)));
+            }
+            plugs.push_back(std::move(plug));
+        }
+    };
+    add(inside, tunnels, false);
+    add(inverse(inside), bridges, true);
+    std::vector<SignWords> rest = inside;
+    for (Plug& plug : plugs) {
+        if (!plug.inside) continue;
+        for (const VoxelId v : plug.voxels) turn(rest, v);
+        const std::vector<VoxelId> sides = sidesOf(mosaic, rest, plug.voxels);
+        plug.wire = !std::all_of(sides.begin(), sides.end(),
+                                 [&](VoxelId v) { return reachesThick(mosaic, rest, bridges, v); });
+        for (const VoxelId v : plug.voxels) turn(rest, v);
+    }
+    // What changes least comes first: of a handle's tunnel and its bridge one is enough.
+    std::sort(plugs.begin(), plugs.end(), [](const Plug& a, const Plug& b) {
+        return std::make_tuple(a.cost, a.voxels.front()) <
+               std::make_tuple(b.cost, b.voxels.front());
+    });
+    return plugs;
 }
 
 } // namespace
 
 /// Whether data hold up the sign of @a voxels, the deepest of them @a deepest (world units) in
-/// their side; or, of a wire, whether they might.
+/// their side. A tunnel or a bridge needs points for that, a wire only fits that points support.
 bool Band::isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const
 {
     std::size_t points = 0;
@@ -223,11 +233,11 @@ bool Band::isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wir
     const double h = mLattice.voxelSize;
     if (deepest <= kShallow * h && !wire) return points >= kManyPoints;
     if (points * kVoxelsPerPoint > voxels.size()) return true;
-    return std::any_of(voxels.begin(), voxels.end(), [&](VoxelId v) {
-        const Vec3i local(int(v >> 6 & 7), int(v >> 3 & 7), int(v & 7));
-        const Vec3i at = mBlocks[v / kBlockVoxels].at * kBlockDim + local;
-        return mField.evaluate(mLattice.origin + h * at.cast<double>()).supported;
-    });
+    return wire && std::any_of(voxels.begin(), voxels.end(), [&](VoxelId v) {
+               const Vec3i local(int(v >> 6 & 7), int(v >> 3 & 7), int(v & 7));
+               const Vec3i at = mBlocks[v / kBlockVoxels].at * kBlockDim + local;
+               return mField.evaluate(mLattice.origin + h * at.cast<double>()).supported;
+           });
 }
 
 BlockMosaic Band::mosaic() const
@@ -268,13 +278,9 @@ std::size_t Band::removeHandles()
     for (const Plug& plug : plugs) {
         mProgress.check();
         if (std::any_of(plug.voxels.begin(), plug.voxels.end(), isSettled)) continue;
+        if (isHeldUp(plug.voxels, plug.deepest, plug.wire)) continue;
         turnAll(plug);
-        const std::vector<SignWords>& side = plug.inside ? inside : outside;
-        const bool wire = plug.inside && !connectedNear(blocks, side, plug.voxels, kWayRound);
-        if (isHeldUp(plug.voxels, plug.deepest, wire))
-            turnAll(plug);
-        else
-            taken.push_back(&plug);
+        taken.push_back(&plug);
     }
     if (taken.empty()) return 0;
     const auto turnVoxels = [&](const Plug& plug) {

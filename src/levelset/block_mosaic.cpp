@@ -1,5 +1,7 @@
 #include "block_mosaic.h"
 
+#include <mpuvdb/clones.h>
+
 #include <algorithm>
 
 namespace mpuvdb
@@ -13,39 +15,30 @@ constexpr int kSide = kBlockDim + 2 * kMargin;
 /// A block and its margin: a row of z for each x and y.
 using Rows = std::array<std::uint16_t, kSide * kSide>;
 
-constexpr std::uint16_t kFullRow = 0xffff;
-
-Rows inverse(Rows rows)
+void invert(Rows& rows)
 {
     for (std::uint16_t& r : rows) r = std::uint16_t(~r);
-    return rows;
 }
 
 /// By one voxel on each side. Past the margin nothing is in the set.
-void growOnce(Rows& rows)
+inline void grow(Rows& rows)
 {
     for (std::uint16_t& r : rows) r = std::uint16_t(r | r << 1 | r >> 1);
-    for (int stride : {1, kSide}) {
+    for (const std::size_t step : {std::size_t(1), std::size_t(kSide)}) {
         const Rows before = rows;
-        const auto step = std::size_t(stride);
         for (std::size_t n = step; n + step < rows.size(); ++n)
             rows[n] = std::uint16_t(before[n] | before[n - step] | before[n + step]);
     }
 }
 
-/// Grown, and shrunk again.
-Rows closedUp(Rows rows, int reach)
+/// Grow, and shrink again.
+MPUVDB_CLONES
+void closeGaps(Rows& rows, int reach)
 {
-    for (int n = 0; n < reach; ++n) growOnce(rows);
-    rows = inverse(rows);
-    for (int n = 0; n < reach; ++n) growOnce(rows);
-    return inverse(rows);
-}
-
-/// Shrunk, and grown again.
-Rows opened(const Rows& rows, int reach)
-{
-    return inverse(closedUp(inverse(rows), reach));
+    for (int n = 0; n < reach; ++n) grow(rows);
+    invert(rows);
+    for (int n = 0; n < reach; ++n) grow(rows);
+    invert(rows);
 }
 
 /// The rows without the margin.
@@ -71,9 +64,12 @@ int edgeOf(int side)
     return side > 0 ? kBlockDim - 1 : 0;
 }
 
-Rows gather(const std::vector<SignWords>& set, std::size_t block, const BlockMosaic::Around& around)
+using Blocks = std::array<SignWords, 27>; ///< as in BlockMosaic::Around
+
+Blocks gather(const std::vector<SignWords>& set, std::size_t block,
+              const BlockMosaic::Around& around)
 {
-    std::array<SignWords, 27> words;
+    Blocks words;
     for (int n = 0; n < 27; ++n) {
         const std::uint32_t next = around[std::size_t(n)];
         if (next != BlockMosaic::kNoBlock) {
@@ -84,6 +80,11 @@ Rows gather(const std::vector<SignWords>& set, std::size_t block, const BlockMos
             words[std::size_t(n)].fill(on ? ~std::uint64_t(0) : 0);
         }
     }
+    return words;
+}
+
+Rows rowsOf(const Blocks& words)
+{
     Rows rows;
     for (int i = 0; i < kSide; ++i) {
         const int x = i + kBlockDim - kMargin;
@@ -132,14 +133,22 @@ void BlockMosaic::findNarrow(const std::vector<SignWords>& set, std::size_t bloc
                              SignWords& gaps, SignWords& parts) const
 {
     gaps = parts = {};
-    const Rows on = gather(set, block, mAround[block]);
-    if (std::all_of(on.begin(), on.end(),
-                    [&](std::uint16_t r) { return r == on[0] && (r == 0 || r == kFullRow); }))
+    const Blocks blocks = gather(set, block, mAround[block]);
+    const std::uint64_t first = blocks[0][0];
+    const auto isFirst = [&](const SignWords& words) {
+        return std::all_of(words.begin(), words.end(), [&](auto w) { return w == first; });
+    };
+    if ((first == 0 || first == ~std::uint64_t(0)) &&
+        std::all_of(blocks.begin(), blocks.end(), isFirst))
         return;
-    const SignWords open = core(opened(on, reach)), closed = core(closedUp(on, reach));
+    Rows rows = rowsOf(blocks), rest = rows;
+    closeGaps(rows, reach);
+    invert(rest);
+    closeGaps(rest, reach);
+    const SignWords closed = core(rows), restClosed = core(rest);
     for (std::size_t x = 0; x < kBlockDim; ++x) {
         gaps[x] = closed[x] & ~set[block][x];
-        parts[x] = set[block][x] & ~open[x];
+        parts[x] = restClosed[x] & set[block][x];
     }
 }
 
