@@ -27,9 +27,10 @@ constexpr double kShallow = 0.5;
 constexpr std::size_t kManyPoints = 20;
 /// A deep plug turns if it has fewer points than one in as many voxels.
 constexpr std::size_t kVoxelsPerPoint = 8;
-/// A wire is an object, even if it is thin. A bridge is no longer than so many steps from what it
-/// joins.
+/// A wire is an object, even if it is thin. A bridge joins parts that are thicker: from each of its
+/// ends so many steps lead to a voxel that lies so deep in them, in voxels.
 constexpr int kBridgeSteps = 6;
+constexpr double kDeep = 1.5;
 
 /// Voxels whose turn to the other sign takes a handle away.
 struct Plug {
@@ -162,15 +163,16 @@ std::vector<VoxelId> sidesOf(const BlockMosaic& mosaic, const std::vector<SignWo
     return sides;
 }
 
-/// Whether a few steps through faces lead from @a start to a voxel of @a set that is not narrow.
-bool reachesThick(const BlockMosaic& mosaic, const std::vector<SignWords>& set,
-                  const std::vector<SignWords>& narrow, VoxelId start)
+/// Whether a few steps through faces lead from @a start to a deep voxel of @a set.
+template <typename IsDeep>
+bool reachesDeep(const BlockMosaic& mosaic, const std::vector<SignWords>& set, VoxelId start,
+                 IsDeep isDeep)
 {
     std::vector<VoxelId> front = {start};
     std::set<VoxelId> reached(front.begin(), front.end());
     for (int step = 0; step < kBridgeSteps; ++step)
         for (const VoxelId v : std::exchange(front, {})) {
-            if (!contains(narrow, v)) return true;
+            if (isDeep(v)) return true;
             mosaic.forEachAround(v, kFaceNeighbours & mosaic.neighbourhood(set, v),
                                  [&](VoxelId next) {
                                      if (reached.insert(next).second) front.push_back(next);
@@ -180,10 +182,12 @@ bool reachesThick(const BlockMosaic& mosaic, const std::vector<SignWords>& set,
 }
 
 /// The plugs of the narrow gaps between @a inside, and of those between what is not in it.
+/// @param depth  of a voxel in its side, world units.
 template <typename Depth>
 std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
-                            Depth depth)
+                            double voxelSize, Depth depth)
 {
+    const auto isDeep = [&](VoxelId v) { return double(depth(v)) >= kDeep * voxelSize; };
     std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());
     tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
         mosaic.findNarrow(inside, n, kReach, tunnels[n], bridges[n]);
@@ -210,7 +214,7 @@ std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWor
         for (const VoxelId v : plug.voxels) turn(rest, v);
         const std::vector<VoxelId> sides = sidesOf(mosaic, rest, plug.voxels);
         plug.wire = !std::all_of(sides.begin(), sides.end(),
-                                 [&](VoxelId v) { return reachesThick(mosaic, rest, bridges, v); });
+                                 [&](VoxelId v) { return reachesDeep(mosaic, rest, v, isDeep); });
         for (const VoxelId v : plug.voxels) turn(rest, v);
     }
     // What changes least comes first: of a handle's tunnel and its bridge one is enough.
@@ -263,7 +267,7 @@ std::size_t Band::removeHandles()
     const BlockMosaic blocks = mosaic();
     std::vector<SignWords> inside(mBlocks.size());
     for (std::size_t n = 0; n < inside.size(); ++n) inside[n] = mBlocks[n].inside;
-    const std::vector<Plug> plugs = findPlugs(blocks, inside, [&](VoxelId v) {
+    const std::vector<Plug> plugs = findPlugs(blocks, inside, mLattice.voxelSize, [&](VoxelId v) {
         const Block& block = mBlocks[v / kBlockVoxels];
         return block.leaf ? std::abs(block.leaf->buffer().data()[v % kBlockVoxels]) : mBackground;
     });
