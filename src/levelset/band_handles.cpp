@@ -14,6 +14,7 @@
 #include <queue>
 #include <set>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 namespace mpuvdb
 {
@@ -192,11 +193,10 @@ std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWor
     tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
         mosaic.findNarrow(inside, n, kReach, tunnels[n], bridges[n]);
     });
-    std::vector<Plug> plugs;
-    const auto add = [&](std::vector<SignWords> set, const std::vector<SignWords>& narrow,
-                         bool sign) {
-        Gaps gaps(mosaic, std::move(set), narrow);
+    const auto plugsOf = [&](std::vector<SignWords> set, std::vector<SignWords> narrow, bool sign) {
+        Gaps gaps(mosaic, std::move(set), std::move(narrow));
         gaps.open(depth);
+        std::vector<Plug> plugs;
         for (std::vector<VoxelId>& voxels : gaps.plugs()) {
             Plug plug{std::move(voxels), sign};
             for (const VoxelId v : plug.voxels) {
@@ -205,18 +205,20 @@ std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWor
             }
             plugs.push_back(std::move(plug));
         }
+        return plugs;
     };
-    add(inside, tunnels, false);
-    add(inverse(inside), bridges, true);
+    std::vector<Plug> plugs, ofBridges;
+    tbb::parallel_invoke([&] { plugs = plugsOf(inside, std::move(tunnels), false); },
+                         [&] { ofBridges = plugsOf(inverse(inside), std::move(bridges), true); });
     std::vector<SignWords> rest = inside;
-    for (Plug& plug : plugs) {
-        if (!plug.inside) continue;
+    for (Plug& plug : ofBridges) {
         for (const VoxelId v : plug.voxels) turn(rest, v);
         const std::vector<VoxelId> sides = sidesOf(mosaic, rest, plug.voxels);
         plug.wire = !std::all_of(sides.begin(), sides.end(),
                                  [&](VoxelId v) { return reachesDeep(mosaic, rest, v, isDeep); });
         for (const VoxelId v : plug.voxels) turn(rest, v);
     }
+    plugs.insert(plugs.end(), ofBridges.begin(), ofBridges.end());
     // What changes least comes first: of a handle's tunnel and its bridge one is enough.
     std::sort(plugs.begin(), plugs.end(), [](const Plug& a, const Plug& b) {
         return std::make_tuple(a.cost, a.voxels.front()) <
