@@ -84,7 +84,7 @@ public:
     /// Open the gaps as long as the topology stays, from their middle on.
     /// @param depth  of a voxel outside of the set.
     template <typename Depth>
-    void open(Depth depth)
+    void open(Depth depth, Progress& progress)
     {
         using Entry = std::pair<float, VoxelId>;
         std::vector<Entry> all;
@@ -93,8 +93,9 @@ public:
         for (const auto& [d, v] : all) turn(mSet, v);
         std::vector<SignWords> tried(mGaps.size());
         std::priority_queue<Entry> again;
-        for (const Entry& entry : all) {
-            for (again.push(entry); !again.empty();) {
+        for (std::size_t n = 0; n < all.size(); ++n) {
+            if (n % 4096 == 0) progress.check();
+            for (again.push(all[n]); !again.empty();) {
                 const VoxelId v = again.top().second;
                 again.pop();
                 const Neighbourhood around = mMosaic.neighbourhood(mSet, v);
@@ -186,16 +187,17 @@ bool reachesDeep(const BlockMosaic& mosaic, const std::vector<SignWords>& set, V
 /// @param depth  of a voxel in its side, world units.
 template <typename Depth>
 std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
-                            double voxelSize, Depth depth)
+                            double voxelSize, Depth depth, Progress& progress)
 {
     const auto isDeep = [&](VoxelId v) { return double(depth(v)) >= kDeep * voxelSize; };
     std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());
     tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
+        if (n % 1024 == 0) progress.check();
         mosaic.findNarrow(inside, n, kReach, tunnels[n], bridges[n]);
     });
     const auto plugsOf = [&](std::vector<SignWords> set, std::vector<SignWords> narrow, bool sign) {
         Gaps gaps(mosaic, std::move(set), std::move(narrow));
-        gaps.open(depth);
+        gaps.open(depth, progress);
         std::vector<Plug> plugs;
         for (std::vector<VoxelId>& voxels : gaps.plugs()) {
             Plug plug{std::move(voxels), sign};
@@ -269,10 +271,11 @@ std::size_t Band::removeHandles()
     const BlockMosaic blocks = mosaic();
     std::vector<SignWords> inside(mBlocks.size());
     for (std::size_t n = 0; n < inside.size(); ++n) inside[n] = mBlocks[n].inside;
-    const std::vector<Plug> plugs = findPlugs(blocks, inside, mLattice.voxelSize, [&](VoxelId v) {
+    const auto depth = [&](VoxelId v) {
         const Block& block = mBlocks[v / kBlockVoxels];
         return block.leaf ? std::abs(block.leaf->buffer().data()[v % kBlockVoxels]) : mBackground;
-    });
+    };
+    const std::vector<Plug> plugs = findPlugs(blocks, inside, mLattice.voxelSize, depth, mProgress);
     std::vector<SignWords> outside = inverse(inside), settled(inside.size());
     const auto turnAll = [&](const Plug& plug) {
         for (const VoxelId v : plug.voxels)

@@ -47,7 +47,7 @@ SignWords core(const Rows& rows)
     SignWords words{};
     for (int x = 0; x < kBlockDim; ++x)
         for (int y = 0; y < kBlockDim; ++y) {
-            const unsigned row = rows[std::size_t((x + kMargin) * kSide + y + kMargin)];
+            const unsigned row = rows[std::size_t(x + kMargin) * kSide + std::size_t(y + kMargin)];
             words[std::size_t(x)] |= std::uint64_t(row >> kMargin & 0xffu) << (8 * y);
         }
     return words;
@@ -90,11 +90,11 @@ Rows rowsOf(const Blocks& words)
         const int x = i + kBlockDim - kMargin;
         for (int j = 0; j < kSide; ++j) {
             const int y = j + kBlockDim - kMargin;
-            const auto column = std::size_t(9 * (x >> 3) + 3 * (y >> 3));
+            const std::size_t column = 9 * std::size_t(x >> 3) + 3 * std::size_t(y >> 3);
             const auto byte = [&](std::size_t n) {
                 return unsigned(words[column + n][std::size_t(x & 7)] >> (8 * (y & 7))) & 0xffu;
             };
-            rows[std::size_t(i * kSide + j)] =
+            rows[std::size_t(i) * kSide + std::size_t(j)] =
                 std::uint16_t(byte(0) >> (kBlockDim - kMargin) | byte(1) << kMargin |
                               byte(2) << (kMargin + kBlockDim));
         }

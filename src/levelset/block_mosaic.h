@@ -52,7 +52,8 @@ private:
     {
         const int x = p.x + dx, y = p.y + dy, z = p.z + dz;
         const std::uint32_t block =
-            mAround[p.block][std::size_t(9 * ((x >> 3) + 1) + 3 * ((y >> 3) + 1) + (z >> 3) + 1)];
+            mAround[p.block][9 * std::size_t((x >> 3) + 1) + 3 * std::size_t((y >> 3) + 1) +
+                             std::size_t((z >> 3) + 1)];
         if (block == kNoBlock) return kNoVoxel;
         return VoxelId(block) * kBlockVoxels + VoxelId((x & 7) << 6 | (y & 7) << 3 | (z & 7));
     }

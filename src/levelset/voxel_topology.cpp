@@ -13,7 +13,7 @@ constexpr Neighbourhood kAll = (1u << kCells) - 1;
 
 constexpr Neighbourhood bit(int x, int y, int z)
 {
-    return 1u << (9 * (x + 1) + 3 * (y + 1) + (z + 1));
+    return 1u << unsigned(9 * (x + 1) + 3 * (y + 1) + (z + 1));
 }
 
 /// Of each voxel of a neighbourhood the voxels in it that touch it.
