@@ -217,9 +217,9 @@ LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name)
         const std::string chosen = chooseLevelSet(archive, name);
         GridBase::Ptr levelSet;
         openvdb::GridCPtrVec others;
-        for (auto name = archive.beginName(); name != archive.endName(); ++name) {
-            const GridBase::Ptr grid = archive.readGrid(*name);
-            if (*name == chosen)
+        for (auto item = archive.beginName(); item != archive.endName(); ++item) {
+            const GridBase::Ptr grid = archive.readGrid(*item);
+            if (*item == chosen)
                 levelSet = grid;
             else
                 others.push_back(grid);

@@ -15,7 +15,11 @@
 namespace mpuvdb
 {
 
+class BlockMosaic;
 class Progress;
+
+/// A voxel: 512 times its block's number, plus its place in the block.
+using VoxelId = std::uint64_t;
 
 /// One number per block position.
 std::uint64_t packed(const Vec3i& at);
@@ -43,12 +47,31 @@ public:
     /// Turn the sign of components of voxels (connected by faces) that are small, shut in, and have
     /// no data: bubbles that noise and extrapolation leave. Returns their number.
     std::size_t removeIslands();
+    /// Fill tunnels and cut bridges that are a few voxels wide, and of which data say nothing: what
+    /// fits of few points, and the fill between data, leave in folds. Returns their number.
+    std::size_t removeHandles();
     /// Activate both sides of every change of sign.
     void close();
     /// Move everything into a tree. The band is empty afterwards.
     openvdb::FloatTree::Ptr assemble();
 
     bool hasZeroCrossing() const;
+
+    /// Components of voxels of one sign, connected by faces, over all blocks.
+    struct Regions {
+        /// A connected part of one block.
+        struct Part {
+            SignWords voxels;
+            bool inside;
+        };
+        std::vector<std::vector<Part>> parts; ///< of each block
+        std::vector<std::uint32_t> first;     ///< number of each block's first part
+        std::vector<std::uint32_t> roots;     ///< by the number of a part
+        /// By root, its voxels: no end where it reaches blocks that are not sampled.
+        std::vector<std::uint64_t> voxels;
+
+        std::uint32_t rootOf(std::size_t block, int voxel) const;
+    };
 
 private:
     struct Gap;      // a run of unsampled blocks along z
@@ -62,6 +85,9 @@ private:
     void ensureLeaf(Block& block);
     std::size_t countData(const Vec3i& block, const SignWords& voxels) const;
     void turn(Block& block, const SignWords& voxels);
+    Regions labelRegions() const;
+    BlockMosaic mosaic() const;
+    bool isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const;
     void checkMemory() const;
 
     const Field& mField;

@@ -19,11 +19,7 @@ constexpr std::uint64_t kIslandVoxels = 1 << 18; ///< a larger component stays
 /// is enough.
 constexpr std::size_t kIslandPoints = 30, kIslandShare = 4;
 
-/// A connected part of one block.
-struct Part {
-    SignWords voxels;
-    bool inside;
-};
+using Part = Band::Regions::Part;
 
 std::vector<Part> partsOf(const SignWords& inside)
 {
@@ -37,19 +33,32 @@ std::vector<Part> partsOf(const SignWords& inside)
 
 } // namespace
 
-std::size_t Band::removeIslands()
+std::uint32_t Band::Regions::rootOf(std::size_t block, int voxel) const
 {
-    std::vector<std::vector<Part>> parts(mBlocks.size());
+    const auto holds = [voxel](const Part& part) {
+        return (part.voxels[std::size_t(voxel) / 64] >> (voxel % 64) & 1u) != 0;
+    };
+    const auto found = std::find_if(parts[block].begin(), parts[block].end(), holds);
+    return roots[first[block] + std::uint32_t(found - parts[block].begin())];
+}
+
+Band::Regions Band::labelRegions() const
+{
+    Regions regions;
+    std::vector<std::vector<Part>>& parts = regions.parts;
+    std::vector<std::uint32_t>& first = regions.first;
+    std::vector<std::uint64_t>& voxels = regions.voxels;
+    parts.resize(mBlocks.size());
     tbb::parallel_for(std::size_t(0), mBlocks.size(), [&](std::size_t n) {
         if (n % 1024 == 0) mProgress.check();
         parts[n] = partsOf(mBlocks[n].inside);
     });
-    std::vector<std::uint32_t> first(mBlocks.size() + 1, 0);
+    first.assign(mBlocks.size() + 1, 0);
     for (std::size_t n = 0; n < parts.size(); ++n)
         first[n + 1] = first[n] + std::uint32_t(parts[n].size());
 
     UnionFind components(first.back());
-    std::vector<std::uint64_t> voxels(first.back());
+    voxels.resize(first.back());
     constexpr std::uint64_t kDeep = std::uint64_t(1) << 40; // beyond every limit
     for (std::size_t n = 0; n < mBlocks.size(); ++n) {
         const Vec3i at = mBlocks[n].at;
@@ -74,9 +83,18 @@ std::size_t Band::removeIslands()
             }
         }
     }
-    const std::vector<std::uint32_t>& roots = components.roots();
+    const std::vector<std::uint32_t>& roots = regions.roots = components.roots();
     for (std::uint32_t p = 0; p < roots.size(); ++p)
         if (roots[p] != p) voxels[roots[p]] += voxels[p];
+    return regions;
+}
+
+std::size_t Band::removeIslands()
+{
+    const Regions regions = labelRegions();
+    const std::vector<std::vector<Part>>& parts = regions.parts;
+    const std::vector<std::uint32_t>&first = regions.first, &roots = regions.roots;
+    const std::vector<std::uint64_t>& voxels = regions.voxels;
     const Vec3d everywhere = Vec3d::Constant(std::numeric_limits<double>::max());
     const std::size_t all =
                           mField.countData({-everywhere, everywhere}, kIslandShare * kIslandPoints),

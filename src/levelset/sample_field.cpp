@@ -55,6 +55,7 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     progress.beginStage("close");
     band.resolveSigns();
     band.removeIslands();
+    band.removeHandles();
     if (isEmpty(band, settings)) return emptyLevelSet(lattice, settings.halfWidth);
     band.close();
     progress.beginStage("assemble");

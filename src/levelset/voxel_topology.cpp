@@ -1,0 +1,97 @@
+#include "voxel_topology.h"
+
+#include <array>
+#include <cstdlib>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr int kCells = 27;
+constexpr Neighbourhood kAll = (1u << kCells) - 1;
+
+constexpr Neighbourhood bit(int x, int y, int z)
+{
+    return 1u << unsigned(9 * (x + 1) + 3 * (y + 1) + (z + 1));
+}
+
+/// Of each voxel of a neighbourhood the voxels in it that touch it.
+struct Adjacency {
+    std::array<Neighbourhood, kCells> byFace{}, byCorner{};
+
+    constexpr Adjacency()
+    {
+        for (int a = 0; a < kCells; ++a) {
+            for (int b = 0; b < kCells; ++b) {
+                int steps = 0, farthest = 0;
+                for (int place = 1; place < kCells; place *= 3) {
+                    const int d = a / place % 3 - b / place % 3, step = d < 0 ? -d : d;
+                    steps += step;
+                    farthest = step > farthest ? step : farthest;
+                }
+                if (steps == 1) byFace[std::size_t(a)] |= 1u << b;
+                if (farthest == 1) byCorner[std::size_t(a)] |= 1u << b;
+            }
+        }
+    }
+};
+
+constexpr Adjacency kAdjacent;
+
+/// The voxels that share a face or an edge with the centre.
+constexpr Neighbourhood facesAndEdges()
+{
+    Neighbourhood all = kFaceNeighbours;
+    for (int n = 0; n < kCells; ++n)
+        if (kFaceNeighbours >> n & 1u) all |= kAdjacent.byFace[std::size_t(n)];
+    return all & ~kCentre;
+}
+
+/// Whether @a voxels, of which some belong to @a seeds, have exactly one component that does.
+bool oneComponent(Neighbourhood voxels, Neighbourhood seeds,
+                  const std::array<Neighbourhood, kCells>& adjacent)
+{
+    seeds &= voxels;
+    if (!seeds) return false;
+    Neighbourhood reached = 0;
+    for (Neighbourhood front = seeds & (~seeds + 1); front;) {
+        reached |= front;
+        Neighbourhood next = 0;
+        for (; front; front &= front - 1) next |= adjacent[std::size_t(__builtin_ctz(front))];
+        front = next & voxels & ~reached;
+    }
+    return (seeds & ~reached) == 0;
+}
+
+} // namespace
+
+bool isSimple(Neighbourhood around)
+{
+    const Neighbourhood set = around & facesAndEdges(), rest = ~around & kAll & ~kCentre;
+    return oneComponent(set, kFaceNeighbours, kAdjacent.byFace) &&
+           oneComponent(rest, rest, kAdjacent.byCorner);
+}
+
+int eulerChange(Neighbourhood around)
+{
+    // The rest as a union of closed cubes: of the centre's corners, edges and faces those go that
+    // no other cube has. What the rest loses of handles, the set gains of them, and so on.
+    const Neighbourhood rest = ~around & kAll & ~kCentre;
+    int change = -1; // its body
+    for (int n = 0; n < kCells; ++n) {
+        const int at[3] = {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1};
+        const int codimension = std::abs(at[0]) + std::abs(at[1]) + std::abs(at[2]);
+        if (codimension == 0) continue;
+        Neighbourhood sharing = 0;
+        for (int x = 0; x <= std::abs(at[0]); ++x)
+            for (int y = 0; y <= std::abs(at[1]); ++y)
+                for (int z = 0; z <= std::abs(at[2]); ++z)
+                    sharing |= bit(x * at[0], y * at[1], z * at[2]);
+        if (rest & sharing) continue;
+        change += codimension == 2 ? -1 : 1;
+    }
+    return -change;
+}
+
+} // namespace mpuvdb

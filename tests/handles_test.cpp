@@ -1,0 +1,171 @@
+// Handles that no data hold up are taken away, others stay.
+#include "solid_field.h"
+#include "voxel_topology.h"
+
+#include <mpuvdb/level_set.h>
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/progress.h>
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// A solid of which some points are known, at @a place so many that it is no island.
+class KnownField final : public Field
+{
+public:
+    KnownField(const std::string& solid, const Vec3d& place, std::vector<Vec3d> points)
+        : mShape(parseSolid(solid)), mPoints(std::move(points))
+    {
+        mPoints.insert(mPoints.end(), 100, place);
+    }
+
+    Box3d bounds() const override { return mShape.bounds(); }
+    FieldSample evaluate(const Vec3d& position) const override
+    {
+        FieldSample sample = mShape.evaluate(position);
+        sample.supported = std::any_of(mPoints.begin(), mPoints.end(),
+                                       [&](const Vec3d& p) { return (p - position).norm() < 4; });
+        return sample;
+    }
+    std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override
+    {
+        return mShape.seedBlocks(lattice);
+    }
+    std::size_t countData(const Box3d& box, std::size_t) const override
+    {
+        return std::size_t(std::count_if(mPoints.begin(), mPoints.end(),
+                                         [&](const Vec3d& p) { return box.contains(p); }));
+    }
+    std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override
+    {
+        return mShape.sampler(lattice, band);
+    }
+
+private:
+    SolidField mShape;
+    std::vector<Vec3d> mPoints;
+};
+
+/// The surface of @a field with voxels of size 1.
+MeshReport surfaceOf(const Field& field)
+{
+    SampleSettings settings;
+    settings.lattice = {Vec3d(0.13, 0.21, 0.37), 1};
+    Progress progress;
+    const LevelSet levelSet = sampleField(field, settings, progress);
+    EXPECT_TRUE(check(levelSet.grid(), progress).sound());
+    return measure(extractMesh(levelSet, progress));
+}
+
+/// Points on a circle about the z axis, some heights of it.
+std::vector<Vec3d> ringOfPoints(double radius, double height)
+{
+    std::vector<Vec3d> points;
+    for (double z = -height; z <= height; ++z)
+        for (int n = 0; n < 8; ++n)
+            points.emplace_back(radius * std::cos(n * M_PI / 4), radius * std::sin(n * M_PI / 4),
+                                z);
+    return points;
+}
+
+const Vec3d kOnTop(14, 13, 4); // of the box
+constexpr const char* kPierced = "difference(box(40,40,8), cylinder(1.7,30))";
+
+TEST(Handles, TunnelWithoutDataIsFilled)
+{
+    const MeshReport mesh = surfaceOf(KnownField(kPierced, kOnTop, {}));
+    EXPECT_EQ(mesh.components, 1u);
+    EXPECT_EQ(mesh.boundaryEdges, 0u);
+    EXPECT_EQ(mesh.eulerCharacteristic, 2);
+}
+
+TEST(Handles, TunnelWithDataStays)
+{
+    EXPECT_EQ(surfaceOf(KnownField(kPierced, kOnTop, ringOfPoints(1.7, 4))).eulerCharacteristic, 0);
+}
+
+TEST(Handles, WideTunnelStays)
+{
+    const KnownField field("difference(box(40,40,8), cylinder(5,30))", kOnTop, {});
+    EXPECT_EQ(surfaceOf(field).eulerCharacteristic, 0);
+}
+
+TEST(Handles, ExactFieldStays)
+{
+    EXPECT_EQ(surfaceOf(SolidField(parseSolid(kPierced))).eulerCharacteristic, 0);
+}
+
+// Two lobes of a folded sheet, joined where they face each other.
+const Vec3d kOnLobe(14, 13, 20);
+constexpr const char* kBridged =
+    "union(difference(box(40,30,40), translate(box(40,30.1,20),10,0,0)), cylinder(1.5,30))";
+
+TEST(Handles, BridgeWithoutDataIsCut)
+{
+    const MeshReport mesh = surfaceOf(KnownField(kBridged, kOnLobe, {}));
+    EXPECT_EQ(mesh.components, 1u);
+    EXPECT_EQ(mesh.boundaryEdges, 0u);
+    EXPECT_EQ(mesh.eulerCharacteristic, 2);
+}
+
+TEST(Handles, WireWithDataStays)
+{
+    EXPECT_EQ(surfaceOf(KnownField(kBridged, kOnLobe, ringOfPoints(1.5, 10))).eulerCharacteristic,
+              0);
+}
+
+TEST(Handles, NeckOfABottleStaysOpen)
+{
+    const KnownField field("difference(sphere(22), sphere(16), "
+                           "translate(cylinder(1.7,30),0,0,20))",
+                           Vec3d(0, 0, -22), {});
+    const MeshReport mesh = surfaceOf(field);
+    EXPECT_EQ(mesh.components, 1u);
+    EXPECT_EQ(mesh.eulerCharacteristic, 2);
+}
+
+TEST(VoxelTopology, KnowsPlanesEdgesAndBridges)
+{
+    const auto set = [](auto isOn) {
+        Neighbourhood around = 0;
+        for (int n = 0; n < 27; ++n)
+            if (isOn(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) around |= 1u << n;
+        return around;
+    };
+    const auto half = set([](int x, int, int) { return x <= 0; });
+    EXPECT_TRUE(isSimple(half));
+    EXPECT_EQ(eulerChange(half), 0);
+    const auto sheet = set([](int x, int, int) { return x == 0; });
+    EXPECT_FALSE(isSimple(sheet));
+    EXPECT_EQ(eulerChange(sheet), 1); // fills a hole
+    const auto rod = set([](int x, int y, int) { return x == 0 && y == 0; });
+    EXPECT_FALSE(isSimple(rod));
+    EXPECT_EQ(eulerChange(rod), -1); // joins two parts
+    EXPECT_FALSE(isSimple(kCentre));
+    EXPECT_EQ(eulerChange(kCentre), 1); // a part of its own
+    EXPECT_FALSE(isSimple((1u << 27) - 1));
+    EXPECT_EQ(eulerChange((1u << 27) - 1), -1); // fills a hollow
+}
+
+TEST(VoxelTopology, SimpleVoxelsDoNotChangeTheEulerCharacteristic)
+{
+    std::mt19937 random(7);
+    int simple = 0;
+    for (int n = 0; n < 200000; ++n) {
+        const Neighbourhood around = (random() & random() & ((1u << 27) - 1)) | kCentre;
+        if (!isSimple(around)) continue;
+        ++simple;
+        ASSERT_EQ(eulerChange(around), 0) << "neighbourhood " << around << " of seed 7";
+    }
+    EXPECT_GT(simple, 1000);
+}
+
+} // namespace
+} // namespace mpuvdb
