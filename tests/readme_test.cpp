@@ -41,7 +41,10 @@ TEST(Readme, CommandsRunInOrder)
         EXPECT_EQ(ended.status, 0) << block << ended.err;
         all += block;
     }
-    for (const char* verb : {"reconstruct", "mesh", "sample", "info", "check", "render"})
+    for (const char* verb :
+         {"reconstruct", "voxelize", "mesh", "union", "intersection", "difference", "offset",
+          "shell", "smooth", "morph", "twist", "transform", "resample", "fog", "components",
+          "sample", "info", "check", "render"})
         EXPECT_NE(all.find(std::string("mpuvdb ") + verb), std::string::npos) << verb;
 }
 

@@ -33,7 +33,7 @@ void demandHalfWidth(double halfWidth)
         throw UsageError(fmt::format("half-width {}: must be in [1.5, 1000] voxels", halfWidth));
 }
 
-/// Turns the signed distance of a voxel of a leaf (null: of a tile), in voxels, into a new value.
+/// Turns the signed distance of a voxel of a leaf (null: of a tile) into a new value: world units.
 using NewValue = std::function<float(const Leaf*, int voxel, float distance)>;
 
 /// A band of @a halfWidth voxels of the values that @a newValue gives.
@@ -41,8 +41,8 @@ class BandMaker
 {
 public:
     BandMaker(double halfWidth, double voxelSize, NewValue newValue)
-        : mHalfWidth(float(halfWidth)), mVoxelSize(float(voxelSize)),
-          mBackground(float(halfWidth * voxelSize)), mNewValue(std::move(newValue))
+        : mVoxelSize(float(voxelSize)), mBackground(float(halfWidth * voxelSize)),
+          mNewValue(std::move(newValue))
     {
     }
 
@@ -52,12 +52,12 @@ public:
         finished.origin = origin;
         auto leaf = std::make_unique<Leaf>(origin, mBackground);
         unsigned negative = 0;
-        const float rim = mHalfWidth * (1 - 1e-6f);
+        const float rim = mBackground * (1 - 1e-6f);
         for (int n = 0; n < int(Leaf::SIZE); ++n) {
-            const float v = mNewValue(signs, n, d[std::size_t(n)]);
+            const float v = mNewValue(signs, n, d[std::size_t(n)] * mVoxelSize);
             negative += v < 0;
             if (std::abs(v) < rim)
-                leaf->setValueOn(openvdb::Index(n), v * mVoxelSize);
+                leaf->setValueOn(openvdb::Index(n), v);
             else if (v < 0)
                 leaf->setValueOnly(openvdb::Index(n), -mBackground);
         }
@@ -77,7 +77,7 @@ public:
     }
 
 private:
-    float mHalfWidth, mVoxelSize, mBackground;
+    float mVoxelSize, mBackground;
     NewValue mNewValue;
 };
 
@@ -140,13 +140,12 @@ FloatGrid::Ptr remade(const FloatGrid& grid, Values values, const Reach& reach,
     return result;
 }
 
-/// The distance that @a grid has itself in a voxel, voxels, or else the one found.
-NewValue ownOrFound(const LevelSet& levelSet, std::function<float(float)> change)
+/// The distance that the grid has itself in a voxel, or else the one found.
+NewValue ownOrFound(std::function<float(float)> change)
 {
-    const auto scale = float(1 / levelSet.voxelSize());
-    return [scale, change](const Leaf* leaf, int n, float distance) {
+    return [change](const Leaf* leaf, int n, float distance) {
         const bool own = leaf && leaf->isValueOn(openvdb::Index(n));
-        return change(own ? leaf->getValue(openvdb::Index(n)) * scale : distance);
+        return change(own ? leaf->getValue(openvdb::Index(n)) : distance);
     };
 }
 
@@ -156,13 +155,12 @@ NewValue ownOrFound(const LevelSet& levelSet, std::function<float(float)> change
 FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth,
                              Progress& progress)
 {
-    const auto reach = float(halfWidth), scale = float(1 / grid.voxelSize()[0]);
-    const auto newValue = [side, scale](const Leaf* leaf, int n, float distance) {
+    const auto reach = float(halfWidth), wedge = float(kWedge * grid.voxelSize()[0]);
+    const auto newValue = [side, wedge](const Leaf* leaf, int n, float distance) {
         const bool active = leaf && leaf->isValueOn(openvdb::Index(n));
         if (!active) return std::copysign(kInfinity, distance);
-        const float v = leaf->getValue(openvdb::Index(n)) * scale;
-        const bool wedge = v * side > 0 && std::abs(distance) > std::abs(v) + kWedge;
-        return wedge ? distance : v;
+        const float v = leaf->getValue(openvdb::Index(n));
+        return v * side > 0 && std::abs(distance) > std::abs(v) + wedge ? distance : v;
     };
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
     return remade(grid, Values::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker,
@@ -185,8 +183,7 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& pro
 {
     demandHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
-    const BandMaker maker(halfWidth, levelSet.voxelSize(),
-                          ownOrFound(levelSet, [](float d) { return d; }));
+    const BandMaker maker(halfWidth, levelSet.voxelSize(), ownOrFound([](float d) { return d; }));
     return LevelSet(remade(levelSet.grid(), Values::Distances, {reach, reach}, maker, progress));
 }
 
@@ -205,7 +202,7 @@ LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
     const double halfWidth = levelSet.halfWidth();
     const auto reach = float(halfWidth), shift = float(distance / levelSet.voxelSize());
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
-                          ownOrFound(levelSet, [shift](float d) { return d - shift; }));
+                          ownOrFound([by = float(distance)](float d) { return d - by; }));
     const FloatGrid::Ptr moved =
         remade(levelSet.grid(), Values::Distances, {reach + shift, reach - shift}, maker, progress);
     return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
@@ -224,9 +221,9 @@ LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& 
             "voxels of at most {:g}",
             thickness, 2 * half, kThinnest, thickness / kThinnest));
     const float middle = wall == Wall::Inward ? -half : wall == Wall::Outward ? half : 0;
-    const BandMaker maker(halfWidth, levelSet.voxelSize(), ownOrFound(levelSet, [=](float d) {
-                              return std::abs(d - middle) - half;
-                          }));
+    const auto h = float(levelSet.voxelSize());
+    const BandMaker maker(halfWidth, levelSet.voxelSize(),
+                          ownOrFound([=](float d) { return std::abs(d - middle * h) - half * h; }));
     const FloatGrid::Ptr hollow =
         remade(levelSet.grid(), Values::Distances, {reach + middle + half, reach + half - middle},
                maker, progress);

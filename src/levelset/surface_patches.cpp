@@ -36,6 +36,10 @@ constexpr float kExtent = 0.9f, kFull = 1.25f, kNone = 2;
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
+/// How much farther off than the nearest crossing, in voxels, a foot may be: crossings err by a
+/// bend of the values between two voxels.
+constexpr float kBeyondCrossing = 0.1f;
+
 /// The values around one voxel as a quadratic function.
 struct Quadratic {
     float value;
@@ -88,11 +92,13 @@ public:
             kind = flatten(in, model);
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
-        if (!found) {
-            kind = PatchKind::Rough;
-            nearestCrossing(in, patch);
-        }
-        return patch;
+        SurfacePatch crossing;
+        crossing.voxel = patch.voxel;
+        nearestCrossing(in, crossing);
+        // No place on the surface is nearer than the nearest: a foot beyond a crossing is none.
+        if (found && patch.foot.norm() <= crossing.foot.norm() + kBeyondCrossing) return patch;
+        kind = PatchKind::Rough;
+        return crossing;
     }
 
 private:

@@ -77,6 +77,7 @@ ExitCode LevelSetVerb::run(Session& session)
     session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, mInputs);
     std::vector<GridInput> inputs;
     for (const std::string& file : mInputs) inputs.push_back(readGridInput(file, mGrid, session));
+    session.progress().beginStage(text().name);
     const LevelSet made = make(inputs, session);
     session.report()["settings"] = mSettings;
     std::map<std::string, std::string> metadata = {{"mpuvdb:version", MPUVDB_VERSION},

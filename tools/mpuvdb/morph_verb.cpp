@@ -113,6 +113,7 @@ private:
                       const openvdb::GridCPtrVec& others, Session& session) const
     {
         const Morphing how = mMethod == "linear" ? Morphing::Linear : Morphing::Advection;
+        session.progress().beginStage("morph");
         session.note(fmt::format("morph       at {:.4g}", step.t));
         const LevelSet made = morph(ends[0], ends[1], step.t, how, session.progress());
         return writeGridOutput(made, step.file,

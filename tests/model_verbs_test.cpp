@@ -1,0 +1,229 @@
+// The modelling verbs of the command: what they make, what they refuse, and what they leave.
+#include "command_process.h"
+#include "solid_field.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+namespace mpuvdb::test
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr double kVoxel = 0.05;
+
+LevelSet solid(const std::string& description, double voxelSize = kVoxel)
+{
+    Progress progress;
+    SampleSettings settings;
+    settings.lattice.voxelSize = voxelSize;
+    return sampleField(SolidField(parseSolid(description)), settings, progress);
+}
+
+void write(const fs::path& file, const LevelSet& levelSet, const openvdb::GridCPtrVec& beside = {})
+{
+    Progress progress;
+    writeLevelSet(file, levelSet, {}, progress, beside);
+}
+
+double volumeOf(const fs::path& file)
+{
+    Progress progress;
+    const LevelSet levelSet = readLevelSet(file);
+    EXPECT_TRUE(check(levelSet.grid(), progress).sound()) << file;
+    return measure(levelSet, progress).volume;
+}
+
+/// A folder with a ball, a box that cuts it, and a ball on coarser voxels.
+class ModelVerbs : public ::testing::Test
+{
+protected:
+    ModelVerbs()
+    {
+        write(folder / "ball.vdb", solid("sphere(1)"));
+        write(folder / "box.vdb", solid("translate(box(1,1,1),0.9,0,0)"));
+        write(folder / "coarse.vdb", solid("sphere(1)", 2 * kVoxel));
+    }
+
+    /// Run the command's words; it has to end with @a status.
+    Ended command(std::vector<std::string> words, int status = 0)
+    {
+        words.insert(words.begin(), "mpuvdb");
+        const Ended ended = run(folder, words);
+        EXPECT_EQ(ended.status, status) << words[1] << "\n" << ended.err;
+        return ended;
+    }
+
+    TemporaryFolder folder;
+    const double ballVolume = 4.0 / 3 * M_PI;
+    /// Of a volume: second order in the voxel, times the areas that there are here.
+    const double tolerance = 15 * kVoxel * kVoxel;
+};
+
+TEST_F(ModelVerbs, BooleansKeepTheBalanceOfVolumes)
+{
+    command({"union", "ball.vdb", "box.vdb", "-o", "both.vdb"});
+    command({"intersection", "ball.vdb", "box.vdb", "-o", "common.vdb"});
+    command({"difference", "ball.vdb", "box.vdb", "-o", "cut.vdb"});
+    const double both = volumeOf(folder / "both.vdb"), common = volumeOf(folder / "common.vdb");
+    EXPECT_NEAR(both + common, ballVolume + 1, tolerance);
+    EXPECT_NEAR(volumeOf(folder / "cut.vdb"), ballVolume - common, tolerance);
+    command({"union", "ball.vdb", "box.vdb", "-o", "filleted.vdb", "--blend", "0.2"});
+    EXPECT_GT(volumeOf(folder / "filleted.vdb"), both);
+    command({"union", "ball.vdb", "box.vdb", "-o", "x.vdb", "--blend=-1"}, 2);
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+}
+
+TEST_F(ModelVerbs, OtherLatticesAreResampledAndSaid)
+{
+    const Ended ended =
+        command({"union", "coarse.vdb", "box.vdb", "-o", "both.vdb", "--report", "report.json"});
+    EXPECT_NE(ended.err.find("resampled"), std::string::npos) << ended.err;
+    const json report = json::parse(readFile(folder / "report.json"));
+    EXPECT_EQ(report["settings"]["resampled"].size(), 1u);
+    EXPECT_NEAR(report["grid"]["voxel_size"].get<double>(), kVoxel, 1e-6);
+}
+
+TEST_F(ModelVerbs, OffsetsAndShellsMeasureRight)
+{
+    command({"offset", "ball.vdb", "-o", "large.vdb", "--distance", "0.3"});
+    EXPECT_NEAR(volumeOf(folder / "large.vdb"), ballVolume * std::pow(1.3, 3), tolerance);
+    command({"offset", "ball.vdb", "-o", "small.vdb", "--distance=-6vx"});
+    EXPECT_NEAR(volumeOf(folder / "small.vdb"), ballVolume * std::pow(0.7, 3), tolerance);
+    command({"shell", "ball.vdb", "-o", "hollow.vdb", "--thickness", "0.2"});
+    EXPECT_NEAR(volumeOf(folder / "hollow.vdb"), ballVolume * (1 - std::pow(0.8, 3)),
+                2 * tolerance);
+    command({"shell", "ball.vdb", "-o", "x.vdb", "--thickness", "1vx"}, 5);
+    const Ended none = command({"offset", "ball.vdb", "-o", "none.vdb", "--distance=-2"});
+    EXPECT_NE(none.err.find("empty"), std::string::npos);
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+}
+
+TEST_F(ModelVerbs, MorphWritesAFileForEveryFrame)
+{
+    command({"morph", "ball.vdb", "box.vdb", "--frames", "8-10", "-o", "m.####.vdb"});
+    EXPECT_NEAR(volumeOf(folder / "m.0008.vdb"), ballVolume, tolerance);
+    EXPECT_NEAR(volumeOf(folder / "m.0010.vdb"), 1, tolerance);
+    const double middle = volumeOf(folder / "m.0009.vdb");
+    EXPECT_GT(middle, 1);
+    EXPECT_LT(middle, ballVolume);
+    command({"morph", "ball.vdb", "box.vdb", "--frames", "8-10", "--only", "9", "-o", "n.$F3.vdb"});
+    EXPECT_EQ(readFile(folder / "n.009.vdb"), readFile(folder / "m.0009.vdb"));
+    EXPECT_FALSE(fs::exists(folder / "n.008.vdb"));
+    command({"morph", "ball.vdb", "box.vdb", "--frames", "8-10", "-o", "same.vdb"}, 2);
+    command({"morph", "ball.vdb", "box.vdb", "--frames", "10-8", "-o", "m.##.vdb"}, 2);
+    command({"morph", "ball.vdb", "box.vdb", "--at", "2", "-o", "x.vdb"}, 2);
+}
+
+TEST_F(ModelVerbs, MotionsKeepVolumes)
+{
+    command({"twist", "box.vdb", "-o", "twisted.vdb", "--turn", "60"});
+    EXPECT_NEAR(volumeOf(folder / "twisted.vdb"), 1, tolerance);
+    command(
+        {"transform", "box.vdb", "-o", "turned.vdb", "--rotate", "10,20,30", "--about", "0.9,0,0"});
+    EXPECT_NEAR(volumeOf(folder / "turned.vdb"), 1, tolerance);
+    command({"transform", "box.vdb", "-o", "scaled.vdb", "--scale", "2"});
+    EXPECT_NEAR(volumeOf(folder / "scaled.vdb"), 8, 4 * tolerance);
+    command({"transform", "box.vdb", "-o", "stretched.vdb", "--scale", "1,2,0.5"});
+    EXPECT_NEAR(volumeOf(folder / "stretched.vdb"), 1, 2 * tolerance);
+    command({"resample", "box.vdb", "-o", "fine.vdb", "--voxel-size", "0.5vx"});
+    EXPECT_NEAR(volumeOf(folder / "fine.vdb"), 1, tolerance);
+    command({"transform", "box.vdb", "-o", "x.vdb", "--scale", "0"}, 2);
+}
+
+TEST_F(ModelVerbs, ComponentsAreListedAndKept)
+{
+    write(folder / "two.vdb", solid("union(sphere(0.6), translate(sphere(0.3),2,0,0))"));
+    const json list = json::parse(command({"components", "two.vdb", "--json"}).out);
+    ASSERT_EQ(list["components"].size(), 2u);
+    const double large = 4.0 / 3 * M_PI * std::pow(0.6, 3);
+    EXPECT_NEAR(list["components"][0]["volume"].get<double>(), large, tolerance);
+    command({"components", "two.vdb", "-o", "one.vdb", "--keep", "1"});
+    EXPECT_NEAR(volumeOf(folder / "one.vdb"), large, tolerance);
+    command({"components", "two.vdb", "--keep", "1"}, 2);
+}
+
+TEST_F(ModelVerbs, FogAndMeshesGoThere)
+{
+    command({"fog", "ball.vdb", "-o", "fog.vdb", "--keep-surface"});
+    const openvdb::GridPtrVec grids = readGrids(folder / "fog.vdb");
+    ASSERT_EQ(grids.size(), 2u);
+    EXPECT_EQ(grids[0]->getGridClass(), openvdb::GRID_FOG_VOLUME);
+    EXPECT_EQ(grids[1]->getGridClass(), openvdb::GRID_LEVEL_SET);
+    command({"mesh", "ball.vdb", "-o", "ball.ply"});
+    command({"voxelize", "ball.ply", "-o", "again.vdb", "--voxel-size", "0.05"});
+    EXPECT_NEAR(volumeOf(folder / "again.vdb"), ballVolume, tolerance);
+}
+
+TEST_F(ModelVerbs, OtherGridsPassThrough)
+{
+    const auto density = openvdb::FloatGrid::create(0.25f);
+    density->setName("density");
+    density->tree().setValue(openvdb::Coord(1, 2, 3), 0.5f);
+    write(folder / "several.vdb", solid("sphere(1)"), {density});
+    command({"offset", "several.vdb", "-o", "grown.vdb", "--distance", "0.1"});
+    bool found = false;
+    for (const auto& grid : readGrids(folder / "grown.vdb"))
+        if (const auto floats = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
+            grid->getName() == "density")
+            found = floats->tree().getValue(openvdb::Coord(1, 2, 3)) == 0.5f;
+    EXPECT_TRUE(found);
+    command({"offset", "several.vdb", "--grid", "density", "-o", "x.vdb", "--distance", "0.1"}, 3);
+}
+
+TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)
+{
+    command({"fog", "ball.vdb", "-o", "fog.vdb"});
+    const Ended fog = command({"offset", "fog.vdb", "-o", "x.vdb", "--distance", "0.1"}, 3);
+    EXPECT_NE(fog.err.find("density"), std::string::npos) << fog.err;
+    auto stretched = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
+    stretched->transform().preScale(openvdb::Vec3d(1, 2, 1));
+    Progress progress;
+    writeGrids(folder / "stretched.vdb", {stretched}, progress);
+    command({"union", "ball.vdb", "stretched.vdb", "-o", "x.vdb"}, 3);
+    command({"union", "ball.vdb", "missing.vdb", "-o", "x.vdb"}, 3);
+    command({"union", "ball.vdb", "-o", "ball.vdb"}, 2);
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+}
+
+TEST_F(ModelVerbs, HalfFloatsAndEmptyOnesAreTaken)
+{
+    auto half = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
+    half->setSaveFloatAsHalf(true);
+    Progress progress;
+    writeGrids(folder / "half.vdb", {half}, progress);
+    command({"difference", "half.vdb", "box.vdb", "-o", "cut.vdb"});
+    volumeOf(folder / "cut.vdb");
+    write(folder / "nothing.vdb", emptyLevelSet({Vec3d::Zero(), kVoxel}, 3));
+    command({"union", "nothing.vdb", "ball.vdb", "-o", "ball2.vdb"});
+    EXPECT_NEAR(volumeOf(folder / "ball2.vdb"), ballVolume, tolerance);
+    for (const char* const verb : {"offset", "shell", "smooth", "twist", "transform", "resample"}) {
+        std::vector<std::string> words = {verb, "nothing.vdb", "-o", "still.vdb"};
+        if (words[0] == "offset") words.insert(words.end(), {"--distance", "0.1"});
+        if (words[0] == "shell") words.insert(words.end(), {"--thickness", "0.2"});
+        if (words[0] == "twist") words.insert(words.end(), {"--turn", "90"});
+        command(words);
+    }
+}
+
+TEST_F(ModelVerbs, PipesCarryGrids)
+{
+    const fs::path path = fs::path(MPUVDB_COMMAND).parent_path();
+    const Ended ended = run(folder, {"bash", "-euo", "pipefail", "-c",
+                                     "PATH=" + path.string() +
+                                         ":$PATH\nmpuvdb offset - -o - --distance 0.2 < ball.vdb | "
+                                         "mpuvdb offset - -o back.vdb --distance=-0.2"});
+    EXPECT_EQ(ended.status, 0) << ended.err;
+    EXPECT_NEAR(volumeOf(folder / "back.vdb"), ballVolume, tolerance);
+}
+
+} // namespace
+} // namespace mpuvdb::test
