@@ -285,7 +285,7 @@ TEST(FunctionField, RefusesWhatIsNoNumber)
     const FieldPtr broken = makeFunctionField(
         [](const Vec3d& p) { return p[0] > 0.5 ? std::nan("") : p.norm() - 1; }, cube(1.1), 1);
     EXPECT_THROW(sampled(*broken, 0.1), InputError);
-    EXPECT_THROW(makeFunctionField({}, cube(1), 1), UsageError);
+    EXPECT_THROW(makeFunctionField(std::function<double(const Vec3d&)>(), cube(1), 1), UsageError);
     EXPECT_THROW(makeFunctionField([](const Vec3d&) { return 0.0; }, cube(1), 0), UsageError);
     EXPECT_THROW(makeFunctionField([](const Vec3d&) { return 0.0; }, Box3d(), 1), UsageError);
 }

@@ -244,7 +244,7 @@ TEST(Warp, RefusesWhatIsNoWarp)
     EXPECT_THROW(makeBend(axis, Vec3d::UnitX(), 1, 1, 1), UsageError);
     EXPECT_THROW(makeTaper(axis, 0, 1, 1, 0), UsageError);
     EXPECT_THROW(makeTaper(axis, 1, 0, 1, 1), UsageError);
-    EXPECT_THROW(makeWarp({}, {}, 1), UsageError);
+    EXPECT_THROW(makeWarp(std::function<Vec3d(const Vec3d&)>(), {}, 1), UsageError);
     EXPECT_THROW(makeWarpedField(makeGyroid(1, 0.1), makeTwist(axis, 1)), UsageError);
     const Vec3d p(0.3, 0.2, 5);
     EXPECT_EQ(makeBend(axis, Vec3d::UnitX(), 0, 0, 1)->inverse(p), p);

@@ -19,14 +19,16 @@ using Leaf = SurfacePatches::Leaf;
 
 /// Of the planes' normals, squared and summed: what spans a direction, relative to the largest.
 constexpr float kLeastSpread = 0.04f;
-constexpr float kFarthest = 1.8f;  ///< of a crease from its voxel, voxels
-constexpr float kFarthestFoot = 1; ///< of a crease from the nearest foot beside it, voxels
-constexpr float kOffPlane = 0.1f;  ///< of a crease from the planes that meet there, voxels
+constexpr float kFarthest = 1.8f;    ///< of a crease from its voxel, voxels
+constexpr float kFarthestFoot = 3;   ///< of a crease from the nearest foot beside it, voxels
+constexpr float kOffSurface = 0.35f; ///< of a crease from the surface that the values tell, voxels
+constexpr float kOffPlane = 0.1f;    ///< of a crease from the planes that meet there, voxels
 
 class CreaseFinder
 {
 public:
-    explicit CreaseFinder(const SurfacePatches& patches) : mPatches(patches)
+    CreaseFinder(const SurfacePatches& patches, const openvdb::FloatTree& tree)
+        : mPatches(patches), mTree(tree)
     {
         for (std::size_t n = 0; n < patches.leaves.size(); ++n)
             if (patches.first[n] < patches.first[n + 1])
@@ -70,7 +72,7 @@ public:
             if (!(std::abs(planes[n].normal.dot(from)) <= kOffPlane)) return std::nullopt;
             gap = std::min(gap, from.norm());
         }
-        if (!(gap < kFarthestFoot)) return std::nullopt;
+        if (!(gap < kFarthestFoot) || !isOnSurface(voxel, at)) return std::nullopt;
         const Vec3f along = solver.eigenvectors().col(0).normalized();
         SurfacePatch patch;
         patch.voxel = voxel;
@@ -82,10 +84,49 @@ public:
         return patch;
     }
 
+    /// The number of a voxel's patch, if it has one.
+    std::optional<std::size_t> indexOf(const Coord& voxel) const
+    {
+        const auto found = mLeaves.find(voxel & ~7);
+        if (found == mLeaves.end()) return std::nullopt;
+        const auto begin = mPatches.patches.begin();
+        const auto first = begin + mPatches.first[found->second],
+                   last = begin + mPatches.first[found->second + 1];
+        const auto at = std::lower_bound(
+            first, last, Leaf::coordToOffset(voxel),
+            [](const SurfacePatch& p, auto to) { return Leaf::coordToOffset(p.voxel) < to; });
+        if (at == last || at->voxel != voxel) return std::nullopt;
+        return std::size_t(at - begin);
+    }
+
 private:
     struct Plane {
         Vec3f point, normal;
     };
+
+    /// Whether the values about @a offset from @a voxel allow the surface to be there: no corner of
+    /// its cell is farther from the surface than from that place.
+    bool isOnSurface(const Coord& voxel, const Vec3f& offset) const
+    {
+        const openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
+        const Vec3f low = offset.array().floor();
+        const Coord corner = voxel.offsetBy(int(low.x()), int(low.y()), int(low.z()));
+        std::array<float, 8> values;
+        float slope = 0; // of a distance by any scale
+        for (int n = 0; n < 8; ++n) {
+            values[std::size_t(n)] = access.getValue(corner.offsetBy(n >> 2, n >> 1 & 1, n & 1));
+            for (const int axis : {1, 2, 4})
+                if (n & axis)
+                    slope = std::max(
+                        slope, std::abs(values[std::size_t(n)] - values[std::size_t(n - axis)]));
+        }
+        for (int n = 0; n < 8; ++n) {
+            const Vec3f from = low + Vec3f(float(n >> 2), float(n >> 1 & 1), float(n & 1)) - offset;
+            if (!(std::abs(values[std::size_t(n)]) <= slope * (from.norm() + kOffSurface)))
+                return false;
+        }
+        return true;
+    }
 
     /// The planes of the voxel and those around, relative to it.
     int collect(const Coord& voxel, std::array<Plane, 27>& planes) const
@@ -104,16 +145,8 @@ private:
     /// A voxel's patch, unless it is rough.
     const SurfacePatch* patchOf(const Coord& voxel) const
     {
-        const auto found = mLeaves.find(voxel & ~7);
-        if (found == mLeaves.end()) return nullptr;
-        const auto begin = mPatches.patches.begin();
-        const auto first = begin + mPatches.first[found->second],
-                   last = begin + mPatches.first[found->second + 1];
-        const auto at = std::lower_bound(
-            first, last, Leaf::coordToOffset(voxel),
-            [](const SurfacePatch& p, auto to) { return Leaf::coordToOffset(p.voxel) < to; });
-        if (at == last || at->voxel != voxel) return nullptr;
-        return mPatches.kinds[std::size_t(at - begin)] == PatchKind::Rough ? nullptr : &*at;
+        const auto n = indexOf(voxel);
+        return n && mPatches.kinds[*n] != PatchKind::Rough ? &mPatches.patches[*n] : nullptr;
     }
 
     struct HashCoord {
@@ -121,18 +154,19 @@ private:
     };
 
     const SurfacePatches& mPatches;
+    const openvdb::FloatTree& mTree;
     std::unordered_map<Coord, std::size_t, HashCoord> mLeaves;
 };
 
 } // namespace
 
-void addCreasePatches(SurfacePatches& patches, Progress& progress)
+void addCreasePatches(SurfacePatches& patches, const openvdb::FloatTree& tree, Progress& progress)
 {
     std::vector<std::uint32_t> candidates;
     for (std::size_t n = 0; n < patches.kinds.size(); ++n)
         if (patches.kinds[n] != PatchKind::Smooth) candidates.push_back(std::uint32_t(n));
     if (candidates.empty()) return;
-    const CreaseFinder finder(patches);
+    const CreaseFinder finder(patches, tree);
     std::vector<std::optional<SurfacePatch>> found(candidates.size());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, candidates.size(), 64),
                       [&](const tbb::blocked_range<std::size_t>& range) {
@@ -140,6 +174,13 @@ void addCreasePatches(SurfacePatches& patches, Progress& progress)
                           for (std::size_t n = range.begin(); n < range.end(); ++n)
                               found[n] = finder.find(patches.patches[candidates[n]].voxel);
                       });
+    for (const std::uint32_t candidate : candidates) {
+        const Coord voxel = patches.patches[candidate].voxel;
+        for (int n = 0; n < 27; ++n)
+            if (const auto near =
+                    finder.indexOf(voxel.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)))
+                patches.patches[*near].bounded = true;
+    }
     for (const auto& patch : found)
         if (patch) patches.patches.push_back(*patch);
 }

@@ -5,8 +5,9 @@
 namespace mpuvdb
 {
 
-/// Where the planes about a voxel beside a crease meet, add a patch to @a patches: for most, a
-/// piece of an edge; where three planes meet, a point. @throws Interrupted.
-void addCreasePatches(SurfacePatches& patches, Progress& progress);
+/// Where the planes about a voxel beside a crease meet, and the values of @a tree are about zero,
+/// add a patch to @a patches, which are the tree's: for most, a piece of an edge; where three
+/// planes meet, a point. @throws Interrupted.
+void addCreasePatches(SurfacePatches& patches, const openvdb::FloatTree& tree, Progress& progress);
 
 } // namespace mpuvdb

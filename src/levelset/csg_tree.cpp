@@ -113,9 +113,31 @@ private:
             const openvdb::Index i = it.pos();
             const float least = std::min(mSigns.a * a.getValue(i), mSigns.b * b.getValue(i));
             if (least > highest) continue;
-            const CreaseFinder::Answer answer = finder.find(leaf.offsetToGlobalCoord(i));
+            CreaseFinder::Answer answer = finder.find(leaf.offsetToGlobalCoord(i));
+            if (isFar(answer) && isBesideSurface(leaf.offsetToGlobalCoord(i)))
+                answer.place = CreaseFinder::Place::Unknown;
             place(answer, i, leaf);
         }
+    }
+
+    /// Whether the answer puts the surface of a sharp union more than a voxel off.
+    bool isFar(const CreaseFinder::Answer& answer) const
+    {
+        if (mRadius > 0) return false;
+        return answer.place == CreaseFinder::Place::Buried ||
+               (answer.place == CreaseFinder::Place::Crease && answer.distance > 1);
+    }
+
+    /// Whether a voxel inside the union has a neighbour outside.
+    bool isBesideSurface(const openvdb::Coord& at) const
+    {
+        const openvdb::tree::ValueAccessor<const FloatTree> a(mA), b(mB);
+        for (int n = 0; n < 6; ++n) {
+            openvdb::Coord side = at;
+            side[n / 2] += n % 2 ? 1 : -1;
+            if (mSigns.a * a.getValue(side) >= 0 && mSigns.b * b.getValue(side) >= 0) return true;
+        }
+        return false;
     }
 
     void place(const CreaseFinder::Answer& answer, openvdb::Index voxel, Leaf& leaf) const

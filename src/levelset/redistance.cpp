@@ -1,5 +1,6 @@
 // Grids whose values are made anew from distances to a surface.
 #include "distance_front.h"
+#include "restore_distance.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/operations.h>
@@ -163,8 +164,10 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
         return v * side > 0 && std::abs(distance) > std::abs(v) + wedge ? distance : v;
     };
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
-    return remade(grid, Values::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker,
-                  progress);
+    const FloatGrid::Ptr made = remade(
+        grid, Values::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker, progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], progress);
+    return made;
 }
 
 void demandDistance(double distance, double voxelSize)
@@ -193,7 +196,9 @@ LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
                           [](const Leaf*, int, float distance) { return distance; });
-    return LevelSet(remade(grid, Values::Implicit, {reach, reach}, maker, progress));
+    const FloatGrid::Ptr made = remade(grid, Values::Implicit, {reach, reach}, maker, progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], progress);
+    return LevelSet(made);
 }
 
 LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)

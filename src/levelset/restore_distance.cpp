@@ -300,6 +300,7 @@ private:
         for (auto it = leaf.cbeginValueOn(); it; ++it) {
             const float v = *it;
             const Coord at = it.getCoord(), local = at - leaf.origin();
+            if (v == 0) found.push_back(toVec(local));
             for (int axis = 0; axis < 3; ++axis) {
                 Coord next = at;
                 next[axis] += 1;

@@ -314,7 +314,8 @@ class WarpNode final : public ThroughNode
 {
 public:
     WarpNode(const Ptr& input, std::shared_ptr<const Warp> warp, std::string name)
-        : ThroughNode(std::move(name), {input}, warp->image(input->bounds())),
+        : ThroughNode(std::move(name), {input},
+                      input->bounds().isEmpty() ? Box3d() : warp->image(input->bounds())),
           mWarp(std::move(warp))
     {
     }

@@ -99,9 +99,11 @@ void ShapePlan::spreadDemands(double halfWidth)
 std::uint64_t ShapePlan::Task::bytes(double halfWidth) const
 {
     constexpr double kLeafBytes = 2200;
+    constexpr double kNodeBytes = 2.2e6; // eight of OpenVDB's upper nodes, about the origin
     constexpr double kLeafSlack = 12; // a leaf is touched from its half diagonal off, on both sides
     const double h = demand.lattice.voxelSize;
-    return std::uint64_t(area / (h * h) * (2 * halfWidth + kLeafSlack) / kBlockVoxels * kLeafBytes);
+    const double leaves = area / (h * h) * (2 * halfWidth + kLeafSlack) / kBlockVoxels;
+    return std::uint64_t(leaves * kLeafBytes + kNodeBytes);
 }
 
 std::vector<PlanStep> ShapePlan::steps() const

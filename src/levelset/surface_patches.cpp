@@ -29,10 +29,10 @@ constexpr float kCrease = 0.15f;
 /// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
 /// slope; a distance's slope is 1 to so much there.
 constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f;
-/// A patch's radius, voxels. It shrinks to nothing as what is nearest on its plane gets farther
-/// away than the first and as far as the second: beside a crease the patch would reach into the
-/// open.
-constexpr float kExtent = 0.9f, kFull = 1.25f, kNone = 2;
+/// A patch's radius, voxels; and beside a crease, where it would reach into the open: as far as the
+/// feet of its neighbours, and shrinking to nothing as what is nearest on its plane gets farther
+/// away than that.
+constexpr float kExtent = 0.9f, kBounded = 0.6f, kNone = 1.25f;
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
@@ -61,7 +61,7 @@ public:
     }
 
     /// Call f(voxel's number in the leaf) for all active voxels with a face neighbour of the other
-    /// sign.
+    /// sign, or of value 0.
     template <typename F>
     void forEachCrossing(const Leaf& leaf, F f)
     {
@@ -74,6 +74,7 @@ public:
             unsigned crosses = 0;
             for (const int stride : kStride)
                 crosses |= (own ^ signs(in - stride)) | (own ^ signs(in + stride));
+            crosses |= zeros(in);
             for (unsigned bits = crosses & active; bits; bits &= bits - 1)
                 f(row * kDim + __builtin_ctz(bits));
         }
@@ -92,7 +93,7 @@ public:
             kind = flatten(in, model);
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
-        SurfacePatch crossing;
+        SurfacePatch crossing{};
         crossing.voxel = patch.voxel;
         nearestCrossing(in, crossing);
         // No place on the surface is nearer than the nearest: a foot beyond a crossing is none.
@@ -107,6 +108,14 @@ private:
     {
         unsigned bits = 0;
         for (int z = 0; z < kDim; ++z) bits |= unsigned(mHalo.value[in + z] < 0) << z;
+        return bits;
+    }
+
+    /// Which of eight voxels in a row are on the surface themselves.
+    unsigned zeros(int in) const
+    {
+        unsigned bits = 0;
+        for (int z = 0; z < kDim; ++z) bits |= unsigned(mHalo.value[in + z] == 0) << z;
         return bits;
     }
 
@@ -243,6 +252,9 @@ private:
     void nearestCrossing(int in, SurfacePatch& patch) const
     {
         const auto& v = mHalo.value;
+        // On the surface itself, unless a neighbour has the other sign.
+        patch.foot = Vec3f::Zero();
+        patch.normal = Vec3f::UnitX();
         float best = std::numeric_limits<float>::infinity();
         for (int axis = 0; axis < 3; ++axis) {
             for (const int side : {-1, 1}) {
@@ -284,17 +296,17 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
     const float height = side * normal.dot(from);
     const float along[2] = {tangent.dot(from), across.dot(from)};
     const float length = from.norm();
-    float shift[2]; // of the nearest place on the patch
+    if (height < 0) return length; // behind it: the patch faces another part of the surface's side
+    float shift[2];                // of the nearest place on the patch
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
-    const float shift2 = shift[0] * shift[0] + shift[1] * shift[1];
-    if (shift2 <= kExtent * kExtent)
+    const float reached = std::hypot(shift[0], shift[1]), extent = bounded ? kBounded : kExtent;
+    if (reached <= extent)
         return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                      side * curvature[0]));
     // From the place nearest to where it should be, as far as the patch goes.
-    const float reached = std::sqrt(shift2);
-    const float share =
-        kExtent * std::clamp((kNone - reached) / (kNone - kFull), 0.0f, 1.0f) / reached;
+    const float left = bounded ? std::max((kNone - reached) / (kNone - kBounded), 0.0f) : 1;
+    const float share = extent * left / reached;
     const float u = along[0] - share * shift[0], v = along[1] - share * shift[1];
     return std::min(length, std::sqrt(height * height + u * u + v * v));
 }
@@ -336,7 +348,7 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, 
             ++to;
         });
     });
-    addCreasePatches(result, progress);
+    addCreasePatches(result, tree, progress);
     return result;
 }
 

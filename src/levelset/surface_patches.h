@@ -23,6 +23,7 @@ struct SurfacePatch {
     Vec3f normal;         ///< unit, outward
     Vec3f tangent;        ///< unit, along the first principal direction
     float curvature[2];   ///< along the tangent and across, positive where convex
+    bool bounded = false; ///< there is a crease near: beside the patch the surface may end
 
     /// From the place to @a at.
     Vec3f to(const openvdb::Coord& at) const
