@@ -247,7 +247,7 @@ TEST(FlippedNormals, AreTheSameInAnyOrder)
 
 TEST(FlippedNormals, CapsOfAllSizesAreTurnedBack)
 {
-    const auto seed = std::random_device()();
+    const unsigned seed = 20261121;
     std::mt19937 engine(seed);
     const struct {
         const char* solid;

@@ -67,7 +67,7 @@ TEST(Morph, EndsAreTheShapesThemselves)
         EXPECT_TRUE(treeBytes(morphed(b, a, 0, how).grid()) == treeBytes(b.grid()));
     }
     for (auto on = a.grid().cbeginValueOn(); on; ++on)
-        ASSERT_FLOAT_EQ(wideA.grid().tree().getValue(on.getCoord()), *on);
+        ASSERT_EQ(wideA.grid().tree().getValue(on.getCoord()), *on);
 }
 
 TEST(Morph, OfAShapeWithItselfIsThatShape)
@@ -76,7 +76,7 @@ TEST(Morph, OfAShapeWithItselfIsThatShape)
     for (const Morphing how : kBoth) {
         const LevelSet same = morphed(torus, torus, 0.3, how);
         for (auto on = torus.grid().cbeginValueOn(); on; ++on)
-            ASSERT_NEAR(same.grid().tree().getValue(on.getCoord()), *on, 0.05 * 0.05);
+            ASSERT_NEAR(same.grid().tree().getValue(on.getCoord()), *on, 0.1 * 0.05);
     }
 }
 

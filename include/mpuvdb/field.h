@@ -83,6 +83,8 @@ public:
     /// Whether the value is the distance. If not, its sign and its zero set count, and grids made
     /// from it are re-distanced.
     virtual bool isDistance() const { return true; }
+    /// Whether it is the distance far from the zero set too, and not only near it.
+    virtual bool isDistanceFar() const { return false; }
     /// The largest length of the value's gradient near the zero set: 1 for a distance.
     virtual double steepness() const { return 1; }
     /// A sampler of blocks on @a lattice that is exact where |value| <= @a band (world units).

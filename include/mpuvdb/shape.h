@@ -65,7 +65,7 @@ public:
     Shape shell(double thickness, Wall wall) const;
     Shape smooth(const SmoothSettings& settings) const;
     Shape moved(const Eigen::Affine3d& motion) const;
-    Shape warped(std::shared_ptr<const Warp> warp, std::string name) const;
+    Shape warped(const std::shared_ptr<const Warp>& warp, const std::string& name) const;
     static Shape morph(const Shape& a, const Shape& b, double t, Morphing how);
     /// @}
 

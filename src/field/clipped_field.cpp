@@ -61,7 +61,9 @@ public:
     {
         return std::max(mSource.change(centre, radius), radius);
     }
-    bool isDistance() const override { return false; }
+    /// Short of it only outside the creases that clipping makes.
+    bool isDistance() const override { return mSource.field().isDistance(); }
+    bool isDistanceFar() const override { return mSource.field().isDistanceFar(); }
     double steepness() const override { return std::max(mSource.field().steepness(), 1.0); }
     std::size_t countData(const Box3d& box, std::size_t limit) const override
     {

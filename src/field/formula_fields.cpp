@@ -21,6 +21,7 @@ public:
     Box3d bounds() const override { return wholeSpace(); }
     FieldSample evaluate(const Vec3d& p) const override { return {value(p), mNormal, -1, true}; }
     double value(const Vec3d& p) const override { return mNormal.dot(p - mPoint); }
+    bool isDistanceFar() const override { return true; }
 
 private:
     Vec3d mPoint, mNormal;

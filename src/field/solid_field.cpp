@@ -20,6 +20,7 @@ public:
     double value(const Vec3d& p) const override { return mSolid->distance(p); }
     double bound(const Vec3d& p) const override { return mSolid->bound(p); }
     bool isDistance() const override { return mSolid->isExact(); }
+    bool isDistanceFar() const override { return mSolid->isExact(); }
 
 private:
     std::shared_ptr<const Solid> mSolid;

@@ -173,6 +173,7 @@ public:
         return mScale * mSource.change(mWarp->inverse(centre), sourceRadius(centre, radius));
     }
     bool isDistance() const override { return mIsDistance; }
+    bool isDistanceFar() const override { return mIsDistance && mSource.field().isDistanceFar(); }
     double steepness() const override { return mSteepness; }
     std::size_t countData(const Box3d& box, std::size_t limit) const override
     {
@@ -246,6 +247,7 @@ public:
         return mField->countData(Box3d(from(box.min()), from(box.max())), limit);
     }
     bool isDistance() const override { return mField->isDistance(); }
+    bool isDistanceFar() const override { return mField->isDistanceFar(); }
     double steepness() const override { return mField->steepness(); }
     std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override
     {

@@ -128,14 +128,16 @@ private:
                (answer.place == CreaseFinder::Place::Crease && answer.distance > 1);
     }
 
-    /// Whether a voxel inside the union has a neighbour outside.
+    /// Whether a voxel inside the union has a neighbour outside, and not where two solids touch.
     bool isBesideSurface(const openvdb::Coord& at) const
     {
+        const float touching = kTouching * mVoxelSize;
         const openvdb::tree::ValueAccessor<const FloatTree> a(mA), b(mB);
         for (int n = 0; n < 6; ++n) {
             openvdb::Coord side = at;
             side[n / 2] += n % 2 ? 1 : -1;
-            if (mSigns.a * a.getValue(side) >= 0 && mSigns.b * b.getValue(side) >= 0) return true;
+            if (std::min(mSigns.a * a.getValue(side), mSigns.b * b.getValue(side)) > touching)
+                return true;
         }
         return false;
     }

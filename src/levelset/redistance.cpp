@@ -101,6 +101,7 @@ FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
             tree->addTile(1, leaf.origin, leaf.tile, false);
     };
     std::vector<Coord> origins;
+    origins.reserve(reached.size());
     for (const FinishedLeaf& leaf : reached) origins.push_back(leaf.origin);
     std::sort(origins.begin(), origins.end());
     LeafDistances beyond;
@@ -142,7 +143,7 @@ FloatGrid::Ptr remade(const FloatGrid& grid, Values values, const Reach& reach,
 }
 
 /// The distance that the grid has itself in a voxel, or else the one found.
-NewValue ownOrFound(std::function<float(float)> change)
+NewValue ownOrFound(const std::function<float(float)>& change)
 {
     return [change](const Leaf* leaf, int n, float distance) {
         const bool own = leaf && leaf->isValueOn(openvdb::Index(n));
@@ -164,8 +165,8 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
         return v * side > 0 && std::abs(distance) > std::abs(v) + wedge ? distance : v;
     };
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
-    const FloatGrid::Ptr made = remade(
-        grid, Values::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker, progress);
+    FloatGrid::Ptr made = remade(grid, Values::Implicit,
+                                 side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker, progress);
     restoreDistance(made->tree(), made->voxelSize()[0], progress);
     return made;
 }

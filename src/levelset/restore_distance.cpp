@@ -300,7 +300,7 @@ private:
         for (auto it = leaf.cbeginValueOn(); it; ++it) {
             const float v = *it;
             const Coord at = it.getCoord(), local = at - leaf.origin();
-            if (v == 0) found.push_back(toVec(local));
+            if (v == 0 && isOnSurface(at, access)) found.push_back(toVec(local));
             for (int axis = 0; axis < 3; ++axis) {
                 Coord next = at;
                 next[axis] += 1;
@@ -314,6 +314,19 @@ private:
             }
         }
         return found;
+    }
+
+    /// Whether a voxel of value 0 has both sides about it; it may only lie where two inside touch.
+    static bool isOnSurface(const Coord& at,
+                            openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access)
+    {
+        bool inside = false, outside = false;
+        for (int n = 0; n < 27; ++n) {
+            const float v = access.getValue(at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
+            inside |= v < 0;
+            outside |= v > 0;
+        }
+        return inside && outside;
     }
 
     /// Distance from a voxel to the nearest crossing, voxels; the half-width if none is nearer.

@@ -26,8 +26,9 @@ Shape::Shape(std::shared_ptr<const Mesh> mesh, std::string name)
 Shape Shape::combine(Boolean kind, std::vector<Shape> shapes, double blendRadius)
 {
     std::vector<std::shared_ptr<const Node>> inputs;
+    inputs.reserve(shapes.size());
     for (Shape& shape : shapes) inputs.push_back(std::move(shape.mNode));
-    return Shape(combineNode(kind, std::move(inputs), blendRadius));
+    return Shape(combineNode(kind, inputs, blendRadius));
 }
 
 Shape operator|(const Shape& a, const Shape& b)
@@ -69,7 +70,7 @@ Shape Shape::moved(const Eigen::Affine3d& motion) const
     return Shape(mNode->moved(motion, done));
 }
 
-Shape Shape::warped(std::shared_ptr<const Warp> warp, std::string name) const
+Shape Shape::warped(const std::shared_ptr<const Warp>& warp, const std::string& name) const
 {
     Node::Moved done;
     return Shape(mNode->warped(warp, name, done));

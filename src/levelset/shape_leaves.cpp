@@ -12,9 +12,9 @@ namespace mpuvdb
 namespace
 {
 
-/// Fields are sampled into bands of at most this many voxels. What lies farther off is measured
-/// from the zero set: fitted fields are no distances there, and measuring costs less.
-constexpr double kSampledBand = 6;
+/// Fields are sampled into bands of at most this many voxels; those that are no distances far from
+/// their zero set, into narrower ones. What lies farther off is measured from the zero set.
+constexpr double kSampledBand = 100, kNearBand = 6;
 
 /// Blocks that a surface of random orientation meets, times their face, by its area: 1.5 where it
 /// meets their cubes, more as seeds are found by the balls around them.
@@ -55,7 +55,8 @@ public:
         const FieldPtr field = box.contains(bounds()) ? mField : makeClippedField(mField, box);
         SampleSettings settings;
         settings.lattice = own.lattice;
-        settings.halfWidth = std::min(own.halfWidth, kSampledBand);
+        settings.halfWidth =
+            std::min(own.halfWidth, field->isDistanceFar() ? kSampledBand : kNearBand);
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
         return withHalfWidth(sampleField(*field, settings, progress), own.halfWidth, progress);

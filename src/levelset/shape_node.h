@@ -75,16 +75,17 @@ private:
 Shape::Node::Ptr fieldNode(FieldPtr field, std::string name);
 Shape::Node::Ptr gridNode(LevelSet levelSet, std::string name);
 Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh, std::string name);
-Shape::Node::Ptr combineNode(Boolean kind, std::vector<Shape::Node::Ptr> inputs,
+Shape::Node::Ptr combineNode(Boolean kind, const std::vector<Shape::Node::Ptr>& inputs,
                              double blendRadius);
-Shape::Node::Ptr offsetNode(Shape::Node::Ptr input, double distance);
-Shape::Node::Ptr shellNode(Shape::Node::Ptr input, double thickness, Wall wall);
-Shape::Node::Ptr smoothNode(Shape::Node::Ptr input, const SmoothSettings& settings);
-Shape::Node::Ptr morphNode(Shape::Node::Ptr a, Shape::Node::Ptr b, double t, Morphing how);
+Shape::Node::Ptr offsetNode(const Shape::Node::Ptr& input, double distance);
+Shape::Node::Ptr shellNode(const Shape::Node::Ptr& input, double thickness, Wall wall);
+Shape::Node::Ptr smoothNode(const Shape::Node::Ptr& input, const SmoothSettings& settings);
+Shape::Node::Ptr morphNode(const Shape::Node::Ptr& a, const Shape::Node::Ptr& b, double t,
+                           Morphing how);
 /// What cannot be carried to the leaves: the input's grid is sampled through it.
-Shape::Node::Ptr warpNode(Shape::Node::Ptr input, std::shared_ptr<const Warp> warp,
+Shape::Node::Ptr warpNode(const Shape::Node::Ptr& input, std::shared_ptr<const Warp> warp,
                           std::string name);
-Shape::Node::Ptr motionNode(Shape::Node::Ptr input, const Eigen::Affine3d& motion);
+Shape::Node::Ptr motionNode(const Shape::Node::Ptr& input, const Eigen::Affine3d& motion);
 /// @}
 
 /// The lattice of the level set in @a node, if it holds one.

@@ -28,10 +28,17 @@ Demand within(const Demand& own, const Box3d& region)
     return {own.lattice, own.halfWidth, region};
 }
 
+/// What an input has to give that is @a distance from what is wanted.
+Demand beyond(const Demand& own, double distance)
+{
+    return {own.lattice, own.halfWidth + distance / own.lattice.voxelSize,
+            grown(own.region, distance)};
+}
+
 class CombineNode final : public Node
 {
 public:
-    CombineNode(Boolean kind, std::vector<Ptr> inputs, double blendRadius)
+    CombineNode(Boolean kind, const std::vector<Ptr>& inputs, double blendRadius)
         : Node(nameOf(kind, blendRadius), inputs, boundsOf(kind, inputs, blendRadius)), mKind(kind),
           mBlendRadius(blendRadius)
     {
@@ -117,16 +124,14 @@ public:
 
     Demand demandOf(std::size_t, const Demand& own) const override
     {
-        return within(own, grown(own.region, std::abs(mDistance)));
-    }
-    double widestBand(const Demand& own) const override
-    {
-        return own.halfWidth + std::abs(mDistance) / own.lattice.voxelSize;
+        return beyond(own, std::abs(mDistance));
     }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
-        return inputs[0] ? mpuvdb::offset(*inputs[0], mDistance, progress) : nothing(own);
+        return inputs[0] ? withHalfWidth(mpuvdb::offset(*inputs[0], mDistance, progress),
+                                         own.halfWidth, progress)
+                         : nothing(own);
     }
 
 protected:
@@ -155,16 +160,14 @@ public:
 
     Demand demandOf(std::size_t, const Demand& own) const override
     {
-        return within(own, grown(own.region, mThickness));
-    }
-    double widestBand(const Demand& own) const override
-    {
-        return own.halfWidth + mThickness / own.lattice.voxelSize;
+        return beyond(own, mThickness);
     }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
-        return inputs[0] ? mpuvdb::shell(*inputs[0], mThickness, mWall, progress) : nothing(own);
+        return inputs[0] ? withHalfWidth(mpuvdb::shell(*inputs[0], mThickness, mWall, progress),
+                                         own.halfWidth, progress)
+                         : nothing(own);
     }
 
 protected:
@@ -361,37 +364,37 @@ Node::Ptr Node::warped(const std::shared_ptr<const Warp>& warp, const std::strin
     return node;
 }
 
-Node::Ptr combineNode(Boolean kind, std::vector<Node::Ptr> inputs, double blendRadius)
+Node::Ptr combineNode(Boolean kind, const std::vector<Node::Ptr>& inputs, double blendRadius)
 {
-    return std::make_shared<CombineNode>(kind, std::move(inputs), blendRadius);
+    return std::make_shared<CombineNode>(kind, inputs, blendRadius);
 }
 
-Node::Ptr offsetNode(Node::Ptr input, double distance)
+Node::Ptr offsetNode(const Node::Ptr& input, double distance)
 {
     return std::make_shared<OffsetNode>(input, distance);
 }
 
-Node::Ptr shellNode(Node::Ptr input, double thickness, Wall wall)
+Node::Ptr shellNode(const Node::Ptr& input, double thickness, Wall wall)
 {
     return std::make_shared<ShellNode>(input, thickness, wall);
 }
 
-Node::Ptr smoothNode(Node::Ptr input, const SmoothSettings& settings)
+Node::Ptr smoothNode(const Node::Ptr& input, const SmoothSettings& settings)
 {
     return std::make_shared<SmoothNode>(input, settings);
 }
 
-Node::Ptr morphNode(Node::Ptr a, Node::Ptr b, double t, Morphing how)
+Node::Ptr morphNode(const Node::Ptr& a, const Node::Ptr& b, double t, Morphing how)
 {
     return std::make_shared<MorphNode>(a, b, t, how);
 }
 
-Node::Ptr warpNode(Node::Ptr input, std::shared_ptr<const Warp> warp, std::string name)
+Node::Ptr warpNode(const Node::Ptr& input, std::shared_ptr<const Warp> warp, std::string name)
 {
     return std::make_shared<WarpNode>(input, std::move(warp), std::move(name));
 }
 
-Node::Ptr motionNode(Node::Ptr input, const Eigen::Affine3d& motion)
+Node::Ptr motionNode(const Node::Ptr& input, const Eigen::Affine3d& motion)
 {
     return std::make_shared<MotionNode>(input, motion);
 }

@@ -25,7 +25,7 @@ constexpr float kBeyond = 1e-3f;
 constexpr float kLeastSlope = 0.3f; ///< below, a distance's gradient tells no direction
 constexpr float kLeastImplicit = 1e-6f;
 /// Where the slope changes by more from voxel to voxel, relative to itself, there may be a crease.
-constexpr float kCrease = 0.15f;
+constexpr float kCrease = 0.22f;
 /// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
 /// slope; a distance's slope is 1 to so much there.
 constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f;
@@ -111,12 +111,26 @@ private:
         return bits;
     }
 
-    /// Which of eight voxels in a row are on the surface themselves.
+    /// Which of eight voxels in a row are on the surface themselves: of value 0, with both sides
+    /// about them.
     unsigned zeros(int in) const
     {
         unsigned bits = 0;
-        for (int z = 0; z < kDim; ++z) bits |= unsigned(mHalo.value[in + z] == 0) << z;
+        for (int z = 0; z < kDim; ++z)
+            if (mHalo.value[in + z] == 0) bits |= unsigned(isBetween(in + z)) << z;
         return bits;
+    }
+
+    bool isBetween(int in) const
+    {
+        bool inside = false, outside = false;
+        for (int n = 0; n < 27; ++n) {
+            const float v = mHalo.value[in + (n / 9 - 1) * kStride[0] +
+                                        (n / 3 % 3 - 1) * kStride[1] + (n % 3 - 1) * kStride[2]];
+            inside |= v < 0;
+            outside |= v > 0;
+        }
+        return inside && outside;
     }
 
     bool known(int in) const { return std::abs(mHalo.value[in]) < mBeyond; }
