@@ -1,5 +1,6 @@
 // mpuvdb reconstruct: points in, level set (and mesh) out.
 #include "describe.h"
+#include "level_set_verb.h"
 #include "presets.h"
 #include "verb.h"
 
@@ -10,26 +11,10 @@
 
 #include <fmt/format.h>
 
-#include <locale>
-#include <sstream>
-
 namespace mpuvdb::command
 {
 namespace
 {
-
-/// Three coordinates with commas between them.
-Vec3d parsePlace(const std::string& text)
-{
-    std::istringstream in(text);
-    in.imbue(std::locale::classic());
-    Vec3d place;
-    char first = 0, second = 0;
-    in >> place.x() >> first >> place.y() >> second >> place.z();
-    if (!in || first != ',' || second != ',' || in.peek() != EOF || !place.allFinite())
-        throw UsageError(fmt::format("--viewpoint {}: is no place. Give X,Y,Z", text));
-    return place;
-}
 
 class Reconstruct final : public Verb
 {
@@ -215,7 +200,8 @@ private:
     PointInput readInput(Session& session) const
     {
         std::vector<Vec3d> viewpoints;
-        for (const std::string& text : mViewpoints) viewpoints.push_back(parsePlace(text));
+        for (const std::string& text : mViewpoints)
+            viewpoints.push_back(parseTriple("--viewpoint", text));
         PointInput input = readPoints({mInputs.begin(), mInputs.end()},
                                       mBadPoints == "fail" ? BadPoints::Fail : BadPoints::Drop,
                                       session.progress(), viewpoints);
