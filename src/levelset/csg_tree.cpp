@@ -211,7 +211,7 @@ CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double vox
 {
     const LeafCombiner leaves(kind, a, b, voxelSize, radius);
     progress.check();
-    // The copy cannot be stopped: some 40 ms for five million voxels.
+    // The copy cannot be stopped: it takes less than the 30 ms of a whole union of 8 M voxels.
     auto tree = std::make_shared<FloatTree>(a);
     progress.check();
     using namespace openvdb::tools;
