@@ -319,6 +319,13 @@ TEST(Shape, PlannedBandsAreWideEnough)
     }
 }
 
+TEST(Shape, OffsetsGoFartherThanAnyBand)
+{
+    const LevelSet grown = evaluated(solid("sphere(0.1)").offset(0.6), voxels(0.02));
+    expectSound(grown);
+    EXPECT_NEAR(volume(grown), 4.0 / 3 * M_PI * std::pow(0.7, 3), 0.01);
+}
+
 TEST(Shape, OneThreadOrTwoGiveTheSameBits)
 {
     const Shape part = Shape::combine(

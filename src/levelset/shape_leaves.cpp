@@ -14,7 +14,7 @@ namespace
 
 /// Fields are sampled into bands of at most this many voxels; those that are no distances far from
 /// their zero set, into narrower ones. What lies farther off is measured from the zero set.
-constexpr double kSampledBand = 100, kNearBand = 6;
+constexpr double kSampledBand = 20, kNearBand = 6;
 
 /// Blocks that a surface of random orientation meets, times their face, by its area: 1.5 where it
 /// meets their cubes, more as seeds are found by the balls around them.
@@ -149,9 +149,9 @@ public:
     {
         SampleSettings settings;
         settings.lattice = own.lattice;
-        settings.halfWidth = own.halfWidth;
+        settings.halfWidth = std::min(own.halfWidth, kSampledBand);
         settings.maxBytes = maxBytes;
-        return voxelize(*mMesh, settings, progress);
+        return withHalfWidth(voxelize(*mMesh, settings, progress), own.halfWidth, progress);
     }
 
 protected:

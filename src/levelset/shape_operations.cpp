@@ -28,10 +28,13 @@ Demand within(const Demand& own, const Box3d& region)
     return {own.lattice, own.halfWidth, region};
 }
 
-/// What an input has to give that is @a distance from what is wanted.
+/// What an input has to give that is @a distance from what is wanted. Beyond the widest band that
+/// leaves are sampled in, offsets carry distances on themselves.
 Demand beyond(const Demand& own, double distance)
 {
-    return {own.lattice, own.halfWidth + distance / own.lattice.voxelSize,
+    constexpr double kWidest = 20;
+    const double halfWidth = own.halfWidth + distance / own.lattice.voxelSize;
+    return {own.lattice, std::min(halfWidth, std::max(own.halfWidth, kWidest)),
             grown(own.region, distance)};
 }
 
