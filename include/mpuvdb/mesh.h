@@ -8,11 +8,12 @@
 namespace mpuvdb
 {
 
-/// The zero set as triangles (openvdb::tools::volumeToMesh, extracted in index space so that far
-/// from the origin nothing is rounded). The same for any number of threads; no non-manifold edges.
-/// volumeToMesh cannot be stopped: an interrupt takes effect after it, about 80 ns of one core per
-/// active voxel later. @throws LimitError beyond 2^32 vertices, Interrupted.
-Mesh extractMesh(const LevelSet& levelSet, Progress& progress);
+/// The zero set as triangles, by dual contouring of Hermite data: one vertex per sheet of the
+/// surface in a cell, kept inside it, so that the mesh is manifold and closed whatever the values
+/// [Ju02, Wenger13]. Creases and corners come from values on one side of them each, or, given the
+/// field from which the level set was sampled, from its gradients: then they are exact. The same
+/// for any number of threads. @throws LimitError beyond 2^32 vertices, Interrupted.
+Mesh extractMesh(const LevelSet& levelSet, Progress& progress, const Field* field = nullptr);
 
 /// What stays of a mesh that is trimmed where coverage is below one half. Sizes are the largest
 /// distance between two places of an uncovered patch or of a covered part, its rim included.

@@ -1,9 +1,10 @@
+#include "sheet_vertex.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
-#include <openvdb/tools/VolumeToMesh.h>
 #include <tbb/parallel_for.h>
 
 #include <cmath>
@@ -14,90 +15,144 @@ namespace mpuvdb
 namespace
 {
 
-using openvdb::tools::VolumeToMesh;
-constexpr std::size_t kGrain = 4096;
+constexpr std::size_t kGrain = 16; // blocks
 
-/// The quads' corners, in the extractor's order.
-std::vector<openvdb::Vec4I> gatherQuads(VolumeToMesh& mesher)
+using Blocks = tbb::blocked_range<std::size_t>;
+
+struct Corner {
+    Vec3f position;
+    bool feature;
+};
+
+/// How small the smallest angle of a triangle is: twice its area by the square of its longest edge.
+float shapeOf(const Vec3f& a, const Vec3f& b, const Vec3f& c)
 {
-    const auto& pools = mesher.polygonPoolList();
-    const std::size_t poolCount = mesher.polygonPoolListSize();
-    std::vector<std::size_t> starts(poolCount + 1, 0);
-    for (std::size_t p = 0; p < poolCount; ++p) starts[p + 1] = starts[p] + pools[p].numQuads();
-    std::vector<openvdb::Vec4I> quads(starts.back());
-    tbb::parallel_for(std::size_t(0), poolCount, [&](std::size_t p) {
-        for (std::size_t q = 0; q < pools[p].numQuads(); ++q)
-            quads[starts[p] + q] = pools[p].quad(q);
-    });
-    return quads;
+    const float longest =
+        std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+    return longest > 0 ? (b - a).cross(c - a).norm() / longest : 0;
 }
 
-/// Split along the shorter diagonal. Quads come clockwise seen from outside, and are turned here.
-std::array<Mesh::Triangle, 2> split(const openvdb::Vec4I& quad, const std::vector<Vec3f>& positions)
+/// Whether to split from corner 0 to 2, and not from 1 to 3: along a crease where there is one, and
+/// else so that the worse triangle is the better. A split that folds the quad over loses.
+bool splitsEven(const std::array<Corner, 4>& q)
 {
-    const auto [a, b, c, d] = std::array{quad[3], quad[2], quad[1], quad[0]};
-    const float ac = (positions[a] - positions[c]).squaredNorm();
-    const float bd = (positions[b] - positions[d]).squaredNorm();
-    if (ac <= bd) return {{{a, b, c}, {a, c, d}}};
-    return {{{a, b, d}, {b, c, d}}};
+    const auto& [a, b, c, d] = q;
+    const Vec3f abc = (b.position - a.position).cross(c.position - a.position);
+    const Vec3f acd = (c.position - a.position).cross(d.position - a.position);
+    const Vec3f abd = (b.position - a.position).cross(d.position - a.position);
+    const Vec3f bcd = (c.position - b.position).cross(d.position - b.position);
+    const bool evenFolds = abc.dot(acd) < 0, oddFolds = abd.dot(bcd) < 0;
+    if (evenFolds != oddFolds) return oddFolds;
+    const bool evenCrease = a.feature && c.feature, oddCrease = b.feature && d.feature;
+    if (evenCrease != oddCrease) return evenCrease;
+    const float even = std::min(shapeOf(a.position, b.position, c.position),
+                                shapeOf(a.position, c.position, d.position));
+    const float odd = std::min(shapeOf(a.position, b.position, d.position),
+                               shapeOf(b.position, c.position, d.position));
+    return even >= odd;
 }
+
+class Extraction
+{
+public:
+    Extraction(const LevelSet& levelSet, const Field* field, Progress& progress)
+        : mTree(levelSet.grid().tree()), mLattice(levelSet.lattice()), mField(field),
+          mProgress(progress), mCells(mTree, progress)
+    {
+    }
+
+    Mesh run()
+    {
+        mProgress.advance();
+        if (mCells.vertices() > std::numeric_limits<std::uint32_t>::max())
+            throw LimitError(fmt::format("mesh: would have {} vertices, more than 32 bits can "
+                                         "number. Use larger voxels, or mesh parts",
+                                         mCells.vertices()));
+        openvdb::CoordBBox box;
+        mTree.evalLeafBoundingBox(box);
+        mFrame = box.empty() ? openvdb::Coord(0) : openvdb::Coord::round(box.getCenter());
+        mMesh.frame =
+            mLattice.origin + mLattice.voxelSize * Vec3d(mFrame.x(), mFrame.y(), mFrame.z());
+        mMesh.positions.resize(mCells.vertices());
+        mFeature.resize(mCells.vertices());
+        mMesh.triangles.resize(2 * mCells.quads());
+        placeAll();
+        mProgress.advance();
+        splitAll();
+        mProgress.advance();
+        return std::move(mMesh);
+    }
+
+private:
+    template <typename Work>
+    void forEachBlock(const Work& work)
+    {
+        tbb::parallel_for(Blocks(0, mCells.blocks().size(), kGrain), [&](const Blocks& range) {
+            mProgress.check();
+            work(range);
+        });
+    }
+
+    void placeAll()
+    {
+        const float h = float(mLattice.voxelSize);
+        forEachBlock([&](const Blocks& range) {
+            SheetPlacer placer(mField, mLattice);
+            for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                const DualBlock& block = mCells.blocks()[n];
+                const openvdb::Coord from = block.origin - mFrame;
+                const Vec3f origin(float(from.x()), float(from.y()), float(from.z()));
+                placer.load(mTree, block.origin);
+                block.forEachCell([&](const Vec3i& at, const DualCell& cell) {
+                    for (int sheet = 0; sheet < cell.sheets().count; ++sheet) {
+                        const SheetVertex vertex = placer.place(at, cell, sheet);
+                        const std::uint64_t v =
+                            block.firstVertex + cell.vertex + std::uint64_t(sheet);
+                        mMesh.positions[v] = h * (origin + vertex.position);
+                        mFeature[v] = vertex.feature;
+                    }
+                });
+            }
+        });
+    }
+
+    void splitAll()
+    {
+        forEachBlock([&](const Blocks& range) {
+            for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                const std::uint64_t first = mCells.blocks()[n].firstQuad;
+                mCells.forEachQuad(
+                    n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q) {
+                        Mesh::Triangle* const out = &mMesh.triangles[2 * (first + quad)];
+                        std::array<Corner, 4> corners;
+                        for (std::size_t c = 0; c < 4; ++c)
+                            corners[c] = {mMesh.positions[q[c]], mFeature[q[c]] != 0};
+                        const bool even = splitsEven(corners);
+                        out[0] = even ? Mesh::Triangle{q[0], q[1], q[2]}
+                                      : Mesh::Triangle{q[0], q[1], q[3]};
+                        out[1] = even ? Mesh::Triangle{q[0], q[2], q[3]}
+                                      : Mesh::Triangle{q[1], q[2], q[3]};
+                    });
+            }
+        });
+    }
+
+    const openvdb::FloatTree& mTree;
+    Lattice mLattice;
+    const Field* mField;
+    Progress& mProgress;
+    DualCells mCells;
+    openvdb::Coord mFrame;
+    Mesh mMesh;
+    std::vector<char> mFeature;
+};
 
 } // namespace
 
-Mesh extractMesh(const LevelSet& levelSet, Progress& progress)
+Mesh extractMesh(const LevelSet& levelSet, Progress& progress, const Field* field)
 {
     progress.beginStage("mesh", 3);
-    Mesh mesh;
-    const Lattice lattice = levelSet.lattice();
-    const openvdb::CoordBBox box = levelSet.grid().evalActiveVoxelBoundingBox();
-    if (box.empty()) {
-        progress.endStage();
-        return mesh;
-    }
-    // The extractor hands back floats, so it works in voxels about the middle of the grid.
-    const openvdb::Vec3d centre = box.getCenter();
-    const openvdb::Vec3d middle(std::round(centre[0]), std::round(centre[1]),
-                                std::round(centre[2]));
-    const auto local =
-        openvdb::ConstPtrCast<openvdb::FloatGrid>(levelSet.grid().copyReplacingMetadataAndTransform(
-            levelSet.grid(), openvdb::math::Transform::createLinearTransform(1.0)));
-    local->transform().postTranslate(-middle);
-    mesh.frame = lattice.origin + lattice.voxelSize * Vec3d(middle[0], middle[1], middle[2]);
-
-    VolumeToMesh mesher;
-    progress.check();
-    mesher(*local);
-    progress.advance();
-    const std::size_t pointCount = mesher.pointListSize();
-    if (pointCount > std::numeric_limits<std::uint32_t>::max())
-        throw LimitError(fmt::format("mesh: would have {} vertices, more than 32 bits can number. "
-                                     "Use larger voxels, or mesh parts",
-                                     pointCount));
-    mesh.positions.resize(pointCount);
-    tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(0, pointCount, kGrain), [&](const auto& range) {
-            progress.check();
-            for (std::size_t i = range.begin(); i != range.end(); ++i) {
-                const openvdb::Vec3s& p = mesher.pointList()[i];
-                mesh.positions[i] = (lattice.voxelSize * Vec3d(p[0], p[1], p[2])).cast<float>();
-            }
-        });
-    mesher.pointList().reset();
-    progress.advance();
-
-    const std::vector<openvdb::Vec4I> quads = gatherQuads(mesher);
-    mesher.polygonPoolList().reset();
-    mesh.triangles.resize(2 * quads.size());
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, quads.size(), kGrain),
-                      [&](const auto& range) {
-                          progress.check();
-                          for (std::size_t i = range.begin(); i != range.end(); ++i) {
-                              const auto triangles = split(quads[i], mesh.positions);
-                              mesh.triangles[2 * i] = triangles[0];
-                              mesh.triangles[2 * i + 1] = triangles[1];
-                          }
-                      });
-    progress.advance();
+    Mesh mesh = Extraction(levelSet, field, progress).run();
     progress.endStage();
     return mesh;
 }

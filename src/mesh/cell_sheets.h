@@ -1,0 +1,40 @@
+// How the surface passes through a cell of eight corners, by the corners' signs: which of its
+// edges belong to one sheet. Neighbouring cells agree on their common face, so that the sheets of
+// all cells make up a manifold.
+#pragma once
+#include <array>
+#include <cstdint>
+
+namespace mpuvdb
+{
+
+/// Corner c of a cell lies at (c >> 2 & 1, c >> 1 & 1, c & 1).
+/// Edge e runs along axis e / 4, from the corner that lies at (e >> 1 & 1, e & 1) on the two axes
+/// after that one, in cyclic order.
+/// Face f is across axis f / 2, on the low side for even f.
+
+struct CellEdge {
+    std::uint8_t low, high; ///< corners
+};
+
+/// The sheets of a cell.
+struct CellSheets {
+    static constexpr std::uint8_t kNone = 0xff;
+    std::uint8_t count = 0;               ///< of sheets, at most 4
+    std::array<std::uint8_t, 12> sheet{}; ///< of each edge; kNone where there is no crossing
+};
+
+/// The ends of an edge.
+CellEdge cellEdge(int edge);
+
+/// The sheets for corners that are inside where @a inside has a bit. A face whose inside corners
+/// lie across each other is passed so that these are apart; where the cell is @a turned, so that
+/// they are together on its doubtful face.
+const CellSheets& cellSheets(std::uint8_t inside, bool turned);
+
+/// The face that would be passed twice by one sheet, or -1: the only face of this cell with inside
+/// corners across each other. Where that holds on both sides of a face, the mesh would have an edge
+/// with four faces; turning the face in both cells [Wenger13 §3.3] mends that.
+int doubtfulFace(std::uint8_t inside);
+
+} // namespace mpuvdb

@@ -1,0 +1,139 @@
+// The cells that the surface passes, block by block, and the numbers of the vertices in them.
+#pragma once
+#include "cell_sheets.h"
+
+#include <mpuvdb/vec.h>
+
+#include <openvdb/openvdb.h>
+
+#include <array>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Progress;
+
+/// Values of a block's voxels and those around: from one below the block on each axis to two above.
+class BlockHalo
+{
+public:
+    static constexpr int kDim = 11;
+    /// Steps to the next voxel along x, y, z.
+    static constexpr std::array<int, 3> kStride = {kDim * kDim, kDim, 1};
+
+    void load(const openvdb::FloatTree& tree, const openvdb::Coord& origin);
+    /// Index of the voxel at (x,y,z) in the block, each in [-1, 9].
+    static constexpr int index(int x, int y, int z)
+    {
+        return (x + 1) * kStride[0] + (y + 1) * kStride[1] + z + 1;
+    }
+    float operator[](int index) const { return mValues[std::size_t(index)]; }
+
+private:
+    std::array<float, kDim * kDim * kDim> mValues;
+};
+
+/// A cell that the surface passes; its corners are the voxels from its own on, one step on each
+/// axis.
+struct DualCell {
+    std::uint16_t vertex; ///< its first, from the block's first on
+    std::uint8_t inside;  ///< corners inside
+    std::uint8_t turned;  ///< see cellSheets()
+
+    const CellSheets& sheets() const { return cellSheets(inside, turned != 0); }
+};
+
+/// The cells whose voxels lie in one block of 8 x 8 x 8.
+struct DualBlock {
+    openvdb::Coord origin;
+    std::array<std::uint64_t, 8> passed{}; ///< bit z + 8 y of word x
+    std::array<std::uint16_t, 8> rank{};   ///< passed cells in the words before
+    std::vector<DualCell> cells;           ///< in the order of the bits
+    std::uint64_t firstVertex = 0, vertices = 0;
+    std::uint64_t firstQuad = 0, quads = 0;
+
+    /// The cell at a passed place (x,y,z), each in [0,7].
+    const DualCell& cell(int x, int y, int z) const
+    {
+        const int bit = 8 * y + z;
+        const std::uint64_t below = passed[std::size_t(x)] & ((std::uint64_t(1) << bit) - 1);
+        return cells[rank[std::size_t(x)] + std::size_t(__builtin_popcountll(below))];
+    }
+
+    /// Calls visit(at, cell) for all its cells, at in [0,7] per axis.
+    template <typename Visit>
+    void forEachCell(const Visit& visit) const
+    {
+        auto next = cells.begin();
+        for (int x = 0; x < 8; ++x)
+            for (std::uint64_t bits = passed[std::size_t(x)]; bits; bits &= bits - 1) {
+                const int bit = __builtin_ctzll(bits);
+                visit(Vec3i(x, bit >> 3, bit & 7), *next++);
+            }
+    }
+};
+
+/// All blocks that the surface passes.
+class DualCells
+{
+public:
+    /// @throws Interrupted.
+    DualCells(const openvdb::FloatTree& tree, Progress& progress);
+
+    const std::vector<DualBlock>& blocks() const { return mBlocks; }
+    std::uint64_t vertices() const { return mVertices; }
+    std::uint64_t quads() const { return mQuads; }
+
+    /// Calls visit(quad, corners) for every edge that the surface crosses in block @a n; corners
+    /// are vertices, counter-clockwise seen from outside; quad counts from the block's first.
+    template <typename Visit>
+    void forEachQuad(std::size_t n, const Visit& visit) const;
+
+private:
+    /// Itself and those before it: bit 4 stands for a step down x, 2 for y, 1 for z.
+    using Neighbours = std::array<const DualBlock*, 8>;
+    Neighbours neighboursOf(const DualBlock& block) const;
+    void add(const openvdb::FloatTree& tree, const std::vector<openvdb::Coord>& origins,
+             Progress& progress);
+    void number();
+
+    std::vector<DualBlock> mBlocks;
+    struct HashCoord {
+        std::size_t operator()(const openvdb::Coord& c) const { return c.hash<20>(); }
+    };
+    std::unordered_map<openvdb::Coord, std::uint32_t, HashCoord> mIndex; ///< by origin
+    std::uint64_t mVertices = 0, mQuads = 0;
+};
+
+template <typename Visit>
+void DualCells::forEachQuad(std::size_t n, const Visit& visit) const
+{
+    const DualBlock& block = mBlocks[n];
+    const Neighbours near = neighboursOf(block);
+    // The vertex of the sheet that crosses edge e of the cell at a place in [-1,7] per axis.
+    const auto vertexAt = [&](const Vec3i& at, int e) {
+        const int step = (at.x() < 0 ? 4 : 0) | (at.y() < 0 ? 2 : 0) | (at.z() < 0 ? 1 : 0);
+        const DualBlock& home = *near[std::size_t(step)];
+        const DualCell& cell = home.cell(at.x() & 7, at.y() & 7, at.z() & 7);
+        return std::uint32_t(home.firstVertex + cell.vertex + cell.sheets().sheet[std::size_t(e)]);
+    };
+    std::uint64_t quad = 0;
+    block.forEachCell([&](const Vec3i& at, const DualCell& cell) {
+        const bool inside = cell.inside & 1;
+        for (int axis = 0; axis < 3; ++axis) {
+            if (((cell.inside >> (4 >> axis) & 1) != 0) == inside) continue;
+            const Vec3i u = Vec3i::Unit((axis + 1) % 3), w = Vec3i::Unit((axis + 2) % 3);
+            const int e = 4 * axis;
+            std::array<std::uint32_t, 4> corners = {vertexAt(at, e), vertexAt(at - u, e + 2),
+                                                    vertexAt(at - u - w, e + 3),
+                                                    vertexAt(at - w, e + 1)};
+            if (!inside) std::swap(corners[1], corners[3]);
+            visit(quad++, corners);
+        }
+    });
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,301 @@
+#include "sheet_vertex.h"
+
+#include <Eigen/Eigenvalues>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Normals of a sheet that differ by less than this (cosine to their mean) are those of a smooth
+/// surface, bent; and so are gradients of about this length.
+constexpr float kSmooth = 0.9f;
+constexpr float kSteepness = 0.15f;
+
+/// Two planes of equal weight and angle t between their normals have eigenvalues in the ratio
+/// tan^2(t/2): folds of less than about 20 degrees are smoothed over.
+constexpr double kLeastEigenvalue = 0.03;
+
+/// From which error of prediction on (voxels) the plane at a voxel says nothing.
+constexpr float kWorstPlane = 0.4f;
+
+Vec3f cornerOf(int c)
+{
+    return Vec3f(float(c >> 2 & 1), float(c >> 1 & 1), float(c & 1));
+}
+
+int stepTo(int c)
+{
+    return (c >> 2 & 1) * BlockHalo::kStride[0] + (c >> 1 & 1) * BlockHalo::kStride[1] +
+           (c & 1) * BlockHalo::kStride[2];
+}
+
+/// The place in the unit cube of least weighted squared distance from planes, as near to the mean
+/// as the planes leave it free.
+class Quadric
+{
+public:
+    explicit Quadric(const Vec3d& mean) : mMean(mean) {}
+
+    void add(const Vec3d& normal, const Vec3d& point, double weight)
+    {
+        mSquares += weight * normal * normal.transpose();
+        mRight += weight * normal * normal.dot(point - mMean);
+    }
+
+    /// @param rank  the number of directions that the planes decide.
+    Vec3d minimum(int& rank) const
+    {
+        Vec3d place = mMean;
+        Eigen::Array3i free = Eigen::Array3i::Ones();
+        // A minimum outside is held at the wall it passes farthest, and sought along it.
+        for (int round = 0; round < 3; ++round) {
+            int decided = 0;
+            place = solve(free, place, decided);
+            if (round == 0) rank = decided;
+            Vec3d beyond = (place.cwiseMax(0).cwiseMin(1) - place).cwiseAbs();
+            Eigen::Index axis = 0;
+            if (beyond.maxCoeff(&axis) <= 0) return place;
+            place[axis] = std::clamp(place[axis], 0.0, 1.0);
+            free[axis] = 0;
+        }
+        return place.cwiseMax(0).cwiseMin(1);
+    }
+
+private:
+    /// The minimum over the free coordinates, the others held where @a at has them.
+    Vec3d solve(const Eigen::Array3i& free, const Vec3d& at, int& rank) const
+    {
+        Vec3d held = Vec3d::Zero();
+        for (int axis = 0; axis < 3; ++axis)
+            if (!free[axis]) held[axis] = at[axis] - mMean[axis];
+        const Vec3d mask = free.cast<double>().matrix();
+        const Eigen::Matrix3d squares = mask.asDiagonal() * mSquares * mask.asDiagonal();
+        const Vec3d right = mask.asDiagonal() * (mRight - mSquares * held);
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+        solver.computeDirect(squares);
+        Vec3d step = Vec3d::Zero();
+        rank = 0;
+        for (int n = 0; n < 3; ++n) {
+            const double value = solver.eigenvalues()[n];
+            if (!(value > kLeastEigenvalue * solver.eigenvalues()[2])) continue;
+            const Vec3d direction = solver.eigenvectors().col(n);
+            step += direction * (direction.dot(right) / value);
+            ++rank;
+        }
+        return mMean + held + mask.asDiagonal() * step;
+    }
+
+    Vec3d mMean;
+    Eigen::Matrix3d mSquares = Eigen::Matrix3d::Zero();
+    Vec3d mRight = Vec3d::Zero();
+};
+
+} // namespace
+
+/// Where a sheet crosses the edges of its cell; in the cell's coordinates.
+struct SheetPlacer::Crossings {
+    int count = 0;
+    std::array<int, 12> edge;
+    std::array<Vec3f, 12> point;
+    Vec3f mean = Vec3f::Zero();
+    bool smooth = true;
+};
+
+/// A plane through a voxel's nearest place on the surface, as the values on one side of the voxel
+/// tell it.
+struct SheetPlacer::Plane {
+    Vec3f normal = Vec3f::Zero();
+    float distance = 0;            ///< of the voxel, signed, voxels
+    float error = 2 * kWorstPlane; ///< of what it predicts there
+};
+
+Vec3f SheetPlacer::centralGradient(int index) const
+{
+    const float scale = float(0.5 / mLattice.voxelSize);
+    Vec3f gradient;
+    for (int axis = 0; axis < 3; ++axis) {
+        const int step = BlockHalo::kStride[std::size_t(axis)];
+        gradient[axis] = scale * (mValues[index + step] - mValues[index - step]);
+    }
+    return gradient;
+}
+
+SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell& cell,
+                                                int sheet) const
+{
+    const int home = BlockHalo::index(at.x(), at.y(), at.z());
+    const auto& sheets = cell.sheets().sheet;
+    Crossings found;
+    std::array<Vec3f, 12> normal;
+    Vec3f mean = Vec3f::Zero();
+    for (int e = 0; e < 12; ++e) {
+        if (sheets[std::size_t(e)] != sheet) continue;
+        const CellEdge ends = cellEdge(e);
+        const int low = home + stepTo(ends.low), high = home + stepTo(ends.high);
+        const float t = mValues[low] / (mValues[low] - mValues[high]);
+        const auto n = std::size_t(found.count++);
+        found.edge[n] = e;
+        found.point[n] = cornerOf(ends.low) + t * (cornerOf(ends.high) - cornerOf(ends.low));
+        found.mean += found.point[n];
+        normal[n] = (1 - t) * centralGradient(low) + t * centralGradient(high);
+        const float length = normal[n].norm();
+        found.smooth &= std::abs(length - 1) < kSteepness;
+        normal[n] /= std::max(length, 1e-6f);
+        mean += normal[n];
+    }
+    found.mean /= float(found.count);
+    mean /= std::max(mean.norm(), 1e-6f);
+    for (int n = 0; n < found.count; ++n)
+        found.smooth &= normal[std::size_t(n)].dot(mean) > kSmooth;
+    return found;
+}
+
+/// Of the eight octants about a voxel, the one in which the values are most nearly those of a
+/// distance to a plane: creases lie elsewhere.
+SheetPlacer::Plane SheetPlacer::planeAt(int index) const
+{
+    const float scale = float(1 / mLattice.voxelSize);
+    const float here = scale * mValues[index];
+    Plane best;
+    for (int octant = 0; octant < 8; ++octant) {
+        std::array<int, 3> step;
+        Vec3f gradient;
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            const int sign = octant >> axis & 1 ? 1 : -1;
+            step[axis] = sign * BlockHalo::kStride[axis];
+            gradient[Eigen::Index(axis)] = scale * mValues[index + step[axis]] - here;
+        }
+        float error = std::abs(gradient.norm() - 1);
+        for (int c = 3; c < 8; ++c) {
+            if (c == 4) continue; // a step along one axis: exact
+            int to = index;
+            float predicted = here;
+            for (std::size_t axis = 0; axis < 3; ++axis)
+                if (c >> axis & 1) {
+                    to += step[axis];
+                    predicted += gradient[Eigen::Index(axis)];
+                }
+            error = std::max(error, std::abs(scale * mValues[to] - predicted));
+        }
+        if (error >= best.error) continue;
+        best.error = error;
+        best.distance = here;
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            best.normal[Eigen::Index(axis)] =
+                octant >> axis & 1 ? gradient[Eigen::Index(axis)] : -gradient[Eigen::Index(axis)];
+        best.normal.normalize();
+    }
+    return best;
+}
+
+/// Planes from the ends of the crossed edges.
+class SheetPlacer::Planes
+{
+public:
+    explicit Planes(const Vec3f& mean) : mQuadric(mean.cast<double>()) {}
+    void add(const Vec3f& normal, const Vec3f& point, float weight)
+    {
+        mQuadric.add(normal.cast<double>(), point.cast<double>(), double(weight));
+        ++mCount;
+    }
+    int count() const { return mCount; }
+    const Quadric& quadric() const { return mQuadric; }
+
+private:
+    Quadric mQuadric;
+    int mCount = 0;
+};
+
+void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const
+{
+    const int home = BlockHalo::index(at.x(), at.y(), at.z());
+    std::uint32_t seen = 0;
+    for (int n = 0; n < crossings.count; ++n) {
+        const CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
+        for (const int c : {int(ends.low), int(ends.high)}) {
+            if (seen >> c & 1) continue;
+            seen |= 1u << c;
+            const Plane plane = planeAt(home + stepTo(c));
+            const float weight = 1 - plane.error / kWorstPlane;
+            if (weight <= 0) continue;
+            planes.add(plane.normal, cornerOf(c) - plane.distance * plane.normal, weight * weight);
+        }
+    }
+}
+
+/// Planes where the field itself crosses the edges; nothing where field and grid disagree.
+void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const
+{
+    constexpr int kSteps = 6;
+    constexpr double kNear = 1e-3; // voxels
+    const double h = mLattice.voxelSize;
+    const Vec3d corner = mLattice.origin + h * (mOrigin + at.cast<double>());
+    for (int n = 0; n < crossings.count; ++n) {
+        const CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
+        const Vec3d from = cornerOf(ends.low).cast<double>(),
+                    along = (cornerOf(ends.high) - cornerOf(ends.low)).cast<double>();
+        const auto sampleAt = [&](double t) {
+            return mField->evaluate(corner + h * (from + t * along));
+        };
+        double low = 0, high = 1, t = (crossings.point[std::size_t(n)].cast<double>() - from).sum();
+        const bool lowInside =
+            mValues[BlockHalo::index(at.x(), at.y(), at.z()) + stepTo(ends.low)] < 0;
+        FieldSample sample = sampleAt(t);
+        for (int step = 0; step < kSteps && std::abs(sample.value) > kNear * h; ++step) {
+            ((sample.value < 0) == lowInside ? low : high) = t;
+            const double slope = sample.gradient.dot(along);
+            const double next = slope != 0 ? t - sample.value / (h * slope) : 0.5 * (low + high);
+            t = next > low && next < high ? next : 0.5 * (low + high);
+            sample = sampleAt(t);
+        }
+        if (!(std::abs(sample.value) <= 0.05 * h) || !(sample.gradient.norm() > 0)) continue;
+        planes.add(sample.gradient.normalized().cast<float>(), (from + t * along).cast<float>(), 1);
+    }
+}
+
+/// One step to the zero of the values' trilinear interpolation.
+Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
+{
+    const int home = BlockHalo::index(at.x(), at.y(), at.z());
+    float value = 0;
+    Vec3f gradient = Vec3f::Zero();
+    for (int c = 0; c < 8; ++c) {
+        const Vec3f corner = cornerOf(c);
+        const Vec3f w = (Vec3f::Ones() - corner) + (2 * corner - Vec3f::Ones()).cwiseProduct(p);
+        const Vec3f sign = 2 * corner - Vec3f::Ones();
+        const float v = mValues[home + stepTo(c)];
+        value += v * w.x() * w.y() * w.z();
+        gradient +=
+            v * Vec3f(sign.x() * w.y() * w.z(), w.x() * sign.y() * w.z(), w.x() * w.y() * sign.z());
+    }
+    const float square = gradient.squaredNorm();
+    if (square > 0) p -= value / square * gradient;
+    return p.cwiseMax(0).cwiseMin(1);
+}
+
+SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet) const
+{
+    const Crossings crossings = crossingsOf(at, cell, sheet);
+    SheetVertex vertex;
+    Vec3f inCell = crossings.mean;
+    if (crossings.smooth) {
+        if (cell.sheets().count == 1) inCell = ontoSurface(at, inCell);
+    } else {
+        Planes planes(crossings.mean);
+        if (mField) addFieldPlanes(at, crossings, planes);
+        if (planes.count() < crossings.count) addGridPlanes(at, crossings, planes);
+        if (planes.count() > 0) {
+            int rank = 0;
+            inCell = planes.quadric().minimum(rank).cast<float>();
+            vertex.feature = rank > 1;
+        }
+    }
+    vertex.position = at.cast<float>() + inCell;
+    return vertex;
+}
+
+} // namespace mpuvdb

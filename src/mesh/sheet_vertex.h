@@ -1,0 +1,49 @@
+// Where the vertex of a sheet lies in its cell.
+#pragma once
+#include "dual_cells.h"
+
+#include <mpuvdb/field.h>
+
+namespace mpuvdb
+{
+
+/// A vertex in voxels from the block's origin.
+struct SheetVertex {
+    Vec3f position;
+    bool feature = false; ///< on a crease or corner of the surface
+};
+
+/// Places the vertices of one block, from the values around and, where there is one, the field that
+/// the values were sampled from.
+class SheetPlacer
+{
+public:
+    /// @param field  null: none. @param lattice  of the values.
+    SheetPlacer(const Field* field, const Lattice& lattice) : mField(field), mLattice(lattice) {}
+
+    void load(const openvdb::FloatTree& tree, const openvdb::Coord& origin)
+    {
+        mValues.load(tree, origin);
+        mOrigin = Vec3d(origin.x(), origin.y(), origin.z());
+    }
+    /// The vertex of sheet @a sheet of the cell at @a at, each in [0,7].
+    SheetVertex place(const Vec3i& at, const DualCell& cell, int sheet) const;
+
+private:
+    struct Crossings;
+    struct Plane;
+    class Planes;
+    Crossings crossingsOf(const Vec3i& at, const DualCell& cell, int sheet) const;
+    Vec3f centralGradient(int index) const;
+    Plane planeAt(int index) const;
+    void addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const;
+    void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const;
+    Vec3f ontoSurface(const Vec3i& at, Vec3f inCell) const;
+
+    const Field* mField;
+    Lattice mLattice;
+    BlockHalo mValues;
+    Vec3d mOrigin = Vec3d::Zero(); ///< of the block, voxels
+};
+
+} // namespace mpuvdb
