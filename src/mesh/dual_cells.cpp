@@ -198,6 +198,24 @@ void DualCells::number()
     }
 }
 
+std::size_t DualCells::blockOf(std::uint64_t v) const
+{
+    const auto after = std::upper_bound(
+        mBlocks.begin(), mBlocks.end(), v,
+        [](std::uint64_t vertex, const DualBlock& block) { return vertex < block.firstVertex; });
+    return std::size_t(after - mBlocks.begin()) - 1;
+}
+
+std::vector<char> DualCells::withNeighbours(const std::vector<char>& selection) const
+{
+    std::vector<char> reached(selection.size(), 0);
+    tbb::parallel_for(std::size_t(0), selection.size(), [&](std::size_t n) {
+        for (const DualBlock* near : neighboursOf(mBlocks[n]))
+            if (near && selection[std::size_t(near - mBlocks.data())]) reached[n] = 1;
+    });
+    return reached;
+}
+
 DualCells::Neighbours DualCells::neighboursOf(const DualBlock& block) const
 {
     Neighbours near{};

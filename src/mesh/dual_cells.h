@@ -92,6 +92,11 @@ public:
     template <typename Visit>
     void forEachQuad(std::size_t n, const Visit& visit) const;
 
+    /// The block in which vertex @a v lies.
+    std::size_t blockOf(std::uint64_t v) const;
+    /// The blocks with a flag in @a selection and those whose quads reach into them.
+    std::vector<char> withNeighbours(const std::vector<char>& selection) const;
+
 private:
     /// Itself and those before it: bit 4 stands for a step down x, 2 for y, 1 for z.
     using Neighbours = std::array<const DualBlock*, 8>;

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -32,8 +33,9 @@ float shapeOf(const Vec3f& a, const Vec3f& b, const Vec3f& c)
     return longest > 0 ? (b - a).cross(c - a).norm() / longest : 0;
 }
 
-/// Whether to split from corner 0 to 2, and not from 1 to 3: along a crease where there is one, and
-/// else so that the worse triangle is the better. A split that folds the quad over loses.
+/// Whether to split from corner 0 to 2, and not from 1 to 3: along a crease where two opposite
+/// corners lie on it; where three do, from the middle one, for they are about in line; and else so
+/// that nothing folds over and the worse triangle is the better.
 bool splitsEven(const std::array<Corner, 4>& q)
 {
     const auto& [a, b, c, d] = q;
@@ -41,16 +43,22 @@ bool splitsEven(const std::array<Corner, 4>& q)
     const Vec3f acd = (c.position - a.position).cross(d.position - a.position);
     const Vec3f abd = (b.position - a.position).cross(d.position - a.position);
     const Vec3f bcd = (c.position - b.position).cross(d.position - b.position);
+    const bool evenCrease = a.feature && c.feature, oddCrease = b.feature && d.feature;
+    const bool evenMiddle = oddCrease && (a.feature || c.feature);
+    const bool oddMiddle = evenCrease && (b.feature || d.feature);
+    if (evenMiddle != oddMiddle) return evenMiddle;
+    if (evenCrease != oddCrease) return evenCrease;
     const bool evenFolds = abc.dot(acd) < 0, oddFolds = abd.dot(bcd) < 0;
     if (evenFolds != oddFolds) return oddFolds;
-    const bool evenCrease = a.feature && c.feature, oddCrease = b.feature && d.feature;
-    if (evenCrease != oddCrease) return evenCrease;
     const float even = std::min(shapeOf(a.position, b.position, c.position),
                                 shapeOf(a.position, c.position, d.position));
     const float odd = std::min(shapeOf(a.position, b.position, d.position),
                                shapeOf(b.position, c.position, d.position));
     return even >= odd;
 }
+
+/// Cosine from which on a triangle faces against the surface about it.
+constexpr float kFolded = -0.5f;
 
 class Extraction
 {
@@ -74,67 +82,132 @@ public:
         mMesh.frame =
             mLattice.origin + mLattice.voxelSize * Vec3d(mFrame.x(), mFrame.y(), mFrame.z());
         mMesh.positions.resize(mCells.vertices());
-        mFeature.resize(mCells.vertices());
+        mVertices = std::vector<State>(mCells.vertices());
         mMesh.triangles.resize(2 * mCells.quads());
-        placeAll();
+        const Selection all(mCells.blocks().size(), 1);
+        place(all);
         mProgress.advance();
-        splitAll();
+        split(all);
+        unfold();
         mProgress.advance();
         return std::move(mMesh);
     }
 
 private:
+    struct State {
+        bool feature = false;
+        Freedom freedom = Freedom::Near;
+    };
+    /// A flag for each block.
+    using Selection = std::vector<char>;
+
     template <typename Work>
-    void forEachBlock(const Work& work)
+    void forEachBlock(const Selection& selection, const Work& work)
     {
         tbb::parallel_for(Blocks(0, mCells.blocks().size(), kGrain), [&](const Blocks& range) {
             mProgress.check();
-            work(range);
+            for (std::size_t n = range.begin(); n < range.end(); ++n)
+                if (selection[n]) work(n);
         });
     }
 
-    void placeAll()
+    void place(const Selection& selection)
     {
         const float h = float(mLattice.voxelSize);
-        forEachBlock([&](const Blocks& range) {
+        forEachBlock(selection, [&](std::size_t n) {
             SheetPlacer placer(mField, mLattice);
-            for (std::size_t n = range.begin(); n < range.end(); ++n) {
-                const DualBlock& block = mCells.blocks()[n];
-                const openvdb::Coord from = block.origin - mFrame;
-                const Vec3f origin(float(from.x()), float(from.y()), float(from.z()));
-                placer.load(mTree, block.origin);
-                block.forEachCell([&](const Vec3i& at, const DualCell& cell) {
-                    for (int sheet = 0; sheet < cell.sheets().count; ++sheet) {
-                        const SheetVertex vertex = placer.place(at, cell, sheet);
-                        const std::uint64_t v =
-                            block.firstVertex + cell.vertex + std::uint64_t(sheet);
-                        mMesh.positions[v] = h * (origin + vertex.position);
-                        mFeature[v] = vertex.feature;
-                    }
-                });
-            }
+            const DualBlock& block = mCells.blocks()[n];
+            const openvdb::Coord from = block.origin - mFrame;
+            const Vec3f origin(float(from.x()), float(from.y()), float(from.z()));
+            placer.load(mTree, block.origin);
+            block.forEachCell([&](const Vec3i& at, const DualCell& cell) {
+                for (int sheet = 0; sheet < cell.sheets().count; ++sheet) {
+                    const std::uint64_t v = block.firstVertex + cell.vertex + std::uint64_t(sheet);
+                    const SheetVertex vertex = placer.place(at, cell, sheet, mVertices[v].freedom);
+                    mMesh.positions[v] = h * (origin + vertex.position);
+                    mVertices[v].feature = vertex.feature;
+                }
+            });
         });
     }
 
-    void splitAll()
+    void split(const Selection& selection)
     {
-        forEachBlock([&](const Blocks& range) {
-            for (std::size_t n = range.begin(); n < range.end(); ++n) {
-                const std::uint64_t first = mCells.blocks()[n].firstQuad;
-                mCells.forEachQuad(
-                    n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q) {
-                        Mesh::Triangle* const out = &mMesh.triangles[2 * (first + quad)];
-                        std::array<Corner, 4> corners;
-                        for (std::size_t c = 0; c < 4; ++c)
-                            corners[c] = {mMesh.positions[q[c]], mFeature[q[c]] != 0};
-                        const bool even = splitsEven(corners);
-                        out[0] = even ? Mesh::Triangle{q[0], q[1], q[2]}
-                                      : Mesh::Triangle{q[0], q[1], q[3]};
-                        out[1] = even ? Mesh::Triangle{q[0], q[2], q[3]}
-                                      : Mesh::Triangle{q[1], q[2], q[3]};
-                    });
+        forEachBlock(selection, [&](std::size_t n) {
+            const std::uint64_t first = mCells.blocks()[n].firstQuad;
+            mCells.forEachQuad(n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q) {
+                Mesh::Triangle* const out = &mMesh.triangles[2 * (first + quad)];
+                std::array<Corner, 4> corners;
+                for (std::size_t c = 0; c < 4; ++c)
+                    corners[c] = {mMesh.positions[q[c]], mVertices[q[c]].feature};
+                const bool even = splitsEven(corners);
+                out[0] = even ? Mesh::Triangle{q[0], q[1], q[2]} : Mesh::Triangle{q[0], q[1], q[3]};
+                out[1] = even ? Mesh::Triangle{q[0], q[2], q[3]} : Mesh::Triangle{q[1], q[2], q[3]};
+            });
+        });
+    }
+
+    /// Vertices on a crease whose triangles fold over are drawn into their cells, and where that
+    /// does not help towards the middle of their crossings.
+    void unfold()
+    {
+        Selection changed(mCells.blocks().size(), 1);
+        for (const Freedom freedom : {Freedom::Cell, Freedom::Half, Freedom::None}) {
+            changed = bindFolded(changed, freedom);
+            if (std::find(changed.begin(), changed.end(), 1) == changed.end()) return;
+            place(changed);
+            changed = mCells.withNeighbours(changed);
+            split(changed);
+        }
+    }
+
+    /// Take freedom from the vertices on creases of triangles that fold over, in the blocks of
+    /// @a selection. @return the blocks whose vertices these are.
+    Selection bindFolded(const Selection& selection, Freedom freedom)
+    {
+        Selection changed(selection.size(), 0);
+        std::vector<std::vector<std::uint32_t>> bound(selection.size());
+        forEachBlock(selection, [&](std::size_t n) {
+            const DualBlock& block = mCells.blocks()[n];
+            openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
+            for (std::uint64_t t = 2 * block.firstQuad; t < 2 * (block.firstQuad + block.quads);
+                 ++t) {
+                const Mesh::Triangle& v = mMesh.triangles[t];
+                if (!mVertices[v[0]].feature && !mVertices[v[1]].feature &&
+                    !mVertices[v[2]].feature)
+                    continue;
+                if (!isFolded(v, access)) continue;
+                for (const std::uint32_t i : v)
+                    if (mVertices[i].feature && mVertices[i].freedom < freedom)
+                        bound[n].push_back(i);
             }
         });
+        for (const auto& vertices : bound)
+            for (const std::uint32_t v : vertices) {
+                mVertices[v].freedom = freedom;
+                changed[mCells.blockOf(v)] = 1;
+            }
+        return changed;
+    }
+
+    /// Whether a triangle faces against the gradient of the values at the voxel nearest to it.
+    template <typename Access>
+    bool isFolded(const Mesh::Triangle& v, const Access& access) const
+    {
+        const Vec3f &a = mMesh.positions[v[0]], &b = mMesh.positions[v[1]],
+                    &c = mMesh.positions[v[2]];
+        const Vec3f middle = (a + b + c) / float(3 * mLattice.voxelSize);
+        const openvdb::Coord at =
+            mFrame + openvdb::Coord::round(openvdb::Vec3d(middle.x(), middle.y(), middle.z()));
+        Vec3f gradient;
+        for (int axis = 0; axis < 3; ++axis) {
+            openvdb::Coord up = at, down = at;
+            ++up[axis];
+            --down[axis];
+            gradient[axis] = access.getValue(up) - access.getValue(down);
+        }
+        const Vec3f normal = (b - a).cross(c - a);
+        return normal.dot(gradient) < kFolded * normal.norm() * gradient.norm();
     }
 
     const openvdb::FloatTree& mTree;
@@ -144,7 +217,7 @@ private:
     DualCells mCells;
     openvdb::Coord mFrame;
     Mesh mMesh;
-    std::vector<char> mFeature;
+    std::vector<State> mVertices;
 };
 
 } // namespace

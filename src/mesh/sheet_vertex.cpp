@@ -12,12 +12,23 @@ namespace
 
 /// Normals of a sheet that differ by less than this (cosine to their mean) are those of a smooth
 /// surface, bent; and so are gradients of about this length.
-constexpr float kSmooth = 0.9f;
-constexpr float kSteepness = 0.15f;
+constexpr float kSmooth = 0.985f;
+constexpr float kSteepness = 0.05f;
 
 /// Two planes of equal weight and angle t between their normals have eigenvalues in the ratio
 /// tan^2(t/2): folds of less than about 20 degrees are smoothed over.
 constexpr double kLeastEigenvalue = 0.03;
+
+/// Where an edge crosses a plane that it misses.
+constexpr float kNowhere = 1e6f;
+
+/// How far beyond its cell a vertex on a crease may lie, voxels: a crease that passes a cell
+/// closely is followed, where a vertex held at the wall would fold its triangles over.
+constexpr double kBeyond = 0.5;
+
+/// Vertices keep this distance from the walls of their cell where the surface lets them move along
+/// it, voxels: no two coincide where the surface passes through a voxel.
+constexpr float kInset = 0.05f;
 
 /// From which error of prediction on (voxels) the plane at a voxel says nothing.
 constexpr float kWorstPlane = 0.4f;
@@ -27,17 +38,28 @@ Vec3f cornerOf(int c)
     return Vec3f(float(c >> 2 & 1), float(c >> 1 & 1), float(c & 1));
 }
 
+Vec3f inset(const Vec3f& p)
+{
+    return p.cwiseMax(kInset).cwiseMin(1 - kInset);
+}
+
 int stepTo(int c)
 {
     return (c >> 2 & 1) * BlockHalo::kStride[0] + (c >> 1 & 1) * BlockHalo::kStride[1] +
            (c & 1) * BlockHalo::kStride[2];
 }
 
-/// The place in the unit cube of least weighted squared distance from planes, as near to the mean
-/// as the planes leave it free.
+/// The place of least weighted squared distance from planes, in or near the unit cube, as near to
+/// the mean as the planes leave it free.
 class Quadric
 {
 public:
+    struct Minimum {
+        Vec3d place;
+        Eigen::Matrix3d free; ///< projects onto the directions that the planes leave open
+        int rank;             ///< of those that they decide
+    };
+
     explicit Quadric(const Vec3d& mean) : mMean(mean) {}
 
     void add(const Vec3d& normal, const Vec3d& point, double weight)
@@ -46,47 +68,48 @@ public:
         mRight += weight * normal * normal.dot(point - mMean);
     }
 
-    /// @param rank  the number of directions that the planes decide.
-    Vec3d minimum(int& rank) const
+    /// @param beyond  how far outside the cube it may lie.
+    Minimum minimum(double beyond) const
     {
-        Vec3d place = mMean;
-        Eigen::Array3i free = Eigen::Array3i::Ones();
+        const auto nearest = [&](const Vec3d& place) -> Vec3d {
+            return place.cwiseMax(-beyond).cwiseMin(1 + beyond);
+        };
+        Eigen::Array3i open = Eigen::Array3i::Ones();
+        Minimum found = solve(open, mMean);
         // A minimum outside is held at the wall it passes farthest, and sought along it.
-        for (int round = 0; round < 3; ++round) {
-            int decided = 0;
-            place = solve(free, place, decided);
-            if (round == 0) rank = decided;
-            Vec3d beyond = (place.cwiseMax(0).cwiseMin(1) - place).cwiseAbs();
+        for (int round = 0; round < 2; ++round) {
+            const Vec3d held = nearest(found.place);
             Eigen::Index axis = 0;
-            if (beyond.maxCoeff(&axis) <= 0) return place;
-            place[axis] = std::clamp(place[axis], 0.0, 1.0);
-            free[axis] = 0;
+            if ((held - found.place).cwiseAbs().maxCoeff(&axis) <= 0) break;
+            open[axis] = 0;
+            found.place = solve(open, held).place;
         }
-        return place.cwiseMax(0).cwiseMin(1);
+        found.place = nearest(found.place);
+        return found;
     }
 
 private:
-    /// The minimum over the free coordinates, the others held where @a at has them.
-    Vec3d solve(const Eigen::Array3i& free, const Vec3d& at, int& rank) const
+    /// The minimum over the open coordinates, the others held where @a at has them.
+    Minimum solve(const Eigen::Array3i& open, const Vec3d& at) const
     {
-        Vec3d held = Vec3d::Zero();
-        for (int axis = 0; axis < 3; ++axis)
-            if (!free[axis]) held[axis] = at[axis] - mMean[axis];
-        const Vec3d mask = free.cast<double>().matrix();
+        const Vec3d mask = open.cast<double>().matrix();
+        const Vec3d held = (Vec3d::Ones() - mask).cwiseProduct(at - mMean);
         const Eigen::Matrix3d squares = mask.asDiagonal() * mSquares * mask.asDiagonal();
         const Vec3d right = mask.asDiagonal() * (mRight - mSquares * held);
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
         solver.computeDirect(squares);
-        Vec3d step = Vec3d::Zero();
-        rank = 0;
+        Minimum found{mMean + held, Eigen::Matrix3d::Zero(), 0};
         for (int n = 0; n < 3; ++n) {
             const double value = solver.eigenvalues()[n];
-            if (!(value > kLeastEigenvalue * solver.eigenvalues()[2])) continue;
             const Vec3d direction = solver.eigenvectors().col(n);
-            step += direction * (direction.dot(right) / value);
-            ++rank;
+            if (value > kLeastEigenvalue * solver.eigenvalues()[2]) {
+                found.place += mask.asDiagonal() * direction * (direction.dot(right) / value);
+                ++found.rank;
+            } else {
+                found.free += direction * direction.transpose();
+            }
         }
-        return mMean + held + mask.asDiagonal() * step;
+        return found;
     }
 
     Vec3d mMean;
@@ -210,20 +233,41 @@ private:
     int mCount = 0;
 };
 
+/// The plane in which each edge crosses, from those at its ends: where these meet between the ends,
+/// the first that is met from inside if the surface is convex there, and else the last.
 void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
-    std::uint32_t seen = 0;
+    const float scale = float(1 / mLattice.voxelSize);
+    std::array<Plane, 8> planeOf;
+    for (int c = 0; c < 8; ++c) planeOf[std::size_t(c)] = planeAt(home + stepTo(c));
     for (int n = 0; n < crossings.count; ++n) {
-        const CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
-        for (const int c : {int(ends.low), int(ends.high)}) {
-            if (seen >> c & 1) continue;
-            seen |= 1u << c;
-            const Plane plane = planeAt(home + stepTo(c));
-            const float weight = 1 - plane.error / kWorstPlane;
-            if (weight <= 0) continue;
-            planes.add(plane.normal, cornerOf(c) - plane.distance * plane.normal, weight * weight);
+        CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
+        if (mValues[home + stepTo(ends.low)] >= 0) std::swap(ends.low, ends.high);
+        const Vec3f from = cornerOf(ends.low), along = cornerOf(ends.high) - from;
+        // Where along the edge the plane of corner c is crossed, from inside to outside.
+        const auto crossing = [&](std::size_t c) {
+            const Plane& plane = planeOf[c];
+            const float slope = plane.normal.dot(along);
+            if (plane.error >= kWorstPlane || slope <= 0) return kNowhere;
+            const float start = plane.distance + plane.normal.dot(from - cornerOf(int(c)));
+            return -start / slope;
+        };
+        const float t = crossing(ends.low), u = crossing(ends.high);
+        std::size_t taken = ends.low;
+        if (t != kNowhere && u != kNowhere) {
+            const float beyond = scale * mValues[home + stepTo(ends.high)];
+            const Plane& inner = planeOf[ends.low];
+            const bool convex = beyond > inner.distance + inner.normal.dot(along);
+            if ((t < u) != convex) taken = ends.high;
+        } else if (u != kNowhere) {
+            taken = ends.high;
+        } else if (t == kNowhere) {
+            continue;
         }
+        const Plane& plane = planeOf[taken];
+        const float weight = 1 - plane.error / kWorstPlane;
+        planes.add(plane.normal, from + crossing(taken) * along, weight * weight);
     }
 }
 
@@ -257,7 +301,7 @@ void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Pl
     }
 }
 
-/// One step to the zero of the values' trilinear interpolation.
+/// One step to the zero of the values' trilinear interpolation, and away from the walls.
 Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
@@ -273,25 +317,34 @@ Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
             v * Vec3f(sign.x() * w.y() * w.z(), w.x() * sign.y() * w.z(), w.x() * w.y() * sign.z());
     }
     const float square = gradient.squaredNorm();
-    if (square > 0) p -= value / square * gradient;
-    return p.cwiseMax(0).cwiseMin(1);
+    if (!(square > 0)) return p;
+    p -= value / square * gradient;
+    const Vec3f inward = inset(p) - p;
+    p += inward - inward.dot(gradient) / square * gradient;
+    return p.cwiseMax(-kInset).cwiseMin(1 + kInset);
 }
 
-SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet) const
+SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
+                               Freedom freedom) const
 {
     const Crossings crossings = crossingsOf(at, cell, sheet);
     SheetVertex vertex;
     Vec3f inCell = crossings.mean;
-    if (crossings.smooth) {
+    if (freedom == Freedom::None) {
+        // Whatever the planes say, this is inside.
+    } else if (crossings.smooth) {
         if (cell.sheets().count == 1) inCell = ontoSurface(at, inCell);
     } else {
         Planes planes(crossings.mean);
         if (mField) addFieldPlanes(at, crossings, planes);
         if (planes.count() < crossings.count) addGridPlanes(at, crossings, planes);
         if (planes.count() > 0) {
-            int rank = 0;
-            inCell = planes.quadric().minimum(rank).cast<float>();
-            vertex.feature = rank > 1;
+            const Quadric::Minimum minimum =
+                planes.quadric().minimum(freedom == Freedom::Near ? kBeyond : 0);
+            inCell = minimum.place.cast<float>();
+            inCell += minimum.free.cast<float>() * (inset(inCell) - inCell);
+            if (freedom == Freedom::Half) inCell = 0.5f * (inCell + crossings.mean);
+            vertex.feature = minimum.rank > 1;
         }
     }
     vertex.position = at.cast<float>() + inCell;

@@ -13,6 +13,14 @@ struct SheetVertex {
     bool feature = false; ///< on a crease or corner of the surface
 };
 
+/// How far a vertex on a crease may go to lie on it.
+enum class Freedom : std::uint8_t {
+    Near, ///< half a voxel out of its cell
+    Cell, ///< not out of its cell
+    Half, ///< halfway there from the mean of the crossings
+    None  ///< not at all: the mean of the crossings
+};
+
 /// Places the vertices of one block, from the values around and, where there is one, the field that
 /// the values were sampled from.
 class SheetPlacer
@@ -27,7 +35,7 @@ public:
         mOrigin = Vec3d(origin.x(), origin.y(), origin.z());
     }
     /// The vertex of sheet @a sheet of the cell at @a at, each in [0,7].
-    SheetVertex place(const Vec3i& at, const DualCell& cell, int sheet) const;
+    SheetVertex place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom) const;
 
 private:
     struct Crossings;
