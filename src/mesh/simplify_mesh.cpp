@@ -1,0 +1,368 @@
+// Edge collapse in the order of quadric errors [Garland97], within a distance that is kept: every
+// vertex of the original stays with a triangle that is near to it, and no collapse may take it
+// farther away than the tolerance.
+#include "point_triangle.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/progress.h>
+
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <queue>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Index = std::uint32_t;
+constexpr Index kNone = std::numeric_limits<Index>::max();
+
+/// Of the tolerance, what is given to the vertices: triangles may bulge by the rest between them.
+constexpr double kVertexShare = 0.8;
+
+/// Directions with less than this part of the largest eigenvalue are not decided by the planes.
+constexpr double kLeastEigenvalue = 1e-3;
+
+/// The least shape of a triangle (see shapeOf) that a collapse may make, unless it mends a worse.
+constexpr double kLeastShape = 0.02;
+
+/// The cosine between a triangle's normals before and after a collapse.
+constexpr double kLeastTurn = 0.3;
+
+/// Sum of squared distances from weighted planes.
+struct Quadric {
+    Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+    Vec3d linear = Vec3d::Zero();
+    double constant = 0, weight = 0;
+
+    void addPlane(const Vec3d& normal, const Vec3d& point, double w)
+    {
+        const double d = normal.dot(point);
+        squares += w * normal * normal.transpose();
+        linear += w * d * normal;
+        constant += w * d * d;
+        weight += w;
+    }
+    Quadric& operator+=(const Quadric& other)
+    {
+        squares += other.squares;
+        linear += other.linear;
+        constant += other.constant;
+        weight += other.weight;
+        return *this;
+    }
+    double at(const Vec3d& p) const
+    {
+        return std::max(0.0, p.dot(squares * p) - 2 * linear.dot(p) + constant);
+    }
+    /// The least, as near to @a start as the planes leave it free.
+    Vec3d minimum(const Vec3d& start) const
+    {
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+        solver.computeDirect(squares);
+        const Vec3d right = linear - squares * start;
+        Vec3d place = start;
+        for (int n = 0; n < 3; ++n) {
+            const double value = solver.eigenvalues()[n];
+            if (!(value > kLeastEigenvalue * solver.eigenvalues()[2])) continue;
+            const Vec3d direction = solver.eigenvectors().col(n);
+            place += direction * (direction.dot(right) / value);
+        }
+        return place;
+    }
+};
+
+/// Twice the area by the square of the longest side: 0 for a needle.
+double shapeOf(const Vec3d& a, const Vec3d& b, const Vec3d& c)
+{
+    const double longest =
+        std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+    return longest > 0 ? (b - a).cross(c - a).norm() / longest : 0;
+}
+
+/// The space above and below a triangle.
+class Slab
+{
+public:
+    explicit Slab(const std::array<Vec3d, 3>& corners)
+        : mCorners(corners), mNormal((corners[1] - corners[0]).cross(corners[2] - corners[0]))
+    {
+        mNormal.normalize();
+        for (std::size_t side = 0; side < 3; ++side)
+            mInward[side] = mNormal.cross(corners[(side + 1) % 3] - corners[side]);
+    }
+
+    bool holds(const Vec3d& p, double reach) const
+    {
+        return std::abs(mNormal.dot(p - mCorners[0])) <= reach &&
+               mInward[0].dot(p - mCorners[0]) >= 0 && mInward[1].dot(p - mCorners[1]) >= 0 &&
+               mInward[2].dot(p - mCorners[2]) >= 0;
+    }
+    bool isNear(const Vec3d& p, double reach) const
+    {
+        return std::abs(mNormal.dot(p - mCorners[0])) <= reach &&
+               squaredDistance(p, mCorners) <= reach * reach;
+    }
+
+private:
+    std::array<Vec3d, 3> mCorners;
+    Vec3d mNormal;
+    std::array<Vec3d, 3> mInward; ///< across each side
+};
+
+struct Collapse {
+    double cost;
+    Index kept, gone; ///< kept < gone
+    Index age;        ///< of both together when the cost was found
+    Vec3d place;
+
+    /// The cheapest comes first; of equals that of lower vertices.
+    bool operator<(const Collapse& other) const
+    {
+        if (cost != other.cost) return cost > other.cost;
+        return kept != other.kept ? kept > other.kept : gone > other.gone;
+    }
+};
+
+class Simplifier
+{
+public:
+    Simplifier(Mesh mesh, double tolerance)
+        : mMesh(std::move(mesh)), mReach(kVertexShare * tolerance),
+          mPositions(mMesh.positions.size()), mQuadrics(mMesh.positions.size()),
+          mFaces(mMesh.positions.size()), mAge(mMesh.positions.size(), 0),
+          mHeld(mMesh.positions.size(), 0), mFirstPoint(mMesh.triangles.size(), kNone),
+          mNextPoint(mMesh.positions.size(), kNone)
+    {
+        for (std::size_t v = 0; v < mPositions.size(); ++v)
+            mPositions[v] = mMesh.positions[v].cast<double>();
+        for (std::size_t t = 0; t < mMesh.triangles.size(); ++t) {
+            const Mesh::Triangle& corners = mMesh.triangles[t];
+            const Vec3d &a = mPositions[corners[0]], &b = mPositions[corners[1]],
+                        &c = mPositions[corners[2]];
+            const Vec3d normal = (b - a).cross(c - a);
+            const double length = normal.norm();
+            for (const Index v : corners) {
+                mFaces[v].push_back(Index(t));
+                if (length > 0) mQuadrics[v].addPlane(normal / length, a, length);
+            }
+        }
+        for (Index v = 0; v < mPositions.size(); ++v)
+            if (!mFaces[v].empty()) addPoint(mFaces[v].front(), v);
+        mPoints = mPositions;
+        holdBoundaries();
+    }
+
+    Mesh run(Progress& progress)
+    {
+        constexpr int kAtOnce = 256;
+        progress.beginStage("simplify", mPositions.size());
+        for (Index v = 0; v < mPositions.size(); ++v) {
+            if (v % kAtOnce == 0) progress.check();
+            for (const Index w : ring(v))
+                if (v < w) propose(v, w);
+        }
+        int done = 0;
+        while (!mQueue.empty()) {
+            const Collapse next = mQueue.top();
+            mQueue.pop();
+            if (++done % kAtOnce == 0) progress.check();
+            if (next.age != mAge[next.kept] + mAge[next.gone] || mFaces[next.kept].empty() ||
+                mFaces[next.gone].empty())
+                continue;
+            if (!tryCollapse(next)) continue;
+            progress.advance();
+            for (const Index w : ring(next.kept))
+                propose(std::min(next.kept, w), std::max(next.kept, w));
+        }
+        progress.endStage();
+        return compacted();
+    }
+
+private:
+    void addPoint(Index face, Index point)
+    {
+        mNextPoint[point] = mFirstPoint[face];
+        mFirstPoint[face] = point;
+    }
+
+    /// The vertices that @a v shares an edge with, sorted.
+    std::vector<Index> ring(Index v) const
+    {
+        std::vector<Index> found;
+        found.reserve(2 * mFaces[v].size());
+        for (const Index t : mFaces[v])
+            for (const Index w : mMesh.triangles[t])
+                if (w != v) found.push_back(w);
+        std::sort(found.begin(), found.end());
+        found.erase(std::unique(found.begin(), found.end()), found.end());
+        return found;
+    }
+
+    /// Vertices with an edge that has not two triangles stay where they are.
+    void holdBoundaries()
+    {
+        for (Index v = 0; v < mPositions.size(); ++v) mHeld[v] = ring(v).size() != mFaces[v].size();
+    }
+
+    void propose(Index kept, Index gone)
+    {
+        if (mHeld[kept] || mHeld[gone]) return;
+        Quadric sum = mQuadrics[kept];
+        sum += mQuadrics[gone];
+        const Vec3d middle = 0.5 * (mPositions[kept] + mPositions[gone]);
+        const Vec3d place = sum.minimum(middle);
+        const double cost = sum.at(place);
+        if (!(cost <= mReach * mReach * sum.weight)) return;
+        mQueue.push({cost, kept, gone, mAge[kept] + mAge[gone], place});
+    }
+
+    /// The triangle with @a v moved to @a place.
+    std::array<Vec3d, 3> moved(Index t, Index v, Index w, const Vec3d& place) const
+    {
+        std::array<Vec3d, 3> corners;
+        for (std::size_t c = 0; c < 3; ++c) {
+            const Index i = mMesh.triangles[t][c];
+            corners[c] = i == v || i == w ? place : mPositions[i];
+        }
+        return corners;
+    }
+
+    bool holds(Index t, Index v) const
+    {
+        const Mesh::Triangle& c = mMesh.triangles[t];
+        return c[0] == v || c[1] == v || c[2] == v;
+    }
+
+    /// Whether the two have no neighbours in common but across their own two triangles: else the
+    /// surface would be pinched.
+    bool keepsManifold(Index v, Index w) const
+    {
+        const std::vector<Index> a = ring(v), b = ring(w);
+        std::vector<Index> common;
+        std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(common));
+        return common.size() == 2 && a.size() + b.size() > 8;
+    }
+
+    /// Whether no triangle turns over or becomes a needle.
+    bool keepsShape(const std::vector<Index>& faces, const Collapse& c) const
+    {
+        for (const Index t : faces) {
+            const Mesh::Triangle& was = mMesh.triangles[t];
+            const Vec3d &a = mPositions[was[0]], &b = mPositions[was[1]], &d = mPositions[was[2]];
+            const auto now = moved(t, c.kept, c.gone, c.place);
+            const Vec3d before = (b - a).cross(d - a),
+                        after = (now[1] - now[0]).cross(now[2] - now[0]);
+            if (!(before.dot(after) > kLeastTurn * before.norm() * after.norm())) return false;
+            const double shape = shapeOf(now[0], now[1], now[2]);
+            if (!(shape > kLeastShape) && shape <= shapeOf(a, b, d)) return false;
+        }
+        return true;
+    }
+
+    /// One of @a faces within reach of each of @a points, or false if there is none for one.
+    bool assign(const std::vector<Index>& points, const std::vector<Index>& faces,
+                const Collapse& c, std::vector<Index>& homes) const
+    {
+        std::vector<Slab> slabs;
+        slabs.reserve(faces.size());
+        for (const Index t : faces) slabs.emplace_back(moved(t, c.kept, c.gone, c.place));
+        std::size_t last = 0; // points come from one triangle after the other
+        for (const Index point : points) {
+            const Vec3d& p = mPoints[point];
+            const auto found = [&](const auto& test) {
+                for (std::size_t n = 0; n < slabs.size(); ++n) {
+                    const std::size_t at = (last + n) % slabs.size();
+                    if (!test(slabs[at])) continue;
+                    last = at;
+                    return true;
+                }
+                return false;
+            };
+            if (!found([&](const Slab& slab) { return slab.holds(p, mReach); }) &&
+                !found([&](const Slab& slab) { return slab.isNear(p, mReach); }))
+                return false;
+            homes.push_back(faces[last]);
+        }
+        return true;
+    }
+
+    bool tryCollapse(const Collapse& c)
+    {
+        if (!keepsManifold(c.kept, c.gone)) return false;
+        std::vector<Index> staying, going;
+        for (const Index t : mFaces[c.kept]) (holds(t, c.gone) ? going : staying).push_back(t);
+        for (const Index t : mFaces[c.gone])
+            if (!holds(t, c.kept)) staying.push_back(t);
+        if (!keepsShape(staying, c)) return false;
+        std::vector<Index> points, homes;
+        for (const auto* faces : {&staying, &going})
+            for (const Index t : *faces)
+                for (Index p = mFirstPoint[t]; p != kNone; p = mNextPoint[p]) points.push_back(p);
+        if (!assign(points, staying, c, homes)) return false;
+
+        for (const auto* faces : {&staying, &going})
+            for (const Index t : *faces) mFirstPoint[t] = kNone;
+        for (std::size_t n = 0; n < points.size(); ++n) addPoint(homes[n], points[n]);
+        for (const Index t : staying)
+            for (Index& v : mMesh.triangles[t])
+                if (v == c.gone) v = c.kept;
+        for (const Index t : going) {
+            for (const Index v : mMesh.triangles[t])
+                mFaces[v].erase(std::remove(mFaces[v].begin(), mFaces[v].end(), t),
+                                mFaces[v].end());
+            mMesh.triangles[t] = {kNone, kNone, kNone};
+        }
+        mFaces[c.kept] = staying;
+        mFaces[c.gone].clear();
+        mPositions[c.kept] = c.place;
+        mQuadrics[c.kept] += mQuadrics[c.gone];
+        mAge[c.kept] += mAge[c.gone] + 1;
+        return true;
+    }
+
+    Mesh compacted()
+    {
+        Mesh result;
+        result.frame = mMesh.frame;
+        std::vector<Index> number(mPositions.size(), kNone);
+        for (std::size_t v = 0; v < mPositions.size(); ++v) {
+            if (mFaces[v].empty()) continue;
+            number[v] = Index(result.positions.size());
+            result.positions.push_back(mPositions[v].cast<float>());
+        }
+        for (const Mesh::Triangle& t : mMesh.triangles)
+            if (t[0] != kNone)
+                result.triangles.push_back({number[t[0]], number[t[1]], number[t[2]]});
+        return result;
+    }
+
+    Mesh mMesh;
+    double mReach;
+    std::vector<Vec3d> mPositions, mPoints; ///< of what is left; of the original
+    std::vector<Quadric> mQuadrics;
+    std::vector<std::vector<Index>> mFaces; ///< of each vertex
+    std::vector<Index> mAge;                ///< of each vertex, grows when it changes
+    std::vector<char> mHeld;
+    std::vector<Index> mFirstPoint, mNextPoint; ///< a list of points for each triangle
+    std::priority_queue<Collapse> mQueue;
+};
+
+} // namespace
+
+Mesh simplify(Mesh mesh, double tolerance, Progress& progress)
+{
+    if (!(tolerance > 0))
+        throw UsageError(fmt::format("simplify: the tolerance is {}; give a length above 0, world "
+                                     "units",
+                                     tolerance));
+    return Simplifier(std::move(mesh), tolerance).run(progress);
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,165 @@
+// Fewer triangles, within a tolerance.
+#include "modelling_fixture.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/fields.h>
+#include <mpuvdb/scan_sampler.h>
+
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb::test
+{
+namespace
+{
+
+struct Meshed {
+    std::shared_ptr<const Solid> solid;
+    Mesh mesh;
+};
+
+Meshed meshOf(const std::string& text, double voxelSize)
+{
+    const auto solid = parseSolid(text);
+    const FieldPtr field = makeSolidField(solid);
+    Progress progress;
+    return {solid, extractMesh(sampled(*field, voxelSize), progress, field.get())};
+}
+
+Mesh simplified(const Mesh& mesh, double tolerance)
+{
+    Progress progress;
+    return simplify(mesh, tolerance, progress);
+}
+
+double squaredToSegment(const Vec3d& p, const Vec3d& a, const Vec3d& b)
+{
+    const double t = std::clamp((p - a).dot(b - a) / (b - a).squaredNorm(), 0., 1.);
+    return (a + t * (b - a) - p).squaredNorm();
+}
+
+/// By brute force. @return the largest distance of @a points from the triangles of @a mesh.
+double farthest(const std::vector<Vec3d>& points, const Mesh& mesh)
+{
+    double worst = 0;
+    for (const Vec3d& p : points) {
+        double least = std::numeric_limits<double>::max();
+        for (const Mesh::Triangle& t : mesh.triangles) {
+            const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
+            const Vec3d n = (b - a).cross(c - a).normalized(), foot = p - n.dot(p - a) * n;
+            const bool inside = (b - a).cross(foot - a).dot(n) >= 0 &&
+                                (c - b).cross(foot - b).dot(n) >= 0 &&
+                                (a - c).cross(foot - c).dot(n) >= 0;
+            least = std::min({least, inside ? (foot - p).squaredNorm() : least,
+                              squaredToSegment(p, a, b), squaredToSegment(p, b, c),
+                              squaredToSegment(p, c, a)});
+        }
+        worst = std::max(worst, least);
+    }
+    return std::sqrt(worst);
+}
+
+std::vector<Vec3d> verticesOf(const Mesh& mesh)
+{
+    std::vector<Vec3d> points;
+    for (std::size_t v = 0; v < mesh.positions.size(); ++v) points.push_back(mesh.world(v));
+    return points;
+}
+
+TEST(SimplifiedMesh, KeepsTheToleranceBothWays)
+{
+    const double h = 0.1, tolerance = 0.1 * h;
+    for (const char* text :
+         {"rotate(difference(box(2,2,1),cylinder(0.6,3)),1,2,3,33)", "torus(1,0.4)",
+          "rotate(cylinder(0.6,1.2),1,2,3,33)", "blob(1,6,0.1)"}) {
+        const auto [solid, mesh] = meshOf(text, h);
+        const Mesh fewer = simplified(mesh, tolerance);
+        const MeshReport before = measure(mesh), after = measure(fewer);
+        EXPECT_EQ(after.eulerCharacteristic, before.eulerCharacteristic) << text;
+        EXPECT_EQ(after.nonManifoldEdges + after.boundaryEdges, 0u) << text;
+        EXPECT_LT(after.triangles, before.triangles / 2) << text;
+        EXPECT_LE(farthest(verticesOf(mesh), fewer), tolerance) << text;
+        // Of the result: its vertices, edges and middles.
+        std::vector<Vec3d> places = verticesOf(fewer);
+        for (const Mesh::Triangle& t : fewer.triangles) {
+            const Vec3d a = fewer.world(t[0]), b = fewer.world(t[1]), c = fewer.world(t[2]);
+            for (const Vec3d& p : {Vec3d((a + b + c) / 3), Vec3d((a + b) / 2)}) places.push_back(p);
+        }
+        EXPECT_LE(farthest(places, mesh), 1.2 * tolerance) << text;
+    }
+}
+
+TEST(SimplifiedMesh, OfAPartNeedsATenthOfTheTriangles)
+{
+    const double h = 0.05;
+    for (const char* text : {"rotate(difference(box(2,2,1),cylinder(0.6,3)),1,2,3,33)",
+                             "rotate(box(1.3,1.1,0.9),1,2,3,33)"}) {
+        const Meshed part = meshOf(text, h);
+        const Mesh fewer = simplified(part.mesh, 0.1 * h);
+        EXPECT_LT(10 * fewer.triangles.size(), part.mesh.triangles.size()) << text;
+        for (std::size_t v = 0; v < fewer.positions.size(); ++v)
+            EXPECT_LT(std::abs(part.solid->distance(fewer.world(v))), 0.1 * h);
+        EXPECT_NEAR(measure(fewer).volume / measure(part.mesh).volume, 1, 1e-3);
+    }
+}
+
+TEST(SimplifiedMesh, KeepsBoundaries)
+{
+    // The upper half of a torus: two rims.
+    Mesh half = meshOf("torus(1,0.4)", 0.1).mesh;
+    half.triangles.erase(std::remove_if(half.triangles.begin(), half.triangles.end(),
+                                        [&](const Mesh::Triangle& t) {
+                                            return half.world(t[0]).z() < 0 ||
+                                                   half.world(t[1]).z() < 0 ||
+                                                   half.world(t[2]).z() < 0;
+                                        }),
+                         half.triangles.end());
+    const MeshReport before = measure(half);
+    const Mesh fewer = simplified(half, 0.02);
+    const MeshReport after = measure(fewer);
+    EXPECT_EQ(before.boundaryLoops, 2u);
+    EXPECT_EQ(after.boundaryLoops, 2u);
+    EXPECT_EQ(after.boundaryEdges, before.boundaryEdges);
+    EXPECT_EQ(after.nonManifoldEdges, 0u);
+    EXPECT_EQ(after.eulerCharacteristic, before.eulerCharacteristic);
+    EXPECT_LT(after.triangles, before.triangles / 2);
+}
+
+TEST(SimplifiedMesh, OfNoiseStaysAManifold)
+{
+    std::mt19937_64 random(7);
+    RecordProperty("seed", "7");
+    auto grid = openvdb::FloatGrid::create(1);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    auto accessor = grid->getAccessor();
+    for (int x = -1; x <= 16; ++x)
+        for (int y = -1; y <= 16; ++y)
+            for (int z = -1; z <= 16; ++z) {
+                const bool border = std::min({x, y, z}) < 0 || std::max({x, y, z}) > 15;
+                const double value = 2 * std::ldexp(double(random() >> 11), -53) - 1;
+                accessor.setValue({x, y, z}, border ? 1.0f : float(value));
+            }
+    Progress progress;
+    const Mesh mesh = extractMesh(LevelSet(grid), progress);
+    const MeshReport before = measure(mesh), after = measure(simplified(mesh, 0.5));
+    EXPECT_LT(after.triangles, before.triangles);
+    EXPECT_EQ(after.nonManifoldEdges + after.boundaryEdges, 0u);
+    EXPECT_EQ(after.eulerCharacteristic, before.eulerCharacteristic);
+    EXPECT_EQ(after.components, before.components);
+}
+
+TEST(SimplifiedMesh, RefusesAToleranceOfNothingAndStops)
+{
+    const Mesh mesh = meshOf("sphere(1)", 0.05).mesh;
+    EXPECT_THROW(simplified(mesh, 0), UsageError);
+    EXPECT_THROW(simplified(mesh, std::nan("")), UsageError);
+    Progress progress;
+    progress.stop();
+    EXPECT_THROW(simplify(mesh, 0.01, progress), Interrupted);
+    EXPECT_TRUE(simplified(Mesh(), 1).triangles.empty());
+}
+
+} // namespace
+} // namespace mpuvdb::test
