@@ -55,6 +55,6 @@ mpuvdb morph "$output/from.vdb" "$output/to.vdb" --frames 1-7 -o "$output/morph.
 
 for frame in "$output"/morph.*.vdb; do
     mpuvdb check "$frame" --quiet
-    mpuvdb render "$frame" -o "${frame%.vdb}.png" --size 400x400 --quiet
+    mpuvdb render "$frame" -o "${frame%.vdb}.png" --size 300x300 --quiet
     echo "$frame and its picture"
 done
