@@ -64,8 +64,8 @@ public:
         if (solids.empty() || (mKind == Boolean::Intersection && missing) ||
             (mKind == Boolean::Difference && !inputs.front()))
             return nothing(own);
-        return withHalfWidth(mpuvdb::combine(mKind, solids, mBlendRadius, progress), own.halfWidth,
-                             progress);
+        return inBand(mpuvdb::combine(mKind, solids, mBlendRadius, progress), own.halfWidth,
+                      progress);
     }
 
 protected:
@@ -135,8 +135,8 @@ public:
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
-        return inputs[0] ? withHalfWidth(mpuvdb::offset(*inputs[0], mDistance, progress),
-                                         own.halfWidth, progress)
+        return inputs[0] ? inBand(mpuvdb::offset(*inputs[0], mDistance, progress), own.halfWidth,
+                                  progress)
                          : nothing(own);
     }
 
@@ -171,8 +171,8 @@ public:
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
-        return inputs[0] ? withHalfWidth(mpuvdb::shell(*inputs[0], mThickness, mWall, progress),
-                                         own.halfWidth, progress)
+        return inputs[0] ? inBand(mpuvdb::shell(*inputs[0], mThickness, mWall, progress),
+                                  own.halfWidth, progress)
                          : nothing(own);
     }
 
@@ -270,7 +270,7 @@ public:
         settings.mayBeEmpty = true;
         const LevelSet sampled =
             sampleField(*through(makeGridField(*inputs[0])), settings, progress);
-        return withHalfWidth(sampled, own.halfWidth, progress);
+        return inBand(sampled, own.halfWidth, progress);
     }
 
 protected:
@@ -421,6 +421,14 @@ Node::Ptr warpNode(const Node::Ptr& input, std::shared_ptr<const Warp> warp, std
 Node::Ptr motionNode(const Node::Ptr& input, const Eigen::Affine3d& motion)
 {
     return std::make_shared<MotionNode>(input, motion);
+}
+
+LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress)
+{
+    constexpr double kSame = 1e-5; // backgrounds are floats
+    return std::abs(levelSet.halfWidth() - halfWidth) <= kSame * halfWidth
+               ? levelSet
+               : withHalfWidth(levelSet, halfWidth, progress);
 }
 
 Box3d grown(const Box3d& box, double by)
