@@ -59,7 +59,7 @@ public:
             std::min(own.halfWidth, field->isDistanceFar() ? kSampledBand : kNearBand);
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
-        return withHalfWidth(sampleField(*field, settings, progress), own.halfWidth, progress);
+        return inBand(sampleField(*field, settings, progress), own.halfWidth, progress);
     }
 
 protected:
@@ -112,7 +112,7 @@ public:
     {
         const bool there =
             mLattice.origin == own.lattice.origin && mLattice.voxelSize == own.lattice.voxelSize;
-        return there ? withHalfWidth(mLevelSet, own.halfWidth, progress)
+        return there ? inBand(mLevelSet, own.halfWidth, progress)
                      : resample(mLevelSet, own.lattice, own.halfWidth, progress);
     }
 
@@ -151,7 +151,7 @@ public:
         settings.lattice = own.lattice;
         settings.halfWidth = std::min(own.halfWidth, kSampledBand);
         settings.maxBytes = maxBytes;
-        return withHalfWidth(voxelize(*mMesh, settings, progress), own.halfWidth, progress);
+        return inBand(voxelize(*mMesh, settings, progress), own.halfWidth, progress);
     }
 
 protected:

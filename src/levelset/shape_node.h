@@ -88,6 +88,9 @@ Shape::Node::Ptr warpNode(const Shape::Node::Ptr& input, std::shared_ptr<const W
 Shape::Node::Ptr motionNode(const Shape::Node::Ptr& input, const Eigen::Affine3d& motion);
 /// @}
 
+/// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
+LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress);
+
 /// The lattice of the level set in @a node, if it holds one.
 const Lattice* latticeIn(const Shape::Node& node);
 

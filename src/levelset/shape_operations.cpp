@@ -64,8 +64,8 @@ public:
         if (solids.empty() || (mKind == Boolean::Intersection && missing) ||
             (mKind == Boolean::Difference && !inputs.front()))
             return nothing(own);
-        return withHalfWidth(mpuvdb::combine(mKind, solids, mBlendRadius, progress), own.halfWidth,
-                             progress);
+        return inBand(mpuvdb::combine(mKind, solids, mBlendRadius, progress), own.halfWidth,
+                      progress);
     }
 
 protected:
@@ -81,6 +81,9 @@ protected:
                    Moved& done) const override
     {
         if (mBlendRadius > 0) return nullptr;
+        // What has no end cannot be warped by itself; the whole can, where it has one.
+        for (const Ptr& input : this->inputs())
+            if (!input->bounds().isEmpty() && !isFinite(input->bounds())) return nullptr;
         std::vector<Ptr> inputs;
         for (const Ptr& input : this->inputs()) inputs.push_back(input->warped(warp, how, done));
         return combineNode(mKind, inputs, 0);
@@ -132,8 +135,8 @@ public:
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
-        return inputs[0] ? withHalfWidth(mpuvdb::offset(*inputs[0], mDistance, progress),
-                                         own.halfWidth, progress)
+        return inputs[0] ? inBand(mpuvdb::offset(*inputs[0], mDistance, progress), own.halfWidth,
+                                  progress)
                          : nothing(own);
     }
 
@@ -168,8 +171,8 @@ public:
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
-        return inputs[0] ? withHalfWidth(mpuvdb::shell(*inputs[0], mThickness, mWall, progress),
-                                         own.halfWidth, progress)
+        return inputs[0] ? inBand(mpuvdb::shell(*inputs[0], mThickness, mWall, progress),
+                                  own.halfWidth, progress)
                          : nothing(own);
     }
 
@@ -262,24 +265,39 @@ public:
         if (!inputs[0]) return nothing(own);
         SampleSettings settings;
         settings.lattice = own.lattice;
-        settings.halfWidth = own.halfWidth;
+        settings.halfWidth = sampledWidth(own);
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
-        return sampleField(*through(makeGridField(*inputs[0])), settings, progress);
+        const LevelSet sampled =
+            sampleField(*through(makeGridField(*inputs[0])), settings, progress);
+        return inBand(sampled, own.halfWidth, progress);
     }
 
 protected:
     virtual FieldPtr through(FieldPtr field) const = 0;
+    /// The largest factor by which a length grows on the way to the input.
+    virtual double stretch() const = 0;
+    /// Whether distances stay distances.
+    virtual bool isRigid() const { return false; }
 
-    /// The whole input on voxels of @a voxelSize, in a band that @a own reaches when lengths grow
-    /// by @a stretch on the way to the input.
-    Demand wholeInput(const Demand& own, double voxelSize, double stretch) const
+    /// The whole input on voxels of @a voxelSize, as far as it is sampled.
+    Demand wholeInput(const Demand& own, double voxelSize) const
     {
         constexpr double kStencil = 2; // voxels
         const Box3d& box = inputs()[0]->bounds();
         if (box.isEmpty()) return within(own, box);
-        const Lattice lattice = latticeFor(box, voxelSize);
-        return {lattice, own.band() * stretch / voxelSize + kStencil, box};
+        const double band = sampledWidth(own) * own.lattice.voxelSize * stretch();
+        return {latticeFor(box, voxelSize), band / voxelSize + kStencil, box};
+    }
+
+private:
+    /// What is sampled of the band, voxels. Where much is stretched, a little band costs the input
+    /// a wide one: the rest is measured from the surface.
+    double sampledWidth(const Demand& own) const
+    {
+        constexpr double kWidest = 30, kNarrowest = 2; // voxels, of the input and of its own
+        if (isRigid()) return own.halfWidth;
+        return std::min(own.halfWidth, std::max(kWidest / stretch(), kNarrowest));
     }
 };
 
@@ -298,10 +316,12 @@ public:
 
     Demand demandOf(std::size_t, const Demand& own) const override
     {
-        return wholeInput(own, own.lattice.voxelSize / mGrowth, 1 / mShrink);
+        return wholeInput(own, own.lattice.voxelSize / mGrowth);
     }
 
 protected:
+    double stretch() const override { return 1 / mShrink; }
+    bool isRigid() const override { return uniformScale(mMotion) > 0; }
     FieldPtr through(FieldPtr field) const override
     {
         return makeMovedField(std::move(field), mMotion);
@@ -328,10 +348,11 @@ public:
 
     Demand demandOf(std::size_t, const Demand& own) const override
     {
-        return wholeInput(own, own.lattice.voxelSize, mWarp->stretch(bounds()));
+        return wholeInput(own, own.lattice.voxelSize);
     }
 
 protected:
+    double stretch() const override { return bounds().isEmpty() ? 1 : mWarp->stretch(bounds()); }
     FieldPtr through(FieldPtr field) const override
     {
         return makeWarpedField(std::move(field), mWarp);
@@ -400,6 +421,14 @@ Node::Ptr warpNode(const Node::Ptr& input, std::shared_ptr<const Warp> warp, std
 Node::Ptr motionNode(const Node::Ptr& input, const Eigen::Affine3d& motion)
 {
     return std::make_shared<MotionNode>(input, motion);
+}
+
+LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress)
+{
+    constexpr double kSame = 1e-5; // backgrounds are floats
+    return std::abs(levelSet.halfWidth() - halfWidth) <= kSame * halfWidth
+               ? levelSet
+               : withHalfWidth(levelSet, halfWidth, progress);
 }
 
 Box3d grown(const Box3d& box, double by)

@@ -1,0 +1,248 @@
+// Every operation on level sets stops soon after it is asked to.
+#include "modelling_fixture.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/shape.h>
+
+#include <condition_variable>
+#include <cstdlib>
+#include <thread>
+
+namespace mpuvdb::test
+{
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+using Seconds = std::chrono::duration<double>;
+using Work = std::function<void(Progress&)>;
+
+/// The promise is 0.25 s; a machine that runs other tests beside this one takes longer.
+constexpr Seconds kLatest{2};
+
+/// Asks for a stop at a moment, from a thread of its own.
+class Stopper
+{
+public:
+    Stopper(Progress& progress, Seconds after)
+        : mThread([this, &progress, after] {
+              std::unique_lock<std::mutex> lock(mMutex);
+              if (mDone.wait_for(lock, after, [this] { return mEnded; })) return;
+              mAsked = Clock::now();
+              mWasAsked = true;
+              progress.stop();
+          })
+    {
+    }
+    /// @return how long ago the stop was asked for; negative if it was not.
+    Seconds end()
+    {
+        const Clock::time_point now = Clock::now();
+        {
+            const std::lock_guard<std::mutex> lock(mMutex);
+            mEnded = true;
+        }
+        mDone.notify_all();
+        mThread.join();
+        return mWasAsked ? now - mAsked : Seconds(-1);
+    }
+
+private:
+    std::mutex mMutex;
+    std::condition_variable mDone;
+    bool mEnded = false, mWasAsked = false;
+    Clock::time_point mAsked;
+    std::thread mThread; ///< last: it uses the others
+};
+
+/// Stop @a work after each of some parts of its duration. @return the longest it took to end.
+Seconds latency(const Work& work)
+{
+    Progress whole;
+    const Clock::time_point start = Clock::now();
+    work(whole);
+    const Seconds duration = Clock::now() - start;
+
+    Seconds longest{0};
+    for (const double part : {0.1, 0.4, 0.8}) {
+        Progress progress;
+        Stopper stopper(progress, part * duration);
+        bool stopped = false;
+        try {
+            work(progress);
+        } catch (const Interrupted&) {
+            stopped = true;
+        }
+        const Seconds took = stopper.end();
+        EXPECT_TRUE(stopped || took < kLatest) << "done in spite of the stop";
+        longest = std::max(longest, took);
+    }
+    return longest;
+}
+
+/// Radius in voxels of what is worked on; the promise is meant for larger grids than tests can
+/// afford.
+double radius()
+{
+    const char* const told = std::getenv("MPUVDB_STOP_RADIUS");
+    return told ? std::atof(told) : 40;
+}
+
+class StopTest : public testing::TestWithParam<std::pair<const char*, std::function<Work()>>>
+{
+};
+
+TEST_P(StopTest, ComesInTime)
+{
+    const Seconds longest = latency(GetParam().second());
+    RecordProperty("milliseconds", int(1000 * longest.count()));
+    std::printf("%s: %.0f ms\n", GetParam().first, 1000 * longest.count());
+    EXPECT_LT(longest.count(), kLatest.count());
+}
+
+std::string nameOf(const testing::TestParamInfo<StopTest::ParamType>& test)
+{
+    return test.param.first;
+}
+
+LevelSet solidOf(const std::string& description, double halfWidth = 3)
+{
+    return sampled(*makeSolidField(parseSolid(description)), 1 / radius(), halfWidth);
+}
+
+LevelSet ball()
+{
+    return solidOf("sphere(1)");
+}
+
+LevelSet part()
+{
+    return solidOf("translate(roundedbox(1.4,1.2,1.6,0.2),0.5,0.1,0)");
+}
+
+Shape shapeOf(const std::string& description)
+{
+    return Shape(makeSolidField(parseSolid(description)), description);
+}
+
+Work evaluation(const Shape& shape)
+{
+    ShapeSettings settings;
+    settings.voxelSize = 1 / radius();
+    return [=](Progress& progress) { shape.evaluate(settings, progress); };
+}
+
+Work smoothing(Filter filter)
+{
+    SmoothSettings settings;
+    settings.filter = filter;
+    settings.width = 2;
+    settings.iterations = 2;
+    return [=, a = ball()](Progress& progress) { smooth(a, settings, progress); };
+}
+
+Work combining(Boolean kind, double blend)
+{
+    return [=, a = ball(), b = part()](Progress& progress) {
+        combine(kind, {a, b}, blend, progress);
+    };
+}
+
+Work morphing(Morphing how)
+{
+    return [=, a = ball(), b = part()](Progress& progress) { morph(a, b, 0.4, how, progress); };
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Operations, StopTest,
+    testing::Values(
+        std::pair{"combine", [] { return combining(Boolean::Union, 0); }},
+        std::pair{"blend", [] { return combining(Boolean::Difference, 0.08); }},
+        std::pair{"oneLattice",
+                  []() -> Work {
+                      return [a = ball(), b = sampled(*makeSolidField(parseSolid("sphere(1)")),
+                                                      1.3 / radius())](Progress& progress) {
+                          std::vector<std::string> notes;
+                          onOneLattice({a, b}, notes, progress);
+                      };
+                  }},
+        std::pair{"resample",
+                  []() -> Work {
+                      return [a = ball()](Progress& progress) {
+                          resample(a, {Vec3d::Zero(), 0.8 / radius()}, 3, progress);
+                      };
+                  }},
+        std::pair{"withHalfWidth",
+                  []() -> Work {
+                      return [a = ball()](Progress& progress) { withHalfWidth(a, 12, progress); };
+                  }},
+        std::pair{"redistance",
+                  []() -> Work {
+                      return
+                          [a = ball()](Progress& progress) { redistance(a.grid(), 5, progress); };
+                  }},
+        std::pair{"voxelize",
+                  []() -> Work {
+                      Progress whole;
+                      const Mesh mesh = extractMesh(ball(), whole);
+                      SampleSettings settings;
+                      settings.lattice = {Vec3d::Zero(), 1 / radius()};
+                      return [=](Progress& progress) { voxelize(mesh, settings, progress); };
+                  }},
+        std::pair{"offset",
+                  []() -> Work {
+                      return [a = ball()](Progress& progress) { offset(a, 0.15, progress); };
+                  }},
+        std::pair{"shell",
+                  []() -> Work {
+                      return [a = ball()](Progress& progress) {
+                          shell(a, 0.15, Wall::Inward, progress);
+                      };
+                  }},
+        std::pair{"mean", [] { return smoothing(Filter::Mean); }},
+        std::pair{"gaussian", [] { return smoothing(Filter::Gaussian); }},
+        std::pair{"median", [] { return smoothing(Filter::Median); }},
+        std::pair{"curvature", [] { return smoothing(Filter::MeanCurvature); }},
+        std::pair{"linear", [] { return morphing(Morphing::Linear); }},
+        std::pair{"advection", [] { return morphing(Morphing::Advection); }},
+        std::pair{
+            "fog",
+            []() -> Work { return [a = solidOf("sphere(1)", 8)](Progress& p) { toFog(a, p); }; }},
+        std::pair{
+            "components",
+            []() -> Work { return [a = ball()](Progress& progress) { components(a, progress); }; }},
+        std::pair{"keepComponents",
+                  []() -> Work {
+                      return
+                          [a = ball()](Progress& progress) { keepComponents(a, 0, 1, progress); };
+                  }},
+        std::pair{
+            "measure",
+            []() -> Work { return [a = ball()](Progress& progress) { measure(a, progress); }; }}),
+    nameOf);
+
+INSTANTIATE_TEST_SUITE_P(
+    Shapes, StopTest,
+    testing::Values(std::pair{"twist",
+                              [] {
+                                  const auto twist = makeTwist({}, 1);
+                                  return evaluation(shapeOf("box(1,1,1)").warped(twist, "twist"));
+                              }},
+                    std::pair{"warpOfBlend",
+                              [] {
+                                  const Shape both = Shape::combine(
+                                      Boolean::Union,
+                                      {shapeOf("sphere(0.8)"), shapeOf("box(1.3,1.3,1.3)")}, 0.05);
+                                  return evaluation(both.warped(makeTwist({}, 0.5), "twist"));
+                              }},
+                    std::pair{"program",
+                              [] {
+                                  return evaluation(
+                                      (shapeOf("sphere(1)") - shapeOf("torus(0.9,0.2)"))
+                                          .offset(-0.05)
+                                          .shell(0.1, Wall::Centred));
+                              }}),
+    nameOf);
+
+} // namespace
+} // namespace mpuvdb::test
