@@ -41,9 +41,26 @@ struct Reconstruction {
     ResolvedSettings settings;
 };
 
+/// What a reconstruction would take and come to.
+struct ReconstructionEstimate {
+    ResolvedSettings settings;
+    MpuEstimate fit;
+    double area = 0; ///< of the surface, world units squared
+    std::uint64_t activeVoxels = 0;
+    std::uint64_t gridBytes = 0; ///< held by the level set
+    std::uint64_t peakBytes = 0; ///< the most that reconstruct() takes, the cloud included
+};
+
 /// Derive what the user left open. @throws UsageError, InputError, LimitError (index range).
 ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& settings,
                          Progress& progress);
+
+/// Estimate what reconstruct() would take, without it: a part of the points is fitted as it would
+/// fit them, and a surface with larger voxels through every so many points tells the area, filled
+/// holes and all. Takes as long as reconstructing a hundred thousand points or so.
+/// @throws as reconstruct().
+ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettings& settings,
+                                Progress& progress);
 
 /// Fit and sample. @a cloud has outward normals and is consumed.
 Reconstruction reconstruct(PointCloud&& cloud, const ReconstructSettings& settings,

@@ -42,8 +42,9 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
 {
     if (cloud.empty()) throw InputError("no points: the input is empty");
     ResolvedSettings resolved;
-    progress.beginStage("measure");
+    if (!settings.points) progress.beginStage("measure");
     resolved.points = settings.points ? *settings.points : measure(cloud, progress);
+    progress.endStage();
     const Box3d box = cloud.localBounds();
     resolved.boxSize = box.sizes();
     resolved.diagonal = resolved.boxSize.norm();
@@ -71,7 +72,6 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
         fit.normalNoise = resolved.points.normalNoise;
     }
     fit.minPoints = settings.minPoints.value_or(MpuSettings{}.minPoints);
-    progress.endStage();
     return resolved;
 }
 
