@@ -5,6 +5,7 @@
 #include <mpuvdb/mpu_field.h>
 #include <mpuvdb/point_cloud.h>
 
+#include <array>
 #include <memory>
 #include <optional>
 
@@ -23,6 +24,9 @@ struct ReconstructSettings {
     bool sharp = true;               ///< no matter where points are interpolated
     bool interpolate = false;        ///< zero at every point, for points that are exact
     std::uint64_t maxBytes = 0;      ///< memory the work may take; 0: no limit
+    /// x0 y0 z0 x1 y1 z1 of a box: only what is in it is sampled, see SampleSettings::region. All
+    /// points are fitted; voxel size and tolerance are those of the whole.
+    std::optional<std::array<Length, 6>> region;
 };
 
 /// What the settings came to, in world units.

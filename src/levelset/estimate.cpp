@@ -82,6 +82,7 @@ Trial tryWithLargerVoxels(const PointCloud& cloud, const ResolvedSettings& resol
     grid.lattice = latticeFor(cloud.localBounds().translated(cloud.frame), trial.voxelSize);
     grid.halfWidth = kMeasuredHalfWidth;
     grid.mayBeEmpty = true;
+    grid.region.reset();
     const MpuField field(std::move(some), fit, progress);
     const LevelSet levelSet = sampleField(field, grid, progress);
     const double area = integrateSurface(levelSet, progress).area;

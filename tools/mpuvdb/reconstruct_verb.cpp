@@ -11,6 +11,7 @@
 #include <mpuvdb/io.h>
 #include <mpuvdb/reconstruct.h>
 
+#include <algorithm>
 #include <fmt/format.h>
 
 namespace mpuvdb::command
@@ -51,6 +52,9 @@ public:
                      "voxels, memory (to a fifth), size of the file. Writes nothing but a report");
         app.callback([this, &app] {
             if (mOutput.empty() && !mDryRun) throw CLI::RequiredError("--output");
+            if (mSettings.region && (!mMesh.empty() || wantsCoverage()))
+                throw UsageError("--region ends the band at its sides: there is no --mesh, "
+                                 "--coverage or --holes of a part");
             mPresetOptions = applyPreset(app, mPreset);
         });
         addHoleOptions(app);
@@ -84,7 +88,7 @@ public:
             reconstruct(std::move(input.cloud), mSettings, session.progress());
         describeSettings(session, made.settings);
         describeFit(session, made);
-        const CheckReport checked = check(made.levelSet.grid(), session.progress());
+        const CheckReport checked = checkOf(made, session);
         const openvdb::FloatGrid::ConstPtr coverage = coverageOf(made, session);
         openvdb::GridCPtrVec beside;
         if (coverage) beside.push_back(coverage);
@@ -110,6 +114,14 @@ private:
                "surface, 0 where it is invented. --holes implies it, unless it is close; the\n"
                "level set itself is always closed")
             ->group(group);
+    }
+
+    static CheckReport checkOf(const Reconstruction& made, Session& session)
+    {
+        const SampleSettings& s = made.settings.grid;
+        const openvdb::FloatGrid& grid = made.levelSet.grid();
+        if (!s.region) return check(grid, session.progress());
+        return check(grid, session.progress(), kGradientTolerance, voxelsIn(*s.region, s.lattice));
     }
 
     bool wantsCoverage() const { return mCoverage || !mHoles.close; }
@@ -148,11 +160,27 @@ private:
             ->type_name("N")
             ->excludes(size)
             ->group(group);
+        app.add_option_function<std::vector<std::string>>(
+               "--region", [this](const std::vector<std::string>& words) { setRegion(words); },
+               "Only the voxels in this box (X0 Y0 Z0 X1 Y1 Z1), active and with values as\n"
+               "without it, but where islands, handles or jumps that are closed reach from it\n"
+               "farther than 32 voxels. Outside of it nothing is active, so that the band ends\n"
+               "at its sides, and there may be no mesh. All points are read and fitted")
+            ->type_name("LENGTH")
+            ->expected(6)
+            ->group(group);
         app.add_option("--half-width", mSettings.halfWidth,
                        "Voxels of the narrow band on either side of the surface")
             ->type_name("VOXELS")
             ->capture_default_str()
             ->group(group);
+    }
+
+    void setRegion(const std::vector<std::string>& words)
+    {
+        mSettings.region.emplace();
+        std::transform(words.begin(), words.end(), mSettings.region->begin(),
+                       [](const std::string& word) { return Length::parse(word); });
     }
 
     void addFitOptions(CLI::App& app)
@@ -303,6 +331,9 @@ private:
                               {"holes", mHoles.text()},
                               {"coverage", wantsCoverage()},
                               {"max_memory", mSettings.maxBytes}};
+        if (s.grid.region)
+            report["settings"]["region"] = {toJson(Vec3d(s.grid.region->min())),
+                                            toJson(Vec3d(s.grid.region->max()))};
         report["input"] = {
             {"points", mPoints},          {"dropped", mDropped},
             {"normals_turned", mFlipped}, {"spacing", s.points.spacing},
@@ -323,6 +354,12 @@ private:
                                      {"bytes", fit.bytes}};
     }
 
+    static std::string regionText(const Box3d& box)
+    {
+        const Vec3d &a = box.min(), &b = box.max();
+        return fmt::format("{} {} {} {} {} {}", a.x(), a.y(), a.z(), b.x(), b.y(), b.z());
+    }
+
     std::map<std::string, std::string> metadata(const Reconstruction& made) const
     {
         const ResolvedSettings& s = made.settings;
@@ -340,6 +377,7 @@ private:
             {"mpuvdb:min_points", text(s.fit.minPoints)},
             {"mpuvdb:sharp", text(s.fit.sharp)}};
         if (s.fit.interpolate) result["mpuvdb:interpolate"] = text(true);
+        if (s.grid.region) result["mpuvdb:region"] = regionText(*s.grid.region);
         return result;
     }
 
