@@ -1,15 +1,18 @@
 // A part of a level set, beside the whole: the same voxels with the same values.
 #include "field_fixture.h"
 
+#include <mpuvdb/clean.h>
+#include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>
+#include <mpuvdb/io.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <cmath>
 #include <cstdlib>
-#include <mpuvdb/clean.h>
-#include <mpuvdb/io.h>
+#include <filesystem>
 
 namespace mpuvdb
 {
