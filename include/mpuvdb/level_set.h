@@ -9,6 +9,7 @@
 
 #include <openvdb/openvdb.h>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,7 +44,21 @@ struct SampleSettings {
     std::string name = "surface";
     std::uint64_t maxBytes = 0; ///< memory the grid may take; 0: no limit
     bool mayBeEmpty = false;    ///< without a zero crossing: an empty level set, and no InputError
+    /// Only the voxels with their centres in this box (world units) are sampled, and a margin of
+    /// kRegionMargin voxels around it that is dropped at the end. Active in the result are exactly
+    /// those that are active in the box without it, with the same values; everything outside the
+    /// box is inactive, and counts as outside. That holds where nothing that the steps after
+    /// sampling take for a flaw reaches from the box beyond the margin: an island or a handle they
+    /// remove, a jump of the field they close. A region without a surface is an empty level set.
+    /// The cost is that of the region, but for what the field itself does.
+    std::optional<Box3d> region;
 };
+
+/// Voxels around a region that are looked at.
+constexpr int kRegionMargin = 32;
+
+/// The voxels with their centres in @a region.
+openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice);
 
 /// The level set of nothing: outside everywhere. @param halfWidth  voxels.
 LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth);
@@ -83,6 +98,9 @@ struct CheckFinding {
     std::uint64_t count = 0; ///< of voxels; 0: the grid as a whole
 };
 
+/// The largest mean ||grad| - 1| of what counts as a distance.
+constexpr double kGradientTolerance = 0.1;
+
 /// What check() measured. Sound if findings is empty.
 struct CheckReport {
     std::uint64_t activeVoxels = 0;
@@ -99,8 +117,10 @@ struct CheckReport {
 /// is active if d + l is less than the half-width by half a voxel), steps of at most two voxels
 /// between active neighbours, a mean ||grad| - 1| of at most @a gradientTolerance, no change of
 /// sign between neighbours of which one is inactive. An empty level set is sound. The report does
-/// not depend on the number of threads. @throws Interrupted.
+/// not depend on the number of threads. @param within  judged are only leaves and tiles that lie in
+/// it with the voxels around them: of a region, which ends somewhere. @throws Interrupted.
 CheckReport check(const openvdb::FloatGrid& grid, Progress& progress,
-                  double gradientTolerance = 0.1);
+                  double gradientTolerance = kGradientTolerance,
+                  const openvdb::CoordBBox& within = openvdb::CoordBBox::inf());
 
 } // namespace mpuvdb

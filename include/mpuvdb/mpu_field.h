@@ -44,6 +44,17 @@ struct MpuStatistics {
     std::uint64_t bytes = 0;         ///< held by the field
 };
 
+/// What a fit would come to.
+struct MpuEstimate {
+    std::uint64_t leaves = 0;    ///< as in MpuStatistics
+    std::uint64_t bytes = 0;     ///< held by the field
+    std::uint64_t peakBytes = 0; ///< the most on the way to it, the cloud included
+};
+
+/// Estimate what fitting @a cloud takes, by fitting a part of it: about a hundred thousand points
+/// of cells that are spread evenly over the surface. @throws as MpuField.
+MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& settings, Progress& progress);
+
 /// The blended local fits of an adaptive octree, normalised to a distance by the blended gradient;
 /// and a coarse field of the whole model where no data support them.
 class MpuField final : public Field

@@ -5,6 +5,7 @@
 #include <mpuvdb/mpu_field.h>
 #include <mpuvdb/point_cloud.h>
 
+#include <array>
 #include <memory>
 #include <optional>
 
@@ -23,6 +24,9 @@ struct ReconstructSettings {
     bool sharp = true;               ///< no matter where points are interpolated
     bool interpolate = false;        ///< zero at every point, for points that are exact
     std::uint64_t maxBytes = 0;      ///< memory the work may take; 0: no limit
+    /// x0 y0 z0 x1 y1 z1 of a box: only what is in it is sampled, see SampleSettings::region. All
+    /// points are fitted; voxel size and tolerance are those of the whole.
+    std::optional<std::array<Length, 6>> region;
 };
 
 /// What the settings came to, in world units.
@@ -41,9 +45,26 @@ struct Reconstruction {
     ResolvedSettings settings;
 };
 
+/// What a reconstruction would take and come to.
+struct ReconstructionEstimate {
+    ResolvedSettings settings;
+    MpuEstimate fit;
+    double area = 0; ///< of the surface, world units squared
+    std::uint64_t activeVoxels = 0;
+    std::uint64_t gridBytes = 0; ///< held by the level set
+    std::uint64_t peakBytes = 0; ///< the most that reconstruct() takes, the cloud included
+};
+
 /// Derive what the user left open. @throws UsageError, InputError, LimitError (index range).
 ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& settings,
                          Progress& progress);
+
+/// Estimate what reconstruct() would take, without it: a part of the points is fitted as it would
+/// fit them, and a surface with larger voxels through every so many points tells the area, filled
+/// holes and all. Takes as long as reconstructing a hundred thousand points or so.
+/// @throws as reconstruct().
+ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettings& settings,
+                                Progress& progress);
 
 /// Fit and sample. @a cloud has outward normals and is consumed.
 Reconstruction reconstruct(PointCloud&& cloud, const ReconstructSettings& settings,

@@ -243,20 +243,40 @@ int levelOf(const RootCube& root, double size)
     return level;
 }
 
+/// Nodes, @a step apart, in a box around the points.
+struct NodeBox {
+    double extent, step;
+    NodeGrid grid;
+
+    NodeBox(const Box3d& bounds, double spacing)
+        : extent(std::max(bounds.sizes().maxCoeff(), 4 * spacing)),
+          step(std::max(extent * (1 + 2 * kPad) / kMaxNodes, 3 * spacing))
+    {
+        for (int k = 0; k < 3; ++k) {
+            const double side = bounds.sizes()[k] + 2 * kPad * extent;
+            grid.n[std::size_t(k)] = 16 * std::max(1, int(std::ceil(side / step / 16))) + 1;
+        }
+    }
+};
+
 } // namespace
+
+std::uint64_t CoarseSign::makingBytes(const SortedPoints& some, const Box3d& bounds,
+                                      const RootCube& root)
+{
+    constexpr std::uint64_t kNodeBytes = 64; // data, spread normals, right-hand sides, the solver
+    return kNodeBytes * NodeBox(bounds, meanSpacing(some, root)).grid.size();
+}
 
 CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root,
                        Progress& progress)
 {
-    const double spacing = meanSpacing(points, root);
-    const double extent = std::max(bounds.sizes().maxCoeff(), 4 * spacing);
-    mStep = std::max(extent * (1 + 2 * kPad) / kMaxNodes, 3 * spacing);
-    for (int k = 0; k < 3; ++k) {
-        const double side = bounds.sizes()[k] + 2 * kPad * extent;
-        mGrid.n[std::size_t(k)] = 16 * std::max(1, int(std::ceil(side / mStep / 16))) + 1;
+    const NodeBox box(bounds, meanSpacing(points, root));
+    mStep = box.step;
+    mGrid = box.grid;
+    for (int k = 0; k < 3; ++k)
         mCorner[k] = bounds.center()[k] - mStep * (mGrid.n[std::size_t(k)] - 1) / 2;
-    }
-    mSlopeFloor = 0.45 / (extent / mStep);
+    mSlopeFloor = 0.45 / (box.extent / mStep);
     const std::vector<Dipole> dipoles = makeDipoles(points, levelOf(root, 0.4 * mStep)),
                               few = makeDipoles(points, levelOf(root, kFewSteps * mStep));
     mU = fillBetween(mGrid, splat(dipoles, mGrid, mCorner, mStep, progress),

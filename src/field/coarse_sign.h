@@ -19,6 +19,11 @@ public:
     CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root,
                Progress& progress);
 
+    /// The most memory that making one takes, of points with @a bounds that are as dense as @a some
+    /// of them.
+    static std::uint64_t makingBytes(const SortedPoints& some, const Box3d& bounds,
+                                     const RootCube& root);
+
     /// A farther distance is not told: it means nothing, and would outweigh what it is blended
     /// with.
     double farthest() const { return 4 * mStep; }

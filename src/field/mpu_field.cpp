@@ -7,11 +7,9 @@
 #include "octree.h"
 #include "sorted_points.h"
 
-#include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
-#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 namespace mpuvdb
@@ -24,33 +22,6 @@ constexpr double kGradientFloor = 0.8;
 /// Where interpolation's weights stop growing, in radii: at a point all other fits together weigh
 /// less than a rounding error.
 constexpr double kLeastDistance = 1e-12;
-
-void checkSettings(const PointCloud& cloud, const MpuSettings& s)
-{
-    if (cloud.empty()) throw InputError("no points to fit: the input is empty");
-    if (!cloud.hasNormals())
-        throw InputError("the points have no normals: estimate them first (estimateNormals, or "
-                         "--normals estimate)");
-    const auto demand = [](bool ok, const char* what, double value, const char* range) {
-        if (!ok) throw UsageError(fmt::format("{} is {}; it must be {}", what, value, range));
-    };
-    demand(s.tolerance > 0 && std::isfinite(s.tolerance), "tolerance", s.tolerance, "above 0");
-    demand(s.noise >= 0 && std::isfinite(s.noise), "noise", s.noise, "0 or above");
-    demand(s.voxelSize > 0 && std::isfinite(s.voxelSize), "voxel size", s.voxelSize, "above 0");
-    if (s.interpolate)
-        demand(s.alpha >= 1.05 && s.alpha <= 2, "alpha", s.alpha,
-               "in [1.05, 2] for interpolation: the ball about a point has to cover its cell");
-    else
-        demand(s.alpha >= 0.6 && s.alpha <= 2, "alpha", s.alpha, "in [0.6, 2]");
-    demand(s.minPoints >= 6 && s.minPoints <= 1000, "min points", s.minPoints, "in [6, 1000]");
-}
-
-/// A cube about the points with room for the band and the fits' balls.
-RootCube rootCube(const Box3d& bounds, double voxelSize)
-{
-    const double side = 1.5 * bounds.sizes().maxCoeff() + 16 * voxelSize;
-    return {bounds.center() - Vec3d::Constant(side / 2), side};
-}
 
 /// Steps by which a leaf and the coarse field may differ: unseen walls of cavities and bores are
 /// better told by the fits beside them, which the coarse field bridges.

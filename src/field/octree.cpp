@@ -1,6 +1,10 @@
 #include "octree.h"
 
+#include <mpuvdb/error.h>
+
 #include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
 
 namespace mpuvdb
 {
@@ -25,6 +29,32 @@ Quadric quadric(const QuadricCoefficients& k)
 }
 
 } // namespace
+
+void checkSettings(const PointCloud& cloud, const MpuSettings& s)
+{
+    if (cloud.empty()) throw InputError("no points to fit: the input is empty");
+    if (!cloud.hasNormals())
+        throw InputError("the points have no normals: estimate them first (estimateNormals, or "
+                         "--normals estimate)");
+    const auto demand = [](bool ok, const char* what, double value, const char* range) {
+        if (!ok) throw UsageError(fmt::format("{} is {}; it must be {}", what, value, range));
+    };
+    demand(s.tolerance > 0 && std::isfinite(s.tolerance), "tolerance", s.tolerance, "above 0");
+    demand(s.noise >= 0 && std::isfinite(s.noise), "noise", s.noise, "0 or above");
+    demand(s.voxelSize > 0 && std::isfinite(s.voxelSize), "voxel size", s.voxelSize, "above 0");
+    if (s.interpolate)
+        demand(s.alpha >= 1.05 && s.alpha <= 2, "alpha", s.alpha,
+               "in [1.05, 2] for interpolation: the ball about a point has to cover its cell");
+    else
+        demand(s.alpha >= 0.6 && s.alpha <= 2, "alpha", s.alpha, "in [0.6, 2]");
+    demand(s.minPoints >= 6 && s.minPoints <= 1000, "min points", s.minPoints, "in [6, 1000]");
+}
+
+RootCube rootCube(const Box3d& bounds, double voxelSize)
+{
+    const double side = 1.5 * bounds.sizes().maxCoeff() + 16 * voxelSize;
+    return {bounds.center() - Vec3d::Constant(side / 2), side};
+}
 
 void Octree::setLeaf(std::uint32_t node, std::uint32_t fit, double support)
 {
@@ -95,6 +125,12 @@ void Octree::graft(std::uint32_t at, const Octree& subtree)
     statistics.levels = std::max(statistics.levels, s.levels);
     statistics.maxError = std::max(statistics.maxError, s.maxError);
     statistics.overTolerance += s.overTolerance;
+}
+
+std::uint64_t Octree::usedBytes() const
+{
+    return nodes.size() * sizeof(OctreeNode) + fits.size() * sizeof(StoredFit) +
+           quadrics.size() * sizeof(QuadricCoefficients);
 }
 
 std::uint64_t Octree::bytes() const

@@ -77,6 +77,9 @@ struct Octree {
     void graft(std::uint32_t at, const Octree& subtree);
     std::uint64_t bytes() const;
 
+    /// bytes() without room to grow.
+    std::uint64_t usedBytes() const;
+
     /// Call f(node, cell) for every leaf below a node, depth first.
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
@@ -112,6 +115,12 @@ private:
             forEachPart(f, deepest, nodes[node].index + std::uint32_t(octant), cell.child(octant));
     }
 };
+
+/// @throws InputError without points or normals, UsageError for settings out of range.
+void checkSettings(const PointCloud& cloud, const MpuSettings& settings);
+
+/// A cube about the points with room for the band and the fits' balls.
+RootCube rootCube(const Box3d& bounds, double voxelSize);
 
 /// Fit @a points [Ohtake03 §3]. The same for any number of threads.
 Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,

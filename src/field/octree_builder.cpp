@@ -51,14 +51,19 @@ public:
     SubtreeBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
                    Progress& progress)
         : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress),
-          mFitter(points, root, settings), mPointFitter(points, root, settings)
+          mFitter(points, root, settings), mPointFitter(points, root, settings),
+          mTree(emptyTree(root, settings))
     {
     }
 
     /// @param spacing  estimated for the parent; 0 if unknown.
     Octree build(const OctreeCell& cell, double spacing)
     {
-        mTree = emptyTree(mRoot, mSettings);
+        mTree.nodes.assign(1, {});
+        mTree.fits.clear();
+        mTree.quadrics.clear();
+        mTree.statistics = {};
+        mTree.complete = true;
         mPointFitter.clear();
         mPath.clear();
         mFitter.forget();
@@ -68,7 +73,7 @@ public:
             addEmpty(0, cell, nullptr, spacing > 0 ? spacing : mRoot.size(cell.level));
         else
             process(0, cell, ball, spacing, 0);
-        return std::move(mTree);
+        return mTree; // a copy: without the room to grow that the next one uses again
     }
 
 private:

@@ -96,9 +96,9 @@ struct Band::Gap {
 };
 
 Band::Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
-           Progress& progress)
+           Progress& progress, const std::optional<BlockBox>& zone)
     : mField(field), mLattice(lattice), mBackground(float(halfWidth * lattice.voxelSize)),
-      mMaxBytes(maxBytes), mProgress(progress)
+      mMaxBytes(maxBytes), mProgress(progress), mZone(zone)
 {
 }
 
@@ -183,7 +183,7 @@ std::size_t Band::search(std::vector<Vec3i> wave)
         std::sort(wave.begin(), wave.end(), byRegion);
         wave.erase(std::unique(wave.begin(), wave.end()), wave.end());
         wave.erase(std::remove_if(wave.begin(), wave.end(),
-                                  [&](const Vec3i& b) { return find(b) != nullptr; }),
+                                  [&](const Vec3i& b) { return !isKnown(b) || find(b); }),
                    wave.end());
         sampled += wave.size();
         std::vector<Block> found(wave.size());
@@ -236,13 +236,23 @@ std::vector<Band::Gap> Band::findGaps() const
     columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
     --low;
     ++high;
+    if (mZone) {
+        columns.erase(std::remove_if(columns.begin(), columns.end(),
+                                     [&](const Column& c) {
+                                         return !isKnown({c[0], c[1], mZone->first[2]});
+                                     }),
+                      columns.end());
+        low = std::max(low, mZone->first[2]);
+        high = std::min(high, mZone->last[2]);
+    }
     std::vector<Gap> gaps;
     std::size_t n = 0;
     for (const auto& [x, y] : columns) {
         int z = low;
         const auto addGap = [&, x = x, y = y](int end) {
             if (z > end) return;
-            gaps.push_back({x, y, z, end, std::uint32_t(gaps.size()), z == low || end == high});
+            const bool outer = !mZone && (z == low || end == high);
+            gaps.push_back({x, y, z, end, std::uint32_t(gaps.size()), outer});
         };
         for (; n < order.size() && order[n][0] == x && order[n][1] == y; ++n) {
             addGap(order[n][2] - 1);

@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <unordered_map>
 #include <vector>
 
@@ -24,6 +25,16 @@ using VoxelId = std::uint64_t;
 /// One number per block position.
 std::uint64_t packed(const Vec3i& at);
 
+/// Blocks of a box, corners included.
+struct BlockBox {
+    Vec3i first, last;
+
+    bool holds(const Vec3i& at) const
+    {
+        return (at.array() >= first.array()).all() && (at.array() <= last.array()).all();
+    }
+};
+
 /// Sampled blocks of one lattice.
 class Band
 {
@@ -36,12 +47,16 @@ public:
         SignWords inside{};
     };
 
+    /// @param zone  blocks beyond it are not looked at, and nothing is known of them; null: there
+    /// are none.
     Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
-         Progress& progress);
+         Progress& progress, const std::optional<BlockBox>& zone = {});
 
     /// Sample @a blocks that are not sampled yet, and on from them wherever the band goes on.
     /// Returns the number of blocks sampled.
     std::size_t search(std::vector<Vec3i> blocks);
+    /// In a zone, the band may come in from beyond: find what search() does not reach from data.
+    void searchUnsupported();
     /// Give every block between the sampled ones a sign; where their faces disagree, sample on.
     void resolveSigns();
     /// Turn the sign of components of voxels (connected by faces) that are small, shut in, and have
@@ -89,12 +104,14 @@ private:
     BlockMosaic mosaic() const;
     bool isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const;
     void checkMemory() const;
+    bool isKnown(const Vec3i& at) const { return !mZone || mZone->holds(at); }
 
     const Field& mField;
     Lattice mLattice;
     float mBackground;
     std::uint64_t mMaxBytes;
     Progress& mProgress;
+    std::optional<BlockBox> mZone;
     std::vector<Block> mBlocks;
     std::unordered_map<std::uint64_t, std::uint32_t> mIndex; ///< packed position -> block
     std::vector<std::pair<Vec3i, Vec3i>> mInsideRuns;        ///< first, last block; along z

@@ -5,7 +5,9 @@
 #include <mpuvdb/union_find.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
+#include <optional>
 #include <tbb/parallel_for.h>
 
 namespace mpuvdb
@@ -60,6 +62,8 @@ Band::Regions Band::labelRegions() const
     UnionFind components(first.back());
     voxels.resize(first.back());
     constexpr std::uint64_t kDeep = std::uint64_t(1) << 40; // beyond every limit
+    // Beyond a zone parts of one sign are taken to meet.
+    std::array<std::optional<std::uint32_t>, 2> beyond;
     for (std::size_t n = 0; n < mBlocks.size(); ++n) {
         const Vec3i at = mBlocks[n].at;
         for (std::uint32_t p = 0; p < parts[n].size(); ++p) {
@@ -72,6 +76,11 @@ Band::Regions Band::labelRegions() const
                         mIndex.find(packed(at + (upper ? 1 : -1) * Vec3i::Unit(axis)));
                     if (next == mIndex.end()) {
                         voxels[first[n] + p] = kDeep;
+                        if (!isKnown(at + (upper ? 1 : -1) * Vec3i::Unit(axis))) {
+                            auto& other = beyond[part.inside];
+                            components.join(first[n] + p, other.value_or(first[n] + p));
+                            other = first[n] + p;
+                        }
                         continue;
                     }
                     const std::uint32_t m = next->second;

@@ -50,10 +50,7 @@ void judgeTile(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLim
     float value = 0;
     const bool active = accessor.probeValue(origin, value);
     const std::uint64_t voxels = std::uint64_t(dim) * dim * dim;
-    if (active) {
-        tallies.active += voxels;
-        tallies[Fault::ActiveTile].add(origin, 0, voxels);
-    }
+    if (active) tallies[Fault::ActiveTile].add(origin, 0, voxels);
     if (!std::isfinite(value))
         tallies[Fault::NotFinite].add(origin, 0, voxels);
     else if (!active && !(std::abs(std::abs(value) - limits.background) <= limits.tolerance))
@@ -71,8 +68,9 @@ void judgeTile(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLim
 /// Judge the tiles of all nodes of one level.
 template <typename Node>
 FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                          Progress& progress)
+                          const openvdb::CoordBBox& within, Progress& progress)
 {
+    constexpr int kDim = Node::ChildNodeType::DIM;
     std::vector<const Node*> nodes;
     grid.tree().getNodes(nodes);
     return tbb::parallel_reduce(
@@ -82,7 +80,8 @@ FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& lim
             for (std::size_t n = range.begin(); n != range.end(); ++n) {
                 progress.check();
                 for (auto tile = nodes[n]->cbeginValueAll(); tile; ++tile)
-                    judgeTile(accessor, limits, tile.getCoord(), Node::ChildNodeType::DIM, tallies);
+                    if (isWellWithin(tile.getCoord(), kDim, within))
+                        judgeTile(accessor, limits, tile.getCoord(), kDim, tallies);
             }
             return tallies;
         },
@@ -93,15 +92,16 @@ FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& lim
 }
 
 FaultTallies judgeTiles(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                        Progress& progress)
+                        const openvdb::CoordBBox& within, Progress& progress)
 {
     using Upper = Tree::RootNodeType::ChildNodeType;
     using Lower = Upper::ChildNodeType;
-    FaultTallies tallies = judgeTilesOf<Upper>(grid, limits, progress);
-    tallies.join(judgeTilesOf<Lower>(grid, limits, progress));
+    FaultTallies tallies = judgeTilesOf<Upper>(grid, limits, within, progress);
+    tallies.join(judgeTilesOf<Lower>(grid, limits, within, progress));
     const auto accessor = grid.getConstAccessor();
     for (auto tile = grid.tree().root().cbeginValueAll(); tile; ++tile)
-        judgeTile(accessor, limits, tile.getCoord(), Upper::DIM, tallies);
+        if (isWellWithin(tile.getCoord(), Upper::DIM, within))
+            judgeTile(accessor, limits, tile.getCoord(), Upper::DIM, tallies);
     return tallies;
 }
 
@@ -153,7 +153,8 @@ std::vector<CheckFinding> findingsOfGrid(const openvdb::FloatGrid& grid)
 
 } // namespace
 
-CheckReport check(const openvdb::FloatGrid& grid, Progress& progress, double gradientTolerance)
+CheckReport check(const openvdb::FloatGrid& grid, Progress& progress, double gradientTolerance,
+                  const openvdb::CoordBBox& within)
 {
     CheckReport report;
     report.activeVoxels = grid.activeVoxelCount();
@@ -169,11 +170,10 @@ CheckReport check(const openvdb::FloatGrid& grid, Progress& progress, double gra
     const double voxelSize = latticeOf(grid.transform())->voxelSize;
     const CheckLimits limits = limitsOf(grid, voxelSize, gradientTolerance);
     SideSums steepness = {};
-    FaultTallies tallies = judgeLeaves(grid, limits, steepness, progress);
-    tallies.join(judgeTiles(grid, limits, progress));
+    FaultTallies tallies = judgeLeaves(grid, limits, within, steepness, progress);
+    tallies.join(judgeTiles(grid, limits, within, progress));
     progress.endStage();
 
-    report.activeVoxels = tallies.active;
     report.bandInside = -tallies.lowest / voxelSize;
     report.bandOutside = tallies.highest / voxelSize;
     report.maxGradientError = tallies.maxSteepness;

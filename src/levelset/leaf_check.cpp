@@ -8,6 +8,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace mpuvdb
@@ -135,7 +136,6 @@ private:
     void judgeValues(int x, int y, FaultTallies& tallies) const
     {
         const Row active = mActive[x][y];
-        tallies.active += std::uint64_t(__builtin_popcount(active & kInner));
         for (int z = 1; z <= kBlockDim; ++z) {
             const float v = mValue[x][y][z];
             const float excess = std::abs(v) - mLimits.background;
@@ -238,10 +238,15 @@ private:
 } // namespace
 
 FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                         SideSums& steepness, Progress& progress)
+                         const openvdb::CoordBBox& within, SideSums& steepness, Progress& progress)
 {
     std::vector<const Leaf*> leaves;
     grid.tree().getNodes(leaves);
+    leaves.erase(std::remove_if(leaves.begin(), leaves.end(),
+                                [&](const Leaf* leaf) {
+                                    return !isWellWithin(leaf->origin(), Leaf::DIM, within);
+                                }),
+                 leaves.end());
     progress.beginStage("check", double(std::max<std::size_t>(leaves.size(), 1)));
     std::vector<SideSums> sums(leaves.size());
     const FaultTallies tallies = tbb::parallel_reduce(

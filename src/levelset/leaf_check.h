@@ -60,7 +60,6 @@ private:
 /// What was seen: nothing of it depends on the order in which voxels are looked at.
 struct FaultTallies {
     std::array<FaultTally, kFaults> faults;
-    std::uint64_t active = 0;
     std::array<std::uint64_t, 2> gradients = {}; ///< outside, inside
     double maxSteepness = 0;
     float lowest = 0, highest = 0;
@@ -69,7 +68,6 @@ struct FaultTallies {
     void join(const FaultTallies& other)
     {
         for (std::size_t n = 0; n < kFaults; ++n) faults[n].join(other.faults[n]);
-        active += other.active;
         for (std::size_t side : {0, 1}) gradients[side] += other.gradients[side];
         maxSteepness = std::max(maxSteepness, other.maxSteepness);
         lowest = std::min(lowest, other.lowest);
@@ -79,9 +77,16 @@ struct FaultTallies {
 
 using SideSums = std::array<double, 2>; ///< outside, inside
 
-/// Judge all leaves; @a steepness becomes the sums of ||grad| - 1|, added up in the leaves' order.
-/// The stage "check" begins. @throws Interrupted.
+/// Whether the cube at @a origin lies in @a within, and the voxels around it.
+inline bool isWellWithin(const openvdb::Coord& origin, int dim, const openvdb::CoordBBox& within)
+{
+    return within == openvdb::CoordBBox::inf() ||
+           within.isInside(openvdb::CoordBBox(origin.offsetBy(-1), origin.offsetBy(dim)));
+}
+
+/// Judge all leaves well within @a within; @a steepness becomes the sums of ||grad| - 1|, added up
+/// in the leaves' order. The stage "check" begins. @throws Interrupted.
 FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                         SideSums& steepness, Progress& progress);
+                         const openvdb::CoordBBox& within, SideSums& steepness, Progress& progress);
 
 } // namespace mpuvdb

@@ -35,6 +35,22 @@ double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSetti
     return resolved.points.spacing;
 }
 
+Box3d resolveRegion(const std::array<Length, 6>& region, const ResolvedSettings& resolved)
+{
+    Box3d box;
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto at = [&](int corner) {
+            return region[std::size_t(3 * corner + axis)].resolve(resolved.grid.lattice.voxelSize,
+                                                                  resolved.diagonal);
+        };
+        box.min()[axis] = at(0);
+        box.max()[axis] = at(1);
+    }
+    if (box.isEmpty())
+        throw UsageError("the region is empty: give the lower corner first, x0 y0 z0 x1 y1 z1");
+    return box;
+}
+
 } // namespace
 
 ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& settings,
@@ -42,8 +58,9 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
 {
     if (cloud.empty()) throw InputError("no points: the input is empty");
     ResolvedSettings resolved;
-    progress.beginStage("measure");
+    if (!settings.points) progress.beginStage("measure");
     resolved.points = settings.points ? *settings.points : measure(cloud, progress);
+    progress.endStage();
     const Box3d box = cloud.localBounds();
     resolved.boxSize = box.sizes();
     resolved.diagonal = resolved.boxSize.norm();
@@ -57,6 +74,7 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
     resolved.grid.lattice = latticeFor(box.translated(cloud.frame), h);
     resolved.grid.halfWidth = settings.halfWidth;
     resolved.grid.maxBytes = settings.maxBytes;
+    if (settings.region) resolved.grid.region = resolveRegion(*settings.region, resolved);
 
     MpuSettings& fit = resolved.fit;
     fit.voxelSize = h;
@@ -71,7 +89,6 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
         fit.normalNoise = resolved.points.normalNoise;
     }
     fit.minPoints = settings.minPoints.value_or(MpuSettings{}.minPoints);
-    progress.endStage();
     return resolved;
 }
 

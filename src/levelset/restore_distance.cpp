@@ -13,6 +13,7 @@
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 namespace mpuvdb
@@ -165,6 +166,11 @@ public:
     }
 
 private:
+    struct HashCoord {
+        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
+    };
+    using LeafSet = std::unordered_set<Coord, HashCoord>; ///< by origin
+
     struct Examined {
         Coord at;
         float distance; ///< voxels
@@ -216,6 +222,7 @@ private:
         found.erase(std::remove_if(found.begin(), found.end(),
                                    [&](const Examined& v) { return isSettled(v.at); }),
                     found.end());
+        found.shrink_to_fit(); // most were found many times, and those of all leaves are held
         return found;
     }
 
@@ -313,6 +320,7 @@ private:
                 found.push_back(p);
             }
         }
+        found.shrink_to_fit();
         return found;
     }
 
@@ -359,7 +367,7 @@ private:
                              std::uint64_t& changed)
     {
         openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
-        std::vector<Coord> touched;
+        LeafSet touched;
         Coord home;
         Leaf::NodeMaskType* settled = nullptr; // of the leaf at home
         for (const auto& voxels : found) {
@@ -385,21 +393,21 @@ private:
                 addLeavesAround(voxel.at, touched);
             }
         }
-        std::sort(touched.begin(), touched.end());
-        touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+        std::vector<Coord> origins(touched.begin(), touched.end());
+        std::sort(origins.begin(), origins.end());
         std::vector<Leaf*> leaves;
-        for (const Coord& origin : touched)
+        for (const Coord& origin : origins)
             if (Leaf* leaf = access.probeLeaf(origin)) leaves.push_back(leaf);
         return leaves;
     }
 
     /// Origins of the leaves that hold a voxel or one of its neighbours.
-    static void addLeavesAround(const Coord& at, std::vector<Coord>& origins)
+    static void addLeavesAround(const Coord& at, LeafSet& origins)
     {
         const Coord low = at.offsetBy(-1) & ~7, high = at.offsetBy(1) & ~7;
         for (int x = low.x(); x <= high.x(); x += kDim)
             for (int y = low.y(); y <= high.y(); y += kDim)
-                for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace_back(x, y, z);
+                for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace(x, y, z);
     }
 
     /// What a value is to be, given the distance to the nearest crossing.
@@ -408,10 +416,6 @@ private:
         if (value <= distance + kAbove && value >= distance - kBelow) return value;
         return value < kTip ? std::max(value, distance - kBelowAtTip) : distance;
     }
-
-    struct HashCoord {
-        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
-    };
 
     openvdb::FloatTree& mTree;
     Progress& mProgress;

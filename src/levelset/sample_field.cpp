@@ -7,7 +7,10 @@
 #include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
 
+#include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -28,29 +31,75 @@ void demandSettings(const Field& field, const SampleSettings& settings)
     if (!box.isEmpty() && !(box.min().allFinite() && box.max().allFinite()))
         throw UsageError("the solid goes on without end, which no grid can hold: intersect it with "
                          "a box, or with a solid that ends");
+    if (settings.region && (settings.region->isEmpty() || !settings.region->min().allFinite() ||
+                            !settings.region->max().allFinite()))
+        throw UsageError("the region's corners are not finite, or not in order");
 }
 
 /// Whether there is no surface. @throws InputError where there has to be one.
 bool isEmpty(const Band& band, const SampleSettings& settings)
 {
     if (band.hasZeroCrossing()) return false;
-    if (!settings.mayBeEmpty)
+    if (!settings.mayBeEmpty && !settings.region)
         throw InputError("the surface encloses nothing at this voxel size: no voxel is inside. Use "
                          "smaller voxels, or, if points were fitted, check their normals");
     return true;
 }
 
+/// The blocks that are looked at for @a region.
+BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
+{
+    const int margin = kRegionMargin + int(std::ceil(halfWidth));
+    const auto block = [](int voxel) { return voxel >> 3; };
+    BlockBox zone;
+    for (int axis = 0; axis < 3; ++axis) {
+        zone.first[axis] = block(region.min()[axis] - margin);
+        zone.last[axis] = block(region.max()[axis] + margin);
+    }
+    return zone;
+}
+
+/// Only what is in @a region; the rest is outside.
+LevelSet cropped(const LevelSet& whole, const openvdb::CoordBBox& region)
+{
+    const openvdb::FloatGrid::Ptr grid = whole.grid().deepCopy();
+    grid->clip(region);
+    return LevelSet(grid);
+}
+
 } // namespace
+
+openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
+{
+    constexpr double kMost = 1 << 23; // beyond the index range of blocks
+    openvdb::CoordBBox voxels;
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto index = [&](double x) {
+            return std::clamp((x - lattice.origin[axis]) / lattice.voxelSize, -kMost, kMost);
+        };
+        voxels.min()[axis] = int(std::ceil(index(region.min()[axis])));
+        voxels.max()[axis] = int(std::floor(index(region.max()[axis])));
+    }
+    return voxels;
+}
 
 LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress)
 {
     demandSettings(field, settings);
     const Lattice& lattice = settings.lattice;
     const bool isDistance = field.isDistance();
+    std::optional<BlockBox> zone;
+    openvdb::CoordBBox region;
+    if (settings.region) {
+        region = voxelsIn(*settings.region, lattice);
+        if (region.empty()) return emptyLevelSet(lattice, settings.halfWidth);
+        zone = zoneOf(region, settings.halfWidth);
+    }
     progress.beginStage("sample");
     Band band(field, lattice, isDistance ? settings.halfWidth : kCrossingWidth * field.steepness(),
-              settings.maxBytes, progress);
+              settings.maxBytes, progress, zone);
     band.search(field.seedBlocks(lattice));
+    if (zone) band.searchUnsupported();
     if (isEmpty(band, settings)) return emptyLevelSet(lattice, settings.halfWidth);
     progress.beginStage("close");
     band.resolveSigns();
@@ -69,7 +118,9 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
     progress.endStage();
-    return isDistance ? LevelSet(grid) : redistance(*grid, settings.halfWidth, progress);
+    const LevelSet levelSet =
+        isDistance ? LevelSet(grid) : redistance(*grid, settings.halfWidth, progress);
+    return zone ? cropped(levelSet, region) : levelSet;
 }
 
 } // namespace mpuvdb

@@ -162,7 +162,7 @@ public:
     Mesh run(Progress& progress)
     {
         constexpr int kAtOnce = 256;
-        progress.beginStage("simplify", mPositions.size());
+        progress.beginStage("simplify", double(mPositions.size()));
         for (Index v = 0; v < mPositions.size(); ++v) {
             if (v % kAtOnce == 0) progress.check();
             for (const Index w : ring(v))

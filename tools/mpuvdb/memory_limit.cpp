@@ -47,17 +47,23 @@ std::uint64_t controlGroupLimit()
     return limit;
 }
 
-/// Private writable memory that the process has now, which is what RLIMIT_DATA counts.
-std::uint64_t dataBytesNow()
+/// What the system says of this process under @a name, such as "VmRSS:"; 0 if it does not.
+std::uint64_t statusBytes(const std::string& name)
 {
     std::ifstream status("/proc/self/status");
     for (std::string line; std::getline(status, line);) {
-        if (line.rfind("VmData:", 0) != 0) continue;
+        if (line.rfind(name, 0) != 0) continue;
         std::uint64_t kilobytes = 0;
-        std::istringstream(line.substr(7)) >> kilobytes;
+        std::istringstream(line.substr(name.size())) >> kilobytes;
         return kilobytes * 1024;
     }
     return 0;
+}
+
+/// Private writable memory that the process has now, which is what RLIMIT_DATA counts.
+std::uint64_t dataBytesNow()
+{
+    return statusBytes("VmData:");
 }
 
 } // namespace
@@ -102,6 +108,11 @@ void limitMemory(std::uint64_t bytes)
     getrlimit(RLIMIT_DATA, &limit);
     limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, dataBytesNow() + bytes);
     setrlimit(RLIMIT_DATA, &limit);
+}
+
+std::uint64_t residentBytes()
+{
+    return statusBytes("VmRSS:");
 }
 
 void reuseFreedMemory()

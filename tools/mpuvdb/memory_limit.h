@@ -20,6 +20,9 @@ std::uint64_t defaultMemoryLimit();
 /// machine.
 void limitMemory(std::uint64_t bytes);
 
+/// Memory that the process holds now.
+std::uint64_t residentBytes();
+
 /// Have the C library keep what a stage frees for the next stage: given back, the system clears the
 /// same pages again and again. Large arrays still go back at once. Once, before any thread starts.
 void reuseFreedMemory();

@@ -1,7 +1,9 @@
 // mpuvdb reconstruct: points in, level set (and mesh) out.
 #include "describe.h"
 #include "level_set_verb.h"
+#include "memory_limit.h"
 #include "presets.h"
+#include "run_estimate.h"
 #include "verb.h"
 
 #include <mpuvdb/clean.h>
@@ -9,6 +11,7 @@
 #include <mpuvdb/io.h>
 #include <mpuvdb/reconstruct.h>
 
+#include <algorithm>
 #include <fmt/format.h>
 
 namespace mpuvdb::command
@@ -26,6 +29,8 @@ public:
                 "      Voxel size and tolerance follow from the spacing and noise of the points.\n"
                 "  mpuvdb reconstruct bun.conf -o bunny.vdb --voxels 256 --mesh bunny.ply\n"
                 "      A Stanford scan set, 256 voxels along its longest side, and a mesh beside.\n"
+                "  mpuvdb reconstruct scan.ply --voxels 2000 --dry-run\n"
+                "      What that would take: settings, voxels, memory, size of the file.\n"
                 "  cat scan.ply | mpuvdb reconstruct - -o scan.vdb --report scan.json\n"
                 "      Points from standard input; settings, results and times as JSON.\n"};
     }
@@ -37,12 +42,21 @@ public:
                "Points: .ply .conf .xyz .pts .pwn .txt .ptx .obj .off .stl .pcd .las; - is\n"
                "standard input. Several are joined.")
             ->required();
-        app.add_option("-o,--output", mOutput, "The level set")->required()->type_name("OUT.vdb");
+        app.add_option("-o,--output", mOutput, "The level set")->type_name("OUT.vdb");
         app.add_option("--mesh", mMesh,
                        "Write a mesh too: .ply .obj .stl; - is PLY on standard output")
             ->type_name("OUT.ply");
         addPreset(app, mPreset);
-        app.callback([this, &app] { mPresetOptions = applyPreset(app, mPreset); });
+        app.add_flag("--dry-run", mDryRun,
+                     "Read the points, say what the settings come to and what the run would take:\n"
+                     "voxels, memory (to a fifth), size of the file. Writes nothing but a report");
+        app.callback([this, &app] {
+            if (mOutput.empty() && !mDryRun) throw CLI::RequiredError("--output");
+            if (mSettings.region && (!mMesh.empty() || wantsCoverage()))
+                throw UsageError("--region ends the band at its sides: there is no --mesh, "
+                                 "--coverage or --holes of a part");
+            mPresetOptions = applyPreset(app, mPreset);
+        });
         addHoleOptions(app);
         addGridOptions(app);
         addFitOptions(app);
@@ -53,19 +67,28 @@ public:
     {
         if (!mPreset.empty())
             session.note(fmt::format("preset      {}: {}", mPreset, mPresetOptions));
-        session.checkFiles(
-            {{"-o", mOutput, {".vdb"}}, {"--mesh", mMesh, {".ply", ".obj", ".stl"}, true}},
-            mInputs);
+        const std::uint64_t bareBytes = residentBytes();
+        std::vector<Output> outputs{{"--mesh", mMesh, {".ply", ".obj", ".stl"}, true}};
+        if (!mOutput.empty()) outputs.push_back({"-o", mOutput, {".vdb"}});
+        session.checkFiles(outputs, mInputs);
         PointInput input = readInput(session);
         mDropped = input.dropped;
         clean(session, input.cloud);
         mPoints = input.cloud.size();
 
         mSettings.maxBytes = session.options().maxBytes;
+        const RunEstimator estimator(input.cloud, mSettings, {!mMesh.empty(), wantsCoverage()},
+                                     bareBytes);
+        if (mDryRun) {
+            foresee(session, estimator);
+            return ExitCode::Ok;
+        }
+        estimator.demand(mSettings.maxBytes, session.progress());
         const Reconstruction made =
             reconstruct(std::move(input.cloud), mSettings, session.progress());
+        describeSettings(session, made.settings);
         describeFit(session, made);
-        const CheckReport checked = check(made.levelSet.grid(), session.progress());
+        const CheckReport checked = checkOf(made, session);
         const openvdb::FloatGrid::ConstPtr coverage = coverageOf(made, session);
         openvdb::GridCPtrVec beside;
         if (coverage) beside.push_back(coverage);
@@ -93,10 +116,20 @@ private:
             ->group(group);
     }
 
+    static CheckReport checkOf(const Reconstruction& made, Session& session)
+    {
+        const SampleSettings& s = made.settings.grid;
+        const openvdb::FloatGrid& grid = made.levelSet.grid();
+        if (!s.region) return check(grid, session.progress());
+        return check(grid, session.progress(), kGradientTolerance, voxelsIn(*s.region, s.lattice));
+    }
+
+    bool wantsCoverage() const { return mCoverage || !mHoles.close; }
+
     /// Null where nobody asked for it.
     openvdb::FloatGrid::ConstPtr coverageOf(const Reconstruction& made, Session& session) const
     {
-        if (mHoles.close && !mCoverage) return nullptr;
+        if (!wantsCoverage()) return nullptr;
         session.progress().beginStage("spacing");
         const auto coverage = made.field->coverage(session.progress());
         const auto grid = sampleCoverage(made.levelSet, *coverage, session.progress());
@@ -127,11 +160,27 @@ private:
             ->type_name("N")
             ->excludes(size)
             ->group(group);
+        app.add_option_function<std::vector<std::string>>(
+               "--region", [this](const std::vector<std::string>& words) { setRegion(words); },
+               "Only the voxels in this box (X0 Y0 Z0 X1 Y1 Z1), active and with values as\n"
+               "without it, but where islands, handles or jumps that are closed reach from it\n"
+               "farther than 32 voxels. Outside of it nothing is active, so that the band ends\n"
+               "at its sides, and there may be no mesh. All points are read and fitted")
+            ->type_name("LENGTH")
+            ->expected(6)
+            ->group(group);
         app.add_option("--half-width", mSettings.halfWidth,
                        "Voxels of the narrow band on either side of the surface")
             ->type_name("VOXELS")
             ->capture_default_str()
             ->group(group);
+    }
+
+    void setRegion(const std::vector<std::string>& words)
+    {
+        mSettings.region.emplace();
+        std::transform(words.begin(), words.end(), mSettings.region->begin(),
+                       [](const std::string& word) { return Length::parse(word); });
     }
 
     void addFitOptions(CLI::App& app)
@@ -235,10 +284,35 @@ private:
                          "turn them with --flip-normals");
     }
 
-    void describeFit(Session& session, const Reconstruction& made) const
+    void foresee(Session& session, const RunEstimator& estimator) const
     {
-        const ResolvedSettings& s = made.settings;
-        const MpuStatistics& fit = made.field->statistics();
+        const RunEstimate run = estimator.estimate(session.progress());
+        const ResolvedSettings& s = run.work.settings;
+        describeSettings(session, s);
+        Json& report = session.report()["estimate"];
+        report = {{"area", run.work.area},
+                  {"leaves", run.work.fit.leaves},
+                  {"active_voxels", run.work.activeVoxels},
+                  {"field_bytes", run.work.fit.bytes},
+                  {"grid_bytes", run.work.gridBytes},
+                  {"file_bytes", run.fileBytes},
+                  {"peak_bytes", run.peakBytes}};
+        if (!mMesh.empty()) report["triangles"] = run.triangles;
+        summariseSettings(session, s);
+        const double h = s.grid.lattice.voxelSize;
+        const Vec3d size = (s.boxSize / h).array() + 2 * s.grid.halfWidth;
+        session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, about {:.0f} x "
+                                 "{:.0f} x {:.0f}, {:.3g} active voxels",
+                                 h, s.grid.halfWidth, size.x(), size.y(), size.z(),
+                                 double(run.work.activeVoxels)));
+        session.note(fmt::format("would take  about {} of memory (limit {}), {} on disk",
+                                 sizeText(run.peakBytes), sizeText(mSettings.maxBytes),
+                                 sizeText(run.fileBytes)));
+        session.progress().endStage();
+    }
+
+    void describeSettings(Session& session, const ResolvedSettings& s) const
+    {
         Json& report = session.report();
         report["settings"] = {{"voxel_size", s.grid.lattice.voxelSize},
                               {"half_width", s.grid.halfWidth},
@@ -255,21 +329,35 @@ private:
                               {"preset", mPreset},
                               {"outliers", mOutliers},
                               {"holes", mHoles.text()},
-                              {"coverage", mCoverage || !mHoles.close},
+                              {"coverage", wantsCoverage()},
                               {"max_memory", mSettings.maxBytes}};
+        if (s.grid.region)
+            report["settings"]["region"] = {toJson(Vec3d(s.grid.region->min())),
+                                            toJson(Vec3d(s.grid.region->max()))};
         report["input"] = {
             {"points", mPoints},          {"dropped", mDropped},
             {"normals_turned", mFlipped}, {"spacing", s.points.spacing},
             {"noise", s.points.noise},    {"normal_noise", s.points.normalNoise * 180 / M_PI},
             {"box", toJson(s.boxSize)},   {"diagonal", s.diagonal}};
-        report["field"] = {{"cells", fit.cells},
-                           {"leaves", fit.leaves},
-                           {"levels", fit.levels},
-                           {"fits", fit.fits},
-                           {"sharp_fits", fit.sharpFits},
-                           {"max_error", fit.maxError},
-                           {"over_tolerance", fit.overTolerance},
-                           {"bytes", fit.bytes}};
+    }
+
+    static void describeFit(Session& session, const Reconstruction& made)
+    {
+        const MpuStatistics& fit = made.field->statistics();
+        session.report()["field"] = {{"cells", fit.cells},
+                                     {"leaves", fit.leaves},
+                                     {"levels", fit.levels},
+                                     {"fits", fit.fits},
+                                     {"sharp_fits", fit.sharpFits},
+                                     {"max_error", fit.maxError},
+                                     {"over_tolerance", fit.overTolerance},
+                                     {"bytes", fit.bytes}};
+    }
+
+    static std::string regionText(const Box3d& box)
+    {
+        const Vec3d &a = box.min(), &b = box.max();
+        return fmt::format("{} {} {} {} {} {}", a.x(), a.y(), a.z(), b.x(), b.y(), b.z());
     }
 
     std::map<std::string, std::string> metadata(const Reconstruction& made) const
@@ -289,14 +377,13 @@ private:
             {"mpuvdb:min_points", text(s.fit.minPoints)},
             {"mpuvdb:sharp", text(s.fit.sharp)}};
         if (s.fit.interpolate) result["mpuvdb:interpolate"] = text(true);
+        if (s.grid.region) result["mpuvdb:region"] = regionText(*s.grid.region);
         return result;
     }
 
-    void summarise(Session& session, const Reconstruction& made) const
+    void summariseSettings(Session& session, const ResolvedSettings& s) const
     {
-        const ResolvedSettings& s = made.settings;
         const double h = s.grid.lattice.voxelSize;
-        const auto size = made.levelSet.grid().evalActiveVoxelDim();
         const std::string dropped = droppedText(mDropped);
         session.note(fmt::format("points      {}, spacing {:.4g}, noise {:.2g}{}", mPoints,
                                  s.points.spacing, s.points.noise,
@@ -307,10 +394,17 @@ private:
                         s.fit.interpolate ? "interpolate"
                         : s.fit.sharp     ? "sharp"
                                           : "no-sharp"));
+    }
+
+    void summarise(Session& session, const Reconstruction& made) const
+    {
+        const ResolvedSettings& s = made.settings;
+        summariseSettings(session, s);
+        const auto size = made.levelSet.grid().evalActiveVoxelDim();
         session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, {} x {} x {}, {} "
                                  "active voxels: {}",
-                                 h, s.grid.halfWidth, size.x(), size.y(), size.z(),
-                                 made.levelSet.grid().activeVoxelCount(), mOutput));
+                                 s.grid.lattice.voxelSize, s.grid.halfWidth, size.x(), size.y(),
+                                 size.z(), made.levelSet.grid().activeVoxelCount(), mOutput));
         session.note("time        " + session.timesText());
     }
 
@@ -319,7 +413,7 @@ private:
     std::string mPreset, mPresetOptions; ///< its name; what it set
     std::string mNormals = "auto", mBadPoints = "drop", mOutliers = "drop";
     std::vector<std::string> mViewpoints;
-    bool mFlipNormals = false, mCoverage = false;
+    bool mFlipNormals = false, mCoverage = false, mDryRun = false;
     Holes mHoles;
     ReconstructSettings mSettings;
     std::uint64_t mPoints = 0, mFlipped = 0;

@@ -1,0 +1,42 @@
+// Bands of which only a part is looked at.
+#include "band.h"
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+
+void Band::searchUnsupported()
+{
+    // Where data support the surface they are in the zone, and the band has been found from them.
+    const Vec3i size = mZone->last - mZone->first + Vec3i::Ones();
+    const double h = mLattice.voxelSize;
+    // Half a block's diagonal from its centre; values are distances only about.
+    const double near = 1.5 * (double(mBackground) + 0.5 * std::sqrt(3.0) * (kBlockDim - 1) * h);
+    tbb::enumerable_thread_specific<std::unique_ptr<BlockSampler>> samplers(
+        [&] { return mField.sampler(mLattice, double(mBackground)); });
+    std::vector<std::vector<Vec3i>> found(std::size_t(size[0]) * std::size_t(size[1]));
+    tbb::parallel_for(std::size_t(0), found.size(), [&](std::size_t column) {
+        BlockSampler& sampler = *samplers.local();
+        Vec3i at = mZone->first + Vec3i(int(column) / size[1], int(column) % size[1], 0);
+        for (; at[2] <= mZone->last[2]; ++at[2]) {
+            mProgress.check();
+            if (find(at)) continue;
+            const Vec3d middle = (at * kBlockDim).cast<double>().array() + 0.5 * (kBlockDim - 1);
+            const FieldSample there = mField.evaluate(mLattice.origin + h * middle);
+            if (there.supported || std::abs(there.value) > near) continue;
+            const Block block = sample(sampler, at);
+            if (block.leaf && !block.leaf->getValueMask().isOff()) found[column].push_back(at);
+        }
+    });
+    std::vector<Vec3i> blocks;
+    for (const auto& some : found) blocks.insert(blocks.end(), some.begin(), some.end());
+    search(std::move(blocks));
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,149 @@
+// What --dry-run foresees beside what the run then takes, and runs refused for their memory.
+#include "command_process.h"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace mpuvdb::test
+{
+namespace
+{
+
+using nlohmann::json;
+using Words = std::vector<std::string>;
+
+class EstimateTest : public testing::Test
+{
+protected:
+    Ended mpuvdb(Words words) const
+    {
+        words.insert(words.begin(), "mpuvdb");
+        return run(mFolder, words);
+    }
+
+    /// Run reconstruct with @a words; its report.
+    json reconstruct(Words words) const
+    {
+        words.insert(words.begin(), "reconstruct");
+        words.insert(words.end(), {"--quiet", "--report", "r.json"});
+        const Ended ended = mpuvdb(words);
+        EXPECT_EQ(ended.status, 0) << ended.err;
+        return json::parse(readFile(mFolder / "r.json"));
+    }
+
+    void sample(const std::string& solid, const std::string& file, const Words& options) const
+    {
+        Words words{"sample", solid, "-o", file, "--pattern", "random"};
+        words.insert(words.end(), options.begin(), options.end());
+        const Ended ended = mpuvdb(words);
+        ASSERT_EQ(ended.status, 0) << ended.err;
+    }
+
+    /// Foresee a run, do it, and compare.
+    void expectForeseen(const Words& words)
+    {
+        Words dry = words, real = words;
+        dry.push_back("--dry-run");
+        real.insert(real.end(), {"-o", "o.vdb"});
+        const json foreseen = reconstruct(dry), report = reconstruct(real);
+        std::string what;
+        for (const std::string& word : words) what += word + " ";
+        EXPECT_EQ(foreseen["settings"], report["settings"]) << what;
+        EXPECT_EQ(foreseen["input"], report["input"]) << what;
+        const json& estimate = foreseen["estimate"];
+        double peak = 0;
+        for (const json& stage : report["stages"])
+            peak = std::max(peak, stage["peak_bytes"].get<double>());
+        const auto ratio = [&](const char* key, double taken) {
+            return estimate[key].get<double>() / taken;
+        };
+        // The sanitizers' memory is not the program's.
+#ifndef __SANITIZE_ADDRESS__
+        EXPECT_NEAR(ratio("peak_bytes", peak), 1, 0.2) << what;
+#endif
+        const double active = report["grid"]["active_voxels"];
+        EXPECT_NEAR(ratio("active_voxels", active), 1, 0.12) << what;
+        EXPECT_NEAR(ratio("leaves", report["field"]["leaves"]), 1, 0.35) << what;
+        if (active > 3e5) { // of small files the part that all have is large
+            const double file = double(readFile(mFolder / "o.vdb").size());
+            EXPECT_NEAR(ratio("file_bytes", file), 1, 0.5) << what; // flat surfaces pack well
+        }
+    }
+
+    TemporaryFolder mFolder;
+};
+
+TEST_F(EstimateTest, DryRunsWriteNothing)
+{
+    sample("torus(1,0.4)", "a.ply", {"--points", "8000"});
+    const Ended ended = mpuvdb(
+        {"reconstruct", "a.ply", "--dry-run", "-o", "a.vdb", "--mesh", "m.ply", "--voxels", "100"});
+    EXPECT_EQ(ended.status, 0) << ended.err;
+    EXPECT_EQ(mFolder.names(), (Words{"a.ply"}));
+    for (const char* said :
+         {"voxel size 0.02799", "tolerance 0.002799", "active voxels", "of memory"})
+        EXPECT_NE(ended.err.find(said), std::string::npos) << said << " in " << ended.err;
+    EXPECT_EQ(mpuvdb({"reconstruct", "a.ply", "--dry-run", "--voxels", "1"}).status, 2);
+    EXPECT_EQ(mpuvdb({"reconstruct", "b.ply", "--dry-run"}).status, 3);
+}
+
+TEST_F(EstimateTest, ForeseesWhatRunsTake)
+{
+    sample("torus(1,0.4)", "torus.ply", {"--points", "20000"});
+    expectForeseen({"torus.ply"});
+    expectForeseen({"torus.ply", "--voxels", "250", "--mesh", "m.ply"});
+    expectForeseen({"torus.ply", "--voxels", "200", "--coverage", "--half-width", "5"});
+    expectForeseen({"torus.ply", "--voxels", "60", "--interpolate"});
+    sample("blob(1,20,0.05)", "dense.ply", {"--points", "250000"});
+    expectForeseen({"dense.ply", "--voxels", "100"});
+    sample("blob(1,20,0.05)", "holes.ply",
+           {"--points", "30000", "--holes", "3", "--hole-radius", "0.15", "--noise", "0.004"});
+    expectForeseen({"holes.ply"});
+    expectForeseen({"holes.ply", "--voxels", "200"});
+    sample("box(2,1.5,0.05)", "slab.ply", {"--points", "20000"});
+    expectForeseen({"slab.ply", "--voxels", "200"});
+}
+
+TEST_F(EstimateTest, ForeseesWhatRunsOnScansTake)
+{
+    const char* const folder = std::getenv("MPUVDB_DATA_DIR");
+    if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
+    const std::string data = std::string(folder) + "/";
+    expectForeseen({data + "bunny/bun.conf"});
+    expectForeseen({data + "bunny/bun000.ply"});
+    expectForeseen({data + "clouds/bun0.pcd"});
+    expectForeseen({data + "clouds/kitten.xyz", "--voxels", "300"});
+}
+
+TEST_F(EstimateTest, RefusesBeforeTheWorkAndSaysWhatFits)
+{
+    sample("torus(1,0.4)", "a.ply", {"--points", "20000"});
+    const Ended refused = mpuvdb({"reconstruct", "a.ply", "-o", "a.vdb", "--voxels", "1500",
+                                  "--max-memory", "120M", "--report", "r.json"});
+    EXPECT_EQ(refused.status, 5) << refused.err;
+    EXPECT_EQ(mFolder.names(), (Words{"a.ply", "r.json"}));
+    const json report = json::parse(readFile(mFolder / "r.json"));
+    EXPECT_EQ(report["error"]["type"], "LimitError");
+    for (const json& stage : report["stages"]) EXPECT_NE(stage["name"], "check");
+    const std::string option = "--voxel-size ";
+    const std::size_t at = refused.err.find(option);
+    ASSERT_NE(at, std::string::npos) << refused.err;
+    const std::string size = refused.err.substr(at + option.size(), 8);
+    const double fitting = std::atof(size.c_str());
+    EXPECT_GT(fitting, 2.8 / 1500);
+    EXPECT_LT(fitting, 2.8 / 150) << "far more than needed";
+#ifndef __SANITIZE_ADDRESS__
+    const Ended fits = mpuvdb({"reconstruct", "a.ply", "-o", "a.vdb", "--voxel-size",
+                               std::to_string(fitting), "--max-memory", "120M"});
+    EXPECT_EQ(fits.status, 0) << fits.err;
+#endif
+    const Ended hopeless = mpuvdb({"reconstruct", "a.ply", "-o", "b.vdb", "--max-memory", "20M"});
+    EXPECT_EQ(hopeless.status, 5) << hopeless.err;
+}
+
+} // namespace
+} // namespace mpuvdb::test

@@ -1,0 +1,181 @@
+// A part of a level set, beside the whole: the same voxels with the same values.
+#include "field_fixture.h"
+
+#include <mpuvdb/clean.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/fields.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/reconstruct.h>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using openvdb::CoordBBox;
+
+/// Voxels in @a box whose state or, if active, value differs.
+std::uint64_t differences(const LevelSet& part, const LevelSet& whole, const CoordBBox& box)
+{
+    const auto a = part.grid().getConstAccessor(), b = whole.grid().getConstAccessor();
+    std::uint64_t count = 0;
+    for (auto c = box.beginXYZ(); c; ++c) {
+        const bool active = b.isValueOn(*c);
+        if (a.isValueOn(*c) != active) ++count;
+        // Signs too: what is inactive is deep inside or outside.
+        else if (active ? a.getValue(*c) != b.getValue(*c)
+                        : (a.getValue(*c) < 0) != (b.getValue(*c) < 0))
+            ++count;
+    }
+    return count;
+}
+
+/// A box around a random active voxel of @a levelSet.
+Box3d randomBox(const LevelSet& levelSet, test::Random& random, double voxels)
+{
+    std::size_t skip = random.below(levelSet.grid().activeVoxelCount());
+    auto value = levelSet.grid().cbeginValueOn();
+    while (skip-- > 0) ++value;
+    const Vec3d centre = test::worldOf(levelSet.lattice(), value.getCoord());
+    const double h = levelSet.voxelSize();
+    const Vec3d low(random.uniform(1, voxels), random.uniform(1, voxels),
+                    random.uniform(1, voxels)),
+        high(random.uniform(1, voxels), random.uniform(1, voxels), random.uniform(1, voxels));
+    return {centre - h * low, centre + h * high};
+}
+
+std::array<Length, 6> lengths(const Box3d& box)
+{
+    std::array<Length, 6> result;
+    for (std::size_t n = 0; n < 6; ++n)
+        result[n] = {(n < 3 ? box.min() : box.max())[int(n % 3)], Length::Unit::World};
+    return result;
+}
+
+/// Parts of a reconstruction beside the whole.
+void expectSameInRegions(const PointCloud& cloud, ReconstructSettings settings, std::uint64_t seed,
+                         int regions, double voxels)
+{
+    Progress progress;
+    const LevelSet whole = reconstruct(PointCloud(cloud), settings, progress).levelSet;
+    test::Random random(seed);
+    for (int n = 0; n < regions; ++n) {
+        const Box3d box = randomBox(whole, random, voxels);
+        settings.region = lengths(box);
+        const Reconstruction part = reconstruct(PointCloud(cloud), settings, progress);
+        const CoordBBox inside = voxelsIn(box, whole.lattice());
+        EXPECT_EQ(differences(part.levelSet, whole, inside), 0u)
+            << "seed " << seed << " " << inside;
+        EXPECT_TRUE(inside.isInside(part.levelSet.grid().evalActiveVoxelBoundingBox()));
+        const CheckReport report =
+            check(part.levelSet.grid(), progress, kGradientTolerance, inside);
+        EXPECT_TRUE(report.sound()) << test::texts(report);
+    }
+}
+
+ReconstructSettings voxelSize(double h)
+{
+    ReconstructSettings settings;
+    settings.voxelSize = Length{h, Length::Unit::World};
+    return settings;
+}
+
+TEST(Region, IsTheSameAsTheWholeOnCompleteData)
+{
+    expectSameInRegions(test::randomScan("torus(1, 0.4)", 40000), voxelSize(0.015), 1, 4, 60);
+    expectSameInRegions(test::randomScan("rotate(box(2, 1.5, 1), 1, 2, 3, 25)", 40000),
+                        voxelSize(0.015), 2, 4, 60);
+    expectSameInRegions(test::randomScan("difference(sphere(1), sphere(0.8))", 60000),
+                        voxelSize(0.015), 3, 4, 30);
+}
+
+TEST(Region, IsTheSameAsTheWholeOnIncompleteAndNoisyData)
+{
+    ScanSettings scan;
+    scan.points = 40000;
+    scan.pattern = ScanSettings::Pattern::Random;
+    scan.holes = 4;
+    scan.holeRadius = 0.15;
+    expectSameInRegions(test::scanOf("blob(1, 20, 0.05)", scan), voxelSize(0.015), 4, 6, 60);
+    scan.noise = 0.01;
+    expectSameInRegions(test::scanOf("torus(1, 0.2)", scan), voxelSize(0.015), 5, 6, 60);
+}
+
+TEST(Region, IsTheSameAsTheWholeOnScans)
+{
+    const char* const folder = std::getenv("MPUVDB_DATA_DIR");
+    if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
+    Progress progress;
+    for (const char* name :
+         {"bunny/bun000.ply", "bunny/bun.conf", "dragon_stand/dragonStandRight.conf"}) {
+        SCOPED_TRACE(name);
+        PointInput input =
+            readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, progress, {});
+        clean(input.cloud, {}, progress);
+        ReconstructSettings settings;
+        settings.voxels = 250;
+        expectSameInRegions(input.cloud, settings, 6, 5, 60);
+    }
+}
+
+TEST(Region, DoesNotDependOnThreads)
+{
+    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    ReconstructSettings settings = voxelSize(0.02);
+    settings.region = lengths({Vec3d(0.3, -0.5, -1), Vec3d(2, 0.5, 1)});
+    std::vector<std::string> bytes;
+    for (const std::size_t threads : {1u, 2u, 8u}) {
+        tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        Progress progress;
+        bytes.push_back(
+            test::treeBytes(reconstruct(PointCloud(cloud), settings, progress).levelSet.grid()));
+    }
+    EXPECT_TRUE(bytes[0] == bytes[1]);
+    EXPECT_TRUE(bytes[0] == bytes[2]);
+}
+
+TEST(Region, KnowsInsideFromOutsideWithoutASurface)
+{
+    Progress progress;
+    SampleSettings settings;
+    settings.lattice.voxelSize = 1.0 / 32;
+    const auto ball = makeSolidField(parseSolid("sphere(1)"));
+    for (const Vec3d& centre : {Vec3d(0, 0, 0), Vec3d(5, 0, 0)}) {
+        settings.region = Box3d(centre - Vec3d::Constant(0.1), centre + Vec3d::Constant(0.1));
+        const LevelSet part = sampleField(*ball, settings, progress);
+        EXPECT_EQ(part.grid().activeVoxelCount(), 0u);
+    }
+    // Half of it inside: tiles there are.
+    settings.region = Box3d(Vec3d(0, -0.3, -0.3), Vec3d(1.2, 0.3, 0.3));
+    const LevelSet part = sampleField(*ball, settings, progress);
+    settings.region.reset();
+    const LevelSet whole = sampleField(*ball, settings, progress);
+    EXPECT_EQ(
+        differences(part, whole,
+                    voxelsIn(Box3d(Vec3d(0, -0.3, -0.3), Vec3d(1.2, 0.3, 0.3)), settings.lattice)),
+        0u);
+}
+
+TEST(Region, RefusesWhatIsNone)
+{
+    Progress progress;
+    const PointCloud cloud = test::randomScan("sphere(1)", 2000);
+    ReconstructSettings settings = voxelSize(0.1);
+    settings.region = lengths({Vec3d(1, 0, 0), Vec3d(0, 1, 1)});
+    EXPECT_THROW(reconstruct(PointCloud(cloud), settings, progress), UsageError);
+    SampleSettings sampling;
+    sampling.region = Box3d(Vec3d(0, 0, 0), Vec3d(0, 0, std::nan("")));
+    EXPECT_THROW(sampleField(*makeSolidField(parseSolid("sphere(1)")), sampling, progress),
+                 UsageError);
+}
+
+} // namespace
+} // namespace mpuvdb

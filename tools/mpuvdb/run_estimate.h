@@ -1,0 +1,51 @@
+// What a run of reconstruct will take, said before it is taken.
+#pragma once
+#include <mpuvdb/reconstruct.h>
+
+#include <cstdint>
+#include <optional>
+
+namespace mpuvdb::command
+{
+
+/// What is made beside the level set.
+struct Extras {
+    bool mesh = false, coverage = false;
+};
+
+/// What a run comes to.
+struct RunEstimate {
+    ReconstructionEstimate work;
+    std::uint64_t peakBytes = 0; ///< the process's largest resident set
+    std::uint64_t fileBytes = 0; ///< of the .vdb file
+    std::uint64_t triangles = 0; ///< of the mesh
+};
+
+/// Estimates runs with one cloud.
+class RunEstimator
+{
+public:
+    /// @param bareBytes  memory of the process before it read anything.
+    RunEstimator(const PointCloud& cloud, const ReconstructSettings& settings, const Extras& extras,
+                 std::uint64_t bareBytes)
+        : mCloud(cloud), mSettings(settings), mExtras(extras), mBareBytes(bareBytes)
+    {
+    }
+
+    RunEstimate estimate(Progress& progress) const { return estimate(mSettings, progress); }
+    /// Leave at once if the run is far from taking @a maxBytes. Else estimate it.
+    /// @throws LimitError if it takes more, with the voxel size that would do.
+    void demand(std::uint64_t maxBytes, Progress& progress) const;
+
+private:
+    RunEstimate estimate(const ReconstructSettings& settings, Progress& progress) const;
+    std::optional<double> fittingVoxelSize(const RunEstimate& tooLarge, std::uint64_t maxBytes,
+                                           Progress& progress) const;
+
+    const PointCloud& mCloud;
+    const ReconstructSettings& mSettings;
+    Extras mExtras;
+    std::uint64_t mBareBytes;
+};
+
+} // namespace mpuvdb::command
