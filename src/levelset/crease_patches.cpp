@@ -2,7 +2,6 @@
 
 #include <mpuvdb/progress.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <optional>
 #include <tbb/blocked_range.h>
@@ -17,104 +16,223 @@ namespace
 using openvdb::Coord;
 using Leaf = SurfacePatches::Leaf;
 
-/// Of the planes' normals, squared and summed: what spans a direction, relative to the largest.
-constexpr float kLeastSpread = 0.04f;
-constexpr float kFarthest = 1.8f;    ///< of a crease from its voxel, voxels
-constexpr float kFarthestFoot = 3;   ///< of a crease from the nearest foot beside it, voxels
-constexpr float kOffSurface = 0.35f; ///< of a crease from the surface that the values tell, voxels
-constexpr float kOffPlane = 0.1f;    ///< of a crease from the planes that meet there, voxels
+constexpr int kAround = 2;            ///< voxels about one whose planes are looked at
+constexpr float kLeastSine = 0.2f;    ///< of two planes that meet in a crease
+constexpr float kSameSide = 0.95f;    ///< cosine of ends that look the same way
+constexpr float kFarthest = 2.2f;     ///< of a crease from a foot, voxels
+constexpr float kBeyond = 0.8f;       ///< of a foot beyond a crease
+constexpr float kLeastHeight = 0.02f; ///< of one foot above the other's plane, to tell the side
+constexpr float kOffSurface = 0.35f;  ///< of a crease from the surface that the values tell
+constexpr float kOffPatch = 0.4f;     ///< of a crossing from the patch that it belongs to
 
-class CreaseFinder
+constexpr int kDim = 8;
+
+/// Finds the patches of a leaf and of those around.
+class Neighbourhood
 {
 public:
-    CreaseFinder(const SurfacePatches& patches, const openvdb::FloatTree& tree)
-        : mPatches(patches), mTree(tree)
+    /// Of all leaves.
+    class Index
     {
-        for (std::size_t n = 0; n < patches.leaves.size(); ++n)
-            if (patches.first[n] < patches.first[n + 1])
-                mLeaves.emplace(patches.leaves[n]->origin(), n);
-    }
+    public:
+        explicit Index(const SurfacePatches& patches)
+        {
+            for (std::size_t n = 0; n < patches.leaves.size(); ++n) {
+                if (patches.first[n] == patches.first[n + 1]) continue;
+                Entry& entry = mEntries[patches.leaves[n]->origin()];
+                entry.first = patches.first[n];
+                for (std::uint32_t m = patches.first[n]; m < patches.first[n + 1]; ++m) {
+                    const auto voxel = Leaf::coordToOffset(patches.patches[m].voxel);
+                    entry.voxels[voxel >> 6] |= std::uint64_t(1) << (voxel & 63);
+                }
+                for (std::size_t word = 1; word < kDim; ++word)
+                    entry.before[word] =
+                        std::uint16_t(entry.before[word - 1] +
+                                      __builtin_popcountll(entry.voxels[word - 1]));
+            }
+        }
 
-    /// The crease beside a voxel, if there is one.
-    std::optional<SurfacePatch> find(const Coord& voxel) const
-    {
-        std::array<Plane, 27> planes;
-        const int count = collect(voxel, planes);
-        if (count < 2) return std::nullopt;
-        Vec3f mean = Vec3f::Zero(), normal = Vec3f::Zero();
-        for (int n = 0; n < count; ++n) {
-            mean += planes[n].point / float(count);
-            normal += planes[n].normal;
-        }
-        if (!(normal.norm() > 0.1f * float(count))) return std::nullopt;
-        Eigen::Matrix3f spread = Eigen::Matrix3f::Zero();
-        Vec3f pull = Vec3f::Zero();
-        for (int n = 0; n < count; ++n) {
-            const Plane& p = planes[n];
-            spread += p.normal * p.normal.transpose();
-            pull += p.normal * p.normal.dot(p.point - mean);
-        }
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f> solver;
-        solver.computeDirect(spread); // ascending
-        const Vec3f size = solver.eigenvalues();
-        const float least = kLeastSpread * size[2];
-        if (!(size[1] > least)) return std::nullopt;
-        const bool corner = size[0] > least;
-        Vec3f at = mean;
-        for (int n = corner ? 0 : 1; n < 3; ++n) {
-            const Vec3f direction = solver.eigenvectors().col(n);
-            at += direction * (direction.dot(pull) / size[n]);
-        }
-        if (!(at.norm() <= kFarthest)) return std::nullopt;
-        float gap = kFarthestFoot;
-        for (int n = 0; n < count; ++n) {
-            const Vec3f from = at - planes[n].point;
-            if (!(std::abs(planes[n].normal.dot(from)) <= kOffPlane)) return std::nullopt;
-            gap = std::min(gap, from.norm());
-        }
-        if (!(gap < kFarthestFoot) || !isOnSurface(voxel, at)) return std::nullopt;
-        const Vec3f along = solver.eigenvectors().col(0).normalized();
-        SurfacePatch patch;
-        patch.voxel = voxel;
-        patch.foot = at;
-        patch.tangent = corner ? normal.unitOrthogonal() : Vec3f(along.cross(normal).normalized());
-        patch.normal = corner ? normal.normalized() : Vec3f(patch.tangent.cross(along));
-        patch.curvature[0] = kPointCurvature;
-        patch.curvature[1] = corner ? kPointCurvature : 0;
-        return patch;
-    }
+    private:
+        friend class Neighbourhood;
+        struct Entry {
+            std::uint32_t first;
+            std::array<std::uint64_t, kDim> voxels = {};
+            std::array<std::uint16_t, kDim> before = {};
+        };
+        struct HashCoord {
+            std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
+        };
+        std::unordered_map<Coord, Entry, HashCoord> mEntries;
+    };
 
-    /// The number of a voxel's patch, if it has one.
-    std::optional<std::size_t> indexOf(const Coord& voxel) const
+    explicit Neighbourhood(const Index& index) : mIndex(index) {}
+
+    /// Call f(number) for the patches of the voxels up to @a reach (at most 8) from @a voxel.
+    template <typename F>
+    void forEachAround(const Coord& voxel, int reach, F f)
     {
-        const auto found = mLeaves.find(voxel & ~7);
-        if (found == mLeaves.end()) return std::nullopt;
-        const auto begin = mPatches.patches.begin();
-        const auto first = begin + mPatches.first[found->second],
-                   last = begin + mPatches.first[found->second + 1];
-        const auto at = std::lower_bound(
-            first, last, Leaf::coordToOffset(voxel),
-            [](const SurfacePatch& p, auto to) { return Leaf::coordToOffset(p.voxel) < to; });
-        if (at == last || at->voxel != voxel) return std::nullopt;
-        return std::size_t(at - begin);
+        moveTo(voxel & ~7);
+        for (int x = -reach; x <= reach; ++x)
+            for (int y = -reach; y <= reach; ++y)
+                for (int z = -reach; z <= reach; ++z) {
+                    const Coord at = voxel.offsetBy(x, y, z);
+                    const Coord side = (at - mHome) >> 3;
+                    const Index::Entry* const entry =
+                        mAround[std::size_t(side[0] * 9 + side[1] * 3 + side[2] + 13)];
+                    if (!entry) continue;
+                    const auto n = Leaf::coordToOffset(at);
+                    const std::uint64_t word = entry->voxels[n >> 6];
+                    const std::uint64_t bit = std::uint64_t(1) << (n & 63);
+                    if (!(word & bit)) continue;
+                    f(entry->first + entry->before[n >> 6] +
+                      std::uint32_t(__builtin_popcountll(word & (bit - 1))));
+                }
     }
 
 private:
+    void moveTo(const Coord& home)
+    {
+        if (mAt && home == mHome) return;
+        mAt = true;
+        mHome = home;
+        for (int n = 0; n < 27; ++n) {
+            const auto found = mIndex.mEntries.find(
+                home + Coord((n / 9 - 1) * kDim, (n / 3 % 3 - 1) * kDim, (n % 3 - 1) * kDim));
+            mAround[std::size_t(n)] = found == mIndex.mEntries.end() ? nullptr : &found->second;
+        }
+    }
+
+    const Index& mIndex;
+    bool mAt = false;
+    Coord mHome;
+    std::array<const Index::Entry*, 27> mAround;
+};
+
+/// What becomes of a patch.
+struct Ended {
+    SurfacePatch patch;
+    PatchEnds ends;
+};
+
+/// For one thread.
+class CreaseFinder
+{
+public:
+    CreaseFinder(const SurfacePatches& patches, const Neighbourhood::Index& index,
+                 const openvdb::FloatTree& tree)
+        : mPatches(patches), mNear(index), mAccess(tree)
+    {
+    }
+
+    /// A patch with the ends where its plane meets those around.
+    Ended end(std::uint32_t number)
+    {
+        Ended result{mPatches.patches[number], {}};
+        collect(number);
+        for (const Plane& q : mPlanes) {
+            if (result.ends.count == PatchEnds::kMost) break;
+            addEnd(result, q);
+        }
+        return result;
+    }
+
+    /// The patch with ends that a rough one is a part of.
+    std::optional<Ended> replaced(std::uint32_t number)
+    {
+        const SurfacePatch& rough = mPatches.patches[number];
+        std::optional<Ended> result;
+        float least = std::numeric_limits<float>::infinity();
+        mNear.forEachAround(rough.voxel, kAround, [&](std::uint32_t n) {
+            const SurfacePatch& p = mPatches.patches[n];
+            if (mPatches.kinds[n] == PatchKind::Rough || p.ends == SurfacePatch::kEndless) return;
+            const PatchEnds& ends = mPatches.ends[p.ends];
+            if (ends.count == 0) return;
+            // Its place that is nearest to the voxel.
+            const Vec3f across = p.normal.cross(p.tangent), from = p.to(rough.voxel);
+            if (!(p.distance(from + rough.foot, 1, &ends) <= kOffPatch)) return;
+            const Vec2f to = ends.nearest({p.tangent.dot(from), across.dot(from)});
+            const Vec3f foot = to[0] * p.tangent + to[1] * across - from;
+            const float d = foot.norm();
+            if (!(d < least) || !(to.norm() <= kFarthest)) return;
+            least = d;
+            result = Ended{p, ends};
+            result->patch.voxel = rough.voxel;
+            result->patch.foot = foot;
+            for (int k = 0; k < ends.count; ++k) {
+                PatchEnds::End& e = result->ends.ends[std::size_t(k)];
+                e.at = std::max(0.0f, e.at - e.outward.dot(to));
+            }
+        });
+        return result;
+    }
+
+private:
+    /// A neighbour's, relative to the voxel.
     struct Plane {
         Vec3f point, normal;
+        float distance2; ///< between the feet
     };
+
+    /// The planes around that may meet that of a patch, the nearest first.
+    void collect(std::uint32_t number)
+    {
+        const SurfacePatch& patch = mPatches.patches[number];
+        mPlanes.clear();
+        mNear.forEachAround(patch.voxel, kAround, [&](std::uint32_t n) {
+            if (mPatches.kinds[n] == PatchKind::Rough) return;
+            const SurfacePatch& other = mPatches.patches[n];
+            if (!(patch.normal.cross(other.normal).norm() >= kLeastSine)) return;
+            const Coord by = other.voxel - patch.voxel;
+            const Vec3f point = other.foot + Vec3f(float(by[0]), float(by[1]), float(by[2]));
+            mPlanes.push_back({point, other.normal, (point - patch.foot).squaredNorm()});
+        });
+        std::stable_sort(
+            mPlanes.begin(), mPlanes.end(),
+            [](const Plane& a, const Plane& b) { return a.distance2 < b.distance2; });
+    }
+
+    void addEnd(Ended& made, const Plane& q) const
+    {
+        SurfacePatch& p = made.patch;
+        const Vec3f inPlane = q.normal - q.normal.dot(p.normal) * p.normal;
+        const float sine = inPlane.norm();
+        const float here = q.normal.dot(p.foot - q.point), there = p.normal.dot(q.point - p.foot);
+        const float height = std::abs(here) > std::abs(there) ? here : there;
+        if (!(std::abs(height) > kLeastHeight)) return;
+        const float side = height < 0 ? 1.0f : -1.0f; // convex: beyond the other it ends
+        const Vec3f outward = side / sine * inPlane;
+        const float at = -side * here / sine;
+        if (!(at >= -kBeyond && at <= kFarthest)) return;
+        const Vec3f across = p.normal.cross(p.tangent);
+        const Vec2f flat(outward.dot(p.tangent), outward.dot(across));
+        for (int k = 0; k < made.ends.count; ++k)
+            if (made.ends.ends[std::size_t(k)].outward.dot(flat) > kSameSide) return;
+        // Either foot may lie beside where a third plane ends the crease.
+        const Vec3f beside = p.foot + at * outward;
+        const Vec3f along = p.normal.cross(outward);
+        if (!isOnSurface(p.voxel, beside) &&
+            !isOnSurface(p.voxel, beside + along.dot(q.point - beside) * along))
+            return;
+        if (at < 0) {
+            p.foot += at * outward;
+            for (int k = 0; k < made.ends.count; ++k) {
+                PatchEnds::End& e = made.ends.ends[std::size_t(k)];
+                e.at = std::max(0.0f, e.at - at * e.outward.dot(flat));
+            }
+        }
+        made.ends.ends[std::size_t(made.ends.count++)] = {flat, std::max(at, 0.0f)};
+    }
 
     /// Whether the values about @a offset from @a voxel allow the surface to be there: no corner of
     /// its cell is farther from the surface than from that place.
     bool isOnSurface(const Coord& voxel, const Vec3f& offset) const
     {
-        const openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
         const Vec3f low = offset.array().floor();
         const Coord corner = voxel.offsetBy(int(low.x()), int(low.y()), int(low.z()));
         std::array<float, 8> values;
         float slope = 0; // of a distance by any scale
         for (int n = 0; n < 8; ++n) {
-            values[std::size_t(n)] = access.getValue(corner.offsetBy(n >> 2, n >> 1 & 1, n & 1));
+            values[std::size_t(n)] = mAccess.getValue(corner.offsetBy(n >> 2, n >> 1 & 1, n & 1));
             for (const int axis : {1, 2, 4})
                 if (n & axis)
                     slope = std::max(
@@ -128,61 +246,56 @@ private:
         return true;
     }
 
-    /// The planes of the voxel and those around, relative to it.
-    int collect(const Coord& voxel, std::array<Plane, 27>& planes) const
-    {
-        int count = 0;
-        for (int n = 0; n < 27; ++n) {
-            const Coord side(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-            const SurfacePatch* const patch = patchOf(voxel + side);
-            if (!patch) continue;
-            const Vec3f point = patch->foot + Vec3f(float(side[0]), float(side[1]), float(side[2]));
-            planes[std::size_t(count++)] = {point, patch->normal};
-        }
-        return count;
-    }
-
-    /// A voxel's patch, unless it is rough.
-    const SurfacePatch* patchOf(const Coord& voxel) const
-    {
-        const auto n = indexOf(voxel);
-        return n && mPatches.kinds[*n] != PatchKind::Rough ? &mPatches.patches[*n] : nullptr;
-    }
-
-    struct HashCoord {
-        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
-    };
-
     const SurfacePatches& mPatches;
-    const openvdb::FloatTree& mTree;
-    std::unordered_map<Coord, std::size_t, HashCoord> mLeaves;
+    Neighbourhood mNear;
+    openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
+    std::vector<Plane> mPlanes;
 };
 
 } // namespace
 
-void addCreasePatches(SurfacePatches& patches, const openvdb::FloatTree& tree, Progress& progress)
+std::vector<bool> besideCreases(const SurfacePatches& patches)
 {
-    std::vector<std::uint32_t> candidates;
+    std::vector<bool> beside(patches.patches.size());
+    const Neighbourhood::Index index(patches);
+    Neighbourhood near(index);
     for (std::size_t n = 0; n < patches.kinds.size(); ++n)
-        if (patches.kinds[n] != PatchKind::Smooth) candidates.push_back(std::uint32_t(n));
-    if (candidates.empty()) return;
-    const CreaseFinder finder(patches, tree);
-    std::vector<std::optional<SurfacePatch>> found(candidates.size());
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, candidates.size(), 64),
-                      [&](const tbb::blocked_range<std::size_t>& range) {
-                          progress.check();
-                          for (std::size_t n = range.begin(); n < range.end(); ++n)
-                              found[n] = finder.find(patches.patches[candidates[n]].voxel);
-                      });
-    for (const std::uint32_t candidate : candidates) {
-        const Coord voxel = patches.patches[candidate].voxel;
-        for (int n = 0; n < 27; ++n)
-            if (const auto near =
-                    finder.indexOf(voxel.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)))
-                patches.patches[*near].bounded = true;
-    }
-    for (const auto& patch : found)
-        if (patch) patches.patches.push_back(*patch);
+        if (patches.kinds[n] != PatchKind::Smooth)
+            near.forEachAround(patches.patches[n].voxel, 1,
+                               [&](std::uint32_t m) { beside[m] = true; });
+    return beside;
+}
+
+void endAtCreases(SurfacePatches& patches, const std::vector<bool>& beside,
+                  const openvdb::FloatTree& tree, Progress& progress)
+{
+    const auto isRough = [&](std::uint32_t n) { return patches.kinds[n] == PatchKind::Rough; };
+    const Neighbourhood::Index index(patches);
+    std::vector<std::uint32_t> fair, rough;
+    for (std::uint32_t n = 0; n < beside.size(); ++n)
+        if (beside[n]) (isRough(n) ? rough : fair).push_back(n);
+    const auto forEach = [&](const std::vector<std::uint32_t>& numbers, auto f) {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, numbers.size(), 64),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              progress.check();
+                              CreaseFinder finder(patches, index, tree);
+                              for (std::size_t n = range.begin(); n < range.end(); ++n)
+                                  f(finder, n);
+                          });
+    };
+    std::vector<Ended> ended(fair.size());
+    forEach(fair, [&](CreaseFinder& finder, std::size_t n) { ended[n] = finder.end(fair[n]); });
+    const auto set = [&](std::uint32_t n, const Ended& made) {
+        patches.patches[n] = made.patch;
+        patches.patches[n].ends = std::uint32_t(patches.ends.size());
+        patches.ends.push_back(made.ends);
+    };
+    for (std::size_t n = 0; n < fair.size(); ++n) set(fair[n], ended[n]);
+    std::vector<std::optional<Ended>> replaced(rough.size());
+    forEach(rough,
+            [&](CreaseFinder& finder, std::size_t n) { replaced[n] = finder.replaced(rough[n]); });
+    for (std::size_t n = 0; n < rough.size(); ++n)
+        set(rough[n], replaced[n] ? *replaced[n] : Ended{patches.patches[rough[n]], {}});
 }
 
 } // namespace mpuvdb

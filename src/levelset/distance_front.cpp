@@ -68,7 +68,7 @@ class Front
 public:
     Front(const openvdb::FloatTree& signs, const SurfacePatches& patches, const Reach& reach,
           const FinishLeaf& finish, Progress& progress)
-        : mSigns(signs), mPatches(patches.patches), mFinish(finish),
+        : mSigns(signs), mSurface(patches), mPatches(patches.patches), mFinish(finish),
           mProgress(progress), mReach{std::max(reach.outside, 0.0f), std::max(reach.inside, 0.0f)}
     {
         for (int side = 0; side < 2; ++side) {
@@ -125,10 +125,6 @@ private:
                 node.known->pending[std::size_t(voxel >> 6)] |= std::uint64_t(1) << (voxel & 63);
             }
         });
-        for (std::size_t n = patches.first.back(); n < mPatches.size(); ++n) {
-            Node& node = *mNodes[mIndex.at(mPatches[n].voxel & ~7)];
-            spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), std::uint32_t(n));
-        }
         publish(std::vector<std::uint32_t>(mLive));
     }
 
@@ -344,10 +340,8 @@ private:
         for (int n = 0; n < kVoxels; ++n) {
             const float side = known.isNegative(n) ? -1.0f : 1.0f;
             float d = kInfinity;
-            if (known.patch[n] != kNone) {
-                const SurfacePatch& patch = mPatches[known.patch[n]];
-                d = patch.distance(patch.to(node.origin + coordOf(n)), side);
-            }
+            if (known.patch[n] != kNone)
+                d = mSurface.distance(mPatches[known.patch[n]], node.origin + coordOf(n), side);
             distances[std::size_t(n)] = side * d;
         }
         node.result = mFinish(node.origin, node.signs, distances);
@@ -363,6 +357,7 @@ private:
     };
 
     const openvdb::FloatTree& mSigns;
+    const SurfacePatches& mSurface;
     const std::vector<SurfacePatch>& mPatches;
     const FinishLeaf& mFinish;
     Progress& mProgress;

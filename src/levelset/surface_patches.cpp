@@ -23,6 +23,7 @@ constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
 /// Values so near to the background, relative to it, come from beyond the band.
 constexpr float kBeyond = 1e-3f;
 constexpr float kLeastSlope = 0.3f; ///< below, a distance's gradient tells no direction
+constexpr float kNoFit = std::numeric_limits<float>::infinity();
 constexpr float kLeastImplicit = 1e-6f;
 /// Where the slope changes by more from voxel to voxel, relative to itself, there may be a crease.
 constexpr float kCrease = 0.22f;
@@ -33,6 +34,8 @@ constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f;
 /// feet of its neighbours, and shrinking to nothing as what is nearest on its plane gets farther
 /// away than that.
 constexpr float kExtent = 0.9f, kBounded = 0.6f, kNone = 1.25f;
+/// A patch's radius where its ends are known.
+constexpr float kEnded = 1.6f;
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
@@ -80,8 +83,9 @@ public:
         }
     }
 
-    /// The patch of a voxel of the leaf that forEachCrossing() is at.
-    SurfacePatch make(const Leaf& leaf, int voxel, PatchKind& kind) const
+    /// The patch of a voxel of the leaf that forEachCrossing() is at. @param besideCrease  whether
+    /// a neighbour's is not smooth.
+    SurfacePatch make(const Leaf& leaf, int voxel, bool besideCrease, PatchKind& kind) const
     {
         const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
         const int in = LeafHalo::index(x + 1, y + 1, z + 1);
@@ -89,8 +93,14 @@ public:
         patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
         Quadratic model = modelAt(in);
         kind = PatchKind::Smooth;
-        if (model.hessian.cwiseAbs().maxCoeff() > kCrease * model.gradient.norm())
-            kind = flatten(in, model);
+        const float slope = model.gradient.norm(), change = model.hessian.cwiseAbs().maxCoeff();
+        const bool isBent = model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * slope;
+        if (besideCrease || change > kCrease * slope) {
+            if (flatten(in, besideCrease ? slope : kPlane * change, model))
+                kind = PatchKind::Plane;
+            else if (isBent)
+                kind = PatchKind::Rough;
+        }
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
         SurfacePatch crossing{};
@@ -156,16 +166,19 @@ private:
         return q;
     }
 
-    /// If the values in one octant are a plane's, let the model be that plane.
-    PatchKind flatten(int in, Quadratic& model) const
+    /// If the values in one octant are a plane's, let the model be that plane. @param most  by
+    /// which they may be off.
+    bool flatten(int in, float most, Quadratic& model) const
     {
         const auto& v = mHalo.value;
-        float least = kPlane * model.hessian.cwiseAbs().maxCoeff();
-        PatchKind kind =
-            model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * model.gradient.norm()
-                ? PatchKind::Rough
-                : PatchKind::Smooth;
+        struct Fit {
+            Vec3f gradient;
+            float off = kNoFit, slope = 0;
+        };
+        std::array<Fit, 8> fits;
+        float steepest = 0;
         for (int octant = 0; octant < 8; ++octant) {
+            Fit& fit = fits[std::size_t(octant)];
             const int s[3] = {octant & 4 ? kStride[0] : -kStride[0],
                               octant & 2 ? kStride[1] : -kStride[1],
                               octant & 1 ? kStride[2] : -kStride[2]};
@@ -174,6 +187,7 @@ private:
             for (int axis = 0; axis < 3; ++axis) {
                 rise[axis] = v[in + s[axis]] - v[in];
                 all &= known(in + s[axis]);
+                fit.gradient[axis] = s[axis] > 0 ? rise[axis] : -rise[axis];
             }
             float off = 0;
             for (int n = 0; n < 4; ++n) { // two axes of three, and all
@@ -184,14 +198,20 @@ private:
             }
             const float slope = rise.norm();
             if (mValues == Values::Distances) all &= std::abs(slope - 1) < kPlaneSlope;
-            if (!all || !(off < least) || !(off < kPlaneSlope * slope)) continue;
-            least = off;
-            kind = PatchKind::Plane;
-            for (int axis = 0; axis < 3; ++axis)
-                model.gradient[axis] = s[axis] > 0 ? rise[axis] : -rise[axis];
+            if (!all || !(off < most) || !(off < kPlaneSlope * slope)) continue;
+            fit.off = off;
+            fit.slope = slope;
+            steepest = std::max(steepest, slope);
         }
-        if (kind == PatchKind::Plane) model.hessian.setZero();
-        return kind;
+        // An octant across a crease may look like a plane that is less steep than either side's.
+        const Fit* best = nullptr;
+        for (const Fit& fit : fits)
+            if (fit.slope > (1 - kPlaneSlope) * steepest && (!best || fit.off < best->off))
+                best = &fit;
+        if (!best) return false;
+        model.gradient = best->gradient;
+        model.hessian.setZero();
+        return true;
     }
 
     /// Where the ball of the voxel's distance touches the surface.
@@ -304,22 +324,65 @@ float bent(float height, float along, float k)
 
 } // namespace
 
-float SurfacePatch::distance(const Vec3f& from, float side) const
+Vec2f PatchEnds::nearest(const Vec2f& place) const
+{
+    constexpr float kOn = 1e-4f;
+    const auto isWithin = [&](const Vec2f& p) {
+        for (int n = 0; n < count; ++n)
+            if (!(ends[n].outward.dot(p) <= ends[n].at + kOn)) return false;
+        return true;
+    };
+    if (isWithin(place)) return place;
+    Vec2f best = Vec2f::Zero(); // the foot
+    float least2 = place.squaredNorm();
+    const auto offer = [&](const Vec2f& p) {
+        const float d2 = (place - p).squaredNorm();
+        if (!(d2 < least2) || !isWithin(p)) return;
+        least2 = d2;
+        best = p;
+    };
+    for (int n = 0; n < count; ++n) {
+        const End& a = ends[n];
+        const float beyond = a.outward.dot(place) - a.at;
+        if (beyond > 0) offer(place - beyond * a.outward);
+        for (int m = 0; m < n; ++m) {
+            const End& b = ends[m];
+            const float sine = a.outward.x() * b.outward.y() - a.outward.y() * b.outward.x();
+            if (std::abs(sine) < kOn) continue;
+            offer(Vec2f(a.at * b.outward.y() - b.at * a.outward.y(),
+                        b.at * a.outward.x() - a.at * b.outward.x()) /
+                  sine);
+        }
+    }
+    return best;
+}
+
+float SurfacePatch::distance(const Vec3f& from, float side, const PatchEnds* ends) const
 {
     const Vec3f across = normal.cross(tangent);
     const float height = side * normal.dot(from);
     const float along[2] = {tangent.dot(from), across.dot(from)};
     const float length = from.norm();
-    if (height < 0) return length; // behind it: the patch faces another part of the surface's side
-    float shift[2];                // of the nearest place on the patch
+    const bool known = ends && ends->count > 0;
+    // Behind an open patch: it faces another part of the surface's side.
+    if (height < 0 && !known) return length;
+    Vec2f shift; // of the nearest place on the patch
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
-    const float reached = std::hypot(shift[0], shift[1]), extent = bounded ? kBounded : kExtent;
+    if (known) {
+        Vec2f to = ends->nearest(shift);
+        const float reached = to.norm();
+        if (reached > kEnded) to *= kEnded / reached;
+        const float sag = 0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]);
+        const float u = along[0] - to[0], v = along[1] - to[1], w = height + sag;
+        return std::min(length, std::sqrt(u * u + v * v + w * w));
+    }
+    const float reached = shift.norm(), extent = ends ? kBounded : kExtent;
     if (reached <= extent)
         return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                      side * curvature[0]));
     // From the place nearest to where it should be, as far as the patch goes.
-    const float left = bounded ? std::max((kNone - reached) / (kNone - kBounded), 0.0f) : 1;
+    const float left = ends ? std::max((kNone - reached) / (kNone - kBounded), 0.0f) : 1;
     const float share = extent * left / reached;
     const float u = along[0] - share * shift[0], v = along[1] - share * shift[1];
     return std::min(length, std::sqrt(height * height + u * u + v * v));
@@ -358,11 +421,22 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, 
         std::uint32_t to = result.first[n];
         const Leaf& leaf = *result.leaves[n];
         maker.forEachCrossing(leaf, [&](int voxel) {
-            result.patches[to] = maker.make(leaf, voxel, result.kinds[to]);
+            result.patches[to] = maker.make(leaf, voxel, false, result.kinds[to]);
             ++to;
         });
     });
-    addCreasePatches(result, tree, progress);
+    const std::vector<bool> beside = besideCreases(result);
+    forEachLeaf([&](PatchMaker& maker, std::size_t n) {
+        std::uint32_t to = result.first[n];
+        const auto first = beside.begin() + to, last = beside.begin() + result.first[n + 1];
+        if (std::find(first, last, true) == last) return;
+        const Leaf& leaf = *result.leaves[n];
+        maker.forEachCrossing(leaf, [&](int voxel) {
+            if (beside[to]) result.patches[to] = maker.make(leaf, voxel, true, result.kinds[to]);
+            ++to;
+        });
+    });
+    endAtCreases(result, beside, tree, progress);
     return result;
 }
 

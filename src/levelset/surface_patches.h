@@ -4,6 +4,7 @@
 
 #include <openvdb/openvdb.h>
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -12,9 +13,25 @@ namespace mpuvdb
 {
 
 class Progress;
+using Vec2f = Eigen::Vector2f;
 
 /// The curvature of a point: its radius is below what counts.
 constexpr float kPointCurvature = 1e3f;
+
+/// Where a patch ends at creases: lines in its tangent plane, around the foot.
+struct PatchEnds {
+    /// Places p, along the tangent and across, go on where outward . p <= at; at >= 0.
+    struct End {
+        Vec2f outward;
+        float at;
+    };
+    static constexpr int kMost = 3;
+    std::array<End, kMost> ends;
+    int count = 0; ///< 0: there is a crease near, but nobody knows where
+
+    /// The place within the ends that is nearest to @a place.
+    Vec2f nearest(const Vec2f& place) const;
+};
 
 /// A place on the zero set and how the surface bends there. Lengths are voxels.
 struct SurfacePatch {
@@ -23,7 +40,9 @@ struct SurfacePatch {
     Vec3f normal;         ///< unit, outward
     Vec3f tangent;        ///< unit, along the first principal direction
     float curvature[2];   ///< along the tangent and across, positive where convex
-    bool bounded = false; ///< there is a crease near: beside the patch the surface may end
+    std::uint32_t ends = kEndless; ///< number of its ends
+
+    static constexpr std::uint32_t kEndless = ~std::uint32_t(0);
 
     /// From the place to @a at.
     Vec3f to(const openvdb::Coord& at) const
@@ -32,8 +51,8 @@ struct SurfacePatch {
                foot;
     }
     /// Distance to the patch, never more than to the place. @param from  see to(). @param side
-    /// 1 outside, -1 inside.
-    float distance(const Vec3f& from, float side) const;
+    /// 1 outside, -1 inside. @param ends  null: there is no crease near.
+    float distance(const Vec3f& from, float side, const PatchEnds* ends) const;
 };
 
 /// What a grid's values are.
@@ -49,15 +68,22 @@ enum class PatchKind : std::uint8_t {
     Rough  ///< neither
 };
 
-/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel, and behind them
-/// those on creases and corners: each belongs to a voxel beside it that has a patch of its own.
+/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel.
 struct SurfacePatches {
     using Leaf = openvdb::FloatTree::LeafNodeType;
 
     std::vector<const Leaf*> leaves;  ///< all of the tree
     std::vector<std::uint32_t> first; ///< patches of leaf n: [first[n], first[n + 1])
     std::vector<SurfacePatch> patches;
-    std::vector<PatchKind> kinds; ///< of the patches before those on creases
+    std::vector<PatchKind> kinds; ///< of the patches
+    std::vector<PatchEnds> ends;
+
+    /// From a voxel at @a at on a side (1 outside, -1 inside) to a patch.
+    float distance(const SurfacePatch& patch, const openvdb::Coord& at, float side) const
+    {
+        return patch.distance(patch.to(at), side,
+                              patch.ends == SurfacePatch::kEndless ? nullptr : &ends[patch.ends]);
+    }
 };
 
 /// The patches of @a tree. @param voxelSize  world units. @throws LimitError, Interrupted.
