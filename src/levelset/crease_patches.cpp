@@ -23,6 +23,11 @@ constexpr float kFarthest = 2.2f;     ///< of a crease from a foot, voxels
 constexpr float kBeyond = 0.8f;       ///< of a foot beyond a crease
 constexpr float kLeastHeight = 0.02f; ///< of one foot above the other's plane, to tell the side
 constexpr float kOffSurface = 0.35f;  ///< of a crease from the surface that the values tell
+/// Of two places of one face: the cosine of their normals, and the height of one over the other.
+constexpr float kSameFace = 0.9f, kOffFace = 0.5f;
+constexpr float kFlat = 1e-3f, kRoughness = 0.05f, kMostTilt = 0.2f;
+constexpr float kDamping = 1e-3f;
+constexpr int kSteps = 2; ///< to where two bent patches meet
 constexpr float kOffPatch = 0.4f;     ///< of a crossing from the patch that it belongs to
 
 constexpr int kDim = 8;
@@ -128,70 +133,117 @@ public:
     Ended end(std::uint32_t number)
     {
         Ended result{mPatches.patches[number], {}};
-        collect(number);
-        for (const Plane& q : mPlanes) {
+        collect(result.patch);
+        for (const Face& q : mFaces) {
             if (result.ends.count == PatchEnds::kMost) break;
             addEnd(result, q);
         }
         return result;
     }
 
-    /// The patch with ends that a rough one is a part of.
-    std::optional<Ended> replaced(std::uint32_t number)
+    /// The patch with ends on which a rough one lies, if there is one.
+    std::optional<std::uint32_t> whole(std::uint32_t number)
     {
         const SurfacePatch& rough = mPatches.patches[number];
-        std::optional<Ended> result;
-        float least = std::numeric_limits<float>::infinity();
+        std::optional<std::uint32_t> found;
+        float least = kOffPatch;
         mNear.forEachAround(rough.voxel, kAround, [&](std::uint32_t n) {
             const SurfacePatch& p = mPatches.patches[n];
             if (mPatches.kinds[n] == PatchKind::Rough || p.ends == SurfacePatch::kEndless) return;
             const PatchEnds& ends = mPatches.ends[p.ends];
-            if (ends.count == 0) return;
-            // Its place that is nearest to the voxel.
-            const Vec3f across = p.normal.cross(p.tangent), from = p.to(rough.voxel);
-            if (!(p.distance(from + rough.foot, 1, &ends) <= kOffPatch)) return;
-            const Vec2f to = ends.nearest({p.tangent.dot(from), across.dot(from)});
-            const Vec3f foot = to[0] * p.tangent + to[1] * across - from;
-            const float d = foot.norm();
-            if (!(d < least) || !(to.norm() <= kFarthest)) return;
-            least = d;
-            result = Ended{p, ends};
-            result->patch.voxel = rough.voxel;
-            result->patch.foot = foot;
-            for (int k = 0; k < ends.count; ++k) {
-                PatchEnds::End& e = result->ends.ends[std::size_t(k)];
-                e.at = std::max(0.0f, e.at - e.outward.dot(to));
-            }
+            const float off = p.distance(p.to(rough.voxel) + rough.foot, 1, &ends);
+            if (ends.count == 0 || !(off < least)) return;
+            least = off;
+            found = n;
         });
-        return result;
+        return found;
+    }
+
+    /// A patch that is a plane by the values of one octant, as the feet around say that it bends.
+    SurfacePatch bent(std::uint32_t number)
+    {
+        constexpr int kUnknowns = 6, kLeast = 9;
+        using Matrix = Eigen::Matrix<float, kUnknowns, kUnknowns>;
+        using Vector = Eigen::Matrix<float, kUnknowns, 1>;
+        SurfacePatch patch = mPatches.patches[number];
+        if (mPatches.kinds[number] != PatchKind::Plane) return patch;
+        const Vec3f across = patch.normal.cross(patch.tangent);
+        Matrix squares = Matrix::Zero();
+        Vector pull = Vector::Zero();
+        float sum = 0;
+        int count = 0;
+        mNear.forEachAround(patch.voxel, kAround, [&](std::uint32_t n) {
+            if (mPatches.kinds[n] == PatchKind::Rough) return;
+            const SurfacePatch& other = mPatches.patches[n];
+            if (!(patch.normal.dot(other.normal) >= kSameFace)) return;
+            const Vec3f to = -other.to(patch.voxel) - patch.foot;
+            const float u = patch.tangent.dot(to), v = across.dot(to), w = patch.normal.dot(to);
+            if (!(std::abs(w) <= kOffFace)) return;
+            Vector row;
+            row << 1, u, v, 0.5f * u * u, u * v, 0.5f * v * v;
+            squares += row * row.transpose();
+            pull += w * row;
+            sum += w * w;
+            ++count;
+        });
+        if (count < kLeast || sum <= kFlat * kFlat * float(count)) return patch;
+        const Vector h = (squares + kDamping * Matrix::Identity()).ldlt().solve(pull);
+        const float left = sum - 2 * h.dot(pull) + h.dot(squares * h);
+        if (!(left <= kRoughness * kRoughness * float(count)) || !(std::abs(h[0]) <= kOffFace) ||
+            !(std::hypot(h[1], h[2]) <= kMostTilt))
+            return patch;
+        patch.foot += h[0] * patch.normal;
+        const Vec3f n = (patch.normal - h[1] * patch.tangent - h[2] * across).normalized();
+        Eigen::Matrix3f hessian = Eigen::Matrix3f::Zero();
+        const Vec3f t = patch.tangent;
+        hessian -= h[3] * t * t.transpose() + h[4] * (t * across.transpose() + across * t.transpose()) +
+                   h[5] * across * across.transpose();
+        patch.normal = n;
+        patch.bend(hessian, 0);
+        return patch;
     }
 
 private:
-    /// A neighbour's, relative to the voxel.
-    struct Plane {
+    /// A neighbour's patch, relative to the voxel.
+    struct Face {
+        const SurfacePatch* patch;
         Vec3f point, normal;
         float distance2; ///< between the feet
+
+        /// Of a place above the patch, which bends.
+        float heightOf(const Vec3f& place) const
+        {
+            const Vec3f to = place - point;
+            const float u = patch->tangent.dot(to), v = normal.cross(patch->tangent).dot(to);
+            return normal.dot(to) +
+                   0.5f * (patch->curvature[0] * u * u + patch->curvature[1] * v * v);
+        }
     };
 
-    /// The planes around that may meet that of a patch, the nearest first.
-    void collect(std::uint32_t number)
+    /// How far a patch bends away from its plane, @a at from its foot.
+    static float sag(const SurfacePatch& p, float at, const Vec3f& outward)
     {
-        const SurfacePatch& patch = mPatches.patches[number];
-        mPlanes.clear();
+        const float u = at * outward.dot(p.tangent);
+        return 0.5f * (p.curvature[0] * u * u + p.curvature[1] * (at * at - u * u));
+    }
+
+    /// The faces around that may meet that of a patch, the nearest first.
+    void collect(const SurfacePatch& patch)
+    {
+        mFaces.clear();
         mNear.forEachAround(patch.voxel, kAround, [&](std::uint32_t n) {
             if (mPatches.kinds[n] == PatchKind::Rough) return;
             const SurfacePatch& other = mPatches.patches[n];
             if (!(patch.normal.cross(other.normal).norm() >= kLeastSine)) return;
-            const Coord by = other.voxel - patch.voxel;
-            const Vec3f point = other.foot + Vec3f(float(by[0]), float(by[1]), float(by[2]));
-            mPlanes.push_back({point, other.normal, (point - patch.foot).squaredNorm()});
+            const Vec3f point = -other.to(patch.voxel);
+            mFaces.push_back({&other, point, other.normal, (point - patch.foot).squaredNorm()});
         });
-        std::stable_sort(
-            mPlanes.begin(), mPlanes.end(),
-            [](const Plane& a, const Plane& b) { return a.distance2 < b.distance2; });
+        std::stable_sort(mFaces.begin(), mFaces.end(), [](const Face& a, const Face& b) {
+            return a.distance2 < b.distance2;
+        });
     }
 
-    void addEnd(Ended& made, const Plane& q) const
+    void addEnd(Ended& made, const Face& q) const
     {
         SurfacePatch& p = made.patch;
         const Vec3f inPlane = q.normal - q.normal.dot(p.normal) * p.normal;
@@ -201,7 +253,9 @@ private:
         if (!(std::abs(height) > kLeastHeight)) return;
         const float side = height < 0 ? 1.0f : -1.0f; // convex: beyond the other it ends
         const Vec3f outward = side / sine * inPlane;
-        const float at = -side * here / sine;
+        float at = -side * here / sine;
+        for (int step = 0; step < kSteps; ++step)
+            at -= side / sine * q.heightOf(p.foot + at * outward - sag(p, at, outward) * p.normal);
         if (!(at >= -kBeyond && at <= kFarthest)) return;
         const Vec3f across = p.normal.cross(p.tangent);
         const Vec2f flat(outward.dot(p.tangent), outward.dot(across));
@@ -249,7 +303,7 @@ private:
     const SurfacePatches& mPatches;
     Neighbourhood mNear;
     openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
-    std::vector<Plane> mPlanes;
+    std::vector<Face> mFaces;
 };
 
 } // namespace
@@ -283,6 +337,9 @@ void endAtCreases(SurfacePatches& patches, const std::vector<bool>& beside,
                                   f(finder, n);
                           });
     };
+    std::vector<SurfacePatch> bent(fair.size());
+    forEach(fair, [&](CreaseFinder& finder, std::size_t n) { bent[n] = finder.bent(fair[n]); });
+    for (std::size_t n = 0; n < fair.size(); ++n) patches.patches[fair[n]] = bent[n];
     std::vector<Ended> ended(fair.size());
     forEach(fair, [&](CreaseFinder& finder, std::size_t n) { ended[n] = finder.end(fair[n]); });
     const auto set = [&](std::uint32_t n, const Ended& made) {
@@ -291,11 +348,16 @@ void endAtCreases(SurfacePatches& patches, const std::vector<bool>& beside,
         patches.ends.push_back(made.ends);
     };
     for (std::size_t n = 0; n < fair.size(); ++n) set(fair[n], ended[n]);
-    std::vector<std::optional<Ended>> replaced(rough.size());
+    std::vector<std::optional<std::uint32_t>> wholes(rough.size());
     forEach(rough,
-            [&](CreaseFinder& finder, std::size_t n) { replaced[n] = finder.replaced(rough[n]); });
-    for (std::size_t n = 0; n < rough.size(); ++n)
-        set(rough[n], replaced[n] ? *replaced[n] : Ended{patches.patches[rough[n]], {}});
+            [&](CreaseFinder& finder, std::size_t n) { wholes[n] = finder.whole(rough[n]); });
+    for (std::size_t n = 0; n < rough.size(); ++n) {
+        SurfacePatch& patch = patches.patches[rough[n]];
+        if (wholes[n])
+            patch = patches.patches[*wholes[n]];
+        else
+            set(rough[n], {patch, {}});
+    }
 }
 
 } // namespace mpuvdb

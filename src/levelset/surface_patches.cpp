@@ -221,7 +221,7 @@ private:
         if (!(slope >= kLeastSlope)) return false;
         patch.normal = model.gradient / slope;
         patch.foot = -model.value * patch.normal;
-        bend(model.hessian / slope, model.value, patch);
+        patch.bend(model.hessian / slope, model.value);
         return true;
     }
 
@@ -241,7 +241,7 @@ private:
         if (!(std::abs(interpolated(in, d)) <= kOffSurface * slope)) return false;
         patch.normal = g / slope;
         patch.foot = d;
-        bend(model.hessian / slope, -d.dot(patch.normal), patch);
+        patch.bend(model.hessian / slope, -d.dot(patch.normal));
         return true;
     }
 
@@ -263,22 +263,6 @@ private:
                 weight[0][n >> 2] * weight[1][n >> 1 & 1] * weight[2][n & 1] * mHalo.value[corner];
         }
         return sum;
-    }
-
-    /// Principal curvatures at the foot from the Hessian of the distance at @a height above it.
-    static void bend(const Eigen::Matrix3f& hessian, float height, SurfacePatch& patch)
-    {
-        const Vec3f& n = patch.normal;
-        const Vec3f a = n.unitOrthogonal(), b = n.cross(a);
-        const Vec3f ha = hessian * a, hb = hessian * b;
-        const float aa = a.dot(ha), ab = a.dot(hb), bb = b.dot(hb);
-        const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
-        patch.tangent = std::cos(angle) * a + std::sin(angle) * b;
-        const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
-        const float w[2] = {mean + half, mean - half};
-        // Parallel surfaces: the radius shrinks by the height.
-        for (int k = 0; k < 2; ++k)
-            patch.curvature[k] = w[k] / std::max(1 - height * w[k], (1 / kPointCurvature));
     }
 
     /// A point where the values, linear between voxels, cross zero: what is left where they tell no
@@ -323,6 +307,20 @@ float bent(float height, float along, float k)
 }
 
 } // namespace
+
+void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
+{
+    const Vec3f a = normal.unitOrthogonal(), b = normal.cross(a);
+    const Vec3f ha = hessian * a, hb = hessian * b;
+    const float aa = a.dot(ha), ab = a.dot(hb), bb = b.dot(hb);
+    const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
+    tangent = std::cos(angle) * a + std::sin(angle) * b;
+    const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
+    const float w[2] = {mean + half, mean - half};
+    // Parallel surfaces: the radius shrinks by the height.
+    for (int k = 0; k < 2; ++k)
+        curvature[k] = w[k] / std::max(1 - height * w[k], 1 / kPointCurvature);
+}
 
 Vec2f PatchEnds::nearest(const Vec2f& place) const
 {
@@ -372,6 +370,9 @@ float SurfacePatch::distance(const Vec3f& from, float side, const PatchEnds* end
     if (known) {
         Vec2f to = ends->nearest(shift);
         const float reached = to.norm();
+        if (height >= 0 && to == shift && reached <= kExtent)
+            return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
+                                         side * curvature[0]));
         if (reached > kEnded) to *= kEnded / reached;
         const float sag = 0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]);
         const float u = along[0] - to[0], v = along[1] - to[1], w = height + sag;

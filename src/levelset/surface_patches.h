@@ -50,6 +50,8 @@ struct SurfacePatch {
         return Vec3f(float(at[0] - voxel[0]), float(at[1] - voxel[1]), float(at[2] - voxel[2])) -
                foot;
     }
+    /// Find the principal curvatures from the Hessian of the distance at @a height above the foot.
+    void bend(const Eigen::Matrix3f& hessian, float height);
     /// Distance to the patch, never more than to the place. @param from  see to(). @param side
     /// 1 outside, -1 inside. @param ends  null: there is no crease near.
     float distance(const Vec3f& from, float side, const PatchEnds* ends) const;
@@ -68,7 +70,8 @@ enum class PatchKind : std::uint8_t {
     Rough  ///< neither
 };
 
-/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel.
+/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel; those that are a
+/// part of another are its copies.
 struct SurfacePatches {
     using Leaf = openvdb::FloatTree::LeafNodeType;
 
