@@ -28,6 +28,7 @@ constexpr float kSameFace = 0.9f, kOffFace = 0.5f;
 constexpr float kFlat = 1e-3f, kRoughness = 0.05f, kMostTilt = 0.2f;
 constexpr float kDamping = 1e-3f;
 constexpr int kSteps = 2; ///< to where two bent patches meet
+constexpr float kAside = 0.1f;
 constexpr float kOffPatch = 0.4f;     ///< of a crossing from the patch that it belongs to
 
 constexpr int kDim = 8;
@@ -141,22 +142,30 @@ public:
         return result;
     }
 
-    /// The patch with ends on which a rough one lies, if there is one.
-    std::optional<std::uint32_t> whole(std::uint32_t number)
+    /// A rough patch as a part of one with ends, if it lies on one.
+    std::optional<Ended> part(std::uint32_t number)
     {
         const SurfacePatch& rough = mPatches.patches[number];
-        std::optional<std::uint32_t> found;
-        float least = kOffPatch;
+        std::optional<Ended> result;
+        float least = std::numeric_limits<float>::infinity();
         mNear.forEachAround(rough.voxel, kAround, [&](std::uint32_t n) {
             const SurfacePatch& p = mPatches.patches[n];
             if (mPatches.kinds[n] == PatchKind::Rough || p.ends == SurfacePatch::kEndless) return;
             const PatchEnds& ends = mPatches.ends[p.ends];
-            const float off = p.distance(p.to(rough.voxel) + rough.foot, 1, &ends);
-            if (ends.count == 0 || !(off < least)) return;
-            least = off;
-            found = n;
+            const Vec3f from = p.to(rough.voxel);
+            const float off = p.distance(from + rough.foot, 1, &ends);
+            if (ends.count == 0 || !(off <= kOffPatch)) return;
+            const Vec3f across = p.normal.cross(p.tangent);
+            const Vec2f at = ends.nearest({p.tangent.dot(from), across.dot(from)});
+            Ended made = seenFrom(p, ends, at);
+            const float score = off + kAside * at.norm();
+            if (!(at.norm() <= kFarthest) || !(score < least)) return;
+            least = score;
+            made.patch.foot = -made.patch.to(rough.voxel);
+            made.patch.voxel = rough.voxel;
+            result = made;
         });
-        return found;
+        return result;
     }
 
     /// A patch that is a plane by the values of one octant, as the feet around say that it bends.
@@ -220,6 +229,24 @@ private:
         }
     };
 
+    /// A patch with its foot at another of its places.
+    static Ended seenFrom(const SurfacePatch& p, const PatchEnds& ends, const Vec2f& at)
+    {
+        Ended made{p, ends};
+        const Vec3f across = p.normal.cross(p.tangent);
+        const float u = p.curvature[0] * at[0], v = p.curvature[1] * at[1];
+        made.patch.foot += at[0] * p.tangent + at[1] * across -
+                           0.5f * (u * at[0] + v * at[1]) * p.normal;
+        made.patch.normal = (p.normal + u * p.tangent + v * across).normalized();
+        made.patch.tangent =
+            (p.tangent - p.tangent.dot(made.patch.normal) * made.patch.normal).normalized();
+        for (int n = 0; n < ends.count; ++n) {
+            PatchEnds::End& end = made.ends.ends[std::size_t(n)];
+            end.at = std::max(0.0f, end.at - end.outward.dot(at));
+        }
+        return made;
+    }
+
     /// How far a patch bends away from its plane, @a at from its foot.
     static float sag(const SurfacePatch& p, float at, const Vec3f& outward)
     {
@@ -267,13 +294,7 @@ private:
         if (!isOnSurface(p.voxel, beside) &&
             !isOnSurface(p.voxel, beside + along.dot(q.point - beside) * along))
             return;
-        if (at < 0) {
-            p.foot += at * outward;
-            for (int k = 0; k < made.ends.count; ++k) {
-                PatchEnds::End& e = made.ends.ends[std::size_t(k)];
-                e.at = std::max(0.0f, e.at - at * e.outward.dot(flat));
-            }
-        }
+        if (at < 0) made = seenFrom(p, made.ends, at * flat);
         made.ends.ends[std::size_t(made.ends.count++)] = {flat, std::max(at, 0.0f)};
     }
 
@@ -348,16 +369,11 @@ void endAtCreases(SurfacePatches& patches, const std::vector<bool>& beside,
         patches.ends.push_back(made.ends);
     };
     for (std::size_t n = 0; n < fair.size(); ++n) set(fair[n], ended[n]);
-    std::vector<std::optional<std::uint32_t>> wholes(rough.size());
+    std::vector<std::optional<Ended>> parts(rough.size());
     forEach(rough,
-            [&](CreaseFinder& finder, std::size_t n) { wholes[n] = finder.whole(rough[n]); });
-    for (std::size_t n = 0; n < rough.size(); ++n) {
-        SurfacePatch& patch = patches.patches[rough[n]];
-        if (wholes[n])
-            patch = patches.patches[*wholes[n]];
-        else
-            set(rough[n], {patch, {}});
-    }
+            [&](CreaseFinder& finder, std::size_t n) { parts[n] = finder.part(rough[n]); });
+    for (std::size_t n = 0; n < rough.size(); ++n)
+        set(rough[n], parts[n] ? *parts[n] : Ended{patches.patches[rough[n]], {}});
 }
 
 } // namespace mpuvdb

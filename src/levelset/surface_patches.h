@@ -70,8 +70,7 @@ enum class PatchKind : std::uint8_t {
     Rough  ///< neither
 };
 
-/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel; those that are a
-/// part of another are its copies.
+/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel.
 struct SurfacePatches {
     using Leaf = openvdb::FloatTree::LeafNodeType;
 
