@@ -229,10 +229,16 @@ private:
         }
     };
 
+    static float curvatureAlong(const SurfacePatch& p, const Vec3f& direction)
+    {
+        const float u = p.tangent.dot(direction), v = p.normal.cross(p.tangent).dot(direction);
+        return p.curvature[0] * u * u + p.curvature[1] * v * v;
+    }
+
     /// A patch with its foot at another of its places.
     static Ended seenFrom(const SurfacePatch& p, const PatchEnds& ends, const Vec2f& at)
     {
-        Ended made{p, ends};
+        Ended made{p, ends.from(at)};
         const Vec3f across = p.normal.cross(p.tangent);
         const float u = p.curvature[0] * at[0], v = p.curvature[1] * at[1];
         made.patch.foot += at[0] * p.tangent + at[1] * across -
@@ -240,10 +246,6 @@ private:
         made.patch.normal = (p.normal + u * p.tangent + v * across).normalized();
         made.patch.tangent =
             (p.tangent - p.tangent.dot(made.patch.normal) * made.patch.normal).normalized();
-        for (int n = 0; n < ends.count; ++n) {
-            PatchEnds::End& end = made.ends.ends[std::size_t(n)];
-            end.at = std::max(0.0f, end.at - end.outward.dot(at));
-        }
         return made;
     }
 
@@ -295,7 +297,11 @@ private:
             !isOnSurface(p.voxel, beside + along.dot(q.point - beside) * along))
             return;
         if (at < 0) made = seenFrom(p, made.ends, at * flat);
-        made.ends.ends[std::size_t(made.ends.count++)] = {flat, std::max(at, 0.0f)};
+        const Vec3f along3 = p.normal.cross(outward);
+        const float bend = side / sine *
+                           (curvatureAlong(*q.patch, along3) -
+                            q.normal.dot(p.normal) * curvatureAlong(p, along3));
+        made.ends.ends[std::size_t(made.ends.count++)] = {flat, std::max(at, 0.0f), bend};
     }
 
     /// Whether the values about @a offset from @a voxel allow the surface to be there: no corner of

@@ -340,8 +340,7 @@ private:
         for (int n = 0; n < kVoxels; ++n) {
             const float side = known.isNegative(n) ? -1.0f : 1.0f;
             float d = kInfinity;
-            if (known.patch[n] != kNone)
-                d = mSurface.distance(mPatches[known.patch[n]], node.origin + coordOf(n), side);
+            if (known.patch[n] != kNone) d = leastDistance(node, n, side);
             distances[std::size_t(n)] = side * d;
         }
         node.result = mFinish(node.origin, node.signs, distances);
@@ -350,6 +349,27 @@ private:
         node.finished = true;
         node.sent = node.sending = {};
         node.senders = {};
+    }
+
+    /// The distance to a voxel's patch, and beside creases, where another's may be nearer than its
+    /// foot tells, to those of its neighbours in the leaf.
+    float leastDistance(const Node& node, int voxel, float side) const
+    {
+        const auto& patches = node.known->patch;
+        const std::uint32_t own = patches[std::size_t(voxel)];
+        const Coord at = coordOf(voxel), place = node.origin + at;
+        float least = mSurface.distance(mPatches[own], place, side);
+        if (mPatches[own].ends == SurfacePatch::kEndless) return least;
+        std::uint32_t last = own;
+        for (int n = 0; n < 27; ++n) {
+            const Coord to = at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            if ((to[0] | to[1] | to[2]) & ~(kDim - 1)) continue;
+            const std::uint32_t patch = patches[Leaf::coordToOffset(to)];
+            if (patch == kNone || patch == own || patch == last) continue;
+            least = std::min(least, mSurface.distance(mPatches[patch], place, side));
+            last = patch;
+        }
+        return least;
     }
 
     struct HashCoord {

@@ -322,12 +322,35 @@ void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
         curvature[k] = w[k] / std::max(1 - height * w[k], 1 / kPointCurvature);
 }
 
+PatchEnds::End PatchEnds::End::straight(float beside) const
+{
+    const Vec2f across(-outward.y(), outward.x());
+    const Vec2f to = outward + bend * beside * across;
+    const float length = to.norm();
+    return {to / length, (at + 0.5f * bend * beside * beside) / length, 0};
+}
+
+PatchEnds PatchEnds::from(const Vec2f& place) const
+{
+    PatchEnds seen = *this;
+    for (int n = 0; n < count; ++n) {
+        const End end = ends[n].straight(ends[n].beside(place));
+        seen.ends[n].outward = end.outward;
+        seen.ends[n].at = std::max(0.0f, end.at - end.outward.dot(place));
+    }
+    return seen;
+}
+
 Vec2f PatchEnds::nearest(const Vec2f& place) const
 {
     constexpr float kOn = 1e-4f;
+    std::array<End, kMost> lines;
+    for (int n = 0; n < count; ++n)
+        lines[n] =
+            ends[n].straight(std::min(std::max(ends[n].beside(place), -kEnded), kEnded));
     const auto isWithin = [&](const Vec2f& p) {
         for (int n = 0; n < count; ++n)
-            if (!(ends[n].outward.dot(p) <= ends[n].at + kOn)) return false;
+            if (!(lines[n].outward.dot(p) <= lines[n].at + kOn)) return false;
         return true;
     };
     if (isWithin(place)) return place;
@@ -340,11 +363,11 @@ Vec2f PatchEnds::nearest(const Vec2f& place) const
         best = p;
     };
     for (int n = 0; n < count; ++n) {
-        const End& a = ends[n];
+        const End& a = lines[n];
         const float beyond = a.outward.dot(place) - a.at;
         if (beyond > 0) offer(place - beyond * a.outward);
         for (int m = 0; m < n; ++m) {
-            const End& b = ends[m];
+            const End& b = lines[m];
             const float sine = a.outward.x() * b.outward.y() - a.outward.y() * b.outward.x();
             if (std::abs(sine) < kOn) continue;
             offer(Vec2f(a.at * b.outward.y() - b.at * a.outward.y(),

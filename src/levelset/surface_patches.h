@@ -18,12 +18,22 @@ using Vec2f = Eigen::Vector2f;
 /// The curvature of a point: its radius is below what counts.
 constexpr float kPointCurvature = 1e3f;
 
-/// Where a patch ends at creases: lines in its tangent plane, around the foot.
+/// Where a patch ends at creases: curves in its tangent plane, around the foot.
 struct PatchEnds {
-    /// Places p, along the tangent and across, go on where outward . p <= at; at >= 0.
+    /// The patch goes on to places p, along the tangent and across, with
+    /// outward . p <= at - bend/2 (p beside outward)^2; at >= 0.
     struct End {
         Vec2f outward;
         float at;
+        float bend;
+
+        /// As a straight line, where it is @a beside what outward points to.
+        End straight(float beside) const;
+        /// How far a place is from the line through the foot along outward.
+        float beside(const Vec2f& place) const
+        {
+            return outward.x() * place.y() - outward.y() * place.x();
+        }
     };
     static constexpr int kMost = 3;
     std::array<End, kMost> ends;
@@ -31,6 +41,8 @@ struct PatchEnds {
 
     /// The place within the ends that is nearest to @a place.
     Vec2f nearest(const Vec2f& place) const;
+    /// The ends as seen from another place.
+    PatchEnds from(const Vec2f& place) const;
 };
 
 /// A place on the zero set and how the surface bends there. Lengths are voxels.
