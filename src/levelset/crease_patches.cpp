@@ -175,7 +175,6 @@ public:
         using Matrix = Eigen::Matrix<float, kUnknowns, kUnknowns>;
         using Vector = Eigen::Matrix<float, kUnknowns, 1>;
         SurfacePatch patch = mPatches.patches[number];
-        if (mPatches.kinds[number] != PatchKind::Plane) return patch;
         const Vec3f across = patch.normal.cross(patch.tangent);
         Matrix squares = Matrix::Zero();
         Vector pull = Vector::Zero();
@@ -229,6 +228,15 @@ private:
         }
     };
 
+    /// The normal of a patch, which bends, at a place beside it.
+    static Vec3f normalAt(const SurfacePatch& p, const Vec3f& place)
+    {
+        const Vec3f across = p.normal.cross(p.tangent), to = place - p.foot;
+        return (p.normal + p.curvature[0] * p.tangent.dot(to) * p.tangent +
+                p.curvature[1] * across.dot(to) * across)
+            .normalized();
+    }
+
     static float curvatureAlong(const SurfacePatch& p, const Vec3f& direction)
     {
         const float u = p.tangent.dot(direction), v = p.normal.cross(p.tangent).dot(direction);
@@ -239,11 +247,11 @@ private:
     static Ended seenFrom(const SurfacePatch& p, const PatchEnds& ends, const Vec2f& at)
     {
         Ended made{p, ends.from(at)};
-        const Vec3f across = p.normal.cross(p.tangent);
-        const float u = p.curvature[0] * at[0], v = p.curvature[1] * at[1];
-        made.patch.foot += at[0] * p.tangent + at[1] * across -
-                           0.5f * (u * at[0] + v * at[1]) * p.normal;
-        made.patch.normal = (p.normal + u * p.tangent + v * across).normalized();
+        const Vec3f beside = at[0] * p.tangent + at[1] * p.normal.cross(p.tangent);
+        made.patch.normal = normalAt(p, p.foot + beside);
+        made.patch.foot += beside - 0.5f * (p.curvature[0] * at[0] * at[0] +
+                                            p.curvature[1] * at[1] * at[1]) *
+                                        p.normal;
         made.patch.tangent =
             (p.tangent - p.tangent.dot(made.patch.normal) * made.patch.normal).normalized();
         return made;
@@ -263,8 +271,8 @@ private:
         mNear.forEachAround(patch.voxel, kAround, [&](std::uint32_t n) {
             if (mPatches.kinds[n] == PatchKind::Rough) return;
             const SurfacePatch& other = mPatches.patches[n];
-            if (!(patch.normal.cross(other.normal).norm() >= kLeastSine)) return;
             const Vec3f point = -other.to(patch.voxel);
+            if (!(normalAt(patch, point).cross(other.normal).norm() >= kLeastSine)) return;
             mFaces.push_back({&other, point, other.normal, (point - patch.foot).squaredNorm()});
         });
         std::stable_sort(mFaces.begin(), mFaces.end(), [](const Face& a, const Face& b) {

@@ -198,7 +198,7 @@ private:
             }
             const float slope = rise.norm();
             if (mValues == Values::Distances) all &= std::abs(slope - 1) < kPlaneSlope;
-            if (!all || !(off < most) || !(off < kPlaneSlope * slope)) continue;
+            if (!all || !(off < most) || !(off < (mValues == Values::Distances ? kPlaneSlope : .06f) * slope)) continue;
             fit.off = off;
             fit.slope = slope;
             steepest = std::max(steepest, slope);
