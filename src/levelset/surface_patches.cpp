@@ -2,6 +2,7 @@
 
 #include "crease_patches.h"
 #include "leaf_halo.h"
+#include "patch_index.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -28,8 +29,8 @@ constexpr float kLeastImplicit = 1e-6f;
 /// Where the slope changes by more from voxel to voxel, relative to itself, there may be a crease.
 constexpr float kCrease = 0.22f;
 /// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
-/// slope; a distance's slope is 1 to so much there.
-constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f;
+/// slope (other values than distances may bend more); a distance's slope is 1 to so much there.
+constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f, kPlaneImplicit = 0.06f;
 /// A patch's radius, voxels; and beside a crease, where it would reach into the open: as far as the
 /// feet of its neighbours, and shrinking to nothing as what is nearest on its plane gets farther
 /// away than that.
@@ -59,7 +60,8 @@ class PatchMaker
 public:
     PatchMaker(const openvdb::FloatTree& tree, double voxelSize, Values values)
         : mAccess(tree), mScale(float(1 / voxelSize)),
-          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values)
+          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values),
+          mMostOff(values == Values::Distances ? kPlaneSlope : kPlaneImplicit)
     {
     }
 
@@ -198,7 +200,7 @@ private:
             }
             const float slope = rise.norm();
             if (mValues == Values::Distances) all &= std::abs(slope - 1) < kPlaneSlope;
-            if (!all || !(off < most) || !(off < (mValues == Values::Distances ? kPlaneSlope : .06f) * slope)) continue;
+            if (!all || !(off < most) || !(off < mMostOff * slope)) continue;
             fit.off = off;
             fit.slope = slope;
             steepest = std::max(steepest, slope);
@@ -293,6 +295,7 @@ private:
     LeafHalo mHalo;
     float mScale, mBeyond;
     Values mValues;
+    float mMostOff;
 };
 
 /// Distance to a curve of curvature @a k, in its plane, from @a height above a place on it and
@@ -346,8 +349,7 @@ Vec2f PatchEnds::nearest(const Vec2f& place) const
     constexpr float kOn = 1e-4f;
     std::array<End, kMost> lines;
     for (int n = 0; n < count; ++n)
-        lines[n] =
-            ends[n].straight(std::min(std::max(ends[n].beside(place), -kEnded), kEnded));
+        lines[n] = ends[n].straight(std::min(std::max(ends[n].beside(place), -kEnded), kEnded));
     const auto isWithin = [&](const Vec2f& p) {
         for (int n = 0; n < count; ++n)
             if (!(lines[n].outward.dot(p) <= lines[n].at + kOn)) return false;
@@ -397,7 +399,8 @@ float SurfacePatch::distance(const Vec3f& from, float side, const PatchEnds* end
             return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                          side * curvature[0]));
         if (reached > kEnded) to *= kEnded / reached;
-        const float sag = 0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]);
+        const float sag =
+            0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]);
         const float u = along[0] - to[0], v = along[1] - to[1], w = height + sag;
         return std::min(length, std::sqrt(u * u + v * v + w * w));
     }
@@ -449,7 +452,11 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, 
             ++to;
         });
     });
-    const std::vector<bool> beside = besideCreases(result);
+    if (std::all_of(result.kinds.begin(), result.kinds.end(),
+                    [](PatchKind kind) { return kind == PatchKind::Smooth; }))
+        return result;
+    const PatchIndex index(result);
+    const std::vector<bool> beside = besideCreases(result, index);
     forEachLeaf([&](PatchMaker& maker, std::size_t n) {
         std::uint32_t to = result.first[n];
         const auto first = beside.begin() + to, last = beside.begin() + result.first[n + 1];
@@ -460,7 +467,7 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, 
             ++to;
         });
     });
-    endAtCreases(result, beside, tree, progress);
+    endAtCreases(result, index, beside, tree, progress);
     return result;
 }
 

@@ -47,11 +47,11 @@ struct PatchEnds {
 
 /// A place on the zero set and how the surface bends there. Lengths are voxels.
 struct SurfacePatch {
-    openvdb::Coord voxel; ///< the voxel from whose neighbourhood it was made
-    Vec3f foot;           ///< the place, relative to that voxel
-    Vec3f normal;         ///< unit, outward
-    Vec3f tangent;        ///< unit, along the first principal direction
-    float curvature[2];   ///< along the tangent and across, positive where convex
+    openvdb::Coord voxel;          ///< the voxel from whose neighbourhood it was made
+    Vec3f foot;                    ///< the place, relative to that voxel
+    Vec3f normal;                  ///< unit, outward
+    Vec3f tangent;                 ///< unit, along the first principal direction
+    float curvature[2];            ///< along the tangent and across, positive where convex
     std::uint32_t ends = kEndless; ///< number of its ends
 
     static constexpr std::uint32_t kEndless = ~std::uint32_t(0);
