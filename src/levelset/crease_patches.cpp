@@ -20,13 +20,17 @@ using Leaf = SurfacePatches::Leaf;
 constexpr int kAround = 2; ///< voxels about one whose patches are looked at
 /// Places of one face: the cosine of their normals, and the height of one over the other's plane.
 constexpr float kSameFace = 0.9f, kOffFace = 0.5f;
+constexpr float kMostBend = 0.3f;     ///< of patches and of their ends, per voxel
 constexpr float kLeastSine = 0.2f;    ///< of two faces that meet in a crease
 constexpr float kSameSide = 0.95f;    ///< cosine of ends that look the same way
 constexpr float kFarthest = 2.2f;     ///< of a crease from a foot, voxels
 constexpr float kBeyond = 0.8f;       ///< of a foot beyond a crease
 constexpr float kLeastHeight = 0.02f; ///< of one foot above the other's plane, to tell the side
+constexpr float kOffMean = 0.5f;      ///< of trilinear values from zero at a crease, in slopes
 constexpr float kOffSurface = 0.35f;  ///< of a crease from the surface that the values tell
-constexpr int kSteps = 2;             ///< to where two bent patches meet
+/// How far from its foot a patch may go, voxels: the farthest that the values allow.
+constexpr float kReaches[] = {1.6f, 1.2f, 0.8f, 0.4f};
+constexpr int kSteps = 2; ///< to where two bent patches meet
 /// Of a crossing from the patch that it belongs to; and what a voxel of distance from that patch's
 /// foot counts beside it.
 constexpr float kOffPatch = 0.4f, kAside = 0.1f;
@@ -102,7 +106,7 @@ public:
                 heights.add(patch.tangent.dot(to), across.dot(to), height);
         });
         Heights::Coefficients h;
-        if (!heights.fit(h)) return patch;
+        if (!heights.fit(h)) return notTooBent(patch);
         const Vec3f t = patch.tangent;
         const Eigen::Matrix3f twist = t * across.transpose();
         patch.foot += h[0] * patch.normal;
@@ -110,7 +114,7 @@ public:
         patch.bend(-(h[3] * t * t.transpose() + h[4] * (twist + twist.transpose()) +
                      h[5] * across * across.transpose()),
                    0);
-        return patch;
+        return notTooBent(patch);
     }
 
     /// A patch with the ends where it meets the faces around.
@@ -120,6 +124,7 @@ public:
         collect(made.patch);
         for (const Face& face : mFaces)
             if (made.ends.count < PatchEnds::kMost) addEnd(made, face);
+        made.ends.reach = reachOf(made);
         return made;
     }
 
@@ -135,7 +140,7 @@ public:
             const PatchEnds& ends = mPatches.ends[p.ends];
             const Vec3f from = p.to(rough.voxel);
             const float off = p.distance(from + rough.foot, 1, &ends);
-            if (ends.count == 0 || !(off <= kOffPatch)) return;
+            if (!(off <= kOffPatch)) return;
             const Vec2f at =
                 ends.nearest({p.tangent.dot(from), p.normal.cross(p.tangent).dot(from)});
             const float score = off + kAside * at.norm();
@@ -172,6 +177,12 @@ private:
         return (p.normal + p.curvature[0] * p.tangent.dot(to) * p.tangent +
                 p.curvature[1] * across.dot(to) * across)
             .normalized();
+    }
+
+    static SurfacePatch notTooBent(SurfacePatch patch)
+    {
+        for (float& k : patch.curvature) k = std::min(std::max(k, -kMostBend), kMostBend);
+        return patch;
     }
 
     static float curvatureAlong(const SurfacePatch& p, const Vec3f& direction)
@@ -219,6 +230,23 @@ private:
                          [](const Face& a, const Face& b) { return a.distance2 < b.distance2; });
     }
 
+    /// How far a patch goes on in all directions, by the values.
+    float reachOf(Ended made) const
+    {
+        constexpr int kDirections = 8;
+        for (const float reach : kReaches) {
+            made.ends.reach = reach;
+            bool all = true;
+            for (int n = 0; all && n < kDirections; ++n) {
+                const float angle = float(n) * float(2 * M_PI / kDirections);
+                const Vec2f at = made.ends.nearest(reach * Vec2f(std::cos(angle), std::sin(angle)));
+                all = isOnSurface(made.patch.voxel, seenFrom(made.patch, {}, at).patch.foot);
+            }
+            if (all) return reach;
+        }
+        return 0;
+    }
+
     void addEnd(Ended& made, const Face& q) const
     {
         SurfacePatch& p = made.patch;
@@ -248,7 +276,8 @@ private:
         const float bend =
             side / sine *
             (curvatureAlong(*q.patch, along3) - q.normal.dot(p.normal) * curvatureAlong(p, along3));
-        made.ends.ends[std::size_t(made.ends.count++)] = {flat, std::max(at, 0.0f), bend};
+        made.ends.ends[std::size_t(made.ends.count++)] = {
+            flat, std::max(at, 0.0f), std::min(std::max(bend, -kMostBend), kMostBend)};
     }
 
     /// Whether the values about @a offset from @a voxel allow the surface to be there: no corner of
@@ -266,6 +295,12 @@ private:
                     slope = std::max(
                         slope, std::abs(values[std::size_t(n)] - values[std::size_t(n - axis)]));
         }
+        const Vec3f t = offset - low;
+        float mean = 0; // of the values, trilinear
+        for (int n = 0; n < 8; ++n)
+            mean += values[std::size_t(n)] * (n & 4 ? t.x() : 1 - t.x()) *
+                    (n & 2 ? t.y() : 1 - t.y()) * (n & 1 ? t.z() : 1 - t.z());
+        if (!(std::abs(mean) <= kOffMean * slope)) return false;
         for (int n = 0; n < 8; ++n) {
             const Vec3f from = low + Vec3f(float(n >> 2), float(n >> 1 & 1), float(n & 1)) - offset;
             if (!(std::abs(values[std::size_t(n)]) <= slope * (from.norm() + kOffSurface)))

@@ -31,12 +31,7 @@ constexpr float kCrease = 0.22f;
 /// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
 /// slope (other values than distances may bend more); a distance's slope is 1 to so much there.
 constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f, kPlaneImplicit = 0.06f;
-/// A patch's radius, voxels; and beside a crease, where it would reach into the open: as far as the
-/// feet of its neighbours, and shrinking to nothing as what is nearest on its plane gets farther
-/// away than that.
-constexpr float kExtent = 0.9f, kBounded = 0.6f, kNone = 1.25f;
-/// A patch's radius where its ends are known.
-constexpr float kEnded = 1.6f;
+constexpr float kExtent = 0.9f; ///< an endless patch's radius, voxels
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
@@ -349,7 +344,7 @@ Vec2f PatchEnds::nearest(const Vec2f& place) const
     constexpr float kOn = 1e-4f;
     std::array<End, kMost> lines;
     for (int n = 0; n < count; ++n)
-        lines[n] = ends[n].straight(std::min(std::max(ends[n].beside(place), -kEnded), kEnded));
+        lines[n] = ends[n].straight(std::min(std::max(ends[n].beside(place), -reach), reach));
     const auto isWithin = [&](const Vec2f& p) {
         for (int n = 0; n < count; ++n)
             if (!(lines[n].outward.dot(p) <= lines[n].at + kOn)) return false;
@@ -386,33 +381,21 @@ float SurfacePatch::distance(const Vec3f& from, float side, const PatchEnds* end
     const float height = side * normal.dot(from);
     const float along[2] = {tangent.dot(from), across.dot(from)};
     const float length = from.norm();
-    const bool known = ends && ends->count > 0;
     // Behind an open patch: it faces another part of the surface's side.
-    if (height < 0 && !known) return length;
+    if (height < 0 && !ends) return length;
     Vec2f shift; // of the nearest place on the patch
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
-    if (known) {
-        Vec2f to = ends->nearest(shift);
-        const float reached = to.norm();
-        if (height >= 0 && to == shift && reached <= kExtent)
-            return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
-                                         side * curvature[0]));
-        if (reached > kEnded) to *= kEnded / reached;
-        const float sag =
-            0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]);
-        const float u = along[0] - to[0], v = along[1] - to[1], w = height + sag;
-        return std::min(length, std::sqrt(u * u + v * v + w * w));
-    }
-    const float reached = shift.norm(), extent = ends ? kBounded : kExtent;
-    if (reached <= extent)
+    Vec2f to = ends ? ends->nearest(shift) : shift;
+    const float reached = to.norm(), extent = ends ? ends->reach : kExtent;
+    if (height >= 0 && to == shift && reached <= std::min(extent, kExtent))
         return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                      side * curvature[0]));
-    // From the place nearest to where it should be, as far as the patch goes.
-    const float left = ends ? std::max((kNone - reached) / (kNone - kBounded), 0.0f) : 1;
-    const float share = extent * left / reached;
-    const float u = along[0] - share * shift[0], v = along[1] - share * shift[1];
-    return std::min(length, std::sqrt(height * height + u * u + v * v));
+    if (reached > extent) to *= extent / reached;
+    const float sag =
+        ends ? 0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]) : 0;
+    const float u = along[0] - to[0], v = along[1] - to[1], w = height + sag;
+    return std::min(length, std::sqrt(u * u + v * v + w * w));
 }
 
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,

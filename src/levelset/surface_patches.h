@@ -37,7 +37,8 @@ struct PatchEnds {
     };
     static constexpr int kMost = 3;
     std::array<End, kMost> ends;
-    int count = 0; ///< 0: there is a crease near, but nobody knows where
+    int count = 0;
+    float reach = 0; ///< farther from the foot the patch does not go, voxels
 
     /// The place within the ends that is nearest to @a place.
     Vec2f nearest(const Vec2f& place) const;
