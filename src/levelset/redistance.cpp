@@ -26,7 +26,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 /// Farther, in voxels, no offset goes: floats would not tell a twentieth of a voxel any more.
 constexpr double kFarthest = 1e5;
 /// An offset's values this much below the distance to its surface are none, voxels.
-constexpr float kWedge = 0.1f;
+constexpr float kWedge = 0.02f;
 
 void demandHalfWidth(double halfWidth)
 {
