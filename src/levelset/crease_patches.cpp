@@ -26,8 +26,8 @@ constexpr float kSameSide = 0.95f;    ///< cosine of ends that look the same way
 constexpr float kFarthest = 2.2f;     ///< of a crease from a foot, voxels
 constexpr float kBeyond = 0.8f;       ///< of a foot beyond a crease
 constexpr float kLeastHeight = 0.02f; ///< of one foot above the other's plane, to tell the side
-constexpr float kOffMean = 0.5f;      ///< of trilinear values from zero at a crease, in slopes
 constexpr float kOffSurface = 0.35f;  ///< of a crease from the surface that the values tell
+constexpr float kOffReach = 0.55f;     ///< of places of a patch from that surface
 /// How far from its foot a patch may go, voxels: the farthest that the values allow.
 constexpr float kReaches[] = {1.6f, 1.2f, 0.8f, 0.4f};
 constexpr int kSteps = 2; ///< to where two bent patches meet
@@ -240,7 +240,8 @@ private:
             for (int n = 0; all && n < kDirections; ++n) {
                 const float angle = float(n) * float(2 * M_PI / kDirections);
                 const Vec2f at = made.ends.nearest(reach * Vec2f(std::cos(angle), std::sin(angle)));
-                all = isOnSurface(made.patch.voxel, seenFrom(made.patch, {}, at).patch.foot);
+                all = isOnSurface(made.patch.voxel, seenFrom(made.patch, {}, at).patch.foot,
+                                  kOffReach);
             }
             if (all) return reach;
         }
@@ -268,8 +269,8 @@ private:
         // Either foot may lie beside where a third plane ends the crease.
         const Vec3f beside = p.foot + at * outward;
         const Vec3f along = p.normal.cross(outward);
-        if (!isOnSurface(p.voxel, beside) &&
-            !isOnSurface(p.voxel, beside + along.dot(q.point - beside) * along))
+        if (!isOnSurface(p.voxel, beside, kOffSurface) &&
+            !isOnSurface(p.voxel, beside + along.dot(q.point - beside) * along, kOffSurface))
             return;
         if (at < 0) made = seenFrom(p, made.ends, at * flat);
         const Vec3f along3 = p.normal.cross(outward);
@@ -282,7 +283,7 @@ private:
 
     /// Whether the values about @a offset from @a voxel allow the surface to be there: no corner of
     /// its cell is farther from the surface than from that place.
-    bool isOnSurface(const Coord& voxel, const Vec3f& offset) const
+    bool isOnSurface(const Coord& voxel, const Vec3f& offset, float off) const
     {
         const Vec3f low = offset.array().floor();
         const Coord corner = voxel.offsetBy(int(low.x()), int(low.y()), int(low.z()));
@@ -295,16 +296,9 @@ private:
                     slope = std::max(
                         slope, std::abs(values[std::size_t(n)] - values[std::size_t(n - axis)]));
         }
-        const Vec3f t = offset - low;
-        float mean = 0; // of the values, trilinear
-        for (int n = 0; n < 8; ++n)
-            mean += values[std::size_t(n)] * (n & 4 ? t.x() : 1 - t.x()) *
-                    (n & 2 ? t.y() : 1 - t.y()) * (n & 1 ? t.z() : 1 - t.z());
-        if (!(std::abs(mean) <= kOffMean * slope)) return false;
         for (int n = 0; n < 8; ++n) {
             const Vec3f from = low + Vec3f(float(n >> 2), float(n >> 1 & 1), float(n & 1)) - offset;
-            if (!(std::abs(values[std::size_t(n)]) <= slope * (from.norm() + kOffSurface)))
-                return false;
+            if (!(std::abs(values[std::size_t(n)]) <= slope * (from.norm() + off))) return false;
         }
         return true;
     }

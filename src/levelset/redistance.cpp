@@ -167,7 +167,7 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
     FloatGrid::Ptr made = remade(grid, Values::Implicit,
                                  side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker, progress);
-    restoreDistance(made->tree(), made->voxelSize()[0], progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], kTips, progress);
     return made;
 }
 
@@ -186,6 +186,8 @@ void demandDistance(double distance, double voxelSize)
 LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& progress)
 {
     demandHalfWidth(halfWidth);
+    constexpr double kSameWidth = 1e-5;
+    if (std::abs(levelSet.halfWidth() - halfWidth) <= kSameWidth * halfWidth) return levelSet;
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, levelSet.voxelSize(), ownOrFound([](float d) { return d; }));
     return LevelSet(remade(levelSet.grid(), Values::Distances, {reach, reach}, maker, progress));
@@ -198,7 +200,7 @@ LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
                           [](const Leaf*, int, float distance) { return distance; });
     const FloatGrid::Ptr made = remade(grid, Values::Implicit, {reach, reach}, maker, progress);
-    restoreDistance(made->tree(), made->voxelSize()[0], progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], kTips, progress);
     return LevelSet(made);
 }
 
