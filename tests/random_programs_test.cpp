@@ -279,11 +279,12 @@ void runPrograms(std::uint64_t first, int count)
         // Most are small; one in a hundred has thirty nodes.
         const int nodes = seed % 100 == 0 ? 30 : 2 + int(seed % 6);
         const Program program = programs.make(nodes);
-        SCOPED_TRACE(fmt::format("seed {}\n{}", seed, program.shape.explain(settings)));
+        SCOPED_TRACE(fmt::format("seed {}", seed));
         Progress progress;
         const LevelSet made = program.shape.evaluate(settings, progress);
         rims += soundButForRim(made);
         judged += judge(made, program, random);
+        if (testing::Test::HasFailure()) FAIL() << program.shape.explain(settings);
     }
     EXPECT_GT(judged, 100 * count) << "places of which something is known";
     EXPECT_LE(rims, count / 20) << "bands that are not complete";
