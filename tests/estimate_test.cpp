@@ -62,7 +62,7 @@ protected:
             return estimate[key].get<double>() / taken;
         };
         // The sanitizers' memory is not the program's.
-#ifndef __SANITIZE_ADDRESS__
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
         EXPECT_NEAR(ratio("peak_bytes", peak), 1, 0.2) << what;
 #endif
         const double active = report["grid"]["active_voxels"];
@@ -136,7 +136,7 @@ TEST_F(EstimateTest, RefusesBeforeTheWorkAndSaysWhatFits)
     const double fitting = std::atof(size.c_str());
     EXPECT_GT(fitting, 2.8 / 1500);
     EXPECT_LT(fitting, 2.8 / 150) << "far more than needed";
-#ifndef __SANITIZE_ADDRESS__
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
     const Ended fits = mpuvdb({"reconstruct", "a.ply", "-o", "a.vdb", "--voxel-size",
                                std::to_string(fitting), "--max-memory", "120M"});
     EXPECT_EQ(fits.status, 0) << fits.err;

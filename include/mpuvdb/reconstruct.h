@@ -61,7 +61,9 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
 
 /// Estimate what reconstruct() would take, without it: a part of the points is fitted as it would
 /// fit them, and a surface with larger voxels through every so many points tells the area, filled
-/// holes and all. Takes as long as reconstructing a hundred thousand points or so.
+/// holes and all. Takes as long as reconstructing a hundred thousand points or so. Peak memory
+/// comes out to a fifth. In short: 56 bytes a point while they are sorted; then 36 a point, about
+/// 70 a leaf of the octree (twice that while it is built), and 18 an active voxel.
 /// @throws as reconstruct().
 ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettings& settings,
                                 Progress& progress);

@@ -236,14 +236,12 @@ std::vector<Band::Gap> Band::findGaps() const
     columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
     --low;
     ++high;
-    if (mZone) {
-        columns.erase(std::remove_if(columns.begin(), columns.end(),
-                                     [&](const Column& c) {
-                                         return !isKnown({c[0], c[1], mZone->first[2]});
-                                     }),
-                      columns.end());
-        low = std::max(low, mZone->first[2]);
-        high = std::min(high, mZone->last[2]);
+    if (mZone) { // a column without blocks may be inside
+        columns.clear();
+        for (int x = mZone->first[0]; x <= mZone->last[0]; ++x)
+            for (int y = mZone->first[1]; y <= mZone->last[1]; ++y) columns.push_back({x, y});
+        low = mZone->first[2];
+        high = mZone->last[2];
     }
     std::vector<Gap> gaps;
     std::size_t n = 0;

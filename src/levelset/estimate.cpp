@@ -94,6 +94,17 @@ Trial tryWithLargerVoxels(const PointCloud& cloud, const ResolvedSettings& resol
     return trial;
 }
 
+/// Share of the points that lie in @a region, grown by @a margin: about that of the surface.
+double shareIn(const Box3d& region, double margin, const PointCloud& cloud)
+{
+    const Vec3d grown = Vec3d::Constant(margin);
+    const Box3d box(region.min() - cloud.frame - grown, region.max() - cloud.frame + grown);
+    const auto inside =
+        std::count_if(cloud.positions.begin(), cloud.positions.end(),
+                      [&](const Vec3f& p) { return box.contains(p.cast<double>()); });
+    return double(inside) / double(cloud.size());
+}
+
 } // namespace
 
 ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettings& settings,
@@ -108,11 +119,16 @@ ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettin
     const double voxels = trial.area / (h * h);
     // What bends, and what is near to itself, has fewer voxels in its band, the thinner the more.
     const double bent = (trial.voxelShare - 1) * (width / kMeasuredHalfWidth) * h / trial.voxelSize;
-    estimate.activeVoxels = std::uint64_t(2 * width * voxels * std::max(1 + bent, 0.1));
-    estimate.gridBytes = std::uint64_t(treeBytes(voxels, 2 * width));
+    double share = 1, sampledShare = 1;
+    if (const auto& region = resolved.grid.region) {
+        share = shareIn(*region, 0, cloud);
+        sampledShare = shareIn(*region, kRegionMargin * h, cloud);
+    }
+    estimate.activeVoxels = std::uint64_t(2 * width * voxels * share * std::max(1 + bent, 0.1));
+    estimate.gridBytes = std::uint64_t(treeBytes(share * voxels, 2 * width));
+    const double sampled = treeBytes(sampledShare * voxels, 2 * width);
     estimate.peakBytes =
-        std::max(estimate.fit.peakBytes,
-                 estimate.fit.bytes + std::uint64_t(kBandShare * double(estimate.gridBytes)));
+        std::max(estimate.fit.peakBytes, estimate.fit.bytes + std::uint64_t(kBandShare * sampled));
     progress.endStage();
     return estimate;
 }
