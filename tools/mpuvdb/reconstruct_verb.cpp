@@ -38,26 +38,39 @@ public:
                "standard input. Several are joined.")
             ->required();
         app.add_option("-o,--output", mOutput, "The level set")->required()->type_name("OUT.vdb");
-        app.add_option("--mesh", mMesh,
-                       "Write a mesh too: .ply .obj .stl; - is PLY on standard output")
+        app.add_option("--mesh", mMesh.path,
+                       "Write a mesh too: .ply .obj .off .stl .glb .usda; - is PLY on standard\n"
+                       "output")
             ->type_name("OUT.ply");
+        app.add_option("--usd", mUsd,
+                       "Write a USD layer too, whose volume refers to the level set's file")
+            ->type_name("OUT.usda");
         addPreset(app, mPreset);
         app.callback([this, &app] { mPresetOptions = applyPreset(app, mPreset); });
+        addAttributes(app, mAttributes,
+                      "What of the points goes to grids beside the level set and to the mesh: Cd\n"
+                      "(colours, linear in the grid), confidence, and properties of the files by\n"
+                      "name (PLY, PCD, columns with names, intensity of LAS). auto: Cd, where the\n"
+                      "points have colours; the default");
         addHoleOptions(app);
         addGridOptions(app);
         addFitOptions(app);
         addPointOptions(app);
+        addScene(app, mMesh.scene);
     }
 
     ExitCode run(Session& session) override
     {
         if (!mPreset.empty())
             session.note(fmt::format("preset      {}: {}", mPreset, mPresetOptions));
-        session.checkFiles(
-            {{"-o", mOutput, {".vdb"}}, {"--mesh", mMesh, {".ply", ".obj", ".stl"}, true}},
-            mInputs);
+        session.checkFiles({{"-o", mOutput, {".vdb"}},
+                            {"--mesh", mMesh.path, meshExtensions(), true},
+                            {"--usd", mUsd, {".usda"}}},
+                           mInputs);
         PointInput input = readInput(session);
         mDropped = input.dropped;
+        mAttributes.choose(!input.cloud.colors.empty());
+        if (!mAttributes.has(kColorName)) input.cloud.colors = {};
         clean(session, input.cloud);
         mPoints = input.cloud.size();
 
@@ -67,12 +80,19 @@ public:
         describeFit(session, made);
         const CheckReport checked = check(made.levelSet.grid(), session.progress());
         const openvdb::FloatGrid::ConstPtr coverage = coverageOf(made, session);
-        openvdb::GridCPtrVec beside;
-        if (coverage) beside.push_back(coverage);
+        openvdb::GridCPtrVec beside = attributeGrids(made, session);
+        if (coverage) beside.insert(beside.begin(), coverage);
         writeLevelSet(mOutput, made.levelSet, metadata(made), session.progress(), beside);
         session.report()["grid"] = toJson(made.levelSet);
         session.report()["check"] = toJson(checked);
-        if (!mMesh.empty()) writeMeshOf(made.levelSet, trimOf(made, coverage), mMesh, session);
+        if (!mUsd.empty()) {
+            beside.insert(beside.begin(), made.levelSet.gridPtr());
+            writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene);
+        }
+        if (!mMesh.path.empty()) {
+            mMesh.trim = trimOf(made, coverage);
+            writeMeshOf(made.levelSet, mMesh, session);
+        }
         session.progress().endStage();
         summarise(session, made);
         for (const CheckFinding& finding : checked.findings)
@@ -105,6 +125,19 @@ private:
                                         {"active_voxels", grid->activeVoxelCount()},
                                         {"bytes", grid->memUsage()}};
         return grid;
+    }
+
+    /// What --attributes names; a mesh will get it from the field itself.
+    openvdb::GridCPtrVec attributeGrids(const Reconstruction& made, Session& session)
+    {
+        if (mAttributes.names.empty()) return {};
+        const std::shared_ptr<const SurfaceAttributes> attributes =
+            made.field->attributes(mAttributes.names);
+        mMesh.addAttributes = [attributes](Mesh& mesh, Progress& progress) {
+            addAttributes(mesh, *attributes, progress);
+        };
+        const auto grids = sampleAttributes(made.levelSet, *attributes, session.progress());
+        return {grids.begin(), grids.end()};
     }
 
     Trim trimOf(const Reconstruction& made, openvdb::FloatGrid::ConstPtr coverage) const
@@ -204,7 +237,7 @@ private:
             viewpoints.push_back(parseTriple("--viewpoint", text));
         PointInput input = readPoints({mInputs.begin(), mInputs.end()},
                                       mBadPoints == "fail" ? BadPoints::Fail : BadPoints::Drop,
-                                      session.progress(), viewpoints);
+                                      session.progress(), viewpoints, mAttributes.scalars());
         for (const std::string& note : input.notes) session.note(note);
         return input;
     }
@@ -255,6 +288,7 @@ private:
                               {"preset", mPreset},
                               {"outliers", mOutliers},
                               {"holes", mHoles.text()},
+                              {"attributes", mAttributes.names},
                               {"coverage", mCoverage || !mHoles.close},
                               {"max_memory", mSettings.maxBytes}};
         report["input"] = {
@@ -315,12 +349,14 @@ private:
     }
 
     std::vector<std::string> mInputs;
-    std::string mOutput, mMesh;
+    std::string mOutput, mUsd;
+    MeshOutput mMesh;
     std::string mPreset, mPresetOptions; ///< its name; what it set
     std::string mNormals = "auto", mBadPoints = "drop", mOutliers = "drop";
     std::vector<std::string> mViewpoints;
     bool mFlipNormals = false, mCoverage = false;
     Holes mHoles;
+    Attributes mAttributes;
     ReconstructSettings mSettings;
     std::uint64_t mPoints = 0, mFlipped = 0;
     std::map<std::string, std::uint64_t> mDropped;
