@@ -29,6 +29,7 @@ struct PointInput {
     PointCloud cloud;
     /// Points left out, by reason ("not finite", "zero normal", "duplicate" ...).
     std::map<std::string, std::uint64_t> dropped;
+    std::uint64_t triangles = 0; ///< of the files that are meshes; their vertices are the points
     /// What a user should know ("bunny.ply: normals computed from its 69451 faces").
     std::vector<std::string> notes;
 };
@@ -38,14 +39,17 @@ struct PointInput {
 /// [Curless96]. Normals are kept only if every file has them; "-" is stdin (PLY or text).
 /// Range grids and PTX tell the viewpoints of their points.
 /// @param viewpoints  instead of those: none, one for all files, or one for each; world units.
-/// @throws IoError (cannot read), InputError (malformed: file, line or byte, and the cure),
-/// UsageError (another number of viewpoints).
+/// @param scalars  names of numbers to keep with the points, at most 8: properties of PLY and PCD,
+/// named columns of text, LAS's "intensity". What is not finite there becomes 0.
+/// @throws IoError (cannot read), InputError (malformed: file, line or byte, and the cure; an input
+/// without one of the scalars), UsageError (another number of viewpoints, too many scalars).
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
-                      Progress& progress, const std::vector<Vec3d>& viewpoints = {});
+                      Progress& progress, const std::vector<Vec3d>& viewpoints = {},
+                      const std::vector<std::string>& scalars = {});
 
 /// Read a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
-/// (PLY). Polygons become fans; vertices without a triangle are left out. The frame is the middle
-/// of the mesh.
+/// (PLY). Polygons become fans; vertices without a triangle are left out. Colours of the vertices
+/// are kept. The frame is the middle of the mesh.
 /// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite).
 Mesh readMesh(const std::filesystem::path& file, Progress& progress);
 
@@ -65,8 +69,31 @@ PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints
 /// Write points as binary PLY (float offsets become doubles) or XYZ text.
 void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress);
 
-/// Write a mesh by extension: .ply (binary), .obj, .stl (binary).
-void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& progress);
+/// What the world's axes and units are, for the formats that tell it: GLB and USDA.
+struct SceneSettings {
+    enum class Up { Y, Z };
+    Up up = Up::Y;            ///< the axis that points up
+    double metersPerUnit = 1; ///< metres in a world unit, above 0
+};
+
+/// Write a mesh by extension: .ply (binary), .obj, .off, .stl (binary), .glb (binary glTF 2.0),
+/// .usda. Positions keep the precision that they have about the frame, except in STL: PLY, OBJ and
+/// OFF get doubles far from the origin, GLB and USDA a translation. GLB is turned to Y up and
+/// scaled to metres by its node. Colours go to all but STL (linear in GLB and USDA, else sRGB),
+/// scalars to PLY, GLB ("_NAME") and USDA ("primvars:NAME").
+/// @throws UsageError (another extension, attributes of another number, settings out of range),
+/// LimitError (more than the format can hold: 4 GiB for GLB), IoError, Interrupted.
+void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& progress,
+               const SceneSettings& scene = {});
+
+/// The extensions that writeMesh() knows, lower case, with their dots.
+const std::vector<std::string>& meshExtensions();
+
+/// Write a .usda layer whose volume shows the grids of @a vdb by a path relative to the layer.
+/// @param grids  of the file: all have names; their boxes give the extent.
+/// @throws UsageError (settings out of range), IoError.
+void writeVolumeLayer(const std::filesystem::path& file, const std::filesystem::path& vdb,
+                      const openvdb::GridCPtrVec& grids, const SceneSettings& scene = {});
 
 /// Read one level set of a .vdb file: the grid called @a name, or, if empty, "surface" or the only
 /// level set. @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there).
@@ -84,6 +111,11 @@ LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::stri
 /// The grid that sampleCoverage() made, from a .vdb file. @throws IoError, InputError (as
 /// readLevelSet; no such grid).
 openvdb::FloatGrid::Ptr readCoverage(const std::filesystem::path& file);
+
+/// The grids called @a names of a .vdb file, in their order: null where there is none of floats or
+/// Vec3f. @throws IoError, InputError (as readLevelSet).
+std::vector<openvdb::GridBase::Ptr> readAttributeGrids(const std::filesystem::path& file,
+                                                       const std::vector<std::string>& names);
 
 /// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
 /// Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels: damage

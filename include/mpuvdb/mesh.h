@@ -1,6 +1,8 @@
 // Triangle meshes: extracted from level sets, and measured.
 #pragma once
+#include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/level_set.h>
+#include <mpuvdb/point_cloud.h>
 #include <mpuvdb/triangle_mesh.h>
 
 #include <cstdint>
@@ -44,11 +46,21 @@ TrimSettings trimSettings(const openvdb::FloatGrid& coverage, double closeUpTo);
 /// Cut the triangles of @a mesh along the line where @a coverage, a grid of any lattice, is one
 /// half, and drop those below: smoothed over a few edges so that the line is no rougher than the
 /// mesh, and with vertices near the line drawn onto it so that no slivers come about. The result is
-/// manifold with boundary if @a mesh is manifold; the vertices away from the line are as they were.
+/// manifold with boundary if @a mesh is manifold; the vertices away from the line are as they were,
+/// and attributes of those on it are interpolated.
 /// Where there is no active voxel, nothing is covered. The same for any number of threads.
 /// @throws Interrupted.
 Mesh trimMesh(Mesh mesh, const openvdb::FloatGrid& coverage, const TrimSettings& settings,
               TrimReport& report, Progress& progress);
+
+/// Give the vertices what @a attributes say of them: colours, and scalars beside those that there
+/// are. @throws Interrupted.
+void addAttributes(Mesh& mesh, const SurfaceAttributes& attributes, Progress& progress);
+
+/// Give the vertices what @a grid, of any lattice, says there: a Vec3f grid colours, a float grid a
+/// scalar of its name, others nothing. Only active voxels count; 0 where there are none.
+/// @throws Interrupted.
+void addAttribute(Mesh& mesh, const openvdb::GridBase& grid, Progress& progress);
 
 /// What is known of a mesh without looking at it.
 struct MeshReport {
@@ -58,10 +70,38 @@ struct MeshReport {
     std::uint64_t boundaryLoops = 0;      ///< connected parts of the boundary
     std::uint64_t nonManifoldEdges = 0;   ///< with more than two, or two that disagree in direction
     std::int64_t eulerCharacteristic = 0; ///< of the vertices that are used
+    double genus = 0;                     ///< handles, of all parts; if there are no bad edges
     double area = 0, volume = 0;          ///< world units squared, cubed; volume signed
+    /// Of the triangles' smallest angles the least, and that which one in a hundred falls short of:
+    /// degrees, 0 for triangles without area.
+    double smallestAngle = 0, firstPercentileAngle = 0;
 };
 
 /// Measure @a mesh, whose indices are valid; the same for any number of threads.
 MeshReport measure(const Mesh& mesh);
+
+/// The number of pairs of triangles that cross: a side of one runs through the inside of the other.
+/// Pairs with a common edge do not count, nor does what only touches or overlaps within one plane.
+/// Exact on positions rounded to 2^-30 of the mesh's size. @throws Interrupted.
+std::uint64_t countSelfIntersections(const Mesh& mesh, Progress& progress);
+
+/// Distances from places on one surface to the nearest place of another, world units.
+struct Distances {
+    double mean = 0, rms = 0, max = 0;
+};
+
+/// Distances both ways.
+struct TwoWayDistances {
+    Distances there, back; ///< from the first to the second, and from the second
+};
+
+/// Distances between two meshes that have triangles, weighted by area: from half a million places
+/// on each, spread evenly, to the nearest place of the other; the largest looks at the vertices
+/// too. The same for any number of threads. @throws UsageError without triangles, Interrupted.
+TwoWayDistances distances(const Mesh& mesh, const Mesh& other, Progress& progress);
+
+/// Distances from places on a mesh to the nearest point, and from each point to the mesh; otherwise
+/// as above. @throws UsageError without triangles or points, Interrupted.
+TwoWayDistances distances(const Mesh& mesh, const PointCloud& points, Progress& progress);
 
 } // namespace mpuvdb

@@ -2,6 +2,7 @@
 #pragma once
 #include <mpuvdb/field.h>
 #include <mpuvdb/point_cloud.h>
+#include <mpuvdb/surface_attributes.h>
 
 #include <cstdint>
 
@@ -60,8 +61,9 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& settings, Pr
 class MpuField final : public Field
 {
 public:
-    /// Fit @a cloud, which must have normals, and which is consumed.
-    /// The result depends neither on the number of threads nor on the order of the points.
+    /// Fit @a cloud, which must have normals, and which is consumed. Its colours and scalars are
+    /// kept for attributes(): leave out what nobody asks for. The result depends neither on the
+    /// number of threads nor on the order of the points.
     /// @throws InputError without points or normals, UsageError for settings out of range,
     /// Interrupted.
     MpuField(PointCloud&& cloud, const MpuSettings& settings, Progress& progress);
@@ -82,6 +84,15 @@ public:
     /// degrees, and falls with their cosine to 0 at 120: a sheet close behind supports nothing. The
     /// result refers to this field, which has to outlive it. @throws Interrupted.
     std::unique_ptr<const Coverage> coverage(Progress& progress) const;
+
+    /// The points' attributes @a names on the surface: kColorName, "confidence", or scalars of the
+    /// cloud. A place has what the points about it have, blended by confidence and the weight of
+    /// the fits' balls, in a ball of its own that holds a dozen points: so that colours are as fine
+    /// as the points, where fits are as coarse as the shape allows. Points that face another way
+    /// count as up to four times as far away. The result refers to this field, which has to outlive
+    /// it. @throws UsageError for a name that the cloud had not.
+    std::unique_ptr<const SurfaceAttributes>
+    attributes(const std::vector<std::string>& names) const;
 
 private:
     struct Impl;

@@ -1,5 +1,6 @@
 // Points as everything behind the readers sees them.
 #pragma once
+#include <mpuvdb/attributes.h>
 #include <mpuvdb/vec.h>
 
 #include <array>
@@ -24,13 +25,14 @@ struct Viewpoint {
 /// Oriented points about a frame: doubles at the door, floats near the origin inside.
 /// A point's world position is frame + position. Optional attributes are empty, or one per point.
 struct PointCloud {
-    using Rgb = std::array<std::uint8_t, 3>;
+    using Rgb = mpuvdb::Rgb;
 
     Vec3d frame = Vec3d::Zero();   ///< world position of the local origin, near the points' middle
     std::vector<Vec3f> positions;  ///< world units, relative to frame; finite
     std::vector<Vec3f> normals;    ///< unit, outward; or empty
     std::vector<float> confidence; ///< in (0,1], largest 1; or empty (all 1)
-    std::vector<Rgb> colors;       ///< or empty
+    std::vector<Rgb> colors;       ///< sRGB; or empty
+    std::vector<NamedScalars> scalars; ///< of different names, whatever was asked for
 
     static constexpr std::uint32_t kUnseen = 0xffffffffu;
     std::vector<Viewpoint> viewpoints;

@@ -1,5 +1,6 @@
 // Triangles about a frame.
 #pragma once
+#include <mpuvdb/attributes.h>
 #include <mpuvdb/vec.h>
 
 #include <array>
@@ -9,15 +10,25 @@
 namespace mpuvdb
 {
 
-/// An indexed triangle mesh about a frame: a vertex's world position is frame + position.
+/// An indexed triangle mesh about a frame: a vertex's world position is frame + position. Optional
+/// attributes are empty, or one per vertex.
 struct Mesh {
     using Triangle = std::array<std::uint32_t, 3>;
 
     Vec3d frame = Vec3d::Zero();
-    std::vector<Vec3f> positions;    ///< world units, relative to frame
-    std::vector<Triangle> triangles; ///< counter-clockwise seen from outside
+    std::vector<Vec3f> positions;      ///< world units, relative to frame
+    std::vector<Triangle> triangles;   ///< counter-clockwise seen from outside
+    std::vector<Vec3f> colors;         ///< linear red, green and blue, in [0,1]; or empty
+    std::vector<NamedScalars> scalars; ///< of different names
 
     Vec3d world(std::size_t i) const { return frame + positions[i].cast<double>(); }
+    /// Call f(values) for each attribute that there is: a vector with one value per vertex.
+    template <class F>
+    void forEachAttribute(const F& f)
+    {
+        if (!colors.empty()) f(colors);
+        for (NamedScalars& s : scalars) f(s.values);
+    }
 };
 
 } // namespace mpuvdb

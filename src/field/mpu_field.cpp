@@ -5,6 +5,7 @@
 #include "mpu_block_sampler.h"
 #include "noise_bias.h"
 #include "octree.h"
+#include "point_attributes.h"
 #include "sorted_points.h"
 
 #include <mpuvdb/progress.h>
@@ -206,6 +207,12 @@ std::size_t MpuField::countData(const Box3d& box, std::size_t limit) const
 std::unique_ptr<const Coverage> MpuField::coverage(Progress& progress) const
 {
     return std::make_unique<DataCoverage>(*mImpl->points, mImpl->frame, progress);
+}
+
+std::unique_ptr<const SurfaceAttributes>
+MpuField::attributes(const std::vector<std::string>& names) const
+{
+    return std::make_unique<PointAttributes>(*mImpl->points, mImpl->frame, names);
 }
 
 std::unique_ptr<BlockSampler> MpuField::sampler(const Lattice& lattice, double band) const

@@ -3,6 +3,7 @@
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
+#include <numeric>
 #include <tbb/parallel_for.h>
 #include <tuple>
 #include <utility>
@@ -68,6 +69,16 @@ void radixSort(std::vector<KeyedIndex>& items, Progress& progress)
     }
 }
 
+/// How a point's colour and scalars are ordered before another's, where all else is equal.
+bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
+{
+    if (!cloud.colors.empty() && cloud.colors[a] != cloud.colors[b])
+        return cloud.colors[a] < cloud.colors[b];
+    for (const NamedScalars& scalars : cloud.scalars)
+        if (scalars.values[a] != scalars.values[b]) return scalars.values[a] < scalars.values[b];
+    return false;
+}
+
 /// The points' order by key; where keys are equal, by everything else they have.
 std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& root,
                                     Progress& progress)
@@ -98,7 +109,9 @@ std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& roo
         if (end - n < 2) continue;
         std::sort(order.begin() + std::ptrdiff_t(n), order.begin() + std::ptrdiff_t(end),
                   [&](const KeyedIndex& a, const KeyedIndex& b) {
-                      return attributes(a.index) < attributes(b.index);
+                      const auto first = attributes(a.index), second = attributes(b.index);
+                      return first < second ||
+                             (first == second && attributesBefore(cloud, a.index, b.index));
                   });
     }
     progress.check();
@@ -141,6 +154,15 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& p
     else
         permute(mPoints.confidence, [&](std::uint32_t n) { return cloud.confidence[n]; });
     release(cloud.confidence);
+    for (int c = 0; c < 3 && !cloud.colors.empty(); ++c)
+        permute(mChannels.emplace_back(),
+                [&](std::uint32_t n) { return linearColor(cloud.colors[n])[c]; });
+    release(cloud.colors);
+    for (const NamedScalars& scalars : cloud.scalars) {
+        mScalarNames.push_back(scalars.name);
+        permute(mChannels.emplace_back(), [&](std::uint32_t n) { return scalars.values[n]; });
+    }
+    release(cloud.scalars);
 
     mKeys.resize(count);
     for (std::size_t n = 0; n < count; ++n) mKeys[n] = order[n].key;
@@ -163,7 +185,9 @@ void SortedPoints::mergeCopies()
     std::size_t kept = 0;
     for (std::size_t n = 0, end = 0; n < size(); n = end, ++kept) {
         while (end < p.size() && same(n, end)) ++end;
-        p.forEach([&](PointBatch::Floats& a) { a[kept] = a[n]; });
+        const auto keep = [&](PointBatch::Floats& a) { a[kept] = a[n]; };
+        p.forEach(keep);
+        std::for_each(mChannels.begin(), mChannels.end(), keep);
         mKeys[kept] = mKeys[n];
         if (end - n < 2) continue;
         Vec3d normal = Vec3d::Zero();
@@ -173,12 +197,17 @@ void SortedPoints::mergeCopies()
             weight += double(p.confidence[k]);
         }
         p.confidence[kept] = float(weight / double(end - n));
+        for (PointBatch::Floats& channel : mChannels)
+            channel[kept] = float(std::accumulate(channel.begin() + std::ptrdiff_t(n),
+                                                  channel.begin() + std::ptrdiff_t(end), 0.0) /
+                                  double(end - n));
         // Where they cancel the first stands for all.
         if (!(normal.norm() > 1e-3 * weight)) continue;
         const Vec3f mean = normal.normalized().cast<float>();
         p.nx[kept] = mean[0], p.ny[kept] = mean[1], p.nz[kept] = mean[2];
     }
     p.resize(kept);
+    for (PointBatch::Floats& channel : mChannels) channel.resize(kept);
     mKeys.resize(kept);
 }
 
@@ -253,7 +282,6 @@ void SortedPoints::gather(const OctreeCell& cell, double radius, std::size_t str
 
 std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell) const
 {
-    constexpr std::size_t kScan = 32;
     const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), centre = mRoot.centre(cell);
     const Box3d cube(centre - half, centre + half);
     const Range range = cellRange(cell);
@@ -268,6 +296,21 @@ std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const Oct
     for (int octant = 0; octant < 8 && count <= limit; ++octant)
         count += countIn(box, limit, cell.child(octant));
     return count;
+}
+
+void SortedPoints::appendAround(const Box3d& box, std::vector<std::uint32_t>& indices,
+                                const OctreeCell& cell) const
+{
+    const Range range = cellRange(cell);
+    if (range.begin == range.end) return;
+    const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), centre = mRoot.centre(cell);
+    const Box3d cube(centre - half, centre + half);
+    if (!box.intersects(cube)) return;
+    if (range.end - range.begin <= kScan || cell.level == kMaxLevel || box.contains(cube)) {
+        for (std::size_t n = range.begin; n < range.end; ++n) indices.push_back(std::uint32_t(n));
+        return;
+    }
+    for (int octant = 0; octant < 8; ++octant) appendAround(box, indices, cell.child(octant));
 }
 
 } // namespace mpuvdb

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 namespace mpuvdb
@@ -57,16 +58,24 @@ public:
     /// What becomes of points at one position.
     enum class Copies {
         Keep,
-        Merge ///< into one: the mean of their normals and of their confidences
+        Merge ///< into one: the mean of all that they have
     };
 
-    /// Takes over positions, normals and confidences of @a cloud, and frees them.
+    /// Takes over positions, normals, confidences, colours and scalars of @a cloud, and frees them.
     SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress,
                  Copies copies = Copies::Keep);
 
     std::size_t size() const { return mPoints.size(); }
     const PointBatch& points() const { return mPoints; }
-    std::size_t bytes() const { return mPoints.bytes() + sizeof(mKeys[0]) * mKeys.capacity(); }
+    /// Linear red, green and blue one after the other, then the scalars: one array each.
+    const std::vector<PointBatch::Floats>& channels() const { return mChannels; }
+    bool hasColors() const { return mChannels.size() > mScalarNames.size(); }
+    const std::vector<std::string>& scalarNames() const { return mScalarNames; }
+    std::size_t bytes() const
+    {
+        return mPoints.bytes() + sizeof(mKeys[0]) * mKeys.capacity() +
+               mChannels.size() * sizeof(float) * size();
+    }
 
     /// Number of points in the cubes that gather() looks at: an upper bound of the ball's.
     /// Stops counting beyond @a limit.
@@ -76,6 +85,9 @@ public:
                 PointBatch& out) const;
     /// Number of points in @a box (local coordinates); stops counting beyond @a limit.
     std::size_t countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell = {}) const;
+    /// Append the points in @a box (local coordinates), and some near it, to @a indices: ascending.
+    void appendAround(const Box3d& box, std::vector<std::uint32_t>& indices,
+                      const OctreeCell& cell = {}) const;
     /// Call f(begin, end) for every occupied cell of @a level, in Morton order.
     template <typename F>
     void forEachCell(int level, F f) const
@@ -103,6 +115,9 @@ public:
     Range cellRange(const OctreeCell& cell) const;
 
 private:
+    /// Points, among few, below which a cell is not looked into.
+    static constexpr std::size_t kScan = 32;
+
     void mergeCopies();
     template <typename F>
     void forEachBucketIn(int level, std::size_t begin, std::size_t end, std::size_t most,
@@ -128,6 +143,8 @@ private:
 
     RootCube mRoot;
     PointBatch mPoints;
+    std::vector<PointBatch::Floats> mChannels;
+    std::vector<std::string> mScalarNames;
     std::vector<std::uint64_t> mKeys;
     std::vector<std::uint32_t> mTop; ///< first point of each cell of level kTopLevel
 };

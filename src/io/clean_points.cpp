@@ -123,6 +123,22 @@ void ignoreEmptyAttributes(FilePoints& points)
         for (float& c : block.confidence) c = std::isfinite(c) ? c / largest : 0;
 }
 
+// A scalar says nothing of where the surface is: its point stays.
+void mendScalars(FilePoints& points)
+{
+    std::uint64_t mended = 0;
+    for (PointBlock& block : points.blocks)
+        for (std::vector<float>& values : block.scalars)
+            for (float& value : values) {
+                if (std::isfinite(value)) continue;
+                value = 0;
+                ++mended;
+            }
+    if (mended > 0)
+        points.notes.push_back(
+            fmt::format("{} of its scalars are not finite, and became 0", mended));
+}
+
 [[noreturn]] void throwFirst(const FilePoints& points, const BlockFaults& faults, Fault fault,
                              std::uint64_t total)
 {
@@ -138,6 +154,7 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Progress& progress)
 {
     progress.check();
     ignoreEmptyAttributes(points);
+    mendScalars(points);
     const std::uint64_t total = points.size();
     std::vector<BlockFaults> ofBlocks(points.blocks.size());
     tbb::parallel_for(std::size_t(0), ofBlocks.size(),

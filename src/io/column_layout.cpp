@@ -56,7 +56,7 @@ void assign(ColumnLayout& layout, std::size_t first, Attribute attribute)
 
 } // namespace
 
-ColumnLayout layoutFromNames(std::string_view line)
+ColumnLayout layoutFromNames(std::string_view line, const ScalarNames& scalars)
 {
     ColumnLayout layout;
     while (!line.empty() && (line.front() == '#' || line.front() == '/')) line.remove_prefix(1);
@@ -64,7 +64,7 @@ ColumnLayout layoutFromNames(std::string_view line)
     while (!scan.atEnd()) {
         std::string_view name = scan.word();
         if (name.size() > 2 && name.front() == '"') name = name.substr(1, name.size() - 2);
-        layout.columns.push_back(attributeOf(name));
+        layout.columns.push_back(attributeOf(name, scalars));
     }
     if (!AttributeSet(layout.columns).position) layout.columns.clear();
     return layout;

@@ -41,8 +41,8 @@ bool isTag(std::string_view word)
 class ColumnReader
 {
 public:
-    ColumnReader(const ByteSource& source, Progress& progress)
-        : mSource(source), mProgress(progress)
+    ColumnReader(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+        : mSource(source), mScalars(scalars), mProgress(progress)
     {
     }
 
@@ -86,7 +86,7 @@ private:
             LineScanner scan(line);
             if (scan.atEndOrComment()) {
                 // Some programs write their names as a comment.
-                if (first && sample.empty()) mBegin.layout = layoutFromNames(line);
+                if (first && sample.empty()) mBegin.layout = layoutFromNames(line, mScalars);
                 continue;
             }
             LineScanner ahead = scan;
@@ -105,7 +105,7 @@ private:
     // A line of names, or of the number of points.
     bool readFirstLine(std::string_view line, std::uint64_t number)
     {
-        const ColumnLayout named = layoutFromNames(line);
+        const ColumnLayout named = layoutFromNames(line, mScalars);
         if (!named.columns.empty()) {
             mBegin.layout = named;
             mBegin.nameLine = number;
@@ -158,7 +158,7 @@ private:
             if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
             const Attribute attribute = mBegin.layout.columns[column];
             if (attribute == Attribute::None) continue;
-            if (attribute >= Attribute::Red && mBegin.layout.unitColors) value *= 255;
+            if (isColor(attribute) && mBegin.layout.unitColors) value *= 255;
             row[std::size_t(attribute)] = value;
         }
         if (column == 1 && mBegin.hasCount && row[0] >= 0 && row[0] < 1e15) {
@@ -192,15 +192,16 @@ private:
     }
 
     const ByteSource& mSource;
+    const ScalarNames& mScalars;
     Progress& mProgress;
     Preamble mBegin;
 };
 
 } // namespace
 
-FilePoints readColumns(const ByteSource& source, Progress& progress)
+FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
 {
-    return ColumnReader(source, progress).read();
+    return ColumnReader(source, scalars, progress).read();
 }
 
 } // namespace mpuvdb

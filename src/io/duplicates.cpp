@@ -5,6 +5,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cstring>
 #include <memory>
 #include <utility>
@@ -39,12 +40,19 @@ std::uint64_t hashOf(const PointCloud& cloud, std::size_t i)
     return mix(h, h >> 32);
 }
 
+bool sameScalars(const PointCloud& cloud, std::size_t i, std::size_t j)
+{
+    return std::all_of(
+        cloud.scalars.begin(), cloud.scalars.end(),
+        [=](const NamedScalars& scalars) { return scalars.values[i] == scalars.values[j]; });
+}
+
 bool same(const PointCloud& cloud, std::size_t i, std::size_t j)
 {
     return cloud.positions[i] == cloud.positions[j] &&
            (cloud.normals.empty() || cloud.normals[i] == cloud.normals[j]) &&
            (cloud.confidence.empty() || cloud.confidence[i] == cloud.confidence[j]) &&
-           (cloud.colors.empty() || cloud.colors[i] == cloud.colors[j]);
+           (cloud.colors.empty() || cloud.colors[i] == cloud.colors[j]) && sameScalars(cloud, i, j);
 }
 
 // Points with their hashes' upper halves, grouped by the uppermost bits.

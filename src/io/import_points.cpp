@@ -29,7 +29,7 @@ PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints
     cleanPoints(input, badPoints, progress);
     std::vector<FilePoints> inputs;
     inputs.push_back(std::move(input));
-    PointInput result = joinPoints(std::move(inputs), badPoints, progress);
+    PointInput result = joinPoints(std::move(inputs), badPoints, {}, progress);
     progress.endStage();
     return result;
 }

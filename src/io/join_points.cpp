@@ -177,6 +177,16 @@ void unifyAttributes(Inputs& inputs, std::vector<std::string>& notes)
         }
 }
 
+void requireScalars(const Inputs& inputs, const ScalarNames& scalars)
+{
+    for (const FilePoints& input : inputs)
+        for (std::size_t n = 0; n < scalars.size(); ++n)
+            if (input.size() > 0 && !input.hasScalar(n))
+                throw InputError(fmt::format("{}: has no '{}' at its points. Name what all inputs "
+                                             "have, or leave it out.",
+                                             input.name, scalars[n]));
+}
+
 // Copies a slice to its place.
 void placeSlice(const Slice& slice, PointCloud& cloud)
 {
@@ -190,6 +200,10 @@ void placeSlice(const Slice& slice, PointCloud& cloud)
         cloud.confidence[at(i)] = block.confidence[i];
     for (std::size_t i = slice.begin; i < slice.end && !cloud.colors.empty(); ++i)
         cloud.colors[at(i)] = block.colors[i];
+    for (std::size_t n = 0; n < cloud.scalars.size(); ++n)
+        std::copy(block.scalars[n].begin() + std::ptrdiff_t(slice.begin),
+                  block.scalars[n].begin() + std::ptrdiff_t(slice.end),
+                  cloud.scalars[n].values.begin() + std::ptrdiff_t(slice.place));
     for (std::size_t i = slice.begin; i < slice.end && !cloud.seenFrom.empty(); ++i)
         cloud.seenFrom[at(i)] = slice.seenFrom;
 }
@@ -211,7 +225,8 @@ void requirePoints(const Inputs& inputs, std::uint64_t points,
 
 } // namespace
 
-PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Progress& progress)
+PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
+                      const ScalarNames& scalars, Progress& progress)
 {
     PointInput result;
     progress.check();
@@ -222,12 +237,14 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Pro
     std::uint64_t points = 0;
     for (const FilePoints& input : inputs) {
         points += input.size();
+        result.triangles += input.meshTriangles;
         for (const auto& [reason, count] : input.dropped) result.dropped[reason] += count;
         for (const std::string& note : input.notes)
             result.notes.push_back(input.name + ": " + note);
     }
     requirePoints(inputs, points, result.dropped);
     unifyAttributes(inputs, result.notes);
+    requireScalars(inputs, scalars);
 
     PointCloud& cloud = result.cloud;
     cloud.frame = box.center();
@@ -239,6 +256,8 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Pro
     if (any(&FilePoints::hasNormals)) resizeLarge(cloud.normals, points);
     if (any(&FilePoints::hasConfidence)) resizeLarge(cloud.confidence, points);
     if (any(&FilePoints::hasColors)) resizeLarge(cloud.colors, points);
+    for (const std::string& name : scalars)
+        cloud.scalars.push_back({name, std::vector<float>(points)});
     if (any(&FilePoints::hasViewpoints)) resizeLarge(cloud.seenFrom, points);
     for (const FilePoints& input : inputs)
         for (const PointBlock& block : input.blocks)

@@ -19,6 +19,7 @@ namespace
 constexpr std::size_t kHeaderBytes = 227, kHeaderBytes14 = 375;
 constexpr int kFormats = 11;
 constexpr std::uint64_t kSmallest[kFormats] = {20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
+constexpr std::uint64_t kIntensityOffset = 12;
 constexpr std::uint64_t kColorOffset[kFormats] = {0, 0, 20, 28, 0, 28, 0, 30, 30, 0, 30};
 
 struct LasHeader {
@@ -63,7 +64,7 @@ LasHeader parseHeader(const ByteSource& source)
     return header;
 }
 
-RecordLayout layoutOf(const LasHeader& header)
+RecordLayout layoutOf(const LasHeader& header, const ScalarNames& scalars)
 {
     RecordLayout layout;
     layout.stride = header.stride;
@@ -75,6 +76,9 @@ RecordLayout layoutOf(const LasHeader& header)
         for (int c = 0; c < 3; ++c)
             layout.columns.push_back({Attribute(int(Attribute::Red) + c), ScalarType::UInt16,
                                       colors + std::uint64_t(2 * c), header.stride});
+    layout.columns.push_back(
+        {attributeOf("intensity", scalars), ScalarType::UInt16, kIntensityOffset, header.stride});
+    if (layout.columns.back().attribute == Attribute::None) layout.columns.pop_back();
     return layout;
 }
 
@@ -94,14 +98,14 @@ bool hasByteColors(const ByteSource& source, const LasHeader& header)
 
 } // namespace
 
-FilePoints readLas(const ByteSource& source, Progress& progress)
+FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
 {
     const LasHeader header = parseHeader(source);
     requireRecords(source, header.offset, header.points, header.stride, "point");
-    RecordLayout layout = layoutOf(header);
+    RecordLayout layout = layoutOf(header, scalars);
     if (hasByteColors(source, header))
         for (Column& column : layout.columns)
-            if (column.attribute >= Attribute::Red) column.type = ScalarType::UInt8;
+            if (isColor(column.attribute)) column.type = ScalarType::UInt8;
     FilePoints result;
     result.blocks.push_back(
         readRecords(source, header.offset, header.points, layout, "point", progress));

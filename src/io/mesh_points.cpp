@@ -65,6 +65,7 @@ void throwBadCorner(std::int64_t corner, std::uint64_t vertices, const std::stri
 void addMeshNormals(FilePoints& points)
 {
     const Triangles triangles = std::exchange(points.triangles, {});
+    points.meshTriangles = triangles.size();
     if (triangles.empty() || points.size() == 0 || points.hasNormals()) return;
     PointBlock& block = points.joined();
     const std::vector<Vec3f> local = localPositions(block.positions);

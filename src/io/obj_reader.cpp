@@ -122,7 +122,7 @@ struct ObjFile {
 
 } // namespace
 
-FilePoints readObj(const ByteSource& source, Progress& progress)
+FilePoints readObj(const ByteSource& source, const ScalarNames&, Progress& progress)
 {
     LineReader lines(source);
     ObjFile file;

@@ -100,7 +100,7 @@ private:
             for (const Attribute attribute : order) {
                 double& value = row[std::size_t(attribute)];
                 if (!scan.number(value)) throwBad(fmt::format("vertex {} wants numbers", v));
-                if (attribute >= Attribute::Red) value = colorFromFloat(value);
+                if (isColor(attribute)) value = colorFromFloat(value);
             }
             block.append(row, has);
         }
@@ -138,7 +138,7 @@ private:
 
 } // namespace
 
-FilePoints readOff(const ByteSource& source, Progress& progress)
+FilePoints readOff(const ByteSource& source, const ScalarNames&, Progress& progress)
 {
     return OffReader(source, progress).read();
 }

@@ -56,7 +56,10 @@ bool parseType(char letter, std::int64_t size, ScalarType& type)
 class PcdHeaderParser
 {
 public:
-    explicit PcdHeaderParser(const ByteSource& source) : mSource(source), mLines(source) {}
+    PcdHeaderParser(const ByteSource& source, const ScalarNames& scalars)
+        : mSource(source), mScalars(scalars), mLines(source)
+    {
+    }
 
     PcdHeader parse()
     {
@@ -122,7 +125,7 @@ private:
             if (!parseType(mTypes[f], mSizes[f], field.type) || mCounts[f] > (1 << 20))
                 throwBad(fmt::format("{}: unknown type", inQuotes(mNames[f])));
             field.count = std::uint64_t(mCounts[f]);
-            if (field.count == 1) field.attribute = attributeOf(mNames[f]);
+            if (field.count == 1) field.attribute = attributeOf(mNames[f], mScalars);
             if (field.attribute == Attribute::PackedRgb && sizeOf(field.type) != 4)
                 field.attribute = Attribute::None;
             attributes.push_back(field.attribute);
@@ -140,6 +143,7 @@ private:
     }
 
     const ByteSource& mSource;
+    const ScalarNames& mScalars;
     LineReader mLines;
     PcdHeader mHeader;
     std::vector<std::string> mNames;
@@ -210,8 +214,7 @@ void parseRow(const ByteSource& source, const PcdHeader& header, const Attribute
                                 source.name(), number, inQuotes(line)));
             if (field.attribute == Attribute::None) continue;
             if (field.attribute == Attribute::PackedRgb) value = packedFromText(field.type, value);
-            if (field.attribute >= Attribute::Red && field.attribute <= Attribute::Blue)
-                value = colorFrom(field.type, value);
+            if (isColor(field.attribute)) value = colorFrom(field.type, value);
             row[std::size_t(field.attribute)] = value;
         }
     block.append(row, has);
@@ -242,9 +245,9 @@ std::vector<PointBlock> readText(const ByteSource& source, const PcdHeader& head
 
 } // namespace
 
-FilePoints readPcd(const ByteSource& source, Progress& progress)
+FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
 {
-    const PcdHeader header = PcdHeaderParser(source).parse();
+    const PcdHeader header = PcdHeaderParser(source, scalars).parse();
     FilePoints result;
     if (header.data == "ascii")
         result.blocks = readText(source, header, progress);

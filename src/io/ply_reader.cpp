@@ -39,7 +39,8 @@ Kind kindOf(const PlyElement& element)
                                           : Kind::Other;
 }
 
-Plan planFor(const ByteSource& source, const PlyHeader& header, const PlyElement& element)
+Plan planFor(const ByteSource& source, const PlyHeader& header, const PlyElement& element,
+             const ScalarNames& scalars)
 {
     Plan plan;
     plan.kind = kindOf(element);
@@ -52,7 +53,7 @@ Plan planFor(const ByteSource& source, const PlyHeader& header, const PlyElement
         if (property.isList && corners) plan.list = int(p);
         plan.attributes.push_back(property.isList || plan.kind != Kind::Vertex
                                       ? Attribute::None
-                                      : attributeOf(property.name));
+                                      : attributeOf(property.name, scalars));
     }
     plan.has = AttributeSet(plan.attributes);
     if (plan.kind == Kind::Vertex && !plan.has.position)
@@ -132,8 +133,7 @@ void parseRow(const Plan& plan, std::uint64_t index, std::uint64_t lineNumber,
         if (!scan.number(value)) throwBadValue(plan, index, lineNumber, property, before);
         const Attribute attribute = plan.attributes[p];
         if (attribute == Attribute::None) continue;
-        if (attribute >= Attribute::Red && attribute <= Attribute::Blue)
-            value = colorFrom(property.type, value);
+        if (isColor(attribute)) value = colorFrom(property.type, value);
         rows.values[std::size_t(attribute)] = value;
     }
     if (!scan.atEnd())
@@ -156,8 +156,7 @@ void takeRow(const Plan& plan, std::uint64_t index, bool swap, ByteCursor& curso
             double value = loadScalar(property.type, cursor.take(size), swap);
             const Attribute attribute = plan.attributes[p];
             if (attribute == Attribute::None) continue;
-            if (attribute >= Attribute::Red && attribute <= Attribute::Blue)
-                value = colorFrom(property.type, value);
+            if (isColor(attribute)) value = colorFrom(property.type, value);
             rows.values[std::size_t(attribute)] = value;
             continue;
         }
@@ -182,8 +181,8 @@ void takeRow(const Plan& plan, std::uint64_t index, bool swap, ByteCursor& curso
 class PlyReader
 {
 public:
-    PlyReader(const ByteSource& source, Progress& progress)
-        : mSource(source), mProgress(progress), mHeader(readPlyHeader(source))
+    PlyReader(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+        : mSource(source), mScalars(scalars), mProgress(progress), mHeader(readPlyHeader(source))
     {
         mResult.unit = "vertex";
         const PlyElement* vertices = mHeader.find("vertex");
@@ -211,7 +210,7 @@ private:
             // A line takes at least two bytes, so that an absurd count is seen before reading.
             const std::uint64_t present = mSource.size() - lines.offset();
             if (element.count > present / 2 + 1) throwMissing(element, present / 2);
-            const Plan plan = planFor(mSource, mHeader, element);
+            const Plan plan = planFor(mSource, mHeader, element, mScalars);
             const std::uint64_t found = readAsciiElement(lines, plan);
             if (found < element.count) throwMissing(element, found);
         }
@@ -237,7 +236,7 @@ private:
         const bool swap = mHeader.format == PlyFormat::BigEndian;
         for (const PlyElement& element : mHeader.elements) {
             if (element.properties.empty() || element.count == 0) continue;
-            const Plan plan = planFor(mSource, mHeader, element);
+            const Plan plan = planFor(mSource, mHeader, element, mScalars);
             if (element.hasLists()) {
                 offset = readBinaryRows(plan, offset, swap);
                 continue;
@@ -315,6 +314,7 @@ private:
     }
 
     const ByteSource& mSource;
+    const ScalarNames& mScalars;
     Progress& mProgress;
     PlyHeader mHeader;
     FilePoints mResult;
@@ -323,9 +323,9 @@ private:
 
 } // namespace
 
-FilePoints readPly(const ByteSource& source, Progress& progress)
+FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
 {
-    return PlyReader(source, progress).read();
+    return PlyReader(source, scalars, progress).read();
 }
 
 } // namespace mpuvdb

@@ -38,6 +38,8 @@ void writePly(const PointCloud& cloud, OutputBuffer& out, Progress& progress)
     if (!cloud.confidence.empty()) out.text("property float confidence\n");
     if (!cloud.colors.empty())
         out.text("property uchar red\nproperty uchar green\nproperty uchar blue\n");
+    for (const NamedScalars& scalars : cloud.scalars)
+        out.text(fmt::format("property float {}\n", identifier(scalars.name)));
     out.text("end_header\n");
     forEachPoint(cloud, out, progress, [&](std::size_t i) {
         const Vec3d p = cloud.world(i);
@@ -45,6 +47,7 @@ void writePly(const PointCloud& cloud, OutputBuffer& out, Progress& progress)
         if (!cloud.normals.empty()) out.append(cloud.normals[i].data(), sizeof(float) * 3);
         if (!cloud.confidence.empty()) out.value(cloud.confidence[i]);
         if (!cloud.colors.empty()) out.append(cloud.colors[i].data(), 3);
+        for (const NamedScalars& scalars : cloud.scalars) out.value(scalars.values[i]);
     });
 }
 

@@ -169,7 +169,7 @@ private:
 
 } // namespace
 
-FilePoints readPtx(const ByteSource& source, Progress& progress)
+FilePoints readPtx(const ByteSource& source, const ScalarNames&, Progress& progress)
 {
     return PtxReader(source, progress).read();
 }

@@ -29,6 +29,11 @@ bool anyBlockHas(const std::vector<PointBlock>& blocks, std::vector<T> PointBloc
     return false;
 }
 
+Attribute scalarAt(std::size_t place)
+{
+    return Attribute(std::size_t(Attribute::FirstScalar) + place);
+}
+
 } // namespace
 
 void adviseLargePages([[maybe_unused]] void* data, [[maybe_unused]] std::size_t bytes)
@@ -41,7 +46,7 @@ void adviseLargePages([[maybe_unused]] void* data, [[maybe_unused]] std::size_t 
 #endif
 }
 
-Attribute attributeOf(std::string_view name)
+Attribute attributeOf(std::string_view name, const ScalarNames& wanted)
 {
     using A = Attribute;
     static const std::unordered_map<std::string, Attribute> names = {
@@ -72,7 +77,10 @@ Attribute attributeOf(std::string_view name)
         {"rgba", A::PackedRgb},
     };
     const auto found = names.find(lowerCase(name));
-    return found == names.end() ? Attribute::None : found->second;
+    if (found != names.end()) return found->second;
+    const auto scalar = std::find(wanted.begin(), wanted.end(), name);
+    return scalar == wanted.end() ? Attribute::None
+                                  : scalarAt(std::size_t(scalar - wanted.begin()));
 }
 
 AttributeSet::AttributeSet(const std::vector<Attribute>& columns)
@@ -87,6 +95,7 @@ AttributeSet::AttributeSet(const std::vector<Attribute>& columns)
     confidence = has[std::size_t(Attribute::Confidence)];
     packedRgb = has[std::size_t(Attribute::PackedRgb)];
     colors = packedRgb || all(Attribute::Red, Attribute::Green, Attribute::Blue);
+    for (std::size_t n = 0; n < kMostScalars; ++n) scalars[n] = has[std::size_t(scalarAt(n))];
 }
 
 std::uint8_t colorByte(double value)
@@ -102,6 +111,8 @@ void PointBlock::reserve(std::size_t points, const AttributeSet& has)
     if (has.normals) normals.reserve(points);
     if (has.confidence) confidence.reserve(points);
     if (has.colors) colors.reserve(points);
+    for (std::size_t n = 0; n < kMostScalars; ++n)
+        if (has.scalars[n]) scalars[n].reserve(points);
 }
 
 void PointBlock::append(const RowValues& row, const AttributeSet& has)
@@ -120,6 +131,8 @@ void PointBlock::append(const RowValues& row, const AttributeSet& has)
         colors.push_back({colorByte(value(Attribute::Red)), colorByte(value(Attribute::Green)),
                           colorByte(value(Attribute::Blue))});
     }
+    for (std::size_t n = 0; n < kMostScalars; ++n)
+        if (has.scalars[n]) scalars[n].push_back(float(value(scalarAt(n))));
 }
 
 void PointBlock::append(PointBlock&& other)
@@ -128,6 +141,8 @@ void PointBlock::append(PointBlock&& other)
     appendVector(normals, std::move(other.normals));
     appendVector(confidence, std::move(other.confidence));
     appendVector(colors, std::move(other.colors));
+    for (std::size_t n = 0; n < kMostScalars; ++n)
+        appendVector(scalars[n], std::move(other.scalars[n]));
 }
 
 void PointBlock::compact(const std::vector<std::uint8_t>& keep)
@@ -136,6 +151,7 @@ void PointBlock::compact(const std::vector<std::uint8_t>& keep)
     compactVector(normals, keep);
     compactVector(confidence, keep);
     compactVector(colors, keep);
+    for (std::vector<float>& values : scalars) compactVector(values, keep);
 }
 
 void movePoints(PointBlock& block, const Eigen::Matrix3d& rotation, const Vec3d& translation)
@@ -169,6 +185,12 @@ bool FilePoints::hasColors() const
     return anyBlockHas(blocks, &PointBlock::colors);
 }
 
+bool FilePoints::hasScalar(std::size_t place) const
+{
+    return std::any_of(blocks.begin(), blocks.end(),
+                       [=](const PointBlock& block) { return !block.scalars[place].empty(); });
+}
+
 bool FilePoints::hasViewpoints() const
 {
     return std::any_of(blocks.begin(), blocks.end(),
@@ -184,6 +206,7 @@ PointBlock& FilePoints::joined()
         has.normals = hasNormals();
         has.confidence = hasConfidence();
         has.colors = hasColors();
+        for (std::size_t n = 0; n < kMostScalars; ++n) has.scalars[n] = hasScalar(n);
         PointBlock all;
         all.reserve(points, has);
         for (PointBlock& block : blocks) {
@@ -193,6 +216,9 @@ PointBlock& FilePoints::joined()
             all.confidence.insert(all.confidence.end(), block.confidence.begin(),
                                   block.confidence.end());
             all.colors.insert(all.colors.end(), block.colors.begin(), block.colors.end());
+            for (std::size_t n = 0; n < kMostScalars; ++n)
+                all.scalars[n].insert(all.scalars[n].end(), block.scalars[n].begin(),
+                                      block.scalars[n].end());
             block = PointBlock();
         }
         blocks.clear();

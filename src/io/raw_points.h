@@ -21,13 +21,26 @@ enum class Attribute : std::uint8_t {
     Red,
     Green,
     Blue,
-    PackedRgb, ///< 0xAARRGGBB
+    PackedRgb,   ///< 0xAARRGGBB
+    FirstScalar, ///< that was asked for; the others follow
+    LastScalar = FirstScalar + 7,
     None
 };
 constexpr std::size_t kAttributes = std::size_t(Attribute::None);
+constexpr std::size_t kMostScalars =
+    std::size_t(Attribute::None) - std::size_t(Attribute::FirstScalar);
 
-/// The attribute that a column called @a name holds ("nx", "normal_x", "quality", "diffuse_red").
-Attribute attributeOf(std::string_view name);
+inline bool isColor(Attribute attribute)
+{
+    return attribute >= Attribute::Red && attribute <= Attribute::Blue;
+}
+
+/// Names of the scalars that are asked for, at most kMostScalars: place n is FirstScalar + n.
+using ScalarNames = std::vector<std::string>;
+
+/// The attribute that a column called @a name holds ("nx", "normal_x", "quality", "diffuse_red"),
+/// or the scalar among @a wanted.
+Attribute attributeOf(std::string_view name, const ScalarNames& wanted);
 
 /// The values of one row by attribute.
 using RowValues = std::array<double, kAttributes>;
@@ -35,6 +48,7 @@ using RowValues = std::array<double, kAttributes>;
 /// Which attributes a file has.
 struct AttributeSet {
     bool position = false, normals = false, confidence = false, colors = false, packedRgb = false;
+    std::array<bool, kMostScalars> scalars{};
 
     AttributeSet() = default;
     /// All three components count, or none.
@@ -71,7 +85,8 @@ struct PointBlock {
     std::vector<Vec3f> normals;
     std::vector<float> confidence;
     std::vector<PointCloud::Rgb> colors;
-    std::optional<Viewpoint> seenFrom; ///< all of them
+    std::array<std::vector<float>, kMostScalars> scalars; ///< in the order of their names
+    std::optional<Viewpoint> seenFrom;                    ///< all of them
 
     std::size_t size() const { return positions.size(); }
     void reserve(std::size_t points, const AttributeSet& has);
@@ -93,7 +108,8 @@ struct FilePoints {
     std::string name;           ///< of the file, for messages
     const char* unit = "point"; ///< what the file calls a point, for messages
     std::vector<PointBlock> blocks;
-    Triangles triangles; ///< of all blocks' points, in order; corners are valid
+    Triangles triangles;             ///< of all blocks' points, in order; corners are valid
+    std::uint64_t meshTriangles = 0; ///< that there were when vertices became points
     std::map<std::string, std::uint64_t> dropped;
     std::vector<std::string> notes; ///< without the file's name
 
@@ -102,6 +118,7 @@ struct FilePoints {
     bool hasNormals() const;
     bool hasConfidence() const;
     bool hasColors() const;
+    bool hasScalar(std::size_t place) const;
     bool hasViewpoints() const; ///< some blocks have one
     /// All blocks as one.
     PointBlock& joined();
@@ -126,8 +143,10 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Progress& progress);
 
 /// Join all inputs about one frame, the middle of their bounding box, leaving out points that lie
 /// absurdly far from all the others, and exact copies. Consumes @a inputs.
-/// @throws InputError without points, LimitError for more than 2^32-1.
-PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints, Progress& progress);
+/// @throws InputError without points, or where an input has not all the @a scalars; LimitError for
+/// more than 2^32-1.
+PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
+                      const ScalarNames& scalars, Progress& progress);
 
 /// Leave out all but one of points that are the same in every attribute.
 /// @return number left out. The rest keep their order.

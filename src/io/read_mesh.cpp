@@ -32,12 +32,14 @@ Mesh readMesh(const std::filesystem::path& file, Progress& progress)
     std::error_code error;
     const auto bytes = std::filesystem::file_size(file, error);
     progress.beginStage("read", error ? 1 : double(bytes));
-    FilePoints points = readFormat(file, progress);
+    FilePoints points = readFormat(file, {}, progress);
     if (points.triangles.empty())
         throw InputError(fmt::format("{}: has no triangles. Name a mesh (.ply, .obj, .off, .stl), "
                                      "or reconstruct a surface from its points.",
                                      points.name));
-    const std::vector<Vec3d> positions = std::move(points.joined().positions);
+    PointBlock& vertices = points.joined();
+    const std::vector<Vec3d> positions = std::move(vertices.positions);
+    const std::vector<Rgb> colors = std::move(vertices.colors);
     progress.check();
     std::vector<std::uint32_t> numbers(positions.size());
     Mesh mesh;
@@ -57,6 +59,9 @@ Mesh readMesh(const std::filesystem::path& file, Progress& progress)
     for (std::size_t i = 0; i < positions.size(); ++i)
         if (numbers[i] < mesh.positions.size())
             mesh.positions[numbers[i]] = (positions[i] - mesh.frame).cast<float>();
+    if (!colors.empty()) mesh.colors.resize(mesh.positions.size());
+    for (std::size_t i = 0; i < colors.size(); ++i)
+        if (numbers[i] < mesh.positions.size()) mesh.colors[numbers[i]] = linearColor(colors[i]);
     for (Mesh::Triangle& triangle : mesh.triangles)
         for (std::uint32_t& corner : triangle) corner = numbers[corner];
     progress.endStage();

@@ -17,7 +17,7 @@ namespace mpuvdb
 namespace
 {
 
-using Reader = FilePoints (*)(const ByteSource&, Progress&);
+using Reader = FilePoints (*)(const ByteSource&, const ScalarNames&, Progress&);
 
 // The reader that the content asks for by its first bytes; null where they do not tell.
 Reader readerByMagic(const std::string& head)
@@ -50,7 +50,8 @@ Reader readerByExtension(const std::string& extension)
 
 } // namespace
 
-FilePoints readFormat(const std::filesystem::path& file, Progress& progress)
+FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scalars,
+                      Progress& progress)
 {
     const ByteSource source(file, progress);
     if (source.size() == 0)
@@ -69,7 +70,7 @@ FilePoints readFormat(const std::filesystem::path& file, Progress& progress)
                         ".pts, .pwn, .txt, .csv, .ptx, .obj, .off, .stl, .pcd or .las "
                         "file.",
                         source.name()));
-    FilePoints points = reader(source, progress);
+    FilePoints points = reader(source, scalars, progress);
     points.name = source.name();
     return points;
 }
@@ -77,9 +78,10 @@ FilePoints readFormat(const std::filesystem::path& file, Progress& progress)
 namespace
 {
 
-FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints, Progress& progress)
+FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints,
+                    const ScalarNames& scalars, Progress& progress)
 {
-    FilePoints points = readFormat(file, progress);
+    FilePoints points = readFormat(file, scalars, progress);
     addMeshNormals(points);
     cleanPoints(points, badPoints, progress);
     return points;
@@ -147,13 +149,17 @@ double bytesOf(const std::vector<Part>& parts)
 } // namespace
 
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
-                      Progress& progress, const std::vector<Vec3d>& viewpoints)
+                      Progress& progress, const std::vector<Vec3d>& viewpoints,
+                      const std::vector<std::string>& scalars)
 {
     if (files.empty()) throw UsageError("no input: name at least one file of points");
     if (viewpoints.size() > 1 && viewpoints.size() != files.size())
         throw UsageError(fmt::format("{} viewpoints for {} inputs. Give one for all of them, or "
                                      "one for each",
                                      viewpoints.size(), files.size()));
+    if (scalars.size() > kMostScalars)
+        throw UsageError(
+            fmt::format("{} scalars are asked for; there can be {}", scalars.size(), kMostScalars));
     std::vector<std::string> notes;
     const std::vector<Part> parts = listParts(files, notes, progress);
     progress.beginStage("read", bytesOf(parts));
@@ -161,7 +167,7 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
     std::vector<std::exception_ptr> errors(parts.size());
     tbb::parallel_for(std::size_t(0), parts.size(), [&](std::size_t i) {
         try {
-            inputs[i] = readFile(parts[i].scan.file, badPoints, progress);
+            inputs[i] = readFile(parts[i].scan.file, badPoints, scalars, progress);
             if (parts[i].placed) place(inputs[i], parts[i].scan);
             if (viewpoints.empty()) return;
             const Vec3d& eye = viewpoints[viewpoints.size() == 1 ? 0 : parts[i].file];
@@ -173,7 +179,7 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
     for (const std::exception_ptr& error : errors)
         if (error) std::rethrow_exception(error);
     gatherSetNotes(parts, inputs, notes);
-    PointInput result = joinPoints(std::move(inputs), badPoints, progress);
+    PointInput result = joinPoints(std::move(inputs), badPoints, scalars, progress);
     result.notes.insert(result.notes.begin(), notes.begin(), notes.end());
     progress.endStage();
     return result;

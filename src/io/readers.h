@@ -1,5 +1,6 @@
 // One reader per format. All throw InputError for what is malformed, with the place and the cure,
-// take no more memory than the bytes present call for, and can be stopped.
+// take no more memory than the bytes present call for, and can be stopped. PLY, PCD, LAS and
+// columns with names have scalars; the others have none.
 #pragma once
 #include "byte_source.h"
 #include "raw_points.h"
@@ -7,19 +8,20 @@
 namespace mpuvdb
 {
 
-FilePoints readPly(const ByteSource& source, Progress& progress);
+FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
 /// XYZ, PTS, PWN, TXT, CSV: numbers in columns, told apart by their values.
-FilePoints readColumns(const ByteSource& source, Progress& progress);
-FilePoints readPtx(const ByteSource& source, Progress& progress);
-FilePoints readObj(const ByteSource& source, Progress& progress);
-FilePoints readOff(const ByteSource& source, Progress& progress);
-FilePoints readStl(const ByteSource& source, Progress& progress);
-FilePoints readPcd(const ByteSource& source, Progress& progress);
-FilePoints readLas(const ByteSource& source, Progress& progress);
+FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readPtx(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readObj(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readOff(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readStl(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
 
 /// Points and triangles as the file has them, by the reader that its first bytes or its extension
-/// ask for.
-FilePoints readFormat(const std::filesystem::path& file, Progress& progress);
+/// ask for, with those of the @a scalars that it has.
+FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scalars,
+                      Progress& progress);
 
 /// A scan of a Stanford .conf set: world = rotation * p + translation.
 struct PlacedScan {

@@ -91,8 +91,7 @@ void decodeColumn(const char* data, std::size_t first, std::size_t count, const 
     } else if (column.attribute == Attribute::Confidence) {
         float* to = block.confidence.data() + first;
         forEachValue(data, count, column, swap, [=](std::size_t i, auto v) { to[i] = float(v); });
-    } else if (column.attribute >= Attribute::Red && column.attribute <= Attribute::Blue &&
-               has.colors && !has.packedRgb) {
+    } else if (isColor(column.attribute) && has.colors && !has.packedRgb) {
         PointCloud::Rgb* to = block.colors.data() + first;
         const std::size_t channel = std::size_t(a - int(Attribute::Red));
         forEachValue(data, count, column, swap, [=](std::size_t i, auto v) {
@@ -106,6 +105,9 @@ void decodeColumn(const char* data, std::size_t first, std::size_t count, const 
             const auto rgb = std::uint32_t(v);
             to[i] = {std::uint8_t(rgb >> 16), std::uint8_t(rgb >> 8), std::uint8_t(rgb)};
         });
+    } else if (column.attribute >= Attribute::FirstScalar) {
+        float* to = block.scalars[std::size_t(a - int(Attribute::FirstScalar))].data() + first;
+        forEachValue(data, count, column, swap, [=](std::size_t i, auto v) { to[i] = float(v); });
     }
 }
 
@@ -116,6 +118,8 @@ PointBlock makeBlock(std::size_t count, const AttributeSet& has)
     if (has.normals) resizeLarge(block.normals, count);
     if (has.confidence) resizeLarge(block.confidence, count);
     if (has.colors) resizeLarge(block.colors, count);
+    for (std::size_t n = 0; n < kMostScalars; ++n)
+        if (has.scalars[n]) resizeLarge(block.scalars[n], count);
     return block;
 }
 

@@ -105,7 +105,7 @@ FilePoints readText(const ByteSource& source, Progress& progress)
 
 } // namespace
 
-FilePoints readStl(const ByteSource& source, Progress& progress)
+FilePoints readStl(const ByteSource& source, const ScalarNames&, Progress& progress)
 {
     // Binary files may begin with "solid" too: their size tells.
     const std::string head = source.head(kHeaderBytes);

@@ -131,4 +131,15 @@ std::string inQuotes(std::string_view text)
     return "'" + shown + (text.size() > 40 ? "..." : "") + "'";
 }
 
+std::string identifier(const std::string& name)
+{
+    std::string result;
+    for (const char c : name) {
+        const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+        result += letter || (c >= '0' && c <= '9') ? c : '_';
+    }
+    if (result.empty() || (result.front() >= '0' && result.front() <= '9')) result.insert(0, "_");
+    return result;
+}
+
 } // namespace mpuvdb

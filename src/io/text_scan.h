@@ -47,4 +47,7 @@ std::string lowerCase(std::string_view text);
 /// At most 40 characters of @a text, fit for an error message.
 std::string inQuotes(std::string_view text);
 
+/// @a name with all but letters, digits and _ made _, and no digit first.
+std::string identifier(const std::string& name);
+
 } // namespace mpuvdb

@@ -8,6 +8,7 @@
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/File.h>
 
+#include <algorithm>
 #include <array>
 #include <fstream>
 #include <mutex>
@@ -243,6 +244,23 @@ FloatGrid::Ptr readCoverage(const fs::path& file)
                                      "--coverage",
                                      archive.filename(), kCoverageName,
                                      there.empty() ? "no grid at all" : join(there)));
+    });
+}
+
+std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
+                                              const std::vector<std::string>& names)
+{
+    std::vector<GridBase::Ptr> grids(names.size());
+    if (names.empty()) return grids;
+    return withVdbFile(file, [&](openvdb::io::File& archive) {
+        for (auto there = archive.beginName(); there != archive.endName(); ++there) {
+            const auto found = std::find(names.begin(), names.end(), *there);
+            if (found == names.end()) continue;
+            const auto grid = archive.readGridMetadata(*there);
+            if (grid->isType<FloatGrid>() || grid->isType<openvdb::Vec3SGrid>())
+                grids[std::size_t(found - names.begin())] = archive.readGrid(*there);
+        }
+        return grids;
     });
 }
 

@@ -15,6 +15,13 @@ namespace
 constexpr float kSnap = 0.25f; ///< of an edge: what would be cut nearer to its end moves the end
 constexpr std::size_t kStride = 1 << 16; ///< triangles between two looks at the progress
 
+/// What is at @a at, in parts of the way from @a a to @a b.
+template <class T>
+T between(const T& a, const T& b, float at)
+{
+    return a + at * (b - a);
+}
+
 std::uint64_t edgeKey(std::uint32_t a, std::uint32_t b)
 {
     return std::uint64_t(std::min(a, b)) << 32 | std::max(a, b);
@@ -46,6 +53,8 @@ private:
         float distance = std::numeric_limits<float>::max();
         std::uint32_t vertex = 0;
         Vec3f to, from;
+        std::uint32_t towards = 0; ///< the edge's other end
+        float at = 0;              ///< parts of the edge
     };
 
     template <typename F>
@@ -59,6 +68,8 @@ private:
 
     void findCrossed();
     void snap();
+    template <class T>
+    void moveAttribute(const std::vector<Move>& moves, std::vector<T>& values) const;
     void addCrossings();
     std::uint32_t crossingOf(std::uint32_t a, std::uint32_t b) const;
     void cutTriangle(const Mesh::Triangle& v, std::vector<Mesh::Triangle>& out) const;
@@ -96,12 +107,12 @@ void Cut::snap()
                 if (at >= kSnap) continue;
                 const Vec3f from = mMesh.positions[v[a]];
                 const Vec3f step = at * (mMesh.positions[v[b]] - from);
-                moves.push_back({step.norm(), v[a], from + step, from});
+                moves.push_back({step.norm(), v[a], from + step, from, v[b], at});
             }
         }
     }
     const auto key = [](const Move& m) {
-        return std::make_tuple(m.vertex, m.distance, m.to[0], m.to[1], m.to[2]);
+        return std::make_tuple(m.vertex, m.distance, m.to[0], m.to[1], m.to[2], m.towards);
     };
     std::sort(moves.begin(), moves.end(),
               [&](const Move& a, const Move& b) { return key(a) < key(b); });
@@ -128,6 +139,19 @@ void Cut::snap()
         mMesh.positions[back] = moveOf(back)->from;
         mSign[back] = isCovered(mValues[back]) ? 1 : -1;
     }
+    mMesh.forEachAttribute([&](auto& values) { moveAttribute(moves, values); });
+}
+
+/// Vertices that were moved get what an attribute is where they are now.
+template <class T>
+void Cut::moveAttribute(const std::vector<Move>& moves, std::vector<T>& values) const
+{
+    std::vector<T> moved; // all before any: their other ends may have moved too
+    for (const Move& move : moves)
+        moved.push_back(mSign[move.vertex] == 0
+                            ? between(values[move.vertex], values[move.towards], move.at)
+                            : values[move.vertex]);
+    for (std::size_t n = 0; n < moves.size(); ++n) values[moves[n].vertex] = moved[n];
 }
 
 void Cut::addCrossings()
@@ -146,8 +170,9 @@ void Cut::addCrossings()
         const auto a = std::uint32_t(edge >> 32), b = std::uint32_t(edge);
         // A vertex that was drawn back has its crossing at the end of the edge.
         const float at = std::clamp(crossing(mValues[a], mValues[b]), kSnap, 1 - kSnap);
-        mMesh.positions.push_back(mMesh.positions[a] +
-                                  at * (mMesh.positions[b] - mMesh.positions[a]));
+        mMesh.positions.push_back(between(mMesh.positions[a], mMesh.positions[b], at));
+        mMesh.forEachAttribute(
+            [&](auto& values) { values.push_back(between(values[a], values[b], at)); });
     }
 }
 
@@ -234,8 +259,12 @@ void Cut::separateFans()
             }
         }
         const auto first = std::uint32_t(mMesh.positions.size());
-        for (std::uint32_t fan = 1; fan < fans; ++fan)
-            mMesh.positions.push_back(Vec3f(mMesh.positions[vertex]));
+        const auto repeat = [&](auto& values) {
+            const auto value = values[vertex];
+            values.insert(values.end(), std::max(fans, 1u) - 1, value);
+        };
+        repeat(mMesh.positions);
+        mMesh.forEachAttribute(repeat);
         for (std::size_t n = begin; n < end; ++n) {
             if (corners[n].fan < 2) continue;
             Mesh::Triangle& v = mMesh.triangles[corners[n].triangle];
@@ -254,10 +283,14 @@ void Cut::dropUnused()
     std::uint32_t next = 0;
     for (std::size_t v = 0; v < place.size(); ++v) {
         if (place[v] == kUnused) continue;
-        mMesh.positions[next] = mMesh.positions[v];
+        const auto keep = [&](auto& values) { values[next] = values[v]; };
+        keep(mMesh.positions);
+        mMesh.forEachAttribute(keep);
         place[v] = next++;
     }
-    mMesh.positions.resize(next);
+    const auto shorten = [&](auto& values) { values.resize(next); };
+    shorten(mMesh.positions);
+    mMesh.forEachAttribute(shorten);
     for (Mesh::Triangle& v : mMesh.triangles)
         for (std::uint32_t& a : v) a = place[a];
 }

@@ -7,6 +7,7 @@
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <cmath>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -109,6 +110,33 @@ Eigen::Array2d sumTriangles(const Mesh& mesh)
         [](const Eigen::Array2d& a, const Eigen::Array2d& b) { return Eigen::Array2d(a + b); });
 }
 
+/// The sine of a triangle's smallest angle, which is opposite its shortest side.
+float smallestSine(const Vec3f& a, const Vec3f& b, const Vec3f& c)
+{
+    const Vec3d u = (b - a).cast<double>(), v = (c - a).cast<double>();
+    const double sides[3] = {u.squaredNorm(), v.squaredNorm(), (v - u).squaredNorm()};
+    const double others = sides[0] * sides[1] * sides[2] / *std::min_element(sides, sides + 3);
+    return others > 0 ? float(u.cross(v).norm() / std::sqrt(others)) : 0;
+}
+
+void measureAngles(const Mesh& mesh, MeshReport& report)
+{
+    constexpr std::size_t kHundred = 100;
+    if (mesh.triangles.empty()) return;
+    std::vector<float> sines(mesh.triangles.size());
+    tbb::parallel_for(std::size_t(0), sines.size(), [&](std::size_t t) {
+        const Mesh::Triangle& v = mesh.triangles[t];
+        sines[t] = smallestSine(mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]);
+    });
+    const auto degrees = [](float sine) {
+        return std::asin(std::min(double(sine), 1.0)) * 180 / M_PI;
+    };
+    const auto hundredth = sines.begin() + std::ptrdiff_t(sines.size() / kHundred);
+    std::nth_element(sines.begin(), hundredth, sines.end());
+    report.firstPercentileAngle = degrees(*hundredth);
+    report.smallestAngle = degrees(*std::min_element(sines.begin(), hundredth + 1));
+}
+
 } // namespace
 
 MeshReport measure(const Mesh& mesh)
@@ -121,6 +149,9 @@ MeshReport measure(const Mesh& mesh)
     countVertices(mesh, used, report.components);
     report.eulerCharacteristic =
         std::int64_t(used) - std::int64_t(edges) + std::int64_t(mesh.triangles.size());
+    report.genus = double(report.components) -
+                   double(report.eulerCharacteristic + std::int64_t(report.boundaryLoops)) / 2;
+    measureAngles(mesh, report);
     const Eigen::Array2d sums = sumTriangles(mesh);
     report.area = sums[0] / 2;
     report.volume = sums[1] / 6;

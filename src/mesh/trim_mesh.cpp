@@ -1,3 +1,4 @@
+#include "active_value.h"
 #include "covered_parts.h"
 #include "cut_mesh.h"
 
@@ -14,29 +15,11 @@ namespace mpuvdb
 namespace
 {
 
-using openvdb::Coord;
 using openvdb::FloatGrid;
 
 constexpr float kHalf = 0.5f;
 constexpr double kGapScale = 2;     ///< times the data's spacing: a hole between two points
 constexpr double kIslandScale = 12; ///< the disc about a dozen stray points
-
-/// Trilinear in the eight voxels about @a at (index space), of which only active ones count.
-float valueAt(const FloatGrid::ConstAccessor& grid, const openvdb::Vec3d& at)
-{
-    const Coord base = Coord::floor(at);
-    double sum = 0, weight = 0;
-    for (int corner = 0; corner < 8; ++corner) {
-        const Coord voxel = base + Coord(corner & 1, corner >> 1 & 1, corner >> 2 & 1);
-        float value = 0;
-        if (!grid.probeValue(voxel, value)) continue;
-        double w = 1;
-        for (int k = 0; k < 3; ++k) w *= 1 - std::abs(at[k] - voxel[k]);
-        sum += w * double(value);
-        weight += w;
-    }
-    return weight > 0 ? float(sum / weight) : 0;
-}
 
 /// Coverage less one half at the vertices.
 std::vector<float> valuesAt(const Mesh& mesh, const FloatGrid& coverage, Progress& progress)
@@ -49,7 +32,7 @@ std::vector<float> valuesAt(const Mesh& mesh, const FloatGrid& coverage, Progres
                           for (std::size_t v = range.begin(); v < range.end(); ++v) {
                               const Vec3d p = mesh.world(v);
                               const auto at = coverage.worldToIndex({p[0], p[1], p[2]});
-                              values[v] = valueAt(grid, at) - kHalf;
+                              values[v] = activeValue(grid, at) - kHalf;
                           }
                       });
     return values;

@@ -23,6 +23,7 @@ void PointCloud::compact(const std::vector<std::uint8_t>& keep)
     keepMarked(normals, keep);
     keepMarked(confidence, keep);
     keepMarked(colors, keep);
+    for (NamedScalars& s : scalars) keepMarked(s.values, keep);
     keepMarked(seenFrom, keep);
 }
 

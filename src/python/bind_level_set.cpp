@@ -11,6 +11,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -62,8 +64,8 @@ void bindFiles(LevelSetClass& levelSets)
             },
             "file"_a, "metadata"_a = std::map<std::string, std::string>(),
             "progress"_a = py::none(),
-            "Write .vdb, with metadata (names to texts) on the grid; or the mesh as .ply, .obj or "
-            ".stl. The file appears whole or not at all." MPUVDB_PROGRESS_DOC);
+            "Write .vdb, with metadata (names to texts) on the grid; or the mesh as .ply, .obj, "
+            ".off, .stl, .glb or .usda. The file appears whole or not at all." MPUVDB_PROGRESS_DOC);
 }
 
 void bindArrays(LevelSetClass& levelSets)
@@ -130,11 +132,12 @@ void bindQuestions(LevelSetClass& levelSets)
 
 void demandWritable(const std::filesystem::path& file)
 {
-    for (const char* known : {".vdb", ".ply", ".obj", ".stl"})
-        if (file.extension() == known) return;
-    throw UsageError(fmt::format("{}: of no kind that can be written. Name a .vdb, .ply, .obj or "
-                                 ".stl file",
-                                 file.string()));
+    const std::vector<std::string>& meshes = meshExtensions();
+    const std::string extension = file.extension().string();
+    if (extension == ".vdb" || std::find(meshes.begin(), meshes.end(), extension) != meshes.end())
+        return;
+    throw UsageError(fmt::format("{}: of no kind that can be written. Name a .vdb, {} file",
+                                 file.string(), fmt::join(meshes, " or ")));
 }
 
 void writeAny(const std::filesystem::path& file, const LevelSet& levelSet,

@@ -46,6 +46,26 @@ void bindMesh(MeshClass& meshes)
                               {py::ssize_t(mesh.triangles.size()), 3}, self);
             },
             "Vertex indices (m, 3), uint32: a read-only view, no copy.")
+        .def_property_readonly(
+            "colors",
+            [](const py::object& self) -> py::object {
+                const auto& mesh = self.cast<const Mesh&>();
+                if (mesh.colors.empty()) return py::none();
+                return viewOf(reinterpret_cast<const float*>(mesh.colors.data()),
+                              {py::ssize_t(mesh.colors.size()), 3}, self);
+            },
+            "Linear red, green and blue of the vertices (n, 3), float32, or None: a read-only "
+            "view.")
+        .def_property_readonly(
+            "scalars",
+            [](const py::object& self) {
+                py::dict scalars;
+                for (const NamedScalars& s : self.cast<const Mesh&>().scalars)
+                    scalars[py::str(s.name)] =
+                        viewOf(s.values.data(), {py::ssize_t(s.values.size())}, self);
+                return scalars;
+            },
+            "Numbers of the vertices by name, (n,) float32 each: read-only views.")
         .def(
             "measure",
             [](const Mesh& mesh) {
@@ -64,7 +84,7 @@ void bindMesh(MeshClass& meshes)
                 runWork(progress, [&](Progress& p) { writeMesh(file, mesh, p); });
             },
             "file"_a, "progress"_a = py::none(),
-            "Write .ply (binary), .obj or .stl (binary); it appears whole or not at "
+            "Write .ply, .obj, .off, .stl, .glb or .usda; it appears whole or not at "
             "all." MPUVDB_PROGRESS_DOC)
         .def("__repr__", [](const Mesh& mesh) {
             return fmt::format("<mpuvdb.Mesh: {} vertices, {} faces>", mesh.positions.size(),

@@ -79,8 +79,12 @@ void bindMeshReport(py::module_& module)
                       "Edges with more than two triangles, or two that disagree in direction.")
         .def_readonly("euler_characteristic", &R::eulerCharacteristic,
                       "Vertices - edges + triangles, of the vertices that are used.")
+        .def_readonly("genus", &R::genus, "Handles, of all parts; if there are no bad edges.")
         .def_readonly("area", &R::area, "World units squared.")
         .def_readonly("volume", &R::volume, "Signed, world units cubed.")
+        .def_readonly("smallest_angle", &R::smallestAngle, "Of all triangles, degrees.")
+        .def_readonly("first_percentile_angle", &R::firstPercentileAngle,
+                      "Smallest angle that one triangle in a hundred falls short of, degrees.")
         .def("__repr__", [](const R& r) {
             return fmt::format(
                 "<mpuvdb.MeshReport: {} triangles, volume {:.6g}, {} boundary edges>", r.triangles,

@@ -72,7 +72,7 @@ void bindEvaluation(ShapeClass& shapes)
             "metadata"_a = std::map<std::string, std::string>(), "max_bytes"_a = 0,
             "progress"_a = py::none(),
             "Plan, sample and write .vdb, with metadata (names to texts) on the grid; or the mesh "
-            "as .ply, .obj or .stl. The file appears whole or not at "
+            "as .ply, .obj, .off, .stl, .glb or .usda. The file appears whole or not at "
             "all." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
         .def(
             "explain",

@@ -19,8 +19,16 @@ Json toJson(const MeshReport& mesh)
             {"boundary_loops", mesh.boundaryLoops},
             {"non_manifold_edges", mesh.nonManifoldEdges},
             {"euler_characteristic", mesh.eulerCharacteristic},
+            {"genus", mesh.genus},
             {"area", mesh.area},
-            {"volume", mesh.volume}};
+            {"volume", mesh.volume},
+            {"smallest_angle", mesh.smallestAngle},
+            {"first_percentile_angle", mesh.firstPercentileAngle}};
+}
+
+Json toJson(const Distances& distances)
+{
+    return {{"mean", distances.mean}, {"rms", distances.rms}, {"max", distances.max}};
 }
 
 Json toJson(const LevelSet& levelSet)

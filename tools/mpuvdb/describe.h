@@ -13,6 +13,7 @@ using Json = nlohmann::ordered_json;
 
 Json toJson(const Vec3d& v);
 Json toJson(const MeshReport& mesh);
+Json toJson(const Distances& distances);
 /// Name, voxel size, half-width, active voxels and bytes in memory.
 Json toJson(const LevelSet& levelSet);
 /// What check() measured and found.

@@ -9,6 +9,8 @@
 
 #include <fmt/format.h>
 
+#include <optional>
+
 namespace mpuvdb::command
 {
 namespace
@@ -49,9 +51,8 @@ Json describeGrid(const openvdb::GridBase& grid)
     return json;
 }
 
-Json describePoints(const std::string& file, Progress& progress)
+Json describePoints(const PointInput& input, Progress& progress)
 {
-    const PointInput input = readPoints({file}, BadPoints::Drop, progress);
     const PointCloud& cloud = input.cloud;
     const Box3d box = cloud.localBounds();
     Json json{{"points", cloud.size()},
@@ -68,6 +69,45 @@ Json describePoints(const std::string& file, Progress& progress)
     json["noise"] = statistics.noise;
     if (cloud.hasNormals()) json["normal_noise"] = statistics.normalNoise * 180 / M_PI;
     json["notes"] = input.notes;
+    return json;
+}
+
+/// What --against names, as a mesh, or as points where it has no triangles.
+struct Other {
+    std::string file;
+    Mesh mesh;
+    PointCloud points;
+
+    Other(const std::string& name, Progress& progress) : file(name)
+    {
+        progress.beginStage("read");
+        if (extensionOf(file) == ".vdb") {
+            mesh = extractMesh(readLevelSet(file), progress);
+            return;
+        }
+        PointInput input = readPoints({file}, BadPoints::Drop, progress);
+        if (input.triangles > 0)
+            mesh = readMesh(file, progress);
+        else
+            points = std::move(input.cloud);
+    }
+    TwoWayDistances distancesFrom(const Mesh& from, Progress& progress) const
+    {
+        return mesh.triangles.empty() ? distances(from, points, progress)
+                                      : distances(from, mesh, progress);
+    }
+};
+
+Json describeMesh(const Mesh& mesh, const std::optional<Other>& other, Progress& progress)
+{
+    Json json = command::toJson(measure(mesh));
+    json["self_intersections"] = countSelfIntersections(mesh, progress);
+    json["colors"] = !mesh.colors.empty();
+    if (!other) return json;
+    const TwoWayDistances both = other->distancesFrom(mesh, progress);
+    json["against"] = {{"file", other->file},
+                       {"distance_to_it", command::toJson(both.there)},
+                       {"distance_from_it", command::toJson(both.back)}};
     return json;
 }
 
@@ -93,9 +133,12 @@ class Info final : public Verb
 public:
     VerbText text() const override
     {
-        return {"info", "What is in point, mesh and .vdb files",
-                "  mpuvdb info scan.ply\n"
-                "  mpuvdb info scan.vdb --json\n"};
+        return {
+            "info", "What is in point, mesh and .vdb files",
+            "  mpuvdb info scan.ply\n"
+            "  mpuvdb info scan.vdb --json\n"
+            "  mpuvdb info mesh.ply --against scan.xyz\n"
+            "      What the mesh is like, and how far it is from the points, and they from it.\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -103,13 +146,20 @@ public:
         app.add_option("input", mInputs, "Files of points, meshes or grids; - is standard input")
             ->required();
         app.add_flag("--json", mJson, "Print JSON");
+        app.add_option("--against", mAgainst,
+                       "Measure distances of the meshes to that mesh, those points or that level\n"
+                       "set's zero set, and back: mean, rms and largest over the area, world units")
+            ->type_name("FILE");
     }
 
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, mInputs);
+        std::optional<Other> other;
+        if (!mAgainst.empty()) other.emplace(mAgainst, session.progress());
         Json files = Json::array();
-        for (const std::string& file : mInputs) files.push_back(describe(file, session.progress()));
+        for (const std::string& file : mInputs)
+            files.push_back(describe(file, other, session.progress()));
         session.report()["files"] = files;
         const Json all{{"files", files}};
         if (mJson) {
@@ -121,21 +171,36 @@ public:
     }
 
 private:
-    static Json describe(const std::string& file, Progress& progress)
+    static Json describe(const std::string& file, const std::optional<Other>& other,
+                         Progress& progress)
     {
         Json json{{"file", file}};
         progress.beginStage("read");
         if (extensionOf(file) != ".vdb") {
-            json.update(describePoints(file, progress));
+            const PointInput input = readPoints({file}, BadPoints::Drop, progress);
+            json.update(describePoints(input, progress));
+            // Standard input cannot be read again.
+            const bool isMesh = input.triangles > 0 && file != "-";
+            if (isMesh) json["mesh"] = describeMesh(readMesh(file, progress), other, progress);
+            if (other && !isMesh) throwNoMesh(file);
             return json;
         }
+        if (other) throwNoMesh(file);
         json["grids"] = Json::array();
         for (const openvdb::GridBase::Ptr& grid : readGrids(file))
             json["grids"].push_back(describeGrid(*grid));
         return json;
     }
 
+    [[noreturn]] static void throwNoMesh(const std::string& file)
+    {
+        throw UsageError(fmt::format("{}: --against measures meshes in files, and this is none: "
+                                     "name one (.ply, .obj, .off, .stl), and this as --against",
+                                     file));
+    }
+
     std::vector<std::string> mInputs;
+    std::string mAgainst;
     bool mJson = false;
 };
 

@@ -5,6 +5,7 @@
 
 #include <mpuvdb/io.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
 #include <limits>
@@ -22,6 +23,8 @@ public:
         return {"mesh", "A level set to triangles",
                 "  mpuvdb mesh scan.vdb -o scan.obj\n"
                 "  mpuvdb mesh scan.vdb -o - > scan.ply\n"
+                "  mpuvdb mesh scan.vdb -o scan.glb --up z --units mm\n"
+                "      For a world with Z up, in millimetres: GLB has Y up, and metres.\n"
                 "  mpuvdb mesh scan.vdb -o open.ply --holes 5vx\n"
                 "      Holes of more than five voxels stay open; needs reconstruct --coverage.\n"};
     }
@@ -29,34 +32,61 @@ public:
     void addOptions(CLI::App& app) override
     {
         app.add_option("input", mInput, "A .vdb file with a level set")->required();
-        app.add_option("-o,--output", mOutput,
-                       "The mesh: .ply .obj .stl; - is PLY on standard output")
+        app.add_option("-o,--output", mMesh.path,
+                       "The mesh: .ply .obj .off .stl .glb .usda; - is PLY on standard output")
             ->required()
             ->type_name("OUT.ply");
         addGridName(app, mGrid);
         addHoles(app, mHoles);
+        addAttributes(
+            app, mAttributes,
+            "Grids of the file that give the vertices colours and numbers, by name; auto: Cd,\n"
+            "where there is one; the default");
+        addScene(app, mMesh.scene);
     }
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mOutput, {".ply", ".obj", ".stl"}, true}}, {mInput});
+        session.checkFiles({{"-o", mMesh.path, meshExtensions(), true}}, {mInput});
         session.progress().beginStage("read");
         const LevelSet levelSet = readLevelSet(mInput, mGrid);
+        const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids();
         session.report()["grid"] = toJson(levelSet);
-        Trim trim;
         if (!mHoles.close) {
             const double h = levelSet.voxelSize();
             const auto size = levelSet.grid().evalActiveVoxelDim();
-            trim = {readCoverage(mInput), mHoles.closeUpTo.resolve(h, h * size.asVec3d().length())};
+            mMesh.trim = {readCoverage(mInput),
+                          mHoles.closeUpTo.resolve(h, h * size.asVec3d().length())};
         }
-        writeMeshOf(levelSet, trim, mOutput, session);
+        if (!grids.empty())
+            mMesh.addAttributes = [&grids](Mesh& mesh, Progress& progress) {
+                for (const auto& grid : grids) addAttribute(mesh, *grid, progress);
+            };
+        writeMeshOf(levelSet, mMesh, session);
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return ExitCode::Ok;
     }
 
 private:
-    std::string mInput, mOutput, mGrid;
+    /// @throws InputError where one that is named is not there.
+    std::vector<openvdb::GridBase::Ptr> attributeGrids() const
+    {
+        const std::vector<std::string> names =
+            mAttributes.automatic ? std::vector<std::string>{kColorName} : mAttributes.names;
+        std::vector<openvdb::GridBase::Ptr> grids = readAttributeGrids(mInput, names);
+        for (std::size_t n = 0; n < names.size() && !mAttributes.automatic; ++n)
+            if (!grids[n])
+                throw InputError(fmt::format("{}: has no grid '{}' of floats or Vec3f. See what "
+                                             "there is with mpuvdb info",
+                                             mInput, names[n]));
+        grids.erase(std::remove(grids.begin(), grids.end(), nullptr), grids.end());
+        return grids;
+    }
+
+    std::string mInput, mGrid;
+    MeshOutput mMesh;
+    Attributes mAttributes;
     Holes mHoles;
 };
 
@@ -111,33 +141,59 @@ void warnOfStl(const Mesh& mesh, double voxelSize, const std::string& output, Se
     const double off = 0.5 * farthest * double(std::numeric_limits<float>::epsilon());
     if (off > kNoticed * voxelSize)
         session.warn(fmt::format("{}: STL holds single precision only, which moves vertices by up "
-                                 "to {:.2g} ({:.2g} voxels) here; .ply and .obj keep them",
+                                 "to {:.2g} ({:.2g} voxels) here; all other formats keep them",
                                  output, off, off / voxelSize));
 }
 
 } // namespace
 
-void writeMeshOf(const LevelSet& levelSet, const Trim& trim, const std::string& output,
-                 Session& session)
+void addScene(CLI::App& app, SceneSettings& scene)
 {
+    const char* const group = "GLB and USD";
+    app.add_option_function<std::string>(
+           "--up",
+           [&scene](const std::string& axis) {
+               scene.up = axis == "z" ? SceneSettings::Up::Z : SceneSettings::Up::Y;
+           },
+           "The axis of the world that points up: GLB is turned to Y up, USD told; default: y")
+        ->type_name("y|z")
+        ->check(oneOf({"y", "z"}))
+        ->group(group);
+    static const std::map<std::string, double> units = {
+        {"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}, {"ft", 0.3048}};
+    app.add_option_function<std::string>(
+           "--units", [&scene](const std::string& name) { scene.metersPerUnit = units.at(name); },
+           "What the world's units are: GLB is scaled to metres, USD told; default: m")
+        ->type_name("m|cm|mm|in|ft")
+        ->check(oneOf({"m", "cm", "mm", "in", "ft"}))
+        ->group(group);
+}
+
+void writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session)
+{
+    const Trim& trim = output.trim;
     Mesh mesh = extractMesh(levelSet, session.progress());
     if (trim.coverage) mesh = trimmed(std::move(mesh), trim, session);
+    if (output.addAttributes) output.addAttributes(mesh, session.progress());
     const MeshReport report = measure(mesh);
     const auto write = [&](const std::filesystem::path& file) {
-        writeMesh(file, mesh, session.progress());
+        writeMesh(file, mesh, session.progress(), output.scene);
     };
-    if (output == "-")
+    if (output.path == "-")
         printFile(".ply", write);
     else
-        write(output);
-    warnOfStl(mesh, levelSet.voxelSize(), output, session);
+        write(output.path);
+    warnOfStl(mesh, levelSet.voxelSize(), output.path, session);
     session.report()["mesh"] = toJson(report);
+    if (!session.options().report.empty())
+        session.report()["mesh"]["self_intersections"] =
+            countSelfIntersections(mesh, session.progress());
     session.note(fmt::format("mesh        {} vertices, {} triangles, {} components: {}",
-                             report.vertices, report.triangles, report.components, output));
+                             report.vertices, report.triangles, report.components, output.path));
     if ((report.boundaryEdges && !trim.coverage) || report.nonManifoldEdges) {
         session.warn(
-            fmt::format("{}: the mesh is not closed: {} boundary and {} non-manifold edges", output,
-                        report.boundaryEdges, report.nonManifoldEdges));
+            fmt::format("{}: the mesh is not closed: {} boundary and {} non-manifold edges",
+                        output.path, report.boundaryEdges, report.nonManifoldEdges));
     }
 }
 

@@ -43,24 +43,34 @@ public:
                "standard input. Several are joined.")
             ->required();
         app.add_option("-o,--output", mOutput, "The level set")->type_name("OUT.vdb");
-        app.add_option("--mesh", mMesh,
-                       "Write a mesh too: .ply .obj .stl; - is PLY on standard output")
+        app.add_option("--mesh", mMesh.path,
+                       "Write a mesh too: .ply .obj .off .stl .glb .usda; - is PLY on standard\n"
+                       "output")
             ->type_name("OUT.ply");
+        app.add_option("--usd", mUsd,
+                       "Write a USD layer too, whose volume refers to the level set's file")
+            ->type_name("OUT.usda");
         addPreset(app, mPreset);
         app.add_flag("--dry-run", mDryRun,
                      "Read the points, say what the settings come to and what the run would take:\n"
                      "voxels, memory (to a fifth), size of the file. Writes nothing but a report");
         app.callback([this, &app] {
             if (mOutput.empty() && !mDryRun) throw CLI::RequiredError("--output");
-            if (mSettings.region && (!mMesh.empty() || wantsCoverage()))
+            if (mSettings.region && (!mMesh.path.empty() || wantsCoverage()))
                 throw UsageError("--region ends the band at its sides: there is no --mesh, "
                                  "--coverage or --holes of a part");
             mPresetOptions = applyPreset(app, mPreset);
         });
+        addAttributes(app, mAttributes,
+                      "What of the points goes to grids beside the level set and to the mesh: Cd\n"
+                      "(colours, linear in the grid), confidence, and properties of the files by\n"
+                      "name (PLY, PCD, columns with names, intensity of LAS). auto: Cd, where the\n"
+                      "points have colours; the default");
         addHoleOptions(app);
         addGridOptions(app);
         addFitOptions(app);
         addPointOptions(app);
+        addScene(app, mMesh.scene);
     }
 
     ExitCode run(Session& session) override
@@ -68,16 +78,19 @@ public:
         if (!mPreset.empty())
             session.note(fmt::format("preset      {}: {}", mPreset, mPresetOptions));
         const std::uint64_t bareBytes = residentBytes();
-        std::vector<Output> outputs{{"--mesh", mMesh, {".ply", ".obj", ".stl"}, true}};
+        std::vector<Output> outputs{{"--mesh", mMesh.path, meshExtensions(), true},
+                                    {"--usd", mUsd, {".usda"}}};
         if (!mOutput.empty()) outputs.push_back({"-o", mOutput, {".vdb"}});
         session.checkFiles(outputs, mInputs);
         PointInput input = readInput(session);
         mDropped = input.dropped;
+        mAttributes.choose(!input.cloud.colors.empty());
+        if (!mAttributes.has(kColorName)) input.cloud.colors = {};
         clean(session, input.cloud);
         mPoints = input.cloud.size();
 
         mSettings.maxBytes = session.options().maxBytes;
-        const RunEstimator estimator(input.cloud, mSettings, {!mMesh.empty(), wantsCoverage()},
+        const RunEstimator estimator(input.cloud, mSettings, {!mMesh.path.empty(), wantsCoverage()},
                                      bareBytes);
         if (mDryRun) {
             foresee(session, estimator);
@@ -90,12 +103,19 @@ public:
         describeFit(session, made);
         const CheckReport checked = checkOf(made, session);
         const openvdb::FloatGrid::ConstPtr coverage = coverageOf(made, session);
-        openvdb::GridCPtrVec beside;
-        if (coverage) beside.push_back(coverage);
+        openvdb::GridCPtrVec beside = attributeGrids(made, session);
+        if (coverage) beside.insert(beside.begin(), coverage);
         writeLevelSet(mOutput, made.levelSet, metadata(made), session.progress(), beside);
         session.report()["grid"] = toJson(made.levelSet);
         session.report()["check"] = toJson(checked);
-        if (!mMesh.empty()) writeMeshOf(made.levelSet, trimOf(made, coverage), mMesh, session);
+        if (!mUsd.empty()) {
+            beside.insert(beside.begin(), made.levelSet.gridPtr());
+            writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene);
+        }
+        if (!mMesh.path.empty()) {
+            mMesh.trim = trimOf(made, coverage);
+            writeMeshOf(made.levelSet, mMesh, session);
+        }
         session.progress().endStage();
         summarise(session, made);
         for (const CheckFinding& finding : checked.findings)
@@ -138,6 +158,19 @@ private:
                                         {"active_voxels", grid->activeVoxelCount()},
                                         {"bytes", grid->memUsage()}};
         return grid;
+    }
+
+    /// What --attributes names; a mesh will get it from the field itself.
+    openvdb::GridCPtrVec attributeGrids(const Reconstruction& made, Session& session)
+    {
+        if (mAttributes.names.empty()) return {};
+        const std::shared_ptr<const SurfaceAttributes> attributes =
+            made.field->attributes(mAttributes.names);
+        mMesh.addAttributes = [attributes](Mesh& mesh, Progress& progress) {
+            addAttributes(mesh, *attributes, progress);
+        };
+        const auto grids = sampleAttributes(made.levelSet, *attributes, session.progress());
+        return {grids.begin(), grids.end()};
     }
 
     Trim trimOf(const Reconstruction& made, openvdb::FloatGrid::ConstPtr coverage) const
@@ -253,7 +286,7 @@ private:
             viewpoints.push_back(parseTriple("--viewpoint", text));
         PointInput input = readPoints({mInputs.begin(), mInputs.end()},
                                       mBadPoints == "fail" ? BadPoints::Fail : BadPoints::Drop,
-                                      session.progress(), viewpoints);
+                                      session.progress(), viewpoints, mAttributes.scalars());
         for (const std::string& note : input.notes) session.note(note);
         return input;
     }
@@ -297,7 +330,7 @@ private:
                   {"grid_bytes", run.work.gridBytes},
                   {"file_bytes", run.fileBytes},
                   {"peak_bytes", run.peakBytes}};
-        if (!mMesh.empty()) report["triangles"] = run.triangles;
+        if (!mMesh.path.empty()) report["triangles"] = run.triangles;
         summariseSettings(session, s);
         const double h = s.grid.lattice.voxelSize;
         const Vec3d size = (s.boxSize / h).array() + 2 * s.grid.halfWidth;
@@ -329,6 +362,7 @@ private:
                               {"preset", mPreset},
                               {"outliers", mOutliers},
                               {"holes", mHoles.text()},
+                              {"attributes", mAttributes.names},
                               {"coverage", wantsCoverage()},
                               {"max_memory", mSettings.maxBytes}};
         if (s.grid.region)
@@ -409,12 +443,14 @@ private:
     }
 
     std::vector<std::string> mInputs;
-    std::string mOutput, mMesh;
+    std::string mOutput, mUsd;
+    MeshOutput mMesh;
     std::string mPreset, mPresetOptions; ///< its name; what it set
     std::string mNormals = "auto", mBadPoints = "drop", mOutliers = "drop";
     std::vector<std::string> mViewpoints;
     bool mFlipNormals = false, mCoverage = false, mDryRun = false;
     Holes mHoles;
+    Attributes mAttributes;
     ReconstructSettings mSettings;
     std::uint64_t mPoints = 0, mFlipped = 0;
     std::map<std::string, std::uint64_t> mDropped;

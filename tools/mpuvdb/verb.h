@@ -3,10 +3,12 @@
 #include "session.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
 #include <mpuvdb/length.h>
 #include <mpuvdb/level_set.h>
 
 #include <CLI/CLI.hpp>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -83,8 +85,34 @@ struct Trim {
     double closeUpTo = 0;                  ///< holes of at most this size stay closed, world units
 };
 
-/// Extract the mesh of @a levelSet, write it to @a output ("-": PLY on standard output), report it.
-void writeMeshOf(const LevelSet& levelSet, const Trim& trim, const std::string& output,
-                 Session& session);
+/// What --attributes asks for.
+struct Attributes {
+    bool automatic = true; ///< colours, where there are some
+    std::vector<std::string> names;
+
+    bool has(const std::string& name) const;
+    /// Settle the names, now that it is known whether there are colours.
+    /// @throws UsageError where colours are named, and there are none.
+    void choose(bool colors);
+    /// The names that are neither colours nor confidences.
+    std::vector<std::string> scalars() const;
+};
+
+/// Declare --attributes. @param what  where they come from and where to, for the help.
+CLI::Option* addAttributes(CLI::App& app, Attributes& attributes, const std::string& what);
+
+/// Declare --up and --units.
+void addScene(CLI::App& app, SceneSettings& scene);
+
+/// A mesh that a verb is to write.
+struct MeshOutput {
+    std::string path; ///< "-": PLY on standard output
+    Trim trim;
+    std::function<void(Mesh&, Progress&)> addAttributes; ///< empty: there are none
+    SceneSettings scene;
+};
+
+/// Extract the mesh of @a levelSet, write it, report it.
+void writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session);
 
 } // namespace mpuvdb::command

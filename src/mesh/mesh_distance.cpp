@@ -1,0 +1,184 @@
+#include "triangle_tree.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/kd_tree.h>
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/progress.h>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_reduce.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kSamples = 500000;
+constexpr std::size_t kBlock = 1024;
+
+/// A number in [0,1) for each @a n.
+double uniform(std::uint64_t n)
+{
+    n = (n ^ n >> 30) * 0xbf58476d1ce4e5b9;
+    n = (n ^ n >> 27) * 0x94d049bb133111eb;
+    return double((n ^ n >> 31) >> 11) * 0x1p-53;
+}
+
+/// Places on a mesh, each for an equal part of its area, along the order of its tree.
+class Samples
+{
+public:
+    Samples(const Mesh& mesh, const TriangleTree& tree) : mMesh(mesh), mTree(tree)
+    {
+        mAreas.reserve(tree.size());
+        double sum = 0;
+        for (std::size_t slot = 0; slot < tree.size(); ++slot) {
+            const auto& [a, b, c] = tree.corners(slot);
+            sum += (b - a).cast<double>().cross((c - a).cast<double>()).norm();
+            mAreas.push_back(sum);
+        }
+    }
+
+    /// World position of sample @a n of kSamples.
+    Vec3d operator()(std::size_t n) const
+    {
+        constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15;
+        const std::uint64_t seed = kStep * (3 * n + 1);
+        const double area = (double(n) + uniform(seed)) / double(kSamples) * mAreas.back();
+        const auto found = std::upper_bound(mAreas.begin(), mAreas.end(), area);
+        const auto slot = std::min(std::size_t(found - mAreas.begin()), mAreas.size() - 1);
+        const auto& [a, b, c] = mTree.corners(slot);
+        const double r = std::sqrt(uniform(seed + kStep)), s = uniform(seed + 2 * kStep);
+        return mMesh.frame + (1 - r) * a.cast<double>() + r * (1 - s) * b.cast<double>() +
+               r * s * c.cast<double>();
+    }
+
+private:
+    const Mesh& mMesh;
+    const TriangleTree& mTree;
+    std::vector<double> mAreas; ///< doubled, up to and with each slot
+};
+
+/// The vertices that triangles use, along the order of the tree.
+std::vector<std::uint32_t> verticesInOrder(const Mesh& mesh, const TriangleTree& tree)
+{
+    std::vector<std::uint32_t> order;
+    std::vector<bool> seen(mesh.positions.size());
+    for (std::size_t slot = 0; slot < tree.size(); ++slot)
+        for (const std::uint32_t v : mesh.triangles[tree.triangle(slot)]) {
+            if (!seen[v]) order.push_back(v);
+            seen[v] = true;
+        }
+    return order;
+}
+
+struct Sums {
+    double distance = 0, squared = 0, largest2 = 0;
+
+    Sums operator+(const Sums& other) const
+    {
+        return {distance + other.distance, squared + other.squared,
+                std::max(largest2, other.largest2)};
+    }
+};
+
+/// Squared distances of @a count places, block by block. @a place(n) is a world position;
+/// @a measure() makes for a block what gives a world position its squared distance.
+template <class Place, class Measure>
+Sums sumOver(std::size_t count, const Place& place, const Measure& measure, Progress& progress)
+{
+    return tbb::parallel_deterministic_reduce(
+        tbb::blocked_range<std::size_t>(0, count, kBlock), Sums(),
+        [&](const tbb::blocked_range<std::size_t>& range, Sums sums) {
+            progress.check();
+            auto squaredDistance = measure();
+            for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                const double d2 = squaredDistance(place(n));
+                sums = sums + Sums{std::sqrt(d2), d2, d2};
+            }
+            progress.advance(double(range.size()));
+            return sums;
+        },
+        [](const Sums& a, const Sums& b) { return a + b; });
+}
+
+/// Distances to a mesh, each search from where the last one ended.
+auto toMesh(const Mesh& mesh, const TriangleTree& tree)
+{
+    return [&mesh, &tree] {
+        return [&mesh, &tree, slot = std::size_t(0)](const Vec3d& p) mutable {
+            return tree.squaredDistance(p - mesh.frame, slot);
+        };
+    };
+}
+
+auto toPoints(const PointCloud& points, const KdTree& tree)
+{
+    return [&points, &tree] {
+        return [&points, &tree, index = std::vector<std::uint32_t>(1),
+                squared = std::vector<float>(1)](const Vec3d& p) mutable {
+            tree.nearest((p - points.frame).cast<float>(), index, squared);
+            return (points.world(index[0]) - p).squaredNorm();
+        };
+    };
+}
+
+/// From places all over @a mesh.
+template <class Measure>
+Distances fromMesh(const Mesh& mesh, const TriangleTree& tree, const Measure& measure,
+                   Progress& progress)
+{
+    const Sums sums = sumOver(kSamples, Samples(mesh, tree), measure, progress);
+    const std::vector<std::uint32_t> vertices = verticesInOrder(mesh, tree);
+    const Sums corners = sumOver(
+        vertices.size(), [&](std::size_t n) { return mesh.world(vertices[n]); }, measure, progress);
+    return {sums.distance / double(kSamples), std::sqrt(sums.squared / double(kSamples)),
+            std::sqrt(std::max(sums.largest2, corners.largest2))};
+}
+
+void demandTriangles(const Mesh& mesh)
+{
+    if (mesh.triangles.empty())
+        throw UsageError("a mesh without triangles is at no distance from anything");
+}
+
+} // namespace
+
+TwoWayDistances distances(const Mesh& mesh, const Mesh& other, Progress& progress)
+{
+    demandTriangles(mesh);
+    demandTriangles(other);
+    progress.beginStage("distances", 2.0 * kSamples + double(mesh.positions.size()) +
+                                         double(other.positions.size()));
+    const TriangleTree first(mesh, progress), second(other, progress);
+    const TwoWayDistances result = {fromMesh(mesh, first, toMesh(other, second), progress),
+                                    fromMesh(other, second, toMesh(mesh, first), progress)};
+    progress.endStage();
+    return result;
+}
+
+TwoWayDistances distances(const Mesh& mesh, const PointCloud& points, Progress& progress)
+{
+    demandTriangles(mesh);
+    if (points.empty()) throw UsageError("no points to measure distances to");
+    progress.beginStage("distances",
+                        double(kSamples + mesh.positions.size()) + double(points.size()));
+    const TriangleTree triangles(mesh, progress);
+    const KdTree tree(points.positions);
+    TwoWayDistances result;
+    result.there = fromMesh(mesh, triangles, toPoints(points, tree), progress);
+    const Sums sums = sumOver(
+        points.size(), [&](std::size_t n) { return points.world(n); }, toMesh(mesh, triangles),
+        progress);
+    const double count = double(points.size());
+    result.back = {sums.distance / count, std::sqrt(sums.squared / count),
+                   std::sqrt(sums.largest2)};
+    progress.endStage();
+    return result;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,188 @@
+#include "triangle_tree.h"
+
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/progress.h>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_reduce.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+__extension__ using Int128 = __int128;
+
+/// Positions as whole numbers up to 2^30, so that signs of volumes can be had exactly.
+using Place = std::array<std::int64_t, 3>;
+using Corners = std::array<Place, 3>;
+
+constexpr double kSteps = double(std::int64_t(1) << 30);
+
+class Rounding
+{
+public:
+    explicit Rounding(const Mesh& mesh)
+    {
+        Eigen::AlignedBox3f box;
+        for (const Vec3f& p : mesh.positions) box.extend(p);
+        mFrom = box.min().cast<double>();
+        const double size = (box.max().cast<double>() - mFrom).maxCoeff();
+        mScale = size > 0 ? kSteps / size : 0;
+    }
+    Corners operator()(const TriangleTree::Corners& corners) const
+    {
+        Corners rounded{};
+        for (std::size_t n = 0; n < 3; ++n)
+            for (int k = 0; k < 3; ++k)
+                rounded[n][std::size_t(k)] =
+                    std::llround(mScale * (double(corners[n][k]) - mFrom[k]));
+        return rounded;
+    }
+
+private:
+    Vec3d mFrom;
+    double mScale = 0;
+};
+
+int signOf(double v)
+{
+    return (v > 0) - (v < 0);
+}
+
+/// The sign of the volume of a, b, c about @a d: +1, 0 or -1, exactly.
+int orientation(const Place& a, const Place& b, const Place& c, const Place& d)
+{
+    std::int64_t u[3], v[3], w[3]; // below 2^31
+    double sizeU = 0, sizeV = 0, sizeW = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+        u[k] = a[k] - d[k], v[k] = b[k] - d[k], w[k] = c[k] - d[k];
+        sizeU = std::max(sizeU, std::abs(double(u[k])));
+        sizeV = std::max(sizeV, std::abs(double(v[k])));
+        sizeW = std::max(sizeW, std::abs(double(w[k])));
+    }
+    const auto volume = [&](auto number) {
+        using T = decltype(number);
+        return T(u[0]) * (T(v[1]) * T(w[2]) - T(v[2]) * T(w[1])) +
+               T(u[1]) * (T(v[2]) * T(w[0]) - T(v[0]) * T(w[2])) +
+               T(u[2]) * (T(v[0]) * T(w[1]) - T(v[1]) * T(w[0]));
+    };
+    // Six products of three factors, each with a few roundings.
+    const double rough = volume(double()), error = 1e-14 * sizeU * sizeV * sizeW;
+    if (std::abs(rough) > error) return signOf(rough);
+    const Int128 exact = volume(Int128());
+    return (exact > 0) - (exact < 0);
+}
+
+/// On which sides of a triangle's plane the corners of another are.
+std::array<int, 3> sidesOf(const Corners& plane, const Corners& of)
+{
+    std::array<int, 3> sides{};
+    for (std::size_t n = 0; n < 3; ++n) sides[n] = orientation(plane[0], plane[1], plane[2], of[n]);
+    return sides;
+}
+
+/// Whether a side of @a of, whose corners are on @a sides of the plane, runs through the inside of
+/// @a through.
+bool pierces(const Corners& through, const Corners& of, const std::array<int, 3>& sides)
+{
+    for (std::size_t n = 0; n < 3; ++n) {
+        const std::size_t m = (n + 1) % 3;
+        if (sides[n] * sides[m] >= 0) continue;
+        const int first = orientation(of[n], of[m], through[0], through[1]);
+        if (first != 0 && orientation(of[n], of[m], through[1], through[2]) == first &&
+            orientation(of[n], of[m], through[2], through[0]) == first)
+            return true;
+    }
+    return false;
+}
+
+bool onOneSide(const std::array<int, 3>& sides)
+{
+    const auto [least, most] = std::minmax_element(sides.begin(), sides.end());
+    return *least >= 0 || *most <= 0;
+}
+
+bool cross(const Corners& a, const Corners& b)
+{
+    const std::array<int, 3> ofB = sidesOf(a, b);
+    if (onOneSide(ofB)) return false;
+    const std::array<int, 3> ofA = sidesOf(b, a);
+    if (onOneSide(ofA)) return false;
+    return pierces(a, b, ofB) || pierces(b, a, ofA);
+}
+
+/// Corners that two triangles share.
+int commonCorners(const Mesh::Triangle& a, const Mesh::Triangle& b)
+{
+    int common = 0;
+    for (const std::uint32_t v : a) common += std::count(b.begin(), b.end(), v) > 0;
+    return common;
+}
+
+/// Counts the pairs of one leaf's triangles with those of itself and of later leaves.
+class LeafPairs
+{
+public:
+    LeafPairs(const Mesh& mesh, const TriangleTree& tree) : mMesh(mesh), mTree(tree), mRound(mesh)
+    {
+    }
+
+    std::uint64_t count(std::size_t leaf) const
+    {
+        std::uint64_t pairs = 0;
+        mTree.forEachLeaf(mTree.leafBox(leaf), leaf, [&](std::size_t other) {
+            for (std::size_t i = mTree.firstSlot(leaf); i < mTree.firstSlot(leaf + 1); ++i) {
+                const TriangleTree::Box box = boxOf(i);
+                const std::size_t first = std::max(i + 1, mTree.firstSlot(other));
+                for (std::size_t j = first; j < mTree.firstSlot(other + 1); ++j)
+                    pairs += box.intersects(boxOf(j)) && crossing(i, j);
+            }
+        });
+        return pairs;
+    }
+
+private:
+    TriangleTree::Box boxOf(std::size_t slot) const
+    {
+        const TriangleTree::Corners& c = mTree.corners(slot);
+        return {c[0].cwiseMin(c[1]).cwiseMin(c[2]), c[0].cwiseMax(c[1]).cwiseMax(c[2])};
+    }
+    bool crossing(std::size_t i, std::size_t j) const
+    {
+        return commonCorners(mMesh.triangles[mTree.triangle(i)],
+                             mMesh.triangles[mTree.triangle(j)]) < 2 &&
+               cross(mRound(mTree.corners(i)), mRound(mTree.corners(j)));
+    }
+
+    const Mesh& mMesh;
+    const TriangleTree& mTree;
+    Rounding mRound;
+};
+
+} // namespace
+
+std::uint64_t countSelfIntersections(const Mesh& mesh, Progress& progress)
+{
+    if (mesh.triangles.empty()) return 0;
+    progress.beginStage("intersections");
+    const TriangleTree tree(mesh, progress);
+    const LeafPairs pairs(mesh, tree);
+    const std::uint64_t count = tbb::parallel_reduce(
+        tbb::blocked_range<std::size_t>(0, tree.leaves(), 256), std::uint64_t(0),
+        [&](const tbb::blocked_range<std::size_t>& range, std::uint64_t sum) {
+            progress.check();
+            for (std::size_t leaf = range.begin(); leaf < range.end(); ++leaf)
+                sum += pairs.count(leaf);
+            return sum;
+        },
+        [](std::uint64_t a, std::uint64_t b) { return a + b; });
+    progress.endStage();
+    return count;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,288 @@
+// Colours and scalars of points, on grids and on meshes.
+#include "io_fixture.h"
+
+#include <mpuvdb/attribute_grids.h>
+#include <mpuvdb/reconstruct.h>
+
+#include <openvdb/tools/LevelSetSphere.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <array>
+
+namespace mpuvdb::test
+{
+namespace
+{
+
+/// What the attributes of the test clouds are at a unit direction: linear in each, and coarse
+/// beside no spacing.
+Vec3f colorAt(const Vec3d& n)
+{
+    return Vec3f(float(0.5 + 0.4 * n[0]), float(0.5 - 0.4 * n[1]), float(0.3 + 0.2 * n[2]));
+}
+double heatAt(const Vec3d& n)
+{
+    return 100 * n[2] - 20 * n[0];
+}
+
+/// Points of a unit sphere about @a middle, in a spiral.
+PointCloud sphere(std::size_t count, const Vec3d& middle)
+{
+    PointCloud cloud;
+    cloud.frame = middle;
+    NamedScalars heat{"heat", {}};
+    for (std::size_t i = 0; i < count; ++i) {
+        const double z = 1 - (2 * double(i) + 1) / double(count), r = std::sqrt(1 - z * z);
+        const double turn = M_PI * (3 - std::sqrt(5.0)) * double(i);
+        const Vec3d n(r * std::cos(turn), r * std::sin(turn), z);
+        cloud.positions.push_back(n.cast<float>());
+        cloud.normals.push_back(n.cast<float>());
+        cloud.colors.push_back(srgbColor(colorAt(n)));
+        heat.values.push_back(float(heatAt(n)));
+    }
+    cloud.scalars = {heat};
+    return cloud;
+}
+
+ReconstructSettings settings()
+{
+    ReconstructSettings result;
+    result.voxelSize = Length{0.04, Length::Unit::World};
+    return result;
+}
+
+constexpr double kColorTolerance = 0.015; ///< bytes, and a mean over some spacings
+constexpr double kHeatTolerance = 1.5;    ///< of +-102
+
+TEST(AttributesTest, GridsHaveWhatTheNearestSurfaceHas)
+{
+    Progress progress;
+    const Vec3d middle(1e5, -2e5, 3e4);
+    const Reconstruction made = reconstruct(sphere(20000, middle), settings(), progress);
+    const auto attributes = made.field->attributes({"heat", kColorName, "confidence"});
+    ASSERT_EQ(attributes->scalarNames(), (std::vector<std::string>{"heat", "confidence"}));
+    const auto grids = sampleAttributes(made.levelSet, *attributes, progress);
+    ASSERT_EQ(grids.size(), 3u);
+    const auto colors = openvdb::gridPtrCast<openvdb::Vec3SGrid>(grids[0]);
+    const auto heat = openvdb::gridPtrCast<openvdb::FloatGrid>(grids[1]);
+    const auto confidence = openvdb::gridPtrCast<openvdb::FloatGrid>(grids[2]);
+    EXPECT_EQ(colors->getName(), "Cd");
+    EXPECT_EQ(heat->getName(), "heat");
+    const openvdb::Coord anywhere(7, -3, 11);
+    const openvdb::Vec3d off =
+        colors->indexToWorld(anywhere) - made.levelSet.grid().indexToWorld(anywhere);
+    EXPECT_LT(off.length(), 1e-9);
+    EXPECT_TRUE(colors->tree().hasSameTopology(made.levelSet.grid().tree()));
+    double worstColor = 0, worstHeat = 0;
+    for (auto voxel = colors->cbeginValueOn(); voxel; ++voxel) {
+        const openvdb::Vec3d w = colors->indexToWorld(voxel.getCoord());
+        const Vec3d n = (Vec3d(w[0], w[1], w[2]) - middle).normalized();
+        const Vec3f found(voxel->x(), voxel->y(), voxel->z());
+        worstColor = std::max(worstColor, double((found - colorAt(n)).cwiseAbs().maxCoeff()));
+        const double value = double(heat->tree().getValue(voxel.getCoord()));
+        worstHeat = std::max(worstHeat, std::abs(value - heatAt(n)));
+        ASSERT_EQ(confidence->tree().getValue(voxel.getCoord()), 1.0f);
+    }
+    EXPECT_LT(worstColor, kColorTolerance);
+    EXPECT_LT(worstHeat, kHeatTolerance);
+}
+
+TEST(AttributesTest, VerticesHaveWhatThePointsAboutThemHave)
+{
+    Progress progress;
+    const Reconstruction made = reconstruct(sphere(20000, Vec3d::Zero()), settings(), progress);
+    Mesh mesh = extractMesh(made.levelSet, progress);
+    addAttributes(mesh, *made.field->attributes({kColorName, "heat"}), progress);
+    ASSERT_EQ(mesh.colors.size(), mesh.positions.size());
+    ASSERT_EQ(mesh.scalars.size(), 1u);
+    for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+        const Vec3d n = mesh.world(v).normalized();
+        ASSERT_LT((mesh.colors[v] - colorAt(n)).cwiseAbs().maxCoeff(), kColorTolerance);
+        ASSERT_NEAR(double(mesh.scalars[0].values[v]), heatAt(n), kHeatTolerance);
+    }
+}
+
+TEST(AttributesTest, NeitherThreadsNorTheOrderOfPointsMatter)
+{
+    const auto values = [](std::size_t threads, bool turnedRound) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        Progress progress;
+        PointCloud cloud = sphere(5000, Vec3d::Zero());
+        // Two points that only their attributes tell apart.
+        for (std::size_t i = 0; i < 50; ++i) {
+            cloud.positions[2 * i + 1] = cloud.positions[2 * i];
+            cloud.normals[2 * i + 1] = cloud.normals[2 * i];
+        }
+        if (turnedRound) {
+            std::reverse(cloud.positions.begin(), cloud.positions.end());
+            std::reverse(cloud.normals.begin(), cloud.normals.end());
+            std::reverse(cloud.colors.begin(), cloud.colors.end());
+            std::reverse(cloud.scalars[0].values.begin(), cloud.scalars[0].values.end());
+        }
+        const Reconstruction made = reconstruct(std::move(cloud), settings(), progress);
+        Mesh mesh = extractMesh(made.levelSet, progress);
+        addAttributes(mesh, *made.field->attributes({kColorName, "heat"}), progress);
+        return mesh;
+    };
+    const Mesh one = values(1, false), two = values(2, true);
+    ASSERT_EQ(one.colors.size(), two.colors.size());
+    EXPECT_TRUE(one.colors == two.colors);
+    EXPECT_EQ(one.scalars[0].values, two.scalars[0].values);
+}
+
+TEST(AttributesTest, NoValueDependsOnThePlacesBefore)
+{
+    Progress progress;
+    const PointCloud cloud = sphere(3000, Vec3d::Zero());
+    MpuSettings fit;
+    fit.tolerance = 0.01;
+    fit.voxelSize = 0.05;
+    const MpuField field(PointCloud(cloud), fit, progress);
+    const auto attributes = field.attributes({"heat"});
+    std::vector<SurfacePlace> places;
+    for (std::size_t i = 0; i < cloud.size(); i += 7) {
+        const Vec3d n = cloud.normals[i].cast<double>();
+        // Far off, on the surface, and the wrong way round.
+        for (const double at : {3.0, 1.0, 0.98}) places.push_back({at * n, at < 1 ? Vec3d(-n) : n});
+    }
+    std::vector<float> together, alone;
+    attributes->evaluate(places, together);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+        attributes->evaluate({places[i]}, alone);
+        ASSERT_EQ(alone[0], together[i]) << i;
+    }
+}
+
+TEST(AttributesTest, SheetsDoNotShineThrough)
+{
+    // Two sides of a thin wall: red above, blue below; a point on each side above the other.
+    Progress progress;
+    PointCloud cloud;
+    for (int i = 0; i < 100; ++i)
+        for (int j = 0; j < 100; ++j)
+            for (const float side : {1.0f, -1.0f}) {
+                cloud.positions.emplace_back(0.01f * float(i), 0.01f * float(j), side * 0.01f);
+                cloud.normals.emplace_back(0, 0, side);
+                cloud.colors.push_back(side > 0 ? Rgb{255, 0, 0} : Rgb{0, 0, 255});
+            }
+    MpuSettings fit;
+    fit.tolerance = 0.002;
+    fit.voxelSize = 0.01;
+    const MpuField field(std::move(cloud), fit, progress);
+    std::vector<float> rgb;
+    field.attributes({kColorName})
+        ->evaluate({{Vec3d(0.5, 0.5, 0.01), Vec3d::UnitZ()},
+                    {Vec3d(0.503, 0.496, -0.01), -Vec3d::UnitZ()}},
+                   rgb);
+    EXPECT_GT(rgb[0], 0.97f);
+    EXPECT_LT(rgb[2], 0.03f);
+    EXPECT_LT(rgb[3], 0.03f);
+    EXPECT_GT(rgb[5], 0.97f);
+}
+
+TEST(AttributesTest, FewPointsAndMissingNames)
+{
+    Progress progress;
+    PointCloud cloud = sphere(8, Vec3d::Zero());
+    cloud.scalars[0].values.assign(8, 4.5f);
+    MpuSettings fit;
+    fit.tolerance = 0.1;
+    fit.voxelSize = 0.2;
+    const MpuField field(std::move(cloud), fit, progress);
+    std::vector<float> values;
+    field.attributes({"heat"})->evaluate({{Vec3d(50, 0, 0), Vec3d::UnitX()}}, values);
+    EXPECT_EQ(values[0], 4.5f);
+    try {
+        field.attributes({"cold"});
+        ADD_FAILURE() << "it is there";
+    } catch (const UsageError& e) {
+        EXPECT_NE(std::string(e.what()).find("Cd, confidence, heat"), std::string::npos)
+            << e.what();
+    }
+}
+
+/// A file's grids carry over to a mesh, and trimming keeps what its vertices have.
+TEST_F(IoTest, GridsGiveVerticesTheirAttributesAndTrimmingKeepsThem)
+{
+    Progress progress;
+    const LevelSet ball(
+        openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(1, openvdb::Vec3f(0), 0.05f));
+    const auto onBand = [&](auto grid, const char* name, auto value) {
+        grid->setTransform(ball.grid().transform().copy());
+        grid->setName(name);
+        grid->topologyUnion(ball.grid());
+        for (auto voxel = grid->beginValueOn(); voxel; ++voxel)
+            voxel.setValue(value(ball.grid().indexToWorld(voxel.getCoord())));
+        return grid;
+    };
+    const auto colors = onBand(openvdb::Vec3SGrid::create(), kColorName, [](openvdb::Vec3d p) {
+        return openvdb::Vec3s(p * 0.25 + openvdb::Vec3d(0.5));
+    });
+    colors->setSaveFloatAsHalf(true);
+    const auto height = onBand(openvdb::FloatGrid::create(), "height",
+                               [](openvdb::Vec3d p) { return float(p.z()); });
+    writeLevelSet(path("b.vdb"), ball, {}, progress, {colors, height});
+    const auto grids = readAttributeGrids(path("b.vdb"), {"height", "width", kColorName});
+    ASSERT_EQ(grids.size(), 3u);
+    ASSERT_TRUE(grids[0] && !grids[1] && grids[2]);
+
+    Mesh mesh = extractMesh(ball, progress);
+    addAttribute(mesh, *grids[0], progress);
+    addAttribute(mesh, *grids[2], progress);
+    auto covered = openvdb::FloatGrid::create();
+    covered = onBand(covered, kCoverageName,
+                     [](openvdb::Vec3d p) { return float(p.x()) > 0.213f ? 0.0f : 1.0f; });
+    TrimReport trimmed;
+    const Mesh cut = trimMesh(mesh, *covered, {}, trimmed, progress);
+    ASSERT_LT(cut.triangles.size(), mesh.triangles.size());
+    for (const Mesh* each : std::array<const Mesh*, 2>{&mesh, &cut}) {
+        ASSERT_EQ(each->colors.size(), each->positions.size());
+        ASSERT_EQ(each->scalars.at(0).values.size(), each->positions.size());
+        for (std::size_t v = 0; v < each->positions.size(); ++v) {
+            const Vec3d p = each->world(v);
+            ASSERT_NEAR(double(each->scalars[0].values[v]), p.z(), 1e-4);
+            ASSERT_NEAR(double(each->colors[v][1]), 0.5 + 0.25 * p.y(), 1e-3);
+        }
+    }
+}
+
+TEST_F(IoTest, ScalarsAreReadByName)
+{
+    const std::string ascii = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
+                              "property float y\nproperty float z\nproperty ushort heat\n"
+                              "property float cold\nend_header\n";
+    const std::string rows = "0 0 0 7 1.5\n1 0 0 8 nan\n0 1 0 9 -2\n";
+    std::string binary = ascii;
+    binary.replace(binary.find("ascii"), 5, "binary_big_endian");
+    for (int i = 0; i < 3; ++i)
+        binary += concat(bytesOf(float(i), true), bytesOf(1.f, true), bytesOf(float(i * i), true),
+                         bytesOf(std::uint16_t(7 + i), true), bytesOf(-0.5f, true));
+    const std::string pcd = "VERSION .7\nFIELDS x y z heat\nSIZE 4 4 4 4\nTYPE F F F F\n"
+                            "WIDTH 3\nHEIGHT 1\nPOINTS 3\nDATA ascii\n0 0 0 7\n1 0 0 8\n0 1 0 9\n";
+    const std::string columns = "x y z heat\n0 0 0 7\n1 0 0 8\n0 1 0 9\n";
+    Progress progress;
+    for (const auto& [name, bytes] : {std::pair("a.ply", ascii + rows), std::pair("b.ply", binary),
+                                      std::pair("p.pcd", pcd), std::pair("t.txt", columns)}) {
+        const PointInput input =
+            readPoints({put(name, bytes)}, BadPoints::Fail, progress, {}, {"heat"});
+        ASSERT_EQ(input.cloud.scalars.size(), 1u) << name;
+        EXPECT_EQ(input.cloud.scalars[0].name, "heat");
+        EXPECT_EQ(input.cloud.scalars[0].values, (std::vector<float>{7, 8, 9})) << name;
+        EXPECT_TRUE(readPoints({path(name)}, BadPoints::Fail, progress).cloud.scalars.empty());
+    }
+    const PointInput cold =
+        readPoints({path("a.ply")}, BadPoints::Fail, progress, {}, {"heat", "cold"});
+    EXPECT_EQ(cold.cloud.scalars.at(1).values, (std::vector<float>{1.5f, 0, -2}));
+    ASSERT_EQ(cold.notes.size(), 1u);
+    EXPECT_THROW(
+        readPoints({path("a.ply"), path("p.pcd")}, BadPoints::Fail, progress, {}, {"cold"}),
+        InputError);
+    writePoints(path("again.ply"), cold.cloud, progress);
+    const PointInput again =
+        readPoints({path("again.ply")}, BadPoints::Fail, progress, {}, {"cold", "heat"});
+    EXPECT_EQ(again.cloud.scalars.at(0).values, cold.cloud.scalars.at(1).values);
+}
+
+} // namespace
+} // namespace mpuvdb::test
