@@ -102,7 +102,7 @@ TEST_P(SharpParts, KeepTheirEdges)
     const Fit before = fitOf(yardstick(levelSet), *solid, h);
     Progress progress;
     for (const bool hasField : {false, true}) {
-        const Mesh mesh = extractMesh(levelSet, progress, hasField ? field.get() : nullptr);
+        const Mesh mesh = extractMesh(levelSet, progress, {hasField ? field.get() : nullptr});
         const MeshReport report = measure(mesh);
         EXPECT_EQ(report.boundaryEdges, 0u);
         EXPECT_EQ(report.nonManifoldEdges, 0u);
@@ -252,7 +252,7 @@ TEST(ManifoldMeshes, OfRandomSolids)
         Progress progress;
         const LevelSet levelSet = sampleField(*field, settings, progress);
         for (const Field* oracle : {static_cast<const Field*>(nullptr), field.get()}) {
-            const MeshReport report = measure(extractMesh(levelSet, progress, oracle));
+            const MeshReport report = measure(extractMesh(levelSet, progress, {oracle}));
             EXPECT_EQ(report.boundaryEdges, 0u) << text;
             EXPECT_EQ(report.nonManifoldEdges, 0u) << text;
         }

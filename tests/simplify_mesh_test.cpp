@@ -25,7 +25,7 @@ Meshed meshOf(const std::string& text, double voxelSize)
     const auto solid = parseSolid(text);
     const FieldPtr field = makeSolidField(solid);
     Progress progress;
-    return {solid, extractMesh(sampled(*field, voxelSize), progress, field.get())};
+    return {solid, extractMesh(sampled(*field, voxelSize), progress, {field.get()})};
 }
 
 Mesh simplified(const Mesh& mesh, double tolerance)

@@ -63,15 +63,14 @@ constexpr float kFolded = -0.5f;
 class Extraction
 {
 public:
-    Extraction(const LevelSet& levelSet, const Field* field, Progress& progress)
-        : mTree(levelSet.grid().tree()), mLattice(levelSet.lattice()), mField(field),
+    Extraction(const LevelSet& levelSet, const ExtractSettings& settings, Progress& progress)
+        : mTree(levelSet.grid().tree()), mLattice(levelSet.lattice()), mSettings(settings),
           mProgress(progress), mCells(mTree, progress)
     {
     }
 
-    Mesh run()
+    void run()
     {
-        mProgress.advance();
         if (mCells.vertices() > std::numeric_limits<std::uint32_t>::max())
             throw LimitError(fmt::format("mesh: would have {} vertices, more than 32 bits can "
                                          "number. Use larger voxels, or mesh parts",
@@ -88,10 +87,14 @@ public:
         place(all);
         mProgress.advance();
         split(all);
-        unfold();
+        draw(&Extraction::folded, all);
         mProgress.advance();
-        return std::move(mMesh);
     }
+
+    /// Draws back the vertices of triangles that cross.
+    void uncross() { draw(&Extraction::crossing, Selection(mCells.blocks().size(), 1)); }
+
+    Mesh take() { return std::move(mMesh); }
 
 private:
     struct State {
@@ -100,6 +103,7 @@ private:
     };
     /// A flag for each block.
     using Selection = std::vector<char>;
+    using Vertices = std::vector<std::uint32_t>;
 
     template <typename Work>
     void forEachBlock(const Selection& selection, const Work& work)
@@ -115,7 +119,7 @@ private:
     {
         const float h = float(mLattice.voxelSize);
         forEachBlock(selection, [&](std::size_t n) {
-            SheetPlacer placer(mField, mLattice);
+            SheetPlacer placer(mSettings.field, mLattice);
             const DualBlock& block = mCells.blocks()[n];
             const openvdb::Coord from = block.origin - mFrame;
             const Vec3f origin(float(from.x()), float(from.y()), float(from.z()));
@@ -147,47 +151,55 @@ private:
         });
     }
 
-    /// Vertices on a crease whose triangles fold over are drawn into their cells, and where that
-    /// does not help towards the middle of their crossings.
-    void unfold()
+    /// Draw the vertices that @a find finds into their cells, and where that does not help towards
+    /// the middle of their crossings. It looks in the blocks that it is given.
+    void draw(Vertices (Extraction::*find)(const Selection&), Selection changed)
     {
-        Selection changed(mCells.blocks().size(), 1);
         for (const Freedom freedom : {Freedom::Cell, Freedom::Half, Freedom::None}) {
-            changed = bindFolded(changed, freedom);
-            if (std::find(changed.begin(), changed.end(), 1) == changed.end()) return;
+            const Vertices found = (this->*find)(changed);
+            if (found.empty()) return;
+            changed.assign(changed.size(), 0);
+            for (const std::uint32_t v : found) {
+                mVertices[v].freedom = std::max(mVertices[v].freedom, freedom);
+                changed[mCells.blockOf(v)] = 1;
+            }
             place(changed);
             changed = mCells.withNeighbours(changed);
             split(changed);
         }
     }
 
-    /// Take freedom from the vertices on creases of triangles that fold over, in the blocks of
-    /// @a selection. @return the blocks whose vertices these are.
-    Selection bindFolded(const Selection& selection, Freedom freedom)
+    /// The vertices on creases of triangles that fold over, in the blocks of @a selection.
+    Vertices folded(const Selection& selection)
     {
-        Selection changed(selection.size(), 0);
-        std::vector<std::vector<std::uint32_t>> bound(selection.size());
+        std::vector<Vertices> found(selection.size());
         forEachBlock(selection, [&](std::size_t n) {
             const DualBlock& block = mCells.blocks()[n];
             openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
             for (std::uint64_t t = 2 * block.firstQuad; t < 2 * (block.firstQuad + block.quads);
                  ++t) {
-                const Mesh::Triangle& v = mMesh.triangles[t];
-                if (!mVertices[v[0]].feature && !mVertices[v[1]].feature &&
-                    !mVertices[v[2]].feature)
+                const Mesh::Triangle& triangle = mMesh.triangles[t];
+                const auto isFeature = [&](std::uint32_t v) { return mVertices[v].feature; };
+                if (std::none_of(triangle.begin(), triangle.end(), isFeature) ||
+                    !isFolded(triangle, access))
                     continue;
-                if (!isFolded(v, access)) continue;
-                for (const std::uint32_t i : v)
-                    if (mVertices[i].feature && mVertices[i].freedom < freedom)
-                        bound[n].push_back(i);
+                std::copy_if(triangle.begin(), triangle.end(), std::back_inserter(found[n]),
+                             isFeature);
             }
         });
-        for (const auto& vertices : bound)
-            for (const std::uint32_t v : vertices) {
-                mVertices[v].freedom = freedom;
-                changed[mCells.blockOf(v)] = 1;
-            }
-        return changed;
+        Vertices all;
+        for (const Vertices& some : found) all.insert(all.end(), some.begin(), some.end());
+        return all;
+    }
+
+    /// The vertices of triangles that cross.
+    Vertices crossing(const Selection&)
+    {
+        Vertices found;
+        for (const TrianglePair& pair : findSelfIntersections(mMesh, mProgress))
+            for (const std::uint32_t t : pair)
+                found.insert(found.end(), mMesh.triangles[t].begin(), mMesh.triangles[t].end());
+        return found;
     }
 
     /// Whether a triangle faces against the gradient of the values at the voxel nearest to it.
@@ -212,7 +224,7 @@ private:
 
     const openvdb::FloatTree& mTree;
     Lattice mLattice;
-    const Field* mField;
+    ExtractSettings mSettings;
     Progress& mProgress;
     DualCells mCells;
     openvdb::Coord mFrame;
@@ -222,12 +234,15 @@ private:
 
 } // namespace
 
-Mesh extractMesh(const LevelSet& levelSet, Progress& progress, const Field* field)
+Mesh extractMesh(const LevelSet& levelSet, Progress& progress, const ExtractSettings& settings)
 {
     progress.beginStage("mesh", 3);
-    Mesh mesh = Extraction(levelSet, field, progress).run();
+    Extraction extraction(levelSet, settings, progress);
+    progress.advance();
+    extraction.run();
     progress.endStage();
-    return mesh;
+    if (settings.strict) extraction.uncross();
+    return extraction.take();
 }
 
 } // namespace mpuvdb

@@ -4,7 +4,9 @@
 #include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>
-#include <tbb/parallel_reduce.h>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include <algorithm>
 #include <array>
@@ -124,7 +126,7 @@ int commonCorners(const Mesh::Triangle& a, const Mesh::Triangle& b)
     return common;
 }
 
-/// Counts the pairs of one leaf's triangles with those of itself and of later leaves.
+/// Finds the pairs of one leaf's triangles with those of itself and of later leaves.
 class LeafPairs
 {
 public:
@@ -132,18 +134,18 @@ public:
     {
     }
 
-    std::uint64_t count(std::size_t leaf) const
+    void find(std::size_t leaf, std::vector<TrianglePair>& pairs) const
     {
-        std::uint64_t pairs = 0;
         mTree.forEachLeaf(mTree.leafBox(leaf), leaf, [&](std::size_t other) {
             for (std::size_t i = mTree.firstSlot(leaf); i < mTree.firstSlot(leaf + 1); ++i) {
                 const TriangleTree::Box box = boxOf(i);
                 const std::size_t first = std::max(i + 1, mTree.firstSlot(other));
                 for (std::size_t j = first; j < mTree.firstSlot(other + 1); ++j)
-                    pairs += box.intersects(boxOf(j)) && crossing(i, j);
+                    if (box.intersects(boxOf(j)) && crossing(i, j))
+                        pairs.push_back({std::min(mTree.triangle(i), mTree.triangle(j)),
+                                         std::max(mTree.triangle(i), mTree.triangle(j))});
             }
         });
-        return pairs;
     }
 
 private:
@@ -166,23 +168,24 @@ private:
 
 } // namespace
 
-std::uint64_t countSelfIntersections(const Mesh& mesh, Progress& progress)
+std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh, Progress& progress)
 {
-    if (mesh.triangles.empty()) return 0;
+    if (mesh.triangles.empty()) return {};
     progress.beginStage("intersections");
     const TriangleTree tree(mesh, progress);
-    const LeafPairs pairs(mesh, tree);
-    const std::uint64_t count = tbb::parallel_reduce(
-        tbb::blocked_range<std::size_t>(0, tree.leaves(), 256), std::uint64_t(0),
-        [&](const tbb::blocked_range<std::size_t>& range, std::uint64_t sum) {
-            progress.check();
-            for (std::size_t leaf = range.begin(); leaf < range.end(); ++leaf)
-                sum += pairs.count(leaf);
-            return sum;
-        },
-        [](std::uint64_t a, std::uint64_t b) { return a + b; });
+    const LeafPairs leafPairs(mesh, tree);
+    tbb::enumerable_thread_specific<std::vector<TrianglePair>> found;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, tree.leaves(), 256),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
+                          for (std::size_t leaf = range.begin(); leaf < range.end(); ++leaf)
+                              leafPairs.find(leaf, found.local());
+                      });
+    std::vector<TrianglePair> pairs;
+    for (const auto& some : found) pairs.insert(pairs.end(), some.begin(), some.end());
+    tbb::parallel_sort(pairs.begin(), pairs.end());
     progress.endStage();
-    return count;
+    return pairs;
 }
 
 } // namespace mpuvdb

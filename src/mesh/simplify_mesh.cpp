@@ -86,12 +86,16 @@ double shapeOf(const Vec3d& a, const Vec3d& b, const Vec3d& c)
     return longest > 0 ? (b - a).cross(c - a).norm() / longest : 0;
 }
 
-/// The space above and below a triangle.
+/// By how much a colour may change, of 1.
+constexpr float kColorReach = 0.06f;
+
+/// The space above and below a triangle, and the colours on it.
 class Slab
 {
 public:
-    explicit Slab(const std::array<Vec3d, 3>& corners)
-        : mCorners(corners), mNormal((corners[1] - corners[0]).cross(corners[2] - corners[0]))
+    Slab(const std::array<Vec3d, 3>& corners, const std::array<Vec3f, 3>& colors)
+        : mCorners(corners), mColors(colors),
+          mNormal((corners[1] - corners[0]).cross(corners[2] - corners[0]))
     {
         mNormal.normalize();
         for (std::size_t side = 0; side < 3; ++side)
@@ -109,9 +113,22 @@ public:
         return std::abs(mNormal.dot(p - mCorners[0])) <= reach &&
                squaredDistance(p, mCorners) <= reach * reach;
     }
+    /// Whether the triangle has about @a color below @a p.
+    bool isColored(const Vec3d& p, const Vec3f& color) const
+    {
+        const double whole = mInward[0].dot(mCorners[2] - mCorners[0]);
+        if (!(whole > 0)) return true;
+        Vec3f blended = Vec3f::Zero();
+        for (std::size_t side = 0; side < 3; ++side) {
+            const double share = mInward[side].dot(p - mCorners[side]) / whole;
+            blended += float(share) * mColors[(side + 2) % 3];
+        }
+        return (blended - color).cwiseAbs().maxCoeff() <= kColorReach;
+    }
 
 private:
     std::array<Vec3d, 3> mCorners;
+    std::array<Vec3f, 3> mColors;
     Vec3d mNormal;
     std::array<Vec3d, 3> mInward; ///< across each side
 };
@@ -156,6 +173,7 @@ public:
         for (Index v = 0; v < mPositions.size(); ++v)
             if (!mFaces[v].empty()) addPoint(mFaces[v].front(), v);
         mPoints = mPositions;
+        mPointColors = mMesh.colors;
         holdBoundaries();
     }
 
@@ -234,6 +252,30 @@ private:
         return corners;
     }
 
+    /// The colours of the triangle's corners after a collapse.
+    std::array<Vec3f, 3> colorsOf(Index t, const Collapse& c) const
+    {
+        std::array<Vec3f, 3> colors{Vec3f::Zero(), Vec3f::Zero(), Vec3f::Zero()};
+        if (mMesh.colors.empty()) return colors;
+        for (std::size_t n = 0; n < 3; ++n) {
+            const Index v = mMesh.triangles[t][n];
+            colors[n] = v == c.kept || v == c.gone ? blended(mMesh.colors, c) : mMesh.colors[v];
+        }
+        return colors;
+    }
+
+    /// What a collapse makes of the values of its two vertices.
+    template <typename Value>
+    Value blended(const std::vector<Value>& values, const Collapse& c) const
+    {
+        const Vec3d along = mPositions[c.gone] - mPositions[c.kept];
+        const double square = along.squaredNorm();
+        const auto t = float(
+            square > 0 ? std::clamp((c.place - mPositions[c.kept]).dot(along) / square, 0., 1.)
+                       : 0);
+        return (1 - t) * values[c.kept] + t * values[c.gone];
+    }
+
     bool holds(Index t, Index v) const
     {
         const Mesh::Triangle& c = mMesh.triangles[t];
@@ -272,7 +314,8 @@ private:
     {
         std::vector<Slab> slabs;
         slabs.reserve(faces.size());
-        for (const Index t : faces) slabs.emplace_back(moved(t, c.kept, c.gone, c.place));
+        for (const Index t : faces)
+            slabs.emplace_back(moved(t, c.kept, c.gone, c.place), colorsOf(t, c));
         std::size_t last = 0; // points come from one triangle after the other
         for (const Index point : points) {
             const Vec3d& p = mPoints[point];
@@ -287,6 +330,8 @@ private:
             };
             if (!found([&](const Slab& slab) { return slab.holds(p, mReach); }) &&
                 !found([&](const Slab& slab) { return slab.isNear(p, mReach); }))
+                return false;
+            if (!mPointColors.empty() && !slabs[last].isColored(p, mPointColors[point]))
                 return false;
             homes.push_back(faces[last]);
         }
@@ -319,6 +364,7 @@ private:
                                 mFaces[v].end());
             mMesh.triangles[t] = {kNone, kNone, kNone};
         }
+        mMesh.forEachAttribute([&](auto& values) { values[c.kept] = blended(values, c); });
         mFaces[c.kept] = staying;
         mFaces[c.gone].clear();
         mPositions[c.kept] = c.place;
@@ -329,23 +375,27 @@ private:
 
     Mesh compacted()
     {
-        Mesh result;
-        result.frame = mMesh.frame;
         std::vector<Index> number(mPositions.size(), kNone);
+        Index count = 0;
         for (std::size_t v = 0; v < mPositions.size(); ++v) {
             if (mFaces[v].empty()) continue;
-            number[v] = Index(result.positions.size());
-            result.positions.push_back(mPositions[v].cast<float>());
+            mMesh.positions[count] = mPositions[v].cast<float>();
+            mMesh.forEachAttribute([&](auto& values) { values[count] = values[v]; });
+            number[v] = count++;
         }
+        mMesh.positions.resize(count);
+        mMesh.forEachAttribute([&](auto& values) { values.resize(count); });
+        std::vector<Mesh::Triangle> left;
         for (const Mesh::Triangle& t : mMesh.triangles)
-            if (t[0] != kNone)
-                result.triangles.push_back({number[t[0]], number[t[1]], number[t[2]]});
-        return result;
+            if (t[0] != kNone) left.push_back({number[t[0]], number[t[1]], number[t[2]]});
+        mMesh.triangles = std::move(left);
+        return std::move(mMesh);
     }
 
     Mesh mMesh;
     double mReach;
     std::vector<Vec3d> mPositions, mPoints; ///< of what is left; of the original
+    std::vector<Vec3f> mPointColors;        ///< of the original; or empty
     std::vector<Quadric> mQuadrics;
     std::vector<std::vector<Index>> mFaces; ///< of each vertex
     std::vector<Index> mAge;                ///< of each vertex, grows when it changes

@@ -1,5 +1,7 @@
 #include "triangle_tree.h"
 
+#include "point_triangle.h"
+
 #include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>
@@ -27,31 +29,10 @@ std::uint64_t spread(std::uint64_t v)
     return (v | v << 2) & 0x1249249249249249;
 }
 
-Vec3d nearestOnSegment(const Vec3d& p, const Vec3d& a, const Vec3d& b)
-{
-    const Vec3d along = b - a;
-    const double length2 = along.squaredNorm();
-    const double t = length2 > 0 ? std::clamp((p - a).dot(along) / length2, 0.0, 1.0) : 0.0;
-    return a + t * along;
-}
-
-/// Where the foot on the plane is inside; else on the nearest side.
 double squaredDistanceTo(const TriangleTree::Corners& corners, const Vec3d& p)
 {
-    const Vec3d a = corners[0].cast<double>(), b = corners[1].cast<double>(),
-                c = corners[2].cast<double>();
-    const Vec3d u = b - a, v = c - a, w = p - a, normal = u.cross(v);
-    const double n2 = normal.squaredNorm();
-    if (n2 > 0) {
-        const double s = w.cross(v).dot(normal), t = u.cross(w).dot(normal);
-        if (s >= 0 && t >= 0 && s + t <= n2) {
-            const double height = w.dot(normal);
-            return height * height / n2;
-        }
-    }
-    return std::min({(nearestOnSegment(p, a, b) - p).squaredNorm(),
-                     (nearestOnSegment(p, b, c) - p).squaredNorm(),
-                     (nearestOnSegment(p, c, a) - p).squaredNorm()});
+    return squaredDistance(p, {corners[0].cast<double>(), corners[1].cast<double>(),
+                               corners[2].cast<double>()});
 }
 
 double squaredDistanceTo(const TriangleTree::Box& box, const Vec3d& p)

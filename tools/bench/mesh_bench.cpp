@@ -62,7 +62,7 @@ void run(const std::string& description, double voxelSize, int runs)
     for (int n = 0; n < runs; ++n) {
         theirs.add([&] { openvdb::tools::VolumeToMesh()(levelSet.grid()); });
         fromGrid.add([&] { mesh = extractMesh(levelSet, progress); });
-        fromField.add([&] { mesh = extractMesh(levelSet, progress, field.get()); });
+        fromField.add([&] { mesh = extractMesh(levelSet, progress, {field.get()}); });
         simplified.add([&] { fewer = simplify(mesh, 0.1 * voxelSize, progress); });
     }
     fmt::print(

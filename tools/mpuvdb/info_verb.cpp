@@ -101,7 +101,7 @@ struct Other {
 Json describeMesh(const Mesh& mesh, const std::optional<Other>& other, Progress& progress)
 {
     Json json = command::toJson(measure(mesh));
-    json["self_intersections"] = countSelfIntersections(mesh, progress);
+    json["self_intersections"] = findSelfIntersections(mesh, progress).size();
     json["colors"] = !mesh.colors.empty();
     if (!other) return json;
     const TwoWayDistances both = other->distancesFrom(mesh, progress);

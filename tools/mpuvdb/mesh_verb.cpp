@@ -25,6 +25,8 @@ public:
                 "  mpuvdb mesh scan.vdb -o - > scan.ply\n"
                 "  mpuvdb mesh scan.vdb -o scan.glb --up z --units mm\n"
                 "      For a world with Z up, in millimetres: GLB has Y up, and metres.\n"
+                "  mpuvdb mesh part.vdb -o part.obj --tolerance 0.1vx --lods 3\n"
+                "      A tenth of the triangles or fewer, and three coarser meshes beside.\n"
                 "  mpuvdb mesh scan.vdb -o open.ply --holes 5vx\n"
                 "      Holes of more than five voxels stay open; needs reconstruct --coverage.\n"};
     }
@@ -42,12 +44,13 @@ public:
             app, mAttributes,
             "Grids of the file that give the vertices colours and numbers, by name; auto: Cd,\n"
             "where there is one; the default");
+        addMeshShape(app, mMesh.shape, "--tolerance");
         addScene(app, mMesh.scene);
     }
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mMesh.path, meshExtensions(), true}}, {mInput});
+        session.checkFiles(filesOf(mMesh, "-o"), {mInput});
         session.progress().beginStage("read");
         const LevelSet levelSet = readLevelSet(mInput, mGrid);
         const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids();
@@ -62,10 +65,10 @@ public:
             mMesh.addAttributes = [&grids](Mesh& mesh, Progress& progress) {
                 for (const auto& grid : grids) addAttribute(mesh, *grid, progress);
             };
-        writeMeshOf(levelSet, mMesh, session);
+        const ExitCode code = writeMeshOf(levelSet, mMesh, session);
         session.progress().endStage();
         session.note("time        " + session.timesText());
-        return ExitCode::Ok;
+        return code;
     }
 
 private:
@@ -169,32 +172,128 @@ void addScene(CLI::App& app, SceneSettings& scene)
         ->group(group);
 }
 
-void writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session)
+void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance)
 {
-    const Trim& trim = output.trim;
-    Mesh mesh = extractMesh(levelSet, session.progress());
-    if (trim.coverage) mesh = trimmed(std::move(mesh), trim, session);
-    if (output.addAttributes) output.addAttributes(mesh, session.progress());
-    const MeshReport report = measure(mesh);
-    const auto write = [&](const std::filesystem::path& file) {
-        writeMesh(file, mesh, session.progress(), output.scene);
-    };
-    if (output.path == "-")
-        printFile(".ply", write);
-    else
-        write(output.path);
-    warnOfStl(mesh, levelSet.voxelSize(), output.path, session);
-    session.report()["mesh"] = toJson(report);
-    if (!session.options().report.empty())
-        session.report()["mesh"]["self_intersections"] =
-            countSelfIntersections(mesh, session.progress());
-    session.note(fmt::format("mesh        {} vertices, {} triangles, {} components: {}",
-                             report.vertices, report.triangles, report.components, output.path));
-    if ((report.boundaryEdges && !trim.coverage) || report.nonManifoldEdges) {
-        session.warn(
-            fmt::format("{}: the mesh is not closed: {} boundary and {} non-manifold edges",
-                        output.path, report.boundaryEdges, report.nonManifoldEdges));
+    const char* const group = "Triangles";
+    app.add_option_function<std::string>(
+           tolerance, [&shape](const std::string& text) { shape.tolerance = Length::parse(text); },
+           "Fewer triangles, at most this far from the full mesh, such as 0.1vx: edges stay,\n"
+           "colours too; default: all triangles")
+        ->type_name("LENGTH")
+        ->group(group);
+    app.add_option("--lods", shape.lods,
+                   "Write coarser meshes beside it: OUT.lod1.ply, OUT.lod2.ply ..., each with four\n"
+                   "times the tolerance of the one before; the first with 0.4vx, or four times the\n"
+                   "tolerance given")
+        ->check(CLI::Range(0, 8))
+        ->group(group);
+    app.add_flag("--strict", shape.strict,
+                 "No triangles may cross: what makes them do so is given up; exit 4 if that does\n"
+                 "not help")
+        ->group(group);
+}
+
+namespace
+{
+
+/// OUT.lod1.ply for OUT.ply.
+std::string lodPath(const std::string& path, int level)
+{
+    std::filesystem::path file(path);
+    const std::string extension = file.extension();
+    file.replace_extension(fmt::format(".lod{}{}", level, extension));
+    return file;
+}
+
+class MeshWriter
+{
+public:
+    MeshWriter(const LevelSet& levelSet, const MeshOutput& output, Session& session)
+        : mVoxelSize(levelSet.voxelSize()), mOutput(output), mSession(session)
+    {
+        const auto size = levelSet.grid().evalActiveVoxelDim();
+        mDiagonal = mVoxelSize * size.asVec3d().length();
     }
+
+    ExitCode write(Mesh mesh)
+    {
+        const MeshShape& shape = mOutput.shape;
+        double within = 0; // of the full mesh
+        if (shape.tolerance) {
+            within = shape.tolerance->resolve(mVoxelSize, mDiagonal);
+            mesh = simplify(std::move(mesh), within, mSession.progress());
+        }
+        mSession.report()["mesh"] = writeOne(mesh, mOutput.path, within);
+        double next = within > 0 ? 4 * within : kFirstLod * mVoxelSize;
+        for (int level = 1; level <= shape.lods; ++level, next *= 4) {
+            mesh = simplify(std::move(mesh), next - within, mSession.progress());
+            within = next;
+            mSession.report()["lods"].push_back(
+                writeOne(mesh, lodPath(mOutput.path, level), within));
+        }
+        return mCrossing ? ExitCode::CheckFailed : ExitCode::Ok;
+    }
+
+private:
+    static constexpr double kFirstLod = 0.4; // voxels
+
+    nlohmann::json writeOne(const Mesh& mesh, const std::string& path, double within)
+    {
+        const auto toFile = [&](const std::filesystem::path& file) {
+            writeMesh(file, mesh, mSession.progress(), mOutput.scene);
+        };
+        if (path == "-")
+            printFile(".ply", toFile);
+        else
+            toFile(path);
+        warnOfStl(mesh, mVoxelSize, path, mSession);
+        const MeshReport report = measure(mesh);
+        nlohmann::json json = toJson(report);
+        if (within > 0) json["tolerance"] = within;
+        if (mOutput.shape.strict || !mSession.options().report.empty()) {
+            const auto pairs = findSelfIntersections(mesh, mSession.progress());
+            json["self_intersections"] = pairs.size();
+            if (mOutput.shape.strict && !pairs.empty()) {
+                mCrossing = true;
+                mSession.warn(fmt::format("{}: {} pairs of triangles cross; use smaller voxels, or "
+                                          "a smaller tolerance",
+                                          path, pairs.size()));
+            }
+        }
+        mSession.note(fmt::format("mesh        {} vertices, {} triangles, {} components: {}",
+                                  report.vertices, report.triangles, report.components, path));
+        if ((report.boundaryEdges && !mOutput.trim.coverage) || report.nonManifoldEdges)
+            mSession.warn(
+                fmt::format("{}: the mesh is not closed: {} boundary and {} non-manifold edges",
+                            path, report.boundaryEdges, report.nonManifoldEdges));
+        return json;
+    }
+
+    double mVoxelSize, mDiagonal;
+    const MeshOutput& mOutput;
+    Session& mSession;
+    bool mCrossing = false;
+};
+
+} // namespace
+
+std::vector<Output> filesOf(const MeshOutput& output, const std::string& option)
+{
+    std::vector<Output> files{{option, output.path, meshExtensions(), true}};
+    if (output.path == "-" && output.shape.lods > 0)
+        throw UsageError("--lods writes files beside the mesh: give that a name instead of -");
+    for (int level = 1; level <= output.shape.lods && !output.path.empty(); ++level)
+        files.push_back({"--lods", lodPath(output.path, level), meshExtensions()});
+    return files;
+}
+
+ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session)
+{
+    Mesh mesh =
+        extractMesh(levelSet, session.progress(), {output.field, output.shape.strict});
+    if (output.trim.coverage) mesh = trimmed(std::move(mesh), output.trim, session);
+    if (output.addAttributes) output.addAttributes(mesh, session.progress());
+    return MeshWriter(levelSet, output, session).write(std::move(mesh));
 }
 
 std::unique_ptr<Verb> makeMesh()

@@ -70,6 +70,7 @@ public:
         addGridOptions(app);
         addFitOptions(app);
         addPointOptions(app);
+        addMeshShape(app, mMesh.shape, "--mesh-tolerance");
         addScene(app, mMesh.scene);
     }
 
@@ -78,8 +79,8 @@ public:
         if (!mPreset.empty())
             session.note(fmt::format("preset      {}: {}", mPreset, mPresetOptions));
         const std::uint64_t bareBytes = residentBytes();
-        std::vector<Output> outputs{{"--mesh", mMesh.path, meshExtensions(), true},
-                                    {"--usd", mUsd, {".usda"}}};
+        std::vector<Output> outputs = filesOf(mMesh, "--mesh");
+        outputs.push_back({"--usd", mUsd, {".usda"}});
         if (!mOutput.empty()) outputs.push_back({"-o", mOutput, {".vdb"}});
         session.checkFiles(outputs, mInputs);
         PointInput input = readInput(session);
@@ -112,15 +113,17 @@ public:
             beside.insert(beside.begin(), made.levelSet.gridPtr());
             writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene);
         }
+        ExitCode meshCode = ExitCode::Ok;
         if (!mMesh.path.empty()) {
             mMesh.trim = trimOf(made, coverage);
-            writeMeshOf(made.levelSet, mMesh, session);
+            mMesh.field = made.field.get();
+            meshCode = writeMeshOf(made.levelSet, mMesh, session);
         }
         session.progress().endStage();
         summarise(session, made);
         for (const CheckFinding& finding : checked.findings)
             session.warn(fmt::format("{}: {}", mOutput, findingText(finding)));
-        return checked.sound() ? ExitCode::Ok : ExitCode::CheckFailed;
+        return checked.sound() ? meshCode : ExitCode::CheckFailed;
     }
 
 private:

@@ -104,15 +104,31 @@ CLI::Option* addAttributes(CLI::App& app, Attributes& attributes, const std::str
 /// Declare --up and --units.
 void addScene(CLI::App& app, SceneSettings& scene);
 
+/// What is asked of a mesh beside its place.
+struct MeshShape {
+    std::optional<Length> tolerance; ///< of its simplification; none: all triangles
+    int lods = 0;                    ///< coarser meshes beside it
+    bool strict = false;             ///< no triangles may cross
+};
+
+/// Declare the option called @a tolerance (such as "--tolerance"), --lods and --strict.
+void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance);
+
 /// A mesh that a verb is to write.
 struct MeshOutput {
     std::string path; ///< "-": PLY on standard output
     Trim trim;
+    MeshShape shape;
+    const Field* field = nullptr; ///< what the level set was sampled from, if known
     std::function<void(Mesh&, Progress&)> addAttributes; ///< empty: there are none
     SceneSettings scene;
 };
 
-/// Extract the mesh of @a levelSet, write it, report it.
-void writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session);
+/// The files that writeMeshOf() writes, as checkFiles() wants them.
+std::vector<Output> filesOf(const MeshOutput& output, const std::string& option);
+
+/// Extract the mesh of @a levelSet, write it, report it. @return CheckFailed where triangles cross
+/// and were not to.
+ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session);
 
 } // namespace mpuvdb::command
