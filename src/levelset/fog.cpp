@@ -88,7 +88,7 @@ FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress)
         if (n % 1024 == 0) progress.check();
         if (dense[n]) fogTree->addLeaf(dense[n].release());
     }
-    const FloatGrid::Ptr fog = FloatGrid::create(fogTree);
+    FloatGrid::Ptr fog = FloatGrid::create(fogTree);
     fog->setTransform(levelSet.grid().transform().copy());
     fog->insertMeta(levelSet.grid());
     fog->setGridClass(openvdb::GRID_FOG_VOLUME);
