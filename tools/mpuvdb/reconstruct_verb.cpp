@@ -200,8 +200,9 @@ private:
                "--region", [this](const std::vector<std::string>& words) { setRegion(words); },
                "Only the voxels in this box (X0 Y0 Z0 X1 Y1 Z1), active and with values as\n"
                "without it, but where islands, handles or jumps that are closed reach from it\n"
-               "farther than 32 voxels. Outside of it nothing is active, so that the band ends\n"
-               "at its sides, and there may be no mesh. All points are read and fitted")
+               "farther than 32 voxels. Outside of it nothing is active: the band ends at its\n"
+               "sides (check finds that), and there may be no mesh. All points are read and\n"
+               "fitted")
             ->type_name("LENGTH")
             ->expected(6)
             ->group(group);
