@@ -24,13 +24,14 @@ struct ExtractSettings {
 /// and manifold whatever the values are [Wenger13 §3.3]; triangles face outwards, those that would
 /// fold over at creases are drawn back. Far from the origin nothing is rounded. The same for any
 /// number of threads. @throws LimitError beyond 2^32 vertices, Interrupted. [Ju02]
-Mesh extractMesh(const LevelSet& levelSet, Progress& progress, const ExtractSettings& settings = {});
+Mesh extractMesh(const LevelSet& levelSet, Progress& progress,
+                 const ExtractSettings& settings = {});
 
-/// @a mesh with fewer triangles, at a distance of at most @a tolerance (world units, > 0): no vertex
-/// of @a mesh lies farther from the result. Edges are collapsed where that costs least, so that
-/// creases stay; a manifold stays one, of the same genus; boundaries stay as they are; colours change
-/// by at most 6 % of white, other attributes are interpolated. The same for
-/// any number of threads, of which it uses one: 4 to 10 us for each vertex.
+/// @a mesh with fewer triangles, at a distance of at most @a tolerance (world units, > 0): no
+/// vertex of @a mesh lies farther from the result. Edges are collapsed where that costs least, so
+/// that creases stay; a manifold stays one, of the same genus; boundaries stay as they are; colours
+/// change by at most 6 % of white, other attributes are interpolated. The same for any number of
+/// threads, of which it uses one: 4 to 10 us for each vertex.
 /// @throws UsageError for a tolerance that is not above 0, Interrupted. [Garland97]
 Mesh simplify(Mesh mesh, double tolerance, Progress& progress);
 

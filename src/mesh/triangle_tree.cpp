@@ -31,8 +31,8 @@ std::uint64_t spread(std::uint64_t v)
 
 double squaredDistanceTo(const TriangleTree::Corners& corners, const Vec3d& p)
 {
-    return squaredDistance(p, {corners[0].cast<double>(), corners[1].cast<double>(),
-                               corners[2].cast<double>()});
+    return squaredDistance(
+        p, {corners[0].cast<double>(), corners[1].cast<double>(), corners[2].cast<double>()});
 }
 
 double squaredDistanceTo(const TriangleTree::Box& box, const Vec3d& p)

@@ -1,4 +1,5 @@
 // Triangle meshes.
+#include "arguments.h"
 #include "arrays.h"
 #include "bindings.h"
 #include "run.h"
@@ -72,6 +73,26 @@ void bindMesh(MeshClass& meshes)
                 return run(py::none(), [&](Progress&) { return measure(mesh); });
             },
             "Count, and measure area and volume: a MeshReport.")
+        .def(
+            "simplify",
+            [](const Mesh& mesh, const LengthArgument& tolerance, const py::object& progress) {
+                Box3d box;
+                for (const Vec3f& p : mesh.positions) box.extend(p.cast<double>());
+                const double length = worldLength(tolerance, {box});
+                return run(progress, [&](Progress& p) {
+                    return std::make_shared<Mesh>(simplify(mesh, length, p));
+                });
+            },
+            "tolerance"_a, "progress"_a = py::none(),
+            "A Mesh of fewer triangles, at most tolerance (a length; % is of the mesh's diagonal) "
+            "from this one: edges and colours stay." MPUVDB_PROGRESS_DOC)
+        .def(
+            "self_intersections",
+            [](const Mesh& mesh, const py::object& progress) {
+                return run(progress,
+                           [&](Progress& p) { return findSelfIntersections(mesh, p).size(); });
+            },
+            "progress"_a = py::none(), "How many pairs of triangles cross." MPUVDB_PROGRESS_DOC)
         .def(
             "shape",
             [](const std::shared_ptr<Mesh>& mesh) {

@@ -181,10 +181,11 @@ void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance)
            "colours too; default: all triangles")
         ->type_name("LENGTH")
         ->group(group);
-    app.add_option("--lods", shape.lods,
-                   "Write coarser meshes beside it: OUT.lod1.ply, OUT.lod2.ply ..., each with four\n"
-                   "times the tolerance of the one before; the first with 0.4vx, or four times the\n"
-                   "tolerance given")
+    app.add_option(
+           "--lods", shape.lods,
+           "Write coarser meshes beside it: OUT.lod1.ply, OUT.lod2.ply ..., each with four\n"
+           "times the tolerance of the one before; the first with 0.4vx, or four times the\n"
+           "tolerance given")
         ->check(CLI::Range(0, 8))
         ->group(group);
     app.add_flag("--strict", shape.strict,
@@ -289,8 +290,7 @@ std::vector<Output> filesOf(const MeshOutput& output, const std::string& option)
 
 ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session)
 {
-    Mesh mesh =
-        extractMesh(levelSet, session.progress(), {output.field, output.shape.strict});
+    Mesh mesh = extractMesh(levelSet, session.progress(), {output.field, output.shape.strict});
     if (output.trim.coverage) mesh = trimmed(std::move(mesh), output.trim, session);
     if (output.addAttributes) output.addAttributes(mesh, session.progress());
     return MeshWriter(levelSet, output, session).write(std::move(mesh));
