@@ -31,7 +31,7 @@ Meshed meshOf(const std::string& text, double voxelSize)
 Mesh simplified(const Mesh& mesh, double tolerance)
 {
     Progress progress;
-    return simplify(mesh, tolerance, progress);
+    return simplify(mesh, {tolerance}, progress);
 }
 
 double squaredToSegment(const Vec3d& p, const Vec3d& a, const Vec3d& b)
@@ -105,6 +105,49 @@ TEST(SimplifiedMesh, OfAPartNeedsATenthOfTheTriangles)
     }
 }
 
+TEST(SimplifiedMesh, KeepsColours)
+{
+    // A box, red above a slanted line and green below: the line stays, each side is one colour.
+    Mesh box = meshOf("box(1,1,1)", 0.05).mesh;
+    const auto isRed = [](const Vec3d& p) { return p.x() + 0.4 * p.y() + 0.2 * p.z() > 0.1; };
+    std::vector<float> heights;
+    for (std::size_t v = 0; v < box.positions.size(); ++v) {
+        box.colors.push_back(isRed(box.world(v)) ? Vec3f(1, 0, 0) : Vec3f(0, 1, 0));
+        heights.push_back(float(box.world(v).z()));
+    }
+    box.scalars.push_back({"height", heights});
+    const Mesh fewer = simplified(box, 0.005);
+    EXPECT_LT(fewer.triangles.size() * 2, box.triangles.size());
+    ASSERT_EQ(fewer.colors.size(), fewer.positions.size());
+    ASSERT_EQ(fewer.scalars.size(), 1u);
+    ASSERT_EQ(fewer.scalars[0].values.size(), fewer.positions.size());
+    for (std::size_t v = 0; v < fewer.positions.size(); ++v) {
+        const Vec3d p = fewer.world(v);
+        // The line was as wide as a triangle.
+        const double fromLine = p.x() + 0.4 * p.y() + 0.2 * p.z() - 0.1;
+        if (std::abs(fromLine) > 0.1) {
+            EXPECT_NEAR(fewer.colors[v].x(), fromLine > 0, 0.07);
+        }
+        EXPECT_NEAR(fewer.scalars[0].values[v], p.z(), 0.02);
+    }
+}
+
+TEST(SimplifiedMesh, HasNoCrossingsWhereItIsStrict)
+{
+    const Mesh mesh =
+        meshOf("rotate(difference(union(box(2,2,0.3),rotate(cylinder(0.3,2),1,0,0,70)),"
+               "translate(rotate(cylinder(0.25,3),0,1,0,65),0.3,0.2,0)),1,2,3,33)",
+               0.05)
+            .mesh;
+    Progress progress;
+    ASSERT_EQ(findSelfIntersections(mesh, progress).size(), 0u);
+    for (const double tolerance : {0.005, 0.02, 0.08}) {
+        const Mesh fewer = simplify(mesh, {tolerance, true}, progress);
+        EXPECT_EQ(findSelfIntersections(fewer, progress).size(), 0u) << tolerance;
+        EXPECT_LT(fewer.triangles.size() * 3, mesh.triangles.size()) << tolerance;
+    }
+}
+
 TEST(SimplifiedMesh, KeepsBoundaries)
 {
     // The upper half of a torus: two rims.
@@ -157,7 +200,7 @@ TEST(SimplifiedMesh, RefusesAToleranceOfNothingAndStops)
     EXPECT_THROW(simplified(mesh, std::nan("")), UsageError);
     Progress progress;
     progress.stop();
-    EXPECT_THROW(simplify(mesh, 0.01, progress), Interrupted);
+    EXPECT_THROW(simplify(mesh, {0.01}, progress), Interrupted);
     EXPECT_TRUE(simplified(Mesh(), 1).triangles.empty());
 }
 

@@ -27,13 +27,20 @@ struct ExtractSettings {
 Mesh extractMesh(const LevelSet& levelSet, Progress& progress,
                  const ExtractSettings& settings = {});
 
-/// @a mesh with fewer triangles, at a distance of at most @a tolerance (world units, > 0): no
-/// vertex of @a mesh lies farther from the result. Edges are collapsed where that costs least, so
-/// that creases stay; a manifold stays one, of the same genus; boundaries stay as they are; colours
-/// change by at most 6 % of white, other attributes are interpolated. The same for any number of
-/// threads, of which it uses one: 4 to 10 us for each vertex.
-/// @throws UsageError for a tolerance that is not above 0, Interrupted. [Garland97]
-Mesh simplify(Mesh mesh, double tolerance, Progress& progress);
+/// How a mesh is simplified.
+struct SimplifySettings {
+    double tolerance = 0; ///< world units, > 0
+    /// Keep what has to be kept so that no triangles cross (that did not before).
+    bool strict = false;
+};
+
+/// @a mesh with fewer triangles: no vertex of @a mesh lies farther from the result than the
+/// tolerance. Edges are collapsed where that costs least, so that creases stay; a manifold stays
+/// one, of the same genus; boundaries stay as they are; colours change by at most 6 % of white,
+/// other attributes are interpolated. The same for any number of threads, of which it uses one:
+/// about 15 us for each vertex. @throws UsageError for a tolerance that is not above 0,
+/// Interrupted. [Garland97]
+Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& progress);
 
 /// What stays of a mesh that is trimmed where coverage is below one half. Sizes are the largest
 /// distance between two places of an uncovered patch or of a covered part, its rim included.

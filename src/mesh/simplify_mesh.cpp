@@ -32,6 +32,9 @@ constexpr double kLeastEigenvalue = 1e-3;
 /// The least shape of a triangle (see shapeOf) that a collapse may make, unless it mends a worse.
 constexpr double kLeastShape = 0.02;
 
+/// How often to start again where triangles cross: what they were made from is then kept.
+constexpr int kRounds = 6;
+
 /// The cosine between a triangle's normals before and after a collapse.
 constexpr double kLeastTurn = 0.3;
 
@@ -150,12 +153,12 @@ struct Collapse {
 class Simplifier
 {
 public:
-    Simplifier(Mesh mesh, double tolerance)
+    /// @param held  flags of vertices that stay where they are.
+    Simplifier(Mesh mesh, double tolerance, std::vector<char> held)
         : mMesh(std::move(mesh)), mReach(kVertexShare * tolerance),
           mPositions(mMesh.positions.size()), mQuadrics(mMesh.positions.size()),
-          mFaces(mMesh.positions.size()), mAge(mMesh.positions.size(), 0),
-          mHeld(mMesh.positions.size(), 0), mFirstPoint(mMesh.triangles.size(), kNone),
-          mNextPoint(mMesh.positions.size(), kNone)
+          mFaces(mMesh.positions.size()), mAge(mMesh.positions.size(), 0), mHeld(std::move(held)),
+          mFirstPoint(mMesh.triangles.size(), kNone), mNextPoint(mMesh.positions.size(), kNone)
     {
         for (std::size_t v = 0; v < mPositions.size(); ++v)
             mPositions[v] = mMesh.positions[v].cast<double>();
@@ -177,7 +180,7 @@ public:
         holdBoundaries();
     }
 
-    Mesh run(Progress& progress)
+    void run(Progress& progress)
     {
         constexpr int kAtOnce = 256;
         progress.beginStage("simplify", double(mPositions.size()));
@@ -200,7 +203,40 @@ public:
                 propose(std::min(next.kept, w), std::max(next.kept, w));
         }
         progress.endStage();
-        return compacted();
+    }
+
+    /// What is left.
+    Mesh result() const
+    {
+        Mesh mesh = mMesh;
+        std::vector<Index> number(mPositions.size(), kNone);
+        Index count = 0;
+        for (std::size_t v = 0; v < mPositions.size(); ++v) {
+            if (mFaces[v].empty()) continue;
+            mesh.positions[count] = mPositions[v].cast<float>();
+            mesh.forEachAttribute([&](auto& values) { values[count] = values[v]; });
+            number[v] = count++;
+        }
+        mesh.positions.resize(count);
+        mesh.forEachAttribute([&](auto& values) { values.resize(count); });
+        mesh.triangles.clear();
+        for (const Index t : left()) {
+            const Mesh::Triangle& v = mMesh.triangles[t];
+            mesh.triangles.push_back({number[v[0]], number[v[1]], number[v[2]]});
+        }
+        return mesh;
+    }
+
+    /// Set flags for the vertices of the original that went into triangles of the result.
+    void hold(const std::vector<TrianglePair>& pairs, std::vector<char>& held) const
+    {
+        const std::vector<Index> triangles = left();
+        for (const TrianglePair& pair : pairs)
+            for (const Index n : pair) {
+                const Index t = triangles[n];
+                for (const Index v : mMesh.triangles[t]) held[v] = 1;
+                for (Index p = mFirstPoint[t]; p != kNone; p = mNextPoint[p]) held[p] = 1;
+            }
     }
 
 private:
@@ -373,23 +409,13 @@ private:
         return true;
     }
 
-    Mesh compacted()
+    /// The triangles that no collapse took.
+    std::vector<Index> left() const
     {
-        std::vector<Index> number(mPositions.size(), kNone);
-        Index count = 0;
-        for (std::size_t v = 0; v < mPositions.size(); ++v) {
-            if (mFaces[v].empty()) continue;
-            mMesh.positions[count] = mPositions[v].cast<float>();
-            mMesh.forEachAttribute([&](auto& values) { values[count] = values[v]; });
-            number[v] = count++;
-        }
-        mMesh.positions.resize(count);
-        mMesh.forEachAttribute([&](auto& values) { values.resize(count); });
-        std::vector<Mesh::Triangle> left;
-        for (const Mesh::Triangle& t : mMesh.triangles)
-            if (t[0] != kNone) left.push_back({number[t[0]], number[t[1]], number[t[2]]});
-        mMesh.triangles = std::move(left);
-        return std::move(mMesh);
+        std::vector<Index> triangles;
+        for (std::size_t t = 0; t < mMesh.triangles.size(); ++t)
+            if (mMesh.triangles[t][0] != kNone) triangles.push_back(Index(t));
+        return triangles;
     }
 
     Mesh mMesh;
@@ -406,13 +432,22 @@ private:
 
 } // namespace
 
-Mesh simplify(Mesh mesh, double tolerance, Progress& progress)
+Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& progress)
 {
-    if (!(tolerance > 0))
+    if (!(settings.tolerance > 0))
         throw UsageError(fmt::format("simplify: the tolerance is {}; give a length above 0, world "
                                      "units",
-                                     tolerance));
-    return Simplifier(std::move(mesh), tolerance).run(progress);
+                                     settings.tolerance));
+    std::vector<char> held(mesh.positions.size(), 0);
+    for (int round = 0;; ++round) {
+        Simplifier simplifier(mesh, settings.tolerance, held);
+        simplifier.run(progress);
+        Mesh result = simplifier.result();
+        if (!settings.strict || round == kRounds) return result;
+        const std::vector<TrianglePair> pairs = findSelfIntersections(result, progress);
+        if (pairs.empty()) return result;
+        simplifier.hold(pairs, held);
+    }
 }
 
 } // namespace mpuvdb

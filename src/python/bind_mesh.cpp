@@ -75,17 +75,19 @@ void bindMesh(MeshClass& meshes)
             "Count, and measure area and volume: a MeshReport.")
         .def(
             "simplify",
-            [](const Mesh& mesh, const LengthArgument& tolerance, const py::object& progress) {
+            [](const Mesh& mesh, const LengthArgument& tolerance, bool strict,
+               const py::object& progress) {
                 Box3d box;
                 for (const Vec3f& p : mesh.positions) box.extend(p.cast<double>());
                 const double length = worldLength(tolerance, {box});
                 return run(progress, [&](Progress& p) {
-                    return std::make_shared<Mesh>(simplify(mesh, length, p));
+                    return std::make_shared<Mesh>(simplify(mesh, {length, strict}, p));
                 });
             },
-            "tolerance"_a, "progress"_a = py::none(),
+            "tolerance"_a, "strict"_a = false, "progress"_a = py::none(),
             "A Mesh of fewer triangles, at most tolerance (a length; % is of the mesh's diagonal) "
-            "from this one: edges and colours stay." MPUVDB_PROGRESS_DOC)
+            "from this one: edges and colours stay; strict: no triangles are made to "
+            "cross." MPUVDB_PROGRESS_DOC)
         .def(
             "self_intersections",
             [](const Mesh& mesh, const py::object& progress) {

@@ -63,7 +63,7 @@ void run(const std::string& description, double voxelSize, int runs)
         theirs.add([&] { openvdb::tools::VolumeToMesh()(levelSet.grid()); });
         fromGrid.add([&] { mesh = extractMesh(levelSet, progress); });
         fromField.add([&] { mesh = extractMesh(levelSet, progress, {field.get()}); });
-        simplified.add([&] { fewer = simplify(mesh, 0.1 * voxelSize, progress); });
+        simplified.add([&] { fewer = simplify(mesh, {0.1 * voxelSize}, progress); });
     }
     fmt::print(
         "{{\n  \"active_voxels\": {},\n  \"triangles\": {},\n  \"simplified_triangles\": {},\n",

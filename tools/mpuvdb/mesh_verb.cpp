@@ -222,15 +222,15 @@ public:
         double within = 0; // of the full mesh
         if (shape.tolerance) {
             within = shape.tolerance->resolve(mVoxelSize, mDiagonal);
-            mesh = simplify(std::move(mesh), within, mSession.progress());
+            mesh = simplify(mesh, {within, shape.strict}, mSession.progress());
         }
         mSession.report()["mesh"] = writeOne(mesh, mOutput.path, within);
         double next = within > 0 ? 4 * within : kFirstLod * mVoxelSize;
         for (int level = 1; level <= shape.lods; ++level, next *= 4) {
-            mesh = simplify(std::move(mesh), next - within, mSession.progress());
+            mesh = simplify(mesh, {next - within, shape.strict}, mSession.progress());
             within = next;
-            mSession.report()["lods"].push_back(
-                writeOne(mesh, lodPath(mOutput.path, level), within));
+            const nlohmann::ordered_json lod = writeOne(mesh, lodPath(mOutput.path, level), within);
+            mSession.report()["lods"].push_back(lod);
         }
         return mCrossing ? ExitCode::CheckFailed : ExitCode::Ok;
     }
@@ -238,7 +238,7 @@ public:
 private:
     static constexpr double kFirstLod = 0.4; // voxels
 
-    nlohmann::json writeOne(const Mesh& mesh, const std::string& path, double within)
+    nlohmann::ordered_json writeOne(const Mesh& mesh, const std::string& path, double within)
     {
         const auto toFile = [&](const std::filesystem::path& file) {
             writeMesh(file, mesh, mSession.progress(), mOutput.scene);
@@ -249,7 +249,7 @@ private:
             toFile(path);
         warnOfStl(mesh, mVoxelSize, path, mSession);
         const MeshReport report = measure(mesh);
-        nlohmann::json json = toJson(report);
+        nlohmann::ordered_json json = toJson(report);
         if (within > 0) json["tolerance"] = within;
         if (mOutput.shape.strict || !mSession.options().report.empty()) {
             const auto pairs = findSelfIntersections(mesh, mSession.progress());
