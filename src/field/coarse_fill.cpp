@@ -20,7 +20,7 @@ constexpr float kDistanceShare = 0.05f;
 /// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
 /// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
 /// data do bulge without.
-constexpr float kConcaveShare = 1.5f;
+constexpr float kConcaveShare = 2;
 /// Node steps on which normals and bends of data fade.
 constexpr float kFade = 6;
 /// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.
@@ -77,17 +77,20 @@ std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const Node
 }
 
 /// How much concave data bend, spread beyond them: the sum of principal curvatures, at most 0.
+/// It spreads through the air that the data face; all nodes behind data hold it at 0, or dents
+/// would open a cavity in the solid beneath them.
 std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Progress& progress)
 {
     const auto stride = strides(grid);
     std::vector<float> weight(grid.size(), 0.0f), rightHand(grid.size(), 0.0f);
     forEachInterior(grid, [&](std::size_t n) {
-        bool known = data.weight[n] > 0;
+        if (!(data.weight[n] > 0)) return;
+        const bool inAir = data.distance[n] > 0;
         for (const std::size_t s : stride)
-            known = known && data.weight[n - s] > 0 && data.weight[n + s] > 0;
-        if (!known) return;
-        const float bend = divergence(data.normal, n, stride);
+            if (inAir && !(data.weight[n - s] > 0 && data.weight[n + s] > 0)) return;
         weight[n] = data.weight[n];
+        if (!inAir) return;
+        const float bend = divergence(data.normal, n, stride);
         rightHand[n] = -weight[n] * std::clamp(bend, -kMostCurved, kMostCurved);
     });
     ScreenedPoisson solver(grid, faded(std::move(weight)), progress);

@@ -375,25 +375,25 @@ Vec2f PatchEnds::nearest(const Vec2f& place) const
     return best;
 }
 
-float SurfacePatch::distance(const Vec3f& from, float side, const PatchEnds* ends) const
+float SurfacePatch::distance(const Vec3f& from, float side, const PatchEnds* within) const
 {
     const Vec3f across = normal.cross(tangent);
     const float height = side * normal.dot(from);
     const float along[2] = {tangent.dot(from), across.dot(from)};
     const float length = from.norm();
     // Behind an open patch: it faces another part of the surface's side.
-    if (height < 0 && !ends) return length;
+    if (height < 0 && !within) return length;
     Vec2f shift; // of the nearest place on the patch
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
-    Vec2f to = ends ? ends->nearest(shift) : shift;
-    const float reached = to.norm(), extent = ends ? ends->reach : kExtent;
+    Vec2f to = within ? within->nearest(shift) : shift;
+    const float reached = to.norm(), extent = within ? within->reach : kExtent;
     if (height >= 0 && to == shift && reached <= std::min(extent, kExtent))
         return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                      side * curvature[0]));
     if (reached > extent) to *= extent / reached;
     const float sag =
-        ends ? 0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]) : 0;
+        within ? 0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]) : 0;
     const float u = along[0] - to[0], v = along[1] - to[1], w = height + sag;
     return std::min(length, std::sqrt(u * u + v * v + w * w));
 }
