@@ -27,10 +27,14 @@ constexpr float kFarthest = 2.2f;     ///< of a crease from a foot, voxels
 constexpr float kBeyond = 0.8f;       ///< of a foot beyond a crease
 constexpr float kLeastHeight = 0.02f; ///< of one foot above the other's plane, to tell the side
 constexpr float kOffSurface = 0.35f;  ///< of a crease from the surface that the values tell
-constexpr float kOffReach = 0.55f;     ///< of places of a patch from that surface
+constexpr float kOffReach = 0.55f;    ///< of places of a patch from that surface
 /// How far from its foot a patch may go, voxels: the farthest that the values allow.
 constexpr float kReaches[] = {1.6f, 1.2f, 0.8f, 0.4f};
-constexpr int kSteps = 2; ///< to where two bent patches meet
+/// Only flat ones go all the way: others bend otherwise than their feet tell. Those without ends
+/// lie beside what is no crease, such as a narrow fillet. And what a part of another has at least.
+constexpr float kBentReach = 0.8f, kEndlessReach = 0.4f, kPartReach = 0.4f;
+constexpr float kFlat = 0.02f; ///< flat ones bend less, per voxel
+constexpr int kSteps = 2;      ///< to where two bent patches meet
 /// Of a crossing from the patch that it belongs to; and what a voxel of distance from that patch's
 /// foot counts beside it.
 constexpr float kOffPatch = 0.4f, kAside = 0.1f;
@@ -147,6 +151,7 @@ public:
             if (!(at.norm() <= kFarthest) || !(score < least)) return;
             least = score;
             result = seenFrom(p, ends, at);
+            result.ends.reach = std::max(ends.reach - at.norm(), kPartReach);
             result.patch.foot = -result.patch.to(rough.voxel);
             result.patch.voxel = rough.voxel;
         });
@@ -234,7 +239,11 @@ private:
     float reachOf(Ended made) const
     {
         constexpr int kDirections = 8;
+        const auto& k = made.patch.curvature;
+        const bool isFlat = std::max(std::abs(k[0]), std::abs(k[1])) <= kFlat;
+        const float most = made.ends.count == 0 ? kEndlessReach : isFlat ? kReaches[0] : kBentReach;
         for (const float reach : kReaches) {
+            if (reach > most) continue;
             made.ends.reach = reach;
             bool all = true;
             for (int n = 0; all && n < kDirections; ++n) {
