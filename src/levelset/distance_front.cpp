@@ -68,7 +68,7 @@ class Front
 public:
     Front(const openvdb::FloatTree& signs, const SurfacePatches& patches, const Reach& reach,
           const FinishLeaf& finish, Progress& progress)
-        : mSigns(signs), mSurface(patches), mPatches(patches.patches), mFinish(finish),
+        : mSigns(signs), mPatches(patches.patches), mFinish(finish),
           mProgress(progress), mReach{std::max(reach.outside, 0.0f), std::max(reach.inside, 0.0f)}
     {
         for (int side = 0; side < 2; ++side) {
@@ -125,6 +125,10 @@ private:
                 node.known->pending[std::size_t(voxel >> 6)] |= std::uint64_t(1) << (voxel & 63);
             }
         });
+        for (std::size_t n = patches.first.back(); n < mPatches.size(); ++n) {
+            Node& node = *mNodes[mIndex.at(mPatches[n].voxel & ~7)];
+            spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), std::uint32_t(n));
+        }
         publish(std::vector<std::uint32_t>(mLive));
     }
 
@@ -340,7 +344,10 @@ private:
         for (int n = 0; n < kVoxels; ++n) {
             const float side = known.isNegative(n) ? -1.0f : 1.0f;
             float d = kInfinity;
-            if (known.patch[n] != kNone) d = leastDistance(node, n, side);
+            if (known.patch[n] != kNone) {
+                const SurfacePatch& patch = mPatches[known.patch[n]];
+                d = patch.distance(patch.to(node.origin + coordOf(n)), side);
+            }
             distances[std::size_t(n)] = side * d;
         }
         node.result = mFinish(node.origin, node.signs, distances);
@@ -351,33 +358,11 @@ private:
         node.senders = {};
     }
 
-    /// The distance to a voxel's patch, and beside creases, where another's may be nearer than its
-    /// foot tells, to those of its neighbours in the leaf.
-    float leastDistance(const Node& node, int voxel, float side) const
-    {
-        const auto& patches = node.known->patch;
-        const std::uint32_t own = patches[std::size_t(voxel)];
-        const Coord at = coordOf(voxel), place = node.origin + at;
-        float least = mSurface.distance(mPatches[own], place, side);
-        if (mPatches[own].ends == SurfacePatch::kEndless) return least;
-        std::uint32_t last = own;
-        for (int n = 0; n < 27; ++n) {
-            const Coord to = at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-            if ((to[0] | to[1] | to[2]) & ~(kDim - 1)) continue;
-            const std::uint32_t patch = patches[Leaf::coordToOffset(to)];
-            if (patch == kNone || patch == own || patch == last) continue;
-            least = std::min(least, mSurface.distance(mPatches[patch], place, side));
-            last = patch;
-        }
-        return least;
-    }
-
     struct HashCoord {
         std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
     };
 
     const openvdb::FloatTree& mSigns;
-    const SurfacePatches& mSurface;
     const std::vector<SurfacePatch>& mPatches;
     const FinishLeaf& mFinish;
     Progress& mProgress;

@@ -26,7 +26,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 /// Farther, in voxels, no offset goes: floats would not tell a twentieth of a voxel any more.
 constexpr double kFarthest = 1e5;
 /// An offset's values this much below the distance to its surface are none, voxels.
-constexpr float kWedge = 0.02f;
+constexpr float kWedge = 0.1f;
 
 void demandHalfWidth(double halfWidth)
 {
@@ -167,7 +167,7 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
     FloatGrid::Ptr made = remade(grid, Values::Implicit,
                                  side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker, progress);
-    restoreDistance(made->tree(), made->voxelSize()[0], kTips, progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], progress);
     return made;
 }
 
@@ -186,8 +186,6 @@ void demandDistance(double distance, double voxelSize)
 LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& progress)
 {
     demandHalfWidth(halfWidth);
-    constexpr double kSameWidth = 1e-5;
-    if (std::abs(levelSet.halfWidth() - halfWidth) <= kSameWidth * halfWidth) return levelSet;
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, levelSet.voxelSize(), ownOrFound([](float d) { return d; }));
     return LevelSet(remade(levelSet.grid(), Values::Distances, {reach, reach}, maker, progress));
@@ -200,7 +198,7 @@ LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
                           [](const Leaf*, int, float distance) { return distance; });
     const FloatGrid::Ptr made = remade(grid, Values::Implicit, {reach, reach}, maker, progress);
-    restoreDistance(made->tree(), made->voxelSize()[0], kTips, progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], progress);
     return LevelSet(made);
 }
 

@@ -2,7 +2,6 @@
 
 #include "crease_patches.h"
 #include "leaf_halo.h"
-#include "patch_index.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -24,14 +23,16 @@ constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
 /// Values so near to the background, relative to it, come from beyond the band.
 constexpr float kBeyond = 1e-3f;
 constexpr float kLeastSlope = 0.3f; ///< below, a distance's gradient tells no direction
-constexpr float kNoFit = std::numeric_limits<float>::infinity();
 constexpr float kLeastImplicit = 1e-6f;
 /// Where the slope changes by more from voxel to voxel, relative to itself, there may be a crease.
 constexpr float kCrease = 0.22f;
 /// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
-/// slope (other values than distances may bend more); a distance's slope is 1 to so much there.
-constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f, kPlaneImplicit = 0.06f;
-constexpr float kExtent = 0.9f; ///< an endless patch's radius, voxels
+/// slope; a distance's slope is 1 to so much there.
+constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f;
+/// A patch's radius, voxels; and beside a crease, where it would reach into the open: as far as the
+/// feet of its neighbours, and shrinking to nothing as what is nearest on its plane gets farther
+/// away than that.
+constexpr float kExtent = 0.9f, kBounded = 0.6f, kNone = 1.25f;
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
@@ -55,8 +56,7 @@ class PatchMaker
 public:
     PatchMaker(const openvdb::FloatTree& tree, double voxelSize, Values values)
         : mAccess(tree), mScale(float(1 / voxelSize)),
-          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values),
-          mMostOff(values == Values::Distances ? kPlaneSlope : kPlaneImplicit)
+          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values)
     {
     }
 
@@ -80,9 +80,8 @@ public:
         }
     }
 
-    /// The patch of a voxel of the leaf that forEachCrossing() is at. @param besideCrease  whether
-    /// a neighbour's is not smooth.
-    SurfacePatch make(const Leaf& leaf, int voxel, bool besideCrease, PatchKind& kind) const
+    /// The patch of a voxel of the leaf that forEachCrossing() is at.
+    SurfacePatch make(const Leaf& leaf, int voxel, PatchKind& kind) const
     {
         const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
         const int in = LeafHalo::index(x + 1, y + 1, z + 1);
@@ -90,14 +89,8 @@ public:
         patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
         Quadratic model = modelAt(in);
         kind = PatchKind::Smooth;
-        const float slope = model.gradient.norm(), change = model.hessian.cwiseAbs().maxCoeff();
-        const bool isBent = model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * slope;
-        if (besideCrease || change > kCrease * slope) {
-            if (flatten(in, besideCrease ? slope : kPlane * change, model))
-                kind = PatchKind::Plane;
-            else if (isBent)
-                kind = PatchKind::Rough;
-        }
+        if (model.hessian.cwiseAbs().maxCoeff() > kCrease * model.gradient.norm())
+            kind = flatten(in, model);
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
         SurfacePatch crossing{};
@@ -163,19 +156,16 @@ private:
         return q;
     }
 
-    /// If the values in one octant are a plane's, let the model be that plane. @param most  by
-    /// which they may be off.
-    bool flatten(int in, float most, Quadratic& model) const
+    /// If the values in one octant are a plane's, let the model be that plane.
+    PatchKind flatten(int in, Quadratic& model) const
     {
         const auto& v = mHalo.value;
-        struct Fit {
-            Vec3f gradient;
-            float off = kNoFit, slope = 0;
-        };
-        std::array<Fit, 8> fits;
-        float steepest = 0;
+        float least = kPlane * model.hessian.cwiseAbs().maxCoeff();
+        PatchKind kind =
+            model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * model.gradient.norm()
+                ? PatchKind::Rough
+                : PatchKind::Smooth;
         for (int octant = 0; octant < 8; ++octant) {
-            Fit& fit = fits[std::size_t(octant)];
             const int s[3] = {octant & 4 ? kStride[0] : -kStride[0],
                               octant & 2 ? kStride[1] : -kStride[1],
                               octant & 1 ? kStride[2] : -kStride[2]};
@@ -184,7 +174,6 @@ private:
             for (int axis = 0; axis < 3; ++axis) {
                 rise[axis] = v[in + s[axis]] - v[in];
                 all &= known(in + s[axis]);
-                fit.gradient[axis] = s[axis] > 0 ? rise[axis] : -rise[axis];
             }
             float off = 0;
             for (int n = 0; n < 4; ++n) { // two axes of three, and all
@@ -195,20 +184,14 @@ private:
             }
             const float slope = rise.norm();
             if (mValues == Values::Distances) all &= std::abs(slope - 1) < kPlaneSlope;
-            if (!all || !(off < most) || !(off < mMostOff * slope)) continue;
-            fit.off = off;
-            fit.slope = slope;
-            steepest = std::max(steepest, slope);
+            if (!all || !(off < least) || !(off < kPlaneSlope * slope)) continue;
+            least = off;
+            kind = PatchKind::Plane;
+            for (int axis = 0; axis < 3; ++axis)
+                model.gradient[axis] = s[axis] > 0 ? rise[axis] : -rise[axis];
         }
-        // An octant across a crease may look like a plane that is less steep than either side's.
-        const Fit* best = nullptr;
-        for (const Fit& fit : fits)
-            if (fit.slope > (1 - kPlaneSlope) * steepest && (!best || fit.off < best->off))
-                best = &fit;
-        if (!best) return false;
-        model.gradient = best->gradient;
-        model.hessian.setZero();
-        return true;
+        if (kind == PatchKind::Plane) model.hessian.setZero();
+        return kind;
     }
 
     /// Where the ball of the voxel's distance touches the surface.
@@ -218,7 +201,7 @@ private:
         if (!(slope >= kLeastSlope)) return false;
         patch.normal = model.gradient / slope;
         patch.foot = -model.value * patch.normal;
-        patch.bend(model.hessian / slope, model.value);
+        bend(model.hessian / slope, model.value, patch);
         return true;
     }
 
@@ -238,7 +221,7 @@ private:
         if (!(std::abs(interpolated(in, d)) <= kOffSurface * slope)) return false;
         patch.normal = g / slope;
         patch.foot = d;
-        patch.bend(model.hessian / slope, -d.dot(patch.normal));
+        bend(model.hessian / slope, -d.dot(patch.normal), patch);
         return true;
     }
 
@@ -260,6 +243,22 @@ private:
                 weight[0][n >> 2] * weight[1][n >> 1 & 1] * weight[2][n & 1] * mHalo.value[corner];
         }
         return sum;
+    }
+
+    /// Principal curvatures at the foot from the Hessian of the distance at @a height above it.
+    static void bend(const Eigen::Matrix3f& hessian, float height, SurfacePatch& patch)
+    {
+        const Vec3f& n = patch.normal;
+        const Vec3f a = n.unitOrthogonal(), b = n.cross(a);
+        const Vec3f ha = hessian * a, hb = hessian * b;
+        const float aa = a.dot(ha), ab = a.dot(hb), bb = b.dot(hb);
+        const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
+        patch.tangent = std::cos(angle) * a + std::sin(angle) * b;
+        const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
+        const float w[2] = {mean + half, mean - half};
+        // Parallel surfaces: the radius shrinks by the height.
+        for (int k = 0; k < 2; ++k)
+            patch.curvature[k] = w[k] / std::max(1 - height * w[k], (1 / kPointCurvature));
     }
 
     /// A point where the values, linear between voxels, cross zero: what is left where they tell no
@@ -290,7 +289,6 @@ private:
     LeafHalo mHalo;
     float mScale, mBeyond;
     Values mValues;
-    float mMostOff;
 };
 
 /// Distance to a curve of curvature @a k, in its plane, from @a height above a place on it and
@@ -306,96 +304,25 @@ float bent(float height, float along, float k)
 
 } // namespace
 
-void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
-{
-    const Vec3f a = normal.unitOrthogonal(), b = normal.cross(a);
-    const Vec3f ha = hessian * a, hb = hessian * b;
-    const float aa = a.dot(ha), ab = a.dot(hb), bb = b.dot(hb);
-    const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
-    tangent = std::cos(angle) * a + std::sin(angle) * b;
-    const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
-    const float w[2] = {mean + half, mean - half};
-    // Parallel surfaces: the radius shrinks by the height.
-    for (int k = 0; k < 2; ++k)
-        curvature[k] = w[k] / std::max(1 - height * w[k], 1 / kPointCurvature);
-}
-
-PatchEnds::End PatchEnds::End::straight(float beside) const
-{
-    const Vec2f across(-outward.y(), outward.x());
-    const Vec2f to = outward + bend * beside * across;
-    const float length = to.norm();
-    return {to / length, (at + 0.5f * bend * beside * beside) / length, 0};
-}
-
-PatchEnds PatchEnds::from(const Vec2f& place) const
-{
-    PatchEnds seen = *this;
-    for (int n = 0; n < count; ++n) {
-        const End end = ends[n].straight(ends[n].beside(place));
-        seen.ends[n].outward = end.outward;
-        seen.ends[n].at = std::max(0.0f, end.at - end.outward.dot(place));
-    }
-    return seen;
-}
-
-Vec2f PatchEnds::nearest(const Vec2f& place) const
-{
-    constexpr float kOn = 1e-4f;
-    std::array<End, kMost> lines;
-    for (int n = 0; n < count; ++n)
-        lines[n] = ends[n].straight(std::min(std::max(ends[n].beside(place), -reach), reach));
-    const auto isWithin = [&](const Vec2f& p) {
-        for (int n = 0; n < count; ++n)
-            if (!(lines[n].outward.dot(p) <= lines[n].at + kOn)) return false;
-        return true;
-    };
-    if (isWithin(place)) return place;
-    Vec2f best = Vec2f::Zero(); // the foot
-    float least2 = place.squaredNorm();
-    const auto offer = [&](const Vec2f& p) {
-        const float d2 = (place - p).squaredNorm();
-        if (!(d2 < least2) || !isWithin(p)) return;
-        least2 = d2;
-        best = p;
-    };
-    for (int n = 0; n < count; ++n) {
-        const End& a = lines[n];
-        const float beyond = a.outward.dot(place) - a.at;
-        if (beyond > 0) offer(place - beyond * a.outward);
-        for (int m = 0; m < n; ++m) {
-            const End& b = lines[m];
-            const float sine = a.outward.x() * b.outward.y() - a.outward.y() * b.outward.x();
-            if (std::abs(sine) < kOn) continue;
-            offer(Vec2f(a.at * b.outward.y() - b.at * a.outward.y(),
-                        b.at * a.outward.x() - a.at * b.outward.x()) /
-                  sine);
-        }
-    }
-    return best;
-}
-
-float SurfacePatch::distance(const Vec3f& from, float side, const PatchEnds* within) const
+float SurfacePatch::distance(const Vec3f& from, float side) const
 {
     const Vec3f across = normal.cross(tangent);
     const float height = side * normal.dot(from);
     const float along[2] = {tangent.dot(from), across.dot(from)};
     const float length = from.norm();
-    // Behind an open patch: it faces another part of the surface's side.
-    if (height < 0 && !within) return length;
-    Vec2f shift; // of the nearest place on the patch
+    if (height < 0) return length; // behind it: the patch faces another part of the surface's side
+    float shift[2];                // of the nearest place on the patch
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
-    Vec2f to = within ? within->nearest(shift) : shift;
-    const float reached = to.norm(), extent = within ? within->reach : kExtent;
-    if (height >= 0 && to == shift && reached <= std::min(extent, kExtent))
+    const float reached = std::hypot(shift[0], shift[1]), extent = bounded ? kBounded : kExtent;
+    if (reached <= extent)
         return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                      side * curvature[0]));
-    if (reached > extent) to *= extent / reached;
-    const float sag =
-        within ? 0.5f * side * (curvature[0] * to[0] * to[0] + curvature[1] * to[1] * to[1]) : 0;
-    const float u = along[0] - to[0], v = along[1] - to[1], w = height + sag;
-    return std::min(length, std::sqrt(u * u + v * v + w * w));
+    // From the place nearest to where it should be, as far as the patch goes.
+    const float left = bounded ? std::max((kNone - reached) / (kNone - kBounded), 0.0f) : 1;
+    const float share = extent * left / reached;
+    const float u = along[0] - share * shift[0], v = along[1] - share * shift[1];
+    return std::min(length, std::sqrt(height * height + u * u + v * v));
 }
 
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
@@ -431,26 +358,11 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, 
         std::uint32_t to = result.first[n];
         const Leaf& leaf = *result.leaves[n];
         maker.forEachCrossing(leaf, [&](int voxel) {
-            result.patches[to] = maker.make(leaf, voxel, false, result.kinds[to]);
+            result.patches[to] = maker.make(leaf, voxel, result.kinds[to]);
             ++to;
         });
     });
-    if (std::all_of(result.kinds.begin(), result.kinds.end(),
-                    [](PatchKind kind) { return kind == PatchKind::Smooth; }))
-        return result;
-    const PatchIndex index(result);
-    const std::vector<bool> beside = besideCreases(result, index);
-    forEachLeaf([&](PatchMaker& maker, std::size_t n) {
-        std::uint32_t to = result.first[n];
-        const auto first = beside.begin() + to, last = beside.begin() + result.first[n + 1];
-        if (std::find(first, last, true) == last) return;
-        const Leaf& leaf = *result.leaves[n];
-        maker.forEachCrossing(leaf, [&](int voxel) {
-            if (beside[to]) result.patches[to] = maker.make(leaf, voxel, true, result.kinds[to]);
-            ++to;
-        });
-    });
-    endAtCreases(result, index, beside, tree, progress);
+    addCreasePatches(result, tree, progress);
     return result;
 }
 

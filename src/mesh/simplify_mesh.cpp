@@ -24,7 +24,7 @@ using Index = std::uint32_t;
 constexpr Index kNone = std::numeric_limits<Index>::max();
 
 /// Of the tolerance, what is given to the vertices: triangles may bulge by the rest between them.
-constexpr double kVertexShare = 0.8;
+constexpr double kVertexShare = 0.7;
 
 /// Directions with less than this part of the largest eigenvalue are not decided by the planes.
 constexpr double kLeastEigenvalue = 1e-3;
@@ -33,7 +33,7 @@ constexpr double kLeastEigenvalue = 1e-3;
 constexpr double kLeastShape = 0.02;
 
 /// How often to start again where triangles cross: what they were made from is then kept.
-constexpr int kRounds = 6;
+constexpr int kRounds = 20;
 
 /// The cosine between a triangle's normals before and after a collapse.
 constexpr double kLeastTurn = 0.3;
