@@ -389,8 +389,16 @@ TEST_F(HolesTest, StayOpenWhereAsked)
     EXPECT_EQ(report["mesh"]["non_manifold_edges"], 0);
 
     // The same from the file, and closed where the hole is small enough, or nothing is said.
-    ASSERT_EQ(mpuvdb({"mesh", "a.vdb", "-o", "b.ply", "--holes", "open", "-q"}).status, 0);
-    EXPECT_TRUE(readFile(mFolder / "a.ply") == readFile(mFolder / "b.ply"));
+    // (But for creases, which the field knows better than its values.)
+    ASSERT_EQ(
+        mpuvdb({"mesh", "a.vdb", "-o", "b.ply", "--holes", "open", "--report", "b.json", "-q"})
+            .status,
+        0);
+    const json again = readJson("b.json");
+    EXPECT_EQ(again["holes"], report["holes"]);
+    EXPECT_EQ(again["mesh"]["boundary_loops"], 1);
+    EXPECT_NEAR(again["mesh"]["area"].get<double>() / report["mesh"]["area"].get<double>(), 1,
+                1e-3);
     for (const Words& closed : {Words{"--holes", "90%"}, Words{"--holes", "close"}, Words{}}) {
         Words words{"mesh", "a.vdb", "-o", "c.ply", "--report", "c.json"};
         words.insert(words.end(), closed.begin(), closed.end());
