@@ -33,7 +33,7 @@ constexpr double kLeastEigenvalue = 1e-3;
 constexpr double kLeastShape = 0.02;
 
 /// How often to start again where triangles cross: what they were made from is then kept.
-constexpr int kRounds = 20;
+constexpr int kRounds = 10;
 
 /// The cosine between a triangle's normals before and after a collapse.
 constexpr double kLeastTurn = 0.3;
@@ -447,6 +447,10 @@ Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& prog
         const std::vector<TrianglePair> pairs = findSelfIntersections(result, progress);
         if (pairs.empty()) return result;
         simplifier.hold(pairs, held);
+        const std::vector<char> core = held; // and those beside
+        for (const Mesh::Triangle& t : mesh.triangles)
+            if (core[t[0]] || core[t[1]] || core[t[2]])
+                for (const Index v : t) held[v] = 1;
     }
 }
 
