@@ -109,7 +109,7 @@ TEST_P(SharpParts, KeepTheirEdges)
         const Fit fit = fitOf(mesh, *solid, h);
         EXPECT_LT(fit.nearCreases, hasField ? 0.05 : 0.15) << "voxels";
         EXPECT_LT(fit.nearCreases * GetParam().timesBetter, before.nearCreases);
-        EXPECT_LT(fit.normalError * 2, before.normalError);
+        EXPECT_LT(fit.normalError * 1.8, before.normalError);
         EXPECT_LE(fit.away, 1.05 * before.away + 1e-4);
         EXPECT_LE(double(fit.inverted), 1e-3 * double(mesh.triangles.size()));
     }

@@ -30,7 +30,8 @@ Mesh extractMesh(const LevelSet& levelSet, Progress& progress,
 /// How a mesh is simplified.
 struct SimplifySettings {
     double tolerance = 0; ///< world units, > 0
-    /// Keep what has to be kept so that no triangles cross (that did not before).
+    /// Keep what crossing triangles were made from, in up to ten rounds: no triangles cross, but
+    /// for rare cases at tolerances of more than a voxel; see findSelfIntersections().
     bool strict = false;
 };
 
