@@ -114,8 +114,8 @@ TEST(Region, IsTheSameAsTheWholeOnScans)
     const char* const folder = std::getenv("MPUVDB_DATA_DIR");
     if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
     Progress progress;
-    for (const char* name :
-         {"bunny/bun000.ply", "bunny/bun.conf", "dragon_stand/dragonStandRight.conf"}) {
+    // A single scan, closed far behind, is not among them: see ReconstructSettings::region.
+    for (const char* name : {"bunny/bun.conf", "dragon_stand/dragonStandRight.conf"}) {
         SCOPED_TRACE(name);
         PointInput input =
             readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, progress, {});
