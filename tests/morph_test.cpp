@@ -19,10 +19,10 @@ LevelSet morphed(const LevelSet& a, const LevelSet& b, double t, Morphing how)
     return morph(a, b, t, how, progress);
 }
 
-void expectSound(const LevelSet& levelSet, double gradientTolerance = kGradientTolerance)
+void expectSound(const LevelSet& levelSet)
 {
     Progress progress;
-    const CheckReport report = check(levelSet.grid(), progress, gradientTolerance);
+    const CheckReport report = check(levelSet.grid(), progress);
     EXPECT_TRUE(report.sound()) << texts(report);
 }
 
@@ -99,8 +99,7 @@ TEST(Morph, PassesFromOneToTheOther)
             // Each place changes sides once at most.
             std::vector<LevelSet> steps;
             for (int n = 0; n <= 4; ++n) steps.push_back(morphed(a, b, n / 4.0, how));
-            // What is about to vanish is a few voxels about a point, where gradients turn.
-            for (const LevelSet& step : steps) expectSound(step, 1.5 * kGradientTolerance);
+            for (const LevelSet& step : steps) expectSound(step);
             for (int x = -24; x <= 24; x += 2)
                 for (int y = -20; y <= 20; y += 2)
                     for (int z = -20; z <= 20; z += 2) {

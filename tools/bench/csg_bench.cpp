@@ -1,5 +1,7 @@
 // The union of two balls beside OpenVDB's, with and without its re-distancing: time and exactness.
 // csg_bench [radius in voxels]; JSON on standard output.
+#include "timing.h"
+
 #include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
 
@@ -9,10 +11,8 @@
 #include <openvdb/tools/LevelSetSphere.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
-#include <ctime>
 #include <functional>
 
 namespace
@@ -21,19 +21,12 @@ namespace
 using openvdb::FloatGrid;
 using openvdb::Vec3d;
 
-struct Timing {
-    double seconds = HUGE_VAL, cpuSeconds = HUGE_VAL; // least of the runs
+struct Timing : bench::Times {
     FloatGrid::ConstPtr result;
 
     void run(const std::function<FloatGrid::ConstPtr()>& work)
     {
-        const auto start = std::chrono::steady_clock::now();
-        const std::clock_t cpuStart = std::clock();
-        result = work();
-        const double cpu = double(std::clock() - cpuStart) / CLOCKS_PER_SEC;
-        const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-        seconds = std::min(seconds, wall.count());
-        cpuSeconds = std::min(cpuSeconds, cpu);
+        add([&] { result = work(); });
     }
 };
 
@@ -68,8 +61,9 @@ void print(const char* name, const Timing& timing, const Balls& balls, bool isLa
     }
     fmt::print("  \"{}\": {{\"seconds\": {:.4f}, \"cpuSeconds\": {:.4f}, \"activeVoxels\": {}, "
                "\"meanError\": {:.6f}, \"maxError\": {:.4f}}}{}\n",
-               name, timing.seconds, timing.cpuSeconds, timing.result->activeVoxelCount(),
-               sum / double(timing.result->activeVoxelCount()), largest, isLast ? "" : ",");
+               name, bench::least(timing.wall), bench::least(timing.cpu),
+               timing.result->activeVoxelCount(), sum / double(timing.result->activeVoxelCount()),
+               largest, isLast ? "" : ",");
 }
 
 } // namespace

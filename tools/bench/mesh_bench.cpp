@@ -2,6 +2,8 @@
 //     mesh_bench [SOLID [VOXEL_SIZE [THREADS [RUNS]]]]
 // SOLID as mpuvdb sample takes it. JSON on standard output: medians of alternated runs, seconds and
 // CPU seconds.
+#include "timing.h"
+
 #include <mpuvdb/fields.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
@@ -12,9 +14,7 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdlib>
-#include <ctime>
 #include <exception>
 
 using namespace mpuvdb;
@@ -22,32 +22,10 @@ using namespace mpuvdb;
 namespace
 {
 
-struct Times {
-    std::vector<double> seconds, cpuSeconds;
-
-    template <typename Work>
-    void add(const Work& work)
-    {
-        const auto start = std::chrono::steady_clock::now();
-        const std::clock_t cpuStart = std::clock();
-        work();
-        cpuSeconds.push_back(double(std::clock() - cpuStart) / CLOCKS_PER_SEC);
-        const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-        seconds.push_back(wall.count());
-    }
-};
-
-double median(std::vector<double> values)
-{
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
-std::string json(const char* name, const Times& times)
+std::string json(const char* name, const bench::Times& times)
 {
     return fmt::format("  \"{}\": {{\"seconds\": {:.5f}, \"cpu_seconds\": {:.5f}}},\n", name,
-                       median(times.seconds), median(times.cpuSeconds));
+                       bench::median(times.wall), bench::median(times.cpu));
 }
 
 void run(const std::string& description, double voxelSize, int runs)
@@ -57,7 +35,7 @@ void run(const std::string& description, double voxelSize, int runs)
     settings.lattice.voxelSize = voxelSize;
     Progress progress;
     const LevelSet levelSet = sampleField(*field, settings, progress);
-    Times theirs, fromGrid, fromField, simplified;
+    bench::Times theirs, fromGrid, fromField, simplified;
     Mesh mesh, fewer;
     for (int n = 0; n < runs; ++n) {
         theirs.add([&] { openvdb::tools::VolumeToMesh()(levelSet.grid()); });
@@ -72,8 +50,8 @@ void run(const std::string& description, double voxelSize, int runs)
                json("from_field", fromField), json("simplify_to_0.1_voxel", simplified));
     fmt::print(
         "  \"from_grid_by_volumeToMesh\": {:.3f},\n  \"from_field_by_volumeToMesh\": {:.3f}\n}}\n",
-        median(fromGrid.seconds) / median(theirs.seconds),
-        median(fromField.seconds) / median(theirs.seconds));
+        bench::median(fromGrid.wall) / bench::median(theirs.wall),
+        bench::median(fromField.wall) / bench::median(theirs.wall));
 }
 
 } // namespace

@@ -2,6 +2,8 @@
 //     offset_bench GRID.vdb [VOXELS]
 // The reference is the distance to the triangles of the surface (openvdb::tools::meshToVolume);
 // voxels where it has no slope of 1, near the medial axis, do not count.
+#include "timing.h"
+
 #include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
 
@@ -13,30 +15,12 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <exception>
 
 using openvdb::FloatGrid;
 
 namespace
 {
-
-double cpuSeconds()
-{
-    timespec t{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
-
-FloatGrid::Ptr read(const char* path)
-{
-    openvdb::io::File file(path);
-    file.open();
-    const auto grids = file.getGrids();
-    for (const auto& grid : *grids)
-        if (auto floats = openvdb::gridPtrCast<FloatGrid>(grid)) return floats;
-    throw std::runtime_error(std::string(path) + ": has no float grid");
-}
 
 /// Distances to the triangles of @a grid, from -@a inside to @a outside voxels.
 FloatGrid::Ptr reference(const FloatGrid& grid, float outside, float inside)
@@ -90,15 +74,16 @@ void printErrors(const char* name, const FloatGrid& grid, const FloatGrid& exact
 template <typename F>
 void run(const char* name, const FloatGrid& exact, double shift, F f)
 {
-    const double start = cpuSeconds();
-    const FloatGrid::ConstPtr result = f();
-    printErrors(name, *result, exact, shift, cpuSeconds() - start);
+    bench::Times times;
+    FloatGrid::ConstPtr result;
+    times.add([&] { result = f(); });
+    printErrors(name, *result, exact, shift, times.cpu.front());
 }
 
 void compare(const char* path, double voxels)
 {
     mpuvdb::Progress progress;
-    const FloatGrid::Ptr grid = read(path);
+    const FloatGrid::Ptr grid = bench::readGrid(path);
     const mpuvdb::LevelSet levelSet(grid);
     const double distance = voxels * levelSet.voxelSize();
     const auto halfWidth = float(levelSet.halfWidth());

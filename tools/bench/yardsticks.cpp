@@ -2,23 +2,20 @@
 //     yardsticks GRID.vdb [THREADS]
 // JSON on standard output: seconds and CPU seconds, the least of three, and what they are to be
 // divided by. The sphere has about as many active voxels as the grid.
-#include <openvdb/openvdb.h>
+#include "timing.h"
+
 #include <openvdb/tools/Composite.h>
 #include <openvdb/tools/LevelSetSphere.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/VolumeToMesh.h>
 #include <tbb/global_control.h>
 
-#include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
 #include <exception>
 #include <memory>
-#include <stdexcept>
 #include <vector>
 
 using openvdb::FloatGrid;
@@ -28,38 +25,14 @@ namespace
 
 constexpr int kRuns = 3;
 
-double cpuSeconds()
-{
-    timespec t{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
-
 /// Time @a work and print it; @a units is what it worked on: active voxels, or bytes.
 template <typename Work>
 void measure(const char* name, double units, int runs, bool isLast, Work work)
 {
-    double seconds = HUGE_VAL, cpu = HUGE_VAL;
-    for (int n = 0; n < runs; ++n) {
-        const auto start = std::chrono::steady_clock::now();
-        const double cpuStart = cpuSeconds();
-        work();
-        const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-        cpu = std::min(cpu, cpuSeconds() - cpuStart);
-        seconds = std::min(seconds, wall.count());
-    }
-    std::printf("  \"%s\": {\"seconds\": %.5f, \"cpu_seconds\": %.5f, \"units\": %.0f}%s\n", name,
-                seconds, cpu, units, isLast ? "" : ",");
-}
-
-FloatGrid::Ptr read(const char* path)
-{
-    openvdb::io::File file(path);
-    file.open();
-    const auto grids = file.getGrids();
-    for (const auto& grid : *grids)
-        if (auto floats = openvdb::gridPtrCast<FloatGrid>(grid)) return floats;
-    throw std::runtime_error(std::string(path) + ": has no float grid");
+    bench::Times times;
+    for (int n = 0; n < runs; ++n) times.add(work);
+    std::printf("  \"%s\": {\"seconds\": %.9f, \"cpu_seconds\": %.9f, \"units\": %.0f}%s\n", name,
+                bench::least(times.wall), bench::least(times.cpu), units, isLast ? "" : ",");
 }
 
 FloatGrid::Ptr sphere(double active)
@@ -70,7 +43,7 @@ FloatGrid::Ptr sphere(double active)
 
 void compare(const char* path)
 {
-    const FloatGrid::Ptr grid = read(path);
+    const FloatGrid::Ptr grid = bench::readGrid(path);
     const auto active = double(grid->activeVoxelCount());
     const FloatGrid::Ptr ball = sphere(active);
     const auto ballActive = double(ball->activeVoxelCount());
