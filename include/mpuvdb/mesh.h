@@ -30,8 +30,8 @@ Mesh extractMesh(const LevelSet& levelSet, Progress& progress,
 /// How a mesh is simplified.
 struct SimplifySettings {
     double tolerance = 0; ///< world units, > 0
-    /// Keep what crossing triangles were made from, in up to ten rounds: no triangles cross, but
-    /// for rare cases at tolerances of more than a voxel; see findSelfIntersections().
+    /// Keep what crossing triangles were made from, and start again until none cross but those that
+    /// did before; see findSelfIntersections().
     bool strict = false;
 };
 

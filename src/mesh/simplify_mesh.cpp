@@ -32,9 +32,6 @@ constexpr double kLeastEigenvalue = 1e-3;
 /// The least shape of a triangle (see shapeOf) that a collapse may make, unless it mends a worse.
 constexpr double kLeastShape = 0.02;
 
-/// How often to start again where triangles cross: what they were made from is then kept.
-constexpr int kRounds = 10;
-
 /// The cosine between a triangle's normals before and after a collapse.
 constexpr double kLeastTurn = 0.3;
 
@@ -228,15 +225,22 @@ public:
     }
 
     /// Set flags for the vertices of the original that went into triangles of the result.
-    void hold(const std::vector<TrianglePair>& pairs, std::vector<char>& held) const
+    /// @return whether there were any that had none: a triangle between three of them is as it was.
+    bool hold(const std::vector<TrianglePair>& pairs, std::vector<char>& held) const
     {
         const std::vector<Index> triangles = left();
+        bool isNew = false;
+        const auto add = [&](Index v) {
+            isNew |= !held[v];
+            held[v] = 1;
+        };
         for (const TrianglePair& pair : pairs)
             for (const Index n : pair) {
                 const Index t = triangles[n];
-                for (const Index v : mMesh.triangles[t]) held[v] = 1;
-                for (Index p = mFirstPoint[t]; p != kNone; p = mNextPoint[p]) held[p] = 1;
+                for (const Index v : mMesh.triangles[t]) add(v);
+                for (Index p = mFirstPoint[t]; p != kNone; p = mNextPoint[p]) add(p);
             }
+        return isNew;
     }
 
 private:
@@ -262,7 +266,8 @@ private:
     /// Vertices with an edge that has not two triangles stay where they are.
     void holdBoundaries()
     {
-        for (Index v = 0; v < mPositions.size(); ++v) mHeld[v] = ring(v).size() != mFaces[v].size();
+        for (Index v = 0; v < mPositions.size(); ++v)
+            if (ring(v).size() != mFaces[v].size()) mHeld[v] = 1;
     }
 
     void propose(Index kept, Index gone)
@@ -439,15 +444,14 @@ Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& prog
                                      "units",
                                      settings.tolerance));
     std::vector<char> held(mesh.positions.size(), 0);
-    for (int round = 0;; ++round) {
+    for (;;) {
         Simplifier simplifier(mesh, settings.tolerance, held);
         simplifier.run(progress);
         Mesh result = simplifier.result();
-        if (!settings.strict || round == kRounds) return result;
+        if (!settings.strict) return result;
         const std::vector<TrianglePair> pairs = findSelfIntersections(result, progress);
-        if (pairs.empty()) return result;
-        simplifier.hold(pairs, held);
-        const std::vector<char> core = held; // and those beside
+        if (pairs.empty() || !simplifier.hold(pairs, held)) return result;
+        const std::vector<char> core = held; // and those beside, so that few rounds are enough
         for (const Mesh::Triangle& t : mesh.triangles)
             if (core[t[0]] || core[t[1]] || core[t[2]])
                 for (const Index v : t) held[v] = 1;
