@@ -87,8 +87,9 @@ public:
     std::uint64_t vertices() const { return mVertices; }
     std::uint64_t quads() const { return mQuads; }
 
-    /// Calls visit(quad, corners) for every edge that the surface crosses in block @a n; corners
-    /// are vertices, counter-clockwise seen from outside; quad counts from the block's first.
+    /// Calls visit(quad, corners, outwards) for every edge that the surface crosses in block @a n;
+    /// corners are vertices, counter-clockwise seen from outside; quad counts from the block's
+    /// first; outwards is the unit vector along the edge.
     template <typename Visit>
     void forEachQuad(std::size_t n, const Visit& visit) const;
 
@@ -131,12 +132,13 @@ void DualCells::forEachQuad(std::size_t n, const Visit& visit) const
         for (int axis = 0; axis < 3; ++axis) {
             if (((cell.inside >> (4 >> axis) & 1) != 0) == inside) continue;
             const Vec3i u = Vec3i::Unit((axis + 1) % 3), w = Vec3i::Unit((axis + 2) % 3);
+            const Vec3i axisStep = Vec3i::Unit(axis);
             const int e = 4 * axis;
             std::array<std::uint32_t, 4> corners = {vertexAt(at, e), vertexAt(at - u, e + 2),
                                                     vertexAt(at - u - w, e + 3),
                                                     vertexAt(at - w, e + 1)};
             if (!inside) std::swap(corners[1], corners[3]);
-            visit(quad++, corners);
+            visit(quad++, corners, Vec3i(inside ? axisStep : -axisStep));
         }
     });
 }

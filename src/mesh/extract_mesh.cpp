@@ -57,7 +57,7 @@ bool splitsEven(const std::array<Corner, 4>& q)
     return even >= odd;
 }
 
-/// Cosine from which on a triangle faces against the surface about it.
+/// Cosine below which a triangle faces against the surface about it, whatever else it does.
 constexpr float kFolded = -0.5f;
 
 class Extraction
@@ -139,7 +139,8 @@ private:
     {
         forEachBlock(selection, [&](std::size_t n) {
             const std::uint64_t first = mCells.blocks()[n].firstQuad;
-            mCells.forEachQuad(n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q) {
+            mCells.forEachQuad(n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q,
+                                      const Vec3i&) {
                 Mesh::Triangle* const out = &mMesh.triangles[2 * (first + quad)];
                 std::array<Corner, 4> corners;
                 for (std::size_t c = 0; c < 4; ++c)
@@ -152,17 +153,24 @@ private:
     }
 
     /// Draw the vertices that @a find finds into their cells, and where that does not help towards
-    /// the middle of their crossings. It looks in the blocks that it is given.
+    /// the middle of their crossings, step by step until it finds none that can still be drawn. It
+    /// looks in the blocks that it is given.
     void draw(Vertices (Extraction::*find)(const Selection&), Selection changed)
     {
-        for (const Freedom freedom : {Freedom::Cell, Freedom::Half, Freedom::None}) {
-            const Vertices found = (this->*find)(changed);
-            if (found.empty()) return;
+        for (;;) {
+            Vertices found = (this->*find)(changed);
+            std::sort(found.begin(), found.end());
+            found.erase(std::unique(found.begin(), found.end()), found.end());
             changed.assign(changed.size(), 0);
+            bool isDone = true;
             for (const std::uint32_t v : found) {
-                mVertices[v].freedom = std::max(mVertices[v].freedom, freedom);
+                Freedom& freedom = mVertices[v].freedom;
+                if (freedom == Freedom::None) continue;
+                freedom = Freedom(int(freedom) + 1);
                 changed[mCells.blockOf(v)] = 1;
+                isDone = false;
             }
+            if (isDone) return;
             place(changed);
             changed = mCells.withNeighbours(changed);
             split(changed);
@@ -176,16 +184,18 @@ private:
         forEachBlock(selection, [&](std::size_t n) {
             const DualBlock& block = mCells.blocks()[n];
             openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
-            for (std::uint64_t t = 2 * block.firstQuad; t < 2 * (block.firstQuad + block.quads);
-                 ++t) {
-                const Mesh::Triangle& triangle = mMesh.triangles[t];
-                const auto isFeature = [&](std::uint32_t v) { return mVertices[v].feature; };
-                if (std::none_of(triangle.begin(), triangle.end(), isFeature) ||
-                    !isFolded(triangle, access))
-                    continue;
-                std::copy_if(triangle.begin(), triangle.end(), std::back_inserter(found[n]),
-                             isFeature);
-            }
+            const auto isFeature = [&](std::uint32_t v) { return mVertices[v].feature; };
+            mCells.forEachQuad(n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q,
+                                      const Vec3i& outwards) {
+                if (std::none_of(q.begin(), q.end(), isFeature)) return;
+                for (int half = 0; half < 2; ++half) {
+                    const Mesh::Triangle& triangle =
+                        mMesh.triangles[2 * (block.firstQuad + quad) + std::uint64_t(half)];
+                    if (isFolded(triangle, outwards.cast<float>(), access))
+                        std::copy_if(triangle.begin(), triangle.end(), std::back_inserter(found[n]),
+                                     isFeature);
+                }
+            });
         });
         Vertices all;
         for (const Vertices& some : found) all.insert(all.end(), some.begin(), some.end());
@@ -202,9 +212,11 @@ private:
         return found;
     }
 
-    /// Whether a triangle faces against the gradient of the values at the voxel nearest to it.
+    /// Whether a triangle faces against the gradient of the values at the voxel nearest to it: far
+    /// (a sharp edge's other side may do so too), or also against the edge that its quad belongs
+    /// to.
     template <typename Access>
-    bool isFolded(const Mesh::Triangle& v, const Access& access) const
+    bool isFolded(const Mesh::Triangle& v, const Vec3f& outwards, const Access& access) const
     {
         const Vec3f &a = mMesh.positions[v[0]], &b = mMesh.positions[v[1]],
                     &c = mMesh.positions[v[2]];
@@ -219,7 +231,8 @@ private:
             gradient[axis] = access.getValue(up) - access.getValue(down);
         }
         const Vec3f normal = (b - a).cross(c - a);
-        return normal.dot(gradient) < kFolded * normal.norm() * gradient.norm();
+        const float against = normal.dot(gradient) / (normal.norm() * gradient.norm());
+        return against < kFolded || (against < 0 && normal.dot(outwards) < 0);
     }
 
     const openvdb::FloatTree& mTree;
