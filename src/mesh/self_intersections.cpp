@@ -3,7 +3,6 @@
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
 
-#include <tbb/blocked_range.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
@@ -23,6 +22,9 @@ __extension__ using Int128 = __int128;
 using Place = std::array<std::int64_t, 3>;
 using Corners = std::array<Place, 3>;
 
+/// Pairs of the nodes of this level are work for one thread at a time.
+constexpr std::size_t kTaskLevels = 12;
+
 constexpr double kSteps = double(std::int64_t(1) << 30);
 
 class Rounding
@@ -41,8 +43,8 @@ public:
         Corners rounded{};
         for (std::size_t n = 0; n < 3; ++n)
             for (int k = 0; k < 3; ++k)
-                rounded[n][std::size_t(k)] =
-                    std::llround(mScale * (double(corners[n][k]) - mFrom[k]));
+                rounded[n][std::size_t(k)] = // not below 0
+                    std::int64_t(mScale * (double(corners[n][k]) - mFrom[k]) + 0.5);
         return rounded;
     }
 
@@ -126,7 +128,7 @@ int commonCorners(const Mesh::Triangle& a, const Mesh::Triangle& b)
     return common;
 }
 
-/// Finds the pairs of one leaf's triangles with those of itself and of later leaves.
+/// Finds the pairs of the triangles of two leaves.
 class LeafPairs
 {
 public:
@@ -134,18 +136,19 @@ public:
     {
     }
 
-    void find(std::size_t leaf, std::vector<TrianglePair>& pairs) const
+    /// @param a, b  leaves, a <= b.
+    void find(std::size_t a, std::size_t b, std::vector<TrianglePair>& pairs) const
     {
-        mTree.forEachLeaf(mTree.leafBox(leaf), leaf, [&](std::size_t other) {
-            for (std::size_t i = mTree.firstSlot(leaf); i < mTree.firstSlot(leaf + 1); ++i) {
-                const TriangleTree::Box box = boxOf(i);
-                const std::size_t first = std::max(i + 1, mTree.firstSlot(other));
-                for (std::size_t j = first; j < mTree.firstSlot(other + 1); ++j)
-                    if (box.intersects(boxOf(j)) && crossing(i, j))
-                        pairs.push_back({std::min(mTree.triangle(i), mTree.triangle(j)),
-                                         std::max(mTree.triangle(i), mTree.triangle(j))});
-            }
-        });
+        const TriangleTree::Box& other = mTree.leafBox(b);
+        for (std::size_t i = mTree.firstSlot(a); i < mTree.firstSlot(a + 1); ++i) {
+            const TriangleTree::Box box = boxOf(i);
+            if (!box.intersects(other)) continue;
+            for (std::size_t j = std::max(i + 1, mTree.firstSlot(b)); j < mTree.firstSlot(b + 1);
+                 ++j)
+                if (box.intersects(boxOf(j)) && crossing(i, j))
+                    pairs.push_back({std::min(mTree.triangle(i), mTree.triangle(j)),
+                                     std::max(mTree.triangle(i), mTree.triangle(j))});
+        }
     }
 
 private:
@@ -174,13 +177,17 @@ std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh, Progress& prog
     progress.beginStage("intersections");
     const TriangleTree tree(mesh, progress);
     const LeafPairs leafPairs(mesh, tree);
+    std::vector<std::array<std::size_t, 2>> tasks;
+    tree.forEachPair(std::min(tree.levels(), kTaskLevels), [&](std::size_t a, std::size_t b) {
+        tasks.push_back({a, b});
+    });
     tbb::enumerable_thread_specific<std::vector<TrianglePair>> found;
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, tree.leaves(), 256),
-                      [&](const tbb::blocked_range<std::size_t>& range) {
-                          progress.check();
-                          for (std::size_t leaf = range.begin(); leaf < range.end(); ++leaf)
-                              leafPairs.find(leaf, found.local());
-                      });
+    tbb::parallel_for(std::size_t(0), tasks.size(), [&](std::size_t n) {
+        progress.check();
+        tree.forEachLeafPair(tasks[n][0], tasks[n][1], [&](std::size_t a, std::size_t b) {
+            leafPairs.find(a, b, found.local());
+        });
+    });
     std::vector<TrianglePair> pairs;
     for (const auto& some : found) pairs.insert(pairs.end(), some.begin(), some.end());
     tbb::parallel_sort(pairs.begin(), pairs.end());

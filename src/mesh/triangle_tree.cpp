@@ -18,6 +18,7 @@ namespace
 
 constexpr std::size_t kLeafTriangles = 4;
 constexpr int kCurveBits = 21; ///< per axis
+constexpr std::size_t kMostLevels = 64;
 
 /// Spread the low 21 bits: bit b goes to bit 3b.
 std::uint64_t spread(std::uint64_t v)

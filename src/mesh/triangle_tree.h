@@ -28,6 +28,8 @@ public:
     const Corners& corners(std::size_t slot) const { return mCorners[slot]; }
 
     std::size_t leaves() const { return mLeaves; }
+    /// Of nodes below the root.
+    std::size_t levels() const { return std::size_t(__builtin_ctzll(mLeaves)); }
     /// The first slot of a leaf; that of leaf leaves() is size().
     std::size_t firstSlot(std::size_t leaf) const { return leaf * size() / mLeaves; }
     const Box& leafBox(std::size_t leaf) const { return mBoxes[mLeaves + leaf]; }
@@ -36,27 +38,35 @@ public:
     /// @param slot  where to look first; becomes the slot of the triangle found.
     double squaredDistance(const Vec3d& p, std::size_t& slot) const;
 
-    /// Call f(leaf) for the leaves from @a first on whose boxes meet @a box.
+    /// Call f(a, b) for the pairs of nodes a <= b of one level whose boxes meet, and for each node
+    /// with itself. @param levels  below the root, at most levels().
     template <class F>
-    void forEachLeaf(const Box& box, std::size_t first, const F& f) const
+    void forEachPair(std::size_t levels, const F& f) const
     {
-        std::size_t stack[2 * kMostLevels];
-        std::size_t height = 0;
-        stack[height++] = 1;
-        while (height > 0) {
-            const std::size_t node = stack[--height];
-            if (!mBoxes[node].intersects(box)) continue;
-            if (node >= mLeaves) {
-                if (node - mLeaves >= first) f(node - mLeaves);
-                continue;
-            }
-            stack[height++] = 2 * node + 1;
-            stack[height++] = 2 * node;
-        }
+        descend(1, 1, std::size_t(1) << levels, f);
+    }
+    /// The same for the pairs of leaves below two nodes of one level: f takes leaves.
+    template <class F>
+    void forEachLeafPair(std::size_t a, std::size_t b, const F& f) const
+    {
+        descend(a, b, mLeaves, [&](std::size_t c, std::size_t d) { f(c - mLeaves, d - mLeaves); });
     }
 
 private:
-    static constexpr std::size_t kMostLevels = 64;
+    /// @param first  node of the level to stop at.
+    template <class F>
+    void descend(std::size_t a, std::size_t b, std::size_t first, const F& f) const
+    {
+        if (a != b && !mBoxes[a].intersects(mBoxes[b])) return;
+        if (a >= first) {
+            f(a, b);
+            return;
+        }
+        descend(2 * a, 2 * b, first, f);
+        descend(2 * a, 2 * b + 1, first, f);
+        if (a != b) descend(2 * a + 1, 2 * b, first, f);
+        descend(2 * a + 1, 2 * b + 1, first, f);
+    }
 
     void sortTriangles(const Mesh& mesh);
 
