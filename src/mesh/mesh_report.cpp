@@ -4,10 +4,10 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
-#include <tbb/parallel_sort.h>
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -19,24 +19,30 @@ namespace
 struct HalfEdge {
     std::uint32_t from, to;
 
-    std::uint64_t key() const
-    {
-        return std::uint64_t(std::min(from, to)) << 32 | std::max(from, to);
-    }
+    std::uint32_t lower() const { return std::min(from, to); }
+    std::uint64_t key() const { return std::uint64_t(lower()) << 32 | std::max(from, to); }
     bool forward() const { return from < to; }
 };
 
-/// All sides, those of one edge together.
+/// All sides, those of one edge together: by their lower vertex, and then by the other.
 std::vector<HalfEdge> sortedHalfEdges(const Mesh& mesh)
 {
+    std::vector<std::size_t> first(mesh.positions.size() + 1, 0); // of each lower vertex
+    const auto forEachSide = [&](const auto& visit) {
+        for (const Mesh::Triangle& v : mesh.triangles)
+            for (std::size_t side = 0; side < 3; ++side)
+                visit(HalfEdge{v[side], v[(side + 1) % 3]});
+    };
+    forEachSide([&](const HalfEdge& edge) { ++first[edge.lower() + 1]; });
+    std::partial_sum(first.begin(), first.end(), first.begin());
     std::vector<HalfEdge> edges(3 * mesh.triangles.size());
-    tbb::parallel_for(std::size_t(0), mesh.triangles.size(), [&](std::size_t t) {
-        const Mesh::Triangle& v = mesh.triangles[t];
-        for (std::size_t side = 0; side < 3; ++side)
-            edges[3 * t + side] = {v[side], v[(side + 1) % 3]};
+    // Placing moves each start to where the next vertex's was.
+    forEachSide([&](const HalfEdge& edge) { edges[first[edge.lower()]++] = edge; });
+    tbb::parallel_for(std::size_t(0), mesh.positions.size(), [&](std::size_t v) {
+        std::sort(edges.begin() + std::ptrdiff_t(v > 0 ? first[v - 1] : 0),
+                  edges.begin() + std::ptrdiff_t(first[v]),
+                  [](const HalfEdge& a, const HalfEdge& b) { return a.key() < b.key(); });
     });
-    tbb::parallel_sort(edges.begin(), edges.end(),
-                       [](const HalfEdge& a, const HalfEdge& b) { return a.key() < b.key(); });
     return edges;
 }
 

@@ -48,6 +48,9 @@ public:
         return rounded;
     }
 
+    /// A few steps: what is farther from a triangle's plane stays on its side of it.
+    double margin() const { return mScale > 0 ? 16 / mScale : 0; }
+
 private:
     Vec3d mFrom;
     double mScale = 0;
@@ -120,14 +123,6 @@ bool cross(const Corners& a, const Corners& b)
     return pierces(a, b, ofB) || pierces(b, a, ofA);
 }
 
-/// Corners that two triangles share.
-int commonCorners(const Mesh::Triangle& a, const Mesh::Triangle& b)
-{
-    int common = 0;
-    for (const std::uint32_t v : a) common += std::count(b.begin(), b.end(), v) > 0;
-    return common;
-}
-
 /// Finds the pairs of the triangles of two leaves.
 class LeafPairs
 {
@@ -143,25 +138,52 @@ public:
         for (std::size_t i = mTree.firstSlot(a); i < mTree.firstSlot(a + 1); ++i) {
             const TriangleTree::Box box = boxOf(i);
             if (!box.intersects(other)) continue;
+            const Plane plane(mTree.corners(i));
             for (std::size_t j = std::max(i + 1, mTree.firstSlot(b)); j < mTree.firstSlot(b + 1);
                  ++j)
-                if (box.intersects(boxOf(j)) && crossing(i, j))
+                if (box.intersects(boxOf(j)) && mayCross(i, plane, j) &&
+                    cross(mRound(mTree.corners(i)), mRound(mTree.corners(j))))
                     pairs.push_back({std::min(mTree.triangle(i), mTree.triangle(j)),
                                      std::max(mTree.triangle(i), mTree.triangle(j))});
         }
     }
 
 private:
+    struct Plane {
+        Vec3d origin, normal; ///< of length 1, or 0
+        explicit Plane(const TriangleTree::Corners& c)
+            : origin(c[0].cast<double>()),
+              normal((c[1].cast<double>() - origin).cross(c[2].cast<double>() - origin))
+        {
+            normal.normalize();
+        }
+    };
+
     TriangleTree::Box boxOf(std::size_t slot) const
     {
         const TriangleTree::Corners& c = mTree.corners(slot);
         return {c[0].cwiseMin(c[1]).cwiseMin(c[2]), c[0].cwiseMax(c[1]).cwiseMax(c[2])};
     }
-    bool crossing(std::size_t i, std::size_t j) const
+
+    /// False where the two share an edge, and where those corners of the second that they do not
+    /// share are on one side of the first's @a plane, farther from it than rounding moves them.
+    bool mayCross(std::size_t i, const Plane& plane, std::size_t j) const
     {
-        return commonCorners(mMesh.triangles[mTree.triangle(i)],
-                             mMesh.triangles[mTree.triangle(j)]) < 2 &&
-               cross(mRound(mTree.corners(i)), mRound(mTree.corners(j)));
+        const Mesh::Triangle &first = mMesh.triangles[mTree.triangle(i)],
+                             &second = mMesh.triangles[mTree.triangle(j)];
+        int common = 0;
+        bool isAbove = true, isBelow = true;
+        for (std::size_t n = 0; n < 3; ++n) {
+            if (std::count(first.begin(), first.end(), second[n]) > 0) {
+                ++common;
+                continue;
+            }
+            const double height =
+                plane.normal.dot(mTree.corners(j)[n].cast<double>() - plane.origin);
+            isAbove &= height > mRound.margin();
+            isBelow &= height < -mRound.margin();
+        }
+        return common < 2 && !isAbove && !isBelow;
     }
 
     const Mesh& mMesh;
