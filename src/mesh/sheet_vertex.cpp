@@ -271,33 +271,48 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
     }
 }
 
-/// Planes where the field itself crosses the edges; nothing where field and grid disagree.
-void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const
+/// Where the field itself crosses an edge of a cell, and its direction there; found once for the
+/// four cells that share the edge. @param start  where the values cross it, 0 to 1.
+const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, int edge, float start)
 {
     constexpr int kSteps = 6;
-    constexpr double kNear = 1e-3; // voxels
+    constexpr double kNear = 1e-3, kDisagrees = 0.05; // voxels
+    const CellEdge ends = cellEdge(edge);
+    const Vec3i low = at + cornerOf(ends.low).cast<int>();
+    FieldCrossing& found = mFieldCrossings[fieldCrossingIndex(low, edge / 4)];
+    if (found.state != FieldCrossing::State::Unknown) return found;
     const double h = mLattice.voxelSize;
-    const Vec3d corner = mLattice.origin + h * (mOrigin + at.cast<double>());
-    for (int n = 0; n < crossings.count; ++n) {
-        const CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
-        const Vec3d from = cornerOf(ends.low).cast<double>(),
-                    along = (cornerOf(ends.high) - cornerOf(ends.low)).cast<double>();
-        const auto sampleAt = [&](double t) {
-            return mField->evaluate(corner + h * (from + t * along));
-        };
-        double low = 0, high = 1, t = (crossings.point[std::size_t(n)].cast<double>() - from).sum();
-        const bool lowInside =
-            mValues[BlockHalo::index(at.x(), at.y(), at.z()) + stepTo(ends.low)] < 0;
-        FieldSample sample = sampleAt(t);
-        for (int step = 0; step < kSteps && std::abs(sample.value) > kNear * h; ++step) {
-            ((sample.value < 0) == lowInside ? low : high) = t;
-            const double slope = sample.gradient.dot(along);
-            const double next = slope != 0 ? t - sample.value / (h * slope) : 0.5 * (low + high);
-            t = next > low && next < high ? next : 0.5 * (low + high);
-            sample = sampleAt(t);
-        }
-        if (!(std::abs(sample.value) <= 0.05 * h) || !(sample.gradient.norm() > 0)) continue;
-        planes.add(sample.gradient.normalized().cast<float>(), (from + t * along).cast<float>(), 1);
+    const Vec3d from = mLattice.origin + h * (mOrigin + low.cast<double>());
+    const Vec3d along = h * Vec3d::Unit(edge / 4);
+    const bool lowInside = mValues[BlockHalo::index(low.x(), low.y(), low.z())] < 0;
+    double least = 0, most = 1, t = double(start);
+    FieldSample sample = mField->evaluate(from + t * along);
+    for (int step = 0; step < kSteps && std::abs(sample.value) > kNear * h; ++step) {
+        ((sample.value < 0) == lowInside ? least : most) = t;
+        const double slope = sample.gradient.dot(along);
+        const double next = slope != 0 ? t - sample.value / slope : 0.5 * (least + most);
+        t = next > least && next < most ? next : 0.5 * (least + most);
+        sample = mField->evaluate(from + t * along);
+    }
+    const double length = sample.gradient.norm();
+    const bool agrees = std::abs(sample.value) <= kDisagrees * h && length > 0;
+    found.state = agrees ? FieldCrossing::State::Found : FieldCrossing::State::None;
+    if (agrees) {
+        found.at = float(t);
+        found.normal = (sample.gradient / length).cast<float>();
+    }
+    return found;
+}
+
+/// Planes where the field itself crosses the edges; nothing where field and grid disagree.
+void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes)
+{
+    for (std::size_t n = 0; n < std::size_t(crossings.count); ++n) {
+        const int edge = crossings.edge[n];
+        const Vec3f from = cornerOf(cellEdge(edge).low), axis = Vec3f::Unit(edge / 4);
+        const FieldCrossing& found = fieldCrossing(at, edge, (crossings.point[n] - from).dot(axis));
+        if (found.state == FieldCrossing::State::Found)
+            planes.add(found.normal, from + found.at * axis, 1);
     }
 }
 
@@ -324,8 +339,7 @@ Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
     return p.cwiseMax(-kInset).cwiseMin(1 + kInset);
 }
 
-SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
-                               Freedom freedom) const
+SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom)
 {
     const Crossings crossings = crossingsOf(at, cell, sheet);
     SheetVertex vertex;

@@ -33,25 +33,39 @@ public:
     {
         mValues.load(tree, origin);
         mOrigin = Vec3d(origin.x(), origin.y(), origin.z());
+        if (mField) mFieldCrossings.assign(fieldCrossingIndex(Vec3i(9, 0, 0), 0), {});
     }
     /// The vertex of sheet @a sheet of the cell at @a at, each in [0,7].
-    SheetVertex place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom) const;
+    SheetVertex place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom);
 
 private:
     struct Crossings;
     struct Plane;
     class Planes;
+    struct FieldCrossing {
+        enum class State : std::uint8_t { Unknown, None, Found } state = State::Unknown;
+        float at; ///< along the edge, 0 to 1
+        Vec3f normal;
+    };
+
+    /// Of the edge along @a axis from a voxel of the block or one beyond, each in [0,8].
+    static std::size_t fieldCrossingIndex(const Vec3i& low, int axis)
+    {
+        return std::size_t(((low.x() * 9 + low.y()) * 9 + low.z()) * 3 + axis);
+    }
     Crossings crossingsOf(const Vec3i& at, const DualCell& cell, int sheet) const;
     Vec3f centralGradient(int index) const;
     Plane planeAt(int index) const;
     void addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const;
-    void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const;
+    const FieldCrossing& fieldCrossing(const Vec3i& at, int edge, float start);
+    void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
     Vec3f ontoSurface(const Vec3i& at, Vec3f inCell) const;
 
     const Field* mField;
     Lattice mLattice;
     BlockHalo mValues;
     Vec3d mOrigin = Vec3d::Zero(); ///< of the block, voxels
+    std::vector<FieldCrossing> mFieldCrossings;
 };
 
 } // namespace mpuvdb
