@@ -30,22 +30,16 @@ MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, c
 {
 }
 
-template <typename Leaf>
-void MpuBlockSampler::descend(const NodeAt& at, const Box3d& box, double stopSize,
-                              std::vector<NodeAt>* inner, Leaf leaf) const
+template <typename Visit>
+void MpuBlockSampler::descend(const NodeAt& at, const Box3d& box, const Visit& visit) const
 {
     const double radius = mTree.reach(at.cell.level);
     if (!(box.squaredExteriorDistance(mTree.root.centre(at.cell)) < radius * radius)) return;
-    const OctreeNode& node = mTree.nodes[at.node];
-    if (node.isLeaf()) {
-        leaf(at);
-    } else if (inner && mTree.root.size(at.cell.level) <= stopSize) {
-        inner->push_back(at);
-    } else {
-        for (int octant = 0; octant < 8; ++octant)
-            descend({node.index + std::uint32_t(octant), at.cell.child(octant)}, box, stopSize,
-                    inner, leaf);
-    }
+    const auto along = [&](int axis, double x) {
+        const double beyond = std::max({box.min()[axis] - x, x - box.max()[axis], 0.0});
+        return beyond * beyond;
+    };
+    mTree.descend(along, visit, at.node, at.cell);
 }
 
 void MpuBlockSampler::gatherRegion(const Vec3i& region)
@@ -57,8 +51,12 @@ void MpuBlockSampler::gatherRegion(const Vec3i& region)
     const int dim = kBlockDim << kRegionShift;
     const Vec3d corner = mOrigin + mVoxelSize * double(dim) * region.cast<double>();
     const Box3d box(corner, corner + Vec3d::Constant(mVoxelSize * (dim - 1)));
-    descend({0, {}}, box, mVoxelSize * dim / 4, &mRegionNodes,
-            [&](const NodeAt& leaf) { mRegionNodes.push_back(leaf); });
+    const double stopSize = mVoxelSize * dim / 4;
+    descend({0, {}}, box, [&](std::uint32_t node, const OctreeCell& cell) {
+        const bool goesOn = !mTree.nodes[node].isLeaf() && mTree.root.size(cell.level) > stopSize;
+        if (!goesOn) mRegionNodes.push_back({node, cell});
+        return goesOn;
+    });
 }
 
 void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
@@ -69,7 +67,11 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     const Vec3d corner = mOrigin + mVoxelSize * double(kBlockDim) * block.cast<double>();
     const Box3d box(corner, corner + Vec3d::Constant(mVoxelSize * (kBlockDim - 1)));
     for (const NodeAt& at : mRegionNodes)
-        descend(at, box, 0, nullptr, [&](const NodeAt& leaf) { addLeaf(leaf, corner); });
+        descend(at, box, [&](std::uint32_t node, const OctreeCell& cell) {
+            if (!mTree.nodes[node].isLeaf()) return true;
+            addLeaf({node, cell}, corner);
+            return false;
+        });
     // Blended with the coarse field a value may be beyond the band and still count.
     normalise(mSums, mFarthest, values);
     const bool reached = *std::min_element(mSums.weight.begin(), mSums.weight.end()) > 0;

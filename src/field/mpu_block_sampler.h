@@ -26,9 +26,9 @@ private:
         OctreeCell cell;
     };
     void gatherRegion(const Vec3i& region);
-    template <typename Leaf>
-    void descend(const NodeAt& at, const Box3d& box, double stopSize, std::vector<NodeAt>* inner,
-                 Leaf leaf) const;
+    /// Octree::descend() from a node, if that reaches into @a box.
+    template <typename Visit>
+    void descend(const NodeAt& at, const Box3d& box, const Visit& visit) const;
     void addLeaf(const NodeAt& leaf, const Vec3d& blockOrigin);
 
     void blendCoarse(const Vec3d& blockOrigin, BlockValues& values) const;

@@ -63,7 +63,7 @@ struct MpuField::Impl {
         double weight = 0, supported = 0;
         FieldSample sample;
     };
-    void blend(const Vec3d& p, std::uint32_t index, const OctreeCell& cell, Blend& sums) const;
+    Blend blend(const Vec3d& p) const;
     double weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const;
 };
 
@@ -108,27 +108,28 @@ Box3d MpuField::bounds() const
     return mImpl->localBounds.translated(mImpl->frame);
 }
 
-void MpuField::Impl::blend(const Vec3d& p, std::uint32_t index, const OctreeCell& cell,
-                           Blend& sums) const
+MpuField::Impl::Blend MpuField::Impl::blend(const Vec3d& p) const
 {
-    if (!((p - tree.root.centre(cell)).norm() < tree.reach(cell.level))) return;
-    const OctreeNode& node = tree.nodes[index];
-    if (!node.isLeaf()) {
-        for (int octant = 0; octant < 8; ++octant)
-            blend(p, node.index + std::uint32_t(octant), cell.child(octant), sums);
-        return;
-    }
-    const StoredFit& stored = tree.fits[node.index];
-    const double w = weight(p, cell, stored);
-    if (!(w > 0)) return;
-    const Vec3d origin = stored.origin.cast<double>();
-    const LocalFit fit = tree.fitAbout(stored, origin);
-    const Quadric& q = fit.ruling(p - origin);
-    sums.weight += w;
-    sums.supported += w * double(node.support);
-    sums.sample.value += w * q.value(p - origin);
-    sums.sample.gradient += w * q.gradient(p - origin);
-    sums.sample.level = std::max(sums.sample.level, cell.level);
+    Blend sums;
+    const auto along = [&](int axis, double x) { return (x - p[axis]) * (x - p[axis]); };
+    const auto visit = [&](std::uint32_t index, const OctreeCell& cell) {
+        const OctreeNode& node = tree.nodes[index];
+        if (!node.isLeaf()) return true;
+        const StoredFit& stored = tree.fits[node.index];
+        const double w = weight(p, cell, stored);
+        if (!(w > 0)) return false;
+        const Vec3d origin = stored.origin.cast<double>();
+        const LocalFit fit = tree.fitAbout(stored, origin);
+        const Quadric& q = fit.ruling(p - origin);
+        sums.weight += w;
+        sums.supported += w * double(node.support);
+        sums.sample.value += w * q.value(p - origin);
+        sums.sample.gradient += w * q.gradient(p - origin);
+        sums.sample.level = std::max(sums.sample.level, cell.level);
+        return false;
+    };
+    if ((p - tree.root.centre({})).norm() < tree.reach(0)) tree.descend(along, visit, 0, {});
+    return sums;
 }
 
 double MpuField::Impl::weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const
@@ -142,8 +143,7 @@ double MpuField::Impl::weight(const Vec3d& p, const OctreeCell& cell, const Stor
 FieldSample MpuField::evaluate(const Vec3d& position) const
 {
     const Vec3d p = position - mImpl->frame;
-    Impl::Blend sums;
-    mImpl->blend(p, 0, {}, sums);
+    Impl::Blend sums = mImpl->blend(p);
     FieldSample& sample = sums.sample;
     const double support = sums.weight > 0 ? sums.supported / sums.weight : 0;
     if (sums.weight > 0) {

@@ -80,6 +80,28 @@ struct Octree {
     /// bytes() without room to grow.
     std::uint64_t usedBytes() const;
 
+    /// Call visit(index, cell) for a node and, where it returns true (never for a leaf), for those
+    /// of its children whose reach holds part of a box along the axes, depth first.
+    /// @param along  along(axis, x): squared distance along an axis from x to the box.
+    template <typename Along, typename Visit>
+    void descend(const Along& along, const Visit& visit, std::uint32_t index,
+                 const OctreeCell& cell) const
+    {
+        if (!visit(index, cell)) return;
+        const double quarter = root.size(cell.level) / 4, radius = reach(cell.level + 1);
+        const Vec3d centre = root.centre(cell);
+        double distance2[3][2]; // along each axis to the lower and the upper child
+        for (int axis = 0; axis < 3; ++axis)
+            for (int side = 0; side < 2; ++side)
+                distance2[axis][side] = along(axis, centre[axis] + (side ? quarter : -quarter));
+        for (int octant = 0; octant < 8; ++octant)
+            if (distance2[0][octant & 1] + distance2[1][octant >> 1 & 1] +
+                    distance2[2][octant >> 2 & 1] <
+                radius * radius)
+                descend(along, visit, nodes[index].index + std::uint32_t(octant),
+                        cell.child(octant));
+    }
+
     /// Call f(node, cell) for every leaf below a node, depth first.
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
