@@ -3,6 +3,7 @@
 
 #include <mpuvdb/fields.h>
 #include <mpuvdb/scan_sampler.h>
+#include <mpuvdb/shape.h>
 
 #include <openvdb/tools/VolumeToMesh.h>
 
@@ -87,6 +88,7 @@ Fit fitOf(const Mesh& mesh, const Solid& solid, double voxelSize)
 struct Part {
     const char* solid;
     double timesBetter; ///< than the yardstick near creases
+    double normalsBetter = 3;
 };
 
 class SharpParts : public testing::TestWithParam<Part>
@@ -109,7 +111,7 @@ TEST_P(SharpParts, KeepTheirEdges)
         const Fit fit = fitOf(mesh, *solid, h);
         EXPECT_LT(fit.nearCreases, hasField ? 0.05 : 0.15) << "voxels";
         EXPECT_LT(fit.nearCreases * GetParam().timesBetter, before.nearCreases);
-        EXPECT_LT(fit.normalError * 1.8, before.normalError);
+        EXPECT_LT(fit.normalError * GetParam().normalsBetter, before.normalError);
         EXPECT_LE(fit.away, 1.05 * before.away + 1e-4);
         EXPECT_LE(double(fit.inverted), 1e-3 * double(mesh.triangles.size()));
     }
@@ -119,11 +121,38 @@ INSTANTIATE_TEST_SUITE_P(
     Solids, SharpParts,
     testing::Values(Part{"box(1.3,1.1,0.9)", 100}, Part{"rotate(box(1.3,1.1,0.9),1,2,3,33)", 20},
                     Part{"rotate(cylinder(0.6,1.2),1,2,3,33)", 8},
-                    Part{"rotate(cone(0.6,1.2),1,2,3,33)", 3},
+                    // About its tip triangles are as large as the surface's radius.
+                    Part{"rotate(cone(0.6,1.2),1,2,3,33)", 3, 2},
                     Part{"difference(box(2,2,1),cylinder(0.6,3))", 8},
                     Part{"rotate(difference(box(2,2,1),cylinder(0.6,3)),1,2,3,33)", 8},
-                    Part{"union(sphere(1),translate(sphere(0.8),1,0.2,0.1))", 4},
+                    // Most of it is round.
+                    Part{"union(sphere(1),translate(sphere(0.8),1,0.2,0.1))", 4, 1.5},
                     Part{"rotate(intersection(sphere(1),box(1.5,1.5,1.5)),1,2,3,33)", 5}));
+
+TEST(SharpShapes, AreAsExactAsTheirFormulas)
+{
+    const double h = 0.04;
+    const auto leaf = [](const char* text) {
+        return Shape(makeSolidField(parseSolid(text)), text);
+    };
+    const Eigen::AngleAxisd turn(33 * kPi / 180, Vec3d(1, 2, 3).normalized());
+    const Shape shape = (leaf("box(2,2,1)") - leaf("cylinder(0.6,3)")).moved(Eigen::Affine3d(turn));
+    const auto solid = parseSolid("rotate(difference(box(2,2,1),cylinder(0.6,3)),1,2,3,33)");
+    ASSERT_TRUE(shape.field());
+    Progress progress;
+    ShapeSettings settings;
+    settings.voxelSize = h;
+    const LevelSet levelSet = shape.evaluate(settings, progress);
+    const Mesh mesh = extractMesh(levelSet, progress, {shape.field().get()});
+    const Fit fit = fitOf(mesh, *solid, h), before = fitOf(yardstick(levelSet), *solid, h);
+    EXPECT_LT(fit.nearCreases, 0.01) << "voxels";
+    EXPECT_LT(fit.nearCreases * 8, before.nearCreases);
+    EXPECT_LT(fit.normalError * 3, before.normalError);
+    // What only a grid knows has none.
+    EXPECT_FALSE(shape.offset(0.1).field());
+    EXPECT_FALSE((leaf("sphere(1)") | Shape(levelSet)).field());
+    EXPECT_FALSE(Shape::combine(Boolean::Union, {shape, leaf("sphere(1)")}, 0.1).field());
+}
 
 /// The largest distance of a vertex from a sphere of radius 1, voxels of edge @a h, and the
 /// smallest angle that 99 % of the triangles keep.
@@ -224,7 +253,8 @@ TEST(ManifoldMeshes, OfCheckerboardsAndSlabsOfOneVoxel)
 
 TEST(ManifoldMeshes, OfRandomSolids)
 {
-    constexpr int kSolids = 120;
+    constexpr int kSolids = 200;
+    std::size_t triangles = 0, crossings = 0;
     std::mt19937_64 random(20261122);
     RecordProperty("seed", "20261122");
     const auto uniform = [&](double low, double high) {
@@ -246,16 +276,24 @@ TEST(ManifoldMeshes, OfRandomSolids)
         }
         const FieldPtr field = makeSolidField(parseSolid(text));
         SampleSettings settings;
-        settings.lattice.voxelSize = 0.06;
+        settings.lattice.voxelSize = 0.09;
         settings.mayBeEmpty = true;
         Progress progress;
         const LevelSet levelSet = sampleField(*field, settings, progress);
         for (const Field* oracle : {static_cast<const Field*>(nullptr), field.get()}) {
-            const MeshReport report = measure(extractMesh(levelSet, progress, {oracle}));
-            EXPECT_EQ(report.boundaryEdges, 0u) << text;
-            EXPECT_EQ(report.nonManifoldEdges, 0u) << text;
+            const Mesh mesh = extractMesh(levelSet, progress, {oracle});
+            triangles += mesh.triangles.size();
+            crossings += findSelfIntersections(mesh, progress).size();
+            const Mesh strict = extractMesh(levelSet, progress, {oracle, true});
+            EXPECT_EQ(findSelfIntersections(strict, progress).size(), 0u) << text;
+            for (const MeshReport& report : {measure(mesh), measure(strict)}) {
+                EXPECT_EQ(report.boundaryEdges, 0u) << text;
+                EXPECT_EQ(report.nonManifoldEdges, 0u) << text;
+            }
         }
     }
+    // Details of a voxel and less; without --strict.
+    EXPECT_LT(double(crossings), 5e-3 * double(triangles));
 }
 
 } // namespace

@@ -71,6 +71,10 @@ public:
 
     /// A box around the solid, world units; infinite where the solid is.
     Box3d bounds() const;
+    /// A field with the solid's zero set, creases included: what makes meshes exact, see
+    /// ExtractSettings. Null where there is none: of grids and meshes, of offsets, shells, blends,
+    /// filters and morphs, and of functions that cost much at single places.
+    FieldPtr field() const;
     /// What evaluate() would do. @throws as evaluate(), but for memory.
     std::vector<PlanStep> plan(const ShapeSettings& settings) const;
     /// The plan as text, one line per step.

@@ -86,6 +86,11 @@ Box3d Shape::bounds() const
     return mNode->bounds();
 }
 
+FieldPtr Shape::field() const
+{
+    return mNode->field();
+}
+
 std::vector<PlanStep> Shape::plan(const ShapeSettings& settings) const
 {
     return ShapePlan(*mNode, settings).steps();

@@ -3,6 +3,7 @@
 #include "transform_lattice.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/point_field.h>
 
 #include <algorithm>
 #include <cmath>
@@ -46,6 +47,13 @@ public:
         const FieldPtr part = region.contains(bounds()) ? mField : makeClippedField(mField, box);
         const Lattice coarse = latticeFor(box, edge / kBlockDim);
         return double(part->seedBlocks(coarse).size()) * edge * edge / kBlocksPerArea;
+    }
+
+    FieldPtr field() const override
+    {
+        const auto* const points = dynamic_cast<const PointField*>(mField.get());
+        const bool isSlow = points && points->inBatches(); // where one place is asked for
+        return isSlow ? nullptr : mField;
     }
 
     LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,

@@ -43,6 +43,8 @@ public:
     virtual double widestBand(const Demand& own) const { return own.halfWidth; }
     /// An estimate of its surface's area within @a region, world units squared.
     virtual double area(const Box3d& region) const;
+    /// As Shape::field().
+    virtual FieldPtr field() const { return nullptr; }
     /// @param settings  lattice, half-width and memory.
     virtual LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
                           Progress& progress) const = 0;
@@ -87,6 +89,9 @@ Shape::Node::Ptr warpNode(const Shape::Node::Ptr& input, std::shared_ptr<const W
                           std::string name);
 Shape::Node::Ptr motionNode(const Shape::Node::Ptr& input, const Eigen::Affine3d& motion);
 /// @}
+
+/// Several fields (at least one) as one: no distance near creases, but exact on the zero set.
+FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields);
 
 /// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress);

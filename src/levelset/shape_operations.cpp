@@ -54,6 +54,17 @@ public:
         return demand;
     }
 
+    FieldPtr field() const override
+    {
+        if (mBlendRadius > 0) return nullptr;
+        std::vector<FieldPtr> fields;
+        for (const Ptr& input : inputs()) {
+            fields.push_back(input->field());
+            if (!fields.back()) return nullptr;
+        }
+        return booleanField(mKind, std::move(fields));
+    }
+
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {

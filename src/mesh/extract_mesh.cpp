@@ -82,6 +82,7 @@ public:
             mLattice.origin + mLattice.voxelSize * Vec3d(mFrame.x(), mFrame.y(), mFrame.z());
         mMesh.positions.resize(mCells.vertices());
         mVertices = std::vector<State>(mCells.vertices());
+        mHasFeatures.assign(mCells.blocks().size(), 0);
         mMesh.triangles.resize(2 * mCells.quads());
         const Selection all(mCells.blocks().size(), 1);
         place(all);
@@ -124,14 +125,17 @@ private:
             const openvdb::Coord from = block.origin - mFrame;
             const Vec3f origin(float(from.x()), float(from.y()), float(from.z()));
             placer.load(mTree, block.origin);
+            bool anyFeature = false;
             block.forEachCell([&](const Vec3i& at, const DualCell& cell) {
                 for (int sheet = 0; sheet < cell.sheets().count; ++sheet) {
                     const std::uint64_t v = block.firstVertex + cell.vertex + std::uint64_t(sheet);
                     const SheetVertex vertex = placer.place(at, cell, sheet, mVertices[v].freedom);
                     mMesh.positions[v] = h * (origin + vertex.position);
                     mVertices[v].feature = vertex.feature;
+                    anyFeature |= vertex.feature;
                 }
             });
+            mHasFeatures[n] = anyFeature;
         });
     }
 
@@ -181,7 +185,9 @@ private:
     Vertices folded(const Selection& selection)
     {
         std::vector<Vertices> found(selection.size());
+        const Selection near = mCells.withNeighbours(mHasFeatures);
         forEachBlock(selection, [&](std::size_t n) {
+            if (!near[n]) return;
             const DualBlock& block = mCells.blocks()[n];
             openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
             const auto isFeature = [&](std::uint32_t v) { return mVertices[v].feature; };
@@ -243,6 +249,7 @@ private:
     openvdb::Coord mFrame;
     Mesh mMesh;
     std::vector<State> mVertices;
+    Selection mHasFeatures; ///< of each block's own vertices
 };
 
 } // namespace

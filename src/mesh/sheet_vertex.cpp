@@ -287,7 +287,8 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     const bool lowInside = mValues[BlockHalo::index(low.x(), low.y(), low.z())] < 0;
     double least = 0, most = 1, t = double(start);
     FieldSample sample = mField->evaluate(from + t * along);
-    for (int step = 0; step < kSteps && std::abs(sample.value) > kNear * h; ++step) {
+    for (int step = 0; step < kSteps && std::abs(sample.value) > kNear * h * sample.gradient.norm();
+         ++step) {
         ((sample.value < 0) == lowInside ? least : most) = t;
         const double slope = sample.gradient.dot(along);
         const double next = slope != 0 ? t - sample.value / slope : 0.5 * (least + most);
@@ -295,7 +296,7 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
         sample = mField->evaluate(from + t * along);
     }
     const double length = sample.gradient.norm();
-    const bool agrees = std::abs(sample.value) <= kDisagrees * h && length > 0;
+    const bool agrees = std::abs(sample.value) <= kDisagrees * h * length && length > 0;
     found.state = agrees ? FieldCrossing::State::Found : FieldCrossing::State::None;
     if (agrees) {
         found.at = float(t);

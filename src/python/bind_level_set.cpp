@@ -60,7 +60,8 @@ void bindFiles(LevelSetClass& levelSets)
             "write",
             [](const LevelSet& levelSet, const std::filesystem::path& file,
                const std::map<std::string, std::string>& metadata, const py::object& progress) {
-                runWork(progress, [&](Progress& p) { writeAny(file, levelSet, metadata, p); });
+                runWork(progress,
+                        [&](Progress& p) { writeAny(file, levelSet, nullptr, metadata, p); });
             },
             "file"_a, "metadata"_a = std::map<std::string, std::string>(),
             "progress"_a = py::none(),
@@ -140,7 +141,7 @@ void demandWritable(const std::filesystem::path& file)
                                  file.string(), fmt::join(meshes, " or ")));
 }
 
-void writeAny(const std::filesystem::path& file, const LevelSet& levelSet,
+void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const Field* field,
               const std::map<std::string, std::string>& metadata, Progress& progress)
 {
     demandWritable(file);
@@ -149,7 +150,7 @@ void writeAny(const std::filesystem::path& file, const LevelSet& levelSet,
         all.insert(metadata.begin(), metadata.end());
         return writeLevelSet(file, levelSet, all, progress);
     }
-    writeMesh(file, extractMesh(levelSet, progress), progress);
+    writeMesh(file, extractMesh(levelSet, progress, {field}), progress);
 }
 
 void bindLevelSet(LevelSetClass& levelSets)

@@ -52,11 +52,15 @@ void bindEvaluation(ShapeClass& shapes)
                const py::object& progress) {
                 const ShapeSettings s = settingsFor(shape, voxelSize, 3, maxBytes);
                 return run(progress, [&](Progress& p) {
-                    return std::make_shared<Mesh>(extractMesh(shape.evaluate(s, p), p));
+                    const FieldPtr field = shape.field();
+                    return std::make_shared<Mesh>(
+                        extractMesh(shape.evaluate(s, p), p, {field.get()}));
                 });
             },
             "voxel_size"_a, "max_bytes"_a = 0, "progress"_a = py::none(),
-            "Plan, sample and extract the surface: a Mesh." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
+            "Plan, sample and extract the surface: a Mesh, with creases as exact as the shape's "
+            "formulas are where it has no grids, meshes, offsets or blends in "
+            "it." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
         .def(
             "write",
             [](const Shape& shape, const std::filesystem::path& file,
@@ -65,8 +69,10 @@ void bindEvaluation(ShapeClass& shapes)
                const py::object& progress) {
                 demandWritable(file);
                 const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
-                runWork(progress,
-                        [&](Progress& p) { writeAny(file, shape.evaluate(s, p), metadata, p); });
+                runWork(progress, [&](Progress& p) {
+                    const FieldPtr field = shape.field();
+                    writeAny(file, shape.evaluate(s, p), field.get(), metadata, p);
+                });
             },
             "file"_a, "voxel_size"_a, "half_width"_a = 3.0,
             "metadata"_a = std::map<std::string, std::string>(), "max_bytes"_a = 0,

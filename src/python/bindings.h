@@ -29,7 +29,8 @@ void bindPrimitives(pybind11::module_& module);
 void bindSources(pybind11::module_& module);
 
 /// Write a level set, or the mesh of it, as the extension says.
-void writeAny(const std::filesystem::path& file, const LevelSet& levelSet,
+/// @param field  what the level set was sampled from, or null.
+void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const Field* field,
               const std::map<std::string, std::string>& metadata, Progress& progress);
 
 /// Whether writeAny() knows the extension. @throws UsageError
