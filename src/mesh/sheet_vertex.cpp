@@ -128,14 +128,6 @@ struct SheetPlacer::Crossings {
     bool smooth = true;
 };
 
-/// A plane through a voxel's nearest place on the surface, as the values on one side of the voxel
-/// tell it.
-struct SheetPlacer::Plane {
-    Vec3f normal = Vec3f::Zero();
-    float distance = 0;            ///< of the voxel, signed, voxels
-    float error = 2 * kWorstPlane; ///< of what it predicts there
-};
-
 Vec3f SheetPlacer::centralGradient(int index) const
 {
     const float scale = float(0.5 / mLattice.voxelSize);
@@ -179,11 +171,12 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
 
 /// Of the eight octants about a voxel, the one in which the values are most nearly those of a
 /// distance to a plane: creases lie elsewhere.
-SheetPlacer::Plane SheetPlacer::planeAt(int index) const
+SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
 {
     const float scale = float(1 / mLattice.voxelSize);
     const float here = scale * mValues[index];
     Plane best;
+    best.error = 2 * kWorstPlane;
     for (int octant = 0; octant < 8; ++octant) {
         std::array<int, 3> step;
         Vec3f gradient;
@@ -215,6 +208,15 @@ SheetPlacer::Plane SheetPlacer::planeAt(int index) const
     return best;
 }
 
+/// The same, found once for the eight cells about a voxel of the block or one beyond.
+const SheetPlacer::Plane& SheetPlacer::planeAt(const Vec3i& voxel)
+{
+    Plane& plane = mPlanes[voxelIndex(voxel)];
+    if (plane.error == Plane::kUnknown)
+        plane = planeThrough(BlockHalo::index(voxel.x(), voxel.y(), voxel.z()));
+    return plane;
+}
+
 /// Planes from the ends of the crossed edges.
 class SheetPlacer::Planes
 {
@@ -235,12 +237,12 @@ private:
 
 /// The plane in which each edge crosses, from those at its ends: where these meet between the ends,
 /// the first that is met from inside if the surface is convex there, and else the last.
-void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const
+void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes)
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
     const float scale = float(1 / mLattice.voxelSize);
     std::array<Plane, 8> planeOf;
-    for (int c = 0; c < 8; ++c) planeOf[std::size_t(c)] = planeAt(home + stepTo(c));
+    for (int c = 0; c < 8; ++c) planeOf[std::size_t(c)] = planeAt(at + cornerOf(c).cast<int>());
     for (int n = 0; n < crossings.count; ++n) {
         CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
         if (mValues[home + stepTo(ends.low)] >= 0) std::swap(ends.low, ends.high);
@@ -279,7 +281,7 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     constexpr double kNear = 1e-3, kDisagrees = 0.05; // voxels
     const CellEdge ends = cellEdge(edge);
     const Vec3i low = at + cornerOf(ends.low).cast<int>();
-    FieldCrossing& found = mFieldCrossings[fieldCrossingIndex(low, edge / 4)];
+    FieldCrossing& found = mFieldCrossings[3 * voxelIndex(low) + std::size_t(edge / 4)];
     if (found.state != FieldCrossing::State::Unknown) return found;
     const double h = mLattice.voxelSize;
     const Vec3d from = mLattice.origin + h * (mOrigin + low.cast<double>());

@@ -33,30 +33,40 @@ public:
     {
         mValues.load(tree, origin);
         mOrigin = Vec3d(origin.x(), origin.y(), origin.z());
-        if (mField) mFieldCrossings.assign(fieldCrossingIndex(Vec3i(9, 0, 0), 0), {});
+        if (mField) mFieldCrossings.assign(3 * kVoxels, {});
+        mPlanes.assign(kVoxels, {});
     }
     /// The vertex of sheet @a sheet of the cell at @a at, each in [0,7].
     SheetVertex place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom);
 
 private:
     struct Crossings;
-    struct Plane;
     class Planes;
+    /// A plane through a voxel's nearest place on the surface, as the values on one side of the
+    /// voxel tell it.
+    struct Plane {
+        static constexpr float kUnknown = -1;
+        Vec3f normal = Vec3f::Zero();
+        float distance = 0;     ///< of the voxel, signed, voxels
+        float error = kUnknown; ///< of what it predicts there
+    };
     struct FieldCrossing {
         enum class State : std::uint8_t { Unknown, None, Found } state = State::Unknown;
         float at; ///< along the edge, 0 to 1
         Vec3f normal;
     };
 
-    /// Of the edge along @a axis from a voxel of the block or one beyond, each in [0,8].
-    static std::size_t fieldCrossingIndex(const Vec3i& low, int axis)
+    static constexpr std::size_t kVoxels = 9 * 9 * 9;
+    /// Of a voxel of the block or one beyond, each in [0,8].
+    static std::size_t voxelIndex(const Vec3i& voxel)
     {
-        return std::size_t(((low.x() * 9 + low.y()) * 9 + low.z()) * 3 + axis);
+        return std::size_t((voxel.x() * 9 + voxel.y()) * 9 + voxel.z());
     }
     Crossings crossingsOf(const Vec3i& at, const DualCell& cell, int sheet) const;
     Vec3f centralGradient(int index) const;
-    Plane planeAt(int index) const;
-    void addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes) const;
+    Plane planeThrough(int index) const;
+    const Plane& planeAt(const Vec3i& voxel);
+    void addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
     const FieldCrossing& fieldCrossing(const Vec3i& at, int edge, float start);
     void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
     Vec3f ontoSurface(const Vec3i& at, Vec3f inCell) const;
@@ -64,8 +74,9 @@ private:
     const Field* mField;
     Lattice mLattice;
     BlockHalo mValues;
-    Vec3d mOrigin = Vec3d::Zero(); ///< of the block, voxels
-    std::vector<FieldCrossing> mFieldCrossings;
+    Vec3d mOrigin = Vec3d::Zero();              ///< of the block, voxels
+    std::vector<FieldCrossing> mFieldCrossings; ///< by axis and the voxel at the edge's low end
+    std::vector<Plane> mPlanes;                 ///< by voxel
 };
 
 } // namespace mpuvdb
