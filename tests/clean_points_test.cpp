@@ -6,6 +6,7 @@
 #include <mpuvdb/progress.h>
 #include <mpuvdb/scan_sampler.h>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -103,6 +104,35 @@ TEST(Outliers, OnePercentIsFound)
     }
 }
 
+TEST(Outliers, EveryTenthAndEveryFifthAreFound)
+{
+    for (const char* solid :
+         {"blob(1,8,0.05)", "torus(1,0.4)", "difference(box(2,2,1),cylinder(0.6,3))"})
+        for (const Pattern pattern : {Pattern::Random, Pattern::Scan})
+            for (const double share : {0.1, 0.2}) {
+                const auto truth = parseSolid(solid);
+                PointCloud cloud = scanned(solid, 50000, pattern, 0, share);
+                Progress progress;
+                const double spacing = measure(cloud, progress).spacing;
+                const auto found = outliersOf(cloud);
+                std::vector<char> isFound(cloud.size(), 0);
+                for (const std::uint32_t i : found) isFound[i] = 1;
+                std::size_t far = 0, missed = 0, right = 0, lost = 0;
+                for (std::size_t i = 0; i < cloud.size(); ++i) {
+                    const double off = std::abs(truth->distance(cloud.world(i)));
+                    far += off > 4 * spacing;
+                    missed += off > 4 * spacing && !isFound[i];
+                    right += off < 1e-3 * spacing;
+                    lost += off < 1e-3 * spacing && isFound[i];
+                }
+                const std::string which = fmt::format("{}, pattern {}, share {}, seed {}", solid,
+                                                      int(pattern), share, kSeed);
+                EXPECT_GT(double(far), 0.4 * share * double(cloud.size())) << which;
+                EXPECT_LT(double(missed), 0.15 * share * double(far)) << which;
+                EXPECT_LT(double(lost), 1e-3 * double(right)) << which;
+            }
+}
+
 TEST(Outliers, ClumpsGoAndDetachedObjectsStay)
 {
     PointCloud cloud = scanned("sphere(1)", 20000, Pattern::Even);
@@ -131,6 +161,32 @@ TEST(Outliers, SparsePartsStay)
         }
     EXPECT_GT(sparse, 200u);
     EXPECT_LT(double(outliersOf(uneven).size()), 0.03 * double(sparse)) << "seed " << kSeed;
+}
+
+TEST(Outliers, SparsePartsStayAmongManyOutliers)
+{
+    // Every twentieth point of one half, and one in twenty that is none.
+    PointCloud dense = scanned("sphere(1)", 100000, Pattern::Random), uneven;
+    std::size_t sparse = 0;
+    for (std::size_t i = 0; i < dense.size(); ++i)
+        if (dense.positions[i].x() > 0 || i % 20 == 0) {
+            sparse += dense.positions[i].x() <= 0;
+            uneven.positions.push_back(dense.positions[i]);
+        }
+    const std::size_t real = uneven.size();
+    std::mt19937 engine(kSeed);
+    const auto uniform = [&] { return 3.f * (float(engine()) / 4294967296.f - 0.5f); };
+    while (uneven.size() < real + real / 20) {
+        const float x = uniform(), y = uniform(), z = uniform();
+        uneven.positions.push_back(Vec3f(x, y, z));
+    }
+    const auto found = outliersOf(uneven);
+    std::size_t lost = 0;
+    for (const std::uint32_t i : found) lost += i < real && uneven.positions[i].x() <= 0;
+    const auto right =
+        found.end() - std::lower_bound(found.begin(), found.end(), std::uint32_t(real));
+    EXPECT_LT(double(lost), 0.03 * double(sparse)) << "seed " << kSeed;
+    EXPECT_GT(double(right), 0.9 * double(uneven.size() - real)) << "seed " << kSeed;
 }
 
 TEST(Outliers, FewPointsAreAllKept)

@@ -5,6 +5,7 @@
 #include "local_plane.h"
 #include "parallel_each.h"
 #include "position_order.h"
+#include "sparser_points.h"
 
 #include <mpuvdb/outliers.h>
 #include <mpuvdb/progress.h>
@@ -15,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 namespace mpuvdb
@@ -71,12 +73,14 @@ private:
     std::vector<std::uint32_t> mPoints; // by root
 };
 
-/// Points in nearly empty cells beside those of a surface.
+/// Points beside a surface, or between its points.
 class BesideSurface
 {
 public:
-    BesideSurface(const PointCloud& cloud, const PointStatistics& statistics, const CellGrid& grid)
-        : mPositions(cloud.positions), mStatistics(statistics), mGrid(grid)
+    /// @param known  flags of outliers, which are nobody's neighbours.
+    BesideSurface(const std::vector<Vec3f>& positions, const PointStatistics& statistics,
+                  const CellGrid& grid, const std::vector<char>& known)
+        : mPositions(positions), mStatistics(statistics), mGrid(grid), mKnown(known)
     {
     }
 
@@ -89,7 +93,7 @@ public:
         const auto gather = [&](const CellGrid::Cell& from) {
             for (std::uint32_t k = from.begin; k < from.end && !accompanied; ++k) {
                 const std::uint32_t q = mGrid.order()[k];
-                if (q == point) continue;
+                if (q == point || mKnown[q]) continue;
                 const float squared = (mPositions[q] - p).squaredNorm();
                 accompanied = squared < near * near;
                 mAround.push_back({squared, q});
@@ -142,6 +146,7 @@ private:
     const std::vector<Vec3f>& mPositions;
     const PointStatistics& mStatistics;
     const CellGrid& mGrid;
+    const std::vector<char>& mKnown;
     std::vector<Around> mAround;
     std::vector<std::uint32_t> mMembers;
 };
@@ -220,15 +225,8 @@ private:
 
     bool isPlanar(std::size_t i) const
     {
-        // Of ten points at random in a ball, one in a few hundred sets is as flat as this.
-        constexpr double kFlat = 0.3, kOffScatter = 3, kOffReach = 0.25;
         const std::vector<std::uint32_t> members(neighbors(i), neighbors(i) + reachable());
-        const LocalPlane plane = planeOf(mPositions, members);
-        const double height = std::abs(plane.height(mPositions[i]));
-        const double scatter = std::sqrt(plane.variances[0]);
-        return scatter < kFlat * std::sqrt((plane.variances[1] + plane.variances[2]) / 2) &&
-               height < std::max(kOffScatter * scatter, kOffReach * double(reach(i))) &&
-               isAmongLike(i);
+        return liesFlat(mPositions, i, members, double(reach(i))) && isAmongLike(i);
     }
 
     /// Whether its neighbours are about as far from theirs as it is from them.
@@ -288,64 +286,139 @@ private:
 };
 
 /// The position of a cell's point nearest to its centre.
-Vec3f representative(const PointCloud& cloud, const CellGrid& grid, const CellGrid::Cell& cell)
+Vec3f representative(const std::vector<Vec3f>& positions, const CellGrid& grid,
+                     const CellGrid::Cell& cell)
 {
     const Vec3f centre = grid.centre(cell).cast<float>();
-    Vec3f best = cloud.positions[grid.order()[cell.begin]];
+    Vec3f best = positions[grid.order()[cell.begin]];
     for (std::uint32_t k = cell.begin + 1; k < cell.end; ++k) {
-        const Vec3f& p = cloud.positions[grid.order()[k]];
+        const Vec3f& p = positions[grid.order()[k]];
         const float now = (p - centre).squaredNorm(), until = (best - centre).squaredNorm();
         if (now < until || (now == until && positionBefore(p, best))) best = p;
     }
     return best;
 }
 
+/// One look at all positions.
+class Screen
+{
+public:
+    Screen(const std::vector<Vec3f>& positions, const PointStatistics& statistics,
+           Progress& progress)
+        : mPositions(positions), mStatistics(statistics), mProgress(progress),
+          mGrid(positions,
+                std::max(kCellSpacings * statistics.spacing, kCellNoises * statistics.noise),
+                progress),
+          mOutlier(positions.size(), 0)
+    {
+        CellGroups groups(mGrid, progress);
+        for (std::uint32_t c = 0; c < mGrid.cells().size(); ++c) {
+            const CellGrid::Cell& cell = mGrid.cells()[c];
+            const CellGroups::Place place = groups.placeOf(c);
+            if (place == CellGroups::Place::Beside) mBeside.push_back(c);
+            if (place == CellGroups::Place::Within) mWithin.push_back(c);
+            if (place != CellGroups::Place::Apart) continue;
+            mApart.insert(mApart.end(), mGrid.order().begin() + cell.begin,
+                          mGrid.order().begin() + cell.end);
+        }
+    }
+
+    /// Flags of those that the cells tell from surfaces.
+    void judgeStrays()
+    {
+        judge(mBeside);
+        if (mApart.empty()) return;
+        std::vector<Vec3f> positions;
+        positions.reserve(mApart.size());
+        for (const std::uint32_t i : mApart) positions.push_back(mPositions[i]);
+        for (const std::uint32_t c : mWithin)
+            positions.push_back(representative(mPositions, mGrid, mGrid.cells()[c]));
+        const std::vector<char> found =
+            SparsePoints(positions, mApart.size(), mProgress).outliers();
+        for (std::size_t n = 0; n < mApart.size(); ++n) mOutlier[mApart[n]] = found[n];
+    }
+
+    /// Of those too that are left between the points of surfaces.
+    void judgeAll()
+    {
+        constexpr int kPasses = 3; // an outlier may hide another
+        for (int pass = 0; pass < kPasses; ++pass) flagSparser();
+        for (int pass = 0; pass < kPasses; ++pass) {
+            judge(mBeside);
+            judge(mWithin);
+        }
+    }
+
+    const std::vector<char>& outliers() const { return mOutlier; }
+
+private:
+    void judge(const std::vector<std::uint32_t>& cells)
+    {
+        const std::vector<char> known = mOutlier;
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, cells.size(), kGrain / 8),
+                          [&](const auto& range) {
+                              mProgress.check();
+                              BesideSurface surface(mPositions, mStatistics, mGrid, known);
+                              for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                                  const CellGrid::Cell& cell = mGrid.cells()[cells[n]];
+                                  for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
+                                      const std::uint32_t p = mGrid.order()[k];
+                                      if (!known[p]) mOutlier[p] = surface.isOutlier(cell, p);
+                                  }
+                              }
+                          });
+    }
+
+    /// Flags of those that stand much sparser than others without a flag.
+    void flagSparser()
+    {
+        std::vector<std::uint32_t> left;
+        std::vector<Vec3f> positions;
+        for (std::uint32_t i = 0; i < mOutlier.size(); ++i)
+            if (!mOutlier[i]) {
+                left.push_back(i);
+                positions.push_back(mPositions[i]);
+            }
+        const std::vector<char> found = findSparserPoints(positions, mProgress);
+        for (std::size_t n = 0; n < left.size(); ++n) mOutlier[left[n]] = found[n];
+    }
+
+    const std::vector<Vec3f>& mPositions;
+    const PointStatistics& mStatistics;
+    Progress& mProgress;
+    CellGrid mGrid;
+    std::vector<std::uint32_t> mApart;           // points
+    std::vector<std::uint32_t> mBeside, mWithin; // cells
+    std::vector<char> mOutlier;
+};
+
 } // namespace
 
 std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,
                                         Progress& progress)
 {
-    std::vector<std::uint32_t> result;
-    if (cloud.size() < kFewestPoints) return result;
-    const double side =
-        std::max(kCellSpacings * statistics.spacing, kCellNoises * statistics.noise);
-    const CellGrid grid(cloud.positions, side, progress);
-    CellGroups groups(grid, progress);
-    std::vector<std::uint32_t> doubtful, suspicious; // points; cells
-    for (std::uint32_t c = 0; c < grid.cells().size(); ++c) {
-        const CellGrid::Cell& cell = grid.cells()[c];
-        const CellGroups::Place place = groups.placeOf(c);
-        if (place == CellGroups::Place::Beside) suspicious.push_back(c);
-        if (place != CellGroups::Place::Apart) continue;
-        doubtful.insert(doubtful.end(), grid.order().begin() + cell.begin,
-                        grid.order().begin() + cell.end);
+    constexpr double kMany = 0.02; // share from which on all points are judged, and once more
+    constexpr int kRounds = 3;
+    std::vector<std::uint32_t> result, left(cloud.size());
+    std::iota(left.begin(), left.end(), 0u);
+    std::vector<Vec3f> positions; // of those left, from the second round on
+    for (int round = 0; round < kRounds && left.size() >= kFewestPoints; ++round) {
+        Screen screen(round == 0 ? cloud.positions : positions, statistics, progress);
+        screen.judgeStrays();
+        const std::vector<char>& outlier = screen.outliers();
+        const auto strays = std::count(outlier.begin(), outlier.end(), char(1));
+        const bool more = double(strays) > kMany * double(left.size());
+        if (more) screen.judgeAll();
+        std::vector<std::uint32_t> staying;
+        positions.clear();
+        for (std::size_t n = 0; n < left.size(); ++n) {
+            (outlier[n] ? result : staying).push_back(left[n]);
+            if (more && !outlier[n]) positions.push_back(cloud.positions[left[n]]);
+        }
+        left = std::move(staying);
+        if (!more) break;
     }
-    std::vector<char> outlier(cloud.size(), 0);
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, suspicious.size(), kGrain),
-                      [&](const auto& range) {
-                          progress.check();
-                          BesideSurface judge(cloud, statistics, grid);
-                          for (std::size_t s = range.begin(); s < range.end(); ++s) {
-                              const CellGrid::Cell& cell = grid.cells()[suspicious[s]];
-                              for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
-                                  const std::uint32_t p = grid.order()[k];
-                                  outlier[p] = judge.isOutlier(cell, p);
-                              }
-                          }
-                      });
-    if (!doubtful.empty()) {
-        std::vector<Vec3f> positions;
-        positions.reserve(doubtful.size());
-        for (const std::uint32_t i : doubtful) positions.push_back(cloud.positions[i]);
-        for (std::uint32_t c = 0; c < grid.cells().size(); ++c)
-            if (groups.isSurface(c))
-                positions.push_back(representative(cloud, grid, grid.cells()[c]));
-        const std::vector<char> found =
-            SparsePoints(positions, doubtful.size(), progress).outliers();
-        for (std::size_t d = 0; d < doubtful.size(); ++d) outlier[doubtful[d]] = found[d];
-    }
-    for (std::uint32_t i = 0; i < outlier.size(); ++i)
-        if (outlier[i]) result.push_back(i);
+    std::sort(result.begin(), result.end());
     return result;
 }
 
