@@ -71,6 +71,8 @@ public:
 
     /// A box around the solid, world units; infinite where the solid is.
     Box3d bounds() const;
+    /// The voxel size of the finest level set that it is made of, world units; 0 if of none.
+    double voxelSize() const;
     /// A field with the solid's zero set, creases included: what makes meshes exact, see
     /// ExtractSettings. Null where there is none: of grids and meshes, of offsets, shells, blends,
     /// filters and morphs, and of functions that cost much at single places.

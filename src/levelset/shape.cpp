@@ -86,6 +86,11 @@ Box3d Shape::bounds() const
     return mNode->bounds();
 }
 
+double Shape::voxelSize() const
+{
+    return mNode->voxelSize();
+}
+
 FieldPtr Shape::field() const
 {
     return mNode->field();

@@ -124,6 +124,8 @@ public:
                      : resample(mLevelSet, own.lattice, own.halfWidth, progress);
     }
 
+    double voxelSize() const override { return mLattice.voxelSize; }
+
     const Lattice& lattice() const { return mLattice; }
 
 private:

@@ -43,6 +43,8 @@ public:
     virtual double widestBand(const Demand& own) const { return own.halfWidth; }
     /// An estimate of its surface's area within @a region, world units squared.
     virtual double area(const Box3d& region) const;
+    /// As Shape::voxelSize().
+    virtual double voxelSize() const;
     /// As Shape::field().
     virtual FieldPtr field() const { return nullptr; }
     /// @param settings  lattice, half-width and memory.

@@ -329,6 +329,7 @@ public:
     {
         return wholeInput(own, own.lattice.voxelSize / mGrowth);
     }
+    double voxelSize() const override { return mGrowth * inputs()[0]->voxelSize(); }
 
 protected:
     double stretch() const override { return 1 / mShrink; }
@@ -380,6 +381,16 @@ double Node::area(const Box3d& region) const
     double area = 0;
     for (const Ptr& input : mInputs) area += input->area(region);
     return area;
+}
+
+double Node::voxelSize() const
+{
+    double finest = 0;
+    for (const Ptr& input : mInputs) {
+        const double size = input->voxelSize();
+        if (size > 0 && !(finest > 0 && finest < size)) finest = size;
+    }
+    return finest;
 }
 
 Node::Ptr Node::moved(const Eigen::Affine3d& motion, Moved& done) const

@@ -4,6 +4,7 @@
 #include "modelling_arguments.h"
 #include "run.h"
 
+#include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 
 #include <fmt/format.h>
@@ -11,6 +12,8 @@
 #include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
+
+#include <optional>
 
 namespace mpuvdb::python
 {
@@ -20,15 +23,21 @@ namespace
 {
 
 #define MPUVDB_SAMPLING_DOC                                                                        \
-    " voxel_size: world units, or '1%' of the diagonal of the bounds. half_width: voxels, in "     \
+    " voxel_size: world units, or '1%' of the diagonal of the bounds; None: that of the finest "   \
+    "level set it is made of. half_width: voxels, in "                                             \
     "[1.5, 100]. max_bytes: memory that all grids together may take, 0 for any; more is a "        \
     "LimitError before it is taken."
 
-ShapeSettings settingsFor(const Shape& shape, const LengthArgument& voxelSize, double halfWidth,
+using VoxelSize = std::optional<LengthArgument>;
+
+ShapeSettings settingsFor(const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
                           std::uint64_t maxBytes)
 {
     ShapeSettings settings;
-    settings.voxelSize = worldLength(voxelSize, {shape.bounds()});
+    settings.voxelSize = voxelSize ? worldLength(*voxelSize, {shape.bounds()}) : shape.voxelSize();
+    if (!voxelSize && !(settings.voxelSize > 0))
+        throw UsageError("a shape without level sets has no voxel size of its own: give "
+                         "voxel_size, in world units or as '1%' of the diagonal");
     settings.halfWidth = halfWidth;
     settings.maxBytes = maxBytes;
     return settings;
@@ -39,16 +48,17 @@ void bindEvaluation(ShapeClass& shapes)
     shapes
         .def(
             "level_set",
-            [](const Shape& shape, const LengthArgument& voxelSize, double halfWidth,
+            [](const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
                std::uint64_t maxBytes, const py::object& progress) {
                 const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
                 return run(progress, [&](Progress& p) { return shape.evaluate(s, p); });
             },
-            "voxel_size"_a, "half_width"_a = 3.0, "max_bytes"_a = 0, "progress"_a = py::none(),
+            "voxel_size"_a = py::none(), "half_width"_a = 3.0, "max_bytes"_a = 0,
+            "progress"_a = py::none(),
             "Plan and sample: a LevelSet." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
         .def(
             "to_mesh",
-            [](const Shape& shape, const LengthArgument& voxelSize, std::uint64_t maxBytes,
+            [](const Shape& shape, const VoxelSize& voxelSize, std::uint64_t maxBytes,
                const py::object& progress) {
                 const ShapeSettings s = settingsFor(shape, voxelSize, 3, maxBytes);
                 return run(progress, [&](Progress& p) {
@@ -57,16 +67,15 @@ void bindEvaluation(ShapeClass& shapes)
                         extractMesh(shape.evaluate(s, p), p, {field.get()}));
                 });
             },
-            "voxel_size"_a, "max_bytes"_a = 0, "progress"_a = py::none(),
+            "voxel_size"_a = py::none(), "max_bytes"_a = 0, "progress"_a = py::none(),
             "Plan, sample and extract the surface: a Mesh, with creases as exact as the shape's "
             "formulas are where it has no grids, meshes, offsets or blends in "
             "it." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
         .def(
             "write",
-            [](const Shape& shape, const std::filesystem::path& file,
-               const LengthArgument& voxelSize, double halfWidth,
-               const std::map<std::string, std::string>& metadata, std::uint64_t maxBytes,
-               const py::object& progress) {
+            [](const Shape& shape, const std::filesystem::path& file, const VoxelSize& voxelSize,
+               double halfWidth, const std::map<std::string, std::string>& metadata,
+               std::uint64_t maxBytes, const py::object& progress) {
                 demandWritable(file);
                 const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
                 runWork(progress, [&](Progress& p) {
@@ -74,7 +83,7 @@ void bindEvaluation(ShapeClass& shapes)
                     writeAny(file, shape.evaluate(s, p), field.get(), metadata, p);
                 });
             },
-            "file"_a, "voxel_size"_a, "half_width"_a = 3.0,
+            "file"_a, "voxel_size"_a = py::none(), "half_width"_a = 3.0,
             "metadata"_a = std::map<std::string, std::string>(), "max_bytes"_a = 0,
             "progress"_a = py::none(),
             "Plan, sample and write .vdb, with metadata (names to texts) on the grid; or the mesh "
@@ -82,11 +91,11 @@ void bindEvaluation(ShapeClass& shapes)
             "all." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
         .def(
             "explain",
-            [](const Shape& shape, const LengthArgument& voxelSize, double halfWidth) {
+            [](const Shape& shape, const VoxelSize& voxelSize, double halfWidth) {
                 const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, 0);
                 return run(py::none(), [&](Progress&) { return shape.explain(s); });
             },
-            "voxel_size"_a, "half_width"_a = 3.0,
+            "voxel_size"_a = py::none(), "half_width"_a = 3.0,
             "What level_set() would do: a line for each part, with its band, voxels and memory.")
         .def_property_readonly(
             "bounds", [](const Shape& shape) { return cornersOf(shape.bounds()); },

@@ -174,24 +174,24 @@ class Shape:
     def __init__(self, level_set: LevelSet) -> None: ...
     def level_set(
         self,
-        voxel_size: Length,
+        voxel_size: Optional[Length] = None,
         half_width: float = 3.0,
         max_bytes: int = 0,
         progress: Progress = None,
     ) -> LevelSet: ...
     def to_mesh(
-        self, voxel_size: Length, max_bytes: int = 0, progress: Progress = None
+        self, voxel_size: Optional[Length] = None, max_bytes: int = 0, progress: Progress = None
     ) -> Mesh: ...
     def write(
         self,
         file: Path,
-        voxel_size: Length,
+        voxel_size: Optional[Length] = None,
         half_width: float = 3.0,
         metadata: dict[str, str] = {},
         max_bytes: int = 0,
         progress: Progress = None,
     ) -> None: ...
-    def explain(self, voxel_size: Length, half_width: float = 3.0) -> str: ...
+    def explain(self, voxel_size: Optional[Length] = None, half_width: float = 3.0) -> str: ...
     @property
     def bounds(self) -> Optional[tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]: ...
     def offset(self, distance: Length) -> Shape: ...

@@ -122,6 +122,30 @@ class Operators(ShapeTest):
         self.assert_volume(half & half, 1)
 
 
+    def test_level_sets_bring_their_voxel_size(self):
+        ball = mv.sphere(radius=0.5).level_set(0.05)
+        cut = ball - mv.box(size=(0.4, 0.4, 2)).level_set(0.02)
+        self.assertAlmostEqual(cut.level_set().voxel_size, 0.02, places=6)
+        self.assertEqual(
+            len(cut.to_mesh().faces), len(cut.to_mesh(voxel_size=cut.level_set().voxel_size).faces)
+        )
+        with self.assertRaisesRegex(mv.UsageError, "voxel_size"):
+            mv.sphere().level_set()
+
+    def test_meshes_of_formulas_have_their_edges(self):
+        # Near the edges of a turned box; the grid alone leaves them a hundredth of a voxel off.
+        h = 0.04
+        box = mv.box(size=(1, 0.8, 0.6)).rotate(33, (1, 2, 3))
+        low, high = np.array((-0.5, -0.4, -0.3)), np.array((0.5, 0.4, 0.3))
+        axis = np.array((1, 2, 3)) / math.sqrt(14)
+        angle = math.radians(33)
+        cross = np.array(((0, -axis[2], axis[1]), (axis[2], 0, -axis[0]), (-axis[1], axis[0], 0)))
+        turn = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+        at_home = np.asarray(box.to_mesh(h).vertices, float) @ turn
+        off = np.abs(np.maximum(low - at_home, at_home - high).max(axis=1))
+        self.assertLess(off.max(), 0.01 * h)
+
+
 class Surfaces(ShapeTest):
     def test_offset(self):
         ball = mv.sphere(radius=0.5)
