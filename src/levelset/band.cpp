@@ -1,4 +1,5 @@
 #include "band.h"
+#include "prune.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -6,7 +7,6 @@
 
 #include <algorithm>
 #include <fmt/format.h>
-#include <openvdb/tools/Prune.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
@@ -427,7 +427,7 @@ openvdb::FloatTree::Ptr Band::assemble()
     mBlocks.clear();
     mIndex.clear();
     mInsideRuns.clear();
-    openvdb::tools::pruneLevelSet(*tree);
+    pruneBand(*tree);
     return tree;
 }
 
