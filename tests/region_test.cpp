@@ -178,6 +178,62 @@ TEST(Region, KnowsInsideFromOutsideFarFromTheSurface)
     EXPECT_EQ(differences(part, whole, voxelsIn(box, settings.lattice)), 0u);
 }
 
+/// The unit ball; at (2,0,0) the value falls to a voxel and a half, and rises again.
+class NearMiss final : public Field
+{
+public:
+    static constexpr double kVoxel = 1.0 / 32;
+
+    Box3d bounds() const override { return {Vec3d(-1, -1, -1), Vec3d(1, 1, 1)}; }
+    FieldSample evaluate(const Vec3d& p) const override
+    {
+        FieldSample sample;
+        sample.value = std::min(p.norm() - 1, (p - Vec3d(2, 0, 0)).norm() + 1.5 * kVoxel);
+        return sample;
+    }
+    std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override
+    {
+        return {Vec3i(int(std::floor(1 / (lattice.voxelSize * kBlockDim))), 0, 0)};
+    }
+    std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override
+    {
+        return std::make_unique<Sampler>(*this, lattice, band);
+    }
+
+private:
+    struct Sampler final : BlockSampler {
+        Sampler(const NearMiss& field, const Lattice& lattice, double band)
+            : mField(field), mLattice(lattice), mBand(band)
+        {
+        }
+        void evaluate(const Vec3i& block, BlockValues& values) override
+        {
+            for (int n = 0; n < kBlockVoxels; ++n) {
+                const Vec3i at = kBlockDim * block + Vec3i(n >> 6, n >> 3 & 7, n & 7);
+                const Vec3d p = mLattice.origin + mLattice.voxelSize * at.cast<double>();
+                values[std::size_t(n)] = float(std::clamp(mField.evaluate(p).value, -mBand, mBand));
+            }
+        }
+        const NearMiss& mField;
+        Lattice mLattice;
+        double mBand;
+    };
+};
+
+TEST(Region, HasNoBandWhereTheFieldOnlyComesNearToZero)
+{
+    Progress progress;
+    SampleSettings settings;
+    settings.lattice.voxelSize = NearMiss::kVoxel;
+    const LevelSet whole = sampleField(NearMiss(), settings, progress);
+    for (const double low : {0.9, 1.9}) { // with the ball's surface, and without
+        const Box3d box(Vec3d(low, -0.2, -0.2), Vec3d(2.1, 0.2, 0.2));
+        settings.region = box;
+        const LevelSet part = sampleField(NearMiss(), settings, progress);
+        EXPECT_EQ(differences(part, whole, voxelsIn(box, settings.lattice)), 0u);
+    }
+}
+
 TEST(Region, RefusesWhatIsNone)
 {
     Progress progress;

@@ -94,6 +94,9 @@ private:
     std::vector<Gap> findGaps() const;
     Contacts labelGaps(std::vector<Gap>& gaps) const;
     const Block* find(const Vec3i& at) const;
+    SignWords signChanges(const Block& block) const;
+    static void goOn(const Block& block, std::vector<Vec3i>& blocks);
+    void dropUncrossed(std::size_t known);
     void add(Block block);
     Block sample(BlockSampler& sampler, const Vec3i& at) const;
     Block uniformBlock(const Vec3i& at, bool inside) const;
