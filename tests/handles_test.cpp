@@ -121,6 +121,16 @@ TEST(Handles, WireWithDataStays)
               0);
 }
 
+// As thin as a voxel: points beside it support fits there, but do not show it.
+TEST(Handles, ThinWireStaysOnlyWithPointsOnIt)
+{
+    const std::string bridged =
+        "union(difference(box(40,30,40), translate(box(40,30.1,20),10,0,0)), cylinder(0.7,30))";
+    EXPECT_EQ(surfaceOf(KnownField(bridged, kOnLobe, ringOfPoints(0.7, 10))).eulerCharacteristic,
+              0);
+    EXPECT_EQ(surfaceOf(KnownField(bridged, kOnLobe, ringOfPoints(3, 10))).eulerCharacteristic, 2);
+}
+
 TEST(Handles, NeckOfABottleStaysOpen)
 {
     const KnownField field("difference(sphere(22), sphere(16), "

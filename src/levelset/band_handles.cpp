@@ -24,7 +24,8 @@ namespace
 constexpr int kReach = 2; ///< half the width of a handle, voxels
 /// Voxels: to move the surface by less takes no detail away that the voxels show.
 constexpr double kShallow = 0.5;
-/// So many points at a plug hold up what it would turn, however shallow it is.
+/// So many points at a plug hold up what it would turn, however shallow it is. A wire that shallow
+/// is as thin as a voxel: points as dense as voxels tell it from sheets that nearly touch.
 constexpr std::size_t kManyPoints = 20;
 /// A deep plug turns if it has fewer points than one in as many voxels.
 constexpr std::size_t kVoxelsPerPoint = 8;
@@ -232,14 +233,15 @@ std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWor
 } // namespace
 
 /// Whether data hold up the sign of @a voxels, the deepest of them @a deepest (world units) in
-/// their side. A tunnel or a bridge needs points for that, a wire only fits that points support.
+/// their side. What is shallow, a tunnel and a bridge need points for that, a deep wire only fits
+/// that points support.
 bool Band::isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const
 {
     std::size_t points = 0;
     for (const auto& [block, words] : byBlock(voxels))
         points += countData(mBlocks[block].at, words);
     const double h = mLattice.voxelSize;
-    if (deepest <= kShallow * h && !wire) return points >= kManyPoints;
+    if (deepest <= kShallow * h) return points >= (wire ? voxels.size() : kManyPoints);
     if (points * kVoxelsPerPoint > voxels.size()) return true;
     return wire && std::any_of(voxels.begin(), voxels.end(), [&](VoxelId v) {
                const Vec3i local(int(v >> 6 & 7), int(v >> 3 & 7), int(v & 7));
