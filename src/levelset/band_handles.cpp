@@ -9,7 +9,6 @@
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <queue>
 #include <set>
@@ -237,10 +236,11 @@ std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWor
 /// that points support.
 bool Band::isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const
 {
+    const double h = mLattice.voxelSize;
+    if (deepest < kHair * h) return false;
     std::size_t points = 0;
     for (const auto& [block, words] : byBlock(voxels))
         points += countData(mBlocks[block].at, words);
-    const double h = mLattice.voxelSize;
     if (deepest <= kShallow * h) return points >= (wire ? voxels.size() : kManyPoints);
     if (points * kVoxelsPerPoint > voxels.size()) return true;
     return wire && std::any_of(voxels.begin(), voxels.end(), [&](VoxelId v) {
@@ -268,8 +268,7 @@ BlockMosaic Band::mosaic() const
 std::size_t Band::removeHandles()
 {
     // A field that is not made from data holds up all that it has.
-    const Vec3d nowhere = Vec3d::Constant(std::numeric_limits<double>::max());
-    if (mField.countData({nowhere, nowhere}, 1) > 0) return 0;
+    if (!isFromData()) return 0;
     const BlockMosaic blocks = mosaic();
     std::vector<SignWords> inside(mBlocks.size());
     for (std::size_t n = 0; n < inside.size(); ++n) inside[n] = mBlocks[n].inside;
