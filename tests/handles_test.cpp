@@ -121,6 +121,30 @@ TEST(Handles, WireWithDataStays)
               0);
 }
 
+// As thin as a voxel: points beside it support fits there, but do not show it.
+TEST(Handles, ThinWireStaysOnlyWithPointsOnIt)
+{
+    const std::string bridged =
+        "union(difference(box(40,30,40), translate(box(40,30.1,20),10,0,0)), cylinder(0.7,30))";
+    EXPECT_EQ(surfaceOf(KnownField(bridged, kOnLobe, ringOfPoints(0.7, 10))).eulerCharacteristic,
+              0);
+    EXPECT_EQ(surfaceOf(KnownField(bridged, kOnLobe, ringOfPoints(3, 10))).eulerCharacteristic, 2);
+}
+
+// A row of voxels that rounding puts inside, as along an edge of a box in the lattice's planes.
+TEST(Handles, HairIsNeitherWireNorObject)
+{
+    const Vec3d place(15.13, 0.21, 0.37);
+    const std::string hair = "translate(box(0.02,0.02,50), 0.13, 0.21, 0)";
+    const std::string bridged =
+        "union(difference(box(40,30,40), translate(box(40,30.1,20),10,0,0)), " + hair + ")";
+    EXPECT_EQ(surfaceOf(KnownField(bridged, kOnLobe, ringOfPoints(0.5, 10))).eulerCharacteristic,
+              2);
+    const KnownField beside("union(box(20,20,20), translate(" + hair + ", 15, 0, 0))",
+                            Vec3d(10, 0, 0), std::vector<Vec3d>(100, place));
+    EXPECT_EQ(surfaceOf(beside).components, 1u);
+}
+
 TEST(Handles, NeckOfABottleStaysOpen)
 {
     const KnownField field("difference(sphere(22), sphere(16), "

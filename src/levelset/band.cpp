@@ -1,4 +1,5 @@
 #include "band.h"
+#include "prune.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -6,7 +7,7 @@
 
 #include <algorithm>
 #include <fmt/format.h>
-#include <openvdb/tools/Prune.h>
+#include <iterator>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
@@ -175,6 +176,7 @@ std::size_t Band::search(std::vector<Vec3i> wave)
     tbb::enumerable_thread_specific<std::unique_ptr<BlockSampler>> samplers(
         [&] { return mField.sampler(mLattice, band); });
     std::size_t sampled = 0;
+    std::vector<Vec3i> beside;
     while (!wave.empty()) {
         for (const Vec3i& b : wave) {
             if (b.cwiseAbs().maxCoeff() >= kLastBlock)
@@ -199,21 +201,26 @@ std::size_t Band::search(std::vector<Vec3i> wave)
                           });
         wave.clear();
         for (Block& block : found) {
-            if (block.leaf && !block.leaf->getValueMask().isOff()) {
-                SignWords active;
-                for (std::size_t x = 0; x < kBlockDim; ++x)
-                    active[x] =
-                        block.leaf->getValueMask().getWord<std::uint64_t>(openvdb::Index(x));
-                for (int face = 0; face < 6; ++face) {
-                    const Vec3i next = block.at + kFaces[std::size_t(face)];
-                    if (any(faceOf(active, face)) && !find(next)) wave.push_back(next);
-                }
-            }
+            beside.clear();
+            goOn(block, beside);
+            std::copy_if(beside.begin(), beside.end(), std::back_inserter(wave),
+                         [&](const Vec3i& next) { return !find(next); });
             add(std::move(block));
         }
         checkMemory();
     }
     return sampled;
+}
+
+/// Add to @a blocks those beside @a block into which its active voxels lead.
+void Band::goOn(const Block& block, std::vector<Vec3i>& blocks)
+{
+    if (!block.leaf || block.leaf->getValueMask().isOff()) return;
+    SignWords active;
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        active[x] = block.leaf->getValueMask().getWord<std::uint64_t>(openvdb::Index(x));
+    for (int face = 0; face < 6; ++face)
+        if (any(faceOf(active, face))) blocks.push_back(block.at + kFaces[std::size_t(face)]);
 }
 
 std::vector<Band::Gap> Band::findGaps() const
@@ -363,26 +370,29 @@ void Band::resolveSigns()
     }
 }
 
+/// Voxels with a face neighbour of the other sign.
+SignWords Band::signChanges(const Block& block) const
+{
+    std::array<SignWords, 6> sides;
+    for (std::size_t face = 0; face < 6; ++face) {
+        const Block* next = find(block.at + kFaces[face]);
+        if (next) {
+            sides[face] = next->inside;
+        } else { // unsampled: it has the sign of this block's face
+            const bool inside = any(faceOf(block.inside, int(face)));
+            sides[face].fill(inside ? ~std::uint64_t(0) : 0);
+        }
+    }
+    return flips(block.inside, sides);
+}
+
 void Band::close()
 {
-    const auto neighbourSigns = [&](const Block& block) {
-        std::array<SignWords, 6> sides;
-        for (std::size_t face = 0; face < 6; ++face) {
-            const Block* next = find(block.at + kFaces[face]);
-            if (next) {
-                sides[face] = next->inside;
-            } else { // unsampled: it has the sign of this block's face
-                const bool inside = any(faceOf(block.inside, int(face)));
-                sides[face].fill(inside ? ~std::uint64_t(0) : 0);
-            }
-        }
-        return sides;
-    };
     // A block without a leaf needs one where a neighbour's face has the other sign.
     tbb::parallel_for(std::size_t(0), mBlocks.size(), [&](std::size_t n) {
         if (n % 1024 == 0) mProgress.check();
         Block& block = mBlocks[n];
-        const SignWords flip = flips(block.inside, neighbourSigns(block));
+        const SignWords flip = signChanges(block);
         if (!any(flip)) return;
         ensureLeaf(block);
         Leaf& leaf = *block.leaf;
@@ -427,7 +437,7 @@ openvdb::FloatTree::Ptr Band::assemble()
     mBlocks.clear();
     mIndex.clear();
     mInsideRuns.clear();
-    openvdb::tools::pruneLevelSet(*tree);
+    pruneBand(*tree);
     return tree;
 }
 

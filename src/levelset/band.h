@@ -60,7 +60,8 @@ public:
     /// Give every block between the sampled ones a sign; where their faces disagree, sample on.
     void resolveSigns();
     /// Turn the sign of components of voxels (connected by faces) that are small, shut in, and have
-    /// no data: bubbles that noise and extrapolation leave. Returns their number.
+    /// no data, or no depth: bubbles that noise, extrapolation and rounding leave. Returns their
+    /// number.
     std::size_t removeIslands();
     /// Fill tunnels and cut bridges that are a few voxels wide, and of which data say nothing: what
     /// fits of few points, and the fill between data, leave in folds. Returns their number.
@@ -94,11 +95,20 @@ private:
     std::vector<Gap> findGaps() const;
     Contacts labelGaps(std::vector<Gap>& gaps) const;
     const Block* find(const Vec3i& at) const;
+    SignWords signChanges(const Block& block) const;
+    /// Voxels. A part of data's surface that is less deep is none: where voxels lie in a plane of
+    /// the data, rounding tells on which side.
+    static constexpr double kHair = 0.02;
+    static void goOn(const Block& block, std::vector<Vec3i>& blocks);
+    void dropUncrossed(std::size_t known);
     void add(Block block);
     Block sample(BlockSampler& sampler, const Vec3i& at) const;
     Block uniformBlock(const Vec3i& at, bool inside) const;
     void ensureLeaf(Block& block);
     std::size_t countData(const Vec3i& block, const SignWords& voxels) const;
+    float deepestOf(const Block& block, const SignWords& voxels) const;
+    /// If not, the field holds up all that it has.
+    bool isFromData() const;
     void turn(Block& block, const SignWords& voxels);
     Regions labelRegions() const;
     BlockMosaic mosaic() const;

@@ -9,7 +9,6 @@
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <queue>
 #include <set>
@@ -24,7 +23,8 @@ namespace
 constexpr int kReach = 2; ///< half the width of a handle, voxels
 /// Voxels: to move the surface by less takes no detail away that the voxels show.
 constexpr double kShallow = 0.5;
-/// So many points at a plug hold up what it would turn, however shallow it is.
+/// So many points at a plug hold up what it would turn, however shallow it is. A wire that shallow
+/// is as thin as a voxel: points as dense as voxels tell it from sheets that nearly touch.
 constexpr std::size_t kManyPoints = 20;
 /// A deep plug turns if it has fewer points than one in as many voxels.
 constexpr std::size_t kVoxelsPerPoint = 8;
@@ -232,14 +232,16 @@ std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWor
 } // namespace
 
 /// Whether data hold up the sign of @a voxels, the deepest of them @a deepest (world units) in
-/// their side. A tunnel or a bridge needs points for that, a wire only fits that points support.
+/// their side. What is shallow, a tunnel and a bridge need points for that, a deep wire only fits
+/// that points support.
 bool Band::isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const
 {
+    const double h = mLattice.voxelSize;
+    if (deepest < kHair * h) return false;
     std::size_t points = 0;
     for (const auto& [block, words] : byBlock(voxels))
         points += countData(mBlocks[block].at, words);
-    const double h = mLattice.voxelSize;
-    if (deepest <= kShallow * h && !wire) return points >= kManyPoints;
+    if (deepest <= kShallow * h) return points >= (wire ? voxels.size() : kManyPoints);
     if (points * kVoxelsPerPoint > voxels.size()) return true;
     return wire && std::any_of(voxels.begin(), voxels.end(), [&](VoxelId v) {
                const Vec3i local(int(v >> 6 & 7), int(v >> 3 & 7), int(v & 7));
@@ -266,8 +268,7 @@ BlockMosaic Band::mosaic() const
 std::size_t Band::removeHandles()
 {
     // A field that is not made from data holds up all that it has.
-    const Vec3d nowhere = Vec3d::Constant(std::numeric_limits<double>::max());
-    if (mField.countData({nowhere, nowhere}, 1) > 0) return 0;
+    if (!isFromData()) return 0;
     const BlockMosaic blocks = mosaic();
     std::vector<SignWords> inside(mBlocks.size());
     for (std::size_t n = 0; n < inside.size(); ++n) inside[n] = mBlocks[n].inside;

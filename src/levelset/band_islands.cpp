@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <tbb/parallel_for.h>
@@ -109,7 +110,11 @@ std::size_t Band::removeIslands()
                           mField.countData({-everywhere, everywhere}, kIslandShare * kIslandPoints),
                       enough =
                           std::min(kIslandPoints, std::max<std::size_t>(all / kIslandShare, 1));
-    std::unordered_map<std::uint32_t, std::size_t> data; // of small components, by root
+    struct Small {
+        std::size_t points = 0;
+        float deepest = 0;
+    };
+    std::unordered_map<std::uint32_t, Small> small; // components, by root
     const auto forEachSmall = [&](auto f) {
         for (std::size_t n = 0; n < mBlocks.size(); ++n)
             for (std::uint32_t p = 0; p < parts[n].size(); ++p)
@@ -117,14 +122,19 @@ std::size_t Band::removeIslands()
                     f(mBlocks[n], parts[n][p].voxels, root);
     };
     forEachSmall([&](const Block& block, const SignWords& part, std::uint32_t root) {
-        std::size_t& points = data[root];
-        if (points < enough) points += countData(block.at, part);
+        Small& component = small[root];
+        component.deepest = std::max(component.deepest, deepestOf(block, part));
+        if (component.points < enough) component.points += countData(block.at, part);
     });
+    const float hair = isFromData() ? float(kHair * mLattice.voxelSize) : 0.0f;
+    const auto isIsland = [&](const Small& component) {
+        return component.points < enough || component.deepest < hair;
+    };
     forEachSmall([&](Block& block, const SignWords& part, std::uint32_t root) {
-        if (data[root] < enough) turn(block, part);
+        if (isIsland(small[root])) turn(block, part);
     });
-    return std::size_t(
-        std::count_if(data.begin(), data.end(), [&](const auto& d) { return d.second < enough; }));
+    return std::size_t(std::count_if(small.begin(), small.end(),
+                                     [&](const auto& c) { return isIsland(c.second); }));
 }
 
 /// Data points in the cubes of the voxels of a block, or up to half a voxel beside them: points in
@@ -153,6 +163,25 @@ std::size_t Band::countData(const Vec3i& block, const SignWords& voxels) const
         }
     }
     return count;
+}
+
+/// How deep the deepest of @a voxels lies in its side, world units.
+float Band::deepestOf(const Block& block, const SignWords& voxels) const
+{
+    if (!block.leaf) return mBackground;
+    const float* const values = block.leaf->buffer().data();
+    float deepest = 0;
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        for (std::uint64_t rest = voxels[x]; rest; rest &= rest - 1)
+            deepest =
+                std::max(deepest, std::abs(values[x * 64 + std::size_t(__builtin_ctzll(rest))]));
+    return deepest;
+}
+
+bool Band::isFromData() const
+{
+    const Vec3d nowhere = Vec3d::Constant(std::numeric_limits<double>::max());
+    return mField.countData({nowhere, nowhere}, 1) == 0;
 }
 
 void Band::turn(Block& block, const SignWords& voxels)

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -36,7 +38,40 @@ void Band::searchUnsupported()
     });
     std::vector<Vec3i> blocks;
     for (const auto& some : found) blocks.insert(blocks.end(), some.begin(), some.end());
+    const std::size_t known = mBlocks.size();
     search(std::move(blocks));
+    dropUncrossed(known);
+}
+
+/// Drop blocks from number @a known on whose active voxels lead to no change of sign: where the
+/// field comes near to zero and turns away again, no band of the whole leads.
+void Band::dropUncrossed(std::size_t known)
+{
+    std::vector<char> kept(mBlocks.size(), 0);
+    std::vector<std::size_t> front;
+    const auto keep = [&](std::size_t n) {
+        if (!std::exchange(kept[n], 1)) front.push_back(n);
+    };
+    for (std::size_t n = 0; n < known; ++n) kept[n] = 1;
+    for (std::size_t n = known; n < mBlocks.size(); ++n)
+        if (countVoxels(signChanges(mBlocks[n])) > 0) keep(n);
+    std::vector<Vec3i> beside;
+    while (!front.empty()) {
+        mProgress.check();
+        const std::size_t n = front.back();
+        front.pop_back();
+        beside.clear();
+        goOn(mBlocks[n], beside);
+        for (const Vec3i& next : beside)
+            if (const auto found = mIndex.find(packed(next)); found != mIndex.end())
+                keep(found->second);
+    }
+    std::vector<Block> rest(std::make_move_iterator(mBlocks.begin() + std::ptrdiff_t(known)),
+                            std::make_move_iterator(mBlocks.end()));
+    for (const Block& block : rest) mIndex.erase(packed(block.at));
+    mBlocks.resize(known);
+    for (std::size_t n = 0; n < rest.size(); ++n)
+        if (kept[known + n]) add(std::move(rest[n]));
 }
 
 } // namespace mpuvdb

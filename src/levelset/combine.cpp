@@ -1,4 +1,5 @@
 #include "csg_tree.h"
+#include "prune.h"
 #include "restore_distance.h"
 
 #include <mpuvdb/error.h>
@@ -7,7 +8,6 @@
 
 #include <fmt/format.h>
 #include <openvdb/tools/ChangeBackground.h>
-#include <openvdb/tools/Prune.h>
 #include <openvdb/tree/LeafManager.h>
 
 #include <algorithm>
@@ -105,13 +105,13 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
             restoreDistance(*tree, voxelSize, progress);
             narrow(*tree, background, progress);
         }
-        openvdb::tools::pruneLevelSet(*tree);
+        pruneBand(*tree);
         first = tree;
         progress.advance();
     }
     if (blendRadius > 0) {
         narrow(*tree, float(halfWidth * voxelSize), progress);
-        openvdb::tools::pruneLevelSet(*tree);
+        pruneBand(*tree);
     }
     progress.endStage();
     return likeGrid(solids.front().grid(), tree);

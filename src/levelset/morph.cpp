@@ -1,4 +1,6 @@
 // Surfaces between two others.
+#include "prune.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
@@ -6,7 +8,6 @@
 #include <fmt/format.h>
 #include <openvdb/tools/ChangeBackground.h>
 #include <openvdb/tools/LevelSetUtil.h>
-#include <openvdb/tools/Prune.h>
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
@@ -84,7 +85,7 @@ FloatTree::Ptr joined(const LevelSet& a, const LevelSet& b, double halfWidth, Pr
         }
     });
     openvdb::tools::changeLevelSetBackground(*tree, background);
-    openvdb::tools::pruneLevelSet(*tree);
+    pruneBand(*tree);
     return tree;
 }
 

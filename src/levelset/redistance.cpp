@@ -1,5 +1,6 @@
 // Grids whose values are made anew from distances to a surface.
 #include "distance_front.h"
+#include "prune.h"
 #include "restore_distance.h"
 
 #include <mpuvdb/error.h>
@@ -10,7 +11,6 @@
 #include <cmath>
 #include <fmt/format.h>
 #include <limits>
-#include <openvdb/tools/Prune.h>
 
 namespace mpuvdb
 {
@@ -117,7 +117,7 @@ FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
         progress.check();
         add(leaf);
     }
-    openvdb::tools::pruneLevelSet(*tree);
+    pruneBand(*tree);
     return tree;
 }
 

@@ -1,4 +1,5 @@
 // Surfaces smoothed by filters of their distance.
+#include "prune.h"
 #include "smooth_filters.h"
 
 #include <mpuvdb/error.h>
@@ -83,7 +84,7 @@ LevelSet changedOnly(const LevelSet& before, const LevelSet& after, openvdb::Mas
             leaf.setActiveState(n, from && from->isValueOn(n));
         }
     });
-    openvdb::tools::pruneLevelSet(tree);
+    pruneBand(tree);
     return LevelSet(grid);
 }
 
