@@ -68,7 +68,7 @@ class Front
 public:
     Front(const openvdb::FloatTree& signs, const SurfacePatches& patches, const Reach& reach,
           const FinishLeaf& finish, Progress& progress)
-        : mSigns(signs), mPatches(patches.patches), mFinish(finish),
+        : mSigns(signs), mSurface(patches), mPatches(patches.patches), mFinish(finish),
           mProgress(progress), mReach{std::max(reach.outside, 0.0f), std::max(reach.inside, 0.0f)}
     {
         for (int side = 0; side < 2; ++side) {
@@ -119,15 +119,17 @@ private:
             prepare(node);
             const std::size_t leaf = leafOf[at];
             for (std::uint32_t n = patches.first[leaf]; n < patches.first[leaf + 1]; ++n) {
+                if (!patches.superseded.empty() && patches.superseded[n]) continue;
                 const int voxel = int(Leaf::coordToOffset(mPatches[n].voxel));
                 node.known->patch[voxel] = n;
                 node.known->distance2[voxel] = mPatches[n].foot.squaredNorm();
                 node.known->pending[std::size_t(voxel >> 6)] |= std::uint64_t(1) << (voxel & 63);
             }
         });
-        for (std::size_t n = patches.first.back(); n < mPatches.size(); ++n) {
-            Node& node = *mNodes[mIndex.at(mPatches[n].voxel & ~7)];
-            spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), std::uint32_t(n));
+        for (std::uint32_t n = patches.voxelPatches(); n < mPatches.size(); ++n) {
+            Node& node = *mNodes[addNode(mPatches[n].voxel & ~7)];
+            if (!node.known) prepare(node);
+            spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), n);
         }
         publish(std::vector<std::uint32_t>(mLive));
     }
@@ -344,10 +346,7 @@ private:
         for (int n = 0; n < kVoxels; ++n) {
             const float side = known.isNegative(n) ? -1.0f : 1.0f;
             float d = kInfinity;
-            if (known.patch[n] != kNone) {
-                const SurfacePatch& patch = mPatches[known.patch[n]];
-                d = patch.distance(patch.to(node.origin + coordOf(n)), side);
-            }
+            if (known.patch[n] != kNone) d = leastDistance(node, n, side);
             distances[std::size_t(n)] = side * d;
         }
         node.result = mFinish(node.origin, node.signs, distances);
@@ -358,11 +357,33 @@ private:
         node.senders = {};
     }
 
+    /// The distance to a voxel's patch; and where facets are near, the vertex next to which need not
+    /// be theirs, to the patches that its neighbours in the leaf know.
+    float leastDistance(const Node& node, int voxel, float side) const
+    {
+        const auto& patches = node.known->patch;
+        const std::uint32_t own = patches[std::size_t(voxel)];
+        const Coord at = coordOf(voxel), place = node.origin + at;
+        float least = mSurface.distance(own, place, side);
+        if (!mSurface.isVertex(own)) return least;
+        std::uint32_t last = own;
+        for (int n = 0; n < 27; ++n) {
+            const Coord to = at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            if ((to[0] | to[1] | to[2]) & ~(kDim - 1)) continue;
+            const std::uint32_t patch = patches[Leaf::coordToOffset(to)];
+            if (patch == kNone || patch == own || patch == last) continue;
+            least = std::min(least, mSurface.distance(patch, place, side));
+            last = patch;
+        }
+        return least;
+    }
+
     struct HashCoord {
         std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
     };
 
     const openvdb::FloatTree& mSigns;
+    const SurfacePatches& mSurface;
     const std::vector<SurfacePatch>& mPatches;
     const FinishLeaf& mFinish;
     Progress& mProgress;

@@ -1,0 +1,113 @@
+#include "face_patches.h"
+
+#include <mpuvdb/progress.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+
+constexpr int kAround = 2; ///< voxels about one whose patches are looked at
+/// Places of one face: the cosine of their normals, and the height of one over the other's plane.
+constexpr float kSameFace = 0.9f, kOffFace = 0.5f;
+constexpr float kMostBend = 0.3f; ///< per voxel
+
+/// Heights of places above a plane, as a quadratic function.
+class Heights
+{
+public:
+    using Coefficients = Eigen::Matrix<float, 6, 1>; ///< of 1, u, v, u^2/2, uv, v^2/2
+
+    void add(float u, float v, float height)
+    {
+        Coefficients row;
+        row << 1, u, v, 0.5f * u * u, u * v, 0.5f * v * v;
+        mSquares += row * row.transpose();
+        mPull += height * row;
+        mSum += height * height;
+        ++mCount;
+    }
+
+    /// False where there are too few, or they are no smooth surface.
+    bool fit(Coefficients& h) const
+    {
+        constexpr int kLeast = 9;
+        constexpr float kDamping = 1e-3f, kMostTilt = 0.2f;
+        constexpr float kRoughness = 0.05f; ///< voxels
+        if (mCount < kLeast) return false;
+        h = (mSquares + kDamping * Squares::Identity()).ldlt().solve(mPull);
+        const float left = mSum - 2 * h.dot(mPull) + h.dot(mSquares * h);
+        return left <= kRoughness * kRoughness * float(mCount) && std::abs(h[0]) <= kOffFace &&
+               std::hypot(h[1], h[2]) <= kMostTilt;
+    }
+
+private:
+    using Squares = Eigen::Matrix<float, 6, 6>;
+    Squares mSquares = Squares::Zero();
+    Coefficients mPull = Coefficients::Zero();
+    float mSum = 0;
+    int mCount = 0;
+};
+
+SurfacePatch notTooBent(SurfacePatch patch)
+{
+    for (float& k : patch.curvature) k = std::clamp(k, -kMostBend, kMostBend);
+    return patch;
+}
+
+SurfacePatch fitted(const CreaseZone& zone, VoxelNumbers& numbers, std::uint32_t number)
+{
+    SurfacePatch patch = zone.patches().patches[number];
+    const Vec3f across = patch.normal.cross(patch.tangent);
+    Heights heights;
+    for (int x = -kAround; x <= kAround; ++x)
+        for (int y = -kAround; y <= kAround; ++y)
+            for (int z = -kAround; z <= kAround; ++z) {
+                const std::uint32_t n = numbers[patch.voxel.offsetBy(x, y, z)];
+                if (n == VoxelNumbers::kNone || zone.patches().kinds[n] == PatchKind::Rough)
+                    continue;
+                const SurfacePatch& other = zone.patches().patches[n];
+                if (!(patch.normal.dot(other.normal) >= kSameFace)) continue;
+                const Vec3f to = -other.to(patch.voxel) - patch.foot;
+                const float height = patch.normal.dot(to);
+                if (std::abs(height) <= kOffFace)
+                    heights.add(patch.tangent.dot(to), across.dot(to), height);
+            }
+    Heights::Coefficients h;
+    if (!heights.fit(h)) return notTooBent(patch);
+    const Vec3f t = patch.tangent;
+    const Eigen::Matrix3f twist = t * across.transpose();
+    patch.foot += h[0] * patch.normal;
+    patch.normal = (patch.normal - h[1] * t - h[2] * across).normalized();
+    patch.bend(-(h[3] * t * t.transpose() + h[4] * (twist + twist.transpose()) +
+                 h[5] * across * across.transpose()),
+               0);
+    return notTooBent(patch);
+}
+
+} // namespace
+
+void fitToFaces(SurfacePatches& patches, const CreaseZone& zone, Progress& progress)
+{
+    std::vector<std::uint32_t> numbers;
+    for (std::uint32_t n = 0; n < patches.patches.size(); ++n)
+        if (zone.isBeside(n) && patches.kinds[n] != PatchKind::Rough) numbers.push_back(n);
+    std::vector<SurfacePatch> made(numbers.size());
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, numbers.size(), 64),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
+                          VoxelNumbers around(zone.index());
+                          for (std::size_t n = range.begin(); n < range.end(); ++n)
+                              made[n] = fitted(zone, around, numbers[n]);
+                      });
+    for (std::size_t n = 0; n < numbers.size(); ++n) patches.patches[numbers[n]] = made[n];
+}
+
+} // namespace mpuvdb
