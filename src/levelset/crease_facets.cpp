@@ -26,7 +26,8 @@ using Facet = SurfacePatches::Facet;
 
 /// Of the planes' normals, squared and summed: what decides a direction, relative to the largest.
 constexpr float kLeastSpread = 0.01f;
-constexpr float kBeyond = 0.5f;      ///< of a vertex outside its cell, voxels
+/// Of a vertex outside its cell, voxels: the tip of an edge crosses none between voxels.
+constexpr float kBeyond = 1;
 constexpr float kMostTooNear = 0.1f; ///< of a vertex, voxels
 constexpr std::size_t kOften = 1 << 12;
 
@@ -191,18 +192,22 @@ private:
         return places[std::size_t(rank)];
     }
 
-    /// Whether the surface may be at a place, by the values at the cell's corners.
+    /// Whether the surface may be at a place, by the values at the corners of a vertex's cell and of
+    /// the cell that the place is in.
     static bool isAllowed(const Coord& cell, const Vec3f& place, const FaceCrossings& crossings)
     {
         const Vec3f middle = Vec3f::Constant(0.5f);
         if (!((place - middle).cwiseAbs().maxCoeff() <= 0.5f + kBeyond)) return false;
-        std::array<Coord, 8> corners;
+        const Vec3f low = place.array().floor();
+        const Coord other(int(low.x()), int(low.y()), int(low.z()));
+        std::array<Coord, 16> corners;
+        const std::size_t count = other == Coord(0, 0, 0) ? 8 : 16;
         float slope = 0;
-        for (int n = 0; n < 8; ++n) {
-            corners[std::size_t(n)] = cornerOf(n);
-            slope = std::max(slope, crossings.values().slopeAt(cell + cornerOf(n)));
+        for (std::size_t n = 0; n < count; ++n) {
+            corners[n] = cornerOf(int(n) & 7) + (n < 8 ? Coord(0, 0, 0) : other);
+            slope = std::max(slope, crossings.values().slopeAt(cell + corners[n]));
         }
-        return crossings.tooNear(cell, place, slope, corners.data(), 8) <= kMostTooNear;
+        return crossings.tooNear(cell, place, slope, corners.data(), int(count)) <= kMostTooNear;
     }
 
     /// A facet for each edge all about which there are vertices.
