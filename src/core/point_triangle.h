@@ -25,18 +25,30 @@ template <typename T>
 T squaredDistance(const Eigen::Matrix<T, 3, 1>& p,
                   const std::array<Eigen::Matrix<T, 3, 1>, 3>& triangle)
 {
+    using Vec = Eigen::Matrix<T, 3, 1>;
     const auto& [a, b, c] = triangle;
-    const Eigen::Matrix<T, 3, 1> u = b - a, v = c - a, normal = u.cross(v);
+    const Vec u = b - a, v = c - a, fromA = p - a, normal = u.cross(v);
     const T square = normal.squaredNorm();
-    // Of a sliver, rounding leaves no plane, but its edges.
-    const bool flat =
-        square > std::numeric_limits<T>::epsilon() * u.squaredNorm() * v.squaredNorm();
-    if (flat && normal.cross(u).dot(p - a) >= 0 && normal.cross(c - b).dot(p - b) >= 0 &&
-        normal.cross(a - c).dot(p - c) >= 0) {
-        const T height = normal.dot(p - a);
-        return height * height / square;
-    }
-    return std::min({squaredDistance(p, a, b), squaredDistance(p, b, c), squaredDistance(p, c, a)});
+    if (!(square > std::numeric_limits<T>::epsilon() * u.squaredNorm() * v.squaredNorm()))
+        // Of a sliver, rounding leaves no plane, but its sides.
+        return std::min(
+            {squaredDistance(p, a, b), squaredDistance(p, b, c), squaredDistance(p, c, a)});
+    const T au = u.dot(fromA), av = v.dot(fromA);
+    if (au <= 0 && av <= 0) return fromA.squaredNorm();
+    const Vec fromB = p - b;
+    const T bu = u.dot(fromB), bv = v.dot(fromB);
+    if (bu >= 0 && bv <= bu) return fromB.squaredNorm();
+    const Vec fromC = p - c;
+    const T cu = u.dot(fromC), cv = v.dot(fromC);
+    if (cv >= 0 && cu <= cv) return fromC.squaredNorm();
+    // Beyond one side or none.
+    if (au >= 0 && bu <= 0 && au * bv <= bu * av) return (fromA - au / (au - bu) * u).squaredNorm();
+    if (av >= 0 && cv <= 0 && cu * av <= au * cv) return (fromA - av / (av - cv) * v).squaredNorm();
+    const T bw = bv - bu, cw = cu - cv;
+    if (bw >= 0 && cw >= 0 && bu * cv <= cu * bv)
+        return (fromB - bw / (bw + cw) * (c - b)).squaredNorm();
+    const T height = normal.dot(fromA);
+    return height * height / square;
 }
 
 } // namespace mpuvdb

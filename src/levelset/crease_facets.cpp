@@ -22,7 +22,7 @@ namespace
 {
 
 using openvdb::Coord;
-using Facet = SurfacePatches::Facet;
+using Facet = std::array<std::uint32_t, 4>; ///< numbers of cells, in a row
 
 /// Of the planes' normals, squared and summed: what decides a direction, relative to the largest.
 constexpr float kLeastSpread = 0.01f;
@@ -91,8 +91,8 @@ public:
     }
 
 private:
-    /// The cells about edges that cross the surface from voxels beside creases; the patches of those
-    /// voxels are superseded.
+    /// The cells about edges that cross the surface from voxels beside creases; the patches of
+    /// those voxels are superseded.
     void collectCells()
     {
         const CreaseValues values(mZone);
@@ -192,8 +192,8 @@ private:
         return places[std::size_t(rank)];
     }
 
-    /// Whether the surface may be at a place, by the values at the corners of a vertex's cell and of
-    /// the cell that the place is in.
+    /// Whether the surface may be at a place, by the values at the corners of a vertex's cell and
+    /// of the cell that the place is in.
     static bool isAllowed(const Coord& cell, const Vec3f& place, const FaceCrossings& crossings)
     {
         const Vec3f middle = Vec3f::Constant(0.5f);
@@ -218,29 +218,43 @@ private:
             for (std::size_t n = 0; n < mEdgeAt[axis].size(); ++n) {
                 if (n % kOften == 0) mProgress.check();
                 Facet facet;
-                bool all = true;
                 const auto about = cellsAbout(mEdgeAt[axis][n], axis);
-                for (std::size_t c = 0; c < 4; ++c) {
-                    const std::uint32_t cell = cells[about[c]];
-                    all &= cell != VoxelNumbers::kNone;
-                    facet[c] = mPatches.voxelPatches() + cell;
-                }
-                if (all) mPatches.facets.push_back(facet);
+                for (std::size_t c = 0; c < 4; ++c) facet[c] = cells[about[c]];
+                if (std::find(facet.begin(), facet.end(), VoxelNumbers::kNone) == facet.end())
+                    mFacets.push_back(facet);
             }
+        mPatches.facets.resize(mFacets.size());
+        inParallel(mFacets.size(), mProgress, [&](std::size_t n, std::size_t end) {
+            for (; n < end; ++n) mPatches.facets[n] = facetOf(mFacets[n]);
+        });
+    }
+
+    SurfaceFacet facetOf(const Facet& cells) const
+    {
+        SurfaceFacet facet;
+        facet.voxel = mCellAt[cells[0]];
+        for (std::size_t c = 0; c < 4; ++c)
+            facet.corners[c] =
+                -mPatches.patches[mPatches.voxelPatches() + cells[c]].to(facet.voxel);
+        auto& p = facet.corners;
+        if ((p[0] - p[2]).squaredNorm() > (p[1] - p[3]).squaredNorm())
+            std::rotate(p.begin(), p.begin() + 1, p.end());
+        facet.radius = 0;
+        for (const Vec3f& corner : p)
+            facet.radius = std::max(facet.radius, (corner - facet.middle()).norm());
+        return facet;
     }
 
     void makeFans()
     {
         auto& end = mPatches.fanEnd;
         end.assign(mCellAt.size() + 1, 0);
-        const std::uint32_t first = mPatches.voxelPatches();
-        for (const Facet& facet : mPatches.facets)
-            for (const std::uint32_t vertex : facet) ++end[vertex - first + 1];
+        for (const Facet& facet : mFacets)
+            for (const std::uint32_t cell : facet) ++end[cell + 1];
         for (std::size_t n = 1; n < end.size(); ++n) end[n] += end[n - 1];
         mPatches.fans.resize(end.back());
-        for (std::uint32_t n = 0; n < mPatches.facets.size(); ++n)
-            for (const std::uint32_t vertex : mPatches.facets[n])
-                mPatches.fans[end[vertex - first]++] = n;
+        for (std::uint32_t n = 0; n < mFacets.size(); ++n)
+            for (const std::uint32_t cell : mFacets[n]) mPatches.fans[end[cell]++] = n;
         end.pop_back(); // each entry has moved on to where its fan ends
     }
 
@@ -252,6 +266,7 @@ private:
     std::array<VoxelIndex, 3> mEdges; ///< crossed, by axis and first voxel
     std::array<std::vector<Coord>, 3> mEdgeAt;
     std::array<std::vector<FaceCrossing>, 3> mCrossings;
+    std::vector<Facet> mFacets;
 };
 
 } // namespace

@@ -25,8 +25,8 @@ CreaseZone::CreaseZone(const SurfacePatches& patches, const openvdb::FloatTree& 
         if (n % kOften == 0) progress.check();
         if (patches.kinds[n] == PatchKind::Smooth) continue;
         for (int k = 0; k < 27; ++k) {
-            const std::uint32_t near = numbers[patches.patches[n].voxel.offsetBy(
-                k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1)];
+            const std::uint32_t near =
+                numbers[patches.patches[n].voxel.offsetBy(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1)];
             if (near != VoxelNumbers::kNone) mBeside[near] = true;
         }
     }

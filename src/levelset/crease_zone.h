@@ -34,10 +34,7 @@ private:
 class CreaseValues
 {
 public:
-    explicit CreaseValues(const CreaseZone& zone)
-        : mZone(zone), mAccess(zone.mTree)
-    {
-    }
+    explicit CreaseValues(const CreaseZone& zone) : mZone(zone), mAccess(zone.mTree) {}
 
     /// In voxels, if they are distances.
     float at(const openvdb::Coord& voxel) const { return mZone.mScale * mAccess.getValue(voxel); }

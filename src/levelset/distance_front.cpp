@@ -2,7 +2,7 @@
 // Leaves exchange such news in waves: a wave reads only what the wave before has sent, so that
 // nothing depends on the order of threads. Waves go on until the front has passed a bound; then all
 // nearer voxels are settled, and the bound moves on.
-#include "distance_front.h"
+#include "known_distances.h"
 
 #include <mpuvdb/progress.h>
 
@@ -20,8 +20,8 @@ namespace
 using Leaf = SurfacePatches::Leaf;
 using openvdb::Coord;
 
-constexpr int kDim = 8, kVoxels = kDim * kDim * kDim;
-constexpr std::uint32_t kNone = ~std::uint32_t(0);
+constexpr int kDim = Knowledge::kDim, kVoxels = Knowledge::kVoxels;
+constexpr std::uint32_t kNone = Knowledge::kNone;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 /// Voxels by which the bound moves on.
 constexpr float kBoundStep = 4;
@@ -30,25 +30,10 @@ constexpr float kOrderStep = 0.75f;
 /// The distance to a patch is less than that to its foot, by which the front goes, by no more.
 constexpr float kMargin = 0.3f;
 
-Coord coordOf(int voxel)
-{
-    return {voxel / (kDim * kDim), voxel / kDim % kDim, voxel % kDim};
-}
-
 /// News of one voxel at the side of its leaf.
 struct Message {
     std::uint16_t voxel;
     std::uint32_t patch;
-};
-
-/// What the voxels of a leaf that is not settled know.
-struct Knowledge {
-    std::array<std::uint32_t, kVoxels> patch;
-    std::array<float, kVoxels> distance2;         ///< to the patch's foot
-    std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbours
-    std::array<std::uint64_t, kDim> negative;
-
-    bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }
 };
 
 struct Node {
@@ -215,7 +200,7 @@ private:
     {
         const Coord shift = from.origin - node.origin;
         for (const Message& m : from.sent) {
-            const Coord at = shift + coordOf(m.voxel);
+            const Coord at = shift + Knowledge::coordOf(m.voxel);
             const Vec3f v = mPatches[m.patch].to(node.origin + at);
             offer(node, at, m.patch, v);
         }
@@ -255,7 +240,7 @@ private:
     /// Offer a voxel's patch to all around it.
     void spread(Node& node, int voxel, std::uint32_t patch)
     {
-        const Coord at = coordOf(voxel);
+        const Coord at = Knowledge::coordOf(voxel);
         const Vec3f v = mPatches[patch].to(node.origin + at);
         offer(node, at, patch, v);
         const std::uint32_t sides = sidesReached(at, v);
@@ -341,41 +326,13 @@ private:
 
     void finish(Node& node)
     {
-        LeafDistances distances;
-        const Knowledge& known = *node.known;
-        for (int n = 0; n < kVoxels; ++n) {
-            const float side = known.isNegative(n) ? -1.0f : 1.0f;
-            float d = kInfinity;
-            if (known.patch[n] != kNone) d = leastDistance(node, n, side);
-            distances[std::size_t(n)] = side * d;
-        }
-        node.result = mFinish(node.origin, node.signs, distances);
+        node.result =
+            mFinish(node.origin, node.signs, KnownDistances(mSurface, node.origin, *node.known));
         node.result.origin = node.origin;
         node.known.reset();
         node.finished = true;
         node.sent = node.sending = {};
         node.senders = {};
-    }
-
-    /// The distance to a voxel's patch; and where facets are near, the vertex next to which need not
-    /// be theirs, to the patches that its neighbours in the leaf know.
-    float leastDistance(const Node& node, int voxel, float side) const
-    {
-        const auto& patches = node.known->patch;
-        const std::uint32_t own = patches[std::size_t(voxel)];
-        const Coord at = coordOf(voxel), place = node.origin + at;
-        float least = mSurface.distance(own, place, side);
-        if (!mSurface.isVertex(own)) return least;
-        std::uint32_t last = own;
-        for (int n = 0; n < 27; ++n) {
-            const Coord to = at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-            if ((to[0] | to[1] | to[2]) & ~(kDim - 1)) continue;
-            const std::uint32_t patch = patches[Leaf::coordToOffset(to)];
-            if (patch == kNone || patch == own || patch == last) continue;
-            least = std::min(least, mSurface.distance(patch, place, side));
-            last = patch;
-        }
-        return least;
     }
 
     struct HashCoord {

@@ -12,11 +12,11 @@ namespace
 
 using openvdb::Coord;
 
-constexpr float kBeyond = 0.02f; ///< of an edge's ends, voxels
-constexpr float kLeastSlope = 0.05f; ///< of a face against an edge: cosine to its normal
-constexpr float kMostAside = 2.5f; ///< of a crossing from a patch's foot, voxels
-constexpr float kMostTooNear = 0.2f; ///< of a crossing, voxels
-constexpr float kLeastSine = 0.1f; ///< of two faces
+constexpr float kBeyond = 0.02f;      ///< of an edge's ends, voxels
+constexpr float kLeastSlope = 0.05f;  ///< of a face against an edge: cosine to its normal
+constexpr float kMostAside = 2.5f;    ///< of a crossing from a patch's foot, voxels
+constexpr float kMostTooNear = 0.2f;  ///< of a crossing, voxels
+constexpr float kLeastSine = 0.1f;    ///< of two faces
 constexpr float kLeastHeight = 0.02f; ///< of one foot above the other's plane, to tell the side
 
 /// Corners of the cells about an edge along z, in the order of x, y, z.
@@ -32,9 +32,8 @@ Coord aroundEdge(int n, int axis)
 } // namespace
 
 /// Where the face of a patch crosses an edge.
-std::optional<FaceCrossings::Candidate> FaceCrossings::candidate(const Coord& voxel, int axis,
-                                                                 bool rising,
-                                                                 const SurfacePatch& patch) const
+std::optional<FaceCrossings::Candidate>
+FaceCrossings::candidate(const Coord& voxel, int axis, bool rising, const SurfacePatch& patch) const
 {
     constexpr int kSteps = 2;
     const Vec3f across = patch.normal.cross(patch.tangent);
@@ -44,10 +43,10 @@ std::optional<FaceCrossings::Candidate> FaceCrossings::candidate(const Coord& vo
     for (int step = 0; step <= kSteps; ++step) {
         to = start + at * along;
         const float u = patch.tangent.dot(to), v = across.dot(to);
-        normal = patch.normal + patch.curvature[0] * u * patch.tangent +
-                 patch.curvature[1] * v * across;
-        const float height = patch.normal.dot(to) + 0.5f * (patch.curvature[0] * u * u +
-                                                            patch.curvature[1] * v * v);
+        normal =
+            patch.normal + patch.curvature[0] * u * patch.tangent + patch.curvature[1] * v * across;
+        const float height =
+            patch.normal.dot(to) + 0.5f * (patch.curvature[0] * u * u + patch.curvature[1] * v * v);
         const float slope = normal.dot(along);
         if (!((rising ? slope : -slope) >= kLeastSlope)) return std::nullopt;
         at -= height / slope;
@@ -111,7 +110,8 @@ float FaceCrossings::tooNear(const Coord& voxel, const Vec3f& place, float slope
 {
     float most = 0;
     for (int n = 0; n < count; ++n) {
-        const Vec3f from = Vec3f(float(around[n][0]), float(around[n][1]), float(around[n][2])) - place;
+        const Vec3f from =
+            Vec3f(float(around[n][0]), float(around[n][1]), float(around[n][2])) - place;
         // Of a distance by any scale.
         most = std::max(most, std::abs(mValues.at(voxel + around[n])) - slope * from.norm());
     }

@@ -4,7 +4,6 @@
 #include "leaf_halo.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/point_triangle.h>
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
@@ -351,23 +350,6 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
     const float share = kExtent / reached;
     const float u = along[0] - share * shift[0], v = along[1] - share * shift[1];
     return std::min(length, std::sqrt(height * height + u * u + v * v));
-}
-
-float SurfacePatches::distanceToFan(std::uint32_t vertex, const openvdb::Coord& at) const
-{
-    const std::uint32_t n = vertex - voxelPatches();
-    float least2 = patches[vertex].to(at).squaredNorm();
-    for (std::uint32_t k = n == 0 ? 0 : fanEnd[n - 1]; k < fanEnd[n]; ++k) {
-        std::array<Vec3f, 4> corner; // from the voxel
-        for (std::size_t c = 0; c < 4; ++c) corner[c] = -patches[facets[fans[k]][c]].to(at);
-        // Along the shorter diagonal.
-        const std::size_t s =
-            (corner[0] - corner[2]).squaredNorm() <= (corner[1] - corner[3]).squaredNorm() ? 0 : 1;
-        for (const std::size_t other : {1 - s, 3 - s})
-            least2 = std::min(least2, squaredDistance(Vec3f(Vec3f::Zero()),
-                                                      {corner[s], corner[s + 2], corner[other]}));
-    }
-    return std::sqrt(least2);
 }
 
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,

@@ -51,33 +51,31 @@ enum class PatchKind : std::uint8_t {
     Rough  ///< neither
 };
 
+/// Four vertices in a row: two triangles on both sides of the diagonal from the first to the third.
+struct SurfaceFacet {
+    openvdb::Coord voxel;
+    std::array<Vec3f, 4> corners; ///< relative to the voxel
+    float radius;                 ///< of the ball about the diagonal's middle that it lies in
+
+    Vec3f middle() const { return 0.5f * (corners[0] + corners[2]); }
+};
+
 /// Patches of all voxels with a neighbour of the other sign, by leaf and voxel. Those beside
 /// creases are superseded by the vertices of facets, which follow: patches that are but their foot.
 struct SurfacePatches {
     using Leaf = openvdb::FloatTree::LeafNodeType;
-    using Facet = std::array<std::uint32_t, 4>; ///< numbers of vertices among the patches, in a row
 
     std::vector<const Leaf*> leaves;  ///< all of the tree
     std::vector<std::uint32_t> first; ///< patches of leaf n: [first[n], first[n + 1])
     std::vector<SurfacePatch> patches;
     std::vector<PatchKind> kinds;      ///< of the patches of voxels
     std::vector<char> superseded;      ///< of the patches of voxels; none: no patch is
-    std::vector<Facet> facets;         ///< together with the patches beside them, the zero set
+    std::vector<SurfaceFacet> facets;  ///< together with the patches beside them, the zero set
     std::vector<std::uint32_t> fans;   ///< facets by vertex
     std::vector<std::uint32_t> fanEnd; ///< those of vertex n end here in fans
 
     std::uint32_t voxelPatches() const { return first.back(); }
     bool isVertex(std::uint32_t patch) const { return patch >= voxelPatches(); }
-    /// From a voxel at @a at on a side (1 outside, -1 inside) to a patch, or to all facets about a
-    /// vertex; voxels.
-    float distance(std::uint32_t patch, const openvdb::Coord& at, float side) const
-    {
-        return isVertex(patch) ? distanceToFan(patch, at)
-                               : patches[patch].distance(patches[patch].to(at), side);
-    }
-
-private:
-    float distanceToFan(std::uint32_t vertex, const openvdb::Coord& at) const;
 };
 
 /// The patches of @a tree. @param voxelSize  world units. @throws LimitError, Interrupted.

@@ -122,9 +122,9 @@ private:
         mAnywhere = true;
         mHome = home;
         for (int n = 0; n < 27; ++n) {
-            const auto found = mIndex.mIndex.find(home.offsetBy(
-                (n / 9 - 1) * VoxelIndex::kDim, (n / 3 % 3 - 1) * VoxelIndex::kDim,
-                (n % 3 - 1) * VoxelIndex::kDim));
+            const auto found = mIndex.mIndex.find(home.offsetBy((n / 9 - 1) * VoxelIndex::kDim,
+                                                                (n / 3 % 3 - 1) * VoxelIndex::kDim,
+                                                                (n % 3 - 1) * VoxelIndex::kDim));
             mNear[std::size_t(n)] =
                 found == mIndex.mIndex.end() ? nullptr : &mIndex.mBlocks[found->second];
         }
