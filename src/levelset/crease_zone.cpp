@@ -52,4 +52,16 @@ float CreaseValues::slopeAt(const Coord& voxel) const
     return std::sqrt(square);
 }
 
+Vec3f CreaseValues::gradientAt(const Coord& voxel) const
+{
+    Vec3f gradient;
+    for (int axis = 0; axis < 3; ++axis) {
+        Coord low = voxel, high = voxel;
+        low[axis] -= 1;
+        high[axis] += 1;
+        gradient[axis] = 0.5f * (at(high) - at(low));
+    }
+    return gradient;
+}
+
 } // namespace mpuvdb

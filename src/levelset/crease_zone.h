@@ -45,6 +45,9 @@ public:
     /// How much the values rise per voxel about @a voxel, at most; 1 for distances.
     float slopeAt(const openvdb::Coord& voxel) const;
 
+    /// By central differences.
+    Vec3f gradientAt(const openvdb::Coord& voxel) const;
+
 private:
     const CreaseZone& mZone;
     openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;

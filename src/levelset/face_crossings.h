@@ -39,6 +39,8 @@ private:
     };
     std::optional<Candidate> candidate(const openvdb::Coord& voxel, int axis, bool rising,
                                        const SurfacePatch& patch) const;
+    FaceCrossing interpolated(const openvdb::Coord& voxel, int axis) const;
+    void collect(const openvdb::Coord& voxel, int axis, bool rising);
 
     const SurfacePatches& mPatches;
     VoxelNumbers mNumbers;
