@@ -17,6 +17,9 @@ using openvdb::Coord;
 constexpr int kAround = 2; ///< voxels about one whose patches are looked at
 /// Places of one face: the cosine of their normals, and the height of one over the other's plane.
 constexpr float kSameFace = 0.9f, kOffFace = 0.5f;
+/// And of one plane, on which there are to be so many others.
+constexpr float kSamePlane = 0.97f, kOffPlane = 0.15f;
+constexpr int kLeastSupport = 3;
 constexpr float kMostBend = 0.3f; ///< per voxel
 
 /// Heights of places above a plane, as a quadratic function.
@@ -56,15 +59,23 @@ private:
     int mCount = 0;
 };
 
+/// A patch as its face has it.
+struct Fitted {
+    SurfacePatch patch;
+    int support = 0; ///< other patches on its plane
+};
+
 SurfacePatch notTooBent(SurfacePatch patch)
 {
     for (float& k : patch.curvature) k = std::clamp(k, -kMostBend, kMostBend);
     return patch;
 }
 
-SurfacePatch fitted(const CreaseZone& zone, VoxelNumbers& numbers, std::uint32_t number)
+Fitted fitted(const CreaseZone& zone, VoxelNumbers& numbers, std::uint32_t number)
 {
-    SurfacePatch patch = zone.patches().patches[number];
+    Fitted made;
+    SurfacePatch& patch = made.patch;
+    patch = zone.patches().patches[number];
     const Vec3f across = patch.normal.cross(patch.tangent);
     Heights heights;
     for (int x = -kAround; x <= kAround; ++x)
@@ -74,14 +85,20 @@ SurfacePatch fitted(const CreaseZone& zone, VoxelNumbers& numbers, std::uint32_t
                 if (n == VoxelNumbers::kNone || zone.patches().kinds[n] == PatchKind::Rough)
                     continue;
                 const SurfacePatch& other = zone.patches().patches[n];
-                if (!(patch.normal.dot(other.normal) >= kSameFace)) continue;
+                const float cosine = patch.normal.dot(other.normal);
+                if (!(cosine >= kSameFace)) continue;
                 const Vec3f to = -other.to(patch.voxel) - patch.foot;
                 const float height = patch.normal.dot(to);
+                made.support +=
+                    n != number && cosine >= kSamePlane && std::abs(height) <= kOffPlane;
                 if (std::abs(height) <= kOffFace)
                     heights.add(patch.tangent.dot(to), across.dot(to), height);
             }
     Heights::Coefficients h;
-    if (!heights.fit(h)) return notTooBent(patch);
+    if (!heights.fit(h)) {
+        patch = notTooBent(patch);
+        return made;
+    }
     const Vec3f t = patch.tangent;
     const Eigen::Matrix3f twist = t * across.transpose();
     patch.foot += h[0] * patch.normal;
@@ -89,7 +106,8 @@ SurfacePatch fitted(const CreaseZone& zone, VoxelNumbers& numbers, std::uint32_t
     patch.bend(-(h[3] * t * t.transpose() + h[4] * (twist + twist.transpose()) +
                  h[5] * across * across.transpose()),
                0);
-    return notTooBent(patch);
+    patch = notTooBent(patch);
+    return made;
 }
 
 } // namespace
@@ -99,7 +117,7 @@ void fitToFaces(SurfacePatches& patches, const CreaseZone& zone, Progress& progr
     std::vector<std::uint32_t> numbers;
     for (std::uint32_t n = 0; n < patches.patches.size(); ++n)
         if (zone.isBeside(n) && patches.kinds[n] != PatchKind::Rough) numbers.push_back(n);
-    std::vector<SurfacePatch> made(numbers.size());
+    std::vector<Fitted> made(numbers.size());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, numbers.size(), 64),
                       [&](const tbb::blocked_range<std::size_t>& range) {
                           progress.check();
@@ -107,7 +125,10 @@ void fitToFaces(SurfacePatches& patches, const CreaseZone& zone, Progress& progr
                           for (std::size_t n = range.begin(); n < range.end(); ++n)
                               made[n] = fitted(zone, around, numbers[n]);
                       });
-    for (std::size_t n = 0; n < numbers.size(); ++n) patches.patches[numbers[n]] = made[n];
+    for (std::size_t n = 0; n < numbers.size(); ++n) {
+        patches.patches[numbers[n]] = made[n].patch;
+        if (made[n].support < kLeastSupport) patches.kinds[numbers[n]] = PatchKind::Rough;
+    }
 }
 
 } // namespace mpuvdb

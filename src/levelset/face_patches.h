@@ -7,7 +7,8 @@ namespace mpuvdb
 
 /// Fit those of @a patches, the zone's, that are beside creases and not rough to what the feet of
 /// the same face around them say of where they lie and how they bend: their own gradients may be
-/// from both sides of a crease, or from one octant of a voxel. @throws Interrupted.
+/// from both sides of a crease, or from one octant of a voxel. Those that no others lie beside, as
+/// planes between two faces may be, become rough. @throws Interrupted.
 void fitToFaces(SurfacePatches& patches, const CreaseZone& zone, Progress& progress);
 
 } // namespace mpuvdb
