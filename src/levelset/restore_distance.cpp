@@ -33,7 +33,7 @@ constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
 /// distance a falls to 0.55, and below a = sqrt(3) voxels to 0.318 a.
 constexpr float kLeastSlope = 0.5f, kLeastSlopePerVoxel = 0.3f, kMostSlope = 1.3f;
 constexpr float kStep = 1.3f; ///< voxels by which neighbours may differ unexamined
-/// An examined value is at most so much above the distance to the nearest crossing, voxels.
+/// An examined value that is so much above the distance to the nearest crossing stays, voxels.
 constexpr float kAbove = 0.2f;
 /// The tip of an edge or corner may cross no edge between voxels: a value so near to zero is raised
 /// no farther than to where its neighbours' values can be reached.
@@ -409,12 +409,11 @@ private:
                 for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace(x, y, z);
     }
 
-    /// What a value is to be, given the distance to the nearest crossing: as much of it as that
-    /// allows, for neighbours are to go on from it without a jump.
+    /// What a value is to be, given the distance to the nearest crossing.
     float corrected(float value, float distance) const
     {
-        const float below = value < kTip ? std::max(mBelow, kBelowAtTip) : mBelow;
-        return std::clamp(value, std::max(distance - below, 0.0f), distance + kAbove);
+        if (value <= distance + kAbove && value >= distance - mBelow) return value;
+        return value < kTip ? std::max(value, distance - kBelowAtTip) : distance;
     }
 
     openvdb::FloatTree& mTree;
