@@ -102,7 +102,7 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
         CsgTree result = csgTree(kind, *first, *next, voxelSize, blendRadius, progress);
         tree = std::move(result.tree);
         if (result.doubtful) {
-            restoreDistance(*tree, voxelSize, kBetween, progress);
+            restoreDistance(*tree, voxelSize, progress);
             narrow(*tree, background, progress);
         }
         openvdb::tools::pruneLevelSet(*tree);

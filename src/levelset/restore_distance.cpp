@@ -33,10 +33,11 @@ constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
 /// distance a falls to 0.55, and below a = sqrt(3) voxels to 0.318 a.
 constexpr float kLeastSlope = 0.5f, kLeastSlopePerVoxel = 0.3f, kMostSlope = 1.3f;
 constexpr float kStep = 1.3f; ///< voxels by which neighbours may differ unexamined
-/// An examined value that is so much above the distance to the nearest crossing stays, voxels.
-constexpr float kAbove = 0.2f;
-/// The tip of an edge or corner may cross no edge between voxels: a value so near to zero is raised
-/// no farther than to where its neighbours' values can be reached.
+/// The distance to the nearest crossing overestimates by up to half a voxel between crossings: an
+/// examined value within these bounds of it stays.
+constexpr float kAbove = 0.2f, kBelow = 0.35f;
+/// The tip of an edge or corner may cross no edge between voxels: a value this near to zero is
+/// raised no farther than to where its neighbours' values can be reached.
 constexpr float kTip = 0.5f, kBelowAtTip = 0.5f;
 
 Vec3f toVec(const Coord& c)
@@ -133,8 +134,8 @@ using Crossings = std::vector<Vec3f>;
 class Restorer
 {
 public:
-    Restorer(openvdb::FloatTree& tree, double voxelSize, float below, Progress& progress)
-        : mTree(tree), mProgress(progress), mVoxelSize(float(voxelSize)), mBelow(below),
+    Restorer(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
+        : mTree(tree), mProgress(progress), mVoxelSize(float(voxelSize)),
           mHalfWidth(tree.background() / float(voxelSize)),
           mReach((int(std::ceil(mHalfWidth)) + kDim - 1) / kDim)
     {
@@ -410,17 +411,16 @@ private:
     }
 
     /// What a value is to be, given the distance to the nearest crossing.
-    float corrected(float value, float distance) const
+    static float corrected(float value, float distance)
     {
-        if (value <= distance + kAbove && value >= distance - mBelow) return value;
+        if (value <= distance + kAbove && value >= distance - kBelow) return value;
         return value < kTip ? std::max(value, distance - kBelowAtTip) : distance;
     }
 
     openvdb::FloatTree& mTree;
     Progress& mProgress;
-    float mVoxelSize;         ///< world units
-    float mBelow, mHalfWidth; ///< voxels
-    int mReach;               ///< leaves around a voxel's own that the band reaches
+    float mVoxelSize, mHalfWidth; ///< world units; voxels
+    int mReach;                   ///< leaves around a voxel's own that the band reaches
     std::unordered_map<Coord, Crossings, HashCoord> mCrossings; ///< by leaf origin
     /// Voxels whose distance to the nearest crossing has been looked up: it will not change.
     std::unordered_map<Coord, Leaf::NodeMaskType, HashCoord> mSettled;
@@ -428,10 +428,9 @@ private:
 
 } // namespace
 
-std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, float below,
-                              Progress& progress)
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
 {
-    return Restorer(tree, voxelSize, below, progress).run();
+    return Restorer(tree, voxelSize, progress).run();
 }
 
 } // namespace mpuvdb

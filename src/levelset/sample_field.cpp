@@ -111,7 +111,7 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     const openvdb::FloatTree::Ptr tree = band.assemble();
     if (isDistance) {
         progress.beginStage("restore");
-        restoreDistance(*tree, lattice.voxelSize, kBetween, progress);
+        restoreDistance(*tree, lattice.voxelSize, progress);
     }
     auto grid = openvdb::FloatGrid::create(tree);
     setLattice(*grid, lattice);
