@@ -44,7 +44,7 @@ public:
         for (std::size_t n = 0; n < 3; ++n)
             for (int k = 0; k < 3; ++k)
                 rounded[n][std::size_t(k)] = // not below 0
-                    std::int64_t(mScale * (double(corners[n][k]) - mFrom[k]) + 0.5);
+                    std::int64_t(mScale * (double(corners[n][k]) - mFrom[k]));
         return rounded;
     }
 

@@ -60,7 +60,8 @@ private:
     /// Of a voxel of the block or one beyond, each in [0,8].
     static std::size_t voxelIndex(const Vec3i& voxel)
     {
-        return std::size_t((voxel.x() * 9 + voxel.y()) * 9 + voxel.z());
+        const auto x = std::size_t(voxel.x()), y = std::size_t(voxel.y());
+        return (x * 9 + y) * 9 + std::size_t(voxel.z());
     }
     Crossings crossingsOf(const Vec3i& at, const DualCell& cell, int sheet) const;
     Vec3f centralGradient(int index) const;
