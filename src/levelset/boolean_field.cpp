@@ -13,20 +13,12 @@ namespace
 class BooleanField final : public PointField
 {
 public:
-    BooleanField(Boolean kind, std::vector<FieldPtr> fields)
-        : mKind(kind), mFields(std::move(fields))
+    BooleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& bounds)
+        : mKind(kind), mFields(std::move(fields)), mBounds(bounds)
     {
     }
 
-    Box3d bounds() const override
-    {
-        Box3d box = mFields.front()->bounds();
-        for (const FieldPtr& field : mFields) {
-            if (mKind == Boolean::Union) box.extend(field->bounds());
-            if (mKind == Boolean::Intersection) box = box.intersection(field->bounds());
-        }
-        return box;
-    }
+    Box3d bounds() const override { return mBounds; }
     FieldSample evaluate(const Vec3d& p) const override
     {
         FieldSample ruling = mFields.front()->evaluate(p);
@@ -53,13 +45,14 @@ public:
 private:
     Boolean mKind;
     std::vector<FieldPtr> mFields;
+    Box3d mBounds;
 };
 
 } // namespace
 
-FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields)
+FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& bounds)
 {
-    return std::make_shared<BooleanField>(kind, std::move(fields));
+    return std::make_shared<BooleanField>(kind, std::move(fields), bounds);
 }
 
 } // namespace mpuvdb

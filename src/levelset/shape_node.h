@@ -93,7 +93,8 @@ Shape::Node::Ptr motionNode(const Shape::Node::Ptr& input, const Eigen::Affine3d
 /// @}
 
 /// Several fields (at least one) as one: no distance near creases, but exact on the zero set.
-FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields);
+/// @param bounds  of the result.
+FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& bounds);
 
 /// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress);

@@ -62,7 +62,7 @@ public:
             fields.push_back(input->field());
             if (!fields.back()) return nullptr;
         }
-        return booleanField(mKind, std::move(fields));
+        return booleanField(mKind, std::move(fields), bounds());
     }
 
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,

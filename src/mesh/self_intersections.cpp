@@ -206,9 +206,9 @@ std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh, Progress& prog
     tbb::enumerable_thread_specific<std::vector<TrianglePair>> found;
     tbb::parallel_for(std::size_t(0), tasks.size(), [&](std::size_t n) {
         progress.check();
-        tree.forEachLeafPair(tasks[n][0], tasks[n][1], [&](std::size_t a, std::size_t b) {
-            leafPairs.find(a, b, found.local());
-        });
+        std::vector<TrianglePair>& mine = found.local();
+        tree.forEachLeafPair(tasks[n][0], tasks[n][1],
+                             [&](std::size_t a, std::size_t b) { leafPairs.find(a, b, mine); });
     });
     std::vector<TrianglePair> pairs;
     for (const auto& some : found) pairs.insert(pairs.end(), some.begin(), some.end());

@@ -211,6 +211,7 @@ SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
 /// The same, found once for the eight cells about a voxel of the block or one beyond.
 const SheetPlacer::Plane& SheetPlacer::planeAt(const Vec3i& voxel)
 {
+    if (mPlanes.empty()) mPlanes.resize(kVoxels);
     Plane& plane = mPlanes[voxelIndex(voxel)];
     if (plane.error == Plane::kUnknown)
         plane = planeThrough(BlockHalo::index(voxel.x(), voxel.y(), voxel.z()));
@@ -281,6 +282,7 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     constexpr double kNear = 1e-3, kDisagrees = 0.05; // voxels
     const CellEdge ends = cellEdge(edge);
     const Vec3i low = at + cornerOf(ends.low).cast<int>();
+    if (mFieldCrossings.empty()) mFieldCrossings.resize(3 * kVoxels);
     FieldCrossing& found = mFieldCrossings[3 * voxelIndex(low) + std::size_t(edge / 4)];
     if (found.state != FieldCrossing::State::Unknown) return found;
     const double h = mLattice.voxelSize;

@@ -33,8 +33,8 @@ public:
     {
         mValues.load(tree, origin);
         mOrigin = Vec3d(origin.x(), origin.y(), origin.z());
-        if (mField) mFieldCrossings.assign(3 * kVoxels, {});
-        mPlanes.assign(kVoxels, {});
+        mFieldCrossings.clear();
+        mPlanes.clear();
     }
     /// The vertex of sheet @a sheet of the cell at @a at, each in [0,7].
     SheetVertex place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom);
@@ -75,9 +75,11 @@ private:
     const Field* mField;
     Lattice mLattice;
     BlockHalo mValues;
-    Vec3d mOrigin = Vec3d::Zero();              ///< of the block, voxels
+    Vec3d mOrigin = Vec3d::Zero(); ///< of the block, voxels
+    /// @{ Empty until the first is asked for: most blocks are smooth.
     std::vector<FieldCrossing> mFieldCrossings; ///< by axis and the voxel at the edge's low end
     std::vector<Plane> mPlanes;                 ///< by voxel
+    /// @}
 };
 
 } // namespace mpuvdb

@@ -342,7 +342,8 @@ public:
     void judgeAll()
     {
         constexpr int kPasses = 3; // an outlier may hide another
-        for (int pass = 0; pass < kPasses; ++pass) flagSparser();
+        for (int pass = 0; pass < kPasses && flagSparser(); ++pass) {
+        }
         for (int pass = 0; pass < kPasses; ++pass) {
             judge(mBeside);
             judge(mWithin);
@@ -369,8 +370,8 @@ private:
                           });
     }
 
-    /// Flags of those that stand much sparser than others without a flag.
-    void flagSparser()
+    /// Flags of those that stand much sparser than others without a flag. @return if there are any.
+    bool flagSparser()
     {
         std::vector<std::uint32_t> left;
         std::vector<Vec3f> positions;
@@ -381,6 +382,7 @@ private:
             }
         const std::vector<char> found = findSparserPoints(positions, mProgress);
         for (std::size_t n = 0; n < left.size(); ++n) mOutlier[left[n]] = found[n];
+        return std::count(found.begin(), found.end(), char(1)) > 0;
     }
 
     const std::vector<Vec3f>& mPositions;
