@@ -11,6 +11,7 @@
 #include <tbb/global_control.h>
 
 #include <functional>
+#include <random>
 
 namespace mpuvdb
 {
@@ -494,6 +495,35 @@ TEST(Combine, BlendsOnlyWithinTheRadius)
     }
     EXPECT_GT(changed, 100u);
     EXPECT_TRUE(bytesOf(combined(Boolean::Union, {s.a, s.b}, 0)) == bytesOf(sharp));
+}
+
+/// A heap of balls about the origin, rough in all directions.
+std::string heap(std::mt19937& random)
+{
+    const auto between = [&](double low, double high) {
+        return low + (high - low) * double(random()) / 4294967296.0;
+    };
+    std::string balls;
+    for (int n = 0; n < 12; ++n) {
+        Vec3d at(between(-1, 1), between(-1, 1), between(-1, 1));
+        at *= between(0.55, 0.62) / at.norm();
+        balls += fmt::format("{}translate(sphere({:.3f}), {:.3f}, {:.3f}, {:.3f})", n ? ", " : "",
+                             between(0.2, 0.45), at.x(), at.y(), at.z());
+    }
+    return "union(" + balls + ")";
+}
+
+TEST(Combine, FilletsOfNearlyParallelSurfacesLeaveNoSpecks)
+{
+    const double h = 1.0 / 30;
+    Progress progress;
+    for (unsigned seed = 1; seed <= 4; ++seed) {
+        SCOPED_TRACE(fmt::format("seed {}", seed));
+        std::mt19937 random(seed);
+        const LevelSet a = solid(heap(random), h), b = solid(heap(random), h);
+        const std::size_t parts = components(a | b, progress).size();
+        EXPECT_LE(components(combined(Boolean::Union, {a, b}, 4.8 * h), progress).size(), parts);
+    }
 }
 
 // --- Refusals, threads, lattices

@@ -319,6 +319,22 @@ TEST(Shape, PlannedBandsAreWideEnough)
     }
 }
 
+TEST(Shape, PlannedBandsOfSharpSolidsEqualWideOnes)
+{
+    const double h = 0.04;
+    const Shape bored = solid("box(1,1,1)") - solid("cylinder(0.3,3)"),
+                turned = solid("rotate(box(1.6,1.2,1.4),1,2,3,40)");
+    for (const Shape& shape :
+         {bored.offset(0.1), bored.offset(-0.07), turned.offset(0.1), turned.offset(-0.1),
+          bored.warped(makeTwist(Axis{}, 0.8), "twist")}) {
+        SCOPED_TRACE(shape.explain(voxels(h)));
+        const LevelSet planned = evaluated(shape, voxels(h)),
+                       wide = evaluated(shape, voxels(h, 12));
+        for (auto it = planned.grid().cbeginValueOn(); it; ++it)
+            ASSERT_NEAR(*it, wide.grid().tree().getValue(it.getCoord()), 0.01 * h) << it.getCoord();
+    }
+}
+
 TEST(Shape, OffsetsGoFartherThanAnyBand)
 {
     const LevelSet grown = evaluated(solid("sphere(0.1)").offset(0.6), voxels(0.02));

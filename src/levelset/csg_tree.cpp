@@ -1,6 +1,7 @@
 #include "csg_tree.h"
 
 #include "crease.h"
+#include "fill_specks.h"
 
 #include <mpuvdb/progress.h>
 
@@ -82,6 +83,15 @@ public:
                });
     }
 
+    Fill fill() const
+    {
+        const auto ball = std::size_t(4.0 / 3 * M_PI * double(mRadius) * mRadius * mRadius);
+        return {{mFilled.begin(), mFilled.end()}, ball, [this](const openvdb::Coord& at) {
+                    const float u = mSigns.a * mA.getValue(at), v = mSigns.b * mB.getValue(at);
+                    return std::max(u, v) < mRadius * mVoxelSize;
+                }};
+    }
+
 private:
     /// A voxel is missed if it is so much nearer than the band reaches, voxels.
     static constexpr float kMissed = 0.3f;
@@ -117,6 +127,8 @@ private:
             if (isFar(answer) && isBesideSurface(leaf.offsetToGlobalCoord(i)))
                 answer.place = CreaseFinder::Place::Unknown;
             place(answer, i, leaf);
+            if (least >= 0 && mSigns.result * leaf.getValue(i) < 0)
+                mFilled.push_back(leaf.offsetToGlobalCoord(i));
         }
     }
 
@@ -171,7 +183,7 @@ private:
     float mBackground, mVoxelSize; ///< world units
     float mRadius, mReach;         ///< voxels
     mutable std::atomic<bool> mDoubtful{false};
-    mutable tbb::concurrent_vector<openvdb::Coord> mCut; ///< in any order
+    mutable tbb::concurrent_vector<openvdb::Coord> mCut, mFilled; ///< in any order
 };
 
 /// OpenVDB's merge of nodes and tiles, with leaves of our own, and stoppable.
@@ -226,7 +238,8 @@ CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double vox
         mergeInto<CsgDifferenceOp<FloatTree>>(*tree, b, leaves, progress);
         break;
     }
-    return {tree, leaves.isDoubtful(*tree)};
+    const bool isMended = mendFill(*tree, leaves.fill(), progress);
+    return {tree, isMended || leaves.isDoubtful(*tree)};
 }
 
 } // namespace mpuvdb

@@ -2,7 +2,7 @@
 // Leaves exchange such news in waves: a wave reads only what the wave before has sent, so that
 // nothing depends on the order of threads. Waves go on until the front has passed a bound; then all
 // nearer voxels are settled, and the bound moves on.
-#include "distance_front.h"
+#include "known_distances.h"
 
 #include <mpuvdb/progress.h>
 
@@ -20,8 +20,8 @@ namespace
 using Leaf = SurfacePatches::Leaf;
 using openvdb::Coord;
 
-constexpr int kDim = 8, kVoxels = kDim * kDim * kDim;
-constexpr std::uint32_t kNone = ~std::uint32_t(0);
+constexpr int kDim = Knowledge::kDim, kVoxels = Knowledge::kVoxels;
+constexpr std::uint32_t kNone = Knowledge::kNone;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 /// Voxels by which the bound moves on.
 constexpr float kBoundStep = 4;
@@ -30,25 +30,10 @@ constexpr float kOrderStep = 0.75f;
 /// The distance to a patch is less than that to its foot, by which the front goes, by no more.
 constexpr float kMargin = 0.3f;
 
-Coord coordOf(int voxel)
-{
-    return {voxel / (kDim * kDim), voxel / kDim % kDim, voxel % kDim};
-}
-
 /// News of one voxel at the side of its leaf.
 struct Message {
     std::uint16_t voxel;
     std::uint32_t patch;
-};
-
-/// What the voxels of a leaf that is not settled know.
-struct Knowledge {
-    std::array<std::uint32_t, kVoxels> patch;
-    std::array<float, kVoxels> distance2;         ///< to the patch's foot
-    std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbours
-    std::array<std::uint64_t, kDim> negative;
-
-    bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }
 };
 
 struct Node {
@@ -68,7 +53,7 @@ class Front
 public:
     Front(const openvdb::FloatTree& signs, const SurfacePatches& patches, const Reach& reach,
           const FinishLeaf& finish, Progress& progress)
-        : mSigns(signs), mPatches(patches.patches), mFinish(finish),
+        : mSigns(signs), mSurface(patches), mPatches(patches.patches), mFinish(finish),
           mProgress(progress), mReach{std::max(reach.outside, 0.0f), std::max(reach.inside, 0.0f)}
     {
         for (int side = 0; side < 2; ++side) {
@@ -119,15 +104,17 @@ private:
             prepare(node);
             const std::size_t leaf = leafOf[at];
             for (std::uint32_t n = patches.first[leaf]; n < patches.first[leaf + 1]; ++n) {
+                if (!patches.superseded.empty() && patches.superseded[n]) continue;
                 const int voxel = int(Leaf::coordToOffset(mPatches[n].voxel));
                 node.known->patch[voxel] = n;
                 node.known->distance2[voxel] = mPatches[n].foot.squaredNorm();
                 node.known->pending[std::size_t(voxel >> 6)] |= std::uint64_t(1) << (voxel & 63);
             }
         });
-        for (std::size_t n = patches.first.back(); n < mPatches.size(); ++n) {
-            Node& node = *mNodes[mIndex.at(mPatches[n].voxel & ~7)];
-            spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), std::uint32_t(n));
+        for (std::uint32_t n = patches.voxelPatches(); n < mPatches.size(); ++n) {
+            Node& node = *mNodes[addNode(mPatches[n].voxel & ~7)];
+            if (!node.known) prepare(node);
+            spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), n);
         }
         publish(std::vector<std::uint32_t>(mLive));
     }
@@ -213,7 +200,7 @@ private:
     {
         const Coord shift = from.origin - node.origin;
         for (const Message& m : from.sent) {
-            const Coord at = shift + coordOf(m.voxel);
+            const Coord at = shift + Knowledge::coordOf(m.voxel);
             const Vec3f v = mPatches[m.patch].to(node.origin + at);
             offer(node, at, m.patch, v);
         }
@@ -253,7 +240,7 @@ private:
     /// Offer a voxel's patch to all around it.
     void spread(Node& node, int voxel, std::uint32_t patch)
     {
-        const Coord at = coordOf(voxel);
+        const Coord at = Knowledge::coordOf(voxel);
         const Vec3f v = mPatches[patch].to(node.origin + at);
         offer(node, at, patch, v);
         const std::uint32_t sides = sidesReached(at, v);
@@ -339,18 +326,8 @@ private:
 
     void finish(Node& node)
     {
-        LeafDistances distances;
-        const Knowledge& known = *node.known;
-        for (int n = 0; n < kVoxels; ++n) {
-            const float side = known.isNegative(n) ? -1.0f : 1.0f;
-            float d = kInfinity;
-            if (known.patch[n] != kNone) {
-                const SurfacePatch& patch = mPatches[known.patch[n]];
-                d = patch.distance(patch.to(node.origin + coordOf(n)), side);
-            }
-            distances[std::size_t(n)] = side * d;
-        }
-        node.result = mFinish(node.origin, node.signs, distances);
+        node.result =
+            mFinish(node.origin, node.signs, KnownDistances(mSurface, node.origin, *node.known));
         node.result.origin = node.origin;
         node.known.reset();
         node.finished = true;
@@ -363,6 +340,7 @@ private:
     };
 
     const openvdb::FloatTree& mSigns;
+    const SurfacePatches& mSurface;
     const std::vector<SurfacePatch>& mPatches;
     const FinishLeaf& mFinish;
     Progress& mProgress;

@@ -2,7 +2,6 @@
 #pragma once
 #include "surface_patches.h"
 
-#include <array>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -15,8 +14,16 @@ struct Reach {
     float outside = 0, inside = 0;
 };
 
-/// Signed distances of a leaf's voxels, in voxels; +-infinity beyond the reach.
-using LeafDistances = std::array<float, 512>;
+/// Signed distances of a leaf's voxels, in voxels; +-infinity beyond the reach. They are found as
+/// they are asked for, by one thread.
+class LeafDistances
+{
+public:
+    virtual ~LeafDistances() = default;
+    virtual float at(int voxel) const = 0;
+    /// No nearer to zero, and found at once.
+    virtual float atMost(int voxel) const = 0;
+};
 
 /// What becomes of a leaf: voxels, or one value throughout.
 struct FinishedLeaf {

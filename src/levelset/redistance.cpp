@@ -34,8 +34,41 @@ void demandHalfWidth(double halfWidth)
         throw UsageError(fmt::format("half-width {}: must be in [1.5, 1000] voxels", halfWidth));
 }
 
-/// Turns the signed distance of a voxel of a leaf (null: of a tile) into a new value: world units.
-using NewValue = std::function<float(const Leaf*, int voxel, float distance)>;
+/// Signed distances in world units, found as they are asked for.
+class Distances
+{
+public:
+    Distances(const LeafDistances& inVoxels, float voxelSize)
+        : mInVoxels(inVoxels), mVoxelSize(voxelSize)
+    {
+    }
+    float at(int voxel) const { return mVoxelSize * mInVoxels.at(voxel); }
+    float atMost(int voxel) const { return mVoxelSize * mInVoxels.atMost(voxel); }
+
+private:
+    const LeafDistances& mInVoxels;
+    float mVoxelSize;
+};
+
+/// Distances beyond reach, with a leaf's signs, or one.
+class Beyond final : public LeafDistances
+{
+public:
+    explicit Beyond(const Leaf& leaf) : mLeaf(&leaf) {}
+    explicit Beyond(bool inside) : mSign(inside ? -1.0f : 1.0f) {}
+    float at(int n) const override
+    {
+        return std::copysign(kInfinity, mLeaf ? mLeaf->getValue(openvdb::Index(n)) : mSign);
+    }
+    float atMost(int n) const override { return at(n); }
+
+private:
+    const Leaf* mLeaf = nullptr;
+    float mSign = 1;
+};
+
+/// Turns the distance of a voxel of a leaf (null: of a tile) into a new value, world units.
+using NewValue = std::function<float(const Leaf*, int voxel, const Distances&)>;
 
 /// A band of @a halfWidth voxels of the values that @a newValue gives.
 class BandMaker
@@ -54,8 +87,9 @@ public:
         auto leaf = std::make_unique<Leaf>(origin, mBackground);
         unsigned negative = 0;
         const float rim = mBackground * (1 - 1e-6f);
+        const Distances distances(d, mVoxelSize);
         for (int n = 0; n < int(Leaf::SIZE); ++n) {
-            const float v = mNewValue(signs, n, d[std::size_t(n)] * mVoxelSize);
+            const float v = mNewValue(signs, n, distances);
             negative += v < 0;
             if (std::abs(v) < rim)
                 leaf->setValueOn(openvdb::Index(n), v);
@@ -73,7 +107,7 @@ public:
     /// What a tile becomes that is beyond all reach.
     float farValue(bool inside) const
     {
-        const float v = mNewValue(nullptr, 0, inside ? -kInfinity : kInfinity);
+        const float v = mNewValue(nullptr, 0, Distances(Beyond(inside), mVoxelSize));
         return v < 0 ? -mBackground : mBackground;
     }
 
@@ -104,13 +138,10 @@ FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
     origins.reserve(reached.size());
     for (const FinishedLeaf& leaf : reached) origins.push_back(leaf.origin);
     std::sort(origins.begin(), origins.end());
-    LeafDistances beyond;
     for (const Leaf* leaf : patches.leaves) {
         if (std::binary_search(origins.begin(), origins.end(), leaf->origin())) continue;
         progress.check();
-        for (int n = 0; n < int(Leaf::SIZE); ++n)
-            beyond[std::size_t(n)] = std::copysign(kInfinity, leaf->getValue(openvdb::Index(n)));
-        FinishedLeaf finished = maker.finish(leaf->origin(), leaf, beyond);
+        FinishedLeaf finished = maker.finish(leaf->origin(), leaf, Beyond(*leaf));
         add(finished);
     }
     for (FinishedLeaf& leaf : reached) {
@@ -142,12 +173,25 @@ FloatGrid::Ptr remade(const FloatGrid& grid, Values values, const Reach& reach,
     return result;
 }
 
-/// The distance that the grid has itself in a voxel, or else the one found.
+/// What to @a change the distance to that the grid has itself in a voxel, or else the one found.
 NewValue ownOrFound(const std::function<float(float)>& change)
 {
-    return [change](const Leaf* leaf, int n, float distance) {
+    return [change](const Leaf* leaf, int n, const Distances& distances) {
         const bool own = leaf && leaf->isValueOn(openvdb::Index(n));
-        return change(own ? leaf->getValue(openvdb::Index(n)) : distance);
+        return change(own ? leaf->getValue(openvdb::Index(n)) : distances.at(n));
+    };
+}
+
+/// The same for distances less @a shift, in a band as wide as @a background.
+NewValue shifted(float shift, float background)
+{
+    return [=](const Leaf* leaf, int n, const Distances& distances) {
+        if (leaf && leaf->isValueOn(openvdb::Index(n)))
+            return leaf->getValue(openvdb::Index(n)) - shift;
+        const float most = distances.atMost(n), v = most - shift;
+        // All from zero to there ends up beyond the band.
+        if ((most < 0) != (v < 0) && std::abs(v) >= background) return v;
+        return distances.at(n) - shift;
     };
 }
 
@@ -158,11 +202,14 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
                              Progress& progress)
 {
     const auto reach = float(halfWidth), wedge = float(kWedge * grid.voxelSize()[0]);
-    const auto newValue = [side, wedge](const Leaf* leaf, int n, float distance) {
+    const auto newValue = [side, wedge](const Leaf* leaf, int n, const Distances& distances) {
+        const float most = distances.atMost(n);
         const bool active = leaf && leaf->isValueOn(openvdb::Index(n));
-        if (!active) return std::copysign(kInfinity, distance);
-        const float v = leaf->getValue(openvdb::Index(n));
-        return v * side > 0 && std::abs(distance) > std::abs(v) + wedge ? distance : v;
+        if (!active) return std::copysign(kInfinity, most);
+        const float v = leaf->getValue(openvdb::Index(n)), least = std::abs(v) + wedge;
+        if (!(v * side > 0) || !(std::abs(most) > least)) return v;
+        const float distance = distances.at(n);
+        return std::abs(distance) > least ? distance : v;
     };
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
     FloatGrid::Ptr made = remade(grid, Values::Implicit,
@@ -196,7 +243,7 @@ LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
     demandHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
-                          [](const Leaf*, int, float distance) { return distance; });
+                          [](const Leaf*, int n, const Distances& d) { return d.at(n); });
     const FloatGrid::Ptr made = remade(grid, Values::Implicit, {reach, reach}, maker, progress);
     restoreDistance(made->tree(), made->voxelSize()[0], progress);
     return LevelSet(made);
@@ -208,7 +255,7 @@ LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
     const double halfWidth = levelSet.halfWidth();
     const auto reach = float(halfWidth), shift = float(distance / levelSet.voxelSize());
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
-                          ownOrFound([by = float(distance)](float d) { return d - by; }));
+                          shifted(float(distance), float(halfWidth * levelSet.voxelSize())));
     const FloatGrid::Ptr moved =
         remade(levelSet.grid(), Values::Distances, {reach + shift, reach - shift}, maker, progress);
     return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));

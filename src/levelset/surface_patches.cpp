@@ -1,6 +1,6 @@
 #include "surface_patches.h"
 
-#include "crease_patches.h"
+#include "crease_facets.h"
 #include "leaf_halo.h"
 
 #include <mpuvdb/error.h>
@@ -27,12 +27,9 @@ constexpr float kLeastImplicit = 1e-6f;
 /// Where the slope changes by more from voxel to voxel, relative to itself, there may be a crease.
 constexpr float kCrease = 0.22f;
 /// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
-/// slope; a distance's slope is 1 to so much there.
-constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f;
-/// A patch's radius, voxels; and beside a crease, where it would reach into the open: as far as the
-/// feet of its neighbours, and shrinking to nothing as what is nearest on its plane gets farther
-/// away than that.
-constexpr float kExtent = 0.9f, kBounded = 0.6f, kNone = 1.25f;
+/// slope (other values than distances may bend more); a distance's slope is 1 to so much there.
+constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f, kPlaneImplicit = 0.06f;
+constexpr float kExtent = 0.9f; ///< a patch's radius, voxels
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
@@ -56,7 +53,8 @@ class PatchMaker
 public:
     PatchMaker(const openvdb::FloatTree& tree, double voxelSize, Values values)
         : mAccess(tree), mScale(float(1 / voxelSize)),
-          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values)
+          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values),
+          mMostOff(values == Values::Distances ? kPlaneSlope : kPlaneImplicit)
     {
     }
 
@@ -80,8 +78,9 @@ public:
         }
     }
 
-    /// The patch of a voxel of the leaf that forEachCrossing() is at.
-    SurfacePatch make(const Leaf& leaf, int voxel, PatchKind& kind) const
+    /// The patch of a voxel of the leaf that forEachCrossing() is at. @param besideCrease  whether
+    /// a neighbour's is not smooth.
+    SurfacePatch make(const Leaf& leaf, int voxel, bool besideCrease, PatchKind& kind) const
     {
         const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
         const int in = LeafHalo::index(x + 1, y + 1, z + 1);
@@ -89,8 +88,14 @@ public:
         patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
         Quadratic model = modelAt(in);
         kind = PatchKind::Smooth;
-        if (model.hessian.cwiseAbs().maxCoeff() > kCrease * model.gradient.norm())
-            kind = flatten(in, model);
+        const float slope = model.gradient.norm(), change = model.hessian.cwiseAbs().maxCoeff();
+        const bool isBent = model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * slope;
+        if (besideCrease || change > kCrease * slope) {
+            if (flatten(in, besideCrease ? slope : kPlane * change, model))
+                kind = PatchKind::Plane;
+            else if (isBent)
+                kind = PatchKind::Rough;
+        }
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
         SurfacePatch crossing{};
@@ -156,42 +161,59 @@ private:
         return q;
     }
 
-    /// If the values in one octant are a plane's, let the model be that plane.
-    PatchKind flatten(int in, Quadratic& model) const
+    /// If the values in one octant are a plane's, let the model be that plane. @param most  by
+    /// which they may be off.
+    bool flatten(int in, float most, Quadratic& model) const
+    {
+        struct Fit {
+            Vec3f gradient;
+            float off = std::numeric_limits<float>::infinity(), slope = 0;
+        };
+        std::array<Fit, 8> fits;
+        float steepest = 0;
+        for (int octant = 0; octant < 8; ++octant) {
+            Fit fit;
+            if (!planeOf(in, octant, fit.gradient, fit.off)) continue;
+            fit.slope = fit.gradient.norm();
+            const bool isSlope =
+                mValues == Values::Implicit || std::abs(fit.slope - 1) < kPlaneSlope;
+            if (!isSlope || !(fit.off < most) || !(fit.off < mMostOff * fit.slope)) continue;
+            fits[std::size_t(octant)] = fit;
+            steepest = std::max(steepest, fit.slope);
+        }
+        // An octant across a crease may look like a plane that is less steep than either side's.
+        const Fit* best = nullptr;
+        for (const Fit& fit : fits)
+            if (fit.slope > (1 - kPlaneSlope) * steepest && (!best || fit.off < best->off))
+                best = &fit;
+        if (!best) return false;
+        model.gradient = best->gradient;
+        model.hessian.setZero();
+        return true;
+    }
+
+    /// The gradient that an octant's values have along its axes, and how far @a off these lead at
+    /// its other corners; false beside the band's rim.
+    bool planeOf(int in, int octant, Vec3f& gradient, float& off) const
     {
         const auto& v = mHalo.value;
-        float least = kPlane * model.hessian.cwiseAbs().maxCoeff();
-        PatchKind kind =
-            model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * model.gradient.norm()
-                ? PatchKind::Rough
-                : PatchKind::Smooth;
-        for (int octant = 0; octant < 8; ++octant) {
-            const int s[3] = {octant & 4 ? kStride[0] : -kStride[0],
-                              octant & 2 ? kStride[1] : -kStride[1],
-                              octant & 1 ? kStride[2] : -kStride[2]};
-            Vec3f rise;
-            bool all = true;
-            for (int axis = 0; axis < 3; ++axis) {
-                rise[axis] = v[in + s[axis]] - v[in];
-                all &= known(in + s[axis]);
-            }
-            float off = 0;
-            for (int n = 0; n < 4; ++n) { // two axes of three, and all
-                const Vec3f on(n != 0, n != 1, n != 2);
-                const int at = in + (n != 0) * s[0] + (n != 1) * s[1] + (n != 2) * s[2];
-                all &= known(at);
-                off = std::max(off, std::abs(v[at] - v[in] - on.dot(rise)));
-            }
-            const float slope = rise.norm();
-            if (mValues == Values::Distances) all &= std::abs(slope - 1) < kPlaneSlope;
-            if (!all || !(off < least) || !(off < kPlaneSlope * slope)) continue;
-            least = off;
-            kind = PatchKind::Plane;
-            for (int axis = 0; axis < 3; ++axis)
-                model.gradient[axis] = s[axis] > 0 ? rise[axis] : -rise[axis];
+        int s[3];
+        Vec3f rise;
+        for (int axis = 0; axis < 3; ++axis) {
+            const bool up = octant >> axis & 1;
+            s[axis] = up ? kStride[axis] : -kStride[axis];
+            if (!known(in + s[axis])) return false;
+            rise[axis] = v[in + s[axis]] - v[in];
+            gradient[axis] = up ? rise[axis] : -rise[axis];
         }
-        if (kind == PatchKind::Plane) model.hessian.setZero();
-        return kind;
+        off = 0;
+        for (int n = 0; n < 4; ++n) { // two axes of three, and all
+            const Vec3f on(n != 0, n != 1, n != 2);
+            const int at = in + (n != 0) * s[0] + (n != 1) * s[1] + (n != 2) * s[2];
+            if (!known(at)) return false;
+            off = std::max(off, std::abs(v[at] - v[in] - on.dot(rise)));
+        }
+        return true;
     }
 
     /// Where the ball of the voxel's distance touches the surface.
@@ -201,7 +223,7 @@ private:
         if (!(slope >= kLeastSlope)) return false;
         patch.normal = model.gradient / slope;
         patch.foot = -model.value * patch.normal;
-        bend(model.hessian / slope, model.value, patch);
+        patch.bend(model.hessian / slope, model.value);
         return true;
     }
 
@@ -221,7 +243,7 @@ private:
         if (!(std::abs(interpolated(in, d)) <= kOffSurface * slope)) return false;
         patch.normal = g / slope;
         patch.foot = d;
-        bend(model.hessian / slope, -d.dot(patch.normal), patch);
+        patch.bend(model.hessian / slope, -d.dot(patch.normal));
         return true;
     }
 
@@ -243,22 +265,6 @@ private:
                 weight[0][n >> 2] * weight[1][n >> 1 & 1] * weight[2][n & 1] * mHalo.value[corner];
         }
         return sum;
-    }
-
-    /// Principal curvatures at the foot from the Hessian of the distance at @a height above it.
-    static void bend(const Eigen::Matrix3f& hessian, float height, SurfacePatch& patch)
-    {
-        const Vec3f& n = patch.normal;
-        const Vec3f a = n.unitOrthogonal(), b = n.cross(a);
-        const Vec3f ha = hessian * a, hb = hessian * b;
-        const float aa = a.dot(ha), ab = a.dot(hb), bb = b.dot(hb);
-        const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
-        patch.tangent = std::cos(angle) * a + std::sin(angle) * b;
-        const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
-        const float w[2] = {mean + half, mean - half};
-        // Parallel surfaces: the radius shrinks by the height.
-        for (int k = 0; k < 2; ++k)
-            patch.curvature[k] = w[k] / std::max(1 - height * w[k], (1 / kPointCurvature));
     }
 
     /// A point where the values, linear between voxels, cross zero: what is left where they tell no
@@ -289,6 +295,7 @@ private:
     LeafHalo mHalo;
     float mScale, mBeyond;
     Values mValues;
+    float mMostOff; ///< an octant's values from a plane, relative to the slope
 };
 
 /// Distance to a curve of curvature @a k, in its plane, from @a height above a place on it and
@@ -302,7 +309,28 @@ float bent(float height, float along, float k)
     return (height * (1 + a) + b * along) / (std::sqrt(a * a + b * b) + 1);
 }
 
+void demandNumbers(std::uint64_t patches)
+{
+    if (patches >= std::numeric_limits<std::uint32_t>::max())
+        throw LimitError("the surface crosses more voxels than can be numbered (4e9): use larger "
+                         "voxels");
+}
+
 } // namespace
+
+void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
+{
+    const Vec3f a = normal.unitOrthogonal(), b = normal.cross(a);
+    const Vec3f ha = hessian * a, hb = hessian * b;
+    const float aa = a.dot(ha), ab = a.dot(hb), bb = b.dot(hb);
+    const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
+    tangent = std::cos(angle) * a + std::sin(angle) * b;
+    const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
+    const float w[2] = {mean + half, mean - half};
+    // Parallel surfaces: the radius shrinks by the height.
+    for (int k = 0; k < 2; ++k)
+        curvature[k] = w[k] / std::max(1 - height * w[k], 1 / kPointCurvature);
+}
 
 float SurfacePatch::distance(const Vec3f& from, float side) const
 {
@@ -314,13 +342,12 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
     float shift[2];                // of the nearest place on the patch
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
-    const float reached = std::hypot(shift[0], shift[1]), extent = bounded ? kBounded : kExtent;
-    if (reached <= extent)
+    const float reached = std::hypot(shift[0], shift[1]);
+    if (reached <= kExtent)
         return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                      side * curvature[0]));
     // From the place nearest to where it should be, as far as the patch goes.
-    const float left = bounded ? std::max((kNone - reached) / (kNone - kBounded), 0.0f) : 1;
-    const float share = extent * left / reached;
+    const float share = kExtent / reached;
     const float u = along[0] - share * shift[0], v = along[1] - share * shift[1];
     return std::min(length, std::sqrt(height * height + u * u + v * v));
 }
@@ -349,20 +376,32 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, 
         sum += count;
         count = std::uint32_t(sum);
     }
-    if (sum >= std::numeric_limits<std::uint32_t>::max())
-        throw LimitError("the surface crosses more voxels than can be numbered (4e9): use larger "
-                         "voxels");
+    demandNumbers(sum);
     result.patches.resize(sum);
     result.kinds.resize(sum);
     forEachLeaf([&](PatchMaker& maker, std::size_t n) {
         std::uint32_t to = result.first[n];
         const Leaf& leaf = *result.leaves[n];
         maker.forEachCrossing(leaf, [&](int voxel) {
-            result.patches[to] = maker.make(leaf, voxel, result.kinds[to]);
+            result.patches[to] = maker.make(leaf, voxel, false, result.kinds[to]);
             ++to;
         });
     });
-    addCreasePatches(result, tree, progress);
+    if (std::all_of(result.kinds.begin(), result.kinds.end(),
+                    [](PatchKind kind) { return kind == PatchKind::Smooth; }))
+        return result;
+    CreaseZone zone(result, tree, float(1 / voxelSize), values, progress);
+    forEachLeaf([&](PatchMaker& maker, std::size_t n) {
+        std::uint32_t to = result.first[n];
+        if (zone.countBeside(to, result.first[n + 1]) == 0) return;
+        const Leaf& leaf = *result.leaves[n];
+        maker.forEachCrossing(leaf, [&](int voxel) {
+            if (zone.isBeside(to))
+                result.patches[to] = maker.make(leaf, voxel, true, result.kinds[to]);
+            ++to;
+        });
+    });
+    addCreaseFacets(result, zone, progress);
     return result;
 }
 

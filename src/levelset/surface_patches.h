@@ -1,10 +1,11 @@
-// The zero set of a level set as small curved patches, one for each voxel beside it.
+// The zero set of a level set as small curved patches, one for each voxel beside it; and beside
+// creases as flat facets between vertices, some of which lie on the crease.
 #pragma once
 #include <mpuvdb/vec.h>
 
 #include <openvdb/openvdb.h>
 
-#include <cmath>
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -23,7 +24,6 @@ struct SurfacePatch {
     Vec3f normal;         ///< unit, outward
     Vec3f tangent;        ///< unit, along the first principal direction
     float curvature[2];   ///< along the tangent and across, positive where convex
-    bool bounded = false; ///< there is a crease near: beside the patch the surface may end
 
     /// From the place to @a at.
     Vec3f to(const openvdb::Coord& at) const
@@ -31,6 +31,8 @@ struct SurfacePatch {
         return Vec3f(float(at[0] - voxel[0]), float(at[1] - voxel[1]), float(at[2] - voxel[2])) -
                foot;
     }
+    /// Find the principal curvatures from the Hessian of the distance at @a height above the foot.
+    void bend(const Eigen::Matrix3f& hessian, float height);
     /// Distance to the patch, never more than to the place. @param from  see to(). @param side
     /// 1 outside, -1 inside.
     float distance(const Vec3f& from, float side) const;
@@ -49,15 +51,31 @@ enum class PatchKind : std::uint8_t {
     Rough  ///< neither
 };
 
-/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel, and behind them
-/// those on creases and corners: each belongs to a voxel beside it that has a patch of its own.
+/// Four vertices in a row: two triangles on both sides of the diagonal from the first to the third.
+struct SurfaceFacet {
+    openvdb::Coord voxel;
+    std::array<Vec3f, 4> corners; ///< relative to the voxel
+    float radius;                 ///< of the ball about the diagonal's middle that it lies in
+
+    Vec3f middle() const { return 0.5f * (corners[0] + corners[2]); }
+};
+
+/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel. Those beside
+/// creases are superseded by the vertices of facets, which follow: patches that are but their foot.
 struct SurfacePatches {
     using Leaf = openvdb::FloatTree::LeafNodeType;
 
     std::vector<const Leaf*> leaves;  ///< all of the tree
     std::vector<std::uint32_t> first; ///< patches of leaf n: [first[n], first[n + 1])
     std::vector<SurfacePatch> patches;
-    std::vector<PatchKind> kinds; ///< of the patches before those on creases
+    std::vector<PatchKind> kinds;      ///< of the patches of voxels
+    std::vector<char> superseded;      ///< of the patches of voxels; none: no patch is
+    std::vector<SurfaceFacet> facets;  ///< together with the patches beside them, the zero set
+    std::vector<std::uint32_t> fans;   ///< facets by vertex
+    std::vector<std::uint32_t> fanEnd; ///< those of vertex n end here in fans
+
+    std::uint32_t voxelPatches() const { return first.back(); }
+    bool isVertex(std::uint32_t patch) const { return patch >= voxelPatches(); }
 };
 
 /// The patches of @a tree. @param voxelSize  world units. @throws LimitError, Interrupted.

@@ -1,10 +1,9 @@
 // Edge collapse in the order of quadric errors [Garland97], within a distance that is kept: every
 // vertex of the original stays with a triangle that is near to it, and no collapse may take it
 // farther away than the tolerance.
-#include "point_triangle.h"
-
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/point_triangle.h>
 #include <mpuvdb/progress.h>
 
 #include <Eigen/Eigenvalues>

@@ -1,7 +1,6 @@
 #include "triangle_tree.h"
 
-#include "point_triangle.h"
-
+#include <mpuvdb/point_triangle.h>
 #include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>

@@ -1,0 +1,282 @@
+// Dual contouring [Ju02] of the cells beside creases: each gets a vertex at the place that is
+// nearest to the planes of the faces which cross its edges, and each crossed edge a facet between
+// the vertices of the four cells about it. Two faces that meet in a cell leave its vertex on their
+// crease, three at their corner; the facets between such vertices lie on the faces.
+#include "crease_facets.h"
+
+#include "face_crossings.h"
+#include "face_patches.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <limits>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using Facet = std::array<std::uint32_t, 4>; ///< numbers of cells, in a row
+
+/// Of the planes' normals, squared and summed: what decides a direction, relative to the largest.
+constexpr float kLeastSpread = 0.01f;
+/// Of a vertex outside its cell, voxels: the tip of an edge crosses none between voxels.
+constexpr float kBeyond = 1;
+constexpr float kMostTooNear = 0.1f; ///< of a vertex, voxels
+constexpr std::size_t kOften = 1 << 12;
+
+/// Corner n of a cell, or the first of those of its edges along an axis: bits 4, 2, 1 are x, y, z.
+Coord cornerOf(int n)
+{
+    return {n >> 2 & 1, n >> 1 & 1, n & 1};
+}
+
+Coord unit(int axis)
+{
+    return {axis == 0, axis == 1, axis == 2};
+}
+
+Vec3f toVec(const Coord& c)
+{
+    return {float(c[0]), float(c[1]), float(c[2])};
+}
+
+/// The first voxels of a cell's edges.
+template <typename F>
+void forEachEdge(const Coord& cell, F f)
+{
+    for (int axis = 0; axis < 3; ++axis)
+        for (int n = 0; n < 8; ++n)
+            if (!(n & 4 >> axis)) f(cell + cornerOf(n), axis);
+}
+
+/// The cells about an edge, in a row around it.
+std::array<Coord, 4> cellsAbout(const Coord& voxel, int axis)
+{
+    const Coord u = unit((axis + 1) % 3), v = unit((axis + 2) % 3);
+    return {voxel, voxel - u, voxel - u - v, voxel - v};
+}
+
+template <typename F>
+void inParallel(std::size_t count, Progress& progress, F f)
+{
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 64),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
+                          f(range.begin(), range.end());
+                      });
+}
+
+class FacetMaker
+{
+public:
+    FacetMaker(SurfacePatches& patches, const CreaseZone& zone, Progress& progress)
+        : mPatches(patches), mZone(zone), mProgress(progress)
+    {
+    }
+
+    void run()
+    {
+        collectCells();
+        collectCrossings();
+        placeVertices();
+        makeFacets();
+        makeFans();
+    }
+
+private:
+    /// The cells about edges that cross the surface from voxels beside creases; the patches of
+    /// those voxels are superseded.
+    void collectCells()
+    {
+        const CreaseValues values(mZone);
+        mPatches.superseded.assign(mPatches.patches.size(), false);
+        for (std::uint32_t n = 0; n < mPatches.patches.size(); ++n) {
+            if (n % kOften == 0) mProgress.check();
+            if (!mZone.isBeside(n)) continue;
+            const Coord voxel = mPatches.patches[n].voxel;
+            for (int axis = 0; axis < 3; ++axis)
+                for (const Coord& first : {voxel, voxel - unit(axis)}) {
+                    if (!values.crosses(first, first + unit(axis))) continue;
+                    mPatches.superseded[n] = true;
+                    for (const Coord& cell : cellsAbout(first, axis)) mCells.add(cell);
+                }
+        }
+        mCells.number();
+        if (std::uint64_t(mCells.count()) + mPatches.patches.size() >= VoxelIndex::kNone)
+            throw LimitError("the surface crosses more voxels than can be numbered (4e9): use "
+                             "larger voxels");
+        mCellAt = mCells.voxels();
+    }
+
+    /// Where the surface crosses the edges of the cells.
+    void collectCrossings()
+    {
+        const CreaseValues values(mZone);
+        for (std::size_t n = 0; n < mCellAt.size(); ++n) {
+            if (n % kOften == 0) mProgress.check();
+            forEachEdge(mCellAt[n], [&](const Coord& first, int axis) {
+                if (values.crosses(first, first + unit(axis))) mEdges[axis].add(first);
+            });
+        }
+        for (int axis = 0; axis < 3; ++axis) {
+            mEdges[axis].number();
+            mEdgeAt[axis] = mEdges[axis].voxels();
+            mCrossings[axis].resize(mEdgeAt[axis].size());
+            inParallel(mEdgeAt[axis].size(), mProgress, [&](std::size_t n, std::size_t end) {
+                FaceCrossings crossings(mZone);
+                for (; n < end; ++n) mCrossings[axis][n] = crossings.find(mEdgeAt[axis][n], axis);
+            });
+        }
+    }
+
+    void placeVertices()
+    {
+        std::vector<Vec3f> places(mCellAt.size());
+        inParallel(places.size(), mProgress, [&](std::size_t n, std::size_t end) {
+            std::array<VoxelNumbers, 3> edges{VoxelNumbers(mEdges[0]), VoxelNumbers(mEdges[1]),
+                                              VoxelNumbers(mEdges[2])};
+            const CreaseValues values(mZone);
+            for (; n < end; ++n) places[n] = vertexOf(mCellAt[n], edges, values);
+        });
+        mPatches.patches.reserve(mPatches.patches.size() + places.size());
+        for (std::size_t n = 0; n < places.size(); ++n)
+            mPatches.patches.push_back({mCellAt[n],
+                                        places[n],
+                                        Vec3f::UnitX(),
+                                        Vec3f::UnitY(),
+                                        {kPointCurvature, kPointCurvature}});
+    }
+
+    /// The place in a cell that is nearest to the planes of the faces which cross its edges.
+    Vec3f vertexOf(const Coord& cell, std::array<VoxelNumbers, 3>& edges,
+                   const CreaseValues& values) const
+    {
+        std::array<FaceCrossing, 12> found;
+        int count = 0;
+        Vec3f mean = Vec3f::Zero();
+        forEachEdge(cell, [&](const Coord& first, int axis) {
+            const std::uint32_t n = edges[std::size_t(axis)][first];
+            if (n == VoxelNumbers::kNone) return;
+            FaceCrossing& crossing = found[std::size_t(count++)];
+            crossing = mCrossings[axis][n];
+            crossing.point += toVec(first - cell);
+            mean += crossing.point;
+        });
+        mean /= float(count);
+        Eigen::Matrix3f spread = Eigen::Matrix3f::Zero();
+        Vec3f pull = Vec3f::Zero();
+        for (int n = 0; n < count; ++n) {
+            const FaceCrossing& c = found[std::size_t(n)];
+            spread += c.normal * c.normal.transpose();
+            pull += c.normal * c.normal.dot(c.point - mean);
+        }
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f> solver;
+        solver.computeDirect(spread); // ascending
+        const Vec3f size = solver.eigenvalues();
+        std::array<Vec3f, 4> places; // by the number of directions that the planes decide
+        places[0] = mean;
+        int rank = 0;
+        for (; rank < 3 && size[2 - rank] > kLeastSpread * std::max(size[2], 0.1f); ++rank) {
+            const Vec3f direction = solver.eigenvectors().col(2 - rank);
+            places[std::size_t(rank + 1)] =
+                places[std::size_t(rank)] + direction * (direction.dot(pull) / size[2 - rank]);
+        }
+        while (rank > 0 && !isAllowed(cell, places[std::size_t(rank)], values)) --rank;
+        return places[std::size_t(rank)];
+    }
+
+    /// Whether the surface may be at a place, by the values at the corners of a vertex's cell and
+    /// of the cell that the place is in.
+    static bool isAllowed(const Coord& cell, const Vec3f& place, const CreaseValues& values)
+    {
+        const Vec3f middle = Vec3f::Constant(0.5f);
+        if (!((place - middle).cwiseAbs().maxCoeff() <= 0.5f + kBeyond)) return false;
+        const Vec3f low = place.array().floor();
+        const Coord other(int(low.x()), int(low.y()), int(low.z()));
+        std::array<Coord, 16> corners;
+        const std::size_t count = other == Coord(0, 0, 0) ? 8 : 16;
+        float slope = 0;
+        for (std::size_t n = 0; n < count; ++n) {
+            corners[n] = cornerOf(int(n) & 7) + (n < 8 ? Coord(0, 0, 0) : other);
+            slope = std::max(slope, values.slopeAt(cell + corners[n]));
+        }
+        EmptyBalls empty(slope, kMostTooNear);
+        for (std::size_t n = 0; n < count; ++n) empty.add(corners[n], values.at(cell + corners[n]));
+        return !empty.contain(place);
+    }
+
+    /// A facet for each edge all about which there are vertices.
+    void makeFacets()
+    {
+        VoxelNumbers cells(mCells);
+        for (int axis = 0; axis < 3; ++axis)
+            for (std::size_t n = 0; n < mEdgeAt[axis].size(); ++n) {
+                if (n % kOften == 0) mProgress.check();
+                Facet facet;
+                const auto about = cellsAbout(mEdgeAt[axis][n], axis);
+                for (std::size_t c = 0; c < 4; ++c) facet[c] = cells[about[c]];
+                if (std::find(facet.begin(), facet.end(), VoxelNumbers::kNone) == facet.end())
+                    mFacets.push_back(facet);
+            }
+        mPatches.facets.resize(mFacets.size());
+        inParallel(mFacets.size(), mProgress, [&](std::size_t n, std::size_t end) {
+            for (; n < end; ++n) mPatches.facets[n] = facetOf(mFacets[n]);
+        });
+    }
+
+    SurfaceFacet facetOf(const Facet& cells) const
+    {
+        SurfaceFacet facet;
+        facet.voxel = mCellAt[cells[0]];
+        for (std::size_t c = 0; c < 4; ++c)
+            facet.corners[c] =
+                -mPatches.patches[mPatches.voxelPatches() + cells[c]].to(facet.voxel);
+        auto& p = facet.corners;
+        if ((p[0] - p[2]).squaredNorm() > (p[1] - p[3]).squaredNorm())
+            std::rotate(p.begin(), p.begin() + 1, p.end());
+        facet.radius = 0;
+        for (const Vec3f& corner : p)
+            facet.radius = std::max(facet.radius, (corner - facet.middle()).norm());
+        return facet;
+    }
+
+    void makeFans()
+    {
+        auto& end = mPatches.fanEnd;
+        end.assign(mCellAt.size() + 1, 0);
+        for (const Facet& facet : mFacets)
+            for (const std::uint32_t cell : facet) ++end[cell + 1];
+        for (std::size_t n = 1; n < end.size(); ++n) end[n] += end[n - 1];
+        mPatches.fans.resize(end.back());
+        for (std::uint32_t n = 0; n < mFacets.size(); ++n)
+            for (const std::uint32_t cell : mFacets[n]) mPatches.fans[end[cell]++] = n;
+        end.pop_back(); // each entry has moved on to where its fan ends
+    }
+
+    SurfacePatches& mPatches;
+    const CreaseZone& mZone;
+    Progress& mProgress;
+    VoxelIndex mCells; ///< by their lowest corner
+    std::vector<Coord> mCellAt;
+    std::array<VoxelIndex, 3> mEdges; ///< crossed, by axis and first voxel
+    std::array<std::vector<Coord>, 3> mEdgeAt;
+    std::array<std::vector<FaceCrossing>, 3> mCrossings;
+    std::vector<Facet> mFacets;
+};
+
+} // namespace
+
+void addCreaseFacets(SurfacePatches& patches, CreaseZone& zone, Progress& progress)
+{
+    fitToFaces(patches, zone, progress);
+    FacetMaker(patches, zone, progress).run();
+}
+
+} // namespace mpuvdb

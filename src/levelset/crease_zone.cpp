@@ -1,0 +1,60 @@
+#include "crease_zone.h"
+
+#include <mpuvdb/progress.h>
+
+namespace mpuvdb
+{
+
+using openvdb::Coord;
+
+CreaseZone::CreaseZone(const SurfacePatches& patches, const openvdb::FloatTree& tree, float scale,
+                       Values values, Progress& progress)
+    : mPatches(patches), mTree(tree), mScale(scale), mValues(values),
+      mBeside(patches.patches.size())
+{
+    constexpr std::size_t kOften = 1 << 14;
+    for (std::size_t n = 0; n < patches.patches.size(); ++n) {
+        if (n % kOften == 0) progress.check();
+        mIndex.add(patches.patches[n].voxel);
+    }
+    mIndex.number();
+    VoxelNumbers numbers(mIndex);
+    for (std::size_t n = 0; n < patches.kinds.size(); ++n) {
+        if (n % kOften == 0) progress.check();
+        if (patches.kinds[n] == PatchKind::Smooth) continue;
+        for (int k = 0; k < 27; ++k) {
+            const std::uint32_t near =
+                numbers[patches.patches[n].voxel.offsetBy(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1)];
+            if (near != VoxelNumbers::kNone) mBeside[near] = true;
+        }
+    }
+}
+
+float CreaseValues::slopeAt(const Coord& voxel) const
+{
+    if (mZone.mValues == Values::Distances) return 1;
+    const float here = at(voxel);
+    float square = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        Coord low = voxel, high = voxel;
+        low[axis] -= 1;
+        high[axis] += 1;
+        const float rise = std::max(std::abs(at(low) - here), std::abs(at(high) - here));
+        square += rise * rise;
+    }
+    return std::sqrt(square);
+}
+
+Vec3f CreaseValues::gradientAt(const Coord& voxel) const
+{
+    Vec3f gradient;
+    for (int axis = 0; axis < 3; ++axis) {
+        Coord low = voxel, high = voxel;
+        low[axis] -= 1;
+        high[axis] += 1;
+        gradient[axis] = 0.5f * (at(high) - at(low));
+    }
+    return gradient;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,51 @@
+// The patches that the voxels of a leaf know, and the distances to them.
+#pragma once
+#include "distance_front.h"
+
+#include <array>
+
+namespace mpuvdb
+{
+
+/// What the voxels of a leaf that is not settled know.
+struct Knowledge {
+    static constexpr int kDim = 8, kVoxels = kDim * kDim * kDim;
+    static constexpr std::uint32_t kNone = ~std::uint32_t(0);
+
+    std::array<std::uint32_t, kVoxels> patch;
+    std::array<float, kVoxels> distance2;         ///< to the patch's foot
+    std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbours
+    std::array<std::uint64_t, kDim> negative;
+
+    bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }
+    static openvdb::Coord coordOf(int voxel)
+    {
+        return {voxel / (kDim * kDim), voxel / kDim % kDim, voxel % kDim};
+    }
+};
+
+/// The distances to the patches that the voxels of a leaf know.
+class KnownDistances final : public LeafDistances
+{
+public:
+    KnownDistances(const SurfacePatches& surface, const openvdb::Coord& origin,
+                   const Knowledge& known)
+        : mSurface(surface), mOrigin(origin), mKnown(known)
+    {
+    }
+
+    float at(int voxel) const override;
+    float atMost(int voxel) const override;
+
+private:
+    class Nearest;
+    float distanceToPatch(std::uint32_t patch, const openvdb::Coord& at, float side) const;
+    float distanceToFacets(int voxel, float side) const;
+    void offerFan(std::uint32_t vertex, Nearest& nearest) const;
+
+    const SurfacePatches& mSurface;
+    openvdb::Coord mOrigin;
+    const Knowledge& mKnown;
+};
+
+} // namespace mpuvdb
