@@ -1,0 +1,133 @@
+#include "leaf_finder.h"
+
+#include <mpuvdb/clones.h>
+
+#include <cstring>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Regions of 4x4x4 blocks.
+constexpr int kRegionShift = 2;
+constexpr int kRegionVoxels = kBlockDim << kRegionShift;
+
+constexpr std::size_t kLanes = 8;
+using Lanes = float __attribute__((vector_size(4 * kLanes)));
+
+[[gnu::always_inline]] inline Lanes load(const float* from)
+{
+    Lanes lanes;
+    std::memcpy(&lanes, from, sizeof lanes);
+    return lanes;
+}
+
+/// Squared distance along an axis from @a x to [@a first, @a first + @a extent].
+[[gnu::always_inline]] inline Lanes squaredGap(const Lanes& x, float first, float extent)
+{
+    const Lanes below = first - x, above = x - (first + extent);
+    const Lanes gap = below > above ? below : above;
+    const Lanes beyond = gap > 0 ? gap : Lanes{};
+    return beyond * beyond;
+}
+
+/// Call f(lane) where a comparison holds.
+template <typename Mask, typename F>
+[[gnu::always_inline]] inline void forEachLane(const Mask& mask, const F& f)
+{
+    using Bytes = signed char __attribute__((vector_size(kLanes)));
+    const Bytes narrow = __builtin_convertvector(mask, Bytes);
+    std::uint64_t bytes;
+    std::memcpy(&bytes, &narrow, sizeof bytes);
+    for (bytes &= 0x0101010101010101u; bytes; bytes &= bytes - 1) f(__builtin_ctzll(bytes) / 8);
+}
+
+/// Of places and their reaches, those that reach into the block whose first voxel is @a first.
+MPUVDB_CLONES
+std::size_t reaching(const float* x, const float* y, const float* z, const float* reach2,
+                     std::size_t count, const std::array<float, 3>& first, std::uint32_t* found)
+{
+    constexpr float kExtent = kBlockDim - 1;
+    std::size_t n = 0;
+    for (std::size_t group = 0; group < count; group += kLanes) {
+        const Lanes distance2 = squaredGap(load(x + group), first[0], kExtent) +
+                                squaredGap(load(y + group), first[1], kExtent) +
+                                squaredGap(load(z + group), first[2], kExtent);
+        forEachLane(distance2 < load(reach2 + group),
+                    [&](int lane) { found[n++] = std::uint32_t(group) + std::uint32_t(lane); });
+    }
+    return n;
+}
+
+} // namespace
+
+LeafFinder::LeafFinder(const Octree& tree, const Vec3d& origin, double voxelSize)
+    : mTree(tree), mOrigin(origin), mVoxelSize(voxelSize)
+{
+    // Centres are sums of halved sizes in floats: none is off by more than this.
+    const double rounding = 1e-6 * (tree.root.side / voxelSize + kRegionVoxels);
+    for (std::size_t level = 0; level < mQuarter.size(); ++level) {
+        mQuarter[level] = float(tree.root.size(int(level)) / voxelSize / 4);
+        const double reach = tree.reach(int(level)) / voxelSize * (1 + 1e-6) + rounding;
+        mReach2[level] = float(reach * reach);
+    }
+}
+
+void LeafFinder::add(const LeafAt& at, const Place& centre)
+{
+    const auto level = std::size_t(at.cell.level);
+    const OctreeNode node = mTree.nodes[at.node];
+    if (node.isLeaf()) {
+        mLeaves.push_back(at);
+        mX.push_back(centre[0]);
+        mY.push_back(centre[1]);
+        mZ.push_back(centre[2]);
+        mLeafReach2.push_back(mReach2[level]);
+        return;
+    }
+    const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
+                sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
+    const float quarter = mQuarter[level];
+    const Lanes x = centre[0] + quarter * sideX, y = centre[1] + quarter * sideY,
+                z = centre[2] + quarter * sideZ;
+    constexpr float kExtent = kRegionVoxels - 1;
+    const Lanes distance2 =
+        squaredGap(x, 0, kExtent) + squaredGap(y, 0, kExtent) + squaredGap(z, 0, kExtent);
+    forEachLane(distance2 < mReach2[level + 1], [&](int octant) {
+        add({node.index + std::uint32_t(octant), at.cell.child(octant)},
+            {x[octant], y[octant], z[octant]});
+    });
+}
+
+void LeafFinder::enterRegion(const Vec3i& region)
+{
+    if (mHasRegion && region == mRegion) return;
+    mRegion = region;
+    mHasRegion = true;
+    mLeaves.clear();
+    const auto spots = {&mX, &mY, &mZ, &mLeafReach2};
+    for (auto* values : spots) values->clear();
+    const Vec3d corner = mOrigin + mVoxelSize * kRegionVoxels * region.cast<double>();
+    const Vec3d root = (mTree.root.centre({}) - corner) / mVoxelSize;
+    add({0, {}}, {float(root[0]), float(root[1]), float(root[2])});
+    const std::size_t whole = (mLeaves.size() + kLanes - 1) / kLanes * kLanes;
+    for (auto* values : spots) values->resize(whole, 0);
+    mInBlock.resize(whole);
+}
+
+const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
+{
+    constexpr int kInRegion = (1 << kRegionShift) - 1;
+    enterRegion({block[0] >> kRegionShift, block[1] >> kRegionShift, block[2] >> kRegionShift});
+    Place first;
+    for (int axis = 0; axis < 3; ++axis)
+        first[std::size_t(axis)] = float(kBlockDim * (block[axis] & kInRegion));
+    const std::size_t count = reaching(mX.data(), mY.data(), mZ.data(), mLeafReach2.data(),
+                                       mX.size(), first, mInBlock.data());
+    mFound.resize(count);
+    for (std::size_t n = 0; n < count; ++n) mFound[n] = mLeaves[mInBlock[n]];
+    return mFound;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,50 @@
+// Finds the leaves of an octree that reach into a block of voxels.
+#pragma once
+#include "octree.h"
+
+#include <mpuvdb/field.h>
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace mpuvdb
+{
+
+struct LeafAt {
+    std::uint32_t node;
+    OctreeCell cell;
+};
+
+/// For one thread; fastest where blocks of one region follow each other: they share the descent.
+class LeafFinder
+{
+public:
+    /// @param origin  of the lattice, local coordinates.
+    LeafFinder(const Octree& tree, const Vec3d& origin, double voxelSize);
+    /// All leaves whose balls hold a voxel of @a block, and some that come close; depth first.
+    /// Valid until the next call.
+    const std::vector<LeafAt>& find(const Vec3i& block);
+
+private:
+    using Place = std::array<float, 3>; ///< voxels about the region's first
+
+    void enterRegion(const Vec3i& region);
+    /// Add a leaf, or those below an inner node that reach into the region, depth first.
+    void add(const LeafAt& at, const Place& centre);
+
+    const Octree& mTree;
+    Vec3d mOrigin;
+    double mVoxelSize;
+    /// By level, voxels: quarter of the size; square of how far the node and those below it reach.
+    std::array<float, SortedPoints::kMaxLevel + 2> mQuarter, mReach2;
+    Vec3i mRegion;
+    bool mHasRegion = false;
+    std::vector<LeafAt> mLeaves; ///< that reach into the region
+    /// Of the same, padded with some that reach nothing.
+    std::vector<float> mX, mY, mZ, mLeafReach2;
+    std::vector<std::uint32_t> mInBlock;
+    std::vector<LeafAt> mFound;
+};
+
+} // namespace mpuvdb
