@@ -251,6 +251,13 @@ struct CubeSamples {
     store(load(sums) + row, sums);
 }
 
+/// The first cube of each column along z that has some.
+constexpr CubeSet columnsOf(CubeSet cubes)
+{
+    const CubeSet pairs = cubes | cubes >> 1;
+    return (pairs | pairs >> 2) & 0x1111111111111111u;
+}
+
 /// @a count  of pieces: a constant where it is one, so that the compiler knows.
 template <typename Weight>
 [[gnu::always_inline]] inline void addCell(const Cell& cell, const Piece* q, int count,
@@ -259,29 +266,35 @@ template <typename Weight>
     const Row cornerX = {0, 0, 0, 0, 1, 1, 1, 1}, cornerY = {0, 0, 1, 1, 0, 0, 1, 1},
               cornerZ = {0, 1, 0, 1, 0, 1, 0, 1};
     const Weight weigh(cell.radius);
-    while (cubes) {
-        const int column = __builtin_ctzll(cubes) / kCubes;
+    // First all columns, then all cubes: the processor cannot guess how many cubes a column has.
+    struct Column {
+        Row distance2;
+        ColumnOfPiece pieces[LocalFit::kMaxPieces];
+    };
+    Column columns[kCubes * kCubes];
+    for (CubeSet left = columnsOf(cubes); left; left &= left - 1) {
+        const int column = __builtin_ctzll(left) / kCubes;
         const Row x = cornerX + float(kCubeDim * (column / kCubes)),
                   y = cornerY + float(kCubeDim * (column % kCubes));
         const Row dx = x - cell.centre[0], dy = y - cell.centre[1];
-        const Row column2 = dx * dx + dy * dy;
-        ColumnOfPiece pieces[LocalFit::kMaxPieces];
-        for (int piece = 0; piece < count; ++piece) pieces[piece].set(q[piece], x, y);
-        do {
-            const int cube = __builtin_ctzll(cubes);
-            cubes &= cubes - 1;
-            const Row z = cornerZ + float(kCubeDim * (cube % kCubes));
-            const Row dz = z - cell.centre[2];
-            const CubeSamples s = fold(cell, pieces, count, z);
-            const Row weight = weigh(column2 + dz * dz);
-            BlockSums::Cube& to = sums.cubes[std::size_t(cube)];
-            addTo(to.weight, weight);
-            addTo(to.value, weight * s.q);
-            addTo(to.gx, weight * s.gx);
-            addTo(to.gy, weight * s.gy);
-            addTo(to.gz, weight * s.gz);
-            if (cell.unsupported > 0) addTo(to.unsupported, cell.unsupported * weight);
-        } while (cubes >> (kCubes * column) & ((1u << kCubes) - 1));
+        columns[column].distance2 = dx * dx + dy * dy;
+        for (int piece = 0; piece < count; ++piece)
+            columns[column].pieces[piece].set(q[piece], x, y);
+    }
+    for (CubeSet left = cubes; left; left &= left - 1) {
+        const int cube = __builtin_ctzll(left);
+        const Column& column = columns[cube / kCubes];
+        const Row z = cornerZ + float(kCubeDim * (cube % kCubes));
+        const Row dz = z - cell.centre[2];
+        const CubeSamples s = fold(cell, column.pieces, count, z);
+        const Row weight = weigh(column.distance2 + dz * dz);
+        BlockSums::Cube& to = sums.cubes[std::size_t(cube)];
+        addTo(to.weight, weight);
+        addTo(to.value, weight * s.q);
+        addTo(to.gx, weight * s.gx);
+        addTo(to.gy, weight * s.gy);
+        addTo(to.gz, weight * s.gz);
+        if (cell.unsupported > 0) addTo(to.unsupported, cell.unsupported * weight);
     }
 }
 

@@ -74,29 +74,45 @@ LeafFinder::LeafFinder(const Octree& tree, const Vec3d& origin, double voxelSize
     }
 }
 
-void LeafFinder::add(const LeafAt& at, const Place& centre)
+void LeafFinder::makeRoom(std::size_t leaves)
 {
-    const auto level = std::size_t(at.cell.level);
-    const OctreeNode node = mTree.nodes[at.node];
-    if (node.isLeaf()) {
-        mLeaves.push_back(at);
-        mX.push_back(centre[0]);
-        mY.push_back(centre[1]);
-        mZ.push_back(centre[2]);
-        mLeafReach2.push_back(mReach2[level]);
-        return;
-    }
+    if (mCount + leaves <= mLeaves.size()) return;
+    const std::size_t size = 2 * (mCount + leaves);
+    mLeaves.resize(size);
+    for (auto* values : {&mX, &mY, &mZ, &mLeafReach2}) values->resize(size);
+    mInBlock.resize(size);
+}
+
+[[gnu::always_inline]] inline void LeafFinder::addLeaf(const LeafAt& leaf, const Place& centre)
+{
+    makeRoom(1 + kLanes); // and what pads
+    mLeaves[mCount] = leaf;
+    mX[mCount] = centre[0];
+    mY[mCount] = centre[1];
+    mZ[mCount] = centre[2];
+    mLeafReach2[mCount] = mReach2[std::size_t(leaf.cell.level)];
+    ++mCount;
+}
+
+void LeafFinder::addBelow(const LeafAt& inner, const Place& centre)
+{
     const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
                 sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
+    constexpr float kExtent = kRegionVoxels - 1;
+    const auto level = std::size_t(inner.cell.level);
     const float quarter = mQuarter[level];
     const Lanes x = centre[0] + quarter * sideX, y = centre[1] + quarter * sideY,
                 z = centre[2] + quarter * sideZ;
-    constexpr float kExtent = kRegionVoxels - 1;
     const Lanes distance2 =
         squaredGap(x, 0, kExtent) + squaredGap(y, 0, kExtent) + squaredGap(z, 0, kExtent);
+    const std::uint32_t firstChild = mTree.nodes[inner.node].index;
     forEachLane(distance2 < mReach2[level + 1], [&](int octant) {
-        add({node.index + std::uint32_t(octant), at.cell.child(octant)},
-            {x[octant], y[octant], z[octant]});
+        const LeafAt child{firstChild + std::uint32_t(octant), inner.cell.child(octant)};
+        const Place at{x[octant], y[octant], z[octant]};
+        if (mTree.nodes[child.node].isLeaf())
+            addLeaf(child, at);
+        else
+            addBelow(child, at);
     });
 }
 
@@ -105,15 +121,15 @@ void LeafFinder::enterRegion(const Vec3i& region)
     if (mHasRegion && region == mRegion) return;
     mRegion = region;
     mHasRegion = true;
-    mLeaves.clear();
-    const auto spots = {&mX, &mY, &mZ, &mLeafReach2};
-    for (auto* values : spots) values->clear();
+    mCount = 0;
     const Vec3d corner = mOrigin + mVoxelSize * kRegionVoxels * region.cast<double>();
-    const Vec3d root = (mTree.root.centre({}) - corner) / mVoxelSize;
-    add({0, {}}, {float(root[0]), float(root[1]), float(root[2])});
-    const std::size_t whole = (mLeaves.size() + kLanes - 1) / kLanes * kLanes;
-    for (auto* values : spots) values->resize(whole, 0);
-    mInBlock.resize(whole);
+    const Vec3f root = ((mTree.root.centre({}) - corner) / mVoxelSize).cast<float>();
+    makeRoom(kLanes);
+    if (mTree.nodes[0].isLeaf())
+        addLeaf({0, {}}, {root[0], root[1], root[2]});
+    else
+        addBelow({0, {}}, {root[0], root[1], root[2]});
+    for (std::size_t n = mCount; n % kLanes; ++n) mLeafReach2[n] = 0; // reaches nothing
 }
 
 const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
@@ -123,8 +139,8 @@ const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
     Place first;
     for (int axis = 0; axis < 3; ++axis)
         first[std::size_t(axis)] = float(kBlockDim * (block[axis] & kInRegion));
-    const std::size_t count = reaching(mX.data(), mY.data(), mZ.data(), mLeafReach2.data(),
-                                       mX.size(), first, mInBlock.data());
+    const std::size_t count = reaching(mX.data(), mY.data(), mZ.data(), mLeafReach2.data(), mCount,
+                                       first, mInBlock.data());
     mFound.resize(count);
     for (std::size_t n = 0; n < count; ++n) mFound[n] = mLeaves[mInBlock[n]];
     return mFound;

@@ -30,8 +30,10 @@ private:
     using Place = std::array<float, 3>; ///< voxels about the region's first
 
     void enterRegion(const Vec3i& region);
-    /// Add a leaf, or those below an inner node that reach into the region, depth first.
-    void add(const LeafAt& at, const Place& centre);
+    /// Add the leaves below an inner node that reach into the region, depth first.
+    void addBelow(const LeafAt& inner, const Place& centre);
+    void addLeaf(const LeafAt& leaf, const Place& centre);
+    void makeRoom(std::size_t leaves);
 
     const Octree& mTree;
     Vec3d mOrigin;
@@ -40,8 +42,9 @@ private:
     std::array<float, SortedPoints::kMaxLevel + 2> mQuarter, mReach2;
     Vec3i mRegion;
     bool mHasRegion = false;
-    std::vector<LeafAt> mLeaves; ///< that reach into the region
-    /// Of the same, padded with some that reach nothing.
+    /// Leaves that reach into the region: the first mCount; then room for more.
+    std::size_t mCount = 0;
+    std::vector<LeafAt> mLeaves;
     std::vector<float> mX, mY, mZ, mLeafReach2;
     std::vector<std::uint32_t> mInBlock;
     std::vector<LeafAt> mFound;

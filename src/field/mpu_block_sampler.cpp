@@ -73,19 +73,31 @@ CubeSet MpuBlockSampler::cubesToSum(const Box3d& box, BlockValues& values)
 void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin,
                                   BlockValues& values) const
 {
+    constexpr int kGroup = 4;
     for (CubeSet left = cubes; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);
         const BlockSums::Cube& sums = mSums.cubes[std::size_t(cube)];
-        for (int corner = 0; corner < kCubeVoxels; ++corner) {
-            const float weight = sums.weight[std::size_t(corner)];
-            const float support =
-                weight > 0 ? 1 - sums.unsupported[std::size_t(corner)] / weight : 0.0f;
-            if (support >= 1) continue;
-            const int i = voxelOf(cube, corner);
-            const Vec3d p = blockOrigin + mVoxelSize * Vec3d(i >> 6, i >> 3 & 7, i & 7);
-            const float coarse = float(mCoarse->evaluate(p).value / mVoxelSize);
-            float& value = values[std::size_t(i)];
-            value = support * value + (1 - support) * coarse;
+        for (int first = 0; first < kCubeVoxels; first += kGroup) {
+            std::array<float, kGroup> support;
+            for (std::size_t n = 0; n < kGroup; ++n) {
+                const float weight = sums.weight[std::size_t(first) + n];
+                support[n] =
+                    weight > 0 ? 1 - sums.unsupported[std::size_t(first) + n] / weight : 0.0f;
+            }
+            if (*std::min_element(support.begin(), support.end()) >= 1) continue;
+            std::array<std::array<double, kGroup>, 3> places;
+            std::array<double, kGroup> coarse;
+            for (int n = 0; n < kGroup; ++n) {
+                const int i = voxelOf(cube, first + n);
+                const Vec3d p = blockOrigin + mVoxelSize * Vec3d(i >> 6, i >> 3 & 7, i & 7);
+                for (int k = 0; k < 3; ++k) places[std::size_t(k)][std::size_t(n)] = p[k];
+            }
+            mCoarse->evaluateFour(places, coarse);
+            for (int n = 0; n < kGroup; ++n) {
+                const float s = support[std::size_t(n)];
+                float& value = values[std::size_t(voxelOf(cube, first + n))];
+                if (s < 1) value = s * value + (1 - s) * float(coarse[std::size_t(n)] / mVoxelSize);
+            }
         }
     }
 }
