@@ -83,36 +83,39 @@ void LeafFinder::makeRoom(std::size_t leaves)
     mInBlock.resize(size);
 }
 
-[[gnu::always_inline]] inline void LeafFinder::addLeaf(const LeafAt& leaf, const Place& centre)
+[[gnu::always_inline]] inline void LeafFinder::addLeaf(OctreeNode leaf, const OctreeCell& cell,
+                                                       float x, float y, float z)
 {
     makeRoom(1 + kLanes); // and what pads
-    mLeaves[mCount] = leaf;
-    mX[mCount] = centre[0];
-    mY[mCount] = centre[1];
-    mZ[mCount] = centre[2];
-    mLeafReach2[mCount] = mReach2[std::size_t(leaf.cell.level)];
+    mLeaves[mCount] = {leaf, cell};
+    mX[mCount] = x;
+    mY[mCount] = y;
+    mZ[mCount] = z;
+    mLeafReach2[mCount] = mReach2[std::size_t(cell.level)];
     ++mCount;
 }
 
-void LeafFinder::addBelow(const LeafAt& inner, const Place& centre)
+MPUVDB_CLONES
+void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, float y, float z)
 {
     const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
                 sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
     constexpr float kExtent = kRegionVoxels - 1;
-    const auto level = std::size_t(inner.cell.level);
+    const auto level = std::size_t(cell.level);
     const float quarter = mQuarter[level];
-    const Lanes x = centre[0] + quarter * sideX, y = centre[1] + quarter * sideY,
-                z = centre[2] + quarter * sideZ;
+    const Lanes allX = x + quarter * sideX, allY = y + quarter * sideY, allZ = z + quarter * sideZ;
     const Lanes distance2 =
-        squaredGap(x, 0, kExtent) + squaredGap(y, 0, kExtent) + squaredGap(z, 0, kExtent);
-    const std::uint32_t firstChild = mTree.nodes[inner.node].index;
+        squaredGap(allX, 0, kExtent) + squaredGap(allY, 0, kExtent) + squaredGap(allZ, 0, kExtent);
     forEachLane(distance2 < mReach2[level + 1], [&](int octant) {
-        const LeafAt child{firstChild + std::uint32_t(octant), inner.cell.child(octant)};
-        const Place at{x[octant], y[octant], z[octant]};
-        if (mTree.nodes[child.node].isLeaf())
-            addLeaf(child, at);
+        const OctreeNode child = mTree.nodes[inner.index + std::uint32_t(octant)];
+        // As above; what has just been written as a group is slow to read as one number.
+        const float childX = octant & 1 ? x + quarter : x - quarter,
+                    childY = octant & 2 ? y + quarter : y - quarter,
+                    childZ = octant & 4 ? z + quarter : z - quarter;
+        if (child.isLeaf())
+            addLeaf(child, cell.child(octant), childX, childY, childZ);
         else
-            addBelow(child, at);
+            addBelow(child, cell.child(octant), childX, childY, childZ);
     });
 }
 
@@ -125,10 +128,11 @@ void LeafFinder::enterRegion(const Vec3i& region)
     const Vec3d corner = mOrigin + mVoxelSize * kRegionVoxels * region.cast<double>();
     const Vec3f root = ((mTree.root.centre({}) - corner) / mVoxelSize).cast<float>();
     makeRoom(kLanes);
-    if (mTree.nodes[0].isLeaf())
-        addLeaf({0, {}}, {root[0], root[1], root[2]});
+    const OctreeNode top = mTree.nodes[0];
+    if (top.isLeaf())
+        addLeaf(top, {}, root[0], root[1], root[2]);
     else
-        addBelow({0, {}}, {root[0], root[1], root[2]});
+        addBelow(top, {}, root[0], root[1], root[2]);
     for (std::size_t n = mCount; n % kLanes; ++n) mLeafReach2[n] = 0; // reaches nothing
 }
 
@@ -136,7 +140,7 @@ const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
 {
     constexpr int kInRegion = (1 << kRegionShift) - 1;
     enterRegion({block[0] >> kRegionShift, block[1] >> kRegionShift, block[2] >> kRegionShift});
-    Place first;
+    std::array<float, 3> first;
     for (int axis = 0; axis < 3; ++axis)
         first[std::size_t(axis)] = float(kBlockDim * (block[axis] & kInRegion));
     const std::size_t count = reaching(mX.data(), mY.data(), mZ.data(), mLeafReach2.data(), mCount,

@@ -12,7 +12,7 @@ namespace mpuvdb
 {
 
 struct LeafAt {
-    std::uint32_t node;
+    OctreeNode node;
     OctreeCell cell;
 };
 
@@ -27,12 +27,11 @@ public:
     const std::vector<LeafAt>& find(const Vec3i& block);
 
 private:
-    using Place = std::array<float, 3>; ///< voxels about the region's first
-
     void enterRegion(const Vec3i& region);
-    /// Add the leaves below an inner node that reach into the region, depth first.
-    void addBelow(const LeafAt& inner, const Place& centre);
-    void addLeaf(const LeafAt& leaf, const Place& centre);
+    /// Add the leaves below an inner node that reach into the region, depth first; @a x, @a y and
+    /// @a z are its centre.
+    void addBelow(OctreeNode inner, const OctreeCell& cell, float x, float y, float z);
+    void addLeaf(OctreeNode leaf, const OctreeCell& cell, float x, float y, float z);
     void makeRoom(std::size_t leaves);
 
     const Octree& mTree;
@@ -45,7 +44,7 @@ private:
     /// Leaves that reach into the region: the first mCount; then room for more.
     std::size_t mCount = 0;
     std::vector<LeafAt> mLeaves;
-    std::vector<float> mX, mY, mZ, mLeafReach2;
+    std::vector<float> mX, mY, mZ, mLeafReach2; ///< voxels about the region's first
     std::vector<std::uint32_t> mInBlock;
     std::vector<LeafAt> mFound;
 };

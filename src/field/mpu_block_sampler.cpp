@@ -45,7 +45,12 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     mCells.clear();
     const Vec3d corner = mOrigin + mVoxelSize * double(kBlockDim) * block.cast<double>();
     const Box3d box(corner, corner + Vec3d::Constant(mVoxelSize * (kBlockDim - 1)));
-    for (const LeafAt& leaf : mLeaves.find(block)) gatherCell(leaf, corner);
+    // Fits lie all over memory: those of all leaves are asked for before one is waited for.
+    const std::vector<LeafAt>& leaves = mLeaves.find(block);
+    for (const LeafAt& leaf : leaves) __builtin_prefetch(&mTree.fits[leaf.node.index]);
+    for (const LeafAt& leaf : leaves)
+        __builtin_prefetch(&mTree.quadrics[mTree.fits[leaf.node.index].firstQuadric]);
+    for (const LeafAt& leaf : leaves) gatherCell(leaf, corner);
     const CubeSet wanted = cubesToSum(box, values);
     addCells(mCells, wanted, mTree.interpolates(), mSums);
     // Blended with the coarse field a value may be beyond the band and still count.
@@ -104,14 +109,13 @@ void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin,
 
 void MpuBlockSampler::gatherCell(const LeafAt& leaf, const Vec3d& blockOrigin)
 {
-    const OctreeNode& node = mTree.nodes[leaf.node];
-    const StoredFit& stored = mTree.fits[node.index];
+    const StoredFit& stored = mTree.fits[leaf.node.index];
     const Vec3d centre = (mTree.ballCentre(leaf.cell, stored) - blockOrigin) / mVoxelSize;
     const double radius = mTree.supportRadius(leaf.cell.level) / mVoxelSize;
     if (mTree.interpolates() && !reachesVoxel(centre, radius)) return;
     mCells.cells.push_back({{float(centre[0]), float(centre[1]), float(centre[2])},
                             float(radius),
-                            1 - node.support,
+                            1 - leaf.node.support,
                             std::uint32_t(mCells.pieces.size()),
                             stored.count,
                             stored.maxBits,

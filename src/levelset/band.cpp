@@ -1,11 +1,13 @@
 #include "band.h"
 #include "prune.h"
 
+#include <mpuvdb/clones.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/union_find.h>
 
 #include <algorithm>
+#include <cstring>
 #include <fmt/format.h>
 #include <iterator>
 #include <tbb/enumerable_thread_specific.h>
@@ -81,6 +83,41 @@ SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
     return f;
 }
 
+/// Bit n: lane n, which is 0 or -1.
+template <typename Flags>
+[[gnu::always_inline]] inline std::uint64_t bits(const Flags& flags)
+{
+    using Bytes = signed char __attribute__((vector_size(kBlockDim)));
+    const Bytes narrow = __builtin_convertvector(flags, Bytes);
+    std::uint64_t bytes;
+    std::memcpy(&bytes, &narrow, sizeof bytes);
+    // Bit n of byte n; the product has all bytes' sum on top.
+    return (bytes & 0x8040201008040201u) * 0x0101010101010101u >> 56;
+}
+
+/// Say which voxels are inside, and which in the band; the rest gets the background.
+MPUVDB_CLONES
+void sortVoxels(BlockValues& values, float background, SignWords& inside, SignWords& active)
+{
+    using Row = float __attribute__((vector_size(sizeof(float) * kBlockDim)));
+    // The clamp of the sampler and the background may differ by a rounding.
+    const float limit = background * (1 - 1e-6f);
+    const Row far = Row{} + background;
+    for (std::size_t x = 0; x < kBlockDim; ++x) {
+        inside[x] = active[x] = 0;
+        for (std::size_t y = 0; y < kBlockDim; ++y) {
+            float* const at = &values[(x * kBlockDim + y) * kBlockDim];
+            Row v;
+            std::memcpy(&v, at, sizeof v);
+            const auto isInside = v < 0, isActive = (v < limit) & (v > -limit);
+            v = isActive ? v : (isInside ? -far : far);
+            std::memcpy(at, &v, sizeof v);
+            inside[x] |= bits(isInside) << (8 * y);
+            active[x] |= bits(isActive) << (8 * y);
+        }
+    }
+}
+
 } // namespace
 
 std::uint64_t packed(const Vec3i& at)
@@ -144,18 +181,11 @@ Band::Block Band::sample(BlockSampler& sampler, const Vec3i& at) const
     BlockValues values;
     sampler.evaluate(at, values);
     Block block{at, nullptr, {}};
+    SignWords activeWords;
+    sortVoxels(values, mBackground, block.inside, activeWords);
     Leaf::NodeMaskType active;
-    // The clamp of the sampler and the background may differ by a rounding.
-    const float limit = mBackground * (1 - 1e-6f);
-    for (int i = 0; i < kBlockVoxels; ++i) {
-        float& v = values[std::size_t(i)];
-        const bool inside = v < 0;
-        block.inside[std::size_t(i) / 64] |= std::uint64_t(inside) << (i % 64);
-        if (std::abs(v) < limit)
-            active.setOn(openvdb::Index32(i));
-        else
-            v = inside ? -mBackground : mBackground;
-    }
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        active.getWord<std::uint64_t>(openvdb::Index(x)) = activeWords[x];
     if (active.isOff() && (!any(block.inside) || !any(inverted(block.inside)))) return block;
     block.leaf =
         std::make_unique<Leaf>(openvdb::Coord(at[0] * 8, at[1] * 8, at[2] * 8), mBackground);
