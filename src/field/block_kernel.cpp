@@ -19,6 +19,7 @@ using Row = float __attribute__((vector_size(sizeof(float) * kCubeVoxels)));
 using Mask = std::int32_t __attribute__((vector_size(sizeof(std::int32_t) * kCubeVoxels)));
 
 constexpr int kCubeDim = 2;                      ///< voxels
+constexpr float kMiddle = (kCubeDim - 1) / 2.0f; ///< of a cube, from its first voxel
 constexpr int kCubes = kBlockDim / kCubeDim;     ///< along a block's edge
 constexpr int kRows = kBlockCubes / kCubeVoxels; ///< of eight cubes: half a layer across x
 
@@ -56,6 +57,15 @@ constexpr int kRows = kBlockCubes / kCubeVoxels; ///< of eight cubes: half a lay
 
 using Cell = KernelCells::Cell;
 using Piece = KernelCells::Piece;
+
+[[gnu::always_inline]] inline float most(const Row& row)
+{
+    using Half = float __attribute__((vector_size(sizeof(Row) / 2)));
+    Half halves[2];
+    std::memcpy(halves, &row, sizeof row);
+    const Half m = halves[0] > halves[1] ? halves[0] : halves[1];
+    return std::max(std::max(m[0], m[1]), std::max(m[2], m[3]));
+}
 
 /// Below this blended gradients cancel between sheets and value / |gradient| means nothing.
 constexpr float kGradientFloor = 0.8f;
@@ -122,57 +132,45 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
     return reached;
 }
 
-/// The most that a quadric's gradient has in the part of the block that a ball reaches.
-struct SlopeBound {
-    float length;
-    float sum; ///< of the components' sizes
-    [[gnu::always_inline]] SlopeBound(const Piece& k, const Cell& cell)
-    {
-        float middle[3], half[3];
-        for (int axis = 0; axis < 3; ++axis) { // the cubes that it reaches go one voxel farther
-            const float low = std::max(cell.centre[std::size_t(axis)] - cell.radius - 1, 0.0f);
-            const float high =
-                std::min(cell.centre[std::size_t(axis)] + cell.radius + 1, float(kBlockDim - 1));
-            middle[axis] = (low + high) / 2;
-            half[axis] = (high - low) / 2;
-        }
-        const float second[3][3] = {
-            {2 * k[4], k[7], k[9]}, {k[7], 2 * k[5], k[8]}, {k[9], k[8], 2 * k[6]}};
-        sum = 0;
-        float squares = 0;
-        for (int axis = 0; axis < 3; ++axis) {
-            float g = k[1 + std::size_t(axis)], range = 0;
-            for (int by = 0; by < 3; ++by) {
-                g += second[axis][by] * middle[by];
-                range += std::abs(second[axis][by]) * half[by];
-            }
-            const float most = std::abs(g) + range;
-            sum += most;
-            squares += most * most;
-        }
-        length = std::sqrt(squares);
+/// The most, in the part of the block where a ball reaches cubes, of what a quadric needs at the
+/// middle of a cube to be beyond @a limit in all of it, over its gradient. It is convex: the most
+/// is at a corner.
+[[gnu::always_inline]] inline float valueBeyond(const Piece& k, const Cell& cell, float limit)
+{
+    constexpr float kRoundings = 0.02f; // voxels; of coefficients, sums, quotient
+    const Mask upper[3] = {
+        {0, 0, 0, 0, -1, -1, -1, -1}, {0, 0, -1, -1, 0, 0, -1, -1}, {0, -1, 0, -1, 0, -1, 0, -1}};
+    Row corner[3];
+    for (std::size_t axis = 0; axis < 3; ++axis) { // cubes go one voxel farther than the ball
+        const Row low = Row{} + std::max(cell.centre[axis] - cell.radius - 1, 0.0f);
+        const Row high =
+            Row{} + std::min(cell.centre[axis] + cell.radius + 1, float(kBlockDim - 1));
+        corner[axis] = upper[axis] ? high : low;
     }
-};
+    const Row &x = corner[0], &y = corner[1], &z = corner[2];
+    const Row gx = k[1] + 2 * k[4] * x + k[7] * y + k[9] * z,
+              gy = k[2] + 2 * k[5] * y + k[8] * z + k[7] * x,
+              gz = k[3] + 2 * k[6] * z + k[9] * x + k[8] * y;
+    const Row slope = larger(squareRoot(gx * gx + gy * gy + gz * gz), Row{} + kGradientFloor);
+    const Row toCorner = kMiddle * (larger(gx, -gx) + larger(gy, -gy) + larger(gz, -gz));
+    return most(slope * (limit + kRoundings) + toCorner);
+}
 
 /// Cubes in which one piece is beyond the limit on the outside, and on the inside.
 struct BeyondCubes {
     Flags outside, inside;
     [[gnu::always_inline]] BeyondCubes(const Piece& k, const Cell& cell, float limit)
     {
-        constexpr float kRoundings = 0.02f; // voxels; of coefficients, sums, quotient
-        const float mid = float(kCubeDim - 1) / 2;
-        const SlopeBound slope(k, cell);
-        const float least =
-            std::max(slope.length, kGradientFloor) * (limit + kRoundings) + mid * slope.sum;
-        const Row z = kRowZ + mid;
+        const float least = valueBeyond(k, cell, limit);
+        const Row z = kRowZ + kMiddle;
         Row constant[2], linear[2]; // in x
         for (int half = 0; half < 2; ++half) {
-            const Row y = kRowY + (mid + kHalf * float(half));
+            const Row y = kRowY + (kMiddle + kHalf * float(half));
             constant[half] = k[0] + y * (k[2] + k[5] * y + k[8] * z) + z * (k[3] + k[6] * z);
             linear[half] = k[1] + k[7] * y + k[9] * z;
         }
         for (int row = 0; row < kRows; ++row) {
-            const float x = float(kCubeDim * (row / 2)) + mid;
+            const float x = float(kCubeDim * (row / 2)) + kMiddle;
             const Row value = constant[row % 2] + x * (linear[row % 2] + k[4] * x);
             outside.set(row, value > least);
             inside.set(row, value < -least);
@@ -354,7 +352,7 @@ void addCells(const KernelCells& cells, CubeSet wanted, bool singular, BlockSums
 MPUVDB_WIDE_CLONES
 void normalise(const BlockSums& sums, CubeSet wanted, float limit, BlockValues& values)
 {
-    const Row most = Row{} + limit;
+    const Row far = Row{} + limit;
     for (CubeSet left = wanted; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);
         const BlockSums::Cube& s = sums.cubes[std::size_t(cube)];
@@ -362,9 +360,9 @@ void normalise(const BlockSums& sums, CubeSet wanted, float limit, BlockValues& 
         const Row slope = squareRoot(gx * gx + gy * gy + gz * gz);
         // value / weight over max(|g| / weight, floor)
         const Row v = load(s.value) / larger(slope, kGradientFloor * weight);
-        const Row clamped = smaller(larger(v, -most), most);
+        const Row clamped = smaller(larger(v, -far), far);
         std::array<float, kCubeVoxels> distance;
-        store(weight > 0 ? clamped : most, distance);
+        store(weight > 0 ? clamped : far, distance);
         for (int pair = 0; pair < kCubeVoxels; pair += kCubeDim)
             std::memcpy(&values[std::size_t(voxelOf(cube, pair))], &distance[std::size_t(pair)],
                         kCubeDim * sizeof(float));
