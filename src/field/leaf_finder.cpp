@@ -1,6 +1,7 @@
 #include "leaf_finder.h"
 
 #include <mpuvdb/clones.h>
+#include <mpuvdb/lane_bits.h>
 
 #include <cstring>
 
@@ -32,17 +33,6 @@ using Lanes = float __attribute__((vector_size(4 * kLanes)));
     return beyond * beyond;
 }
 
-/// Call f(lane) where a comparison holds.
-template <typename Mask, typename F>
-[[gnu::always_inline]] inline void forEachLane(const Mask& mask, const F& f)
-{
-    using Bytes = signed char __attribute__((vector_size(kLanes)));
-    const Bytes narrow = __builtin_convertvector(mask, Bytes);
-    std::uint64_t bytes;
-    std::memcpy(&bytes, &narrow, sizeof bytes);
-    for (bytes &= 0x0101010101010101u; bytes; bytes &= bytes - 1) f(__builtin_ctzll(bytes) / 8);
-}
-
 /// Of places and their reaches, those that reach into the block whose first voxel is @a first.
 MPUVDB_CLONES
 std::size_t reaching(const float* x, const float* y, const float* z, const float* reach2,
@@ -54,8 +44,11 @@ std::size_t reaching(const float* x, const float* y, const float* z, const float
         const Lanes distance2 = squaredGap(load(x + group), first[0], kExtent) +
                                 squaredGap(load(y + group), first[1], kExtent) +
                                 squaredGap(load(z + group), first[2], kExtent);
-        forEachLane(distance2 < load(reach2 + group),
-                    [&](int lane) { found[n++] = std::uint32_t(group) + std::uint32_t(lane); });
+        const std::uint64_t reaches = bitsOf(distance2 < load(reach2 + group));
+        for (std::size_t lane = 0; lane < kLanes; ++lane) { // no branch: none could be foreseen
+            found[n] = std::uint32_t(group + lane);
+            n += reaches >> lane & 1u;
+        }
     }
     return n;
 }
@@ -106,7 +99,8 @@ void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, flo
     const Lanes allX = x + quarter * sideX, allY = y + quarter * sideY, allZ = z + quarter * sideZ;
     const Lanes distance2 =
         squaredGap(allX, 0, kExtent) + squaredGap(allY, 0, kExtent) + squaredGap(allZ, 0, kExtent);
-    forEachLane(distance2 < mReach2[level + 1], [&](int octant) {
+    for (std::uint64_t left = bitsOf(distance2 < mReach2[level + 1]); left; left &= left - 1) {
+        const int octant = __builtin_ctzll(left);
         const OctreeNode child = mTree.nodes[inner.index + std::uint32_t(octant)];
         // As above; what has just been written as a group is slow to read as one number.
         const float childX = octant & 1 ? x + quarter : x - quarter,
@@ -116,7 +110,7 @@ void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, flo
             addLeaf(child, cell.child(octant), childX, childY, childZ);
         else
             addBelow(child, cell.child(octant), childX, childY, childZ);
-    });
+    }
 }
 
 void LeafFinder::enterRegion(const Vec3i& region)

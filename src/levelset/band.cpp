@@ -3,6 +3,7 @@
 
 #include <mpuvdb/clones.h>
 #include <mpuvdb/error.h>
+#include <mpuvdb/lane_bits.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/union_find.h>
 
@@ -83,18 +84,6 @@ SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
     return f;
 }
 
-/// Bit n: lane n, which is 0 or -1.
-template <typename Flags>
-[[gnu::always_inline]] inline std::uint64_t bits(const Flags& flags)
-{
-    using Bytes = signed char __attribute__((vector_size(kBlockDim)));
-    const Bytes narrow = __builtin_convertvector(flags, Bytes);
-    std::uint64_t bytes;
-    std::memcpy(&bytes, &narrow, sizeof bytes);
-    // Bit n of byte n; the product has all bytes' sum on top.
-    return (bytes & 0x8040201008040201u) * 0x0101010101010101u >> 56;
-}
-
 /// Say which voxels are inside, and which in the band; the rest gets the background.
 MPUVDB_CLONES
 void sortVoxels(BlockValues& values, float background, SignWords& inside, SignWords& active)
@@ -112,8 +101,8 @@ void sortVoxels(BlockValues& values, float background, SignWords& inside, SignWo
             const auto isInside = v < 0, isActive = (v < limit) & (v > -limit);
             v = isActive ? v : (isInside ? -far : far);
             std::memcpy(at, &v, sizeof v);
-            inside[x] |= bits(isInside) << (8 * y);
-            active[x] |= bits(isActive) << (8 * y);
+            inside[x] |= bitsOf(isInside) << (8 * y);
+            active[x] |= bitsOf(isActive) << (8 * y);
         }
     }
 }
