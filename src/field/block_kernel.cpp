@@ -104,7 +104,7 @@ private:
 };
 
 /// y and z of the first voxels of a row's cubes; in every other row y is one more half block.
-constexpr float kHalf = kBlockDim / 2;
+constexpr float kHalf = kBlockDim / 2.0f;
 const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
 
 /// Squared distance along an axis from @a at to cubes that begin at @a first.
@@ -124,7 +124,8 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
                         squaredGap(kRowY + kHalf, cell.centre[1]) + z2};
     Flags reached;
     for (int row = 0; row < kRows; ++row) {
-        const float x = float(kCubeDim * (row / 2));
+        const int layer = row / 2;
+        const float x = float(kCubeDim * layer);
         const float beyond =
             std::max({x - cell.centre[0], cell.centre[0] - (x + float(kCubeDim - 1)), 0.0f});
         reached.set(row, yz2[row % 2] + beyond * beyond < radius2);
@@ -170,7 +171,8 @@ struct BeyondCubes {
             linear[half] = k[1] + k[7] * y + k[9] * z;
         }
         for (int row = 0; row < kRows; ++row) {
-            const float x = float(kCubeDim * (row / 2)) + kMiddle;
+            const int layer = row / 2;
+            const float x = float(kCubeDim * layer) + kMiddle;
             const Row value = constant[row % 2] + x * (linear[row % 2] + k[4] * x);
             outside.set(row, value > least);
             inside.set(row, value < -least);
@@ -272,7 +274,8 @@ template <typename Weight>
     Column columns[kCubes * kCubes];
     for (CubeSet left = columnsOf(cubes); left; left &= left - 1) {
         const int column = __builtin_ctzll(left) / kCubes;
-        const Row x = cornerX + float(kCubeDim * (column / kCubes)),
+        const int layer = column / kCubes;
+        const Row x = cornerX + float(kCubeDim * layer),
                   y = cornerY + float(kCubeDim * (column % kCubes));
         const Row dx = x - cell.centre[0], dy = y - cell.centre[1];
         columns[column].distance2 = dx * dx + dy * dy;

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <limits>
 #include <tbb/parallel_for.h>
+#include <type_traits>
 
 namespace mpuvdb
 {
@@ -335,7 +336,7 @@ template <typename T>
 CoarseSign::sample(const std::array<T, 3>& p) const
 {
     // Quadratic B-splines: value and gradient are smooth across the nodes' cells.
-    constexpr std::size_t kLanes = sizeof(T) / sizeof(double);
+    constexpr std::size_t kLanes = std::is_same_v<T, Group> ? 4 : 1;
     T w[3][3], dw[3][3], beyond2{};
     int base[kLanes][3];
     for (int k = 0; k < 3; ++k) {
@@ -345,7 +346,8 @@ CoarseSign::sample(const std::array<T, 3>& p) const
         beyond2 += (at - t) * (at - t);
         T node{};
         for (std::size_t n = 0; n < kLanes; ++n) {
-            const int nearest = int(lane(t, n) + 0.5); // positive
+            const double up = lane(t, n) + 0.5;
+            const int nearest = int(up); // as it is positive
             base[n][k] = nearest - 1;
             setLane(node, n, nearest);
         }
