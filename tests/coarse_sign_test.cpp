@@ -199,6 +199,23 @@ TEST(CoarseSign, IsRightFartherThanAStepFromAWholeSurface)
     }
 }
 
+TEST(CoarseSign, SaysOfFourPlacesWhatItSaysOfEach)
+{
+    const CoarseSign sign = coarseSignOf(test::randomScan("torus(1, 0.4)", 5000));
+    Random random(4);
+    for (int n = 0; n < 2000; ++n) {
+        std::array<std::array<double, 4>, 3> places;
+        std::array<double, 4> values;
+        std::array<Vec3d, 4> p;
+        for (std::size_t i = 0; i < 4; ++i) {
+            p[i] = random.inCube(n % 2 ? 1.5 : 6); // half of them beyond the nodes' box
+            for (std::size_t k = 0; k < 3; ++k) places[k][i] = p[i][Eigen::Index(k)];
+        }
+        sign.evaluateFour(places, values);
+        for (std::size_t i = 0; i < 4; ++i) ASSERT_EQ(values[i], sign.evaluate(p[i]).value);
+    }
+}
+
 TEST(CoarseSign, IsNearTheDistanceNearData)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 20000);

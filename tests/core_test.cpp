@@ -1,3 +1,4 @@
+#include "lane_bits.h"
 #include "union_find.h"
 
 #include <mpuvdb/error.h>
@@ -26,6 +27,16 @@ TEST(Length, RefusesEverythingElse)
 {
     for (const char* text : {"", "vx", "1 vx", "1mm", "nan", "inf", "1e999", "--1", "0x10", "1%%"})
         EXPECT_THROW(Length::parse(text), UsageError) << text;
+}
+
+TEST(BitsOf, GivesEachLaneItsBit)
+{
+    using Lanes = float __attribute__((vector_size(32)));
+    for (unsigned expected = 0; expected < 256; ++expected) {
+        Lanes lanes;
+        for (int n = 0; n < 8; ++n) lanes[n] = expected >> n & 1u ? -1.5f : 2.5f;
+        EXPECT_EQ(bitsOf(lanes < 0), expected);
+    }
 }
 
 TEST(Progress, ReportsStagesAndStops)

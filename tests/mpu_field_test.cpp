@@ -150,6 +150,34 @@ TEST(MpuBlockSampler, AgreesInSignWithThePointsWhereDataAreMissing)
     }
 }
 
+TEST(MpuBlockSampler, LeavesOutOnlyWhatIsBeyondTheBand)
+{
+    // With a wider band more is summed. What is in the narrow one has the same bits.
+    ScanSettings scan;
+    scan.points = 8000;
+    scan.holes = 1;
+    scan.holeRadius = 0.15;
+    for (const PointCloud& cloud :
+         {test::scanOf("sphere(1)", scan), kTorus.cloud(48), kBox.cloud(48)}) {
+        const double h = 2.0 / 48;
+        const MpuField field = fieldOf(cloud, h);
+        const Lattice lattice{Vec3d(0.3, -0.2, 0.1) * h, h};
+        const std::vector<Sampled> narrow = sampleAll(field, lattice, 1.5 * h, 2),
+                                   wide = sampleAll(field, lattice, 5 * h, 2);
+        const float limit = 1.5f * float(h);
+        std::size_t inside = 0, beyond = 0;
+        for (std::size_t n = 0; n < wide.size(); ++n) {
+            for (std::size_t i = 0; i < std::size_t(kBlockVoxels); ++i) {
+                const float value = wide[n].values[i];
+                ASSERT_EQ(narrow[n].values[i], std::clamp(value, -limit, limit));
+                ++(std::abs(value) < limit ? inside : beyond);
+            }
+        }
+        EXPECT_GT(inside, 10000u);
+        EXPECT_GT(beyond, 10000u);
+    }
+}
+
 TEST(MpuBlockSampler, ABlockDoesNotDependOnTheBlocksBefore)
 {
     ScanSettings scan;

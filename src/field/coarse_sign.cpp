@@ -1,6 +1,7 @@
 #include "coarse_sign.h"
 
 #include "coarse_fill.h"
+#include "point_group.h"
 
 #include <mpuvdb/clones.h>
 #include <mpuvdb/progress.h>
@@ -10,6 +11,7 @@
 #include <cstring>
 #include <limits>
 #include <tbb/parallel_for.h>
+#include <type_traits>
 
 namespace mpuvdb
 {
@@ -259,6 +261,45 @@ struct NodeBox {
     }
 };
 
+// The same arithmetic for one place and for a group of them.
+
+template <typename T>
+[[gnu::always_inline]] inline T larger(const T& a, const T& b)
+{
+    return a > b ? a : b;
+}
+
+template <typename T>
+[[gnu::always_inline]] inline T smaller(const T& a, const T& b)
+{
+    return a < b ? a : b;
+}
+
+[[gnu::always_inline]] inline double squareRoot(double x)
+{
+    return std::sqrt(x);
+}
+
+[[gnu::always_inline]] inline double lane(double x, std::size_t)
+{
+    return x;
+}
+
+[[gnu::always_inline]] inline double lane(const Group& x, std::size_t n)
+{
+    return x[n];
+}
+
+[[gnu::always_inline]] inline void setLane(double& x, std::size_t, double to)
+{
+    x = to;
+}
+
+[[gnu::always_inline]] inline void setLane(Group& x, std::size_t n, double to)
+{
+    x[n] = to;
+}
+
 } // namespace
 
 std::uint64_t CoarseSign::makingBytes(const SortedPoints& some, const Box3d& bounds,
@@ -283,20 +324,34 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
                      borderDistance(few, mGrid, mCorner, mStep, progress), progress);
 }
 
-FieldSample CoarseSign::evaluate(const Vec3d& p) const
+/// Of one place (a double), or of a group.
+template <typename T>
+struct CoarseSign::Sample {
+    T value, slope;
+    std::array<T, 3> gradient;
+};
+
+template <typename T>
+[[gnu::always_inline]] inline CoarseSign::Sample<T>
+CoarseSign::sample(const std::array<T, 3>& p) const
 {
     // Quadratic B-splines: value and gradient are smooth across the nodes' cells.
-    double w[3][3], dw[3][3];
-    int base[3];
-    double beyond2 = 0;
+    constexpr std::size_t kLanes = std::is_same_v<T, Group> ? 4 : 1;
+    T w[3][3], dw[3][3], beyond2{};
+    int base[kLanes][3];
     for (int k = 0; k < 3; ++k) {
         const int last = mGrid.n[std::size_t(k)] - 2;
-        const double at = (p[k] - mCorner[k]) / mStep;
-        const double t = std::clamp(at, 1.0, double(last));
+        const T at = (p[std::size_t(k)] - mCorner[k]) / mStep;
+        const T t = smaller(larger(at, T{} + 1.0), T{} + double(last));
         beyond2 += (at - t) * (at - t);
-        const int node = std::clamp(int(std::lround(t)), 1, last);
-        const double f = t - node;
-        base[k] = node - 1;
+        T node{};
+        for (std::size_t n = 0; n < kLanes; ++n) {
+            const double up = lane(t, n) + 0.5;
+            const int nearest = int(up); // as it is positive
+            base[n][k] = nearest - 1;
+            setLane(node, n, nearest);
+        }
+        const T f = t - node;
         w[k][0] = 0.5 * (0.5 - f) * (0.5 - f);
         w[k][1] = 0.75 - f * f;
         w[k][2] = 0.5 * (0.5 + f) * (0.5 + f);
@@ -304,24 +359,47 @@ FieldSample CoarseSign::evaluate(const Vec3d& p) const
         dw[k][1] = -2 * f;
         dw[k][2] = f + 0.5;
     }
-    double value = 0;
-    Vec3d gradient = Vec3d::Zero();
+    Sample<T> s{};
     for (int i = 0; i < 3; ++i) {
         for (int j = 0; j < 3; ++j) {
-            const float* const row = &mU[mGrid.index(base[0] + i, base[1] + j, base[2])];
-            const double v = w[2][0] * row[0] + w[2][1] * row[1] + w[2][2] * row[2];
-            const double dv = dw[2][0] * row[0] + dw[2][1] * row[1] + dw[2][2] * row[2];
-            value += w[0][i] * w[1][j] * v;
-            gradient +=
-                Vec3d(dw[0][i] * w[1][j] * v, w[0][i] * dw[1][j] * v, w[0][i] * w[1][j] * dv);
+            T row[3] = {};
+            for (std::size_t n = 0; n < kLanes; ++n) {
+                const float* const nodes =
+                    &mU[mGrid.index(base[n][0] + i, base[n][1] + j, base[n][2])];
+                for (int k = 0; k < 3; ++k) setLane(row[k], n, nodes[k]);
+            }
+            const T v = w[2][0] * row[0] + w[2][1] * row[1] + w[2][2] * row[2];
+            const T dv = dw[2][0] * row[0] + dw[2][1] * row[1] + dw[2][2] * row[2];
+            s.value += w[0][i] * w[1][j] * v;
+            s.gradient[0] += dw[0][i] * w[1][j] * v;
+            s.gradient[1] += w[0][i] * dw[1][j] * v;
+            s.gradient[2] += w[0][i] * w[1][j] * dv;
         }
     }
-    const double slope = std::max(gradient.norm(), mSlopeFloor);
-    FieldSample sample;
-    sample.value =
-        std::clamp(mStep * value / slope, -farthest(), farthest()) + mStep * std::sqrt(beyond2);
-    sample.gradient = gradient / slope;
-    return sample;
+    const auto& g = s.gradient;
+    s.slope = larger(squareRoot(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]), T{} + mSlopeFloor);
+    const T most = T{} + farthest();
+    s.value = smaller(larger(mStep * s.value / s.slope, -most), most) + mStep * squareRoot(beyond2);
+    return s;
+}
+
+FieldSample CoarseSign::evaluate(const Vec3d& p) const
+{
+    const Sample<double> s = sample<double>({p[0], p[1], p[2]});
+    FieldSample result;
+    result.value = s.value;
+    result.gradient = Vec3d(s.gradient[0], s.gradient[1], s.gradient[2]) / s.slope;
+    return result;
+}
+
+MPUVDB_CLONES
+void CoarseSign::evaluateFour(const std::array<std::array<double, 4>, 3>& places,
+                              std::array<double, 4>& values) const
+{
+    std::array<Group, 3> p;
+    std::memcpy(&p, &places, sizeof p);
+    const Sample<Group> s = sample(p);
+    std::memcpy(&values, &s.value, sizeof values);
 }
 
 } // namespace mpuvdb

@@ -7,8 +7,18 @@ namespace mpuvdb
 namespace
 {
 
-/// Neighbouring blocks share the upper part of their descents: regions of 4x4x4 blocks.
-constexpr int kRegionShift = 2;
+/// A quadric, @a shift from its origin, in voxels of size @a h.
+KernelCells::Piece pieceOf(const QuadricCoefficients& k, const Vec3d& shift, double h)
+{
+    const double x = shift[0], y = shift[1], z = shift[2];
+    const double halfXy = 0.5 * k[7], halfYz = 0.5 * k[8], halfZx = 0.5 * k[9];
+    const double ax = k[4] * x + halfXy * y + halfZx * z, ay = halfXy * x + k[5] * y + halfYz * z,
+                 az = halfZx * x + halfYz * y + k[6] * z;
+    const double value = x * ax + y * ay + z * az + (k[1] * x + k[2] * y + k[3] * z) + k[0];
+    return {float(value / h), float(k[1] + 2 * ax), float(k[2] + 2 * ay), float(k[3] + 2 * az),
+            float(k[4] * h),  float(k[5] * h),      float(k[6] * h),      float(k[7] * h),
+            float(k[8] * h),  float(k[9] * h)};
+}
 
 /// Whether a ball (in voxels about the block's first) holds a voxel of the block: where points are
 /// closer than voxels most do not.
@@ -26,97 +36,94 @@ MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, c
     : mTree(tree), mCoarse(coarse), mOrigin(origin), mVoxelSize(voxelSize),
       mLimit(float(band / voxelSize)),
       mFarthest(coarse ? std::max(2 * mLimit, float(coarse->farthest() / voxelSize)) : mLimit),
-      mAddCell(tree.interpolates() ? addSingularCell : addCell)
+      mLeaves(tree, origin, voxelSize)
 {
-}
-
-template <typename Visit>
-void MpuBlockSampler::descend(const NodeAt& at, const Box3d& box, const Visit& visit) const
-{
-    const double radius = mTree.reach(at.cell.level);
-    if (!(box.squaredExteriorDistance(mTree.root.centre(at.cell)) < radius * radius)) return;
-    const auto along = [&](int axis, double x) {
-        const double beyond = std::max({box.min()[axis] - x, x - box.max()[axis], 0.0});
-        return beyond * beyond;
-    };
-    mTree.descend(along, visit, at.node, at.cell);
-}
-
-void MpuBlockSampler::gatherRegion(const Vec3i& region)
-{
-    if (mHasRegion && region == mRegion) return;
-    mRegion = region;
-    mHasRegion = true;
-    mRegionNodes.clear();
-    const int dim = kBlockDim << kRegionShift;
-    const Vec3d corner = mOrigin + mVoxelSize * double(dim) * region.cast<double>();
-    const Box3d box(corner, corner + Vec3d::Constant(mVoxelSize * (dim - 1)));
-    const double stopSize = mVoxelSize * dim / 4;
-    descend({0, {}}, box, [&](std::uint32_t node, const OctreeCell& cell) {
-        const bool goesOn = !mTree.nodes[node].isLeaf() && mTree.root.size(cell.level) > stopSize;
-        if (!goesOn) mRegionNodes.push_back({node, cell});
-        return goesOn;
-    });
 }
 
 void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
 {
-    gatherRegion({block[0] >> kRegionShift, block[1] >> kRegionShift, block[2] >> kRegionShift});
-    mSums.clear();
-    mSupported = true;
+    mCells.clear();
     const Vec3d corner = mOrigin + mVoxelSize * double(kBlockDim) * block.cast<double>();
     const Box3d box(corner, corner + Vec3d::Constant(mVoxelSize * (kBlockDim - 1)));
-    for (const NodeAt& at : mRegionNodes)
-        descend(at, box, [&](std::uint32_t node, const OctreeCell& cell) {
-            if (!mTree.nodes[node].isLeaf()) return true;
-            addLeaf({node, cell}, corner);
-            return false;
-        });
+    // Fits lie all over memory: those of all leaves are asked for before one is waited for.
+    const std::vector<LeafAt>& leaves = mLeaves.find(block);
+    for (const LeafAt& leaf : leaves) __builtin_prefetch(&mTree.fits[leaf.node.index]);
+    for (const LeafAt& leaf : leaves)
+        __builtin_prefetch(&mTree.quadrics[mTree.fits[leaf.node.index].firstQuadric]);
+    for (const LeafAt& leaf : leaves) gatherCell(leaf, corner);
+    const CubeSet wanted = cubesToSum(box, values);
+    addCells(mCells, wanted, mTree.interpolates(), mSums);
     // Blended with the coarse field a value may be beyond the band and still count.
-    normalise(mSums, mFarthest, values);
-    const bool reached = *std::min_element(mSums.weight.begin(), mSums.weight.end()) > 0;
-    if (mCoarse && !(mSupported && reached)) blendCoarse(corner, values);
+    normalise(mSums, wanted, mFarthest, values);
+    if (mCoarse) blendCoarse(wanted, corner, values);
     for (float& v : values) v = std::clamp(v, -mLimit, mLimit) * float(mVoxelSize);
 }
 
-void MpuBlockSampler::blendCoarse(const Vec3d& blockOrigin, BlockValues& values) const
+/// The rest of @a values is set: farther than the limit.
+CubeSet MpuBlockSampler::cubesToSum(const Box3d& box, BlockValues& values)
 {
-    for (int i = 0; i < kBlockVoxels; ++i) {
-        const auto n = std::size_t(i);
-        const float weight = mSums.weight[n];
-        const float support = weight > 0 ? 1 - mSums.unsupported[n] / weight : 0.0f;
-        if (support >= 1) continue;
-        const Vec3d p = blockOrigin + mVoxelSize * Vec3d(i >> 6, i >> 3 & 7, i & 7);
-        const float coarse = float(mCoarse->evaluate(p).value / mVoxelSize);
-        values[n] = support * values[n] + (1 - support) * coarse;
+    const CubeVerdict verdict = judgeCubes(mCells, mLimit);
+    // Elsewhere there may be voxels that no ball holds.
+    const bool isCovered = !mTree.interpolates() && mTree.root.box().contains(box);
+    const CubeSet wanted = isCovered ? verdict.notOutside & verdict.notInside : kAllCubes;
+    for (CubeSet left = ~wanted; left; left &= left - 1) {
+        const int cube = __builtin_ctzll(left);
+        const float value = verdict.notOutside >> cube & 1u ? -mLimit : mLimit;
+        for (int corner = 0; corner < kCubeVoxels; ++corner)
+            values[std::size_t(voxelOf(cube, corner))] = value;
+    }
+    return wanted;
+}
+
+void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin,
+                                  BlockValues& values) const
+{
+    constexpr int kGroup = 4;
+    for (CubeSet left = cubes; left; left &= left - 1) {
+        const int cube = __builtin_ctzll(left);
+        const BlockSums::Cube& sums = mSums.cubes[std::size_t(cube)];
+        for (int first = 0; first < kCubeVoxels; first += kGroup) {
+            std::array<float, kGroup> support;
+            for (std::size_t n = 0; n < kGroup; ++n) {
+                const float weight = sums.weight[std::size_t(first) + n];
+                support[n] =
+                    weight > 0 ? 1 - sums.unsupported[std::size_t(first) + n] / weight : 0.0f;
+            }
+            if (*std::min_element(support.begin(), support.end()) >= 1) continue;
+            std::array<std::array<double, kGroup>, 3> places;
+            std::array<double, kGroup> coarse;
+            for (int n = 0; n < kGroup; ++n) {
+                const int i = voxelOf(cube, first + n);
+                const Vec3d p = blockOrigin + mVoxelSize * Vec3d(i >> 6, i >> 3 & 7, i & 7);
+                for (int k = 0; k < 3; ++k) places[std::size_t(k)][std::size_t(n)] = p[k];
+            }
+            mCoarse->evaluateFour(places, coarse);
+            for (int n = 0; n < kGroup; ++n) {
+                const float s = support[std::size_t(n)];
+                float& value = values[std::size_t(voxelOf(cube, first + n))];
+                if (s < 1) value = s * value + (1 - s) * float(coarse[std::size_t(n)] / mVoxelSize);
+            }
+        }
     }
 }
 
-void MpuBlockSampler::addLeaf(const NodeAt& leaf, const Vec3d& blockOrigin)
+void MpuBlockSampler::gatherCell(const LeafAt& leaf, const Vec3d& blockOrigin)
 {
-    const OctreeNode& node = mTree.nodes[leaf.node];
-    const StoredFit& stored = mTree.fits[node.index];
-    const double h = mVoxelSize;
-    const Vec3d centre = (mTree.ballCentre(leaf.cell, stored) - blockOrigin) / h;
-    const double radius = mTree.supportRadius(leaf.cell.level) / h;
+    const StoredFit& stored = mTree.fits[leaf.node.index];
+    const Vec3d centre = (mTree.ballCentre(leaf.cell, stored) - blockOrigin) / mVoxelSize;
+    const double radius = mTree.supportRadius(leaf.cell.level) / mVoxelSize;
     if (mTree.interpolates() && !reachesVoxel(centre, radius)) return;
-    const LocalFit fit = mTree.fitAbout(stored, blockOrigin);
-    KernelCell cell;
-    for (int k = 0; k < 3; ++k) cell.centre[k] = float(centre[k]);
-    cell.radius = float(radius);
-    cell.count = fit.count;
-    cell.maxBits = fit.maxBits;
-    cell.unsupported = 1 - node.support;
-    mSupported &= node.support >= 1;
-    for (int p = 0; p < fit.count; ++p) {
-        const Quadric& q = fit.pieces[std::size_t(p)];
-        const auto& A = q.A;
-        const double k[10] = {q.c / h,         q.b[0],         q.b[1],      q.b[2],
-                              A(0, 0) * h,     A(1, 1) * h,    A(2, 2) * h, 2 * A(0, 1) * h,
-                              2 * A(1, 2) * h, 2 * A(2, 0) * h};
-        for (int n = 0; n < 10; ++n) cell.q[p][n] = float(k[n]);
-    }
-    mAddCell(cell, mSums);
+    mCells.cells.push_back({{float(centre[0]), float(centre[1]), float(centre[2])},
+                            float(radius),
+                            1 - leaf.node.support,
+                            std::uint32_t(mCells.pieces.size()),
+                            stored.count,
+                            stored.maxBits,
+                            0});
+    const Vec3d shift = blockOrigin - stored.origin.cast<double>();
+    for (std::size_t p = 0; p < stored.count; ++p)
+        mCells.pieces.push_back(
+            pieceOf(mTree.quadrics[stored.firstQuadric + p], shift, mVoxelSize));
 }
 
 } // namespace mpuvdb

@@ -2,6 +2,7 @@
 #pragma once
 #include "block_kernel.h"
 #include "coarse_sign.h"
+#include "leaf_finder.h"
 #include "octree.h"
 
 #include <mpuvdb/field.h>
@@ -21,17 +22,9 @@ public:
     void evaluate(const Vec3i& block, BlockValues& values) override;
 
 private:
-    struct NodeAt {
-        std::uint32_t node;
-        OctreeCell cell;
-    };
-    void gatherRegion(const Vec3i& region);
-    /// Octree::descend() from a node, if that reaches into @a box.
-    template <typename Visit>
-    void descend(const NodeAt& at, const Box3d& box, const Visit& visit) const;
-    void addLeaf(const NodeAt& leaf, const Vec3d& blockOrigin);
-
-    void blendCoarse(const Vec3d& blockOrigin, BlockValues& values) const;
+    void gatherCell(const LeafAt& leaf, const Vec3d& blockOrigin);
+    CubeSet cubesToSum(const Box3d& box, BlockValues& values);
+    void blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, BlockValues& values) const;
 
     const Octree& mTree;
     const CoarseSign* mCoarse;
@@ -39,12 +32,9 @@ private:
     double mVoxelSize;
     float mLimit;    ///< voxels
     float mFarthest; ///< what counts of a value that is blended with the coarse field, voxels
-    void (*mAddCell)(const KernelCell&, BlockSums&);
-    Vec3i mRegion;
-    bool mHasRegion = false;
-    std::vector<NodeAt> mRegionNodes; ///< cells that reach into the region, none finer than it
+    LeafFinder mLeaves;
+    KernelCells mCells; ///< that reach into the block
     BlockSums mSums;
-    bool mSupported = true; ///< every cell of the block
 };
 
 } // namespace mpuvdb

@@ -31,6 +31,7 @@ struct RootCube {
     Vec3d corner = Vec3d::Zero();
     double side = 1;
 
+    Box3d box() const { return {corner, corner + Vec3d::Constant(side)}; }
     double size(int level) const { return side / double(std::uint64_t(1) << level); }
     Vec3d centre(const OctreeCell& cell) const
     {

@@ -1,11 +1,14 @@
 #include "band.h"
 #include "prune.h"
 
+#include <mpuvdb/clones.h>
 #include <mpuvdb/error.h>
+#include <mpuvdb/lane_bits.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/union_find.h>
 
 #include <algorithm>
+#include <cstring>
 #include <fmt/format.h>
 #include <iterator>
 #include <tbb/enumerable_thread_specific.h>
@@ -81,6 +84,29 @@ SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
     return f;
 }
 
+/// Say which voxels are inside, and which in the band; the rest gets the background.
+MPUVDB_CLONES
+void sortVoxels(BlockValues& values, float background, SignWords& inside, SignWords& active)
+{
+    using Row = float __attribute__((vector_size(sizeof(float) * kBlockDim)));
+    // The clamp of the sampler and the background may differ by a rounding.
+    const float limit = background * (1 - 1e-6f);
+    const Row far = Row{} + background;
+    for (std::size_t x = 0; x < kBlockDim; ++x) {
+        inside[x] = active[x] = 0;
+        for (std::size_t y = 0; y < kBlockDim; ++y) {
+            float* const at = &values[(x * kBlockDim + y) * kBlockDim];
+            Row v;
+            std::memcpy(&v, at, sizeof v);
+            const auto isInside = v < 0, isActive = (v < limit) & (v > -limit);
+            v = isActive ? v : (isInside ? -far : far);
+            std::memcpy(at, &v, sizeof v);
+            inside[x] |= bitsOf(isInside) << (8 * y);
+            active[x] |= bitsOf(isActive) << (8 * y);
+        }
+    }
+}
+
 } // namespace
 
 std::uint64_t packed(const Vec3i& at)
@@ -144,18 +170,11 @@ Band::Block Band::sample(BlockSampler& sampler, const Vec3i& at) const
     BlockValues values;
     sampler.evaluate(at, values);
     Block block{at, nullptr, {}};
+    SignWords activeWords;
+    sortVoxels(values, mBackground, block.inside, activeWords);
     Leaf::NodeMaskType active;
-    // The clamp of the sampler and the background may differ by a rounding.
-    const float limit = mBackground * (1 - 1e-6f);
-    for (int i = 0; i < kBlockVoxels; ++i) {
-        float& v = values[std::size_t(i)];
-        const bool inside = v < 0;
-        block.inside[std::size_t(i) / 64] |= std::uint64_t(inside) << (i % 64);
-        if (std::abs(v) < limit)
-            active.setOn(openvdb::Index32(i));
-        else
-            v = inside ? -mBackground : mBackground;
-    }
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        active.getWord<std::uint64_t>(openvdb::Index(x)) = activeWords[x];
     if (active.isOff() && (!any(block.inside) || !any(inverted(block.inside)))) return block;
     block.leaf =
         std::make_unique<Leaf>(openvdb::Coord(at[0] * 8, at[1] * 8, at[2] * 8), mBackground);

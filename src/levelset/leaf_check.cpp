@@ -2,7 +2,9 @@
 // voxels at once, as bits of a row along z.
 #include "leaf_check.h"
 
+#include <mpuvdb/clones.h>
 #include <mpuvdb/field.h>
+#include <mpuvdb/lane_bits.h>
 #include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>
@@ -10,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace mpuvdb
 {
@@ -21,12 +24,36 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 static_assert(Leaf::DIM == kBlockDim, "rows of bits hold one leaf");
 
 using Row = std::uint32_t;
+/// Eight rows along y at once; eight voxels of one.
+using Rows = Row __attribute__((vector_size(sizeof(Row) * kBlockDim)));
+using Lanes = float __attribute__((vector_size(sizeof(float) * kBlockDim)));
 constexpr int kPadded = kBlockDim + 2;
 /// The bits of a row that belong to the leaf itself.
 constexpr Row kInner = 0x1FE;
 
+template <typename Vector, typename Number>
+[[gnu::always_inline]] inline Vector load(const Number* from)
+{
+    Vector v;
+    std::memcpy(&v, from, sizeof v);
+    return v;
+}
+
+[[gnu::always_inline]] inline Lanes magnitude(const Lanes& v)
+{
+    return v < 0 ? -v : v;
+}
+
+[[gnu::always_inline]] inline Lanes squareRoot(const Lanes& v)
+{
+    float a[kBlockDim];
+    std::memcpy(a, &v, sizeof v);
+    for (float& x : a) x = std::sqrt(x);
+    return load<Lanes>(a);
+}
+
 template <typename Visit>
-void forEachBit(Row row, const Visit& visit)
+[[gnu::always_inline]] inline void forEachBit(Row row, const Visit& visit)
 {
     for (; row; row &= row - 1) visit(__builtin_ctz(row));
 }
@@ -41,18 +68,20 @@ public:
     }
 
     /// Judge @a leaf. @return the sums of ||grad| - 1|.
+    MPUVDB_CLONES
     SideSums judge(const Leaf& leaf, FaultTallies& tallies)
     {
         mOrigin = leaf.origin();
-        load();
+        loadAll();
         SideSums steepness = {};
-        for (int x = 1; x <= kBlockDim; ++x)
+        for (int x = 1; x <= kBlockDim; ++x) {
+            judgeSigns(x, tallies);
+            judgeBand(x, tallies);
             for (int y = 1; y <= kBlockDim; ++y) {
                 judgeValues(x, y, tallies);
-                judgeSigns(x, y, tallies);
-                judgeBand(x, y, tallies);
                 judgeSteps(x, y, tallies, steepness);
             }
+        }
         return steepness;
     }
 
@@ -61,7 +90,7 @@ private:
 
     Coord coord(int x, int y, int z) const { return mOrigin.offsetBy(x - 1, y - 1, z - 1); }
 
-    void load()
+    [[gnu::always_inline]] void loadAll()
     {
         for (int dx = -1; dx <= 1; ++dx)
             for (int dy = -1; dy <= 1; ++dy)
@@ -98,20 +127,24 @@ private:
             }
     }
 
-    void markRow(int x, int y)
+    /// Bit z: whether f holds for the value at z; f takes eight at once.
+    template <typename F>
+    [[gnu::always_inline]] Row wholeRow(int x, int y, const F& f) const
     {
-        Row negative = 0, face = 0, edge = 0, corner = 0;
-        for (int z = 0; z < kPadded; ++z) {
-            const float v = mValue[x][y][z], magnitude = std::abs(v);
-            negative |= Row(v < 0) << z;
-            face |= Row(magnitude < mLimits.near[0]) << z;
-            edge |= Row(magnitude < mLimits.near[1]) << z;
-            corner |= Row(magnitude < mLimits.near[2]) << z;
+        constexpr int kRest = kPadded - kBlockDim;
+        const float* const values = mValue[x][y];
+        return Row(bitsOf(f(load<Lanes>(values))) | bitsOf(f(load<Lanes>(values + kRest)))
+                                                        << kRest);
+    }
+
+    [[gnu::always_inline]] void markRow(int x, int y)
+    {
+        mNegative[x][y] = wholeRow(x, y, [](const Lanes& v) { return v < 0; });
+        for (int n = 0; n < 3; ++n) {
+            const float near = mLimits.near[n];
+            mNear[n][x][y] =
+                mActive[x][y] & wholeRow(x, y, [&](const Lanes& v) { return magnitude(v) < near; });
         }
-        mNegative[x][y] = negative;
-        mNear[0][x][y] = face & mActive[x][y];
-        mNear[1][x][y] = edge & mActive[x][y];
-        mNear[2][x][y] = corner & mActive[x][y];
     }
 
     /// Calls @a visit with each face neighbour's offset.
@@ -126,105 +159,133 @@ private:
         visit(0, 0, 1);
     }
 
-    /// Row (x,y) of the block shifted by an offset: bit z is the neighbour's.
-    static Row neighbour(const Bits& bits, int x, int y, int dx, int dy, int dz)
+    /// Rows (x,1) to (x,8) of the block shifted by an offset: bit z is the neighbour's.
+    [[gnu::always_inline]] static Rows neighbours(const Bits& bits, int x, int dx, int dy, int dz)
     {
-        const Row row = bits[x + dx][y + dy];
-        return dz < 0 ? row << 1 : dz > 0 ? row >> 1 : row;
+        const Rows rows = load<Rows>(&bits[x + dx][1 + dy]);
+        return dz < 0 ? rows << 1 : dz > 0 ? rows >> 1 : rows;
     }
 
-    void judgeValues(int x, int y, FaultTallies& tallies) const
+    /// Call visit(y, z) for the leaf's voxels in rows (x,1) to (x,8).
+    template <typename Visit>
+    [[gnu::always_inline]] static void forEachInner(const Rows& rows, const Visit& visit)
     {
-        const Row active = mActive[x][y];
-        for (int z = 1; z <= kBlockDim; ++z) {
-            const float v = mValue[x][y][z];
-            const float excess = std::abs(v) - mLimits.background;
-            if (active >> z & 1) {
-                tallies.lowest = std::min(tallies.lowest, v);
-                tallies.highest = std::max(tallies.highest, v);
-                if (excess <= mLimits.tolerance) continue;
-            } else if (std::abs(excess) <= mLimits.tolerance)
-                continue;
-            const Fault fault = !std::isfinite(v) ? Fault::NotFinite
-                                : active >> z & 1 ? Fault::BeyondBackground
-                                                  : Fault::InactiveValue;
-            tallies[fault].add(coord(x, y, z));
-        }
+        if (!bitsOf((rows & kInner) != 0)) return;
+        for (int y = 1; y <= kBlockDim; ++y)
+            forEachBit(rows[y - 1] & kInner, [&](int z) { visit(y, z); });
+    }
+
+    [[gnu::always_inline]] void judgeValues(int x, int y, FaultTallies& tallies) const
+    {
+        const Lanes v = load<Lanes>(&mValue[x][y][1]), excess = magnitude(v) - mLimits.background;
+        const Row active = mActive[x][y] >> 1 & 0xff;
+        const Row beyond = ~Row(bitsOf(excess <= mLimits.tolerance)),
+                  off = ~Row(bitsOf(magnitude(excess) <= mLimits.tolerance));
+        forEachBit(active, [&](int z) {
+            tallies.lowest = std::min(tallies.lowest, v[z]);
+            tallies.highest = std::max(tallies.highest, v[z]);
+        });
+        forEachBit(((active & beyond) | (~active & off)) & 0xff, [&](int z) {
+            const Fault fault = !std::isfinite(v[z]) ? Fault::NotFinite
+                                : active >> z & 1    ? Fault::BeyondBackground
+                                                     : Fault::InactiveValue;
+            tallies[fault].add(coord(x, y, z + 1));
+        });
     }
 
     /// Changes of sign where one of two neighbours is inactive. The inactive one is at fault; what
     /// a tile is at fault for is noted at its neighbour.
-    void judgeSigns(int x, int y, FaultTallies& tallies) const
+    [[gnu::always_inline]] void judgeSigns(int x, FaultTallies& tallies) const
     {
+        const Rows active = load<Rows>(&mActive[x][1]), negative = load<Rows>(&mNegative[x][1]);
         const auto changes = [&](int dx, int dy, int dz) {
-            const Row bothActive = mActive[x][y] & neighbour(mActive, x, y, dx, dy, dz);
-            const Row mine = ~mActive[x][y] | neighbour(mTile, x, y, dx, dy, dz);
-            return (mNegative[x][y] ^ neighbour(mNegative, x, y, dx, dy, dz)) & ~bothActive & mine;
+            const Rows bothActive = active & neighbours(mActive, x, dx, dy, dz);
+            const Rows mine = ~active | neighbours(mTile, x, dx, dy, dz);
+            return Rows((negative ^ neighbours(mNegative, x, dx, dy, dz)) & ~bothActive & mine);
         };
-        Row any = 0;
+        Rows any{};
         forEachFace([&](int dx, int dy, int dz) { any |= changes(dx, dy, dz); });
-        forEachBit(any & kInner, [&](int z) {
+        forEachInner(any, [&](int y, int z) {
             int faces = 0;
-            forEachFace([&](int dx, int dy, int dz) { faces += changes(dx, dy, dz) >> z & 1; });
+            forEachFace(
+                [&](int dx, int dy, int dz) { faces += int(changes(dx, dy, dz)[y - 1] >> z & 1); });
             tallies[Fault::SignChange].add(coord(x, y, z), faces);
         });
     }
 
     /// Inactive voxels that a neighbour's distance puts inside the band. A voxel at l voxels from
     /// one of distance d is at most d + l voxels from the surface.
-    void judgeBand(int x, int y, FaultTallies& tallies) const
+    [[gnu::always_inline]] void judgeBand(int x, FaultTallies& tallies) const
     {
-        const Row active = mActive[x][y];
-        Row missing = 0;
+        const Rows active = load<Rows>(&mActive[x][1]);
+        Rows missing{};
         for (int dx = -1; dx <= 1; ++dx)
             for (int dy = -1; dy <= 1; ++dy)
                 for (int dz = -1; dz <= 1; ++dz) {
                     const int axes = dx * dx + dy * dy + dz * dz;
                     if (axes == 0) continue;
                     const Bits& near = mNear[axes - 1];
-                    missing |= neighbour(near, x, y, dx, dy, dz) & ~active;
-                    missing |= near[x][y] & neighbour(mTile, x, y, dx, dy, dz) &
-                               ~neighbour(mActive, x, y, dx, dy, dz);
+                    missing |= neighbours(near, x, dx, dy, dz) & ~active;
+                    missing |= load<Rows>(&near[x][1]) & neighbours(mTile, x, dx, dy, dz) &
+                               ~neighbours(mActive, x, dx, dy, dz);
                 }
-        forEachBit(missing & kInner,
-                   [&](int z) { tallies[Fault::MissingVoxel].add(coord(x, y, z)); });
+        forEachInner(missing,
+                     [&](int y, int z) { tallies[Fault::MissingVoxel].add(coord(x, y, z)); });
     }
 
     /// Steps between active neighbours, and the gradient where all of them are active.
-    void judgeSteps(int x, int y, FaultTallies& tallies, SideSums& sums) const
+    [[gnu::always_inline]] void judgeSteps(int x, int y, FaultTallies& tallies,
+                                           SideSums& sums) const
     {
-        const auto& v = mValue;
-        forEachBit(mActive[x][y] & kInner, [&](int z) {
-            int steps = 0, actives = 0;
-            forEachFace([&](int dx, int dy, int dz) {
-                const int on = mActive[x + dx][y + dy] >> (z + dz) & 1;
-                actives += on;
-                steps += on & int(std::abs(v[x + dx][y + dy][z + dz] - v[x][y][z]) > mLimits.step);
-            });
-            if (steps) tallies[Fault::Jump].add(coord(x, y, z), steps);
-            if (actives < 6) return;
-            const float at = v[x][y][z];
-            const float gx = twiceSlope(v[x - 1][y][z], at, v[x + 1][y][z]),
-                        gy = twiceSlope(v[x][y - 1][z], at, v[x][y + 1][z]),
-                        gz = twiceSlope(v[x][y][z - 1], at, v[x][y][z + 1]);
-            const float steepness =
-                std::abs(std::sqrt(gx * gx + gy * gy + gz * gz) / mLimits.twiceVoxel - 1);
-            if (!std::isfinite(steepness)) return;
-            const std::size_t side = at < 0;
-            sums[side] += steepness;
+        const Row active = mActive[x][y];
+        if (!(active & kInner)) return;
+        const auto valuesAt = [&](int dx, int dy, int dz) {
+            return load<Lanes>(&mValue[x + dx][y + dy][1 + dz]);
+        };
+        const auto activeAt = [&](int dx, int dy, int dz) {
+            const Row row = mActive[x + dx][y + dy];
+            return (dz < 0 ? row << 1 : dz > 0 ? row >> 1 : row) & active & kInner;
+        };
+        const Lanes at = valuesAt(0, 0, 0);
+        const auto steps = [&](int dx, int dy, int dz) {
+            return activeAt(dx, dy, dz) &
+                   Row(bitsOf(magnitude(valuesAt(dx, dy, dz) - at) > mLimits.step)) << 1;
+        };
+        Row any = 0, full = kInner;
+        forEachFace([&](int dx, int dy, int dz) {
+            any |= steps(dx, dy, dz);
+            full &= activeAt(dx, dy, dz);
+        });
+        forEachBit(any, [&](int z) {
+            int count = 0;
+            forEachFace([&](int dx, int dy, int dz) { count += int(steps(dx, dy, dz) >> z & 1); });
+            tallies[Fault::Jump].add(coord(x, y, z), count);
+        });
+        const Lanes gx = twiceSlope(valuesAt(-1, 0, 0), at, valuesAt(1, 0, 0)),
+                    gy = twiceSlope(valuesAt(0, -1, 0), at, valuesAt(0, 1, 0)),
+                    gz = twiceSlope(valuesAt(0, 0, -1), at, valuesAt(0, 0, 1));
+        const Lanes steepness =
+            magnitude(squareRoot(gx * gx + gy * gy + gz * gz) / mLimits.twiceVoxel - 1);
+        const Row negative = mNegative[x][y];
+        forEachBit(full, [&](int z) {
+            const float s = steepness[z - 1];
+            if (!std::isfinite(s)) return;
+            const std::size_t side = negative >> z & 1;
+            sums[side] += s;
             ++tallies.gradients[side];
-            tallies.maxSteepness = std::max(tallies.maxSteepness, double(steepness));
-            if (steepness > mLimits.steepness)
-                tallies[Fault::Steepness].add(coord(x, y, z), steepness);
+            tallies.maxSteepness = std::max(tallies.maxSteepness, double(s));
+            if (s > mLimits.steepness) tallies[Fault::Steepness].add(coord(x, y, z), s);
         });
     }
 
     /// Twice the slope along an axis: by central difference, but where the value turns between two
     /// sides of the surface by the steeper side.
-    static float twiceSlope(float below, float at, float above)
+    [[gnu::always_inline]] static Lanes twiceSlope(const Lanes& below, const Lanes& at,
+                                                   const Lanes& above)
     {
-        const float rise = at - below, next = above - at;
-        return rise * next < 0 ? 2 * std::max(std::abs(rise), std::abs(next)) : rise + next;
+        const Lanes rise = at - below, next = above - at;
+        const Lanes a = magnitude(rise), b = magnitude(next);
+        return rise * next < 0 ? 2 * (a < b ? b : a) : rise + next;
     }
 
     const openvdb::FloatGrid::ConstAccessor& mAccessor;

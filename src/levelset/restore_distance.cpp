@@ -1,8 +1,10 @@
 #include "restore_distance.h"
 
+#include "leaf_crossings.h"
 #include "leaf_halo.h"
 
 #include <mpuvdb/clones.h>
+#include <mpuvdb/lane_bits.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/vec.h>
 
@@ -40,11 +42,6 @@ constexpr float kAbove = 0.2f, kBelow = 0.35f;
 /// raised no farther than to where its neighbours' values can be reached.
 constexpr float kTip = 0.5f, kBelowAtTip = 0.5f;
 
-Vec3f toVec(const Coord& c)
-{
-    return {float(c[0]), float(c[1]), float(c[2])};
-}
-
 /// What is to be said of eight voxels in a row: one bit each.
 struct RowFlags {
     unsigned doubtful = 0;      ///< if active: the value cannot be trusted
@@ -67,13 +64,6 @@ using Flags = int __attribute__((vector_size(4 * kDim)));
     return v < 0 ? -v : v;
 }
 
-[[gnu::always_inline]] inline unsigned bits(const Flags& flags)
-{
-    const Flags bit = flags & Flags{1, 2, 4, 8, 16, 32, 64, 128};
-    return unsigned(((bit[0] | bit[1]) | (bit[2] | bit[3])) |
-                    ((bit[4] | bit[5]) | (bit[6] | bit[7])));
-}
-
 constexpr float kMissing = 0.3f; ///< a voxel belongs to the band if it is so much nearer, voxels
 
 /// The band's inactive voxels that a neighbour, by its value, puts well inside the band.
@@ -88,7 +78,7 @@ unsigned missingInRow(const float* row, float halfWidth)
                         kLength[std::abs(x) + std::abs(y) + std::abs(z)];
         nearest = u < nearest ? u : nearest;
     }
-    return bits(nearest < halfWidth - kMissing);
+    return unsigned(bitsOf(nearest < halfWidth - kMissing));
 }
 
 /// The row's active voxels.
@@ -123,13 +113,10 @@ RowFlags examineRow(const float* row, float halfWidth)
     }
     const float deep = halfWidth - kMissing - kDiagonal, outside = halfWidth * (1 - 1e-5f);
     RowFlags flags;
-    flags.doubtful = bits((largestStep > kStep) | (~crosses & wrongSlope));
-    flags.cornerMissing = bits((a < deep) & (highestCorner >= outside));
+    flags.doubtful = unsigned(bitsOf((largestStep > kStep) | (~crosses & wrongSlope)));
+    flags.cornerMissing = unsigned(bitsOf((a < deep) & (highestCorner >= outside)));
     return flags;
 }
-
-/// Zero crossings on the edges that start in one leaf, voxels from the leaf's origin.
-using Crossings = std::vector<Vec3f>;
 
 class Restorer
 {
@@ -293,48 +280,11 @@ private:
         std::vector<Crossings> crossings(leaves.size());
         tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
             if (n % 1024 == 0) mProgress.check();
-            crossings[n] = crossingsOf(*leaves[n]);
+            crossings[n] = crossingsOf(mTree, *leaves[n]);
         });
         for (std::size_t n = 0; n < leaves.size(); ++n)
             if (!crossings[n].empty())
                 mCrossings.emplace(leaves[n]->origin(), std::move(crossings[n]));
-    }
-
-    Crossings crossingsOf(const Leaf& leaf) const
-    {
-        openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
-        Crossings found;
-        for (auto it = leaf.cbeginValueOn(); it; ++it) {
-            const float v = *it;
-            const Coord at = it.getCoord(), local = at - leaf.origin();
-            if (v == 0 && isOnSurface(at, access)) found.push_back(toVec(local));
-            for (int axis = 0; axis < 3; ++axis) {
-                Coord next = at;
-                next[axis] += 1;
-                const float u = local[axis] + 1 < kDim
-                                    ? leaf.getValue(openvdb::Index(it.pos() + (64u >> (3 * axis))))
-                                    : access.getValue(next);
-                if ((u < 0) == (v < 0)) continue;
-                Vec3f p = toVec(local);
-                p[axis] += v / (v - u);
-                found.push_back(p);
-            }
-        }
-        found.shrink_to_fit();
-        return found;
-    }
-
-    /// Whether a voxel of value 0 has both sides about it; it may only lie where two inside touch.
-    static bool isOnSurface(const Coord& at,
-                            openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access)
-    {
-        bool inside = false, outside = false;
-        for (int n = 0; n < 27; ++n) {
-            const float v = access.getValue(at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
-            inside |= v < 0;
-            outside |= v > 0;
-        }
-        return inside && outside;
     }
 
     /// Distance from a voxel to the nearest crossing, voxels; the half-width if none is nearer.

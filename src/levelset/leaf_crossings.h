@@ -1,0 +1,23 @@
+// Where the surface crosses the edges between voxels.
+#pragma once
+#include <mpuvdb/vec.h>
+
+#include <openvdb/openvdb.h>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// Zero crossings on the edges that start in one leaf, voxels from the leaf's origin.
+using Crossings = std::vector<Vec3f>;
+
+inline Vec3f toVec(const openvdb::Coord& c)
+{
+    return {float(c[0]), float(c[1]), float(c[2])};
+}
+
+/// Those on the edges from active voxels of @a leaf to their upper neighbours, and the voxels of
+/// value 0 between the two sides.
+Crossings crossingsOf(const openvdb::FloatTree& tree, const openvdb::FloatTree::LeafNodeType& leaf);
+
+} // namespace mpuvdb
