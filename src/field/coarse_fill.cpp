@@ -20,7 +20,7 @@ constexpr float kDistanceShare = 0.05f;
 /// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
 /// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
 /// data do bulge without.
-constexpr float kConcaveShare = 2;
+constexpr float kConcaveShare = 3;
 /// Node steps on which normals and bends of data fade.
 constexpr float kFade = 6;
 /// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.

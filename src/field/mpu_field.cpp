@@ -26,7 +26,7 @@ constexpr double kLeastDistance = 1e-12;
 
 /// Steps by which a leaf and the coarse field may differ: unseen walls of cavities and bores are
 /// better told by the fits beside them, which the coarse field bridges.
-constexpr double kVetoSteps = 2;
+constexpr double kVetoSteps = 1.5;
 
 /// Take support from leaves whose side at the centre is clearly not the whole model's.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
