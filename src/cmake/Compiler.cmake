@@ -10,6 +10,7 @@ set(CMAKE_CXX_FLAGS_RELEASE "-O3 -DNDEBUG")
 
 option(MPUVDB_WERROR "Warnings are errors" OFF)
 set(MPUVDB_SANITIZE "" CACHE STRING "Sanitizers: address,undefined or thread")
+set(MPUVDB_SANITIZE_ROOMS "" CACHE STRING "Rooms that the sanitizers watch, beside the tests; empty: all")
 
 add_library(mpuvdb_options INTERFACE)
 # No FMA contraction: the same bits from every instruction set. errno and traps of maths functions
@@ -19,9 +20,11 @@ target_compile_options(mpuvdb_options INTERFACE
     -ffp-contract=off -fno-math-errno -fno-trapping-math
     $<$<BOOL:${MPUVDB_WERROR}>:-Werror>)
 if(MPUVDB_SANITIZE)
-    target_compile_options(mpuvdb_options INTERFACE
-        -fsanitize=${MPUVDB_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    set(MPUVDB_WATCHED -fsanitize=${MPUVDB_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
     target_link_options(mpuvdb_options INTERFACE -fsanitize=${MPUVDB_SANITIZE})
+    if(NOT MPUVDB_SANITIZE_ROOMS)
+        target_compile_options(mpuvdb_options INTERFACE ${MPUVDB_WATCHED})
+    endif()
 endif()
 if(NOT CMAKE_CXX_COMPILER_LAUNCHER)
     find_program(MPUVDB_CCACHE ccache)

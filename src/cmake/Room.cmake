@@ -17,6 +17,9 @@ function(mpuvdb_room name)
     target_include_directories(mpuvdb_${name} PUBLIC $<BUILD_INTERFACE:${door}>)
     target_link_libraries(mpuvdb_${name} PRIVATE mpuvdb_options)
     target_link_libraries(mpuvdb_${name} PUBLIC ${ROOM_LIBRARIES})
+    if(MPUVDB_SANITIZE AND name IN_LIST MPUVDB_SANITIZE_ROOMS)
+        target_compile_options(mpuvdb_${name} PRIVATE ${MPUVDB_WATCHED})
+    endif()
     foreach(room IN LISTS ROOM_ROOMS)
         # Usage requirements only: the objects meet in the library mpuvdb.
         target_include_directories(mpuvdb_${name} PUBLIC
