@@ -79,6 +79,7 @@ TEST_F(CommandTest, UnknownWordsAreUsageErrorsThatSayWhatWasMeant)
     } cases[] = {
         {{}, "give a verb"},
         {{"reconstrct", "a.ply"}, "did you mean reconstruct?"},
+        {{"--threads", "1", "offset", "a.vdb"}, "--threads stands before the verb: put it after"},
         {{"reconstruct", "a.ply", "-o", "a.vdb", "--voxel-sise", "1"},
          "did you mean --voxel-size?"},
         {{"reconstruct", "a.ply", "--voxelsize=1"}, "did you mean --voxel-size?"},

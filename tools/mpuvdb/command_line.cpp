@@ -77,7 +77,10 @@ std::optional<std::string> unknownWord(const CLI::App& root)
     }
     if (option == words.end()) return fmt::format("'{}' is one word too many", words.front());
     const std::string name = option->substr(0, option->find('='));
-    return fmt::format("unknown option {}{}", name, didYouMean(name, optionNames(app)));
+    const std::vector<std::string> known = optionNames(app);
+    if (std::find(known.begin(), known.end(), name) != known.end())
+        return fmt::format("{} stands before the verb: put it after", name);
+    return fmt::format("unknown option {}{}", name, didYouMean(name, known));
 }
 
 [[noreturn]] void throwUsage(const CLI::App& root, const std::string& parserMessage)
