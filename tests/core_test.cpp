@@ -1,4 +1,4 @@
-#include "lane_bits.h"
+#include "lanes.h"
 #include "union_find.h"
 
 #include <mpuvdb/error.h>

@@ -1,7 +1,7 @@
 #include "leaf_finder.h"
 
 #include <mpuvdb/clones.h>
-#include <mpuvdb/lane_bits.h>
+#include <mpuvdb/lanes.h>
 
 #include <cstring>
 

@@ -3,7 +3,7 @@
 
 #include <mpuvdb/clones.h>
 #include <mpuvdb/error.h>
-#include <mpuvdb/lane_bits.h>
+#include <mpuvdb/lanes.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/union_find.h>
 

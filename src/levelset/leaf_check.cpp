@@ -4,7 +4,7 @@
 
 #include <mpuvdb/clones.h>
 #include <mpuvdb/field.h>
-#include <mpuvdb/lane_bits.h>
+#include <mpuvdb/lanes.h>
 #include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>
@@ -31,25 +31,12 @@ constexpr int kPadded = kBlockDim + 2;
 /// The bits of a row that belong to the leaf itself.
 constexpr Row kInner = 0x1FE;
 
-template <typename Vector, typename Number>
-[[gnu::always_inline]] inline Vector load(const Number* from)
-{
-    Vector v;
-    std::memcpy(&v, from, sizeof v);
-    return v;
-}
-
-[[gnu::always_inline]] inline Lanes magnitude(const Lanes& v)
-{
-    return v < 0 ? -v : v;
-}
-
 [[gnu::always_inline]] inline Lanes squareRoot(const Lanes& v)
 {
     float a[kBlockDim];
     std::memcpy(a, &v, sizeof v);
     for (float& x : a) x = std::sqrt(x);
-    return load<Lanes>(a);
+    return lanesAt<Lanes>(a);
 }
 
 template <typename Visit>
@@ -133,8 +120,8 @@ private:
     {
         constexpr int kRest = kPadded - kBlockDim;
         const float* const values = mValue[x][y];
-        return Row(bitsOf(f(load<Lanes>(values))) | bitsOf(f(load<Lanes>(values + kRest)))
-                                                        << kRest);
+        return Row(bitsOf(f(lanesAt<Lanes>(values))) | bitsOf(f(lanesAt<Lanes>(values + kRest)))
+                                                           << kRest);
     }
 
     [[gnu::always_inline]] void markRow(int x, int y)
@@ -162,7 +149,7 @@ private:
     /// Rows (x,1) to (x,8) of the block shifted by an offset: bit z is the neighbour's.
     [[gnu::always_inline]] static Rows neighbours(const Bits& bits, int x, int dx, int dy, int dz)
     {
-        const Rows rows = load<Rows>(&bits[x + dx][1 + dy]);
+        const Rows rows = lanesAt<Rows>(&bits[x + dx][1 + dy]);
         return dz < 0 ? rows << 1 : dz > 0 ? rows >> 1 : rows;
     }
 
@@ -177,7 +164,8 @@ private:
 
     [[gnu::always_inline]] void judgeValues(int x, int y, FaultTallies& tallies) const
     {
-        const Lanes v = load<Lanes>(&mValue[x][y][1]), excess = magnitude(v) - mLimits.background;
+        const Lanes v = lanesAt<Lanes>(&mValue[x][y][1]),
+                    excess = magnitude(v) - mLimits.background;
         const Row active = mActive[x][y] >> 1 & 0xff;
         const Row beyond = ~Row(bitsOf(excess <= mLimits.tolerance)),
                   off = ~Row(bitsOf(magnitude(excess) <= mLimits.tolerance));
@@ -197,7 +185,8 @@ private:
     /// a tile is at fault for is noted at its neighbour.
     [[gnu::always_inline]] void judgeSigns(int x, FaultTallies& tallies) const
     {
-        const Rows active = load<Rows>(&mActive[x][1]), negative = load<Rows>(&mNegative[x][1]);
+        const Rows active = lanesAt<Rows>(&mActive[x][1]),
+                   negative = lanesAt<Rows>(&mNegative[x][1]);
         const auto changes = [&](int dx, int dy, int dz) {
             const Rows bothActive = active & neighbours(mActive, x, dx, dy, dz);
             const Rows mine = ~active | neighbours(mTile, x, dx, dy, dz);
@@ -217,7 +206,7 @@ private:
     /// one of distance d is at most d + l voxels from the surface.
     [[gnu::always_inline]] void judgeBand(int x, FaultTallies& tallies) const
     {
-        const Rows active = load<Rows>(&mActive[x][1]);
+        const Rows active = lanesAt<Rows>(&mActive[x][1]);
         Rows missing{};
         for (int dx = -1; dx <= 1; ++dx)
             for (int dy = -1; dy <= 1; ++dy)
@@ -226,7 +215,7 @@ private:
                     if (axes == 0) continue;
                     const Bits& near = mNear[axes - 1];
                     missing |= neighbours(near, x, dx, dy, dz) & ~active;
-                    missing |= load<Rows>(&near[x][1]) & neighbours(mTile, x, dx, dy, dz) &
+                    missing |= lanesAt<Rows>(&near[x][1]) & neighbours(mTile, x, dx, dy, dz) &
                                ~neighbours(mActive, x, dx, dy, dz);
                 }
         forEachInner(missing,
@@ -240,7 +229,7 @@ private:
         const Row active = mActive[x][y];
         if (!(active & kInner)) return;
         const auto valuesAt = [&](int dx, int dy, int dz) {
-            return load<Lanes>(&mValue[x + dx][y + dy][1 + dz]);
+            return lanesAt<Lanes>(&mValue[x + dx][y + dy][1 + dz]);
         };
         const auto activeAt = [&](int dx, int dy, int dz) {
             const Row row = mActive[x + dx][y + dy];

@@ -2,7 +2,7 @@
 #include "leaf_crossings.h"
 
 #include <mpuvdb/clones.h>
-#include <mpuvdb/lane_bits.h>
+#include <mpuvdb/lanes.h>
 
 #include <array>
 #include <cstdint>
@@ -19,13 +19,6 @@ using openvdb::Coord;
 
 constexpr int kDim = Leaf::DIM;
 using Lanes = float __attribute__((vector_size(4 * kDim)));
-
-[[gnu::always_inline]] inline Lanes rowAt(const float* p)
-{
-    Lanes v;
-    std::memcpy(&v, p, sizeof v);
-    return v;
-}
 
 /// Voxels of a leaf as its mask has them: word x, bit 8 y + z.
 using Words = std::array<std::uint64_t, kDim>;
@@ -51,13 +44,13 @@ LeafSigns signsOf(const UpperRim& values)
     LeafSigns signs;
     decltype(Lanes{} < 0) anyZero{};
     for (std::size_t row = 0; row < kDim * kDim; ++row) {
-        const Lanes v = rowAt(values.own + row * kDim);
+        const Lanes v = lanesAt<Lanes>(values.own + row * kDim);
         signs.inside[row / kDim] |= bitsOf(v < 0) << (row % kDim * kDim);
         anyZero |= v == 0;
     }
     if (bitsOf(anyZero))
         for (std::size_t row = 0; row < kDim * kDim; ++row)
-            signs.zero[row / kDim] |= bitsOf(rowAt(values.own + row * kDim) == 0)
+            signs.zero[row / kDim] |= bitsOf(lanesAt<Lanes>(values.own + row * kDim) == 0)
                                       << (row % kDim * kDim);
     // The neighbours' layers that touch this leaf.
     std::array<std::uint64_t, 3> tile;
@@ -70,10 +63,10 @@ LeafSigns signsOf(const UpperRim& values)
     if (values.beyond[0]) {
         layerX = 0;
         for (std::size_t y = 0; y < kDim; ++y)
-            layerX |= bitsOf(rowAt(values.beyond[0] + y * kDim) < 0) << (y * kDim);
+            layerX |= bitsOf(lanesAt<Lanes>(values.beyond[0] + y * kDim) < 0) << (y * kDim);
     }
     for (std::size_t x = 0; values.beyond[1] && x < kDim; ++x)
-        firstY[x] = bitsOf(rowAt(values.beyond[1] + x * kDim * kDim) < 0);
+        firstY[x] = bitsOf(lanesAt<Lanes>(values.beyond[1] + x * kDim * kDim) < 0);
     for (std::size_t x = 0; values.beyond[2] && x < kDim; ++x) {
         firstZ[x] = 0;
         for (std::size_t y = 0; y < kDim; ++y)

@@ -4,7 +4,7 @@
 #include "leaf_halo.h"
 
 #include <mpuvdb/clones.h>
-#include <mpuvdb/lane_bits.h>
+#include <mpuvdb/lanes.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/vec.h>
 
@@ -52,18 +52,6 @@ struct RowFlags {
 using Lanes = float __attribute__((vector_size(4 * kDim)));
 using Flags = int __attribute__((vector_size(4 * kDim)));
 
-[[gnu::always_inline]] inline Lanes rowAt(const float* p)
-{
-    Lanes v;
-    std::memcpy(&v, p, sizeof v);
-    return v;
-}
-
-[[gnu::always_inline]] inline Lanes magnitude(const Lanes& v)
-{
-    return v < 0 ? -v : v;
-}
-
 constexpr float kMissing = 0.3f; ///< a voxel belongs to the band if it is so much nearer, voxels
 
 /// The band's inactive voxels that a neighbour, by its value, puts well inside the band.
@@ -74,7 +62,7 @@ unsigned missingInRow(const float* row, float halfWidth)
 #pragma GCC unroll 27
     for (int n = 0; n < 27; ++n) {
         const int x = n / 9 - 1, y = n / 3 % 3 - 1, z = n % 3 - 1;
-        const Lanes u = magnitude(rowAt(row + (x * kHalo + y) * kHalo + z)) +
+        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * kHalo + y) * kHalo + z)) +
                         kLength[std::abs(x) + std::abs(y) + std::abs(z)];
         nearest = u < nearest ? u : nearest;
     }
@@ -86,11 +74,11 @@ MPUVDB_CLONES
 RowFlags examineRow(const float* row, float halfWidth)
 {
     constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
-    const Lanes v = rowAt(row), a = magnitude(v);
+    const Lanes v = lanesAt<Lanes>(row), a = magnitude(v);
     Lanes slope2{}, largestStep{};
     Flags crosses{};
     for (const int stride : kStride) {
-        const Lanes u0 = rowAt(row - stride), u1 = rowAt(row + stride);
+        const Lanes u0 = lanesAt<Lanes>(row - stride), u1 = lanesAt<Lanes>(row + stride);
         crosses |= ((u0 < 0) ^ (v < 0)) | ((u1 < 0) ^ (v < 0));
         const Lanes s0 = magnitude(u0 - v), s1 = magnitude(u1 - v);
         largestStep = s0 > largestStep ? s0 : largestStep;
@@ -106,7 +94,7 @@ RowFlags examineRow(const float* row, float halfWidth)
     for (const int dx : {-kStride[0], kStride[0]}) {
         for (const int dy : {-kStride[1], kStride[1]}) {
             for (const int dz : {-1, 1}) {
-                const Lanes u = magnitude(rowAt(row + dx + dy + dz));
+                const Lanes u = magnitude(lanesAt<Lanes>(row + dx + dy + dz));
                 highestCorner = u > highestCorner ? u : highestCorner;
             }
         }

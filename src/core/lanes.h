@@ -1,10 +1,25 @@
-// What comparisons of eight lanes say, as eight bits.
+// Vectors of several lanes, and what comparisons of eight of them say, as eight bits.
 #pragma once
 #include <cstdint>
 #include <cstring>
 
 namespace mpuvdb
 {
+
+/// As many numbers from @a from on as the vector has lanes.
+template <typename Vector, typename Number>
+[[gnu::always_inline]] inline Vector lanesAt(const Number* from)
+{
+    Vector v;
+    std::memcpy(&v, from, sizeof v);
+    return v;
+}
+
+template <typename Vector>
+[[gnu::always_inline]] inline Vector magnitude(const Vector& v)
+{
+    return v < 0 ? -v : v;
+}
 
 /// Bit n is set where lane n of @a flags, eight numbers that are 0 or -1 each, is -1. The same from
 /// every instruction set.
