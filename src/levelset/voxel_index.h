@@ -105,7 +105,8 @@ public:
             moveTo(voxel & ~(VoxelIndex::kDim - 1));
             side = {0, 0, 0};
         }
-        const Block* const block = mNear[std::size_t(side[0] * 9 + side[1] * 3 + side[2] + 13)];
+        const int near = side[0] * 9 + side[1] * 3 + side[2] + 13;
+        const Block* const block = mNear[std::size_t(near)];
         if (!block) return kNone;
         const std::uint32_t n = VoxelIndex::offset(voxel);
         const std::uint64_t word = block->voxels[n >> 6], bit = std::uint64_t(1) << (n & 63);
