@@ -83,6 +83,7 @@ public:
                });
     }
 
+    /// What the ball has filled outside both solids.
     Fill fill() const
     {
         const auto ball = std::size_t(4.0 / 3 * M_PI * double(mRadius) * mRadius * mRadius);
