@@ -5,6 +5,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/operations.h>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -215,6 +216,46 @@ TEST(Offset, ThereAndBackIsTheSame)
         const LevelSet back = offset(offset(start, 4 * kVoxel, progress), -4 * kVoxel, progress);
         expectErrors(
             back, [&](const Vec3d& p) { return exact->distance(p); }, 0.004, 0.12);
+    }
+}
+
+/// What two balls about (0, 0, -+c) have in common: its rim is an edge of any angle.
+struct Lens {
+    double radius, c;
+
+    double operator()(const Vec3d& p) const
+    {
+        const double across = std::hypot(p.x(), p.y()), z = std::abs(p.z());
+        const double ball = std::hypot(across, z + c) - radius;
+        // The place on the ball that is nearest to p is cut off beyond the rim.
+        const bool isCut = radius * (z + c) < c * std::hypot(across, z + c);
+        const double rim = std::sqrt(radius * radius - c * c);
+        return isCut && ball > 0 ? std::hypot(across - rim, z) : ball;
+    }
+};
+
+TEST(Offset, KeepsTheTipsOfAcuteEdges)
+{
+    for (const double degrees : {100.0, 70.0, 50.0, 35.0, 25.0}) {
+        SCOPED_TRACE(degrees);
+        const double half = 0.5 * degrees * M_PI / 180;
+        const double radius = 0.7 / std::sin(half), c = radius * std::cos(half);
+        const Lens lens{radius, c};
+        Progress progress;
+        const std::string ball = fmt::format("sphere({})", radius);
+        const LevelSet both = combine(Boolean::Intersection,
+                                      {sampled(fmt::format("translate({}, 0, 0, {})", ball, -c)),
+                                       sampled(fmt::format("translate({}, 0, 0, {})", ball, c))},
+                                      0, progress);
+        // The tip ends up to a voxel and more beyond where signs show it.
+        expectErrors(both, lens, 0.002, 0.05);
+        for (const double shift : {2.0, 4.0, 8.0}) {
+            SCOPED_TRACE(shift);
+            const LevelSet grown = offset(both, shift * kVoxel, progress);
+            expectErrors(
+                grown, [&](const Vec3d& p) { return lens(p) - shift * kVoxel; }, 0.05, 0.5);
+            expectSound(grown);
+        }
     }
 }
 

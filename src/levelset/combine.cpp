@@ -45,15 +45,15 @@ FloatTree::ConstPtr withBackground(const FloatGrid& grid, float background)
     return tree;
 }
 
-/// Cut a band to @a background: values from there on become inactive.
+/// Cut a band to @a background: values from there on become inactive, and those that are buried.
 void narrow(FloatTree& tree, float background, Progress& progress)
 {
-    const float least = background * (kBuried * (1 - 1e-6f));
+    const float buried = tree.background() * kBuried;
     openvdb::tree::LeafManager<FloatTree> leaves(tree);
     leaves.foreach ([&](Leaf& leaf, std::size_t) {
         progress.check();
         for (auto it = leaf.beginValueOn(); it; ++it)
-            if (!(std::abs(*it) < least))
+            if (!(std::abs(*it) < background) || std::abs(*it) == buried)
                 leaf.setValueOff(it.pos(), std::copysign(tree.background(), *it));
     });
     if (tree.background() != background) openvdb::tools::changeLevelSetBackground(tree, background);
@@ -101,9 +101,11 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
         const FloatTree::ConstPtr next = withBackground(solids[n].grid(), background);
         CsgTree result = csgTree(kind, *first, *next, voxelSize, blendRadius, progress);
         tree = std::move(result.tree);
-        if (result.doubtful) {
+        if (result.isFilletDoubtful) {
             restoreDistance(*tree, voxelSize, progress);
             narrow(*tree, background, progress);
+        } else {
+            restoreDistance(*tree, voxelSize, result.known, progress);
         }
         pruneBand(*tree);
         first = tree;

@@ -17,6 +17,8 @@ constexpr float kOpposed = 0.014f;
 constexpr float kParallel = 0.014f;
 /// A gradient shorter than this has no direction.
 constexpr float kLeastGradient = 0.3f;
+/// A gradient shorter than this is no distance's.
+constexpr float kLeastSlope = 0.95f;
 /// How far the first guess may lie beyond where the surfaces are buried: voxels, and parts of the
 /// distance to them, over which they may curve.
 constexpr float kGuessMargin = 0.3f, kCurving = 0.15f;
@@ -118,17 +120,19 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     }
     const float u = mRadius - a.value, v = mRadius - b.value;
     if ((a.gradient + b.gradient).squaredNorm() < kOpposed * kOpposed)
-        return {u + v > -kTouching ? Place::Buried : Place::Surface, 0};
+        return {u + v > -kTouching ? Place::Buried : Place::Surface, 0, false};
     const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
-    if (lengthA < kLeastGradient || lengthB < kLeastGradient) return {Place::Unknown, 0};
+    if (lengthA < kLeastGradient || lengthB < kLeastGradient) return {Place::Unknown, 0, false};
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
     if ((ga - gb).squaredNorm() < kParallel * kParallel) return {};
     const Multipliers guess(ga, gb, u, v);
     const float surfaces = std::max(u, v), margin = kGuessMargin + kCurving * surfaces;
-    if (guess.a < -margin || guess.b < -margin) return {};
+    // Where a solid's own faces meet, its gradient is none of theirs, and shorter.
+    const bool areSlopes = std::min(lengthA, lengthB) > kLeastSlope;
+    if (guess.a < -margin || guess.b < -margin) return {Place::Surface, 0, areSlopes};
     const Vec3f toCrease = guess.a * ga + guess.b * gb;
     const bool isFar = toCrease.norm() >= mReach + 2;
-    Answer answer{Place::Unknown, 0};
+    Answer answer{Place::Unknown, 0, false};
     if (!isFar) answer = follow(at, *readerA, *readerB, toCrease);
     if (answer.place == Place::Surface) return answer;
     // The crease is no nearer than the surfaces.
@@ -137,7 +141,7 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     if (!bothBuried(at, *readerA, *readerB, u * ga, v * gb)) return {};
     if (answer.place == Place::Crease) return answer;
     // What a ball's fillet covers may yet be outside.
-    return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0};
+    return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0, false};
 }
 
 /// From a first guess to the place on the crease that is nearest to the voxel: linearise both
@@ -146,7 +150,7 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
                                           const SolidReader& readerB, Vec3f toCrease) const
 {
     SolidReader::Sample a, b;
-    Answer nearest{Place::Unknown, 0};
+    Answer nearest{Place::Unknown, 0, false};
     float least = kNearCrease; // off either surface
     for (int step = 0; step < kMostSteps; ++step) {
         if (!readerA.interpolate(at, toCrease, a) || !readerB.interpolate(at, toCrease, b)) {
@@ -162,10 +166,12 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
         const float distance = toCrease.norm();
         if (off < least) {
             least = off;
-            nearest = {along.a > 0 && along.b > 0 ? Place::Crease : Place::Surface, distance};
+            nearest = {along.a > 0 && along.b > 0 ? Place::Crease : Place::Surface, distance,
+                       false};
         }
         if (off < kOnCrease && moved < kOnCrease + kSteady * distance) {
             nearest.distance = next.norm();
+            nearest.isSure = true;
             break;
         }
         toCrease = step < kFullSteps ? next : Vec3f(0.5f * (toCrease + next));

@@ -52,7 +52,8 @@ public:
     };
     struct Answer {
         Place place = Place::Surface;
-        float distance = 0; ///< to the crease
+        float distance = 0;  ///< to the crease
+        bool isSure = false; ///< if both solids' values are distances
     };
 
     /// @param radius  of the ball, 0 for the crease itself; @param reach  farthest distance asked.

@@ -27,7 +27,7 @@ using Facet = std::array<std::uint32_t, 4>; ///< numbers of cells, in a row
 /// Of the planes' normals, squared and summed: what decides a direction, relative to the largest.
 constexpr float kLeastSpread = 0.01f;
 /// Of a vertex outside its cell, voxels: the tip of an edge crosses none between voxels.
-constexpr float kBeyond = 1;
+constexpr float kBeyond = 3;
 constexpr float kMostTooNear = 0.1f; ///< of a vertex, voxels
 constexpr std::size_t kOften = 1 << 12;
 
@@ -109,10 +109,25 @@ private:
                 }
         }
         mCells.number();
+        supersedeZeros();
         if (std::uint64_t(mCells.count()) + mPatches.patches.size() >= VoxelIndex::kNone)
             throw LimitError("the surface crosses more voxels than can be numbered (4e9): use "
                              "larger voxels");
         mCellAt = mCells.voxels();
+    }
+
+    /// A voxel of value 0 may lie on the surface without an edge that crosses it: at a crease, what
+    /// its patch covers beyond that is none of the surface.
+    void supersedeZeros()
+    {
+        VoxelNumbers cells(mCells);
+        for (std::uint32_t n = 0; n < mPatches.patches.size(); ++n) {
+            if (n % kOften == 0) mProgress.check();
+            if (!mZone.isBeside(n) || mPatches.superseded[n]) continue;
+            for (int corner = 0; corner < 8 && !mPatches.superseded[n]; ++corner)
+                mPatches.superseded[n] =
+                    cells[mPatches.patches[n].voxel - cornerOf(corner)] != VoxelNumbers::kNone;
+        }
     }
 
     /// Where the surface crosses the edges of the cells.

@@ -63,25 +63,15 @@ public:
         if (!inBoth.isOff()) fillWedges(*a, *b, inBoth, leaf);
     }
 
-    /// Whether @a tree, the result, needs a look: also where it lacks a voxel whose crease is out
-    /// of reach, while another one, by its neighbours, is near.
-    bool isDoubtful(const FloatTree& tree) const
+    /// What is known, in order.
+    std::vector<KnownVoxels> known() const
     {
-        const openvdb::tree::ValueAccessor<const FloatTree> access(tree);
-        return mDoubtful || std::any_of(mCut.begin(), mCut.end(), [&](const openvdb::Coord& at) {
-                   for (int n = 0; n < 27; ++n) {
-                       const openvdb::Coord side(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-                       const float length = std::sqrt(float(side[0] * side[0] + side[1] * side[1] +
-                                                            side[2] * side[2])) +
-                                            kMissed;
-                       float value = 0;
-                       if (access.probeValue(at + side, value) &&
-                           std::abs(value) + length * mVoxelSize < mBackground)
-                           return true;
-                   }
-                   return false;
-               });
+        std::vector<KnownVoxels> inOrder(mKnown.begin(), mKnown.end());
+        std::sort(inOrder.begin(), inOrder.end(),
+                  [](const KnownVoxels& a, const KnownVoxels& b) { return a.origin < b.origin; });
+        return inOrder;
     }
+    bool isFilletDoubtful() const { return mIsFilletDoubtful; }
 
     /// What the ball has filled outside both solids.
     Fill fill() const
@@ -94,9 +84,6 @@ public:
     }
 
 private:
-    /// A voxel is missed if it is so much nearer than the band reaches, voxels.
-    static constexpr float kMissed = 0.3f;
-
     void mergeValues(const Leaf& a, const Leaf& b, Leaf& leaf) const
     {
         const float *const as = a.buffer().data(), *const bs = b.buffer().data();
@@ -120,6 +107,7 @@ private:
         const float highest = (mRadius + kTouching) * mVoxelSize;
         const CreaseFinder finder(SolidReader(mA, mSigns.a / mVoxelSize),
                                   SolidReader(mB, mSigns.b / mVoxelSize), mRadius, mReach);
+        KnownVoxels known{leaf.origin(), {}};
         for (auto it = inBoth.beginOn(); it; ++it) {
             const openvdb::Index i = it.pos();
             const float least = std::min(mSigns.a * a.getValue(i), mSigns.b * b.getValue(i));
@@ -127,10 +115,13 @@ private:
             CreaseFinder::Answer answer = finder.find(leaf.offsetToGlobalCoord(i));
             if (isFar(answer) && isBesideSurface(leaf.offsetToGlobalCoord(i)))
                 answer.place = CreaseFinder::Place::Unknown;
-            place(answer, i, leaf);
+            const bool isKnown = place(answer, i, leaf);
+            known.isDoubtful |= !isKnown;
+            known.exact.set(i, isKnown && answer.isSure);
             if (least >= 0 && mSigns.result * leaf.getValue(i) < 0)
                 mFilled.push_back(leaf.offsetToGlobalCoord(i));
         }
+        mKnown.push_back(known);
     }
 
     /// Whether the answer puts the surface of a sharp union more than a voxel off.
@@ -155,36 +146,35 @@ private:
         return false;
     }
 
-    void place(const CreaseFinder::Answer& answer, openvdb::Index voxel, Leaf& leaf) const
+    /// @return whether the value is known.
+    bool place(const CreaseFinder::Answer& answer, openvdb::Index voxel, Leaf& leaf) const
     {
+        using Place = CreaseFinder::Place;
+        if (answer.place == Place::Surface) return true;
         const float deepest = -mSigns.result * mBackground;
-        switch (answer.place) {
-        case CreaseFinder::Place::Surface:
-            return;
-        case CreaseFinder::Place::Crease:
-            if (answer.distance < mReach) {
-                leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
-                return;
-            }
-            leaf.setValueOff(voxel, deepest);
-            mCut.push_back(leaf.offsetToGlobalCoord(voxel));
-            return;
-        case CreaseFinder::Place::Buried:
-            // Active as yet: the surface may be next to it.
-            leaf.setValueOn(voxel, deepest * kBuried);
-            break;
-        case CreaseFinder::Place::Unknown:
-            break;
+        const bool isCrease = answer.place == Place::Crease,
+                   isBuried = answer.place == Place::Buried;
+        if (isCrease && answer.distance < mReach) {
+            leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
+            return true;
         }
-        mDoubtful = true;
+        if (isCrease || (isBuried && mRadius == 0)) {
+            leaf.setValueOff(voxel, deepest);
+        } else {
+            // Active as yet: the fillet may be next to it.
+            if (isBuried) leaf.setValueOn(voxel, deepest * kBuried);
+            if (mRadius > 0) mIsFilletDoubtful = true;
+        }
+        return false;
     }
 
     const FloatTree &mA, &mB;
     Signs mSigns;
     float mBackground, mVoxelSize; ///< world units
     float mRadius, mReach;         ///< voxels
-    mutable std::atomic<bool> mDoubtful{false};
-    mutable tbb::concurrent_vector<openvdb::Coord> mCut, mFilled; ///< in any order
+    mutable std::atomic<bool> mIsFilletDoubtful{false};
+    mutable tbb::concurrent_vector<KnownVoxels> mKnown;     ///< in any order
+    mutable tbb::concurrent_vector<openvdb::Coord> mFilled; ///< in any order
 };
 
 /// OpenVDB's merge of nodes and tiles, with leaves of our own, and stoppable.
@@ -240,7 +230,7 @@ CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double vox
         break;
     }
     const bool isMended = mendFill(*tree, leaves.fill(), progress);
-    return {tree, isMended || leaves.isDoubtful(*tree)};
+    return {tree, leaves.known(), isMended || leaves.isFilletDoubtful()};
 }
 
 } // namespace mpuvdb

@@ -1,6 +1,10 @@
 // Two level sets' trees as one, with a distance about the creases.
 #pragma once
+#include "restore_distance.h"
+
 #include <mpuvdb/operations.h>
+
+#include <vector>
 
 namespace mpuvdb
 {
@@ -8,11 +12,13 @@ namespace mpuvdb
 /// What stands for the background, as parts of it, in active voxels whose surfaces are buried.
 constexpr float kBuried = 1 - 1e-4f;
 
-/// A tree, and whether restoreDistance() has to look at it; then values from kBuried on are to be
-/// cut.
 struct CsgTree {
     openvdb::FloatTree::Ptr tree;
-    bool doubtful = false;
+    /// For restoreDistance(), in order.
+    std::vector<KnownVoxels> known;
+    /// Whether that has to look at all voxels instead, for a fillet may err; then buried values
+    /// are to be cut.
+    bool isFilletDoubtful = false;
 };
 
 /// The Boolean of two narrow bands on one lattice with backgrounds of the same size, not pruned.

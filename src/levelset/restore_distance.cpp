@@ -45,6 +45,7 @@ constexpr float kTip = 0.5f, kBelowAtTip = 0.5f;
 /// What is to be said of eight voxels in a row: one bit each.
 struct RowFlags {
     unsigned doubtful = 0;      ///< if active: the value cannot be trusted
+    unsigned flat = 0;          ///< if active: nor this one, but at the tip of an edge
     unsigned cornerMissing = 0; ///< if active: the band lacks a corner neighbour
     unsigned missing = 0;       ///< if inactive: neighbours are so near to zero that it belongs
 };
@@ -89,7 +90,7 @@ RowFlags examineRow(const float* row, float halfWidth)
     }
     const Lanes perVoxel = kLeastSlopePerVoxel * a;
     const Lanes least = perVoxel < kLeastSlope ? perVoxel : Lanes{} + kLeastSlope;
-    const Flags wrongSlope = (slope2 < least * least) | (slope2 > kMostSlope * kMostSlope);
+    const Flags isSteep = slope2 > kMostSlope * kMostSlope;
     Lanes highestCorner{};
     for (const int dx : {-kStride[0], kStride[0]}) {
         for (const int dy : {-kStride[1], kStride[1]}) {
@@ -101,7 +102,8 @@ RowFlags examineRow(const float* row, float halfWidth)
     }
     const float deep = halfWidth - kMissing - kDiagonal, outside = halfWidth * (1 - 1e-5f);
     RowFlags flags;
-    flags.doubtful = unsigned(bitsOf((largestStep > kStep) | (~crosses & wrongSlope)));
+    flags.doubtful = unsigned(bitsOf((largestStep > kStep) | (~crosses & isSteep)));
+    flags.flat = unsigned(bitsOf(~crosses & (slope2 < least * least)));
     flags.cornerMissing = unsigned(bitsOf((a < deep) & (highestCorner >= outside)));
     return flags;
 }
@@ -118,20 +120,31 @@ public:
 
     std::uint64_t run()
     {
-        std::vector<Leaf*> work;
-        mTree.getNodes(work);
+        std::vector<Leaf*> all;
+        mTree.getNodes(all);
+        return run(std::move(all));
+    }
+
+    std::uint64_t run(const std::vector<KnownVoxels>& known)
+    {
+        mKnown = &known;
+        LeafSet origins;
+        for (const KnownVoxels& leaf : known) {
+            if (!leaf.isDoubtful) continue;
+            addLeavesAround(leaf.origin, origins);
+            addLeavesAround(leaf.origin.offsetBy(kDim - 1), origins);
+        }
+        return run(leavesAt(origins));
+    }
+
+private:
+    std::uint64_t run(std::vector<Leaf*> work)
+    {
         std::uint64_t changed = 0;
-        bool first = true;
         while (!work.empty()) {
             std::vector<std::vector<Examined>> found(work.size());
             forEach(work, [&](std::size_t n) { found[n] = examine(*work[n]); });
-            if (first) {
-                const bool sound = std::all_of(found.begin(), found.end(),
-                                               [](const auto& f) { return f.empty(); });
-                if (sound) return 0;
-                collectCrossings();
-                first = false;
-            }
+            collectCrossings(found);
             forEach(work, [&](std::size_t n) {
                 for (Examined& voxel : found[n]) voxel.distance = nearestCrossing(voxel.at);
             });
@@ -140,7 +153,6 @@ public:
         return changed;
     }
 
-private:
     struct HashCoord {
         std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
     };
@@ -167,16 +179,18 @@ private:
         openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
         Halo halo;
         halo.load(access, leaf, 1 / mVoxelSize);
+        const Leaf::NodeMaskType exact = exactIn(leaf.origin());
         std::vector<Examined> found;
         for (int x = 0; x < kDim; ++x) {
             for (int y = 0; y < kDim; ++y) {
                 const int row = Halo::index(x + 1, y + 1, 1);
                 const float* const values = &halo.value[row];
-                const unsigned active =
-                    leaf.getValueMask().getWord<std::uint8_t>(openvdb::Index(x * kDim + y));
+                const auto inLeaf = openvdb::Index(x * kDim + y);
+                const unsigned active = leaf.getValueMask().getWord<std::uint8_t>(inLeaf);
                 RowFlags flags;
                 if (active != 0) flags = examineRow(values, mHalfWidth);
                 if (active != 0xff) flags.missing = missingInRow(values, mHalfWidth);
+                flags.doubtful |= flags.flat & ~unsigned(exact.getWord<std::uint8_t>(inLeaf));
                 flags.doubtful &= active;
                 flags.cornerMissing &= active;
                 flags.missing &= ~active;
@@ -233,6 +247,17 @@ private:
         }
     }
 
+    /// Which voxels of a leaf are known to be exact.
+    Leaf::NodeMaskType exactIn(const Coord& origin) const
+    {
+        if (!mKnown) return {};
+        const auto found = std::lower_bound(
+            mKnown->begin(), mKnown->end(), origin,
+            [](const KnownVoxels& leaf, const Coord& place) { return leaf.origin < place; });
+        if (found == mKnown->end() || found->origin != origin) return {};
+        return found->exact;
+    }
+
     bool isSettled(const Coord& at) const
     {
         const auto found = mSettled.find(at & ~7);
@@ -260,19 +285,30 @@ private:
         found.push_back({at, 0});
     }
 
-    void collectCrossings()
+    /// Those that may be nearest to what was found.
+    void collectCrossings(const std::vector<std::vector<Examined>>& found)
     {
-        std::vector<const Leaf*> leaves;
-        const openvdb::FloatTree& tree = mTree;
-        tree.getNodes(leaves);
+        LeafSet homes, wanted;
+        for (const auto& voxels : found)
+            for (const Examined& voxel : voxels) homes.insert(voxel.at & ~7);
+        for (const Coord& home : homes)
+            forEachWithinReach(home, [&](const Coord& origin) {
+                if (!mCrossings.count(origin)) wanted.insert(origin);
+            });
+        const std::vector<Leaf*> leaves = leavesAt(wanted);
         std::vector<Crossings> crossings(leaves.size());
-        tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
-            if (n % 1024 == 0) mProgress.check();
-            crossings[n] = crossingsOf(mTree, *leaves[n]);
-        });
+        forEach(leaves, [&](std::size_t n) { crossings[n] = crossingsOf(mTree, *leaves[n]); });
         for (std::size_t n = 0; n < leaves.size(); ++n)
-            if (!crossings[n].empty())
-                mCrossings.emplace(leaves[n]->origin(), std::move(crossings[n]));
+            mCrossings.emplace(leaves[n]->origin(), std::move(crossings[n]));
+    }
+
+    template <typename F>
+    void forEachWithinReach(const Coord& home, F f) const
+    {
+        for (int x = -mReach; x <= mReach; ++x)
+            for (int y = -mReach; y <= mReach; ++y)
+                for (int z = -mReach; z <= mReach; ++z)
+                    f(home + Coord(x * kDim, y * kDim, z * kDim));
     }
 
     /// Distance from a voxel to the nearest crossing, voxels; the half-width if none is nearer.
@@ -280,23 +316,20 @@ private:
     {
         const Coord home = at & ~7;
         float best2 = mHalfWidth * mHalfWidth;
-        for (int bx = -mReach; bx <= mReach; ++bx)
-            for (int by = -mReach; by <= mReach; ++by)
-                for (int bz = -mReach; bz <= mReach; ++bz) {
-                    const Coord origin = home + Coord(bx * kDim, by * kDim, bz * kDim);
-                    const Coord r = at - origin;
-                    float gap2 = 0; // to the leaf's voxels and the edges that start there
-                    for (int axis = 0; axis < 3; ++axis) {
-                        const float gap = float(std::max({0, -r[axis], r[axis] - kDim}));
-                        gap2 += gap * gap;
-                    }
-                    if (gap2 >= best2) continue;
-                    const auto found = mCrossings.find(origin);
-                    if (found == mCrossings.end()) continue;
-                    const Vec3f here = toVec(r);
-                    for (const Vec3f& p : found->second)
-                        best2 = std::min(best2, (p - here).squaredNorm());
-                }
+        forEachWithinReach(home, [&](const Coord& origin) {
+            const Coord r = at - origin;
+            float gap2 = 0; // to the leaf's voxels and the edges that start there
+            for (int axis = 0; axis < 3; ++axis) {
+                const float gap = float(std::max({0, -r[axis], r[axis] - kDim}));
+                gap2 += gap * gap;
+            }
+            if (gap2 >= best2) return;
+            const auto crossings = mCrossings.find(origin);
+            if (crossings == mCrossings.end()) return;
+            const Vec3f here = toVec(r);
+            for (const Vec3f& p : crossings->second)
+                best2 = std::min(best2, (p - here).squaredNorm());
+        });
         return std::sqrt(best2);
     }
 
@@ -331,10 +364,17 @@ private:
                 addLeavesAround(voxel.at, touched);
             }
         }
-        std::vector<Coord> origins(touched.begin(), touched.end());
-        std::sort(origins.begin(), origins.end());
+        return leavesAt(touched);
+    }
+
+    /// Those of the leaves that there are, in order.
+    std::vector<Leaf*> leavesAt(const LeafSet& origins)
+    {
+        std::vector<Coord> inOrder(origins.begin(), origins.end());
+        std::sort(inOrder.begin(), inOrder.end());
+        openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
         std::vector<Leaf*> leaves;
-        for (const Coord& origin : origins)
+        for (const Coord& origin : inOrder)
             if (Leaf* leaf = access.probeLeaf(origin)) leaves.push_back(leaf);
         return leaves;
     }
@@ -357,6 +397,7 @@ private:
 
     openvdb::FloatTree& mTree;
     Progress& mProgress;
+    const std::vector<KnownVoxels>* mKnown = nullptr;
     float mVoxelSize, mHalfWidth; ///< world units; voxels
     int mReach;                   ///< leaves around a voxel's own that the band reaches
     std::unordered_map<Coord, Crossings, HashCoord> mCrossings; ///< by leaf origin
@@ -369,6 +410,12 @@ private:
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
 {
     return Restorer(tree, voxelSize, progress).run();
+}
+
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
+                              const std::vector<KnownVoxels>& known, Progress& progress)
+{
+    return Restorer(tree, voxelSize, progress).run(known);
 }
 
 } // namespace mpuvdb

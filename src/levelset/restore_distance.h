@@ -3,6 +3,7 @@
 #include <openvdb/openvdb.h>
 
 #include <cstdint>
+#include <vector>
 
 namespace mpuvdb
 {
@@ -15,5 +16,17 @@ class Progress;
 /// crosses, stay as they are. Returns the number of voxels changed.
 /// @param voxelSize  world units.
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progress& progress);
+
+/// What is known of the voxels of one leaf.
+struct KnownVoxels {
+    openvdb::Coord origin;
+    openvdb::FloatTree::LeafNodeType::NodeMaskType exact; ///< tips of edges among them
+    bool isDoubtful = false;                              ///< whether others may be wrong
+};
+
+/// The same in and about the doubtful leaves, and from there as far as values change.
+/// @param known  leaves by origin, in order.
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
+                              const std::vector<KnownVoxels>& known, Progress& progress);
 
 } // namespace mpuvdb
