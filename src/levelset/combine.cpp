@@ -47,15 +47,14 @@ FloatTree::ConstPtr withBackground(const FloatGrid& grid, float background)
     return tree;
 }
 
-/// Cut a band to @a background: values from there on become inactive, and those that are buried.
+/// Cut a band to @a background: values from there on become inactive.
 void narrow(FloatTree& tree, float background, Progress& progress)
 {
-    const float buried = tree.background() * kBuried;
     openvdb::tree::LeafManager<FloatTree> leaves(tree);
     leaves.foreach ([&](Leaf& leaf, std::size_t) {
         progress.check();
         for (auto it = leaf.beginValueOn(); it; ++it)
-            if (!(std::abs(*it) < background) || std::abs(*it) == buried)
+            if (!(std::abs(*it) < background))
                 leaf.setValueOff(it.pos(), std::copysign(tree.background(), *it));
     });
     if (tree.background() != background) openvdb::tools::changeLevelSetBackground(tree, background);
@@ -105,9 +104,8 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
         tree = std::move(result.tree);
         if (result.isFilletDoubtful) {
             // Values made anew move crossings that others were measured to.
-            for (int n = 0; n < kMostRestored && restoreDistance(*tree, voxelSize, progress) > 0;
-                 ++n)
-                narrow(*tree, background, progress);
+            for (int turn = 0; turn < kMostRestored; ++turn)
+                if (restoreDistance(*tree, voxelSize, progress) == 0) break;
         } else {
             restoreDistance(*tree, voxelSize, result.known, progress);
         }

@@ -118,27 +118,32 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
         std::swap(a, b);
         std::swap(readerA, readerB);
     }
+    const Answer unknown{Place::Unknown, 0, false};
     const float u = mRadius - a.value, v = mRadius - b.value;
     if ((a.gradient + b.gradient).squaredNorm() < kOpposed * kOpposed)
         return {u + v > -kTouching ? Place::Buried : Place::Surface, 0, false};
     const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
-    if (lengthA < kLeastGradient || lengthB < kLeastGradient) return {Place::Unknown, 0, false};
+    if (lengthA < kLeastGradient || lengthB < kLeastGradient) return unknown;
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
-    if ((ga - gb).squaredNorm() < kParallel * kParallel) return {};
+    const auto surface = [&](bool isSure) {
+        return hasRoom(at, *readerA, *readerB, u * ga) ? Answer{Place::Surface, 0, isSure}
+                                                       : unknown;
+    };
+    if ((ga - gb).squaredNorm() < kParallel * kParallel) return surface(false);
     const Multipliers guess(ga, gb, u, v);
     const float surfaces = std::max(u, v), margin = kGuessMargin + kCurving * surfaces;
     // Where a solid's own faces meet, its gradient is none of theirs, and shorter.
-    const bool areSlopes = std::min(lengthA, lengthB) > kLeastSlope;
-    if (guess.a < -margin || guess.b < -margin) return {Place::Surface, 0, areSlopes};
+    if (guess.a < -margin || guess.b < -margin)
+        return surface(std::min(lengthA, lengthB) > kLeastSlope);
     const Vec3f toCrease = guess.a * ga + guess.b * gb;
     const bool isFar = toCrease.norm() >= mReach + 2;
-    Answer answer{Place::Unknown, 0, false};
+    Answer answer = unknown;
     if (!isFar) answer = follow(at, *readerA, *readerB, toCrease);
-    if (answer.place == Place::Surface) return answer;
+    if (answer.place == Place::Surface) return surface(answer.isSure);
     // The crease is no nearer than the surfaces.
     answer.distance = std::max(answer.distance, surfaces);
     if (answer.place == Place::Crease && answer.distance < surfaces + kLittleFarther) return answer;
-    if (!bothBuried(at, *readerA, *readerB, u * ga, v * gb)) return {};
+    if (!bothBuried(at, *readerA, *readerB, u * ga, v * gb)) return surface(false);
     if (answer.place == Place::Crease) return answer;
     // What a ball's fillet covers may yet be outside.
     return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0, false};
@@ -178,6 +183,16 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
         if (!(toCrease.squaredNorm() < 4 * (mReach + 2) * (mReach + 2))) break;
     }
     return nearest;
+}
+
+/// Whether a ball has room where it touches the surface @a a, the nearer; a point always has.
+bool CreaseFinder::hasRoom(const Coord& at, const SolidReader& a, const SolidReader& b,
+                           const Vec3f& toCentre) const
+{
+    if (mRadius == 0 || a.valueAt(at) >= mRadius) return true;
+    SolidReader::Sample touched, other;
+    return a.interpolate(at, toCentre, touched) && b.interpolate(at, toCentre, other) &&
+           std::abs(touched.value - mRadius) < kNearCrease && other.value >= mRadius - kDepth;
 }
 
 /// Whether the nearest places of both surfaces (a ball's radius off) lie inside the other solid.

@@ -69,6 +69,8 @@ private:
     struct Multipliers;
     Answer follow(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
                   Vec3f toCrease) const;
+    bool hasRoom(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
+                 const Vec3f& toCentre) const;
     bool bothBuried(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
                     const Vec3f& toA, const Vec3f& toB) const;
 

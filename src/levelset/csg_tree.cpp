@@ -1,5 +1,6 @@
 #include "csg_tree.h"
 
+#include "ball_centres.h"
 #include "crease.h"
 #include "fill_specks.h"
 
@@ -9,9 +10,9 @@
 #include <openvdb/tree/NodeManager.h>
 
 #include <tbb/concurrent_vector.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 
 namespace mpuvdb
@@ -19,6 +20,7 @@ namespace mpuvdb
 namespace
 {
 
+using openvdb::Coord;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
@@ -39,6 +41,11 @@ Signs signsOf(Boolean kind)
     }
     return {-1, 1, -1};
 }
+
+struct LeafVoxels {
+    Coord origin;
+    Leaf::NodeMaskType voxels;
+};
 
 /// Leaves of which both trees have one.
 class LeafCombiner
@@ -71,13 +78,33 @@ public:
                   [](const KnownVoxels& a, const KnownVoxels& b) { return a.origin < b.origin; });
         return inOrder;
     }
-    bool isFilletDoubtful() const { return mIsFilletDoubtful; }
+    bool isFilletDoubtful() const { return !mUnsettled.empty(); }
+
+    /// Give the voxels of a fillet that no crease tells the distance to what is the nearest place
+    /// for the ball of all.
+    void settleFillet(FloatTree& tree, Progress& progress) const
+    {
+        if (mUnsettled.empty()) return;
+        std::vector<Coord> origins;
+        for (const LeafVoxels& leaf : mUnsettled) origins.push_back(leaf.origin);
+        const BallCentres::Solid a{mA, mSigns.a / mVoxelSize}, b{mB, mSigns.b / mVoxelSize};
+        const auto centres = [&](const BallCentres::Solid& one, const BallCentres::Solid& other) {
+            return BallCentres(one, other, mRadius, mReach, origins, progress);
+        };
+        const BallCentres beside[] = {centres(a, a), centres(b, b)}, between = centres(a, b);
+        tbb::parallel_for(std::size_t(0), mUnsettled.size(), [&](std::size_t n) {
+            progress.check();
+            Leaf& leaf = *tree.probeLeaf(mUnsettled[n].origin);
+            for (auto it = mUnsettled[n].voxels.beginOn(); it; ++it)
+                settle(beside, between, it.pos(), leaf);
+        });
+    }
 
     /// What the ball has filled outside both solids.
     Fill fill() const
     {
         const auto ball = std::size_t(4.0 / 3 * M_PI * double(mRadius) * mRadius * mRadius);
-        return {{mFilled.begin(), mFilled.end()}, ball, [this](const openvdb::Coord& at) {
+        return {{mFilled.begin(), mFilled.end()}, ball, [this](const Coord& at) {
                     const float u = mSigns.a * mA.getValue(at), v = mSigns.b * mB.getValue(at);
                     return std::max(u, v) < mRadius * mVoxelSize;
                 }};
@@ -108,6 +135,7 @@ private:
         const CreaseFinder finder(SolidReader(mA, mSigns.a / mVoxelSize),
                                   SolidReader(mB, mSigns.b / mVoxelSize), mRadius, mReach);
         KnownVoxels known{leaf.origin(), {}};
+        LeafVoxels unsettled{leaf.origin(), {}};
         for (auto it = inBoth.beginOn(); it; ++it) {
             const openvdb::Index i = it.pos();
             const float least = std::min(mSigns.a * a.getValue(i), mSigns.b * b.getValue(i));
@@ -116,12 +144,15 @@ private:
             if (isFar(answer) && isBesideSurface(leaf.offsetToGlobalCoord(i)))
                 answer.place = CreaseFinder::Place::Unknown;
             const bool isKnown = place(answer, i, leaf);
+            if (!isKnown && mRadius > 0 && answer.place != CreaseFinder::Place::Crease)
+                unsettled.voxels.setOn(i);
             known.isDoubtful |= !isKnown;
             known.exact.set(i, isKnown && answer.isSure);
             if (least >= 0 && mSigns.result * leaf.getValue(i) < 0)
                 mFilled.push_back(leaf.offsetToGlobalCoord(i));
         }
         mKnown.push_back(known);
+        if (!unsettled.voxels.isOff()) mUnsettled.push_back(unsettled);
     }
 
     /// Whether the answer puts the surface of a sharp union more than a voxel off.
@@ -133,12 +164,12 @@ private:
     }
 
     /// Whether a voxel inside the union has a neighbour outside, and not where two solids touch.
-    bool isBesideSurface(const openvdb::Coord& at) const
+    bool isBesideSurface(const Coord& at) const
     {
         const float touching = kTouching * mVoxelSize;
         const openvdb::tree::ValueAccessor<const FloatTree> a(mA), b(mB);
         for (int n = 0; n < 6; ++n) {
-            openvdb::Coord side = at;
+            Coord side = at;
             side[n / 2] += n % 2 ? 1 : -1;
             if (std::min(mSigns.a * a.getValue(side), mSigns.b * b.getValue(side)) > touching)
                 return true;
@@ -158,23 +189,37 @@ private:
             leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
             return true;
         }
-        if (isCrease || (isBuried && mRadius == 0)) {
-            leaf.setValueOff(voxel, deepest);
-        } else {
-            // Active as yet: the fillet may be next to it.
-            if (isBuried) leaf.setValueOn(voxel, deepest * kBuried);
-            if (mRadius > 0) mIsFilletDoubtful = true;
-        }
+        if (isCrease || (isBuried && mRadius == 0)) leaf.setValueOff(voxel, deepest);
         return false;
+    }
+
+    /// The ball also bridges the hollows of either solid alone: only by how much farther it keeps
+    /// off both is the fillet's.
+    void settle(const BallCentres (&beside)[2], const BallCentres& between, openvdb::Index voxel,
+                Leaf& leaf) const
+    {
+        const Coord at = leaf.offsetToGlobalCoord(voxel);
+        const float least = std::min(mSigns.a * mA.getValue(at), mSigns.b * mB.getValue(at));
+        const float both = between.distanceFrom(at);
+        if (both <= mRadius - least / mVoxelSize) return; // the sharp value holds
+        const float farther =
+            both - std::max(beside[0].distanceFrom(at), beside[1].distanceFrom(at));
+        if (!(farther > 0)) return;
+        const float value = least - farther * mVoxelSize;
+        if (value > -mBackground)
+            leaf.setValueOn(voxel, mSigns.result * value);
+        else
+            leaf.setValueOff(voxel, -mSigns.result * mBackground);
+        if (least >= 0 && value < 0) mFilled.push_back(at);
     }
 
     const FloatTree &mA, &mB;
     Signs mSigns;
-    float mBackground, mVoxelSize; ///< world units
-    float mRadius, mReach;         ///< voxels
-    mutable std::atomic<bool> mIsFilletDoubtful{false};
-    mutable tbb::concurrent_vector<KnownVoxels> mKnown;     ///< in any order
-    mutable tbb::concurrent_vector<openvdb::Coord> mFilled; ///< in any order
+    float mBackground, mVoxelSize;                         ///< world units
+    float mRadius, mReach;                                 ///< voxels
+    mutable tbb::concurrent_vector<KnownVoxels> mKnown;    ///< in any order
+    mutable tbb::concurrent_vector<LeafVoxels> mUnsettled; ///< of a fillet, in any order
+    mutable tbb::concurrent_vector<Coord> mFilled;         ///< in any order
 };
 
 /// OpenVDB's merge of nodes and tiles, with leaves of our own, and stoppable.
@@ -229,6 +274,7 @@ CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double vox
         mergeInto<CsgDifferenceOp<FloatTree>>(*tree, b, leaves, progress);
         break;
     }
+    leaves.settleFillet(*tree, progress);
     const bool isMended = mendFill(*tree, leaves.fill(), progress);
     return {tree, leaves.known(), isMended || leaves.isFilletDoubtful()};
 }

@@ -9,15 +9,11 @@
 namespace mpuvdb
 {
 
-/// What stands for the background, as parts of it, in active voxels whose surfaces are buried.
-constexpr float kBuried = 1 - 1e-4f;
-
 struct CsgTree {
     openvdb::FloatTree::Ptr tree;
     /// For restoreDistance(), in order.
     std::vector<KnownVoxels> known;
-    /// Whether that has to look at all voxels instead, for a fillet may err; then buried values
-    /// are to be cut.
+    /// Whether that has to look at all voxels instead, for a fillet may err.
     bool isFilletDoubtful = false;
 };
 

@@ -1,0 +1,149 @@
+#include "ball_centres.h"
+
+#include <mpuvdb/progress.h>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <unordered_set>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using openvdb::FloatTree;
+
+constexpr int kDim = FloatTree::LeafNodeType::DIM, kHalo = kDim + 2;
+constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
+constexpr float kExtent = 0.9f;        ///< how far the boundary is flat about a place
+constexpr float kLeastGradient = 0.7f; ///< a shorter one is of two surfaces
+
+Vec3f toVec(const Coord& c)
+{
+    return {float(c[0]), float(c[1]), float(c[2])};
+}
+
+} // namespace
+
+/// The places in one leaf.
+class BallCentres::Reader
+{
+public:
+    Reader(const Solid& a, const Solid& b, float radius)
+        : mA(a.tree), mB(b.tree), mScaleA(a.scale), mScaleB(b.scale), mRadius(radius)
+    {
+    }
+
+    std::vector<Place> placesIn(const Coord& origin)
+    {
+        std::vector<Place> places;
+        if (!mA.probeConstLeaf(origin) && !mB.probeConstLeaf(origin)) return places;
+        load(origin);
+        for (int x = 0; x < kDim; ++x)
+            for (int y = 0; y < kDim; ++y)
+                for (int z = 0; z < kDim; ++z) addPlaces(Coord(x, y, z), places);
+        return places;
+    }
+
+private:
+    /// How much more room than the ball needs there is at the leaf's voxels and around them.
+    void load(const Coord& origin)
+    {
+        float* room = mRoom.data();
+        for (int x = -1; x <= kDim; ++x)
+            for (int y = -1; y <= kDim; ++y)
+                for (int z = -1; z <= kDim; ++z) {
+                    const Coord at = origin.offsetBy(x, y, z);
+                    *room++ =
+                        std::min(mScaleA * mA.getValue(at), mScaleB * mB.getValue(at)) - mRadius;
+                }
+    }
+
+    void addPlaces(const Coord& voxel, std::vector<Place>& places) const
+    {
+        const int in = (voxel[0] + 1) * kStride[0] + (voxel[1] + 1) * kStride[1] + voxel[2] + 1;
+        const float* const here = &mRoom[std::size_t(in)];
+        for (int axis = 0; axis < 3; ++axis) {
+            const float next = here[kStride[axis]];
+            if ((*here < 0) == (next < 0)) continue;
+            Place place{toVec(voxel), Vec3f::Zero()};
+            place.point[axis] += *here / (*here - next);
+            Vec3f gradient;
+            for (int k = 0; k < 3; ++k) gradient[k] = 0.5f * (here[kStride[k]] - here[-kStride[k]]);
+            const float length = gradient.norm();
+            if (length > kLeastGradient) place.normal = gradient / length;
+            places.push_back(place);
+        }
+    }
+
+    openvdb::tree::ValueAccessor<const FloatTree> mA, mB;
+    float mScaleA, mScaleB, mRadius;
+    std::array<float, std::size_t(kHalo) * kHalo * kHalo> mRoom;
+};
+
+BallCentres::BallCentres(const Solid& a, const Solid& b, float radius, float reach,
+                         const std::vector<Coord>& origins, Progress& progress)
+    : mReach(reach)
+{
+    const int leaves = (int(std::ceil(reach)) + kDim - 1) / kDim;
+    for (int x = -leaves; x <= leaves; ++x)
+        for (int y = -leaves; y <= leaves; ++y)
+            for (int z = -leaves; z <= leaves; ++z)
+                mAround.push_back(Coord(x * kDim, y * kDim, z * kDim));
+    std::stable_sort(mAround.begin(), mAround.end(), [](const Coord& l, const Coord& r) {
+        return toVec(l).squaredNorm() < toVec(r).squaredNorm();
+    });
+    std::unordered_set<Coord, HashCoord> wanted;
+    for (const Coord& origin : origins) {
+        progress.check();
+        for (const Coord& around : mAround) wanted.insert(origin + around);
+    }
+    const std::vector<Coord> at(wanted.begin(), wanted.end());
+    std::vector<std::vector<Place>> found(at.size());
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, at.size(), 16),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
+                          Reader reader(a, b, radius);
+                          for (std::size_t n = range.begin(); n < range.end(); ++n)
+                              found[n] = reader.placesIn(at[n]);
+                      });
+    for (std::size_t n = 0; n < at.size(); ++n)
+        if (!found[n].empty()) mPlaces.emplace(at[n], std::move(found[n]));
+}
+
+float BallCentres::distanceFrom(const Coord& voxel) const
+{
+    const Coord home = voxel & ~(kDim - 1);
+    float best = mReach;
+    for (const Coord& around : mAround) {
+        const Coord origin = home + around, r = voxel - origin;
+        float gap2 = 0; // to the leaf's voxels and the edges that start there
+        for (int axis = 0; axis < 3; ++axis) {
+            const auto gap = float(std::max({0, -r[axis], r[axis] - kDim}));
+            gap2 += gap * gap;
+        }
+        const float farthest2 = (best + kExtent) * (best + kExtent);
+        if (gap2 >= farthest2) continue;
+        const auto places = mPlaces.find(origin);
+        if (places == mPlaces.end()) continue;
+        const Vec3f here = toVec(r);
+        for (const Place& place : places->second) {
+            const Vec3f to = here - place.point;
+            const float length2 = to.squaredNorm();
+            if (length2 >= farthest2) continue;
+            const float along = place.normal.dot(to);
+            const float aside = std::sqrt(std::max(length2 - along * along, 0.0f));
+            const bool isFlat = place.normal != Vec3f::Zero();
+            best = std::min(best, isFlat ? std::hypot(along, std::max(aside - kExtent, 0.0f))
+                                         : std::sqrt(length2));
+        }
+    }
+    return best;
+}
+
+} // namespace mpuvdb
