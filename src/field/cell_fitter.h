@@ -303,20 +303,13 @@ private:
     int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps,
                     std::size_t most)
     {
-        mStepConfidence.assign(std::size_t(steps) + 1, 0.0);
-        mStepCount.assign(std::size_t(steps) + 1, 0);
-        const Vec3f c = centre.cast<float>();
-        const auto reach = float(radius * (1 + kGrowth * steps));
-        const auto perStep = float(1 / (kGrowth * radius));
+        if (batch.size() < std::size_t(mFit.minPoints)) return 0; // no confidence is above 1
+        mStepConfidence.assign(std::size_t(steps) + 2, 0.0);
+        mStepCount.assign(std::size_t(steps) + 2, 0);
+        const auto& shells = mFilter.shells(batch, centre, radius, kGrowth * radius, steps);
         for (std::size_t i = 0; i < batch.size(); ++i) {
-            const float dx = batch.x[i] - c[0], dy = batch.y[i] - c[1], dz = batch.z[i] - c[2];
-            const float d2 = dx * dx + dy * dy + dz * dz;
-            if (d2 >= reach * reach) continue;
-            // The step whose ball is the first to hold the point.
-            const float step = (std::sqrt(d2) - float(radius)) * perStep + 1;
-            const auto k = std::min(std::size_t(std::max(step, 0.0f)), std::size_t(steps));
-            mStepConfidence[k] += batch.confidence[i];
-            ++mStepCount[k];
+            mStepConfidence[shells[i]] += batch.confidence[i];
+            ++mStepCount[shells[i]];
         }
         double sum = 0;
         std::size_t count = 0;
