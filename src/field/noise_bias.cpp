@@ -74,13 +74,19 @@ void addPoint(const Octree& tree, const Vec3d& p, double noise, Sums& sums)
 
 void removeNoiseBias(Octree& tree, const SortedPoints& points, double noise)
 {
-    constexpr std::size_t kChunk = 4096; // points
+    // One number is asked of them all. That it is off moves the surface by the noise over the root
+    // of how many were asked.
+    constexpr std::size_t kEnough = 1 << 16, kChunk = 1024; // points
+    const std::size_t stride = (points.size() + kEnough - 1) / kEnough,
+                      asked = (points.size() + stride - 1) / stride;
     const PointBatch& p = points.points();
-    std::vector<Sums> sums((points.size() + kChunk - 1) / kChunk);
+    std::vector<Sums> sums((asked + kChunk - 1) / kChunk);
     tbb::parallel_for(std::size_t(0), sums.size(), [&](std::size_t c) {
-        const std::size_t end = std::min((c + 1) * kChunk, points.size());
-        for (std::size_t n = c * kChunk; n < end; ++n)
+        const std::size_t end = std::min((c + 1) * kChunk, asked);
+        for (std::size_t i = c * kChunk; i < end; ++i) {
+            const std::size_t n = i * stride;
             addPoint(tree, Vec3d(p.x[n], p.y[n], p.z[n]), noise, sums[c]);
+        }
     });
     Sums all;
     for (const Sums& s : sums) all.offset += s.offset, all.square += s.square;
