@@ -271,8 +271,9 @@ private:
     bool isEnough(const PointBatch& batch) const
     {
         double sum = 0;
-        for (const float c : batch.confidence) sum += c;
-        return sum >= mFit.minPoints;
+        for (const float c : batch.confidence)
+            if ((sum += c) >= mFit.minPoints) return true;
+        return false;
     }
 
     /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min
@@ -281,10 +282,8 @@ private:
     {
         const Vec3d centre = mRoot.centre(cell);
         const double radius = supportRadius(cell.level);
-        double sum = 0;
-        for (const float c : ball.confidence) sum += c;
         const std::size_t most = 20 * std::size_t(mFit.minPoints);
-        if (sum >= mFit.minPoints || ball.size() >= most) return radius;
+        if (ball.size() >= most || isEnough(ball)) return radius;
         for (std::size_t up = path.size(); up-- > 0;) {
             const double cover = path[up].radius - (path[up].centre - centre).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));

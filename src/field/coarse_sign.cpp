@@ -261,8 +261,7 @@ std::vector<float> borderDistance(const std::vector<Dipole>& dipoles, const Node
     tbb::parallel_for(0, grid.n[0], [&](int i) {
         progress.check();
         for (int j = 0; j < grid.n[1]; ++j) {
-            for (int k = 0; k < grid.n[2]; ++k) {
-                if (!grid.onBorder(i, j, k)) continue;
+            for (int k = 0; k < grid.n[2]; k += grid.borderStep(i, j)) {
                 const Vec3f at = (corner + step * Vec3d(i, j, k)).cast<float>();
                 distance[grid.index(i, j, k)] =
                     std::sqrt(nearestSquared(places, at[0], at[1], at[2])) / float(step);

@@ -74,41 +74,35 @@ void restrictTo(const NodeGrid& fine, const std::vector<float>& from, const Node
     });
 }
 
-/// Trilinear interpolation between four rows of @a count + 1 coarse nodes: @a even at the coarse
-/// nodes, @a odd half way to the next.
+/// Trilinear interpolation between four rows of @a count + 1 coarse nodes, added to or assigned to
+/// the two fine nodes from each on.
 MPUVDB_CLONES
-void interpolateRows(const float* const (&rows)[4], int count, float* even, float* odd)
+void interpolateRows(const float* const (&rows)[4], int count, bool add, float* to)
 {
-    std::fill_n(even, count, 0.0f);
-    std::fill_n(odd, count, 0.0f);
-    for (const float* row : rows)
-        for (int k = 0; k < count; ++k) {
-            even[k] += row[k] + row[k];
-            odd[k] += row[k] + row[k + 1];
-        }
+    const float *const r0 = rows[0], *const r1 = rows[1], *const r2 = rows[2], *const r3 = rows[3];
+    if (!add) std::fill_n(to, 2 * count, 0.0f);
+    for (int k = 0; k < count; ++k) {
+        const float at = (r0[k] + r0[k]) + (r1[k] + r1[k]) + (r2[k] + r2[k]) + (r3[k] + r3[k]);
+        const float between =
+            (r0[k] + r0[k + 1]) + (r1[k] + r1[k + 1]) + (r2[k] + r2[k + 1]) + (r3[k] + r3[k + 1]);
+        to[2 * k] += at * 0.125f;
+        to[2 * k + 1] += between * 0.125f;
+    }
 }
 
 /// Trilinear interpolation of the coarse values at fine interior nodes, added or assigned.
 void prolong(const NodeGrid& coarse, const std::vector<float>& from, const NodeGrid& fine,
              std::vector<float>& to, bool add)
 {
-    constexpr int kPart = 64; // coarse nodes
     forEachRow(fine, [&](int i, int j) {
         const int i0 = i / 2, i1 = (i + 1) / 2, j0 = j / 2, j1 = (j + 1) / 2;
+        const float* const rows[4] = {
+            &from[coarse.index(i0, j0, 0)], &from[coarse.index(i0, j1, 0)],
+            &from[coarse.index(i1, j0, 0)], &from[coarse.index(i1, j1, 0)]};
         float* const row = &to[fine.index(i, j, 0)];
-        for (int first = 0; first < coarse.n[2] - 1; first += kPart) {
-            const float* const rows[4] = {
-                &from[coarse.index(i0, j0, first)], &from[coarse.index(i0, j1, first)],
-                &from[coarse.index(i1, j0, first)], &from[coarse.index(i1, j1, first)]};
-            const int count = std::min(kPart, coarse.n[2] - 1 - first);
-            float even[kPart], odd[kPart];
-            interpolateRows(rows, count, even, odd);
-            for (int k = 0; k < count; ++k) {
-                float* const at = row + 2 * (first + k);
-                if (first + k > 0) at[0] = (add ? at[0] : 0.0f) + even[k] * 0.125f;
-                at[1] = (add ? at[1] : 0.0f) + odd[k] * 0.125f;
-            }
-        }
+        const float border = row[0];
+        interpolateRows(rows, coarse.n[2] - 1, add, row);
+        row[0] = border;
     });
 }
 
@@ -222,10 +216,9 @@ void ScreenedPoisson::fillBorder(std::size_t n, const std::vector<float>& border
     const int finest = 1 << n; // steps of the finest grid
     for (int i = 0; i < grid.n[0]; ++i)
         for (int j = 0; j < grid.n[1]; ++j)
-            for (int k = 0; k < grid.n[2]; ++k)
-                if (grid.onBorder(i, j, k))
-                    level.u[grid.index(i, j, k)] =
-                        border[mLevels[0].grid.index(finest * i, finest * j, finest * k)];
+            for (int k = 0; k < grid.n[2]; k += grid.borderStep(i, j))
+                level.u[grid.index(i, j, k)] =
+                    border[mLevels[0].grid.index(finest * i, finest * j, finest * k)];
 }
 
 std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b, float border, int cycles)
