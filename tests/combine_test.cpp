@@ -477,6 +477,24 @@ TEST(Combine, VolumesAddUp)
 
 // --- Blends
 
+TEST(Combine, BlendsOfNearlyParallelSurfacesAreSound)
+{
+    constexpr unsigned kSeed = 7;
+    std::mt19937 random(kSeed);
+    const auto within = [&](double most) { return most * (2 * (random() / 4294967296.0) - 1); };
+    const double h = 1.0 / 20;
+    const LevelSet a = solid("blob(1,9,0.12)", h);
+    for (int n = 0; n < 4; ++n) {
+        const double x = within(1), y = within(1), z = within(1), degrees = 20 + within(15);
+        const std::string turned = fmt::format(
+            "translate(rotate(blob(1,9,0.12),{},{},{},{}),{},0,0)", x, y, z, degrees, within(0.08));
+        SCOPED_TRACE(fmt::format("seed {}: {}", kSeed, turned));
+        const LevelSet b = solid(turned, h);
+        for (const Boolean kind : {Boolean::Union, Boolean::Intersection, Boolean::Difference})
+            expectSound(combined(kind, {a, b}, 6 * h), 0.25);
+    }
+}
+
 TEST(Combine, BlendsOnlyWithinTheRadius)
 {
     const Three s;

@@ -26,6 +26,8 @@ using Leaf = FloatTree::LeafNodeType;
 constexpr double kSameWidth = 1e-5;
 /// Voxels that the inputs' bands need beyond the ball's path to be interpolated there.
 constexpr double kAroundPath = 2.5;
+/// How often a fillet's distances are restored, at most.
+constexpr int kMostRestored = 4;
 
 /// The inputs with bands of at least @a halfWidth.
 std::vector<LevelSet> widened(std::vector<LevelSet> inputs, double halfWidth, Progress& progress)
@@ -102,8 +104,10 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
         CsgTree result = csgTree(kind, *first, *next, voxelSize, blendRadius, progress);
         tree = std::move(result.tree);
         if (result.isFilletDoubtful) {
-            restoreDistance(*tree, voxelSize, progress);
-            narrow(*tree, background, progress);
+            // Values made anew move crossings that others were measured to.
+            for (int n = 0; n < kMostRestored && restoreDistance(*tree, voxelSize, progress) > 0;
+                 ++n)
+                narrow(*tree, background, progress);
         } else {
             restoreDistance(*tree, voxelSize, result.known, progress);
         }
@@ -113,6 +117,7 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
     }
     if (blendRadius > 0) {
         narrow(*tree, float(halfWidth * voxelSize), progress);
+        completeBand(*tree, voxelSize, progress);
         pruneBand(*tree);
     }
     progress.endStage();

@@ -235,7 +235,11 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& pro
     demandHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, levelSet.voxelSize(), ownOrFound([](float d) { return d; }));
-    return LevelSet(remade(levelSet.grid(), Values::Distances, {reach, reach}, maker, progress));
+    const FloatGrid::Ptr made =
+        remade(levelSet.grid(), Values::Distances, {reach, reach}, maker, progress);
+    if (halfWidth < levelSet.halfWidth())
+        completeBand(made->tree(), levelSet.voxelSize(), progress);
+    return LevelSet(made);
 }
 
 LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)

@@ -54,6 +54,8 @@ using Lanes = float __attribute__((vector_size(4 * kDim)));
 using Flags = int __attribute__((vector_size(4 * kDim)));
 
 constexpr float kMissing = 0.3f; ///< a voxel belongs to the band if it is so much nearer, voxels
+/// And it must, if it is by so much, whatever the nearest crossing says, which may be too far.
+constexpr float kPromised = 0.5f;
 
 /// The band's inactive voxels that a neighbour, by its value, puts well inside the band.
 MPUVDB_CLONES
@@ -150,6 +152,7 @@ private:
             });
             work = apply(found, changed);
         }
+        while (const std::size_t added = addPromised()) changed += added;
         return changed;
     }
 
@@ -379,6 +382,32 @@ private:
         return leaves;
     }
 
+    /// Add voxels that were found too far from crossings, but lie nearer by their neighbours'
+    /// values. Returns their number.
+    std::size_t addPromised()
+    {
+        openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
+        std::vector<Examined> promised;
+        for (const auto& [origin, settled] : mSettled) {
+            mProgress.check();
+            for (auto it = settled.beginOn(); it; ++it) {
+                const Coord at = origin + Leaf::offsetToLocalCoord(it.pos());
+                if (access.isValueOn(at)) continue;
+                float least = mHalfWidth;
+                for (int n = 0; n < 27; ++n) {
+                    const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+                    least = std::min(least, std::abs(access.getValue(at + d)) / mVoxelSize +
+                                                d.asVec3s().length());
+                }
+                if (least < mHalfWidth - kPromised) promised.push_back({at, least});
+            }
+        }
+        for (const Examined& voxel : promised)
+            access.setValueOn(
+                voxel.at, std::copysign(voxel.distance * mVoxelSize, access.getValue(voxel.at)));
+        return promised.size();
+    }
+
     /// Origins of the leaves that hold a voxel or one of its neighbours.
     static void addLeavesAround(const Coord& at, LeafSet& origins)
     {
@@ -416,6 +445,16 @@ std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
                               const std::vector<KnownVoxels>& known, Progress& progress)
 {
     return Restorer(tree, voxelSize, progress).run(known);
+}
+
+std::uint64_t completeBand(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
+{
+    std::vector<KnownVoxels> known;
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf)
+        known.push_back({leaf->origin(), Leaf::NodeMaskType(true), true});
+    std::sort(known.begin(), known.end(),
+              [](const KnownVoxels& a, const KnownVoxels& b) { return a.origin < b.origin; });
+    return restoreDistance(tree, voxelSize, known, progress);
 }
 
 } // namespace mpuvdb

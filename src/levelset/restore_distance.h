@@ -29,4 +29,8 @@ struct KnownVoxels {
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
                               const std::vector<KnownVoxels>& known, Progress& progress);
 
+/// The same for a band cut from a wider one: what was a little too far there may be missed here.
+/// Of the values only those change that jump.
+std::uint64_t completeBand(openvdb::FloatTree& tree, double voxelSize, Progress& progress);
+
 } // namespace mpuvdb
