@@ -303,13 +303,13 @@ private:
                     std::size_t most)
     {
         if (batch.size() < std::size_t(mFit.minPoints)) return 0; // no confidence is above 1
-        mStepConfidence.assign(std::size_t(steps) + 2, 0.0);
-        mStepCount.assign(std::size_t(steps) + 2, 0);
-        const auto& shells = mFilter.shells(batch, centre, radius, kGrowth * radius, steps);
-        for (std::size_t i = 0; i < batch.size(); ++i) {
-            mStepConfidence[shells[i]] += batch.confidence[i];
-            ++mStepCount[shells[i]];
-        }
+        mStepConfidence.assign(std::size_t(steps) + 1, 0.0);
+        mStepCount.assign(std::size_t(steps) + 1, 0);
+        mFilter.forEachInShells(batch, centre, radius, kGrowth * radius, steps,
+                                [&](std::uint32_t i, std::uint32_t shell) {
+                                    mStepConfidence[shell] += batch.confidence[i];
+                                    ++mStepCount[shell];
+                                });
         double sum = 0;
         std::size_t count = 0;
         for (int k = 0; k <= steps; ++k) {
