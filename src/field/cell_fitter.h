@@ -271,8 +271,9 @@ private:
     bool isEnough(const PointBatch& batch) const
     {
         double sum = 0;
-        for (const float c : batch.confidence) sum += c;
-        return sum >= mFit.minPoints;
+        for (const float c : batch.confidence)
+            if ((sum += c) >= mFit.minPoints) return true;
+        return false;
     }
 
     /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min
@@ -281,10 +282,8 @@ private:
     {
         const Vec3d centre = mRoot.centre(cell);
         const double radius = supportRadius(cell.level);
-        double sum = 0;
-        for (const float c : ball.confidence) sum += c;
         const std::size_t most = 20 * std::size_t(mFit.minPoints);
-        if (sum >= mFit.minPoints || ball.size() >= most) return radius;
+        if (ball.size() >= most || isEnough(ball)) return radius;
         for (std::size_t up = path.size(); up-- > 0;) {
             const double cover = path[up].radius - (path[up].centre - centre).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
@@ -303,21 +302,14 @@ private:
     int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps,
                     std::size_t most)
     {
+        if (batch.size() < std::size_t(mFit.minPoints)) return 0; // no confidence is above 1
         mStepConfidence.assign(std::size_t(steps) + 1, 0.0);
         mStepCount.assign(std::size_t(steps) + 1, 0);
-        const Vec3f c = centre.cast<float>();
-        const auto reach = float(radius * (1 + kGrowth * steps));
-        const auto perStep = float(1 / (kGrowth * radius));
-        for (std::size_t i = 0; i < batch.size(); ++i) {
-            const float dx = batch.x[i] - c[0], dy = batch.y[i] - c[1], dz = batch.z[i] - c[2];
-            const float d2 = dx * dx + dy * dy + dz * dz;
-            if (d2 >= reach * reach) continue;
-            // The step whose ball is the first to hold the point.
-            const float step = (std::sqrt(d2) - float(radius)) * perStep + 1;
-            const auto k = std::min(std::size_t(std::max(step, 0.0f)), std::size_t(steps));
-            mStepConfidence[k] += batch.confidence[i];
-            ++mStepCount[k];
-        }
+        mFilter.forEachInShells(batch, centre, radius, kGrowth * radius, steps,
+                                [&](std::uint32_t i, std::uint32_t shell) {
+                                    mStepConfidence[shell] += batch.confidence[i];
+                                    ++mStepCount[shell];
+                                });
         double sum = 0;
         std::size_t count = 0;
         for (int k = 0; k <= steps; ++k) {

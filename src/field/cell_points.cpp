@@ -5,6 +5,7 @@
 
 #include <mpuvdb/clones.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace mpuvdb
@@ -69,35 +70,61 @@ void CellPoints::weighAcross(const Vec3d& normal, double reach)
 MPUVDB_CLONES
 void CellPoints::moveOverFeet(const Quadric& q, const Vec3d& normal, double farthest)
 {
-    constexpr int kSteps = 4;
-    constexpr double kSteep = 0.4; // cosine below which a zero set is no sheet over the plane
+    constexpr int kSteps = 3;
+    constexpr std::size_t kPair = 2; // groups at once: one alone waits for its own divisions
+    constexpr double kSteep = 0.4;   // cosine below which a zero set is no sheet over the plane
     const auto& A = q.A;
     const Group steep = Group{} + kSteep;
-    for (std::size_t i = 0; i < x.size(); i += kGroup) {
-        const Group px = load(x, i), py = load(y, i), pz = load(z, i);
-        Group fx = px, fy = py, fz = pz, off{}, across{};
-        for (int step = 0; step < kSteps; ++step) {
-            const Group ax = A(0, 0) * fx + A(0, 1) * fy + A(0, 2) * fz,
-                        ay = A(1, 0) * fx + A(1, 1) * fy + A(1, 2) * fz,
-                        az = A(2, 0) * fx + A(2, 1) * fy + A(2, 2) * fz;
-            const Group value = fx * (ax + q.b[0]) + fy * (ay + q.b[1]) + fz * (az + q.b[2]) + q.c;
-            const Group gx = 2 * ax + q.b[0], gy = 2 * ay + q.b[1], gz = 2 * az + q.b[2];
-            const Group scale = 1 / squareRoot(gx * gx + gy * gy + gz * gz + 1e-30);
-            const Group ux = gx * scale, uy = gy * scale, uz = gz * scale; // the foot's normal
-            off = (px - fx) * ux + (py - fy) * uy + (pz - fz) * uz + value * scale;
-            fx = px - off * ux;
-            fy = py - off * uy;
-            fz = pz - off * uz;
-            across = ux * normal[0] + uy * normal[1] + uz * normal[2];
+    for (std::size_t i = 0; i < x.size(); i += kPair * kGroup) {
+        const std::size_t at[kPair] = {i, std::min(i + kGroup, x.size() - kGroup)};
+        Group px[kPair], py[kPair], pz[kPair], fx[kPair], fy[kPair], fz[kPair];
+        Group gx[kPair], gy[kPair], gz[kPair], slope2[kPair], above[kPair];
+        for (std::size_t n = 0; n < kPair; ++n) {
+            fx[n] = px[n] = load(x, at[n]);
+            fy[n] = py[n] = load(y, at[n]);
+            fz[n] = pz[n] = load(z, at[n]);
         }
-        const Group height = off / (across > steep ? across : steep);
-        const auto near = off * off < farthest * farthest;
-        const Group mx = near ? fx + height * normal[0] : px,
-                    my = near ? fy + height * normal[1] : py,
-                    mz = near ? fz + height * normal[2] : pz;
-        std::memcpy(&x[i], &mx, sizeof mx);
-        std::memcpy(&y[i], &my, sizeof my);
-        std::memcpy(&z[i], &mz, sizeof mz);
+        // The point's height over the tangent plane at the foot's place, times the slope there.
+        const auto look = [&](std::size_t n) __attribute__((always_inline))
+        {
+            const Group ax = A(0, 0) * fx[n] + A(0, 1) * fy[n] + A(0, 2) * fz[n],
+                        ay = A(1, 0) * fx[n] + A(1, 1) * fy[n] + A(1, 2) * fz[n],
+                        az = A(2, 0) * fx[n] + A(2, 1) * fy[n] + A(2, 2) * fz[n];
+            const Group value =
+                fx[n] * (ax + q.b[0]) + fy[n] * (ay + q.b[1]) + fz[n] * (az + q.b[2]) + q.c;
+            gx[n] = 2 * ax + q.b[0];
+            gy[n] = 2 * ay + q.b[1];
+            gz[n] = 2 * az + q.b[2];
+            slope2[n] = gx[n] * gx[n] + gy[n] * gy[n] + gz[n] * gz[n] + 1e-30;
+            above[n] =
+                (px[n] - fx[n]) * gx[n] + (py[n] - fy[n]) * gy[n] + (pz[n] - fz[n]) * gz[n] + value;
+        };
+        const auto step = [&](std::size_t n) __attribute__((always_inline))
+        {
+            const Group share = above[n] / slope2[n];
+            fx[n] = px[n] - share * gx[n];
+            fy[n] = py[n] - share * gy[n];
+            fz[n] = pz[n] - share * gz[n];
+        };
+        for (int s = 0; s < kSteps; ++s) {
+            look(0), look(1);
+            step(0), step(1);
+        }
+        look(0), look(1);
+        for (std::size_t n = 0; n < kPair; ++n) {
+            const Group scale = 1 / squareRoot(slope2[n]), off = above[n] * scale;
+            const Group across =
+                (gx[n] * normal[0] + gy[n] * normal[1] + gz[n] * normal[2]) * scale;
+            step(n);
+            const Group height = off / (across > steep ? across : steep);
+            const auto near = off * off < farthest * farthest;
+            const Group mx = near ? fx[n] + height * normal[0] : px[n],
+                        my = near ? fy[n] + height * normal[1] : py[n],
+                        mz = near ? fz[n] + height * normal[2] : pz[n];
+            std::memcpy(&x[at[n]], &mx, sizeof mx);
+            std::memcpy(&y[at[n]], &my, sizeof my);
+            std::memcpy(&z[at[n]], &mz, sizeof mz);
+        }
     }
 }
 

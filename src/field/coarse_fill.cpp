@@ -66,7 +66,7 @@ std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const Node
     for (std::size_t c = 0; c < 3; ++c) {
         for (std::size_t n = 0; n < grid.size(); ++n)
             rightHand[n] = -data.weight[n] * data.normal[c][n];
-        spread[c] = solver.solve(rightHand, 0, 1);
+        spread[c] = solver.solve(rightHand, 0, 0);
     }
     forEachInterior(grid, [&](std::size_t n) {
         const Vec3f normal(spread[0][n], spread[1][n], spread[2][n]);
@@ -94,7 +94,7 @@ std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Pro
         rightHand[n] = -weight[n] * std::clamp(bend, -kMostCurved, kMostCurved);
     });
     ScreenedPoisson solver(grid, faded(std::move(weight)), progress);
-    std::vector<float> spread = solver.solve(rightHand, 0, 1);
+    std::vector<float> spread = solver.solve(rightHand, 0, 0);
     for (float& s : spread) s = std::min(s, 0.0f);
     return spread;
 }

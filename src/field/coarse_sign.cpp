@@ -10,8 +10,10 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <type_traits>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -65,74 +67,43 @@ std::vector<Dipole> makeDipoles(const SortedPoints& points, int level)
     return dipoles;
 }
 
-/// Dipoles by the cell of the node grid they lie in.
+/// Dipoles by the plane of cells of the node grid that they lie in, and there by row and by cell.
 struct Bins {
-    NodeGrid cells;
-    std::vector<std::uint32_t> start, member;
+    std::vector<std::uint32_t> start; ///< of each plane
+    std::vector<Dipole> dipoles;
 };
 
 Bins binDipoles(const std::vector<Dipole>& dipoles, const NodeGrid& nodes, const Vec3d& corner,
                 double step)
 {
-    Bins bins;
-    bins.cells.n = {nodes.n[0] - 1, nodes.n[1] - 1, nodes.n[2] - 1};
-    bins.start.assign(bins.cells.size() + 1, 0);
-    const auto cellOf = [&](const Dipole& d) {
+    NodeGrid cells;
+    cells.n = {nodes.n[0] - 1, nodes.n[1] - 1, nodes.n[2] - 1};
+    std::vector<std::uint32_t> cellOf, next(cells.size() + 1, 0);
+    cellOf.reserve(dipoles.size());
+    for (const Dipole& d : dipoles) {
         const Vec3d c = (d.position.cast<double>() - corner) / step;
         int at[3];
         for (int k = 0; k < 3; ++k)
-            at[k] = std::clamp(int(std::floor(c[k])), 0, bins.cells.n[std::size_t(k)] - 1);
-        return bins.cells.index(at[0], at[1], at[2]);
-    };
-    for (const Dipole& d : dipoles) ++bins.start[cellOf(d) + 1];
-    for (std::size_t n = 1; n < bins.start.size(); ++n) bins.start[n] += bins.start[n - 1];
-    bins.member.resize(dipoles.size());
-    std::vector<std::uint32_t> next(bins.start.begin(), bins.start.end() - 1);
-    for (std::uint32_t d = 0; d < dipoles.size(); ++d) bins.member[next[cellOf(dipoles[d])]++] = d;
+            at[k] = std::clamp(int(std::floor(c[k])), 0, cells.n[std::size_t(k)] - 1);
+        cellOf.push_back(std::uint32_t(cells.index(at[0], at[1], at[2])));
+        ++next[cellOf.back() + 1];
+    }
+    for (std::size_t n = 1; n < next.size(); ++n) next[n] += next[n - 1];
+    Bins bins;
+    for (int i = 0; i <= cells.n[0]; ++i) bins.start.push_back(next[cells.index(i, 0, 0)]);
+    bins.dipoles.resize(dipoles.size());
+    for (std::size_t d = 0; d < dipoles.size(); ++d) bins.dipoles[next[cellOf[d]]++] = dipoles[d];
     return bins;
-}
-
-/// Nodes that some dipole's kernel may reach.
-std::vector<char> nodesNear(const Bins& bins, const NodeGrid& nodes)
-{
-    std::vector<char> near(nodes.size(), 0);
-    const auto& n = bins.cells.n;
-    for (int i = 0; i < n[0]; ++i)
-        for (int j = 0; j < n[1]; ++j)
-            for (int k = 0; k < n[2]; ++k) {
-                const std::size_t cell = bins.cells.index(i, j, k);
-                if (bins.start[cell] == bins.start[cell + 1]) continue;
-                for (int di = std::max(i - 1, 0); di <= std::min(i + 2, n[0]); ++di)
-                    for (int dj = std::max(j - 1, 0); dj <= std::min(j + 2, n[1]); ++dj)
-                        for (int dk = std::max(k - 1, 0); dk <= std::min(k + 2, n[2]); ++dk)
-                            near[nodes.index(di, dj, dk)] = 1;
-            }
-    return near;
 }
 
 /// What the dipoles around a node say of it.
 struct NodeSums {
-    double weight = 0, value = 0, magnitude = 0;
-    Vec3d offset = Vec3d::Zero(), normal = Vec3d::Zero();
+    double weight, value, magnitude;
+    Vec3d offset, normal;
 
-    void add(const Dipole& d, const Vec3d& at, double step)
-    {
-        const Vec3d r = at - d.position.cast<double>();
-        const double d2 = r.squaredNorm() / (step * step), cut = 1 - d2 / (kKernel * kKernel);
-        if (cut <= 0) return;
-        const double w = cut * cut / ((d2 + 0.1) * (d2 + 0.1));
-        const Vec3d n = d.normal.cast<double>();
-        const double side = n.dot(r);
-        weight += w * d.weight;
-        value += w * side;
-        magnitude += w * std::abs(side);
-        offset += w * d.weight * r;
-        normal += w * n;
-    }
     /// Data lie below or above the node, not beside it, and agree about the side.
     bool supported(double step) const
     {
-        if (!(weight > 0)) return false;
         const Vec3d mean = offset / weight;
         const Vec3d direction = normal.normalized();
         const double lateral = (mean - mean.dot(direction) * direction).norm();
@@ -141,37 +112,101 @@ struct NodeSums {
     }
 };
 
+/// The sums of the nodes of one plane of the grid, row after row.
+class PlaneSums
+{
+public:
+    PlaneSums(const NodeGrid& grid, const Vec3d& corner, double step)
+        : mGrid(grid), mCorner(corner), mStep(step)
+    {
+        for (auto& sum : mSums) sum.assign(std::size_t(grid.n[1]) * std::size_t(grid.n[2]), 0.0);
+    }
+
+    /// Add the dipoles to the nodes of plane @a i within their kernels.
+    void add(const Dipole* begin, const Dipole* end, int i);
+
+    /// Call f(row, node, sums) for the interior nodes with dipoles around, and clear all sums.
+    template <typename F>
+    void take(F f)
+    {
+        std::size_t n = 0;
+        for (int j = 0; j < mGrid.n[1]; ++j)
+            for (int k = 0; k < mGrid.n[2]; ++k, ++n) {
+                if (!(mSums[0][n] > 0)) continue;
+                std::array<double, kSums> s;
+                for (std::size_t m = 0; m < kSums; ++m) s[m] = std::exchange(mSums[m][n], 0.0);
+                if (j == 0 || k == 0 || j == mGrid.n[1] - 1 || k == mGrid.n[2] - 1) continue;
+                f(j, k, NodeSums{s[0], s[1], s[2], {s[3], s[4], s[5]}, {s[6], s[7], s[8]}});
+            }
+    }
+
+private:
+    static constexpr int kLanes = 4;
+    static constexpr std::size_t kSums = 9; ///< numbers of NodeSums, in their order
+
+    NodeGrid mGrid;
+    Vec3d mCorner;
+    double mStep;
+    std::array<std::vector<double>, kSums> mSums;
+};
+
+MPUVDB_CLONES
+void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
+{
+    const double step2 = mStep * mStep, x = mCorner[0] + mStep * i;
+    for (const Dipole* d = begin; d < end; ++d) {
+        const Vec3d p = d->position.cast<double>(), n = d->normal.cast<double>();
+        const double rx = x - p[0], rx2 = rx * rx;
+        if (rx2 >= kKernel * kKernel * step2) continue;
+        const auto firstNode = [&](int axis) {
+            const double lowest = (p[axis] - mCorner[axis]) / mStep - kKernel;
+            return std::clamp(int(std::ceil(lowest)), 0, mGrid.n[std::size_t(axis)] - kLanes);
+        };
+        const int j0 = firstNode(1), k0 = firstNode(2);
+        const Group lanes{0, 1, 2, 3};
+        const Group rz = mCorner[2] + mStep * (double(k0) + lanes) - p[2], rz2 = rz * rz;
+        for (int j = j0; j < j0 + kLanes; ++j) {
+            const double ry = mCorner[1] + mStep * j - p[1];
+            const Group d2 = (rx2 + ry * ry + rz2) / step2, cut = 1 - d2 / (kKernel * kKernel);
+            const Group w = cut > 0 ? cut * cut / ((d2 + 0.1) * (d2 + 0.1)) : Group{};
+            const Group side = n[0] * rx + n[1] * ry + n[2] * rz;
+            const Group heavy = w * double(d->weight);
+            const Group terms[kSums] = {heavy,      w * side,   w * (side < 0 ? -side : side),
+                                        heavy * rx, heavy * ry, heavy * rz,
+                                        w * n[0],   w * n[1],   w * n[2]};
+            const std::size_t node = std::size_t(j) * std::size_t(mGrid.n[2]) + std::size_t(k0);
+            for (std::size_t m = 0; m < kSums; ++m) {
+                double* const to = &mSums[m][node];
+                Group sum;
+                std::memcpy(&sum, to, sizeof sum);
+                sum += terms[m];
+                std::memcpy(to, &sum, sizeof sum);
+            }
+        }
+    }
+}
+
 NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec3d& corner,
                double step, Progress& progress)
 {
     const Bins bins = binDipoles(dipoles, grid, corner, step);
-    const std::vector<char> near = nodesNear(bins, grid);
     NodeData data(grid);
+    tbb::enumerable_thread_specific<PlaneSums> scratch(
+        [&] { return PlaneSums(grid, corner, step); });
     tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
         progress.check();
-        for (int j = 1; j < grid.n[1] - 1; ++j) {
-            for (int k = 1; k < grid.n[2] - 1; ++k) {
-                if (!near[grid.index(i, j, k)]) continue;
-                NodeSums sums;
-                const Vec3d at = corner + step * Vec3d(i, j, k);
-                for (int ci = std::max(i - 2, 0); ci <= std::min(i + 1, bins.cells.n[0] - 1); ++ci)
-                    for (int cj = std::max(j - 2, 0); cj <= std::min(j + 1, bins.cells.n[1] - 1);
-                         ++cj) {
-                        const int k0 = std::max(k - 2, 0),
-                                  k1 = std::min(k + 1, bins.cells.n[2] - 1);
-                        const std::uint32_t begin = bins.start[bins.cells.index(ci, cj, k0)],
-                                            end = bins.start[bins.cells.index(ci, cj, k1) + 1];
-                        for (std::uint32_t m = begin; m < end; ++m)
-                            sums.add(dipoles[bins.member[m]], at, step);
-                    }
-                if (!sums.supported(step)) continue;
-                const std::size_t n = grid.index(i, j, k);
-                data.weight[n] = kWeight;
-                data.distance[n] = float(sums.value / sums.weight / step);
-                const Vec3f normal = sums.normal.normalized().cast<float>();
-                for (int c = 0; c < 3; ++c) data.normal[std::size_t(c)][n] = normal[c];
-            }
-        }
+        PlaneSums& plane = scratch.local();
+        const Dipole* const all = bins.dipoles.data();
+        plane.add(all + bins.start[std::size_t(std::max(i - 2, 0))],
+                  all + bins.start[std::size_t(std::min(i + 2, grid.n[0] - 1))], i);
+        plane.take([&](int j, int k, const NodeSums& sums) {
+            if (!sums.supported(step)) return;
+            const std::size_t n = grid.index(i, j, k);
+            data.weight[n] = kWeight;
+            data.distance[n] = float(sums.value / sums.weight / step);
+            const Vec3f normal = sums.normal.normalized().cast<float>();
+            for (int c = 0; c < 3; ++c) data.normal[std::size_t(c)][n] = normal[c];
+        });
     });
     return data;
 }
@@ -226,8 +261,7 @@ std::vector<float> borderDistance(const std::vector<Dipole>& dipoles, const Node
     tbb::parallel_for(0, grid.n[0], [&](int i) {
         progress.check();
         for (int j = 0; j < grid.n[1]; ++j) {
-            for (int k = 0; k < grid.n[2]; ++k) {
-                if (!grid.onBorder(i, j, k)) continue;
+            for (int k = 0; k < grid.n[2]; k += grid.borderStep(i, j)) {
                 const Vec3f at = (corner + step * Vec3d(i, j, k)).cast<float>();
                 distance[grid.index(i, j, k)] =
                     std::sqrt(nearestSquared(places, at[0], at[1], at[2])) / float(step);

@@ -394,15 +394,25 @@ bool areOpposed(const CellPoints& points, const Vec3d& normal, double lowest, do
 }
 
 /// Weighted mean of 1 - cosine of the angles between the points' normals and those of @a q.
+MPUVDB_CLONES
 double meanTurn(const Quadric& q, const CellPoints& points)
 {
-    double sum = 0, total = 0;
-    for (std::size_t i = 0; i < points.count; ++i) {
-        const Vec3d slope = q.gradient(points.position(i));
-        sum += points.weight[i] * (1 - points.normal(i).dot(slope) / std::max(slope.norm(), 1e-9));
-        total += points.weight[i];
+    const auto& A = q.A;
+    Group turned{}, total{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group x = 2 * load(points.x, i), y = 2 * load(points.y, i), z = 2 * load(points.z, i);
+        const Group gx = A(0, 0) * x + A(0, 1) * y + A(0, 2) * z + q.b[0],
+                    gy = A(1, 0) * x + A(1, 1) * y + A(1, 2) * z + q.b[1],
+                    gz = A(2, 0) * x + A(2, 1) * y + A(2, 2) * z + q.b[2];
+        const Group slope = squareRoot(gx * gx + gy * gy + gz * gz + 1e-30);
+        const Group along =
+            load(points.nx, i) * gx + load(points.ny, i) * gy + load(points.nz, i) * gz;
+        const Group weight = load(points.weight, i);
+        turned += weight * (1 - along / slope);
+        total += weight;
     }
-    return total > 0 ? sum / total : 0;
+    const double weight = sum(total);
+    return weight > 0 ? sum(turned) / weight : 0;
 }
 
 /// Fit again to the points over their feet on @a result's zero set, as long as they are on one

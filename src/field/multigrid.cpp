@@ -4,6 +4,7 @@
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <tbb/parallel_for.h>
 
 namespace mpuvdb
@@ -14,13 +15,48 @@ namespace
 constexpr float kOverRelaxation = 1.15f;
 constexpr int kCoarsestSweeps = 40;
 
+/// Nodes up to which a loop over a grid is done before another thread could help.
+constexpr std::size_t kFewNodes = 1 << 14;
+
 /// Call f(i, j) for every interior row of the grid, in parallel; rows are independent.
 template <typename F>
 void forEachRow(const NodeGrid& grid, F f)
 {
-    tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
+    const auto plane = [&](int i) {
         for (int j = 1; j < grid.n[1] - 1; ++j) f(i, j);
-    });
+    };
+    if (grid.size() > kFewNodes)
+        tbb::parallel_for(1, grid.n[0] - 1, plane);
+    else
+        for (int i = 1; i < grid.n[0] - 1; ++i) plane(i);
+}
+
+/// Index offsets of the next plane and the next row.
+struct Strides {
+    std::ptrdiff_t i, j;
+
+    explicit Strides(const NodeGrid& grid) : i(std::ptrdiff_t(grid.n[1]) * grid.n[2]), j(grid.n[2])
+    {
+    }
+};
+
+/// sums[k] of the 27 nodes about @a from[2 k], weighted 1 to 8, for 0 <= k < count.
+MPUVDB_CLONES
+void sumAround(const float* from, const Strides& fine, int count, float* sums)
+{
+    std::fill_n(sums, count, 0.0f);
+    for (int di = -1; di <= 1; ++di)
+        for (int dj = -1; dj <= 1; ++dj) {
+            const float* const row = from + di * fine.i + dj * fine.j;
+            const auto side = float((2 - std::abs(di)) * (2 - std::abs(dj))), middle = 2 * side;
+            for (int k = 0; k < count; ++k) {
+                float sum = sums[k];
+                sum += side * row[2 * k - 1];
+                sum += middle * row[2 * k];
+                sum += side * row[2 * k + 1];
+                sums[k] = sum;
+            }
+        }
 }
 
 /// Full weighting of 27 fine nodes, times 4: the grid unit doubles, and the equation is in units of
@@ -29,19 +65,29 @@ void restrictTo(const NodeGrid& fine, const std::vector<float>& from, const Node
                 std::vector<float>& to)
 {
     to.assign(coarse.size(), 0.0f);
+    const Strides strides(fine);
+    const int count = coarse.n[2] - 2;
     forEachRow(coarse, [&](int i, int j) {
-        for (int k = 1; k < coarse.n[2] - 1; ++k) {
-            float sum = 0;
-            for (int di = -1; di <= 1; ++di)
-                for (int dj = -1; dj <= 1; ++dj)
-                    for (int dk = -1; dk <= 1; ++dk) {
-                        const float w =
-                            float((2 - std::abs(di)) * (2 - std::abs(dj)) * (2 - std::abs(dk)));
-                        sum += w * from[fine.index(2 * i + di, 2 * j + dj, 2 * k + dk)];
-                    }
-            to[coarse.index(i, j, k)] = sum * (4.0f / 64.0f);
-        }
+        float* const row = &to[coarse.index(i, j, 1)];
+        sumAround(&from[fine.index(2 * i, 2 * j, 2)], strides, count, row);
+        for (int k = 0; k < count; ++k) row[k] *= 4.0f / 64.0f;
     });
+}
+
+/// Trilinear interpolation between four rows of @a count + 1 coarse nodes, added to or assigned to
+/// the two fine nodes from each on.
+MPUVDB_CLONES
+void interpolateRows(const float* const (&rows)[4], int count, bool add, float* to)
+{
+    const float *const r0 = rows[0], *const r1 = rows[1], *const r2 = rows[2], *const r3 = rows[3];
+    if (!add) std::fill_n(to, 2 * count, 0.0f);
+    for (int k = 0; k < count; ++k) {
+        const float at = (r0[k] + r0[k]) + (r1[k] + r1[k]) + (r2[k] + r2[k]) + (r3[k] + r3[k]);
+        const float between =
+            (r0[k] + r0[k + 1]) + (r1[k] + r1[k + 1]) + (r2[k] + r2[k + 1]) + (r3[k] + r3[k + 1]);
+        to[2 * k] += at * 0.125f;
+        to[2 * k + 1] += between * 0.125f;
+    }
 }
 
 /// Trilinear interpolation of the coarse values at fine interior nodes, added or assigned.
@@ -53,22 +99,20 @@ void prolong(const NodeGrid& coarse, const std::vector<float>& from, const NodeG
         const float* const rows[4] = {
             &from[coarse.index(i0, j0, 0)], &from[coarse.index(i0, j1, 0)],
             &from[coarse.index(i1, j0, 0)], &from[coarse.index(i1, j1, 0)]};
-        for (int k = 1; k < fine.n[2] - 1; ++k) {
-            const int k0 = k / 2, k1 = (k + 1) / 2;
-            float sum = 0;
-            for (const float* row : rows) sum += row[k0] + row[k1];
-            float& value = to[fine.index(i, j, k)];
-            value = (add ? value : 0.0f) + sum * 0.125f;
-        }
+        float* const row = &to[fine.index(i, j, 0)];
+        const float border = row[0];
+        interpolateRows(rows, coarse.n[2] - 1, add, row);
+        row[0] = border;
     });
 }
 
 /// Over-relax every other node of a row, from @a first on; those between are their neighbours and
 /// stay. All are computed: that is cheaper than to step over half of them.
 MPUVDB_CLONES
-void relaxRow(float* u, const float* b, const float* screening, std::ptrdiff_t di,
-              std::ptrdiff_t dj, int count, int first)
+void relaxRow(float* u, const float* b, const float* screening, const Strides& next, int count,
+              int first)
 {
+    const std::ptrdiff_t di = next.i, dj = next.j;
     constexpr int kPart = 64; // even
     float change[kPart];
     for (int begin = 0; begin < count; begin += kPart, u += kPart, b += kPart, screening += kPart) {
@@ -80,6 +124,19 @@ void relaxRow(float* u, const float* b, const float* screening, std::ptrdiff_t d
             change[k] = ((k ^ first) & 1) ? 0.0f : kOverRelaxation * (exact - u[k]);
         }
         for (int k = 0; k < part; ++k) u[k] += change[k];
+    }
+}
+
+/// What the equation misses at the nodes of a row.
+MPUVDB_CLONES
+void residualRow(const float* u, const float* b, const float* screening, const Strides& next,
+                 int count, float* residual)
+{
+    const std::ptrdiff_t di = next.i, dj = next.j;
+    for (int k = 0; k < count; ++k) {
+        const float neighbours =
+            (u[k - di] + u[k + di]) + (u[k - dj] + u[k + dj]) + (u[k - 1] + u[k + 1]);
+        residual[k] = b[k] - (neighbours - (6 + screening[k]) * u[k]);
     }
 }
 
@@ -107,13 +164,12 @@ ScreenedPoisson::ScreenedPoisson(const NodeGrid& grid, std::vector<float> screen
 void ScreenedPoisson::relax(Level& level, int sweeps) const
 {
     const NodeGrid& grid = level.grid;
-    const std::size_t di = std::size_t(grid.n[1]) * std::size_t(grid.n[2]),
-                      dj = std::size_t(grid.n[2]);
+    const Strides next(grid);
     for (int pass = 0; pass < 2 * sweeps; ++pass) {
         forEachRow(grid, [&](int i, int j) {
             const std::size_t n = grid.index(i, j, 1);
-            relaxRow(&level.u[n], &level.b[n], &level.screening[n], std::ptrdiff_t(di),
-                     std::ptrdiff_t(dj), grid.n[2] - 2, (i + j + pass) & 1);
+            relaxRow(&level.u[n], &level.b[n], &level.screening[n], next, grid.n[2] - 2,
+                     (i + j + pass) & 1);
         });
     }
 }
@@ -128,16 +184,11 @@ void ScreenedPoisson::cycle(std::size_t n)
     }
     relax(fine, 2);
     std::vector<float> residual(fine.grid.size(), 0.0f);
-    const std::size_t di = std::size_t(fine.grid.n[1]) * std::size_t(fine.grid.n[2]),
-                      dj = std::size_t(fine.grid.n[2]);
+    const Strides next(fine.grid);
     forEachRow(fine.grid, [&](int i, int j) {
-        for (int k = 1; k < fine.grid.n[2] - 1; ++k) {
-            const std::size_t m = fine.grid.index(i, j, k);
-            const float* const u = &fine.u[m];
-            const float neighbours = (u[-std::ptrdiff_t(di)] + u[di]) +
-                                     (u[-std::ptrdiff_t(dj)] + u[dj]) + (u[-1] + u[1]);
-            residual[m] = fine.b[m] - (neighbours - (6 + fine.screening[m]) * u[0]);
-        }
+        const std::size_t m = fine.grid.index(i, j, 1);
+        residualRow(&fine.u[m], &fine.b[m], &fine.screening[m], next, fine.grid.n[2] - 2,
+                    &residual[m]);
     });
     Level& coarse = mLevels[n + 1];
     std::vector<float> keptU(coarse.grid.size(), 0.0f), keptB;
@@ -165,10 +216,9 @@ void ScreenedPoisson::fillBorder(std::size_t n, const std::vector<float>& border
     const int finest = 1 << n; // steps of the finest grid
     for (int i = 0; i < grid.n[0]; ++i)
         for (int j = 0; j < grid.n[1]; ++j)
-            for (int k = 0; k < grid.n[2]; ++k)
-                if (grid.onBorder(i, j, k))
-                    level.u[grid.index(i, j, k)] =
-                        border[mLevels[0].grid.index(finest * i, finest * j, finest * k)];
+            for (int k = 0; k < grid.n[2]; k += grid.borderStep(i, j))
+                level.u[grid.index(i, j, k)] =
+                    border[mLevels[0].grid.index(finest * i, finest * j, finest * k)];
 }
 
 std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b, float border, int cycles)

@@ -19,9 +19,11 @@ struct NodeGrid {
         return (std::size_t(i) * std::size_t(n[1]) + std::size_t(j)) * std::size_t(n[2]) +
                std::size_t(k);
     }
-    bool onBorder(int i, int j, int k) const
+    /// From one node of the row (i, j) that is on the box to the next, from k = 0 on.
+    int borderStep(int i, int j) const
     {
-        return i == 0 || j == 0 || k == 0 || i == n[0] - 1 || j == n[1] - 1 || k == n[2] - 1;
+        const bool whole = i == 0 || j == 0 || i == n[0] - 1 || j == n[1] - 1;
+        return whole ? 1 : n[2] - 1;
     }
 };
 

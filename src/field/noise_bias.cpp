@@ -34,8 +34,8 @@ struct Sums {
     double offset = 0, square = 0;
 };
 
-/// The leaf that holds @a p, with its fit about p.
-LocalFit fitAt(const Octree& tree, const Vec3d& p)
+/// The fit of the leaf that holds @a p.
+const StoredFit& fitAt(const Octree& tree, const Vec3d& p)
 {
     std::uint32_t node = 0;
     OctreeCell cell;
@@ -46,7 +46,7 @@ LocalFit fitAt(const Octree& tree, const Vec3d& p)
         node = tree.nodes[node].index + std::uint32_t(octant);
         cell = cell.child(octant);
     }
-    return tree.fitAbout(tree.fits[tree.nodes[node].index], p);
+    return tree.fits[tree.nodes[node].index];
 }
 
 /// Add the point @a p: what it is off the surface, by the fits at its foot there, not by those that
@@ -57,10 +57,11 @@ void addPoint(const Octree& tree, const Vec3d& p, double noise, Sums& sums)
     Vec3d at = p, step;
     Quadric q; // about the place before the last step
     for (int n = 0; n < kSteps; ++n, at += step) {
-        const LocalFit fit = fitAt(tree, at);
-        q = fit.pieces[0];
+        const StoredFit& fit = fitAt(tree, at);
+        if (fit.count != 1) return;
+        q = tree.pieceAbout(fit, 0, at);
         step = foot(q);
-        if (fit.isSharp() || !(step.norm() < kFarthest * noise)) return;
+        if (!(step.norm() < kFarthest * noise)) return;
     }
     const double k = curvature(q, step);
     if (!(std::abs(k) * noise < kMostTurn)) return;
@@ -73,13 +74,19 @@ void addPoint(const Octree& tree, const Vec3d& p, double noise, Sums& sums)
 
 void removeNoiseBias(Octree& tree, const SortedPoints& points, double noise)
 {
-    constexpr std::size_t kChunk = 4096; // points
+    // One number is asked of them all. That it is off moves the surface by the noise over the root
+    // of how many were asked.
+    constexpr std::size_t kEnough = 1 << 16, kChunk = 1024; // points
+    const std::size_t stride = (points.size() + kEnough - 1) / kEnough,
+                      asked = (points.size() + stride - 1) / stride;
     const PointBatch& p = points.points();
-    std::vector<Sums> sums((points.size() + kChunk - 1) / kChunk);
+    std::vector<Sums> sums((asked + kChunk - 1) / kChunk);
     tbb::parallel_for(std::size_t(0), sums.size(), [&](std::size_t c) {
-        const std::size_t end = std::min((c + 1) * kChunk, points.size());
-        for (std::size_t n = c * kChunk; n < end; ++n)
+        const std::size_t end = std::min((c + 1) * kChunk, asked);
+        for (std::size_t i = c * kChunk; i < end; ++i) {
+            const std::size_t n = i * stride;
             addPoint(tree, Vec3d(p.x[n], p.y[n], p.z[n]), noise, sums[c]);
+        }
     });
     Sums all;
     for (const Sums& s : sums) all.offset += s.offset, all.square += s.square;
@@ -88,7 +95,7 @@ void removeNoiseBias(Octree& tree, const SortedPoints& points, double noise)
     tbb::parallel_for(std::size_t(0), tree.fits.size(), [&](std::size_t n) {
         const StoredFit& stored = tree.fits[n];
         if (stored.count != 1) return;
-        const Quadric q = tree.fitAbout(stored, stored.origin.cast<double>()).pieces[0];
+        const Quadric q = tree.pieceAbout(stored, 0, stored.origin.cast<double>());
         const Vec3d y = foot(q);
         const double k = std::clamp(curvature(q, y), -kMostTurn / noise, kMostTurn / noise);
         tree.quadrics[stored.firstQuadric][0] -= float(perCurvature * k * q.gradient(y).norm());

@@ -93,10 +93,13 @@ LocalFit Octree::fitAbout(const StoredFit& stored, const Vec3d& origin) const
     LocalFit fit;
     fit.count = stored.count;
     fit.maxBits = stored.maxBits;
-    const Vec3d shift = origin - stored.origin.cast<double>();
-    for (std::size_t k = 0; k < stored.count; ++k)
-        fit.pieces[k] = quadric(quadrics[stored.firstQuadric + k]).shifted(shift);
+    for (std::size_t k = 0; k < stored.count; ++k) fit.pieces[k] = pieceAbout(stored, k, origin);
     return fit;
+}
+
+Quadric Octree::pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const
+{
+    return quadric(quadrics[fit.firstQuadric + piece]).shifted(origin - fit.origin.cast<double>());
 }
 
 void Octree::graft(std::uint32_t at, const Octree& subtree)

@@ -73,6 +73,8 @@ struct Octree {
     std::uint32_t addFitThrough(const Vec3f& point, const Quadric& fit);
     /// A stored fit about another origin, in double precision.
     LocalFit fitAbout(const StoredFit& fit, const Vec3d& origin) const;
+    /// One of its pieces alone.
+    Quadric pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const;
     /// Append @a subtree, whose node 0 becomes node @a at.
     void graft(std::uint32_t at, const Octree& subtree);
     std::uint64_t bytes() const;

@@ -51,6 +51,22 @@ void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, 
 }
 
 MPUVDB_CLONES
+void shellsOf(const Floats& squared, float radius, float perWidth, int count,
+              std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>>& out)
+{
+    const std::size_t n = squared.size();
+    out.resize(n);
+    const float* const d2 = squared.data();
+    std::uint32_t* const shell = out.data();
+    const float last = float(count);
+    for (std::size_t i = 0; i < n; ++i) {
+        const float step = (std::sqrt(d2[i]) - radius) * perWidth + 1;
+        const float within = step > 0 ? step < last ? step : last : 0.0f;
+        shell[i] = std::uint32_t(int(within));
+    }
+}
+
+MPUVDB_CLONES
 void findLeastAndMost(const Floats& values, float& least, float& most)
 {
     constexpr std::size_t kLanes = 8;
@@ -184,6 +200,16 @@ std::size_t BatchFilter::nearestOf(const PointBatch& from, const Vec3d& centre)
 {
     squaredDistances(from, centre.cast<float>(), mDistance2);
     return std::size_t(std::min_element(mDistance2.begin(), mDistance2.end()) - mDistance2.begin());
+}
+
+/// Selects the points in the shells; mMask is then the shell of each.
+void BatchFilter::findShells(const PointBatch& from, const Vec3d& centre, double radius,
+                             double width, int count)
+{
+    const auto reach = float(radius + width * count);
+    squaredDistances(from, centre.cast<float>(), mDistance2);
+    shellsOf(mDistance2, float(radius), float(1 / width), count, mMask);
+    select(reach * reach);
 }
 
 void BatchFilter::strided(const PointBatch& from, std::size_t stride, PointBatch& out)

@@ -70,6 +70,15 @@ public:
     double nearest(const PointBatch& from, const Vec3d& centre, std::size_t count, PointBatch& out);
     /// Index of the point of @a from (not empty) nearest to @a centre; the first of several.
     std::size_t nearestOf(const PointBatch& from, const Vec3d& centre);
+    /// Call f(index, shell) for the points of @a from in shells about @a centre: 0 within @a
+    /// radius, then one per @a width up to @a count.
+    template <typename F>
+    void forEachInShells(const PointBatch& from, const Vec3d& centre, double radius, double width,
+                         int count, F f)
+    {
+        findShells(from, centre, radius, width, count);
+        for (std::size_t n = 0; n < mSelected; ++n) f(mIndices[n], mMask[mIndices[n]]);
+    }
     /// Every @a stride th point.
     void strided(const PointBatch& from, std::size_t stride, PointBatch& out);
     /// Append to @a out the points begin, begin + stride, ... below @a end within the ball.
@@ -81,6 +90,8 @@ public:
 
 private:
     void select(float below);
+    void findShells(const PointBatch& from, const Vec3d& centre, double radius, double width,
+                    int count);
     void append(const PointBatch& from, PointBatch& out) const;
 
     PointBatch::Floats mDistance2;

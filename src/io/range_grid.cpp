@@ -61,6 +61,15 @@ public:
         return cell;
     }
 
+    // The cells between rows of rays `row` and row + 1; none beyond the grid.
+    void cellsOf(std::size_t row, std::vector<Cell>& cells) const
+    {
+        cells.clear();
+        if (row + 1 >= mGrid.rows) return;
+        for (std::size_t column = 0; column + 1 < mGrid.columns; ++column)
+            cells.push_back(cell(column, row));
+    }
+
 private:
     void add(Cell& cell, const std::uint32_t* ids, int a, int b, int c) const
     {
@@ -91,27 +100,30 @@ GridNormals gridNormals(const RangeGrid& grid, const std::vector<Vec3d>& positio
     result.normals.assign(positions.size(), Vec3f::Zero());
     result.borders.assign(positions.size(), 1);
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, grid.rows, 16), [&](const auto& range) {
-        for (std::size_t row = range.begin(); row < range.end(); ++row)
+        std::vector<Cell> cells[2]; // of the row before, and of this
+        if (range.begin() > 0) triangles.cellsOf(range.begin() - 1, cells[1]);
+        for (std::size_t row = range.begin(); row < range.end(); ++row) {
+            cells[0].swap(cells[1]);
+            triangles.cellsOf(row, cells[1]);
             for (std::size_t column = 0; column < grid.columns; ++column) {
                 const std::uint32_t id = grid.points[row * grid.columns + column];
                 if (id == RangeGrid::kMissed) continue;
                 Vec3d normal = Vec3d::Zero();
-                int cells = 0;
+                int around = 0;
                 // The cell at (column - dx, row - dy) has this point as its corner dx + 2 dy, in
                 // the order 0 1 3 2.
                 for (int q = 0; q < 4; ++q) {
-                    const std::size_t dx = q == 1 || q == 2, dy = q >= 2;
-                    if (column < dx || row < dy || column - dx + 1 >= grid.columns ||
-                        row - dy + 1 >= grid.rows)
-                        continue;
-                    const Cell cell = triangles.cell(column - dx, row - dy);
-                    normal += cell.areaNormals[q];
-                    cells += cell.corners >> q & 1;
+                    const std::size_t dx = q == 1 || q == 2;
+                    const std::vector<Cell>& ofRow = cells[q < 2];
+                    if (column < dx || column - dx >= ofRow.size()) continue;
+                    normal += ofRow[column - dx].areaNormals[q];
+                    around += ofRow[column - dx].corners >> q & 1;
                 }
                 const double length = normal.norm();
                 if (length > 0) result.normals[id] = (normal / length).cast<float>();
-                result.borders[id] = cells < 4;
+                result.borders[id] = around < 4;
             }
+        }
     });
     return result;
 }

@@ -65,6 +65,27 @@ void judgeTile(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLim
         }
 }
 
+/// Whether child @a n of a node is a tile without fault among tiles of the same node, like itself:
+/// nearly all are, and need no look from the root.
+template <typename Node>
+bool isAmongItsLike(const Node& node, openvdb::Index n, const CheckLimits& limits)
+{
+    constexpr openvdb::Index kLast = (1u << Node::LOG2DIM) - 1;
+    const float value = node.getTable()[n].getValue();
+    if (node.isValueMaskOn(n) ||
+        !(std::abs(std::abs(value) - limits.background) <= limits.tolerance))
+        return false;
+    for (openvdb::Index shift = 0; shift < 3 * Node::LOG2DIM; shift += Node::LOG2DIM) {
+        const openvdb::Index at = n >> shift & kLast, step = 1u << shift;
+        if (at == 0 || at == kLast) return false;
+        for (const openvdb::Index other : {n - step, n + step})
+            if (node.isChildMaskOn(other) || node.isValueMaskOn(other) ||
+                (node.getTable()[other].getValue() < 0) != (value < 0))
+                return false;
+    }
+    return true;
+}
+
 /// Judge the tiles of all nodes of one level.
 template <typename Node>
 FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& limits,
@@ -80,7 +101,8 @@ FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& lim
             for (std::size_t n = range.begin(); n != range.end(); ++n) {
                 progress.check();
                 for (auto tile = nodes[n]->cbeginValueAll(); tile; ++tile)
-                    if (isWellWithin(tile.getCoord(), kDim, within))
+                    if (!isAmongItsLike(*nodes[n], tile.pos(), limits) &&
+                        isWellWithin(tile.getCoord(), kDim, within))
                         judgeTile(accessor, limits, tile.getCoord(), kDim, tallies);
             }
             return tallies;

@@ -47,8 +47,9 @@ std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
                                const std::vector<Vec3f>& chosen, std::size_t k, Progress& progress)
 {
     // A finer cloud takes longer to sort, a coarser one makes balls that hold far too much.
-    constexpr std::size_t kFewest = 32768, kThinning = 40;
-    const std::size_t size = std::max(kFewest, positions.size() / kThinning);
+    constexpr std::size_t kMany = 32768, kThinning = 40, kThinningOfFew = 4;
+    const std::size_t size =
+        std::max(std::min(kMany, positions.size() / kThinningOfFew), positions.size() / kThinning);
     const std::vector<Vec3f> thinned = choosePositions(positions, size, progress);
     const double expected =
         double(k) * std::min(1.0, double(thinned.size()) / double(positions.size()));
