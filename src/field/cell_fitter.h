@@ -29,6 +29,13 @@ constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 2.5;
 /// Noise, in voxels, from which on cells below two voxels show no more of an edge.
 constexpr double kBlurringNoise = 0.05;
 
+/// Noise, in voxels, up to which cells go down to kNoisyCell: larger noise hides what these show.
+constexpr double kTellingNoise = 0.5;
+
+/// Least edge of a cell that no edge of the surface crosses, voxels; with noise from kBlurringNoise
+/// to kTellingNoise, whose points together show more than one of them, kNoisyCell.
+constexpr double kLeastCell = 2, kNoisyCell = 1.4;
+
 /// Balls up to this radius, in standard deviations of the noise, cut through it.
 constexpr double kThickRadius = 8;
 
@@ -209,6 +216,13 @@ private:
         return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
     }
 
+    /// Least edge of a cell without an edge of the surface, voxels.
+    double smoothCell() const
+    {
+        const double noise = mSettings.noise / mSettings.voxelSize;
+        return noise >= kBlurringNoise && noise <= kTellingNoise ? kNoisyCell : kLeastCell;
+    }
+
     bool mayBeSplit(const OctreeCell& cell, const FitResult& result, double spacing) const
     {
         const bool fine = mSettings.noise < kBlurringNoise * mSettings.voxelSize &&
@@ -216,7 +230,7 @@ private:
                            (mSettings.sharp && result.spreadNormals && !result.accepted));
         if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
         return cell.level < SortedPoints::kMaxLevel &&
-               mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
+               mRoot.size(cell.level + 1) >= (fine ? 1 : smoothCell()) * mSettings.voxelSize;
     }
 
     /// @param reach  across the surface, of the points of the ball that count.
@@ -270,40 +284,35 @@ private:
 
     bool isEnough(const PointBatch& batch) const
     {
-        double sum = 0;
-        for (const float c : batch.confidence) sum += c;
-        return sum >= mFit.minPoints;
+        return batch.size() >= std::size_t(mFit.minPoints);
     }
 
-    /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min
-    /// points. Returns the radius; where it grew, mGrown holds the points.
+    /// Grow the ball until it holds N_min points [Ohtake03 eq. 6]. Their number counts, not the sum
+    /// of their confidences [Ohtake03 §6]: where all are low, as at the rims of scans, larger balls
+    /// would blur what no other points have seen. Returns the radius; where it grew, mGrown holds
+    /// the points.
     double grow(const PointBatch& ball, const OctreeCell& cell, const std::vector<Ball>& path)
     {
         const Vec3d centre = mRoot.centre(cell);
         const double radius = supportRadius(cell.level);
-        double sum = 0;
-        for (const float c : ball.confidence) sum += c;
-        const std::size_t most = 20 * std::size_t(mFit.minPoints);
-        if (sum >= mFit.minPoints || ball.size() >= most) return radius;
+        if (isEnough(ball)) return radius;
         for (std::size_t up = path.size(); up-- > 0;) {
             const double cover = path[up].radius - (path[up].centre - centre).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
             if (steps < 1) continue;
-            if (const int k = growthSteps(*path[up].batch, centre, radius, steps, most)) {
+            if (const int k = growthSteps(*path[up].batch, centre, radius, steps)) {
                 const double grown = radius * (1 + kGrowth * k);
                 mFilter.ball(*path[up].batch, centre, grown, mGrown);
                 return grown;
             }
         }
-        return growAmongAll(cell, most);
+        return growAmongAll(cell);
     }
 
     /// Smallest number of steps with which the ball of points in @a batch is large enough; 0: none
     /// up to @a steps.
-    int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps,
-                    std::size_t most)
+    int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps)
     {
-        mStepConfidence.assign(std::size_t(steps) + 1, 0.0);
         mStepCount.assign(std::size_t(steps) + 1, 0);
         const Vec3f c = centre.cast<float>();
         const auto reach = float(radius * (1 + kGrowth * steps));
@@ -315,29 +324,26 @@ private:
             // The step whose ball is the first to hold the point.
             const float step = (std::sqrt(d2) - float(radius)) * perStep + 1;
             const auto k = std::min(std::size_t(std::max(step, 0.0f)), std::size_t(steps));
-            mStepConfidence[k] += batch.confidence[i];
             ++mStepCount[k];
         }
-        double sum = 0;
         std::size_t count = 0;
         for (int k = 0; k <= steps; ++k) {
-            sum += mStepConfidence[std::size_t(k)];
             count += mStepCount[std::size_t(k)];
-            if (k > 0 && count > 0 && (sum >= mFit.minPoints || count >= most)) return k;
+            if (k > 0 && count >= std::size_t(mFit.minPoints)) return k;
         }
         return 0;
     }
 
     /// As grow(), for a cell whose ancestors' balls are not at hand: in a wide ball, kept for the
     /// cells that follow, and wider and wider if need be.
-    double growAmongAll(const OctreeCell& cell, std::size_t most)
+    double growAmongAll(const OctreeCell& cell)
     {
         const Vec3d centre = mRoot.centre(cell);
         const double radius = supportRadius(cell.level);
         for (double wanted = 2.5 * radius;; wanted *= 2) {
             const double cover = mWideRadius - (mWideCentre - centre).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
-            int k = steps > 0 ? growthSteps(mWide, centre, radius, steps, most) : 0;
+            int k = steps > 0 ? growthSteps(mWide, centre, radius, steps) : 0;
             if (k == 0 && steps > 0 && mWide.size() == mPoints.size()) k = steps; // no more points
             if (k > 0) {
                 const double grown = radius * (1 + kGrowth * k);
@@ -359,7 +365,6 @@ private:
     PointBatch mGrown, mWide;
     Vec3d mWideCentre = Vec3d::Zero(); ///< of the ball whose points mWide holds
     double mWideRadius = 0;
-    std::vector<double> mStepConfidence;
     std::vector<std::size_t> mStepCount;
 };
 
