@@ -132,6 +132,53 @@ TEST(Noise, ResidualsAreToldFromShape)
     EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
 }
 
+/// Lift the points by waves along x.
+void addWaves(CellPoints& points, double height)
+{
+    for (std::size_t i = 0; i < points.count; ++i)
+        points.z[i] += height * std::sin(4 * points.x[i]);
+}
+
+TEST(Noise, OfFewPointsIsToldFromShape)
+{
+    Random random(kSeed);
+    constexpr double kNoise = 0.05;
+    constexpr int kTrials = 200;
+    FitSettings settings;
+    settings.tolerance = 1e-3;
+    settings.noise = kNoise;
+    settings.maxSharpPoints = 0;
+    int noise = 0, shape = 0;
+    CellPoints scratch;
+    for (int trial = 0; trial < kTrials; ++trial) {
+        CellPoints points = sheetOf(60, 0, 0, kNoise, random);
+        noise += fitCell(points, 1, 0.9, settings, scratch).accepted;
+        addWaves(points, 0.2); // few are as far off as noise may be
+        shape += !fitCell(points, 1, 0.9, settings, scratch).accepted;
+    }
+    EXPECT_GT(noise, 0.9 * kTrials) << "seed " << kSeed;
+    EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
+}
+
+TEST(Noise, ShapeThatOnlyPointsOfLowConfidenceShowIsNone)
+{
+    Random random(kSeed);
+    constexpr double kNoise = 0.1;
+    constexpr int kTrials = 200;
+    int noise = 0, shape = 0;
+    LocalFit plane;
+    plane.pieces[0].b = Vec3d::UnitZ();
+    for (int trial = 0; trial < kTrials; ++trial) {
+        CellPoints points = sheetOf(300, 0, 0, kNoise, random);
+        points.confidence.assign(points.confidence.size(), 0.1);
+        noise += residualsAreNoise(plane, points, 0.8, kNoise);
+        addWaves(points, 0.12);
+        shape += !residualsAreNoise(plane, points, 0.8, kNoise);
+    }
+    EXPECT_GT(noise, 0.9 * kTrials) << "seed " << kSeed;
+    EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
+}
+
 /// Points about the top of the sphere of radius 1, relative to it, thrown along the normals.
 CellPoints thrownOffSphere(std::size_t count, double noise, double reach, Random& random)
 {
