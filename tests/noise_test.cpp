@@ -148,6 +148,7 @@ TEST(Noise, OfFewPointsIsToldFromShape)
     settings.tolerance = 1e-3;
     settings.noise = kNoise;
     settings.maxSharpPoints = 0;
+    settings.fewPoints = 50;
     int noise = 0, shape = 0;
     CellPoints scratch;
     for (int trial = 0; trial < kTrials; ++trial) {

@@ -29,12 +29,14 @@ constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 2.5;
 /// Noise, in voxels, from which on cells below two voxels show no more of an edge.
 constexpr double kBlurringNoise = 0.05;
 
-/// Noise, in voxels, up to which cells go down to kNoisyCell: larger noise hides what these show.
-constexpr double kTellingNoise = 0.5;
+/// Least edge of a cell that no edge of the surface crosses, voxels.
+constexpr double kLeastCell = 2;
 
-/// Least edge of a cell that no edge of the surface crosses, voxels; with noise from kBlurringNoise
-/// to kTellingNoise, whose points together show more than one of them, kNoisyCell.
-constexpr double kLeastCell = 2, kNoisyCell = 1.4;
+/// From kBlurringNoise up to this noise, in voxels, points show details of about a voxel: cells go
+/// down to kTellingCell, and kTellingPoints of them tell a shape from noise. Less noise is within
+/// the tolerance, more hides such details.
+constexpr double kTellingNoise = 0.35, kTellingCell = 1.4;
+constexpr std::size_t kTellingPoints = 50;
 
 /// Balls up to this radius, in standard deviations of the noise, cut through it.
 constexpr double kThickRadius = 8;
@@ -88,6 +90,7 @@ public:
         if (settings.normalNoise > 0)
             mFit.lever = settings.noise / std::max(settings.normalNoise, kLeastNormalNoise);
         mFit.minPoints = settings.minPoints;
+        if (noiseTells()) mFit.fewPoints = kTellingPoints;
     }
 
     /// Forget what was gathered for other cells: the order of the points, and with it the last bit
@@ -216,11 +219,11 @@ private:
         return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
     }
 
-    /// Least edge of a cell without an edge of the surface, voxels.
-    double smoothCell() const
+    /// Whether points show details that are hardly larger than voxels.
+    bool noiseTells() const
     {
-        const double noise = mSettings.noise / mSettings.voxelSize;
-        return noise >= kBlurringNoise && noise <= kTellingNoise ? kNoisyCell : kLeastCell;
+        return mSettings.noise >= kBlurringNoise * mSettings.voxelSize &&
+               mSettings.noise <= kTellingNoise * mSettings.voxelSize;
     }
 
     bool mayBeSplit(const OctreeCell& cell, const FitResult& result, double spacing) const
@@ -229,8 +232,9 @@ private:
                           (result.fit.isSharp() || result.opposedNormals ||
                            (mSettings.sharp && result.spreadNormals && !result.accepted));
         if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
+        const double least = fine ? 1 : noiseTells() ? kTellingCell : kLeastCell;
         return cell.level < SortedPoints::kMaxLevel &&
-               mRoot.size(cell.level + 1) >= (fine ? 1 : smoothCell()) * mSettings.voxelSize;
+               mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
     }
 
     /// @param reach  across the surface, of the points of the ball that count.
