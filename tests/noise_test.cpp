@@ -309,9 +309,10 @@ TEST(Noise, MovesNoSphere)
     EXPECT_LT(std::abs(meanOnSphere(field, random)), 0.25 * kShift) << "seed " << kSeed;
 }
 
-/// Root mean square of the distances of a grid's zero crossings from the torus (1, 0.4).
-double torusError(const LevelSet& levelSet)
+/// Root mean square of the distances of a grid's zero crossings from @a solid.
+double errorFrom(const std::string& solid, const LevelSet& levelSet)
 {
+    const auto truth = parseSolid(solid);
     const openvdb::FloatGrid& grid = levelSet.grid();
     const double h = grid.voxelSize()[0];
     double squares = 0;
@@ -325,7 +326,7 @@ double torusError(const LevelSet& levelSet)
             if ((a < 0) == (b < 0)) continue;
             openvdb::Vec3d p = grid.indexToWorld(it.getCoord());
             p[axis] += h * double(a / (a - b));
-            const double d = std::hypot(std::hypot(p[0], p[1]) - 1, p[2]) - 0.4;
+            const double d = truth->distance({p[0], p[1], p[2]});
             squares += d * d;
             ++count;
         }
@@ -341,10 +342,19 @@ TEST(Noise, IsTakenOutOfTheGrid)
         const double noise = share * diagonal;
         const Reconstruction made =
             reconstruct(noisyScan("torus(1,0.4)", 100000, noise, 10), {}, progress);
-        EXPECT_LT(torusError(made.levelSet), noise / 12) << share;
+        EXPECT_LT(errorFrom("torus(1,0.4)", made.levelSet), noise / 12) << share;
         const CheckReport report = check(made.levelSet.grid(), progress);
         EXPECT_TRUE(report.sound()) << share << "\n" << test::texts(report);
     }
+}
+
+TEST(Noise, BelowAVoxelBlursNoEdges)
+{
+    Progress progress;
+    constexpr double kNoise = 0.003; // a sixth of a voxel
+    const std::string solid = "difference(box(2,2,1), cylinder(0.4,3))";
+    const Reconstruction made = reconstruct(noisyScan(solid, 100000, kNoise, 0), {}, progress);
+    EXPECT_LT(errorFrom(solid, made.levelSet), kNoise / 4);
 }
 
 // At its edges a few normals out of many are turned by a right angle or more from the mean.
