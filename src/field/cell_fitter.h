@@ -32,7 +32,7 @@ constexpr double kBlurringNoise = 0.05;
 /// Least edge of a cell that no edge of the surface crosses, voxels.
 constexpr double kLeastCell = 2;
 
-/// From kBlurringNoise up to this noise, in voxels, points show details of about a voxel: cells go
+/// From the tolerance up to this noise, in voxels, points show details of about a voxel: cells go
 /// down to kTellingCell, and kTellingPoints of them tell a shape from noise. Less noise is within
 /// the tolerance, more hides such details.
 constexpr double kTellingNoise = 0.35, kTellingCell = 1.4;
@@ -222,7 +222,7 @@ private:
     /// Whether points show details that are hardly larger than voxels.
     bool noiseTells() const
     {
-        return mSettings.noise >= kBlurringNoise * mSettings.voxelSize &&
+        return mSettings.noise >= mSettings.tolerance &&
                mSettings.noise <= kTellingNoise * mSettings.voxelSize;
     }
 
