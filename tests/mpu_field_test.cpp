@@ -319,6 +319,28 @@ TEST(MpuField, ASmallerToleranceMeansSmallerErrorsAndMoreCells)
     }
 }
 
+/// Root mean square of the values at the points of the cloud's own field.
+double errorOf(const PointCloud& cloud, double voxelSize, double tolerance)
+{
+    const MpuField field = fieldOf(cloud, voxelSize, tolerance);
+    double squares = 0;
+    for (const Vec3f& p : cloud.positions) {
+        const double value = field.evaluate(cloud.frame + p.cast<double>()).value;
+        squares += value * value;
+    }
+    return std::sqrt(squares / double(cloud.size()));
+}
+
+TEST(MpuField, PointsOfLowConfidenceAreBlurredNoMoreThanOthers)
+{
+    const double h = kTorus.voxelSize(48), tolerance = 1e-6 * h; // all cells as small as may be
+    PointCloud cloud = kTorus.cloud(48);
+    const double alike = errorOf(cloud, h, tolerance);
+    cloud.confidence.assign(cloud.size(), 0.1f);
+    cloud.confidence[0] = 1;
+    EXPECT_LT(errorOf(cloud, h, tolerance), 1.2 * alike);
+}
+
 // --- Errors
 
 TEST(MpuField, RefusesWhatItCannotFit)

@@ -132,6 +132,54 @@ TEST(Noise, ResidualsAreToldFromShape)
     EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
 }
 
+/// Lift the points by waves along x.
+void addWaves(CellPoints& points, double height)
+{
+    for (std::size_t i = 0; i < points.count; ++i)
+        points.z[i] += height * std::sin(4 * points.x[i]);
+}
+
+TEST(Noise, OfFewPointsIsToldFromShape)
+{
+    Random random(kSeed);
+    constexpr double kNoise = 0.05;
+    constexpr int kTrials = 200;
+    FitSettings settings;
+    settings.tolerance = 1e-3;
+    settings.noise = kNoise;
+    settings.maxSharpPoints = 0;
+    settings.fewPoints = 50;
+    int noise = 0, shape = 0;
+    CellPoints scratch;
+    for (int trial = 0; trial < kTrials; ++trial) {
+        CellPoints points = sheetOf(60, 0, 0, kNoise, random);
+        noise += fitCell(points, 1, 0.9, settings, scratch).accepted;
+        addWaves(points, 0.2); // few are as far off as noise may be
+        shape += !fitCell(points, 1, 0.9, settings, scratch).accepted;
+    }
+    EXPECT_GT(noise, 0.9 * kTrials) << "seed " << kSeed;
+    EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
+}
+
+TEST(Noise, ShapeThatOnlyPointsOfLowConfidenceShowIsNone)
+{
+    Random random(kSeed);
+    constexpr double kNoise = 0.1;
+    constexpr int kTrials = 200;
+    int noise = 0, shape = 0;
+    LocalFit plane;
+    plane.pieces[0].b = Vec3d::UnitZ();
+    for (int trial = 0; trial < kTrials; ++trial) {
+        CellPoints points = sheetOf(300, 0, 0, kNoise, random);
+        points.confidence.assign(points.confidence.size(), 0.1);
+        noise += residualsAreNoise(plane, points, 0.8, kNoise);
+        addWaves(points, 0.12);
+        shape += !residualsAreNoise(plane, points, 0.8, kNoise);
+    }
+    EXPECT_GT(noise, 0.9 * kTrials) << "seed " << kSeed;
+    EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
+}
+
 /// Points about the top of the sphere of radius 1, relative to it, thrown along the normals.
 CellPoints thrownOffSphere(std::size_t count, double noise, double reach, Random& random)
 {
@@ -261,9 +309,10 @@ TEST(Noise, MovesNoSphere)
     EXPECT_LT(std::abs(meanOnSphere(field, random)), 0.25 * kShift) << "seed " << kSeed;
 }
 
-/// Root mean square of the distances of a grid's zero crossings from the torus (1, 0.4).
-double torusError(const LevelSet& levelSet)
+/// Root mean square of the distances of a grid's zero crossings from @a solid.
+double errorFrom(const std::string& solid, const LevelSet& levelSet)
 {
+    const auto truth = parseSolid(solid);
     const openvdb::FloatGrid& grid = levelSet.grid();
     const double h = grid.voxelSize()[0];
     double squares = 0;
@@ -277,7 +326,7 @@ double torusError(const LevelSet& levelSet)
             if ((a < 0) == (b < 0)) continue;
             openvdb::Vec3d p = grid.indexToWorld(it.getCoord());
             p[axis] += h * double(a / (a - b));
-            const double d = std::hypot(std::hypot(p[0], p[1]) - 1, p[2]) - 0.4;
+            const double d = truth->distance({p[0], p[1], p[2]});
             squares += d * d;
             ++count;
         }
@@ -293,10 +342,19 @@ TEST(Noise, IsTakenOutOfTheGrid)
         const double noise = share * diagonal;
         const Reconstruction made =
             reconstruct(noisyScan("torus(1,0.4)", 100000, noise, 10), {}, progress);
-        EXPECT_LT(torusError(made.levelSet), noise / 12) << share;
+        EXPECT_LT(errorFrom("torus(1,0.4)", made.levelSet), noise / 12) << share;
         const CheckReport report = check(made.levelSet.grid(), progress);
         EXPECT_TRUE(report.sound()) << share << "\n" << test::texts(report);
     }
+}
+
+TEST(Noise, BelowAVoxelBlursNoEdges)
+{
+    Progress progress;
+    constexpr double kNoise = 0.003; // a sixth of a voxel
+    const std::string solid = "difference(box(2,2,1), cylinder(0.4,3))";
+    const Reconstruction made = reconstruct(noisyScan(solid, 100000, kNoise, 0), {}, progress);
+    EXPECT_LT(errorFrom(solid, made.levelSet), kNoise / 4);
 }
 
 // At its edges a few normals out of many are turned by a right angle or more from the mean.

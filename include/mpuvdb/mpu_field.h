@@ -23,9 +23,9 @@ struct MpuSettings {
     /// Standard deviation of the normals, radians, that lets fits weigh them against the positions;
     /// 0: unknown, or they come from the positions, and normals only orient. Without noise, too.
     double normalNoise = 0;
-    double voxelSize = 0; ///< cells stay above about two of these (one where sharp), > 0
+    double voxelSize = 0; ///< cells stay above one to two of these (by noise; one where sharp), > 0
     double alpha = 0.75;  ///< support radius / cell diagonal, in [0.6, 2]
-    int minPoints = 15;   ///< N_min: confidences a fit needs in sum, in [6, 1000]
+    int minPoints = 15;   ///< N_min: points a fit needs, in [6, 1000]
     bool sharp = true;    ///< fit edges and corners [Ohtake03 §4c]
     /// Zero at every point [Ohtake03 §6]: cells are split until each holds one point at most; the
     /// tolerance rules cells that are large beside the spacing of their points. Copies of a point

@@ -29,6 +29,15 @@ constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 2.5;
 /// Noise, in voxels, from which on cells below two voxels show no more of an edge.
 constexpr double kBlurringNoise = 0.05;
 
+/// Least edge of a cell that no edge of the surface crosses, voxels.
+constexpr double kLeastCell = 2;
+
+/// From the tolerance up to this noise, in voxels, points show details of about a voxel: cells go
+/// down to kTellingCell, and kTellingPoints of them tell a shape from noise. Less noise is within
+/// the tolerance, more hides such details.
+constexpr double kTellingNoise = 0.35, kTellingCell = 1.4;
+constexpr std::size_t kTellingPoints = 50;
+
 /// Balls up to this radius, in standard deviations of the noise, cut through it.
 constexpr double kThickRadius = 8;
 
@@ -81,6 +90,7 @@ public:
         if (settings.normalNoise > 0)
             mFit.lever = settings.noise / std::max(settings.normalNoise, kLeastNormalNoise);
         mFit.minPoints = settings.minPoints;
+        if (noiseTells()) mFit.fewPoints = kTellingPoints;
     }
 
     /// Forget what was gathered for other cells: the order of the points, and with it the last bit
@@ -209,14 +219,22 @@ private:
         return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
     }
 
+    /// Whether points show details that are hardly larger than voxels.
+    bool noiseTells() const
+    {
+        return mSettings.noise >= mSettings.tolerance &&
+               mSettings.noise <= kTellingNoise * mSettings.voxelSize;
+    }
+
     bool mayBeSplit(const OctreeCell& cell, const FitResult& result, double spacing) const
     {
         const bool fine = mSettings.noise < kBlurringNoise * mSettings.voxelSize &&
                           (result.fit.isSharp() || result.opposedNormals ||
                            (mSettings.sharp && result.spreadNormals && !result.accepted));
         if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
+        const double least = fine ? 1 : noiseTells() ? kTellingCell : kLeastCell;
         return cell.level < SortedPoints::kMaxLevel &&
-               mRoot.size(cell.level + 1) >= (fine ? 1 : 2) * mSettings.voxelSize;
+               mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
     }
 
     /// @param reach  across the surface, of the points of the ball that count.
@@ -270,66 +288,57 @@ private:
 
     bool isEnough(const PointBatch& batch) const
     {
-        double sum = 0;
-        for (const float c : batch.confidence)
-            if ((sum += c) >= mFit.minPoints) return true;
-        return false;
+        return batch.size() >= std::size_t(mFit.minPoints);
     }
 
-    /// Grow the ball until its confidences reach N_min, [Ohtake03 eq. 6, §6]; at most 20 N_min
-    /// points. Returns the radius; where it grew, mGrown holds the points.
+    /// Grow the ball until it holds N_min points [Ohtake03 eq. 6]. Their number counts, not the sum
+    /// of their confidences [Ohtake03 §6]: where all are low, as at the rims of scans, larger balls
+    /// would blur what no other points have seen. Returns the radius; where it grew, mGrown holds
+    /// the points.
     double grow(const PointBatch& ball, const OctreeCell& cell, const std::vector<Ball>& path)
     {
         const Vec3d centre = mRoot.centre(cell);
         const double radius = supportRadius(cell.level);
-        const std::size_t most = 20 * std::size_t(mFit.minPoints);
-        if (ball.size() >= most || isEnough(ball)) return radius;
+        if (isEnough(ball)) return radius;
         for (std::size_t up = path.size(); up-- > 0;) {
             const double cover = path[up].radius - (path[up].centre - centre).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
             if (steps < 1) continue;
-            if (const int k = growthSteps(*path[up].batch, centre, radius, steps, most)) {
+            if (const int k = growthSteps(*path[up].batch, centre, radius, steps)) {
                 const double grown = radius * (1 + kGrowth * k);
                 mFilter.ball(*path[up].batch, centre, grown, mGrown);
                 return grown;
             }
         }
-        return growAmongAll(cell, most);
+        return growAmongAll(cell);
     }
 
     /// Smallest number of steps with which the ball of points in @a batch is large enough; 0: none
     /// up to @a steps.
-    int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps,
-                    std::size_t most)
+    int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps)
     {
-        if (batch.size() < std::size_t(mFit.minPoints)) return 0; // no confidence is above 1
-        mStepConfidence.assign(std::size_t(steps) + 1, 0.0);
+        if (!isEnough(batch)) return 0;
         mStepCount.assign(std::size_t(steps) + 1, 0);
         mFilter.forEachInShells(batch, centre, radius, kGrowth * radius, steps,
-                                [&](std::uint32_t i, std::uint32_t shell) {
-                                    mStepConfidence[shell] += batch.confidence[i];
-                                    ++mStepCount[shell];
-                                });
-        double sum = 0;
+                                [&](std::uint32_t, std::uint32_t shell) { ++mStepCount[shell]; });
         std::size_t count = 0;
         for (int k = 0; k <= steps; ++k) {
-            sum += mStepConfidence[std::size_t(k)];
             count += mStepCount[std::size_t(k)];
-            if (k > 0 && count > 0 && (sum >= mFit.minPoints || count >= most)) return k;
+            if (k > 0 && count >= std::size_t(mFit.minPoints)) return k;
         }
         return 0;
     }
 
     /// As grow(), for a cell whose ancestors' balls are not at hand: in a wide ball, kept for the
     /// cells that follow, and wider and wider if need be.
-    double growAmongAll(const OctreeCell& cell, std::size_t most)
+    double growAmongAll(const OctreeCell& cell)
     {
         const Vec3d centre = mRoot.centre(cell);
         const double radius = supportRadius(cell.level);
         for (double wanted = 2.5 * radius;; wanted *= 2) {
             const double cover = mWideRadius - (mWideCentre - centre).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
-            int k = steps > 0 ? growthSteps(mWide, centre, radius, steps, most) : 0;
+            int k = steps > 0 ? growthSteps(mWide, centre, radius, steps) : 0;
             if (k == 0 && steps > 0 && mWide.size() == mPoints.size()) k = steps; // no more points
             if (k > 0) {
                 const double grown = radius * (1 + kGrowth * k);
@@ -351,7 +360,6 @@ private:
     PointBatch mGrown, mWide;
     Vec3d mWideCentre = Vec3d::Zero(); ///< of the ball whose points mWide holds
     double mWideRadius = 0;
-    std::vector<double> mStepConfidence;
     std::vector<std::size_t> mStepCount;
 };
 

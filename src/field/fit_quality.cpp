@@ -169,8 +169,8 @@ namespace
 
 /// Sums of residuals over the parts of a disc across the fit's normal: eight sectors, each inside
 /// and outside of half its area. Parts along the normal would tell points thrown up from points
-/// thrown down, and find a pattern in any noise. A confidence is one over a variance, as fits weigh
-/// it: times its root all residuals are of one size.
+/// thrown down, and find a pattern in any noise. Points count alike, as they did where noise was
+/// measured: by confidence, what only points of low confidence have seen would pass for noise.
 struct ResidualSums {
     static constexpr std::size_t kParts = 16;
 
@@ -199,7 +199,7 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
         const Group u = x * e1[0] + y * e1[1] + z * e1[2], v = x * e2[0] + y * e2[1] + z * e2[2];
         const Group u2 = u * u, v2 = v * v, r2 = u2 + v2;
         const Group residual =
-            r2 < radius2 ? squareRoot(load(points.confidence, i)) * s.value / slope : Group{};
+            r2 < radius2 && load(points.confidence, i) > 0 ? s.value / slope : Group{};
         squares += residual * residual;
         const Integers part = ((u > 0) & 1) | ((v > 0) & 2) | ((u2 > v2) & 4) |
                               ((2 * r2 > radius2) & 8) | ((r2 >= radius2) & 16);

@@ -357,11 +357,10 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
 bool isAccepted(const FitResult& result, const CellPoints& points, double testRadius,
                 const FitSettings& settings)
 {
-    constexpr std::size_t kFew = 120; // no more points tell no shape from noise
-    constexpr double kFarthest = 8;   // of few points, in standard deviations
+    constexpr double kFarthest = 8; // of few points, in standard deviations
     if (result.error <= settings.tolerance) return true;
     if (!(settings.noise > 0)) return false;
-    if (points.count <= kFew) return result.error <= kFarthest * settings.noise;
+    if (points.count <= settings.fewPoints) return result.error <= kFarthest * settings.noise;
     return residualsAreNoise(result.fit, points, testRadius, settings.noise);
 }
 

@@ -21,6 +21,7 @@ struct FitSettings {
     /// feet: fits are then made again of the points over their feet.
     double reach = 0;
     int minPoints = 15;              ///< N_min
+    std::size_t fewPoints = 120;     ///< with noise: no more points tell a shape from it
     std::size_t maxSharpPoints = 30; ///< edges and corners are tried up to so many points
 };
 
