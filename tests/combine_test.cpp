@@ -481,7 +481,9 @@ TEST(Combine, BlendsOfNearlyParallelSurfacesAreSound)
 {
     constexpr unsigned kSeed = 7;
     std::mt19937 random(kSeed);
-    const auto within = [&](double most) { return most * (2 * (random() / 4294967296.0) - 1); };
+    const auto within = [&](double most) {
+        return most * (2 * (double(random()) / 4294967296.0) - 1);
+    };
     const double h = 1.0 / 20;
     const LevelSet a = solid("blob(1,9,0.12)", h);
     for (int n = 0; n < 4; ++n) {
