@@ -279,7 +279,8 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
 const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, int edge, float start)
 {
     constexpr int kSteps = 6;
-    constexpr double kNear = 1e-3, kDisagrees = 0.05; // voxels
+    // A last step by the slope, from so near, leaves less than a thousandth of a voxel.
+    constexpr double kNear = 0.02, kDisagrees = 0.05; // voxels
     const CellEdge ends = cellEdge(edge);
     const Vec3i low = at + cornerOf(ends.low).cast<int>();
     if (mFieldCrossings.empty()) mFieldCrossings.resize(3 * kVoxels);
@@ -303,7 +304,9 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     const bool agrees = std::abs(sample.value) <= kDisagrees * h * length && length > 0;
     found.state = agrees ? FieldCrossing::State::Found : FieldCrossing::State::None;
     if (agrees) {
-        found.at = float(t);
+        const double slope = sample.gradient.dot(along);
+        const double last = slope != 0 ? t - sample.value / slope : t;
+        found.at = float(last > least && last < most ? last : t);
         found.normal = (sample.gradient / length).cast<float>();
     }
     return found;
