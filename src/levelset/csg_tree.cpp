@@ -42,6 +42,7 @@ Signs signsOf(Boolean kind)
     return {-1, 1, -1};
 }
 
+/// Voxels of one leaf.
 struct LeafVoxels {
     Coord origin;
     Leaf::NodeMaskType voxels;
@@ -93,10 +94,11 @@ public:
         };
         const BallCentres beside[] = {centres(a, a), centres(b, b)}, between = centres(a, b);
         tbb::parallel_for(std::size_t(0), mUnsettled.size(), [&](std::size_t n) {
-            progress.check();
             Leaf& leaf = *tree.probeLeaf(mUnsettled[n].origin);
-            for (auto it = mUnsettled[n].voxels.beginOn(); it; ++it)
+            for (auto it = mUnsettled[n].voxels.beginOn(); it; ++it) {
+                progress.check();
                 settle(beside, between, it.pos(), leaf);
+            }
         });
     }
 
