@@ -1,5 +1,7 @@
 #include "ball_centres.h"
 
+#include "leaf_crossings.h"
+
 #include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>
@@ -22,11 +24,6 @@ constexpr int kDim = FloatTree::LeafNodeType::DIM, kHalo = kDim + 2;
 constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
 constexpr float kExtent = 0.9f;        ///< how far the boundary is flat about a place
 constexpr float kLeastGradient = 0.7f; ///< a shorter one is of two surfaces
-
-Vec3f toVec(const Coord& c)
-{
-    return {float(c[0]), float(c[1]), float(c[2])};
-}
 
 } // namespace
 
@@ -122,13 +119,8 @@ float BallCentres::distanceFrom(const Coord& voxel) const
     float best = mReach;
     for (const Coord& around : mAround) {
         const Coord origin = home + around, r = voxel - origin;
-        float gap2 = 0; // to the leaf's voxels and the edges that start there
-        for (int axis = 0; axis < 3; ++axis) {
-            const auto gap = float(std::max({0, -r[axis], r[axis] - kDim}));
-            gap2 += gap * gap;
-        }
         const float farthest2 = (best + kExtent) * (best + kExtent);
-        if (gap2 >= farthest2) continue;
+        if (squaredGap(r) >= farthest2) continue;
         const auto places = mPlaces.find(origin);
         if (places == mPlaces.end()) continue;
         const Vec3f here = toVec(r);

@@ -3,6 +3,8 @@
 #include <mpuvdb/vec.h>
 
 #include <openvdb/openvdb.h>
+
+#include <algorithm>
 #include <vector>
 
 namespace mpuvdb
@@ -14,6 +16,19 @@ using Crossings = std::vector<Vec3f>;
 inline Vec3f toVec(const openvdb::Coord& c)
 {
     return {float(c[0]), float(c[1]), float(c[2])};
+}
+
+/// Square of the distance to a leaf, and to the edges that start there, from a voxel at @a from its
+/// origin.
+inline float squaredGap(const openvdb::Coord& from)
+{
+    constexpr int kDim = openvdb::FloatTree::LeafNodeType::DIM;
+    float gap2 = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto gap = float(std::max({0, -from[axis], from[axis] - kDim}));
+        gap2 += gap * gap;
+    }
+    return gap2;
 }
 
 /// Those on the edges from active voxels of @a leaf to their upper neighbours, and the voxels of

@@ -321,12 +321,7 @@ private:
         float best2 = mHalfWidth * mHalfWidth;
         forEachWithinReach(home, [&](const Coord& origin) {
             const Coord r = at - origin;
-            float gap2 = 0; // to the leaf's voxels and the edges that start there
-            for (int axis = 0; axis < 3; ++axis) {
-                const float gap = float(std::max({0, -r[axis], r[axis] - kDim}));
-                gap2 += gap * gap;
-            }
-            if (gap2 >= best2) return;
+            if (squaredGap(r) >= best2) return;
             const auto crossings = mCrossings.find(origin);
             if (crossings == mCrossings.end()) return;
             const Vec3f here = toVec(r);

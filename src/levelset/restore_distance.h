@@ -20,7 +20,7 @@ std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progre
 /// What is known of the voxels of one leaf.
 struct KnownVoxels {
     openvdb::Coord origin;
-    openvdb::FloatTree::LeafNodeType::NodeMaskType exact; ///< tips of edges among them
+    openvdb::FloatTree::LeafNodeType::NodeMaskType exact; ///< even if flat, as at tips
     bool isDoubtful = false;                              ///< whether others may be wrong
 };
 
