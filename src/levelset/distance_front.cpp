@@ -63,7 +63,8 @@ public:
         addSources(patches);
     }
 
-    std::vector<FinishedLeaf> run()
+    /// @param units  of progress.
+    std::vector<FinishedLeaf> run(double units)
     {
         const float last = std::max(mReach[0], mReach[1]) + kMargin;
         for (float bound = kBoundStep; !mLive.empty(); bound += kBoundStep) {
@@ -71,6 +72,7 @@ public:
             std::vector<std::uint32_t> work = mLive;
             while (!work.empty()) work = wave(work);
             finishSettled(bound >= last ? kInfinity : bound);
+            mProgress.advance(units * double(std::min(kBoundStep / last, 1.0f)));
         }
         std::vector<FinishedLeaf> results;
         results.reserve(mNodes.size());
@@ -356,9 +358,10 @@ private:
 
 std::vector<FinishedLeaf> spreadDistances(const openvdb::FloatTree& signs,
                                           const SurfacePatches& patches, const Reach& reach,
-                                          const FinishLeaf& finish, Progress& progress)
+                                          const FinishLeaf& finish, Progress& progress,
+                                          double units)
 {
-    return Front(signs, patches, reach, finish, progress).run();
+    return Front(signs, patches, reach, finish, progress).run(units);
 }
 
 } // namespace mpuvdb

@@ -41,9 +41,10 @@ using FinishLeaf = std::function<FinishedLeaf(
 /// within as soon as it is settled, so that its distances need not be kept. Each voxel gets the
 /// distance to the nearest of the patches that its neighbours know, with the sign it has in
 /// @a signs. The leaves come in an order that does not depend on the number of threads.
-/// @throws Interrupted.
+/// @param units  by which the running stage advances, in all. @throws Interrupted.
 std::vector<FinishedLeaf> spreadDistances(const openvdb::FloatTree& signs,
                                           const SurfacePatches& patches, const Reach& reach,
-                                          const FinishLeaf& finish, Progress& progress);
+                                          const FinishLeaf& finish, Progress& progress,
+                                          double units);
 
 } // namespace mpuvdb

@@ -27,6 +27,8 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr double kFarthest = 1e5;
 /// An offset's values this much below the distance to its surface are none, voxels.
 constexpr float kWedge = 0.1f;
+/// The part of an offset's progress that goes to its creases.
+constexpr double kWedgesShare = 0.4;
 
 void demandHalfWidth(double halfWidth)
 {
@@ -153,18 +155,20 @@ FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
 }
 
 /// A level set on the lattice of @a grid with the new values that the distances to its zero set
-/// make, as far as @a reach.
+/// make, as far as @a reach. @param units  by which the running stage advances.
 FloatGrid::Ptr remade(const FloatGrid& grid, Values values, const Reach& reach,
-                      const BandMaker& maker, Progress& progress)
+                      const BandMaker& maker, Progress& progress, double units = 0)
 {
+    constexpr double kPatches = 0.2; // of the time
     const SurfacePatches patches =
         surfacePatches(grid.tree(), grid.voxelSize()[0], values, progress);
+    progress.advance(kPatches * units);
     std::vector<FinishedLeaf> reached = spreadDistances(
         grid.tree(), patches, reach,
         [&](const Coord& origin, const Leaf* signs, const LeafDistances& d) {
             return maker.finish(origin, signs, d);
         },
-        progress);
+        progress, (1 - kPatches) * units);
     auto result =
         FloatGrid::create(assemble(grid.tree(), patches, std::move(reached), maker, progress));
     result->insertMeta(grid);
@@ -213,7 +217,8 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
     };
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
     FloatGrid::Ptr made = remade(grid, Values::Implicit,
-                                 side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker, progress);
+                                 side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker, progress,
+                                 kWedgesShare);
     restoreDistance(made->tree(), made->voxelSize()[0], progress);
     return made;
 }
@@ -261,7 +266,8 @@ LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
                           shifted(float(distance), float(halfWidth * levelSet.voxelSize())));
     const FloatGrid::Ptr moved =
-        remade(levelSet.grid(), Values::Distances, {reach + shift, reach - shift}, maker, progress);
+        remade(levelSet.grid(), Values::Distances, {reach + shift, reach - shift}, maker, progress,
+               1 - kWedgesShare);
     return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
 }
 
@@ -283,7 +289,7 @@ LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& 
                           ownOrFound([=](float d) { return std::abs(d - middle * h) - half * h; }));
     const FloatGrid::Ptr hollow =
         remade(levelSet.grid(), Values::Distances, {reach + middle + half, reach + half - middle},
-               maker, progress);
+               maker, progress, 1 - kWedgesShare);
     return LevelSet(withoutWedges(*hollow, -1, halfWidth, progress));
 }
 

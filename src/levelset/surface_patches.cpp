@@ -348,8 +348,13 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
                                      side * curvature[0]));
     // From the place nearest to where it should be, as far as the patch goes.
     const float share = kExtent / reached;
-    const float u = along[0] - share * shift[0], v = along[1] - share * shift[1];
-    return std::min(length, std::sqrt(height * height + u * u + v * v));
+    float square = 0, drop = 0; // of the place below the foot's plane
+    for (int n = 0; n < 2; ++n) {
+        const float to = share * shift[n], beside = along[n] - to;
+        square += beside * beside;
+        drop += 0.5f * side * curvature[n] * to * to;
+    }
+    return std::min(length, std::sqrt((height + drop) * (height + drop) + square));
 }
 
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
