@@ -87,6 +87,7 @@ CellSheets makeSheets(std::uint8_t inside, int turnedFace)
         std::uint8_t& sheet = ofRoot[links.find(e)];
         if (sheet == kNone) sheet = sheets.count++;
         sheets.sheet[std::size_t(e)] = sheet;
+        sheets.edges[sheet] = std::uint16_t(sheets.edges[sheet] | 1 << e);
     }
     return sheets;
 }
@@ -103,44 +104,27 @@ int findDoubtfulFace(std::uint8_t inside)
     return -1;
 }
 
-struct Tables {
-    std::array<CellSheets, 256> plain, turned;
-    std::array<int, 256> doubtful;
-
-    Tables()
-    {
-        for (int inside = 0; inside < 256; ++inside) {
-            const auto n = std::size_t(inside);
-            plain[n] = makeSheets(std::uint8_t(inside), -1);
-            doubtful[n] = findDoubtfulFace(std::uint8_t(inside));
-            turned[n] = makeSheets(std::uint8_t(inside), doubtful[n]);
-        }
-    }
-};
-
-const Tables& tables()
-{
-    static const Tables all;
-    return all;
-}
+/// For each configuration of corners.
+const std::array<int, 256> kDoubtfulFaces = [] {
+    std::array<int, 256> faces;
+    for (std::size_t n = 0; n < 256; ++n) faces[n] = findDoubtfulFace(std::uint8_t(n));
+    return faces;
+}();
 
 } // namespace
 
-CellEdge cellEdge(int edge)
-{
-    const int axis = edge / 4, u = (axis + 1) % 3, v = (axis + 2) % 3;
-    const int low = (edge & 2 ? bitOf(u) : 0) | (edge & 1 ? bitOf(v) : 0);
-    return {std::uint8_t(low), std::uint8_t(low | bitOf(axis))};
-}
-
-const CellSheets& cellSheets(std::uint8_t inside, bool turned)
-{
-    return turned ? tables().turned[inside] : tables().plain[inside];
-}
+const std::array<CellSheets, 512> kCellSheets = [] {
+    std::array<CellSheets, 512> sheets;
+    for (std::size_t n = 0; n < 256; ++n) {
+        sheets[n] = makeSheets(std::uint8_t(n), -1);
+        sheets[256 + n] = makeSheets(std::uint8_t(n), kDoubtfulFaces[n]);
+    }
+    return sheets;
+}();
 
 int doubtfulFace(std::uint8_t inside)
 {
-    return tables().doubtful[inside];
+    return kDoubtfulFaces[inside];
 }
 
 } // namespace mpuvdb

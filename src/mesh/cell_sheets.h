@@ -22,19 +22,35 @@ struct CellSheets {
     static constexpr std::uint8_t kNone = 0xff;
     std::uint8_t count = 0;               ///< of sheets, at most 4
     std::array<std::uint8_t, 12> sheet{}; ///< of each edge; kNone where there is no crossing
+    std::array<std::uint16_t, 4> edges{}; ///< of each sheet, by bits
 };
 
 /// The ends of an edge.
-CellEdge cellEdge(int edge);
+constexpr CellEdge cellEdge(int edge)
+{
+    // Of an axis in a corner's number.
+    constexpr std::array<int, 5> kBits = {4, 2, 1, 4, 2};
+    const auto axis = std::size_t(edge / 4);
+    const int low = (edge & 2 ? kBits[axis + 1] : 0) | (edge & 1 ? kBits[axis + 2] : 0);
+    return {std::uint8_t(low), std::uint8_t(low | kBits[axis])};
+}
 
 /// The sheets for corners that are inside where @a inside has a bit. A face whose inside corners
 /// lie across each other is passed so that these are apart; where the cell is @a turned, so that
 /// they are together on its doubtful face.
-const CellSheets& cellSheets(std::uint8_t inside, bool turned);
+inline const CellSheets& cellSheets(std::uint8_t inside, bool turned);
 
 /// The face that would be passed twice by one sheet, or -1: the only face of this cell with inside
 /// corners across each other. Where that holds on both sides of a face, the mesh would have an edge
 /// with four faces; turning the face in both cells [Wenger13 §3.3] mends that.
 int doubtfulFace(std::uint8_t inside);
+
+/// What cellSheets() looks up: for cells as they are, then for turned ones.
+extern const std::array<CellSheets, 512> kCellSheets;
+
+const CellSheets& cellSheets(std::uint8_t inside, bool turned)
+{
+    return kCellSheets[inside + (turned ? 256u : 0u)];
+}
 
 } // namespace mpuvdb

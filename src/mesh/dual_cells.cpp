@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <tbb/parallel_for.h>
+#include <unordered_map>
 
 namespace mpuvdb
 {
@@ -30,6 +31,19 @@ public:
 
     /// The row's voxels that are inside, bit z.
     std::uint32_t row(int x, int y) const { return mRows[std::size_t(x)][std::size_t(y)]; }
+
+    /// The cells of a layer that the surface passes, bit z + 8 y: not all corners are alike.
+    std::uint64_t passed(int x) const
+    {
+        std::uint64_t bits = 0;
+        for (int y = 0; y < 8; ++y) {
+            const std::uint32_t a = row(x, y), b = row(x, y + 1), c = row(x + 1, y),
+                                d = row(x + 1, y + 1);
+            const std::uint32_t any = a | b | c | d, all = a & b & c & d;
+            bits |= std::uint64_t((any | any >> 1) & ~(all & all >> 1) & 0xff) << (8 * y);
+        }
+        return bits;
+    }
 
     std::uint8_t corners(int x, int y, int z) const
     {
@@ -69,26 +83,44 @@ void findCells(const openvdb::FloatTree& tree, DualBlock& block)
     BlockHalo values;
     values.load(tree, block.origin);
     const SignHalo signs(values);
+    std::size_t count = 0;
     for (int x = 0; x < 8; ++x) {
-        block.rank[std::size_t(x)] = std::uint16_t(block.cells.size());
-        for (int y = 0; y < 8; ++y) {
-            const std::uint32_t a = signs.row(x, y), b = signs.row(x, y + 1),
-                                c = signs.row(x + 1, y), d = signs.row(x + 1, y + 1);
-            const std::uint32_t any = a | b | c | d, all = a & b & c & d;
-            // Passed: not all corners alike, over two steps of z.
-            const std::uint32_t passed = ((any | any >> 1) & ~(all & all >> 1)) & 0xff;
-            block.passed[std::size_t(x)] |= std::uint64_t(passed) << (8 * y);
-            for (std::uint32_t bits = passed; bits; bits &= bits - 1) {
-                const int z = __builtin_ctz(bits);
-                const std::uint8_t inside = signs.corners(x, y, z);
-                const bool turned = isTurned(tree, block.origin.offsetBy(x, y, z), inside);
-                block.cells.push_back({std::uint16_t(block.vertices), inside, turned});
-                block.vertices += block.cells.back().sheets().count;
-                for (int axis = 0; axis < 3; ++axis)
-                    block.quads += (inside >> (4 >> axis) & 1) != (inside & 1);
-            }
-        }
+        block.rank[std::size_t(x)] = std::uint16_t(count);
+        block.passed[std::size_t(x)] = signs.passed(x);
+        count += std::size_t(__builtin_popcountll(block.passed[std::size_t(x)]));
     }
+    block.cells.reserve(count);
+    for (int x = 0; x < 8; ++x)
+        for (std::uint64_t bits = block.passed[std::size_t(x)]; bits; bits &= bits - 1) {
+            const int bit = __builtin_ctzll(bits), y = bit >> 3, z = bit & 7;
+            const std::uint8_t inside = signs.corners(x, y, z);
+            const bool turned = isTurned(tree, block.origin.offsetBy(x, y, z), inside);
+            block.cells.push_back({std::uint16_t(block.vertices), inside, turned});
+            block.vertices += block.cells.back().sheets().count;
+            for (int axis = 0; axis < 3; ++axis)
+                block.quads += (inside >> (4 >> axis) & 1) != (inside & 1);
+        }
+}
+
+/// Some rows along z of a leaf's values, or of a tile's.
+struct Rows {
+    const float* first; ///< or null
+    float tile;
+    int countX, countY;
+};
+
+/// How many values a row has is known beforehand: each is copied by one instruction or two.
+template <int kCount>
+void copyRows(const Rows& rows, float* to)
+{
+    for (int x = 0; x < rows.countX; ++x)
+        for (int y = 0; y < rows.countY; ++y) {
+            float* const row = to + x * BlockHalo::kStride[0] + y * BlockHalo::kStride[1];
+            if (rows.first)
+                std::copy_n(rows.first + x * 64 + y * 8, kCount, row);
+            else
+                std::fill_n(row, kCount, rows.tile);
+        }
 }
 
 using Origins = std::vector<Coord>;
@@ -133,20 +165,17 @@ void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
         for (std::size_t by = 0; by < 3; ++by)
             for (std::size_t bz = 0; bz < 3; ++bz) {
                 const Coord at = origin.offsetBy(8 * int(bx) - 8, 8 * int(by) - 8, 8 * int(bz) - 8);
-                const Leaf* leaf = access.probeConstLeaf(at);
-                const float* data = leaf ? leaf->buffer().data() : nullptr;
-                const float tile = leaf ? 0 : access.getValue(at);
-                for (int x = 0; x < kCount[bx]; ++x)
-                    for (int y = 0; y < kCount[by]; ++y) {
-                        float* row =
-                            &mValues[std::size_t(index(kTo[bx] + x, kTo[by] + y, kTo[bz]))];
-                        if (data)
-                            std::copy_n(data + (kFrom[bx] + x) * 64 + (kFrom[by] + y) * 8 +
-                                            kFrom[bz],
-                                        kCount[bz], row);
-                        else
-                            std::fill_n(row, kCount[bz], tile);
-                    }
+                const Leaf* const leaf = access.probeConstLeaf(at);
+                const int first = kFrom[bx] * 64 + kFrom[by] * 8 + kFrom[bz];
+                const Rows rows{leaf ? leaf->buffer().data() + first : nullptr,
+                                leaf ? 0 : access.getValue(at), kCount[bx], kCount[by]};
+                float* const to = &mValues[std::size_t(index(kTo[bx], kTo[by], kTo[bz]))];
+                if (bz == 0)
+                    copyRows<kCount[0]>(rows, to);
+                else if (bz == 1)
+                    copyRows<kCount[1]>(rows, to);
+                else
+                    copyRows<kCount[2]>(rows, to);
             }
 }
 
@@ -188,14 +217,26 @@ void DualCells::add(const openvdb::FloatTree& tree, const std::vector<Coord>& or
 
 void DualCells::number()
 {
-    mIndex.reserve(mBlocks.size());
+    struct HashCoord {
+        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
+    };
+    std::unordered_map<Coord, std::uint32_t, HashCoord> index; // by origin
+    index.reserve(mBlocks.size());
     for (DualBlock& block : mBlocks) {
-        mIndex.emplace(block.origin, std::uint32_t(mIndex.size()));
+        index.emplace(block.origin, std::uint32_t(index.size()));
         block.firstVertex = mVertices;
         block.firstQuad = mQuads;
         mVertices += block.vertices;
         mQuads += block.quads;
     }
+    tbb::parallel_for(std::size_t(0), mBlocks.size(), [&](std::size_t n) {
+        for (int step = 0; step < 8; ++step) {
+            const auto found = index.find(mBlocks[n].origin.offsetBy(
+                step & 4 ? -8 : 0, step & 2 ? -8 : 0, step & 1 ? -8 : 0));
+            mBlocks[n].near[std::size_t(step)] =
+                found != index.end() ? found->second : DualBlock::kNone;
+        }
+    });
 }
 
 std::size_t DualCells::blockOf(std::uint64_t v) const
@@ -210,21 +251,10 @@ std::vector<char> DualCells::withNeighbours(const std::vector<char>& selection) 
 {
     std::vector<char> reached(selection.size(), 0);
     tbb::parallel_for(std::size_t(0), selection.size(), [&](std::size_t n) {
-        for (const DualBlock* near : neighboursOf(mBlocks[n]))
-            if (near && selection[std::size_t(near - mBlocks.data())]) reached[n] = 1;
+        for (const std::uint32_t near : mBlocks[n].near)
+            if (near != DualBlock::kNone && selection[near]) reached[n] = 1;
     });
     return reached;
-}
-
-DualCells::Neighbours DualCells::neighboursOf(const DualBlock& block) const
-{
-    Neighbours near{};
-    for (int step = 0; step < 8; ++step) {
-        const auto found = mIndex.find(
-            block.origin.offsetBy(step & 4 ? -8 : 0, step & 2 ? -8 : 0, step & 1 ? -8 : 0));
-        if (found != mIndex.end()) near[std::size_t(step)] = &mBlocks[found->second];
-    }
-    return near;
 }
 
 } // namespace mpuvdb

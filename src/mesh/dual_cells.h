@@ -8,7 +8,6 @@
 
 #include <array>
 #include <cstdint>
-#include <unordered_map>
 #include <vector>
 
 namespace mpuvdb
@@ -48,7 +47,11 @@ struct DualCell {
 
 /// The cells whose voxels lie in one block of 8 x 8 x 8.
 struct DualBlock {
+    static constexpr std::uint32_t kNone = ~std::uint32_t(0);
+
     openvdb::Coord origin;
+    /// Itself and those before it, by number: bit 4 stands for a step down x, 2 for y, 1 for z.
+    std::array<std::uint32_t, 8> near{};
     std::array<std::uint64_t, 8> passed{}; ///< bit z + 8 y of word x
     std::array<std::uint16_t, 8> rank{};   ///< passed cells in the words before
     std::vector<DualCell> cells;           ///< in the order of the bits
@@ -89,7 +92,7 @@ public:
 
     /// Calls visit(quad, corners, outwards) for every edge that the surface crosses in block @a n;
     /// corners are vertices, counter-clockwise seen from outside; quad counts from the block's
-    /// first; outwards is the unit vector along the edge.
+    /// first; outwards is the edge's axis if it leads out of the solid, else 3 more.
     template <typename Visit>
     void forEachQuad(std::size_t n, const Visit& visit) const;
 
@@ -99,18 +102,11 @@ public:
     std::vector<char> withNeighbours(const std::vector<char>& selection) const;
 
 private:
-    /// Itself and those before it: bit 4 stands for a step down x, 2 for y, 1 for z.
-    using Neighbours = std::array<const DualBlock*, 8>;
-    Neighbours neighboursOf(const DualBlock& block) const;
     void add(const openvdb::FloatTree& tree, const std::vector<openvdb::Coord>& origins,
              Progress& progress);
     void number();
 
     std::vector<DualBlock> mBlocks;
-    struct HashCoord {
-        std::size_t operator()(const openvdb::Coord& c) const { return c.hash<20>(); }
-    };
-    std::unordered_map<openvdb::Coord, std::uint32_t, HashCoord> mIndex; ///< by origin
     std::uint64_t mVertices = 0, mQuads = 0;
 };
 
@@ -118,11 +114,10 @@ template <typename Visit>
 void DualCells::forEachQuad(std::size_t n, const Visit& visit) const
 {
     const DualBlock& block = mBlocks[n];
-    const Neighbours near = neighboursOf(block);
     // The vertex of the sheet that crosses edge e of the cell at a place in [-1,7] per axis.
     const auto vertexAt = [&](const Vec3i& at, int e) {
         const int step = (at.x() < 0 ? 4 : 0) | (at.y() < 0 ? 2 : 0) | (at.z() < 0 ? 1 : 0);
-        const DualBlock& home = *near[std::size_t(step)];
+        const DualBlock& home = mBlocks[block.near[std::size_t(step)]];
         const DualCell& cell = home.cell(at.x() & 7, at.y() & 7, at.z() & 7);
         return std::uint32_t(home.firstVertex + cell.vertex + cell.sheets().sheet[std::size_t(e)]);
     };
@@ -132,13 +127,12 @@ void DualCells::forEachQuad(std::size_t n, const Visit& visit) const
         for (int axis = 0; axis < 3; ++axis) {
             if (((cell.inside >> (4 >> axis) & 1) != 0) == inside) continue;
             const Vec3i u = Vec3i::Unit((axis + 1) % 3), w = Vec3i::Unit((axis + 2) % 3);
-            const Vec3i axisStep = Vec3i::Unit(axis);
             const int e = 4 * axis;
             std::array<std::uint32_t, 4> corners = {vertexAt(at, e), vertexAt(at - u, e + 2),
                                                     vertexAt(at - u - w, e + 3),
                                                     vertexAt(at - w, e + 1)};
             if (!inside) std::swap(corners[1], corners[3]);
-            visit(quad++, corners, Vec3i(inside ? axisStep : -axisStep));
+            visit(quad++, corners, inside ? axis : axis + 3);
         }
     });
 }

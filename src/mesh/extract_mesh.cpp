@@ -25,12 +25,13 @@ struct Corner {
     bool feature;
 };
 
-/// How small the smallest angle of a triangle is: twice its area by the square of its longest edge.
+/// How small the smallest angle of a triangle is: the square of twice its area by that of the
+/// square of its longest edge.
 float shapeOf(const Vec3f& a, const Vec3f& b, const Vec3f& c)
 {
     const float longest =
         std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
-    return longest > 0 ? (b - a).cross(c - a).norm() / longest : 0;
+    return longest > 0 ? ((b - a).cross(c - a) / longest).squaredNorm() : 0;
 }
 
 /// Whether to split from corner 0 to 2, and not from 1 to 3: along a crease where two opposite
@@ -84,6 +85,7 @@ public:
         mVertices = std::vector<State>(mCells.vertices());
         mHasFeatures.assign(mCells.blocks().size(), 0);
         mMesh.triangles.resize(2 * mCells.quads());
+        mOutwards.resize(mCells.quads());
         const Selection all(mCells.blocks().size(), 1);
         place(all);
         mProgress.advance();
@@ -144,7 +146,8 @@ private:
         forEachBlock(selection, [&](std::size_t n) {
             const std::uint64_t first = mCells.blocks()[n].firstQuad;
             mCells.forEachQuad(n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q,
-                                      const Vec3i&) {
+                                      int outwards) {
+                mOutwards[first + quad] = std::uint8_t(outwards);
                 Mesh::Triangle* const out = &mMesh.triangles[2 * (first + quad)];
                 std::array<Corner, 4> corners;
                 for (std::size_t c = 0; c < 4; ++c)
@@ -191,17 +194,14 @@ private:
             const DualBlock& block = mCells.blocks()[n];
             openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
             const auto isFeature = [&](std::uint32_t v) { return mVertices[v].feature; };
-            mCells.forEachQuad(n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q,
-                                      const Vec3i& outwards) {
-                if (std::none_of(q.begin(), q.end(), isFeature)) return;
-                for (int half = 0; half < 2; ++half) {
-                    const Mesh::Triangle& triangle =
-                        mMesh.triangles[2 * (block.firstQuad + quad) + std::uint64_t(half)];
-                    if (isFolded(triangle, outwards.cast<float>(), access))
-                        std::copy_if(triangle.begin(), triangle.end(), std::back_inserter(found[n]),
-                                     isFeature);
-                }
-            });
+            for (std::uint64_t t = 2 * block.firstQuad; t < 2 * (block.firstQuad + block.quads);
+                 ++t) {
+                const Mesh::Triangle& triangle = mMesh.triangles[t];
+                if (std::any_of(triangle.begin(), triangle.end(), isFeature) &&
+                    isFolded(triangle, mOutwards[t / 2], access))
+                    std::copy_if(triangle.begin(), triangle.end(), std::back_inserter(found[n]),
+                                 isFeature);
+            }
         });
         Vertices all;
         for (const Vertices& some : found) all.insert(all.end(), some.begin(), some.end());
@@ -222,7 +222,7 @@ private:
     /// (a sharp edge's other side may do so too), or also against the edge that its quad belongs
     /// to.
     template <typename Access>
-    bool isFolded(const Mesh::Triangle& v, const Vec3f& outwards, const Access& access) const
+    bool isFolded(const Mesh::Triangle& v, int outwards, const Access& access) const
     {
         const Vec3f &a = mMesh.positions[v[0]], &b = mMesh.positions[v[1]],
                     &c = mMesh.positions[v[2]];
@@ -238,7 +238,8 @@ private:
         }
         const Vec3f normal = (b - a).cross(c - a);
         const float against = normal.dot(gradient) / (normal.norm() * gradient.norm());
-        return against < kFolded || (against < 0 && normal.dot(outwards) < 0);
+        const float along = normal[outwards % 3];
+        return against < kFolded || (against < 0 && (outwards < 3 ? along : -along) < 0);
     }
 
     const openvdb::FloatTree& mTree;
@@ -249,7 +250,8 @@ private:
     openvdb::Coord mFrame;
     Mesh mMesh;
     std::vector<State> mVertices;
-    Selection mHasFeatures; ///< of each block's own vertices
+    std::vector<std::uint8_t> mOutwards; ///< of each quad, see DualCells::forEachQuad()
+    Selection mHasFeatures;              ///< of each block's own vertices
 };
 
 } // namespace

@@ -139,33 +139,43 @@ Vec3f SheetPlacer::centralGradient(int index) const
     return gradient;
 }
 
-SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell& cell,
-                                                int sheet) const
+const SheetPlacer::ValueCrossing& SheetPlacer::valueCrossing(const Vec3i& low, int axis)
 {
-    const int home = BlockHalo::index(at.x(), at.y(), at.z());
-    const auto& sheets = cell.sheets().sheet;
+    ValueCrossing& found = mValueCrossings[edgeIndex(low, axis)];
+    if (found.block == mBlock) return found;
+    found.block = mBlock;
+    const int from = BlockHalo::index(low.x(), low.y(), low.z());
+    const int to = from + BlockHalo::kStride[std::size_t(axis)];
+    const float t = mValues[from] / (mValues[from] - mValues[to]);
+    const Vec3f gradient = (1 - t) * centralGradient(from) + t * centralGradient(to);
+    const float length = gradient.norm();
+    found.at = t;
+    found.normal = gradient / std::max(length, 1e-6f);
+    found.isSteep = std::abs(length - 1) < kSteepness;
+    return found;
+}
+
+SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell& cell, int sheet)
+{
     Crossings found;
-    std::array<Vec3f, 12> normal;
+    std::array<const ValueCrossing*, 12> crossing;
     Vec3f mean = Vec3f::Zero();
-    for (int e = 0; e < 12; ++e) {
-        if (sheets[std::size_t(e)] != sheet) continue;
-        const CellEdge ends = cellEdge(e);
-        const int low = home + stepTo(ends.low), high = home + stepTo(ends.high);
-        const float t = mValues[low] / (mValues[low] - mValues[high]);
+    for (unsigned edges = cell.sheets().edges[std::size_t(sheet)]; edges; edges &= edges - 1) {
+        const int e = __builtin_ctz(edges);
+        const Vec3f low = cornerOf(cellEdge(e).low);
         const auto n = std::size_t(found.count++);
+        crossing[n] = &valueCrossing(at + low.cast<int>(), e / 4);
         found.edge[n] = e;
-        found.point[n] = cornerOf(ends.low) + t * (cornerOf(ends.high) - cornerOf(ends.low));
+        found.point[n] = low;
+        found.point[n][e / 4] = crossing[n]->at;
         found.mean += found.point[n];
-        normal[n] = (1 - t) * centralGradient(low) + t * centralGradient(high);
-        const float length = normal[n].norm();
-        found.smooth &= std::abs(length - 1) < kSteepness;
-        normal[n] /= std::max(length, 1e-6f);
-        mean += normal[n];
+        found.smooth &= crossing[n]->isSteep;
+        mean += crossing[n]->normal;
     }
     found.mean /= float(found.count);
     mean /= std::max(mean.norm(), 1e-6f);
-    for (int n = 0; n < found.count; ++n)
-        found.smooth &= normal[std::size_t(n)].dot(mean) > kSmooth;
+    for (std::size_t n = 0; n < std::size_t(found.count); ++n)
+        found.smooth &= crossing[n]->normal.dot(mean) > kSmooth;
     return found;
 }
 
@@ -213,8 +223,10 @@ const SheetPlacer::Plane& SheetPlacer::planeAt(const Vec3i& voxel)
 {
     if (mPlanes.empty()) mPlanes.resize(kVoxels);
     Plane& plane = mPlanes[voxelIndex(voxel)];
-    if (plane.error == Plane::kUnknown)
+    if (plane.block != mBlock) {
         plane = planeThrough(BlockHalo::index(voxel.x(), voxel.y(), voxel.z()));
+        plane.block = mBlock;
+    }
     return plane;
 }
 
@@ -284,8 +296,9 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     const CellEdge ends = cellEdge(edge);
     const Vec3i low = at + cornerOf(ends.low).cast<int>();
     if (mFieldCrossings.empty()) mFieldCrossings.resize(3 * kVoxels);
-    FieldCrossing& found = mFieldCrossings[3 * voxelIndex(low) + std::size_t(edge / 4)];
-    if (found.state != FieldCrossing::State::Unknown) return found;
+    FieldCrossing& found = mFieldCrossings[edgeIndex(low, edge / 4)];
+    if (found.block == mBlock) return found;
+    found.block = mBlock;
     const double h = mLattice.voxelSize;
     const Vec3d from = mLattice.origin + h * (mOrigin + low.cast<double>());
     const Vec3d along = h * Vec3d::Unit(edge / 4);
@@ -301,9 +314,8 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
         sample = mField->evaluate(from + t * along);
     }
     const double length = sample.gradient.norm();
-    const bool agrees = std::abs(sample.value) <= kDisagrees * h * length && length > 0;
-    found.state = agrees ? FieldCrossing::State::Found : FieldCrossing::State::None;
-    if (agrees) {
+    found.isFound = std::abs(sample.value) <= kDisagrees * h * length && length > 0;
+    if (found.isFound) {
         const double slope = sample.gradient.dot(along);
         const double last = slope != 0 ? t - sample.value / slope : t;
         found.at = float(last > least && last < most ? last : t);
@@ -319,8 +331,7 @@ void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Pl
         const int edge = crossings.edge[n];
         const Vec3f from = cornerOf(cellEdge(edge).low), axis = Vec3f::Unit(edge / 4);
         const FieldCrossing& found = fieldCrossing(at, edge, (crossings.point[n] - from).dot(axis));
-        if (found.state == FieldCrossing::State::Found)
-            planes.add(found.normal, from + found.at * axis, 1);
+        if (found.isFound) planes.add(found.normal, from + found.at * axis, 1);
     }
 }
 

@@ -33,8 +33,7 @@ public:
     {
         mValues.load(tree, origin);
         mOrigin = Vec3d(origin.x(), origin.y(), origin.z());
-        mFieldCrossings.clear();
-        mPlanes.clear();
+        ++mBlock;
     }
     /// The vertex of sheet @a sheet of the cell at @a at, each in [0,7].
     SheetVertex place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom);
@@ -42,18 +41,26 @@ public:
 private:
     struct Crossings;
     class Planes;
+    /// Where the values, linear between voxels, cross an edge, and the gradient there.
+    struct ValueCrossing {
+        Vec3f normal;            ///< unit
+        float at;                ///< along the edge, 0 to 1
+        bool isSteep;            ///< as steep as a distance
+        std::uint32_t block = 0; ///< for which it was found
+    };
     /// A plane through a voxel's nearest place on the surface, as the values on one side of the
     /// voxel tell it.
     struct Plane {
-        static constexpr float kUnknown = -1;
         Vec3f normal = Vec3f::Zero();
-        float distance = 0;     ///< of the voxel, signed, voxels
-        float error = kUnknown; ///< of what it predicts there
+        float distance = 0;      ///< of the voxel, signed, voxels
+        float error = 0;         ///< of what it predicts there
+        std::uint32_t block = 0; ///< for which it was found
     };
     struct FieldCrossing {
-        enum class State : std::uint8_t { Unknown, None, Found } state = State::Unknown;
-        float at; ///< along the edge, 0 to 1
         Vec3f normal;
+        float at;                ///< along the edge, 0 to 1
+        bool isFound;            ///< field and values agree that there is one
+        std::uint32_t block = 0; ///< for which it was looked for
     };
 
     static constexpr std::size_t kVoxels = 9 * 9 * 9;
@@ -63,7 +70,12 @@ private:
         const auto x = std::size_t(voxel.x()), y = std::size_t(voxel.y());
         return (x * 9 + y) * 9 + std::size_t(voxel.z());
     }
-    Crossings crossingsOf(const Vec3i& at, const DualCell& cell, int sheet) const;
+    static std::size_t edgeIndex(const Vec3i& low, int axis)
+    {
+        return 3 * voxelIndex(low) + std::size_t(axis);
+    }
+    Crossings crossingsOf(const Vec3i& at, const DualCell& cell, int sheet);
+    const ValueCrossing& valueCrossing(const Vec3i& low, int axis);
     Vec3f centralGradient(int index) const;
     Plane planeThrough(int index) const;
     const Plane& planeAt(const Vec3i& voxel);
@@ -76,9 +88,12 @@ private:
     Lattice mLattice;
     BlockHalo mValues;
     Vec3d mOrigin = Vec3d::Zero(); ///< of the block, voxels
-    /// @{ Empty until the first is asked for: most blocks are smooth.
-    std::vector<FieldCrossing> mFieldCrossings; ///< by axis and the voxel at the edge's low end
-    std::vector<Plane> mPlanes;                 ///< by voxel
+    /// @{ What cells have in common with those beside them, found for the first that asks: by
+    /// voxel, or by axis and the voxel at the edge's low end.
+    std::uint32_t mBlock = 0; ///< number of the block, from 1 on
+    std::vector<ValueCrossing> mValueCrossings = std::vector<ValueCrossing>(3 * kVoxels);
+    std::vector<FieldCrossing> mFieldCrossings; ///< empty until one is asked for
+    std::vector<Plane> mPlanes;                 ///< empty until one is asked for
     /// @}
 };
 
