@@ -89,7 +89,7 @@ public:
         const Selection all(mCells.blocks().size(), 1);
         place(all);
         mProgress.advance();
-        split(all);
+        split();
         draw(&Extraction::folded, all);
         mProgress.advance();
     }
@@ -101,12 +101,15 @@ public:
 
 private:
     struct State {
-        bool feature = false;
+        static constexpr std::uint32_t kUnplaced = ~std::uint32_t(0);
+        std::uint32_t round = kUnplaced; ///< of drawing, in which it was placed
         Freedom freedom = Freedom::Near;
+        bool feature = false;
     };
     /// A flag for each block.
     using Selection = std::vector<char>;
     using Vertices = std::vector<std::uint32_t>;
+    using Quad = std::array<std::uint32_t, 4>;
 
     template <typename Work>
     void forEachBlock(const Selection& selection, const Work& work)
@@ -118,6 +121,7 @@ private:
         });
     }
 
+    /// The vertices in some blocks that are not placed.
     void place(const Selection& selection)
     {
         const float h = float(mLattice.voxelSize);
@@ -131,32 +135,63 @@ private:
             block.forEachCell([&](const Vec3i& at, const DualCell& cell) {
                 for (int sheet = 0; sheet < cell.sheets().count; ++sheet) {
                     const std::uint64_t v = block.firstVertex + cell.vertex + std::uint64_t(sheet);
-                    const SheetVertex vertex = placer.place(at, cell, sheet, mVertices[v].freedom);
-                    mMesh.positions[v] = h * (origin + vertex.position);
-                    mVertices[v].feature = vertex.feature;
-                    anyFeature |= vertex.feature;
+                    State& state = mVertices[v];
+                    if (state.round == State::kUnplaced) {
+                        const SheetVertex vertex = placer.place(at, cell, sheet, state.freedom);
+                        mMesh.positions[v] = h * (origin + vertex.position);
+                        state.feature = vertex.feature;
+                        state.round = mRound;
+                    }
+                    anyFeature |= state.feature;
                 }
             });
             mHasFeatures[n] = anyFeature;
         });
     }
 
-    void split(const Selection& selection)
+    /// Make the triangles of all quads.
+    void split()
     {
-        forEachBlock(selection, [&](std::size_t n) {
+        forEachBlock(Selection(mCells.blocks().size(), 1), [&](std::size_t n) {
             const std::uint64_t first = mCells.blocks()[n].firstQuad;
-            mCells.forEachQuad(n, [&](std::uint64_t quad, const std::array<std::uint32_t, 4>& q,
-                                      int outwards) {
+            mCells.forEachQuad(n, [&](std::uint64_t quad, const Quad& corners, int outwards) {
                 mOutwards[first + quad] = std::uint8_t(outwards);
-                Mesh::Triangle* const out = &mMesh.triangles[2 * (first + quad)];
-                std::array<Corner, 4> corners;
-                for (std::size_t c = 0; c < 4; ++c)
-                    corners[c] = {mMesh.positions[q[c]], mVertices[q[c]].feature};
-                const bool even = splitsEven(corners);
-                out[0] = even ? Mesh::Triangle{q[0], q[1], q[2]} : Mesh::Triangle{q[0], q[1], q[3]};
-                out[1] = even ? Mesh::Triangle{q[0], q[2], q[3]} : Mesh::Triangle{q[1], q[2], q[3]};
+                split(corners, first + quad);
             });
         });
+    }
+
+    /// Make those anew that have a vertex which was placed in this round.
+    void splitAgain(const Selection& selection)
+    {
+        forEachBlock(selection, [&](std::size_t n) {
+            const DualBlock& block = mCells.blocks()[n];
+            for (std::uint64_t q = block.firstQuad; q < block.firstQuad + block.quads; ++q) {
+                const Mesh::Triangle &a = mMesh.triangles[2 * q], &b = mMesh.triangles[2 * q + 1];
+                if (isNew(a) || isNew(b))
+                    split(a[2] == b[1] ? Quad{a[0], a[1], a[2], b[2]}
+                                       : Quad{a[0], a[1], b[1], a[2]},
+                          q);
+            }
+        });
+    }
+
+    void split(const Quad& q, std::uint64_t number)
+    {
+        std::array<Corner, 4> corners;
+        for (std::size_t c = 0; c < 4; ++c)
+            corners[c] = {mMesh.positions[q[c]], mVertices[q[c]].feature};
+        const bool even = splitsEven(corners);
+        Mesh::Triangle* const out = &mMesh.triangles[2 * number];
+        out[0] = even ? Mesh::Triangle{q[0], q[1], q[2]} : Mesh::Triangle{q[0], q[1], q[3]};
+        out[1] = even ? Mesh::Triangle{q[0], q[2], q[3]} : Mesh::Triangle{q[1], q[2], q[3]};
+    }
+
+    /// Whether a vertex of the triangle was placed in this round.
+    bool isNew(const Mesh::Triangle& triangle) const
+    {
+        return std::any_of(triangle.begin(), triangle.end(),
+                           [&](std::uint32_t v) { return mVertices[v].round == mRound; });
     }
 
     /// Draw the vertices that @a find finds into their cells, and where that does not help towards
@@ -174,17 +209,20 @@ private:
                 Freedom& freedom = mVertices[v].freedom;
                 if (freedom == Freedom::None) continue;
                 freedom = Freedom(int(freedom) + 1);
+                mVertices[v].round = State::kUnplaced;
                 changed[mCells.blockOf(v)] = 1;
                 isDone = false;
             }
             if (isDone) return;
+            ++mRound;
             place(changed);
             changed = mCells.withNeighbours(changed);
-            split(changed);
+            splitAgain(changed);
         }
     }
 
-    /// The vertices on creases of triangles that fold over, in the blocks of @a selection.
+    /// The vertices on creases of triangles that fold over, in the blocks of @a selection; of those
+    /// triangles that are new.
     Vertices folded(const Selection& selection)
     {
         std::vector<Vertices> found(selection.size());
@@ -197,7 +235,7 @@ private:
             for (std::uint64_t t = 2 * block.firstQuad; t < 2 * (block.firstQuad + block.quads);
                  ++t) {
                 const Mesh::Triangle& triangle = mMesh.triangles[t];
-                if (std::any_of(triangle.begin(), triangle.end(), isFeature) &&
+                if (isNew(triangle) && std::any_of(triangle.begin(), triangle.end(), isFeature) &&
                     isFolded(triangle, mOutwards[t / 2], access))
                     std::copy_if(triangle.begin(), triangle.end(), std::back_inserter(found[n]),
                                  isFeature);
@@ -250,6 +288,7 @@ private:
     openvdb::Coord mFrame;
     Mesh mMesh;
     std::vector<State> mVertices;
+    std::uint32_t mRound = 0;            ///< of drawing
     std::vector<std::uint8_t> mOutwards; ///< of each quad, see DualCells::forEachQuad()
     Selection mHasFeatures;              ///< of each block's own vertices
 };

@@ -183,39 +183,41 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
 /// distance to a plane: creases lie elsewhere.
 SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
 {
-    const float scale = float(1 / mLattice.voxelSize);
+    const auto scale = float(1 / mLattice.voxelSize);
+    const auto [sx, sy, sz] = BlockHalo::kStride;
     const float here = scale * mValues[index];
-    Plane best;
-    best.error = 2 * kWorstPlane;
-    for (int octant = 0; octant < 8; ++octant) {
-        std::array<int, 3> step;
-        Vec3f gradient;
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            const int sign = octant >> axis & 1 ? 1 : -1;
-            step[axis] = sign * BlockHalo::kStride[axis];
-            gradient[Eigen::Index(axis)] = scale * mValues[index + step[axis]] - here;
-        }
-        float error = std::abs(gradient.norm() - 1);
-        for (int c = 3; c < 8; ++c) {
-            if (c == 4) continue; // a step along one axis: exact
-            int to = index;
-            float predicted = here;
-            for (std::size_t axis = 0; axis < 3; ++axis)
-                if (c >> axis & 1) {
-                    to += step[axis];
-                    predicted += gradient[Eigen::Index(axis)];
-                }
-            error = std::max(error, std::abs(scale * mValues[to] - predicted));
-        }
-        if (error >= best.error) continue;
-        best.error = error;
-        best.distance = here;
-        for (std::size_t axis = 0; axis < 3; ++axis)
-            best.normal[Eigen::Index(axis)] =
-                octant >> axis & 1 ? gradient[Eigen::Index(axis)] : -gradient[Eigen::Index(axis)];
-        best.normal.normalize();
+    // Octant o lies up the axes of its bits: 1 is x, 2 y, 4 z.
+    std::array<std::array<float, 8>, 3> rise;
+    std::array<float, 8> error;
+    for (int o = 0; o < 8; ++o) {
+        const auto n = std::size_t(o);
+        const int x = o & 1 ? sx : -sx, y = o & 2 ? sy : -sy, z = o & 4 ? sz : -sz;
+        const float a = scale * mValues[index + x] - here, b = scale * mValues[index + y] - here,
+                    c = scale * mValues[index + z] - here;
+        // How far off the plane through these three the octant's other corners are.
+        const float ab = scale * mValues[index + x + y] - here - a - b,
+                    ac = scale * mValues[index + x + z] - here - a - c,
+                    bc = scale * mValues[index + y + z] - here - b - c,
+                    abc = scale * mValues[index + x + y + z] - here - a - b - c;
+        error[n] =
+            std::max(std::max(std::abs(ab), std::abs(ac)), std::max(std::abs(bc), std::abs(abc)));
+        rise[0][n] = a;
+        rise[1][n] = b;
+        rise[2][n] = c;
     }
-    return best;
+    for (std::size_t o = 0; o < 8; ++o) {
+        const float slope =
+            std::sqrt(rise[0][o] * rise[0][o] + rise[1][o] * rise[1][o] + rise[2][o] * rise[2][o]);
+        error[o] = std::max(error[o], std::abs(slope - 1));
+    }
+    const auto best = std::size_t(std::min_element(error.begin(), error.end()) - error.begin());
+    Plane plane;
+    plane.error = error[best];
+    plane.distance = here;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        plane.normal[Eigen::Index(axis)] = best >> axis & 1 ? rise[axis][best] : -rise[axis][best];
+    plane.normal.normalize();
+    return plane;
 }
 
 /// The same, found once for the eight cells about a voxel of the block or one beyond.
@@ -254,35 +256,33 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
     const float scale = float(1 / mLattice.voxelSize);
-    std::array<Plane, 8> planeOf;
-    for (int c = 0; c < 8; ++c) planeOf[std::size_t(c)] = planeAt(at + cornerOf(c).cast<int>());
     for (int n = 0; n < crossings.count; ++n) {
         CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
         if (mValues[home + stepTo(ends.low)] >= 0) std::swap(ends.low, ends.high);
         const Vec3f from = cornerOf(ends.low), along = cornerOf(ends.high) - from;
-        // Where along the edge the plane of corner c is crossed, from inside to outside.
-        const auto crossing = [&](std::size_t c) {
-            const Plane& plane = planeOf[c];
+        const Plane& inner = planeAt(at + from.cast<int>());
+        const Plane& outer = planeAt(at + cornerOf(ends.high).cast<int>());
+        // Where along the edge the plane of one of its ends is crossed, from inside to outside.
+        const auto crossing = [&](const Plane& plane, const Vec3f& end) {
             const float slope = plane.normal.dot(along);
             if (plane.error >= kWorstPlane || slope <= 0) return kNowhere;
-            const float start = plane.distance + plane.normal.dot(from - cornerOf(int(c)));
+            const float start = plane.distance + plane.normal.dot(from - end);
             return -start / slope;
         };
-        const float t = crossing(ends.low), u = crossing(ends.high);
-        std::size_t taken = ends.low;
+        const float t = crossing(inner, from), u = crossing(outer, from + along);
+        bool takesOuter = false;
         if (t != kNowhere && u != kNowhere) {
             const float beyond = scale * mValues[home + stepTo(ends.high)];
-            const Plane& inner = planeOf[ends.low];
             const bool convex = beyond > inner.distance + inner.normal.dot(along);
-            if ((t < u) != convex) taken = ends.high;
+            takesOuter = (t < u) != convex;
         } else if (u != kNowhere) {
-            taken = ends.high;
+            takesOuter = true;
         } else if (t == kNowhere) {
             continue;
         }
-        const Plane& plane = planeOf[taken];
+        const Plane& plane = takesOuter ? outer : inner;
         const float weight = 1 - plane.error / kWorstPlane;
-        planes.add(plane.normal, from + crossing(taken) * along, weight * weight);
+        planes.add(plane.normal, from + (takesOuter ? u : t) * along, weight * weight);
     }
 }
 
