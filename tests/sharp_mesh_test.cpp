@@ -2,6 +2,7 @@
 #include "modelling_fixture.h"
 
 #include <mpuvdb/fields.h>
+#include <mpuvdb/reconstruct.h>
 #include <mpuvdb/scan_sampler.h>
 #include <mpuvdb/shape.h>
 
@@ -153,6 +154,34 @@ TEST(SharpShapes, AreAsExactAsTheirFormulas)
     EXPECT_FALSE((leaf("sphere(1)") | Shape(levelSet)).field());
     EXPECT_FALSE(Shape::combine(Boolean::Union, {shape, leaf("sphere(1)")}, 0.1).field());
 }
+
+class ScannedParts : public testing::TestWithParam<const char*>
+{
+};
+
+/// Smooth fits round edges off by a tenth of a voxel, which is within any tolerance.
+TEST_P(ScannedParts, KeepTheEdgesOfExactPoints)
+{
+    const double h = 0.03;
+    const auto solid = parseSolid(GetParam());
+    ScanSettings random;
+    random.pattern = ScanSettings::Pattern::Random;
+    random.points = std::size_t(2 * 13 / (h * h)); // two for each voxel that the surface passes
+    Progress progress;
+    ReconstructSettings settings;
+    settings.voxelSize = Length{h};
+    const Reconstruction made = reconstruct(scan(*solid, random, progress), settings, progress);
+    const Mesh mesh = extractMesh(made.levelSet, progress, {made.field.get()});
+    const Fit fit = fitOf(mesh, *solid, h), before = fitOf(yardstick(made.levelSet), *solid, h);
+    EXPECT_LT(fit.nearCreases, 0.02) << "voxels";
+    EXPECT_LT(fit.nearCreases * 5, before.nearCreases);
+    EXPECT_LT(fit.normalError * 3, before.normalError);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Solids, ScannedParts,
+    testing::Values("rotate(box(2,1.5,1),1,2,3,33)",
+                    "rotate(difference(box(2,2,1),cylinder(0.6,3)),1,2,3,33)"));
 
 /// The largest distance of a vertex from a sphere of radius 1, voxels of edge @a h, and the
 /// smallest angle that 99 % of the triangles keep.

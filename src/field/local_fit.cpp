@@ -337,15 +337,18 @@ bool fitGeneralAbout(const CellPoints& points, double cellSize, Quadric& q)
     return true;
 }
 
-/// Replace @a result by a feature's fit if that is nearer to the points.
+/// Replace @a result by a feature's fit if that is nearer to the points, and much nearer where the
+/// smooth one will do: a fillet can look like an edge to test (14), but is none.
 void trySharp(FitResult& result, const CellPoints& points, double cellSize, double testRadius,
               CellPoints& scratch)
 {
+    constexpr double kMuchNearer = 0.3;
+    const double most = (result.accepted ? kMuchNearer : 1) * result.error;
     const std::optional<LocalFit> sharp = fitSharp(points, scratch);
     if (!sharp) return;
     const auto offer = [&](const LocalFit& fit) {
         const double error = taubinError(fit, points, testRadius);
-        if (!(error < result.error)) return;
+        if (!(error < std::min(most, result.error))) return;
         result.fit = fit;
         result.error = error;
     };
@@ -354,10 +357,12 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
     if (sharp->count == 4 && fitGeneralAbout(points, cellSize, general.pieces[0])) offer(general);
 }
 
+/// How far off the surface noise carries one of few points at most, in standard deviations.
+constexpr double kFarthest = 8;
+
 bool isAccepted(const FitResult& result, const CellPoints& points, double testRadius,
                 const FitSettings& settings)
 {
-    constexpr double kFarthest = 8; // of few points, in standard deviations
     if (result.error <= settings.tolerance) return true;
     if (!(settings.noise > 0)) return false;
     if (points.count <= settings.fewPoints) return result.error <= kFarthest * settings.noise;
@@ -419,12 +424,12 @@ double meanTurn(const Quadric& q, const CellPoints& points)
 void refitOverFeet(FitResult& result, const CellPoints& points, const Vec3d& normal,
                    double testRadius, const FitSettings& settings, CellPoints& scratch)
 {
-    constexpr double kFarthest = 5; // standard deviations
+    constexpr double kFarthestFoot = 5; // standard deviations
     constexpr double kCrease = 0.04, kNormalNoises = 1.2;
     FitResult again = result;
     Quadric& q = again.fit.pieces[0];
     scratch = points;
-    scratch.moveOverFeet(q, normal, kFarthest * settings.noise);
+    scratch.moveOverFeet(q, normal, kFarthestFoot * settings.noise);
     scratch.weighAcross(normal, settings.reach);
     q = fitBivariate(scratch, normal, kFewestOfQuadratic, settings.lever);
     const double noise2 = settings.normalNoise * settings.normalNoise;
@@ -458,8 +463,8 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     result.accepted = isAccepted(result, points, testRadius, settings);
     if (settings.reach > 0 && !general)
         refitOverFeet(result, points, normal, testRadius, settings, scratch);
-    // A smooth fillet can look like an edge to test (14): a feature only where smooth fails.
-    if (points.count <= settings.maxSharpPoints && !result.accepted) {
+    const bool mayBeSharp = result.spreadNormals && result.error > kFarthest * settings.noise;
+    if (points.count <= settings.maxSharpPoints && (!result.accepted || mayBeSharp)) {
         trySharp(result, points, cellSize, testRadius, scratch);
         result.accepted = isAccepted(result, points, testRadius, settings);
     }
