@@ -259,6 +259,21 @@ TEST(Offset, KeepsTheTipsOfAcuteEdges)
     }
 }
 
+TEST(Offset, TellsItsProgress)
+{
+    const LevelSet ball = sampled("sphere(1)");
+    for (const double voxels : {12.0, -12.0}) {
+        std::vector<double> fractions;
+        Progress progress(
+            [&](const std::string&, double fraction) { fractions.push_back(fraction); });
+        progress.beginStage("offset");
+        offset(ball, voxels * kVoxel, progress);
+        EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+        EXPECT_GE(fractions.size(), 5u);
+        EXPECT_GT(fractions.back(), 0.5);
+    }
+}
+
 TEST(Offset, ToNothingIsEmpty)
 {
     Progress progress;

@@ -60,13 +60,14 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
 
 /// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the
 /// exact distance to the surface minus @a distance. An empty level set if nothing is left.
+/// Advances the running stage of @a progress by about one unit.
 LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress);
 
 /// Where the wall of a shell lies beside the surface.
 enum class Wall { Inward, Outward, Centred };
 
 /// The wall of @a thickness > 0 along the surface. Thinner than two voxels is a LimitError: no
-/// level set can show it.
+/// level set can show it. Advances the running stage of @a progress by about one unit.
 LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& progress);
 
 /// How smooth() filters the values.
