@@ -45,6 +45,9 @@ TEST(Components, OfOneSolidIsThatSolid)
     ASSERT_EQ(parts.size(), 1u);
     EXPECT_TRUE(treeBytes(parts[0].levelSet.grid()) == treeBytes(torus.grid()));
     EXPECT_NEAR(parts[0].volume / (2 * M_PI * M_PI * 0.16), 1, 0.001);
+    EXPECT_NEAR(parts[0].area / (4 * M_PI * M_PI * 0.4), 1, 0.001);
+    EXPECT_EQ(parts[0].genus, 1);
+    EXPECT_NEAR((parts[0].bounds.sizes() - Vec3d(2.8, 2.8, 0.8)).norm(), 0, 0.01);
 }
 
 TEST(Components, FarApartKeepTheirValuesToTheBit)

@@ -97,6 +97,14 @@ TEST(SampleField, GivesExactDistancesInACompleteBand)
     expectExact("cylinder(0.5, 1)", 1.0 / 16, 10, Vec3d(1e-3, 2e-3, 3e-3));
 }
 
+TEST(SampleField, RoundingOnFacesInAPlaneOfVoxelsDoesNoHarm)
+{
+    // Turned there and back: every voxel on a face is some 1e-17 to one side of it or the other.
+    expectExact("rotate(rotate(rotate(box(1,0.5,0.3),0,0,1,10),0,0,1,50),0,0,1,-60)", 0.01, 3,
+                Vec3d::Zero());
+    expectExact("rotate(box(1,1,1),1,1,1,120)", 0.02, 6, Vec3d::Zero());
+}
+
 TEST(SampleField, FindsPartsThatDoNotMeet)
 {
     const auto solid =

@@ -287,6 +287,29 @@ TEST(Scan, RandomIsUniformByArea)
     EXPECT_NEAR(outer / 100000, 0.5 * (1 + 2 * 0.4 / M_PI), 4 * 0.5 / std::sqrt(100000.0));
 }
 
+TEST(Scan, PartsFarApartGetTheirShares)
+{
+    // Zones of equal height on two balls that overlap up to and from z = 0.9125, and on one so far
+    // away that one line in 1e5 through all would meet a ball. chi-square(23) is below 50 in 99.9
+    // %.
+    constexpr double kSeam = 0.9125, kTop = 1.7, kFar = 1000;
+    const PointCloud cloud = take("union(sphere(1),translate(sphere(0.5),0,0,1.2),"
+                                  "translate(sphere(1),0,1000,0))",
+                                  settingsFor(Pattern::Random, 100000));
+    std::vector<double> counts(24), shares(24);
+    for (std::size_t zone = 0; zone < 24; ++zone)
+        shares[zone] = zone < 8 ? (1 + kSeam) / 8 : zone < 16 ? 0.5 * (kTop - kSeam) / 8 : 2.0 / 8;
+    for (const Vec3f& local : cloud.positions) {
+        const Vec3d p = cloud.frame + local.cast<double>();
+        const bool isFar = p.y() > kFar / 2, isUpper = !isFar && p.z() > kSeam;
+        const double share = isFar     ? (p.z() + 1) / 2
+                             : isUpper ? (p.z() - kSeam) / (kTop - kSeam)
+                                       : (p.z() + 1) / (kSeam + 1);
+        ++counts[std::size_t((isFar ? 16 : isUpper ? 8 : 0) + std::clamp(int(8 * share), 0, 7))];
+    }
+    EXPECT_LT(chiSquare(counts, shares), 50);
+}
+
 /// Distances of each point to the nearest other.
 std::vector<double> nearestOthers(const PointCloud& cloud)
 {

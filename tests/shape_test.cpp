@@ -169,6 +169,36 @@ TEST(Shape, TheEstimateIsNearWhatIsTaken)
     }
 }
 
+TEST(Shape, TheEstimateKnowsWhatOperationsDoToTheSurface)
+{
+    const Eigen::Affine3d larger(Eigen::Translation3d(20, 0, 0) * Eigen::Scaling(3.0));
+    SmoothSettings smoothing;
+    const Shape ball = solid("sphere(0.5)"), torus = solid("torus(1,0.3)");
+    const std::pair<const char*, Shape> shapes[] = {
+        {"offset", ball.offset(1)},
+        {"offset of a box", solid("box(0.4,0.3,0.5)").offset(0.5)},
+        {"inward shell", torus.shell(0.15, Wall::Inward)},
+        {"outward shell", torus.shell(0.15, Wall::Outward)},
+        {"moved filter", ball.smooth(smoothing).moved(larger)},
+        {"scaled grid", Shape(evaluated(ball, voxels(0.01))).moved(larger)},
+        {"morph", Shape::morph(ball, solid("box(0.9,0.9,0.9)"), 0.5, Morphing::Linear)},
+    };
+    for (const auto& [name, shape] : shapes) {
+        SCOPED_TRACE(name);
+        const auto settings = voxels(1.0 / 32);
+        const double planned = double(shape.plan(settings).front().voxels);
+        const double made = double(evaluated(shape, settings).grid().activeVoxelCount());
+        EXPECT_NEAR(planned / made, 1, 0.35);
+    }
+}
+
+TEST(Shape, TheSmallestVoxelsCanBePlanned)
+{
+    const LevelSet made =
+        evaluated(solid("sphere(0.0005)") - solid("box(0.0005,0.0005,0.01)"), voxels(2e-5));
+    expectSound(made);
+}
+
 TEST(Shape, AMotionGoesToTheLeaves)
 {
     Eigen::Affine3d motion = Eigen::Translation3d(0.3, -0.1, 0.2) *

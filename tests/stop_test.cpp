@@ -4,6 +4,8 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/shape.h>
 
+#include <fmt/format.h>
+
 #include <condition_variable>
 #include <cstdlib>
 #include <thread>
@@ -215,6 +217,13 @@ INSTANTIATE_TEST_SUITE_P(
                   []() -> Work {
                       return
                           [a = ball()](Progress& progress) { keepComponents(a, 0, 1, progress); };
+                  }},
+        std::pair{"keepOneOfTwo",
+                  []() -> Work {
+                      // So near to each other that one has to be made anew without the other.
+                      const LevelSet both = solidOf(fmt::format(
+                          "union(sphere(1),translate(sphere(0.5),{},0,0))", 1.5 + 3 / radius()));
+                      return [=](Progress& progress) { keepComponents(both, 0, 1, progress); };
                   }},
         std::pair{
             "measure",

@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <random>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -180,6 +181,11 @@ TEST_F(VdbFile, GivesTheLevelSetThatIsMeant)
     EXPECT_EQ(readLevelSet(file).grid().getName(), "surface");
     store({fog});
     expectRefused<InputError>(file, "has no float level set");
+    const auto broken = sphere("rock").grid().deepCopy();
+    broken->tree().setValue(openvdb::Coord(15, 0, -30), std::numeric_limits<float>::quiet_NaN());
+    store({broken});
+    expectRefused<InputError>(file, "'rock': 1 values are not finite (first at voxel 15, 0, -30)");
+    EXPECT_EQ(readGrids(file).size(), 1u) << "what is wrong with it is for check() to tell";
     store({});
     expectRefused<InputError>(file, "no grid at all");
     EXPECT_TRUE(readGrids(file).empty());

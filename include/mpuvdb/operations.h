@@ -116,7 +116,9 @@ openvdb::FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress);
 /// A connected part of a solid.
 struct SolidComponent {
     LevelSet levelSet;
-    double volume = 0; ///< world units cubed
+    double volume = 0, area = 0; ///< world units cubed, squared
+    Box3d bounds;                ///< of the zero set, world units
+    double genus = 0;            ///< as in SolidMeasures
 };
 
 /// The connected parts of the solid, the largest first (of equals, by the first voxel); a part that

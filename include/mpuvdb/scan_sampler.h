@@ -27,6 +27,9 @@ public:
     /// Outward unit normal at a point on (or near) the surface.
     virtual Vec3d normal(const Vec3d& p) const = 0;
     virtual Box3d bounds() const = 0;
+    /// Boxes, one or more, that hold the surface together: what lies far between them need not be
+    /// searched.
+    virtual std::vector<Box3d> parts() const { return {bounds()}; }
 };
 
 /// Build a solid from a description: a primitive with its numbers, or a Boolean of solids, e.g.

@@ -84,13 +84,15 @@ SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
     return f;
 }
 
-/// Say which voxels are inside, and which in the band; the rest gets the background.
+/// Say which voxels are inside, and which in the band; the rest gets the background. Values that
+/// are rounding become zero: where a face lies in a plane of voxels, these are on one side of it.
 MPUVDB_CLONES
 void sortVoxels(BlockValues& values, float background, SignWords& inside, SignWords& active)
 {
     using Row = float __attribute__((vector_size(sizeof(float) * kBlockDim)));
     // The clamp of the sampler and the background may differ by a rounding.
-    const float limit = background * (1 - 1e-6f);
+    constexpr float kRounding = 1e-6f;
+    const float limit = background * (1 - kRounding), hair = background * kRounding;
     const Row far = Row{} + background;
     for (std::size_t x = 0; x < kBlockDim; ++x) {
         inside[x] = active[x] = 0;
@@ -98,6 +100,7 @@ void sortVoxels(BlockValues& values, float background, SignWords& inside, SignWo
             float* const at = &values[(x * kBlockDim + y) * kBlockDim];
             Row v;
             std::memcpy(&v, at, sizeof v);
+            v = (v < hair) & (v > -hair) ? Row{} : v;
             const auto isInside = v < 0, isActive = (v < limit) & (v > -limit);
             v = isActive ? v : (isInside ? -far : far);
             std::memcpy(at, &v, sizeof v);

@@ -17,13 +17,15 @@ namespace mpuvdb
 namespace
 {
 
-double volumeOf(const LevelSet& levelSet, Progress& progress)
+SurfaceIntegrals integralsOf(const LevelSet& levelSet, Progress& progress)
 {
-    return integrateSurface(levelSet.halfWidth() < kMeasuredHalfWidth
-                                ? withHalfWidth(levelSet, kMeasuredHalfWidth, progress)
-                                : levelSet,
-                            progress)
-        .volume;
+    return integrateSurface(measurable(levelSet, progress), progress);
+}
+
+SolidComponent measured(LevelSet levelSet, Progress& progress)
+{
+    const SurfaceIntegrals sums = integralsOf(levelSet, progress);
+    return {std::move(levelSet), sums.volume, sums.area, sums.bounds, sums.genus()};
 }
 
 /// Largest first; of equals as they were.
@@ -41,12 +43,12 @@ std::vector<std::uint32_t> byVolume(const std::vector<double>& volumes)
 std::vector<SolidComponent> components(const LevelSet& levelSet, Progress& progress)
 {
     const SolidParts parts(levelSet, progress);
-    std::vector<SolidComponent> found(parts.parts().size(), {levelSet, 0});
+    std::vector<SolidComponent> found(parts.parts().size(), {levelSet, 0, 0, {}, 0});
     std::vector<double> volumes(found.size());
     tbb::parallel_for(std::size_t(0), found.size(), [&](std::size_t n) {
         progress.check();
-        found[n].levelSet = parts.extract({std::uint32_t(n)}, progress);
-        found[n].volume = volumes[n] = volumeOf(found[n].levelSet, progress);
+        found[n] = measured(parts.extract({std::uint32_t(n)}, progress), progress);
+        volumes[n] = found[n].volume;
     });
     std::vector<SolidComponent> sorted;
     for (const std::uint32_t n : byVolume(volumes)) sorted.push_back(std::move(found[n]));
@@ -64,7 +66,7 @@ LevelSet keepComponents(const LevelSet& levelSet, double minVolume, std::size_t 
     std::vector<double> volumes(parts.parts().size());
     tbb::parallel_for(std::size_t(0), volumes.size(), [&](std::size_t n) {
         progress.check();
-        volumes[n] = volumeOf(parts.extract({std::uint32_t(n)}, progress), progress);
+        volumes[n] = integralsOf(parts.extract({std::uint32_t(n)}, progress), progress).volume;
     });
     std::vector<std::uint32_t> kept;
     for (const std::uint32_t n : byVolume(volumes))

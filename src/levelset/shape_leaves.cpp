@@ -41,11 +41,12 @@ public:
     {
         constexpr double kBlocksAcross = 24;
         const Box3d box = bounds().intersection(region);
-        if (box.isEmpty()) return 0;
+        if (box.isEmpty() || !isFinite(box)) return 0;
         const double edge = box.sizes().maxCoeff() / kBlocksAcross;
         if (!(edge > 0)) return 0;
         const FieldPtr part = region.contains(bounds()) ? mField : makeClippedField(mField, box);
-        const Lattice coarse = latticeFor(box, edge / kBlockDim);
+        // Only blocks are counted: this lattice may be finer than a grid's.
+        const Lattice coarse{box.center(), edge / kBlockDim};
         return double(part->seedBlocks(coarse).size()) * edge * edge / kBlocksPerArea;
     }
 

@@ -38,6 +38,16 @@ Demand beyond(const Demand& own, double distance)
             grown(own.region, distance)};
 }
 
+/// The area of a solid's surface of @a area that was offset by @a distance: grown as a ball of that
+/// area would be, and any convex solid about as much; shrunk ones keep it, for what is hollow
+/// gains.
+double offsetArea(double area, double distance)
+{
+    if (!(distance > 0) || !(area > 0)) return area;
+    const double radii = std::sqrt(area) + std::sqrt(4 * M_PI) * distance;
+    return radii * radii;
+}
+
 class CombineNode final : public Node
 {
 public:
@@ -143,6 +153,10 @@ public:
     {
         return beyond(own, std::abs(mDistance));
     }
+    double area(const Box3d& region) const override
+    {
+        return offsetArea(Node::area(grown(region, std::abs(mDistance))), mDistance);
+    }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
@@ -178,6 +192,12 @@ public:
     Demand demandOf(std::size_t, const Demand& own) const override
     {
         return beyond(own, mThickness);
+    }
+    double area(const Box3d& region) const override
+    {
+        const double area = Node::area(grown(region, mThickness));
+        const double outer = outward(mThickness, mWall);
+        return offsetArea(area, outer) + offsetArea(area, outer - mThickness);
     }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
@@ -251,6 +271,11 @@ public:
         const double other = (a.max() - b.max()).cwiseAbs().maxCoeff();
         return own.halfWidth + std::max(apart, other) / own.lattice.voxelSize;
     }
+    double area(const Box3d&) const override
+    {
+        const auto whole = [&](std::size_t n) { return inputs()[n]->area(inputs()[n]->bounds()); };
+        return std::max(whole(0), whole(1));
+    }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
@@ -321,13 +346,18 @@ public:
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> squares;
         squares.computeDirect(motion.linear().transpose() * motion.linear(),
                               Eigen::EigenvaluesOnly);
-        mGrowth = std::sqrt(squares.eigenvalues().maxCoeff());
-        mShrink = std::sqrt(squares.eigenvalues().minCoeff());
+        mGrowth = std::sqrt(squares.eigenvalues()[2]);
+        mShrink = std::sqrt(squares.eigenvalues()[0]);
+        mAreaGrowth = std::sqrt(squares.eigenvalues()[1] * squares.eigenvalues()[2]);
     }
 
     Demand demandOf(std::size_t, const Demand& own) const override
     {
         return wholeInput(own, own.lattice.voxelSize / mGrowth);
+    }
+    double area(const Box3d& region) const override
+    {
+        return mAreaGrowth * Node::area(movedBox(region, mMotion.inverse()));
     }
     double voxelSize() const override { return mGrowth * inputs()[0]->voxelSize(); }
 
@@ -345,7 +375,8 @@ protected:
 
 private:
     Eigen::Affine3d mMotion;
-    double mGrowth, mShrink;
+    double mGrowth, mShrink; ///< largest and smallest, of lengths
+    double mAreaGrowth;      ///< largest
 };
 
 class WarpNode final : public ThroughNode
@@ -362,6 +393,7 @@ public:
     {
         return wholeInput(own, own.lattice.voxelSize);
     }
+    double area(const Box3d&) const override { return Node::area(inputs()[0]->bounds()); }
 
 protected:
     double stretch() const override { return bounds().isEmpty() ? 1 : mWarp->stretch(bounds()); }

@@ -10,9 +10,7 @@ namespace mpuvdb
 
 SolidMeasures measure(const LevelSet& levelSet, Progress& progress)
 {
-    const LevelSet band = levelSet.halfWidth() < kMeasuredHalfWidth
-                              ? withHalfWidth(levelSet, kMeasuredHalfWidth, progress)
-                              : levelSet;
+    const LevelSet band = measurable(levelSet, progress);
     progress.beginStage("measure", 2);
     const SurfaceIntegrals sums = integrateSurface(band, progress);
     progress.advance();
@@ -24,7 +22,7 @@ SolidMeasures measure(const LevelSet& levelSet, Progress& progress)
     measures.bounds = sums.bounds;
     measures.eulerCharacteristic = sums.eulerCharacteristic;
     measures.surfaces = sums.surfaces;
-    measures.genus = double(sums.surfaces) - 0.5 * double(sums.eulerCharacteristic);
+    measures.genus = sums.genus();
     measures.minThickness = thickness.least;
     measures.meanThickness = thickness.mean;
     return measures;

@@ -47,7 +47,7 @@ public:
 
     const std::vector<Part>& parts() const { return mParts; }
     /// The solid of @a chosen parts alone: values as they are where no part of a region is missing,
-    /// else distances to what is left. As fast as those regions are small. @throws Interrupted.
+    /// else distances to what is left. As fast as what is chosen is small. @throws Interrupted.
     LevelSet extract(const std::vector<std::uint32_t>& chosen, Progress& progress) const;
 
 private:
@@ -59,6 +59,8 @@ private:
     void joinStrays(Labels& labels, UnionFind& nodes) const;
     void findTiles();
     std::uint32_t tileAt(const openvdb::Coord& at) const;
+    std::vector<Piece> piecesNear(const std::vector<std::uint32_t>& parts,
+                                  const Region& region) const;
     enum class Side { AsIs, Outside };
     void copy(const std::vector<Piece>& pieces, Side side, openvdb::FloatTree& tree,
               Progress& progress) const;

@@ -2,6 +2,7 @@
 
 #include "surface_cells.h"
 
+#include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/union_find.h>
 
@@ -184,6 +185,14 @@ std::uint64_t countSurfaces(const std::vector<const Leaf*>& leaves,
 }
 
 } // namespace
+
+LevelSet measurable(const LevelSet& levelSet, Progress& progress)
+{
+    constexpr double kRounding = 1e-5; // backgrounds are floats
+    return levelSet.halfWidth() < kMeasuredHalfWidth * (1 - kRounding)
+               ? withHalfWidth(levelSet, kMeasuredHalfWidth, progress)
+               : levelSet;
+}
 
 SurfaceIntegrals integrateSurface(const LevelSet& levelSet, Progress& progress)
 {

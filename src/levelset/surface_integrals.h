@@ -14,7 +14,12 @@ struct SurfaceIntegrals {
     std::int64_t eulerCharacteristic = 0;
     std::uint64_t surfaces = 0;  ///< connected parts
     std::uint64_t crossings = 0; ///< of the zero set with edges between voxels
+
+    double genus() const { return double(surfaces) - 0.5 * double(eulerCharacteristic); }
 };
+
+/// @a levelSet, in a wider band where it has less than kMeasuredHalfWidth.
+LevelSet measurable(const LevelSet& levelSet, Progress& progress);
 
 /// Sum up the surface of @a levelSet, whose band has at least kMeasuredHalfWidth: the piecewise
 /// linear one for what is counted; for volume and area each triangle is moved to where the second

@@ -112,10 +112,15 @@ public:
         std::size_t contact = place;
         for (int step = 0; step < kSteps; ++step) {
             const Vec3f centre = p - radius * n;
+            if (isKnownEmpty(centre, radius * (1 - kTouching))) break;
             const std::size_t nearest = nearestTo(centre);
             const Vec3f toPlace = mPlaces.positions[nearest] - centre;
             const float distance = toPlace.norm();
-            if (nearest == place || distance >= radius * (1 - kTouching)) break;
+            if (nearest == place || distance >= radius * (1 - kTouching)) {
+                mEmptyCentre = centre;
+                mEmptyRadius = distance;
+                break;
+            }
             const Vec3f back = p - mPlaces.positions[nearest];
             const float height = n.dot(back);
             if (!(height > 0)) break;
@@ -135,6 +140,14 @@ private:
     static constexpr int kSteps = 40;
     /// Of the radius: how far beside a ball's end, and beyond it, the surface there may lie.
     static constexpr float kNearby = 0.1f, kLevel = 0.02f;
+
+    /// Whether the last ball that was found empty says so. Where many places share one ball, all of
+    /// them are about as near to its centre, and a search there would visit each.
+    bool isKnownEmpty(const Vec3f& centre, float radius) const
+    {
+        constexpr float kRounding = 1e-5f;
+        return (centre - mEmptyCentre).norm() + radius <= mEmptyRadius * (1 - kRounding);
+    }
 
     std::size_t nearestTo(const Vec3f& p)
     {
@@ -171,6 +184,8 @@ private:
     const Places& mPlaces;
     const KdTree& mTree;
     float mLargest, mSpacing;
+    Vec3f mEmptyCentre = Vec3f::Zero();
+    float mEmptyRadius = 0; ///< no place is nearer to that centre
     std::vector<std::uint32_t> mIndex;
     std::vector<float> mSquared;
 };

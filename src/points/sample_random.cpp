@@ -16,17 +16,21 @@ namespace
 
 constexpr std::uint64_t kChunkLines = 256;
 
-/// Throws lines in numbered chunks, whose results do not depend on each other.
+/// Throws lines in numbered chunks, whose results do not depend on each other. Where the solid's
+/// parts are far apart, hardly a line through the ball around all of them meets one: lines go
+/// through balls around the parts, and only what they cross within their ball counts.
 class LineThrower
 {
 public:
     LineThrower(const Solid& solid, std::uint64_t seed)
-        : mTracer(solid), mSeed(seed), mMiddle(solid.bounds().center()),
-          mRadius(solid.bounds().diagonal().norm() / 2)
+        : mTracer(solid), mSeed(seed), mBalls(ballsAround(solid))
     {
+        for (const Ball& ball : mBalls)
+            mSquares.push_back(lastSquare() + ball.radius * ball.radius);
     }
 
-    double radius() const { return mRadius; }
+    /// Of the balls' surfaces.
+    double area() const { return 4 * M_PI * lastSquare(); }
 
     /// Append the points of one chunk.
     void throwChunk(std::uint64_t chunk, std::vector<SurfacePoint>& points) const
@@ -34,21 +38,68 @@ public:
         std::vector<double> crossings;
         for (std::uint64_t i = 0; i < kChunkLines; ++i) {
             CounterRandom random(mSeed, RandomStream::Lines, chunk * kChunkLines + i);
+            const Ball& ball = choose(random);
             const Vec3d direction = random.direction();
-            const double radius = mRadius * std::sqrt(random.uniform());
+            const double radius = ball.radius * std::sqrt(random.uniform());
             const double angle = 2 * M_PI * random.uniform();
             const Eigen::Vector2d disc(radius * std::cos(angle), radius * std::sin(angle));
-            const Vec3d origin = mMiddle + tangents(direction) * disc;
+            const Vec3d origin = ball.middle + tangents(direction) * disc;
             mTracer.crossings(origin, direction, crossings);
             keepHalf(crossings, random);
             for (const double t : crossings) {
                 const Vec3d p = origin + t * direction;
+                if (mBalls.size() > 1 && !counts(p, ball, random)) continue;
                 points.push_back({p, mTracer.solid().normal(p).cast<float>()});
             }
         }
     }
 
 private:
+    struct Ball {
+        Vec3d middle;
+        double radius;
+
+        bool holds(const Vec3d& p) const { return (p - middle).norm() <= radius; }
+    };
+
+    static std::vector<Ball> ballsAround(const Solid& solid)
+    {
+        const auto ballAround = [](const Box3d& box) {
+            return Ball{box.center(), box.diagonal().norm() / 2};
+        };
+        const Ball whole = ballAround(solid.bounds());
+        std::vector<Ball> balls;
+        double squares = 0;
+        for (const Box3d& part : solid.parts()) {
+            if (part.isEmpty()) continue;
+            balls.push_back(ballAround(part));
+            squares += balls.back().radius * balls.back().radius;
+        }
+        constexpr double kWorthwhile = 0.5; // of the lines
+        const bool apart = squares < kWorthwhile * whole.radius * whole.radius;
+        return apart && !balls.empty() ? balls : std::vector<Ball>{whole};
+    }
+
+    double lastSquare() const { return mSquares.empty() ? 0 : mSquares.back(); }
+
+    /// As often as its surface says.
+    const Ball& choose(CounterRandom& random) const
+    {
+        if (mBalls.size() == 1) return mBalls.front();
+        const double at = random.uniform() * lastSquare();
+        const auto found = std::upper_bound(mSquares.begin(), mSquares.end() - 1, at);
+        return mBalls[std::size_t(found - mSquares.begin())];
+    }
+
+    /// What lies in several balls is met by the lines of each, and counts once.
+    bool counts(const Vec3d& p, const Ball& ball, CounterRandom& random) const
+    {
+        if (!ball.holds(p)) return false;
+        const auto balls = std::count_if(mBalls.begin(), mBalls.end(),
+                                         [&](const Ball& other) { return other.holds(p); });
+        return balls == 1 || random.uniform() * double(balls) < 1;
+    }
+
     /// A random half: a line that leaves what it enters has an even number of crossings.
     static void keepHalf(std::vector<double>& crossings, CounterRandom& random)
     {
@@ -62,8 +113,8 @@ private:
 
     LineTracer mTracer;
     std::uint64_t mSeed;
-    Vec3d mMiddle;
-    double mRadius;
+    std::vector<Ball> mBalls;
+    std::vector<double> mSquares; ///< of the radii, summed up
 };
 
 } // namespace
@@ -96,9 +147,9 @@ RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_
         const double missing = double(count - std::min(count, found)) / yield;
         round = std::clamp(std::uint64_t(1.01 * missing) + 1, kFirstRound, kLargestRound);
     }
-    // Each crossing is kept with probability 1/2; lines meet twice the share of the sphere's area.
+    // Each crossing is kept with probability 1/2; lines meet twice the share of the balls' area.
     const double lines = double(std::max<std::uint64_t>(chunks * kChunkLines, 1));
-    result.area = 4 * M_PI * thrower.radius() * thrower.radius() * double(found) / lines;
+    result.area = thrower.area() * double(found) / lines;
     return result;
 }
 

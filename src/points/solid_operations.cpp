@@ -19,8 +19,9 @@ class Boolean final : public Solid
 {
 public:
     /// @param outer  +1: maximum of the signed children (intersection), -1: minimum (union).
-    Boolean(double outer, std::vector<Operand> operands, const Box3d& box)
-        : mOuter(outer), mOperands(std::move(operands)), mBox(box)
+    /// @param parts  as parts().
+    Boolean(double outer, std::vector<Operand> operands, const Box3d& box, std::vector<Box3d> parts)
+        : mOuter(outer), mOperands(std::move(operands)), mBox(box), mParts(std::move(parts))
     {
         for (Operand& o : mOperands) o.sign *= outer;
     }
@@ -41,6 +42,7 @@ public:
         return mOuter * ruler->sign * ruler->solid->normal(p);
     }
     Box3d bounds() const override { return mBox; }
+    std::vector<Box3d> parts() const override { return mParts; }
 
 private:
     double combine(const Vec3d& p, double (Solid::*value)(const Vec3d&) const) const
@@ -54,6 +56,7 @@ private:
     double mOuter;
     std::vector<Operand> mOperands;
     Box3d mBox;
+    std::vector<Box3d> mParts;
 };
 
 std::vector<Operand> operands(std::vector<SolidPtr> solids)
@@ -74,15 +77,21 @@ public:
     double bound(const Vec3d& p) const override { return mScale * mSolid->bound(local(p)); }
     bool isExact() const override { return mSolid->isExact(); }
     Vec3d normal(const Vec3d& p) const override { return mRotation * mSolid->normal(local(p)); }
-    Box3d bounds() const override
+    Box3d bounds() const override { return moved(mSolid->bounds()); }
+    std::vector<Box3d> parts() const override
     {
-        const Box3d box = mSolid->bounds();
+        std::vector<Box3d> parts = mSolid->parts();
+        for (Box3d& part : parts) part = moved(part);
+        return parts;
+    }
+
+private:
+    Box3d moved(const Box3d& box) const
+    {
         const Vec3d middle = mTranslation + mScale * (mRotation * box.center());
         const Vec3d half = mScale * (mRotation.cwiseAbs() * (box.sizes() / 2));
         return Box3d(middle - half, middle + half);
     }
-
-private:
     Vec3d local(const Vec3d& p) const
     {
         return mRotation.transpose() * (p - mTranslation) / mScale;
@@ -139,23 +148,29 @@ private:
 SolidPtr makeUnion(std::vector<SolidPtr> solids)
 {
     Box3d box;
-    for (const SolidPtr& s : solids) box.extend(s->bounds());
-    return std::make_shared<Boolean>(-1, operands(std::move(solids)), box);
+    std::vector<Box3d> parts;
+    for (const SolidPtr& s : solids) {
+        box.extend(s->bounds());
+        const std::vector<Box3d> more = s->parts();
+        parts.insert(parts.end(), more.begin(), more.end());
+    }
+    return std::make_shared<Boolean>(-1, operands(std::move(solids)), box, std::move(parts));
 }
 
 SolidPtr makeIntersection(std::vector<SolidPtr> solids)
 {
     Box3d box = solids.front()->bounds();
     for (const SolidPtr& s : solids) box = box.intersection(s->bounds());
-    return std::make_shared<Boolean>(1, operands(std::move(solids)), box);
+    return std::make_shared<Boolean>(1, operands(std::move(solids)), box, std::vector<Box3d>{box});
 }
 
 SolidPtr makeDifference(std::vector<SolidPtr> solids)
 {
     const Box3d box = solids.front()->bounds();
+    std::vector<Box3d> parts = solids.front()->parts();
     std::vector<Operand> signedSolids = operands(std::move(solids));
     for (std::size_t i = 1; i < signedSolids.size(); ++i) signedSolids[i].sign = -1;
-    return std::make_shared<Boolean>(1, std::move(signedSolids), box);
+    return std::make_shared<Boolean>(1, std::move(signedSolids), box, std::move(parts));
 }
 
 SolidPtr makeMoved(SolidPtr solid, const Eigen::Matrix3d& rotation, double scale,

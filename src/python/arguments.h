@@ -1,5 +1,7 @@
 // What Python callers say in words: lengths with units, axes, choices.
 #pragma once
+#include "vectors.h"
+
 #include <mpuvdb/fields.h>
 #include <mpuvdb/length.h>
 

@@ -5,7 +5,6 @@
 
 #include <mpuvdb/error.h>
 
-#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
 #include <cmath>

@@ -13,7 +13,6 @@
 
 #include <algorithm>
 
-#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 

@@ -3,7 +3,6 @@
 #include "modelling_arguments.h"
 #include "run.h"
 
-#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
 #include <limits>

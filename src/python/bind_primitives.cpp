@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
 namespace mpuvdb::python
@@ -44,6 +43,42 @@ Shape between(const Vec3d& a, const Vec3d& b, const char* name, Describe&& descr
     return solidShape(describe(length), name).moved(motion);
 }
 
+/// What a call was: name(0.35, radius=1).
+std::string callOf(const char* name, const py::args& args, const py::kwargs& named)
+{
+    std::vector<std::string> words;
+    for (const py::handle arg : args) words.push_back(py::repr(arg));
+    for (const auto& [key, value] : named)
+        words.push_back(
+            fmt::format("{}={}", std::string(py::str(key)), std::string(py::repr(value))));
+    return fmt::format("{}({})", name, fmt::join(words, ", "));
+}
+
+/// Defines a function whose TypeErrors say how it is called, by @a examples.
+template <class Function, class... Extra>
+void define(py::module_& module, const char* name, const char* examples, Function&& function,
+            const Extra&... extra)
+{
+    module.def(name, std::forward<Function>(function), extra...);
+    const py::object exact = module.attr(name);
+    const std::string doc = py::str(exact.doc());
+    py::options options;
+    options.disable_function_signatures(); // doc has that of the function itself
+    module.attr(name) = py::cpp_function(
+        [exact, name, examples](const py::args& args, const py::kwargs& named) -> py::object {
+            try {
+                return exact(*args, **named);
+            } catch (const py::error_already_set& error) {
+                if (!error.matches(PyExc_TypeError)) throw;
+                throw py::type_error(fmt::format("{}: it is not called like that. Write {}; a "
+                                                 "place, a direction and the size of a box are "
+                                                 "three numbers each, such as (0, 0, 1)",
+                                                 callOf(name, args, named), examples));
+            }
+        },
+        py::name(name), py::scope(module), doc.c_str());
+}
+
 Box3d boxOf(const std::optional<Vec3d>& low, const std::optional<Vec3d>& high,
             const std::optional<Vec3d>& center, const std::optional<Vec3d>& size)
 {
@@ -52,7 +87,8 @@ Box3d boxOf(const std::optional<Vec3d>& low, const std::optional<Vec3d>& high,
         const Vec3d middle = center.value_or(kZero);
         return boxBetween(middle - *size / 2, middle + *size / 2);
     }
-    throw UsageError("box: give low and high, or size and center");
+    throw UsageError("a box: give low and high, or size=(x, y, z), and center=(x, y, z) with it "
+                     "unless it lies about (0, 0, 0)");
 }
 
 std::string sizes(const Vec3d& v)
@@ -62,20 +98,20 @@ std::string sizes(const Vec3d& v)
 
 void bindRound(py::module_& module)
 {
-    module.def(
-        "sphere",
+    define(
+        module, "sphere", "sphere(radius=0.5) or sphere((0, 0, 1), 0.5)",
         [](const Vec3d& center, double radius) {
             return at(center, solidShape(fmt::format("sphere({})", radius), "sphere"));
         },
         "center"_a = kZero, "radius"_a = 1.0, "A ball; world units.");
-    module.def(
-        "ellipsoid",
+    define(
+        module, "ellipsoid", "ellipsoid((0, 0, 0), (3, 2, 1))",
         [](const Vec3d& center, const Vec3d& radii) {
             return at(center, solidShape(fmt::format("ellipsoid({})", sizes(radii)), "ellipsoid"));
         },
         "center"_a, "radii"_a, "An ellipsoid with radii along the axes; world units.");
-    module.def(
-        "torus",
+    define(
+        module, "torus", "torus(1, 0.3) or torus(1, 0.3, center=(0, 0, 1), axis='x')",
         [](double ring, double tube, const Vec3d& center, const AxisArgument& axis) {
             Eigen::Affine3d motion((Eigen::Translation3d(center)));
             motion.rotate(
@@ -84,24 +120,24 @@ void bindRound(py::module_& module)
         },
         "ring_radius"_a, "tube_radius"_a, "center"_a = kZero, "axis"_a = "z",
         "A ring about axis ('x', 'y', 'z' or a vector) through center; world units.");
-    module.def(
-        "capsule",
+    define(
+        module, "capsule", "capsule((0, 0, 0), (0, 0, 1), 0.1)",
         [](const Vec3d& a, const Vec3d& b, double radius) {
             return between(a, b, "capsule", [&](double length) {
                 return fmt::format("capsule({},{})", radius, length);
             });
         },
         "a"_a, "b"_a, "radius"_a, "All places within radius of the line from a to b; world units.");
-    module.def(
-        "cylinder",
+    define(
+        module, "cylinder", "cylinder((0, 0, 0), (0, 0, 1), 0.1)",
         [](const Vec3d& a, const Vec3d& b, double radius) {
             return between(a, b, "cylinder", [&](double length) {
                 return fmt::format("cylinder({},{})", radius, length);
             });
         },
         "a"_a, "b"_a, "radius"_a, "A cylinder with its ends' middles at a and b; world units.");
-    module.def(
-        "cone",
+    define(
+        module, "cone", "cone((0, 0, 0), (0, 0, 1), 0.5)",
         [](const Vec3d& a, const Vec3d& b, double radius) {
             return between(a, b, "cone", [&](double length) {
                 return fmt::format("cone({},{})", radius, length);
@@ -114,8 +150,8 @@ void bindRound(py::module_& module)
 void bindBoxes(py::module_& module)
 {
     using Place = std::optional<Vec3d>;
-    module.def(
-        "box",
+    define(
+        module, "box", "box((0, 0, 0), (1, 1, 1)) or box(size=(1, 1, 1))",
         [](const Place& low, const Place& high, const Place& center, const Place& size) {
             const Box3d box = boxOf(low, high, center, size);
             return at(box.center(), solidShape(fmt::format("box({})", sizes(box.sizes())), "box"));
@@ -123,8 +159,9 @@ void bindBoxes(py::module_& module)
         "low"_a = py::none(), "high"_a = py::none(), py::kw_only(), "center"_a = py::none(),
         "size"_a = py::none(),
         "A box along the axes, from low to high, or of size about center; world units.");
-    module.def(
-        "rounded_box",
+    define(
+        module, "rounded_box",
+        "rounded_box((0, 0, 0), (1, 1, 1), 0.1) or rounded_box(size=(1, 1, 1), radius=0.1)",
         [](const Place& low, const Place& high, double radius, const Place& center,
            const Place& size) {
             const Box3d box = boxOf(low, high, center, size);
@@ -139,30 +176,31 @@ void bindBoxes(py::module_& module)
 
 void bindOthers(py::module_& module)
 {
-    module.def(
-        "half_space",
+    define(
+        module, "half_space", "half_space((0, 0, 0), (0, 0, 1))",
         [](const Vec3d& point, const Vec3d& normal) {
             return Shape(makeHalfSpace(point, normal), "half-space");
         },
         "point"_a, "normal"_a,
         "All that lies behind a plane through point; normal points out. Without bounds: intersect "
         "it, or take it away from something.");
-    module.def(
-        "gyroid",
+    define(
+        module, "gyroid", "gyroid(1, 0.2)",
         [](double period, double thickness) {
             return Shape(makeGyroid(period, thickness), "gyroid");
         },
         "period"_a, "thickness"_a,
         "The wall of thickness along the gyroid that repeats after period; world units. Without "
         "bounds: intersect it with something.");
-    module.def(
-        "solid", [](const std::string& description) { return solidShape(description, "solid"); },
+    define(
+        module, "solid", "solid('sphere(1)')",
+        [](const std::string& description) { return solidShape(description, "solid"); },
         "description"_a,
         ("A solid by a description such as 'difference(box(2,2,1), cylinder(0.4,3))':\n\n" +
          solidHelp())
             .c_str());
-    module.def(
-        "function",
+    define(
+        module, "function", "function(lambda p: p[:, 2], ((-1, -1, -1), (1, 1, 1)), steepness=1)",
         [](const py::object& function, const Corners& bounds, double steepness) {
             const PointsCallable values(function, "function");
             return Shape(

@@ -9,7 +9,6 @@
 
 #include <fmt/format.h>
 
-#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 

@@ -11,7 +11,6 @@
 
 #include <fmt/format.h>
 
-#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 

@@ -44,6 +44,40 @@ class Primitives(ShapeTest):
         self.assertAlmostEqual(high[2], 3, delta=0.01)
         self.assertTrue(np.isinf(mv.half_space((0, 0, 0), (0, 0, 1)).bounds[0]).any())
 
+    def test_wrong_calls_say_how_to_call(self):
+        calls = {
+            "sphere": [(0.35,), (0, 0, 0, 1), (0.35, (1, 0, 0))],
+            "ellipsoid": [(1, 2, 3), ((1, 2, 3),)],
+            "torus": [(), (1,), ((0, 0, 0), 1, 0.3), (1, 0.3, "z")],
+            "capsule": [(0.1, 1), (0, 1, 0.1)],
+            "cylinder": [(0.1, 1), ((0, 0, 0), 1, 0.1)],
+            "cone": [(0.5, 1), ((0, 0), (0, 1), 0.5)],
+            "box": [(1,), (1, 1, 1), (-1, 1)],
+            "rounded_box": [(1, 0.1), ((1, 1, 1), 0.1)],
+            "half_space": [("z",), ((0, 0, 1),), (0, (0, 0, 1))],
+            "gyroid": [(), (1,)],
+            "solid": [(), (mv.sphere(),)],
+            "function": [(abs, 1, 1), (abs, ((-1, -1, -1), (1, 1, 1)))],
+        }
+        for name, wrong in calls.items():
+            for arguments in wrong:
+                with self.subTest(name, arguments=arguments):
+                    with self.assertRaises(TypeError) as caught:
+                        getattr(mv, name)(*arguments)
+                    said = str(caught.exception)
+                    self.assertIn(f"Write {name}(", said)
+                    self.assertNotIn("numpy", said)
+                    # What it tells to write can be written.
+                    for example in said.split("Write ")[1].split(";")[0].split(" or "):
+                        self.assertIsInstance(eval("mv." + example, {"mv": mv}), mv.Shape)
+        with self.assertRaisesRegex(TypeError, r"^sphere\(0.35\): .* sphere\(radius=0.5\)"):
+            mv.sphere(0.35)
+        with self.assertRaisesRegex(TypeError, r"^cone\(height=2\)"):
+            mv.cone(height=2)
+        with self.assertRaisesRegex(TypeError, "by: Vector"):
+            mv.sphere().translate(1, 2, 3)
+        self.assertIn("center: Vector", mv.sphere.__doc__)
+
     def test_function_gets_many_points(self):
         sizes = []
 

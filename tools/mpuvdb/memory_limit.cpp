@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <limits>
+#include <new>
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
@@ -66,6 +67,19 @@ std::uint64_t dataBytesNow()
     return statusBytes("VmData:");
 }
 
+/// Called where memory is refused. Leaving frees what was taken, and destructors may allocate
+/// (those of OpenVDB's trees do): they get a reserve.
+void throwWithReserve()
+{
+    constexpr rlim_t kReserve = 64 << 20;
+    rlimit limit{};
+    getrlimit(RLIMIT_DATA, &limit);
+    limit.rlim_cur =
+        limit.rlim_max - limit.rlim_cur > kReserve ? limit.rlim_cur + kReserve : limit.rlim_max;
+    setrlimit(RLIMIT_DATA, &limit);
+    throw std::bad_alloc();
+}
+
 } // namespace
 
 std::uint64_t parseSize(const std::string& text)
@@ -108,6 +122,7 @@ void limitMemory(std::uint64_t bytes)
     getrlimit(RLIMIT_DATA, &limit);
     limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, dataBytesNow() + bytes);
     setrlimit(RLIMIT_DATA, &limit);
+    std::set_new_handler(throwWithReserve);
 }
 
 std::uint64_t residentBytes()

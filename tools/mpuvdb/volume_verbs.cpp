@@ -112,16 +112,15 @@ private:
         Json parts = Json::array();
         std::string text;
         for (const SolidComponent& part : components(levelSet, session.progress())) {
-            const SolidMeasures measures = measure(part.levelSet, session.progress());
             parts.push_back({{"volume", part.volume},
-                             {"area", measures.area},
-                             {"genus", measures.genus},
-                             {"min", toJson(Vec3d(measures.bounds.min()))},
-                             {"max", toJson(Vec3d(measures.bounds.max()))}});
-            const Vec3d size = measures.bounds.sizes();
+                             {"area", part.area},
+                             {"genus", part.genus},
+                             {"min", toJson(Vec3d(part.bounds.min()))},
+                             {"max", toJson(Vec3d(part.bounds.max()))}});
+            const Vec3d size = part.bounds.sizes();
             text += fmt::format("{}: volume {:.6g}, area {:.6g}, genus {}, size {:.4g} x {:.4g} x "
                                 "{:.4g}\n",
-                                parts.size(), part.volume, measures.area, measures.genus, size.x(),
+                                parts.size(), part.volume, part.area, part.genus, size.x(),
                                 size.y(), size.z());
         }
         session.report()["components"] = parts;
