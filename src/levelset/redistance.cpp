@@ -216,9 +216,9 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
         return std::abs(distance) > least ? distance : v;
     };
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
-    FloatGrid::Ptr made = remade(grid, Values::Implicit,
-                                 side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker, progress,
-                                 kWedgesShare);
+    FloatGrid::Ptr made =
+        remade(grid, Values::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker,
+               progress, kWedgesShare);
     restoreDistance(made->tree(), made->voxelSize()[0], progress);
     return made;
 }
