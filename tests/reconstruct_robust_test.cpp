@@ -41,8 +41,8 @@ Reconstruction reconstructed(PointCloud cloud, double voxelSize)
 /// Unit normal of the zero set of @a field where the line through @a p along @a direction meets it
 /// within @a reach; and the place.
 struct ZeroSet {
-    Vec3d place, normal;
-    bool supported;
+    Vec3d place = Vec3d::Zero(), normal = Vec3d::Zero();
+    bool supported = false;
 };
 
 ZeroSet zeroSetNear(const MpuField& field, const Vec3d& p, const Vec3d& direction, double reach)
@@ -100,7 +100,7 @@ TEST(Reconstruct, InventsWithoutACrease)
             const Vec3d p = whole.world(i), n = whole.normals[i].cast<double>();
             Vec3d across = p - c.hole;
             across = (across - across.dot(n) * n).normalized();
-            ZeroSet last{};
+            ZeroSet last;
             double most = 0;
             for (int k = -6; k <= 12; ++k) {
                 const Vec3d at = p - k * h * across;
