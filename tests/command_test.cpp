@@ -254,6 +254,22 @@ TEST_F(CommandTest, MemoryLimitIsKept)
     EXPECT_EQ(mFolder.names(), (Words{"a.json"}));
 }
 
+/// OpenVDB and Blosc do not survive it where memory ends while they read.
+TEST_F(CommandTest, GridsLargerThanTheLimitAreNotRead)
+{
+    ASSERT_EQ(mpuvdb({"reconstruct", scan(), "-o", "a.vdb", "--voxels", "400"}).status, 0);
+    for (const Words& words : {Words{"offset", "a.vdb", "-o", "b.vdb", "--distance", "2vx"},
+                               Words{"mesh", "a.vdb", "-o", "b.ply"}, Words{"check", "a.vdb"},
+                               Words{"info", "a.vdb"}, Words{"render", "a.vdb", "-o", "b.png"}}) {
+        Words limited = words;
+        limited.insert(limited.end(), {"--max-memory", "4M"});
+        const Ended ended = mpuvdb(limited);
+        EXPECT_EQ(ended.status, 5) << words[0] << ": " << ended.err;
+        EXPECT_NE(ended.err.find("grid 'surface' takes"), std::string::npos) << ended.err;
+    }
+    EXPECT_EQ(mFolder.names(), (Words{"a.vdb"}));
+}
+
 TEST_F(CommandTest, SameBytesForAnyNumberOfThreads)
 {
     Words meshes, grids;

@@ -104,7 +104,8 @@ TEST_F(EstimateTest, ForeseesWhatRunsTake)
            {"--points", "30000", "--holes", "3", "--hole-radius", "0.15", "--noise", "0.004"});
     expectForeseen({"holes.ply"});
     expectForeseen({"holes.ply", "--voxels", "200"});
-    sample("box(2,1.5,0.05)", "slab.ply", {"--points", "20000"});
+    // Along the axes its values would repeat, and the file pack to nothing.
+    sample("rotate(box(2,1.5,0.05),1,2,3,20)", "slab.ply", {"--points", "20000"});
     expectForeseen({"slab.ply", "--voxels", "200"});
 }
 

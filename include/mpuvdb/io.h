@@ -96,8 +96,11 @@ void writeVolumeLayer(const std::filesystem::path& file, const std::filesystem::
                       const openvdb::GridCPtrVec& grids, const SceneSettings& scene = {});
 
 /// Read one level set of a .vdb file: the grid called @a name, or, if empty, "surface" or the only
-/// level set. @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there).
-LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {});
+/// level set. @param maxBytes  that the grid may take, by what its file says; 0: no limit.
+/// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there),
+/// LimitError.
+LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {},
+                      std::uint64_t maxBytes = 0);
 
 /// A level set, and the other grids of its file.
 struct LevelSetFile {
@@ -106,7 +109,8 @@ struct LevelSetFile {
 };
 
 /// As readLevelSet(), with all that is beside.
-LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::string& name = {});
+LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::string& name = {},
+                              std::uint64_t maxBytes = 0);
 
 /// The grid that sampleCoverage() made, from a .vdb file. @throws IoError, InputError (as
 /// readLevelSet; no such grid).
@@ -120,7 +124,7 @@ std::vector<openvdb::GridBase::Ptr> readAttributeGrids(const std::filesystem::pa
 /// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
 /// Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels: damage
 /// there may crash, so read strangers' files in a process of their own.
-openvdb::GridPtrVec readGrids(const std::filesystem::path& file);
+openvdb::GridPtrVec readGrids(const std::filesystem::path& file, std::uint64_t maxBytes = 0);
 
 /// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the grids
 /// of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.

@@ -94,6 +94,39 @@ std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted
                                  archive.filename(), join(levelSets)));
 }
 
+/// Reads the grids of a file as long as they fit into memory. OpenVDB and Blosc do not survive it
+/// where it ends while they read.
+class GridReader
+{
+public:
+    /// @param maxBytes  for all of them; 0: no limit.
+    GridReader(openvdb::io::File& archive, std::uint64_t maxBytes)
+        : mArchive(archive), mMaxBytes(maxBytes)
+    {
+    }
+
+    /// @throws LimitError by what the file says of the grid; a file that does not is believed.
+    GridBase::Ptr read(const std::string& name)
+    {
+        constexpr double kOverhead = 1.1; // of reading
+        const auto said = mArchive.readGridMetadata(name)->getMetadata<openvdb::Int64Metadata>(
+            GridBase::META_FILE_MEM_BYTES);
+        mBytes += said ? kOverhead * double(std::max<std::int64_t>(said->value(), 0)) : 0;
+        if (mMaxBytes > 0 && mBytes > double(mMaxBytes))
+            throw LimitError(fmt::format("{}: grid '{}' takes {:.0f} MB with what is read before "
+                                         "it, and {:.0f} are allowed. Allow more memory, or write "
+                                         "it with larger voxels",
+                                         mArchive.filename(), name, mBytes / 1e6,
+                                         double(mMaxBytes) / 1e6));
+        return mArchive.readGrid(name);
+    }
+
+private:
+    openvdb::io::File& mArchive;
+    std::uint64_t mMaxBytes;
+    double mBytes = 0;
+};
+
 /// @throws InputError if a voxel's value is no number: operations would carry it on, or take it for
 /// outside.
 void demandFinite(const FloatGrid& grid)
@@ -237,22 +270,23 @@ void verify(const fs::path& temporary, const fs::path& file, const openvdb::Grid
 
 } // namespace
 
-LevelSet readLevelSet(const fs::path& file, const std::string& name)
+LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64_t maxBytes)
 {
     const auto grid = withVdbFile(file, [&](openvdb::io::File& archive) {
-        return archive.readGrid(chooseLevelSet(archive, name));
+        return GridReader(archive, maxBytes).read(chooseLevelSet(archive, name));
     });
     return toLevelSet(file, grid);
 }
 
-LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name)
+LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std::uint64_t maxBytes)
 {
     return withVdbFile(file, [&](openvdb::io::File& archive) {
         const std::string chosen = chooseLevelSet(archive, name);
+        GridReader reader(archive, maxBytes);
         GridBase::Ptr levelSet;
         openvdb::GridCPtrVec others;
         for (auto item = archive.beginName(); item != archive.endName(); ++item) {
-            const GridBase::Ptr grid = archive.readGrid(*item);
+            const GridBase::Ptr grid = reader.read(*item);
             if (*item == chosen)
                 levelSet = grid;
             else
@@ -297,9 +331,15 @@ std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
     });
 }
 
-openvdb::GridPtrVec readGrids(const fs::path& file)
+openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes)
 {
-    return withVdbFile(file, [](openvdb::io::File& archive) { return *archive.getGrids(); });
+    return withVdbFile(file, [&](openvdb::io::File& archive) {
+        GridReader reader(archive, maxBytes);
+        openvdb::GridPtrVec grids;
+        for (auto item = archive.beginName(); item != archive.endName(); ++item)
+            grids.push_back(reader.read(*item));
+        return grids;
+    });
 }
 
 void writeLevelSet(const fs::path& file, const LevelSet& levelSet,

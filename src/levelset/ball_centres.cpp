@@ -95,7 +95,7 @@ BallCentres::BallCentres(const Solid& a, const Solid& b, float radius, float rea
     std::stable_sort(mAround.begin(), mAround.end(), [](const Coord& l, const Coord& r) {
         return toVec(l).squaredNorm() < toVec(r).squaredNorm();
     });
-    std::unordered_set<Coord, HashCoord> wanted;
+    std::unordered_set<Coord> wanted;
     for (const Coord& origin : origins) {
         progress.check();
         for (const Coord& around : mAround) wanted.insert(origin + around);

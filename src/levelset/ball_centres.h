@@ -36,14 +36,11 @@ private:
         Vec3f point;  ///< relative to the leaf's origin
         Vec3f normal; ///< unit; 0: not known
     };
-    struct HashCoord {
-        std::size_t operator()(const openvdb::Coord& c) const { return c.hash<20>(); }
-    };
     class Reader;
 
     float mReach;
     std::vector<openvdb::Coord> mAround; ///< of a leaf, the nearest first
-    std::unordered_map<openvdb::Coord, std::vector<Place>, HashCoord> mPlaces; ///< by leaf origin
+    std::unordered_map<openvdb::Coord, std::vector<Place>> mPlaces; ///< by leaf origin
 };
 
 } // namespace mpuvdb

@@ -337,10 +337,6 @@ private:
         node.senders = {};
     }
 
-    struct HashCoord {
-        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
-    };
-
     const openvdb::FloatTree& mSigns;
     const SurfacePatches& mSurface;
     const std::vector<SurfacePatch>& mPatches;
@@ -349,7 +345,7 @@ private:
     float mReach[2], mLimit2[2]; ///< outside, inside
     float mBound2 = 0;
     std::vector<std::unique_ptr<Node>> mNodes;
-    std::unordered_map<Coord, std::uint32_t, HashCoord> mIndex;
+    std::unordered_map<Coord, std::uint32_t> mIndex;
     std::vector<std::uint32_t> mLive;    ///< not finished, in the order of their numbers
     std::vector<std::uint32_t> mSenders; ///< those whose news of the wave before stand
 };

@@ -146,9 +146,6 @@ private:
     struct Counts {
         std::size_t onFaces = 0, beside = 0;
     };
-    struct HashCoord {
-        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
-    };
     static Coord originOf(const Coord& voxel) { return voxel & ~7; }
 
     /// To a leaf and those around it: a corner may have most of its faces there.
@@ -162,7 +159,7 @@ private:
         }
     }
 
-    std::unordered_map<Coord, Counts, HashCoord> mCounts;
+    std::unordered_map<Coord, Counts> mCounts;
 };
 
 } // namespace

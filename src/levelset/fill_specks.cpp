@@ -15,10 +15,7 @@ using openvdb::FloatTree;
 
 constexpr std::size_t kOften = 1 << 12;
 
-struct HashCoord {
-    std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
-};
-using Voxels = std::unordered_set<Coord, HashCoord>;
+using Voxels = std::unordered_set<Coord>;
 
 template <typename F>
 void forEachFaceNeighbour(const Coord& at, F f)

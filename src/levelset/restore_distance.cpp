@@ -156,10 +156,7 @@ private:
         return changed;
     }
 
-    struct HashCoord {
-        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
-    };
-    using LeafSet = std::unordered_set<Coord, HashCoord>; ///< by origin
+    using LeafSet = std::unordered_set<Coord>; ///< by origin
 
     struct Examined {
         Coord at;
@@ -424,9 +421,9 @@ private:
     const std::vector<KnownVoxels>* mKnown = nullptr;
     float mVoxelSize, mHalfWidth; ///< world units; voxels
     int mReach;                   ///< leaves around a voxel's own that the band reaches
-    std::unordered_map<Coord, Crossings, HashCoord> mCrossings; ///< by leaf origin
+    std::unordered_map<Coord, Crossings> mCrossings; ///< by leaf origin
     /// Voxels whose distance to the nearest crossing has been looked up: it will not change.
-    std::unordered_map<Coord, Leaf::NodeMaskType, HashCoord> mSettled;
+    std::unordered_map<Coord, Leaf::NodeMaskType> mSettled;
 };
 
 } // namespace

@@ -62,9 +62,6 @@ private:
         std::array<std::uint64_t, kDim> voxels = {};
         std::array<std::uint16_t, kDim> before = {}; ///< voxels in the words before
     };
-    struct HashCoord {
-        std::size_t operator()(const openvdb::Coord& c) const { return c.hash<20>(); }
-    };
 
     static std::uint32_t offset(const openvdb::Coord& c)
     {
@@ -83,8 +80,8 @@ private:
     }
 
     std::vector<Block> mBlocks;
-    std::unordered_map<openvdb::Coord, std::size_t, HashCoord> mIndex; ///< of blocks by origin
-    std::size_t mLast = 0;                                             ///< block seen last
+    std::unordered_map<openvdb::Coord, std::size_t> mIndex; ///< of blocks by origin
+    std::size_t mLast = 0;                                  ///< block seen last
     std::uint32_t mCount = 0;
 };
 

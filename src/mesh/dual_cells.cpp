@@ -217,10 +217,7 @@ void DualCells::add(const openvdb::FloatTree& tree, const std::vector<Coord>& or
 
 void DualCells::number()
 {
-    struct HashCoord {
-        std::size_t operator()(const Coord& c) const { return c.hash<20>(); }
-    };
-    std::unordered_map<Coord, std::uint32_t, HashCoord> index; // by origin
+    std::unordered_map<Coord, std::uint32_t> index; // by origin
     index.reserve(mBlocks.size());
     for (DualBlock& block : mBlocks) {
         index.emplace(block.origin, std::uint32_t(index.size()));

@@ -16,10 +16,10 @@ namespace
 using Grids = std::vector<openvdb::FloatGrid::ConstPtr>;
 
 /// The grid called @a name; or all level sets; or, where there is none, all grids of floats.
-Grids gridsToCheck(const std::string& file, const std::string& name)
+Grids gridsToCheck(const std::string& file, const std::string& name, std::uint64_t maxBytes)
 {
     Grids floats;
-    for (const openvdb::GridBase::Ptr& grid : readGrids(file)) {
+    for (const openvdb::GridBase::Ptr& grid : readGrids(file, maxBytes)) {
         const auto floatGrid = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
         if (floatGrid && (name.empty() || grid->getName() == name)) floats.push_back(floatGrid);
     }
@@ -62,7 +62,7 @@ private:
     void checkFile(Session& session, const std::string& file)
     {
         Json grids = Json::array();
-        for (const auto& grid : gridsToCheck(file, mGrid)) {
+        for (const auto& grid : gridsToCheck(file, mGrid, session.options().maxBytes)) {
             const CheckReport report = check(*grid, session.progress());
             mSound = mSound && report.sound();
             grids.push_back({{"name", grid->getName()}});

@@ -78,11 +78,12 @@ struct Other {
     Mesh mesh;
     PointCloud points;
 
-    Other(const std::string& name, Progress& progress) : file(name)
+    Other(const std::string& name, Session& session) : file(name)
     {
+        Progress& progress = session.progress();
         progress.beginStage("read");
         if (extensionOf(file) == ".vdb") {
-            mesh = extractMesh(readLevelSet(file), progress);
+            mesh = extractMesh(readLevelSet(file, {}, session.options().maxBytes), progress);
             return;
         }
         PointInput input = readPoints({file}, BadPoints::Drop, progress);
@@ -156,10 +157,9 @@ public:
     {
         session.checkFiles({}, mInputs);
         std::optional<Other> other;
-        if (!mAgainst.empty()) other.emplace(mAgainst, session.progress());
+        if (!mAgainst.empty()) other.emplace(mAgainst, session);
         Json files = Json::array();
-        for (const std::string& file : mInputs)
-            files.push_back(describe(file, other, session.progress()));
+        for (const std::string& file : mInputs) files.push_back(describe(file, other, session));
         session.report()["files"] = files;
         const Json all{{"files", files}};
         if (mJson) {
@@ -172,8 +172,9 @@ public:
 
 private:
     static Json describe(const std::string& file, const std::optional<Other>& other,
-                         Progress& progress)
+                         Session& session)
     {
+        Progress& progress = session.progress();
         Json json{{"file", file}};
         progress.beginStage("read");
         if (extensionOf(file) != ".vdb") {
@@ -187,7 +188,7 @@ private:
         }
         if (other) throwNoMesh(file);
         json["grids"] = Json::array();
-        for (const openvdb::GridBase::Ptr& grid : readGrids(file))
+        for (const openvdb::GridBase::Ptr& grid : readGrids(file, session.options().maxBytes))
             json["grids"].push_back(describeGrid(*grid));
         return json;
     }

@@ -18,7 +18,7 @@ GridInput readGridInput(const std::string& file, const std::string& name, Sessio
     session.progress().beginStage("read");
     std::optional<LevelSetFile> there;
     const auto read = [&](const std::filesystem::path& path) {
-        there = readLevelSetFile(path, name);
+        there = readLevelSetFile(path, name, session.options().maxBytes);
     };
     if (file == "-")
         spoolStandardInput(".vdb", read);

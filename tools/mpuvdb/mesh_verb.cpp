@@ -52,7 +52,7 @@ public:
     {
         session.checkFiles(filesOf(mMesh, "-o"), {mInput});
         session.progress().beginStage("read");
-        const LevelSet levelSet = readLevelSet(mInput, mGrid);
+        const LevelSet levelSet = readLevelSet(mInput, mGrid, session.options().maxBytes);
         const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids();
         session.report()["grid"] = toJson(levelSet);
         if (!mHoles.close) {

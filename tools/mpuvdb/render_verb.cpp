@@ -60,7 +60,7 @@ public:
     {
         session.checkFiles({{"-o", mOutput, {".png"}}}, {mInput});
         session.progress().beginStage("read");
-        const LevelSet levelSet = readLevelSet(mInput, mGrid);
+        const LevelSet levelSet = readLevelSet(mInput, mGrid, session.options().maxBytes);
         session.report()["settings"] = {{"width", mPicture.width},
                                         {"height", mPicture.height},
                                         {"azimuth", mPicture.azimuth},

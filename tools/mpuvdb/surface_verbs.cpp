@@ -123,7 +123,7 @@ protected:
     LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
     {
         mSmooth.filter = kFilters.at(mFilter);
-        if (!mMask.empty()) mSmooth.mask = readMask();
+        if (!mMask.empty()) mSmooth.mask = readMask(session);
         settings()["filter"] = mFilter;
         settings()["iterations"] = mSmooth.iterations;
         settings()["width"] = mSmooth.width;
@@ -134,10 +134,10 @@ protected:
     }
 
 private:
-    openvdb::FloatGrid::ConstPtr readMask() const
+    openvdb::FloatGrid::ConstPtr readMask(const Session& session) const
     {
         std::string there;
-        for (const openvdb::GridBase::Ptr& grid : readGrids(mMask)) {
+        for (const openvdb::GridBase::Ptr& grid : readGrids(mMask, session.options().maxBytes)) {
             const auto floats = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
             if (floats && (mMaskGrid.empty() || grid->getName() == mMaskGrid)) return floats;
             there += fmt::format("{}'{}' ({})", there.empty() ? "" : ", ", grid->getName(),
