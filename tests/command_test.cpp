@@ -262,7 +262,7 @@ TEST_F(CommandTest, GridsLargerThanTheLimitAreNotRead)
                                Words{"mesh", "a.vdb", "-o", "b.ply"}, Words{"check", "a.vdb"},
                                Words{"info", "a.vdb"}, Words{"render", "a.vdb", "-o", "b.png"}}) {
         Words limited = words;
-        limited.insert(limited.end(), {"--max-memory", "4M"});
+        limited.insert(limited.end(), {"--max-memory", "24M"});
         const Ended ended = mpuvdb(limited);
         EXPECT_EQ(ended.status, 5) << words[0] << ": " << ended.err;
         EXPECT_NE(ended.err.find("grid 'surface' takes"), std::string::npos) << ended.err;

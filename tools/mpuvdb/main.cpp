@@ -5,7 +5,9 @@
 
 #include <cstdio>
 #include <fmt/format.h>
+#include <new>
 #include <openvdb/openvdb.h>
+#include <system_error>
 
 namespace mpuvdb::command
 {
@@ -15,6 +17,16 @@ namespace
 int interruptedStatus()
 {
     return stopSignal() ? 128 + stopSignal() : int(ExitCode::Interrupted);
+}
+
+int outOfMemory(Session& session)
+{
+    session.fail(
+        "LimitError",
+        fmt::format("out of memory (limit {}): raise --max-memory, or use larger voxels or "
+                    "fewer points",
+                    sizeText(session.options().maxBytes)));
+    return int(ExitCode::Limit);
 }
 
 /// Call @a work; say and report what it throws. @return the exit status.
@@ -30,12 +42,12 @@ int guarded(Session& session, const Work& work)
         session.fail(e.type(), e.what());
         return int(e.code());
     } catch (const std::bad_alloc&) {
-        session.fail("LimitError",
-                     fmt::format("out of memory (limit {}): raise --max-memory, or use larger "
-                                 "voxels or fewer points",
-                                 sizeText(session.options().maxBytes)));
-        return int(ExitCode::Limit);
+        return outOfMemory(session);
     } catch (const std::exception& e) {
+        // No room for another thread's stack.
+        const auto* const system = dynamic_cast<const std::system_error*>(&e);
+        if (system && system->code() == std::errc::resource_unavailable_try_again)
+            return outOfMemory(session);
         session.fail("InternalError", fmt::format("internal error: {}", e.what()));
         return int(ExitCode::Internal);
     }
