@@ -134,7 +134,7 @@ void demandFinite(const FloatGrid& grid)
     using Leaf = FloatGrid::TreeType::LeafNodeType;
     std::vector<const Leaf*> leaves;
     grid.tree().getNodes(leaves);
-    std::vector<openvdb::Index> bad(leaves.size(), Leaf::SIZE); // the first of each leaf
+    std::vector<openvdb::Index> bad(leaves.size(), openvdb::Index(Leaf::SIZE)); // each leaf's first
     std::vector<std::uint64_t> counts(leaves.size(), 0);
     tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
         const float* const values = leaves[n]->buffer().data();
