@@ -259,13 +259,15 @@ void SolidParts::fill(const std::vector<Tile>& tiles, FloatTree& tree)
 
 /// Those pieces of a region that the bands of some of its parts reach.
 std::vector<SolidParts::Piece> SolidParts::piecesNear(const std::vector<std::uint32_t>& parts,
-                                                      const Region& region) const
+                                                      const Region& region,
+                                                      Progress& progress) const
 {
     constexpr double kBeyond = 2; // voxels
     const int reach = (int(std::ceil(mLevelSet.halfWidth() + kBeyond)) + kLeaf - 1) / kLeaf;
     std::vector<bool> isNear(mLeaves.size(), false);
     for (const std::uint32_t part : parts)
-        for (const Piece& piece : mParts[part].pieces)
+        for (const Piece& piece : mParts[part].pieces) {
+            progress.check();
             for (int x = -reach; x <= reach; ++x)
                 for (int y = -reach; y <= reach; ++y)
                     for (int z = -reach; z <= reach; ++z) {
@@ -273,6 +275,7 @@ std::vector<SolidParts::Piece> SolidParts::piecesNear(const std::vector<std::uin
                             x * kLeaf, y * kLeaf, z * kLeaf));
                         if (found != mLeafAt.end()) isNear[found->second] = true;
                     }
+        }
     std::vector<Piece> near;
     std::copy_if(region.pieces.begin(), region.pieces.end(), std::back_inserter(near),
                  [&](const Piece& piece) { return isNear[piece.leaf]; });
@@ -293,7 +296,7 @@ LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Progress&
             continue;
         }
         // What goes becomes outside: its values are wrong now, but change smoothly near the rest.
-        copy(piecesNear(parts, region), Side::Outside, broken->tree(), progress);
+        copy(piecesNear(parts, region, progress), Side::Outside, broken->tree(), progress);
         for (const std::uint32_t part : parts) {
             copy(mParts[part].pieces, Side::AsIs, broken->tree(), progress);
             fill(mParts[part].tiles, broken->tree());

@@ -59,8 +59,8 @@ private:
     void joinStrays(Labels& labels, UnionFind& nodes) const;
     void findTiles();
     std::uint32_t tileAt(const openvdb::Coord& at) const;
-    std::vector<Piece> piecesNear(const std::vector<std::uint32_t>& parts,
-                                  const Region& region) const;
+    std::vector<Piece> piecesNear(const std::vector<std::uint32_t>& parts, const Region& region,
+                                  Progress& progress) const;
     enum class Side { AsIs, Outside };
     void copy(const std::vector<Piece>& pieces, Side side, openvdb::FloatTree& tree,
               Progress& progress) const;
