@@ -59,7 +59,40 @@ bool splitsEven(const std::array<Corner, 4>& q)
 }
 
 /// Cosine below which a triangle faces against the surface about it, whatever else it does.
-constexpr float kFolded = -0.5f;
+constexpr float kFolded = -0.2f;
+
+/// Which way the values say that the surface faces.
+class Facing
+{
+public:
+    /// @param frame  the voxel that positions count from.
+    Facing(const openvdb::FloatTree& tree, const openvdb::Coord& frame, double voxelSize)
+        : mAccess(tree), mFrame(frame), mVoxelSize(voxelSize)
+    {
+    }
+
+    /// Cosine between a triangle's normal and the gradient at the voxel nearest to it.
+    float cosine(const Vec3f& a, const Vec3f& b, const Vec3f& c) const
+    {
+        const Vec3f middle = (a + b + c) / float(3 * mVoxelSize);
+        const openvdb::Coord at =
+            mFrame + openvdb::Coord::round(openvdb::Vec3d(middle.x(), middle.y(), middle.z()));
+        Vec3f gradient;
+        for (int axis = 0; axis < 3; ++axis) {
+            openvdb::Coord up = at, down = at;
+            ++up[axis];
+            --down[axis];
+            gradient[axis] = mAccess.getValue(up) - mAccess.getValue(down);
+        }
+        const Vec3f normal = (b - a).cross(c - a);
+        return normal.dot(gradient) / (normal.norm() * gradient.norm());
+    }
+
+private:
+    openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
+    openvdb::Coord mFrame;
+    double mVoxelSize;
+};
 
 class Extraction
 {
@@ -167,11 +200,7 @@ private:
         forEachBlock(selection, [&](std::size_t n) {
             const DualBlock& block = mCells.blocks()[n];
             for (std::uint64_t q = block.firstQuad; q < block.firstQuad + block.quads; ++q) {
-                const Mesh::Triangle &a = mMesh.triangles[2 * q], &b = mMesh.triangles[2 * q + 1];
-                if (isNew(a) || isNew(b))
-                    split(a[2] == b[1] ? Quad{a[0], a[1], a[2], b[2]}
-                                       : Quad{a[0], a[1], b[1], a[2]},
-                          q);
+                if (isNew(q)) split(cornersOf(q), q);
             }
         });
     }
@@ -181,16 +210,36 @@ private:
         std::array<Corner, 4> corners;
         for (std::size_t c = 0; c < 4; ++c)
             corners[c] = {mMesh.positions[q[c]], mVertices[q[c]].feature};
-        const bool even = splitsEven(corners);
-        Mesh::Triangle* const out = &mMesh.triangles[2 * number];
-        out[0] = even ? Mesh::Triangle{q[0], q[1], q[2]} : Mesh::Triangle{q[0], q[1], q[3]};
-        out[1] = even ? Mesh::Triangle{q[0], q[2], q[3]} : Mesh::Triangle{q[1], q[2], q[3]};
+        setTriangles(number, halvesOf(q, splitsEven(corners)));
     }
 
-    /// Whether a vertex of the triangle was placed in this round.
-    bool isNew(const Mesh::Triangle& triangle) const
+    /// Both triangles of a quad.
+    using Halves = std::array<Mesh::Triangle, 2>;
+
+    static Halves halvesOf(const Quad& q, bool even)
     {
-        return std::any_of(triangle.begin(), triangle.end(),
+        if (even) return {{{q[0], q[1], q[2]}, {q[0], q[2], q[3]}}};
+        return {{{q[0], q[1], q[3]}, {q[1], q[2], q[3]}}};
+    }
+    void setTriangles(std::uint64_t quad, const Halves& halves)
+    {
+        std::copy(halves.begin(), halves.end(), mMesh.triangles.begin() + std::ptrdiff_t(2 * quad));
+    }
+    bool isSplitEven(std::uint64_t quad) const
+    {
+        return mMesh.triangles[2 * quad][2] == mMesh.triangles[2 * quad + 1][1];
+    }
+    Quad cornersOf(std::uint64_t quad) const
+    {
+        const Mesh::Triangle &a = mMesh.triangles[2 * quad], &b = mMesh.triangles[2 * quad + 1];
+        return isSplitEven(quad) ? Quad{a[0], a[1], a[2], b[2]} : Quad{a[0], a[1], b[1], a[2]};
+    }
+
+    /// Whether a vertex of the quad was placed in this round.
+    bool isNew(std::uint64_t quad) const
+    {
+        const Quad corners = cornersOf(quad);
+        return std::any_of(corners.begin(), corners.end(),
                            [&](std::uint32_t v) { return mVertices[v].round == mRound; });
     }
 
@@ -221,8 +270,8 @@ private:
         }
     }
 
-    /// The vertices on creases of triangles that fold over, in the blocks of @a selection; of those
-    /// triangles that are new.
+    /// The vertices of triangles near creases that fold over, in the blocks of @a selection; of
+    /// those quads that are new.
     Vertices folded(const Selection& selection)
     {
         std::vector<Vertices> found(selection.size());
@@ -230,20 +279,45 @@ private:
         forEachBlock(selection, [&](std::size_t n) {
             if (!near[n]) return;
             const DualBlock& block = mCells.blocks()[n];
-            openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
-            const auto isFeature = [&](std::uint32_t v) { return mVertices[v].feature; };
-            for (std::uint64_t t = 2 * block.firstQuad; t < 2 * (block.firstQuad + block.quads);
-                 ++t) {
-                const Mesh::Triangle& triangle = mMesh.triangles[t];
-                if (isNew(triangle) && std::any_of(triangle.begin(), triangle.end(), isFeature) &&
-                    isFolded(triangle, mOutwards[t / 2], access))
-                    std::copy_if(triangle.begin(), triangle.end(), std::back_inserter(found[n]),
-                                 isFeature);
-            }
+            const Facing facing(mTree, mFrame, mLattice.voxelSize);
+            for (std::uint64_t q = block.firstQuad; q < block.firstQuad + block.quads; ++q)
+                if (isNew(q) && isNearCrease(q)) findFolded(q, facing, found[n]);
         });
         Vertices all;
         for (const Vertices& some : found) all.insert(all.end(), some.begin(), some.end());
         return all;
+    }
+
+    /// Whether a corner lies on a crease, or was drawn back from one.
+    bool isNearCrease(std::uint64_t quad) const
+    {
+        const Quad corners = cornersOf(quad);
+        return std::any_of(corners.begin(), corners.end(), [&](std::uint32_t v) {
+            return mVertices[v].feature || mVertices[v].freedom != Freedom::Near;
+        });
+    }
+
+    /// Splits the quad the other way where one of its triangles faces against the values and none
+    /// of the other way's does; adds the vertices of those that still fold over.
+    void findFolded(std::uint64_t quad, const Facing& facing, Vertices& found)
+    {
+        const auto cosine = [&](const Mesh::Triangle& v) {
+            return facing.cosine(mMesh.positions[v[0]], mMesh.positions[v[1]],
+                                 mMesh.positions[v[2]]);
+        };
+        const Quad corners = cornersOf(quad);
+        const bool even = isSplitEven(quad);
+        const Halves halves = halvesOf(corners, even);
+        const std::array<float, 2> cosines = {cosine(halves[0]), cosine(halves[1])};
+        if (!(cosines[0] < 0 || cosines[1] < 0)) return;
+        const Halves others = halvesOf(corners, !even);
+        if (cosine(others[0]) > 0 && cosine(others[1]) > 0) {
+            setTriangles(quad, others);
+            return;
+        }
+        for (std::size_t half = 0; half < 2; ++half)
+            if (isFolded(halves[half], cosines[half], mOutwards[quad]))
+                found.insert(found.end(), halves[half].begin(), halves[half].end());
     }
 
     /// The vertices of triangles that cross.
@@ -256,28 +330,14 @@ private:
         return found;
     }
 
-    /// Whether a triangle faces against the gradient of the values at the voxel nearest to it: far
-    /// (a sharp edge's other side may do so too), or also against the edge that its quad belongs
-    /// to.
-    template <typename Access>
-    bool isFolded(const Mesh::Triangle& v, int outwards, const Access& access) const
+    /// Whether a triangle faces against the values, with a cosine of @a facing: far (a sharp edge's
+    /// other side may do so a little), or also against the edge that its quad belongs to.
+    bool isFolded(const Mesh::Triangle& v, float facing, int outwards) const
     {
         const Vec3f &a = mMesh.positions[v[0]], &b = mMesh.positions[v[1]],
                     &c = mMesh.positions[v[2]];
-        const Vec3f middle = (a + b + c) / float(3 * mLattice.voxelSize);
-        const openvdb::Coord at =
-            mFrame + openvdb::Coord::round(openvdb::Vec3d(middle.x(), middle.y(), middle.z()));
-        Vec3f gradient;
-        for (int axis = 0; axis < 3; ++axis) {
-            openvdb::Coord up = at, down = at;
-            ++up[axis];
-            --down[axis];
-            gradient[axis] = access.getValue(up) - access.getValue(down);
-        }
-        const Vec3f normal = (b - a).cross(c - a);
-        const float against = normal.dot(gradient) / (normal.norm() * gradient.norm());
-        const float along = normal[outwards % 3];
-        return against < kFolded || (against < 0 && (outwards < 3 ? along : -along) < 0);
+        const float along = (b - a).cross(c - a)[outwards % 3];
+        return facing < kFolded || (facing < 0 && (outwards < 3 ? along : -along) < 0);
     }
 
     const openvdb::FloatTree& mTree;
