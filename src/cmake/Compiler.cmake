@@ -20,7 +20,8 @@ target_compile_options(mpuvdb_options INTERFACE
     -ffp-contract=off -fno-math-errno -fno-trapping-math
     $<$<BOOL:${MPUVDB_WERROR}>:-Werror>)
 if(MPUVDB_SANITIZE)
-    set(MPUVDB_WATCHED -fsanitize=${MPUVDB_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    set(MPUVDB_WATCHED -fsanitize=${MPUVDB_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all
+        -Wno-error -O1 -g1 -UNDEBUG) # under sanitizers g++ warns falsely
     target_link_options(mpuvdb_options INTERFACE -fsanitize=${MPUVDB_SANITIZE})
     if(NOT MPUVDB_SANITIZE_ROOMS)
         target_compile_options(mpuvdb_options INTERFACE ${MPUVDB_WATCHED})
@@ -29,8 +30,9 @@ endif()
 if(NOT CMAKE_CXX_COMPILER_LAUNCHER)
     find_program(MPUVDB_CCACHE ccache)
     if(MPUVDB_CCACHE)
-        # What a precompiled header needs of ccache.
-        set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
+        # What a precompiled header needs of ccache. Paths count from the build folder: other presets
+        # and working copies share what is compiled alike.
+        set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_BASEDIR=${PROJECT_SOURCE_DIR}
             CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime ${MPUVDB_CCACHE})
         add_compile_options($<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
     endif()
