@@ -5,6 +5,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>
 #include <mpuvdb/mpu_field.h>
+#include <mpuvdb/shape.h>
 
 #include <gtest/gtest.h>
 
@@ -335,6 +336,9 @@ TEST(MpuField, EvaluatorsOfFieldsMadeFromItGiveTheirSamples)
     expectEvaluatorGivesSamples(*makeWarpedField(field, makeTwist({}, 0.5)), places);
     expectEvaluatorGivesSamples(
         *makeClippedField(field, Box3d(Vec3d(-1, -1, -1), Vec3d(0.5, 1, 0.4))), places);
+    const Shape box(field, "box"), moved(makeMovedField(field, shift), "moved");
+    for (const Shape& both : {box | moved, box & moved, box - moved})
+        expectEvaluatorGivesSamples(*both.field(), places);
 }
 
 TEST(MpuField, SaysWhereItsValuesComeFrom)
