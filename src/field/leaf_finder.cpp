@@ -188,15 +188,6 @@ void PointLeafFinder::makeRoom(std::size_t nodes)
     ++mCount;
 }
 
-/// From the smallest cube that holds this place and the last down to one that only leaves reach.
-void PointLeafFinder::enter(const Cube& cube)
-{
-    const std::uint32_t differ = (cube[0] ^ mCube[0]) | (cube[1] ^ mCube[1]) | (cube[2] ^ mCube[2]);
-    mCube = cube;
-    while (differ >> (kLevels - mLevel)) --mLevel;
-    while (mLevel < kLevels && mSteps[mLevel].hasInner) descend();
-}
-
 MPUVDB_CLONES
 void PointLeafFinder::descend()
 {
@@ -239,6 +230,15 @@ void PointLeafFinder::descend()
         }
     }
     step.end = mCount;
+}
+
+/// From the smallest cube that holds this place and the last down to one that only leaves reach.
+void PointLeafFinder::enter(const Cube& cube)
+{
+    const std::uint32_t differ = (cube[0] ^ mCube[0]) | (cube[1] ^ mCube[1]) | (cube[2] ^ mCube[2]);
+    mCube = cube;
+    while (differ >> (kLevels - mLevel)) --mLevel;
+    while (mLevel < kLevels && mSteps[mLevel].hasInner) descend();
 }
 
 /// Of what the last step found, the leaves whose balls hold @a p; @a at as a part of the root cube.
