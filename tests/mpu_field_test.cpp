@@ -300,26 +300,34 @@ TEST(MpuField, EvaluatorGivesTheSamplesToTheBit)
         }
 }
 
-TEST(MpuField, EvaluatorGivesTheSamplesOfPointsNextToNothingApart)
+TEST(MpuField, OfPointsNextToNothingApartIsOneFunctionForPlacesAndBlocks)
 {
-    // Leaves of the deepest levels.
-    PointCloud cloud = kSphere.cloud(16);
-    const Vec3f at = cloud.positions.front(), normal = cloud.normals.front();
-    for (int n = 1; n < 8; ++n) {
-        cloud.positions.push_back(at + 1e-7f * float(n) * Vec3f::UnitX());
-        cloud.normals.push_back(normal);
+    // Leaves of the deepest level there is, about a voxel of the block.
+    PointCloud cloud = kSphere.cloud(32);
+    for (Vec3f& p : cloud.positions) p.x() += 1;
+    for (int n = 0; n < 6; ++n) {
+        cloud.positions.push_back(1e-9f * float(n) * Vec3f::UnitY());
+        cloud.normals.push_back(-Vec3f::UnitX());
     }
+    const double h = kSphere.voxelSize(32);
     MpuSettings settings;
-    settings.voxelSize = 0.1;
-    settings.tolerance = 0.01;
+    settings.voxelSize = h;
+    settings.tolerance = 0.1 * h;
     settings.interpolate = true;
     settings.alpha = kInterpolationAlpha;
     Progress progress;
     std::vector<Vec3d> places = wander(cloud, 1e-7);
-    for (std::size_t n = 0; n < 8; ++n) places.push_back(cloud.world(cloud.size() - 1 - n));
+    for (std::size_t n = 0; n < 6; ++n) places.push_back(cloud.world(cloud.size() - 1 - n));
     const MpuField field(std::move(cloud), settings, progress);
-    EXPECT_GT(field.statistics().levels, 20);
+    EXPECT_EQ(field.statistics().levels, Octree::kDeepest);
     expectEvaluatorGivesSamples(field, places);
+    const Lattice lattice{Vec3d::Zero(), h};
+    BlockValues values;
+    field.sampler(lattice, 3 * h)->evaluate(Vec3i::Zero(), values);
+    for (int i = 0; i < kBlockVoxels; ++i) {
+        const double value = field.evaluate(voxelAt(lattice, Vec3i::Zero(), i)).value;
+        EXPECT_NEAR(values[std::size_t(i)], std::clamp(value, -3 * h, 3 * h), 1e-4 * h);
+    }
 }
 
 TEST(MpuField, EvaluatorsOfFieldsMadeFromItGiveTheirSamples)

@@ -39,7 +39,7 @@ private:
     Vec3d mOrigin;
     double mVoxelSize;
     /// By level, voxels: quarter of the size; square of how far the node and those below it reach.
-    std::array<float, SortedPoints::kMaxLevel + 2> mQuarter, mReach2;
+    std::array<float, Octree::kDeepest + 1> mQuarter, mReach2;
     Vec3i mRegion;
     bool mHasRegion = false;
     /// Leaves that reach into the region: the first mCount; then room for more.

@@ -38,6 +38,8 @@ struct OctreeNode {
 
 /// Nodes of a tree (or of a subtree while it is built), and its fits.
 struct Octree {
+    static constexpr int kDeepest = 30; ///< level of the smallest cells
+
     RootCube root;
     double alpha = 0.75;
     /// Largest distance of a ball's centre from its cell's, in diagonals of the cell; above 0 where
