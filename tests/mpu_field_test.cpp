@@ -3,7 +3,9 @@
 #include "mpu_block_sampler.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/fields.h>
 #include <mpuvdb/mpu_field.h>
+#include <mpuvdb/shape.h>
 
 #include <gtest/gtest.h>
 
@@ -244,6 +246,107 @@ TEST(MpuField, GradientIsThatOfTheValue)
             EXPECT_NEAR(sample.gradient.norm(), 1, 0.01) << model.name;
         }
     }
+}
+
+/// Places near each other and far apart, in the root cube and beyond it, and some of them twice.
+std::vector<Vec3d> wander(const PointCloud& cloud, double voxelSize)
+{
+    Random random(4);
+    std::vector<Vec3d> places;
+    for (int start = 0; start < 150; ++start) {
+        Vec3d p = cloud.world(random.below(cloud.size()));
+        for (int step = 0; step < 20; ++step) {
+            p += random.inBall(random.uniform(0, 2) * voxelSize);
+            places.push_back(p);
+        }
+        places.push_back(random.inCube(1.5));
+        places.push_back(random.uniform(1, 100) * random.direction());
+        places.push_back(places[random.below(places.size())]);
+    }
+    return places;
+}
+
+void expectEvaluatorGivesSamples(const Field& field, const std::vector<Vec3d>& places)
+{
+    const std::unique_ptr<PointEvaluator> evaluator = field.evaluator();
+    for (std::size_t n = 0; n < places.size(); ++n) {
+        const FieldSample expected = field.evaluate(places[n]);
+        const FieldSample found = evaluator->evaluate(places[n]);
+        ASSERT_EQ(found.value, expected.value) << "seed 4, place " << n;
+        ASSERT_EQ(found.gradient, expected.gradient) << "seed 4, place " << n;
+        ASSERT_EQ(found.level, expected.level) << "seed 4, place " << n;
+        ASSERT_EQ(found.supported, expected.supported) << "seed 4, place " << n;
+    }
+}
+
+TEST(MpuField, EvaluatorGivesTheSamplesToTheBit)
+{
+    ScanSettings scan;
+    scan.points = 8000;
+    scan.holes = 1;
+    scan.holeRadius = 0.15;
+    const double h = 2.0 / 48;
+    for (const PointCloud& cloud :
+         {kBox.cloud(48), kTorus.cloud(96), test::scanOf("sphere(1)", scan)})
+        for (const bool interpolate : {false, true}) {
+            MpuSettings settings;
+            settings.voxelSize = h;
+            settings.tolerance = 0.1 * h;
+            settings.interpolate = interpolate;
+            if (interpolate) settings.alpha = kInterpolationAlpha;
+            Progress progress;
+            const MpuField field(PointCloud(cloud), settings, progress);
+            expectEvaluatorGivesSamples(field, wander(cloud, h));
+        }
+}
+
+TEST(MpuField, OfPointsNextToNothingApartIsOneFunctionForPlacesAndBlocks)
+{
+    // Leaves of the deepest level there is, about a voxel of the block.
+    PointCloud cloud = kSphere.cloud(32);
+    for (Vec3f& p : cloud.positions) p.x() += 1;
+    for (int n = 0; n < 6; ++n) {
+        cloud.positions.push_back(1e-9f * float(n) * Vec3f::UnitY());
+        cloud.normals.push_back(-Vec3f::UnitX());
+    }
+    const double h = kSphere.voxelSize(32);
+    MpuSettings settings;
+    settings.voxelSize = h;
+    settings.tolerance = 0.1 * h;
+    settings.interpolate = true;
+    settings.alpha = kInterpolationAlpha;
+    Progress progress;
+    std::vector<Vec3d> places = wander(cloud, 1e-7);
+    for (std::size_t n = 0; n < 6; ++n) places.push_back(cloud.world(cloud.size() - 1 - n));
+    const MpuField field(std::move(cloud), settings, progress);
+    EXPECT_EQ(field.statistics().levels, Octree::kDeepest);
+    expectEvaluatorGivesSamples(field, places);
+    const Lattice lattice{Vec3d::Zero(), h};
+    BlockValues values;
+    field.sampler(lattice, 3 * h)->evaluate(Vec3i::Zero(), values);
+    for (int i = 0; i < kBlockVoxels; ++i) {
+        const double value = field.evaluate(voxelAt(lattice, Vec3i::Zero(), i)).value;
+        EXPECT_NEAR(values[std::size_t(i)], std::clamp(value, -3 * h, 3 * h), 1e-4 * h);
+    }
+}
+
+TEST(MpuField, EvaluatorsOfFieldsMadeFromItGiveTheirSamples)
+{
+    const double h = 2.0 / 48;
+    const PointCloud cloud = kBox.cloud(48);
+    const std::shared_ptr<const MpuField> field(new MpuField(fieldOf(cloud, h)));
+    Eigen::Affine3d shift = Eigen::Affine3d::Identity(), turn = shift;
+    shift.translate(Vec3d(0.1, 0, -0.2)).scale(1.1);
+    turn.rotate(Eigen::AngleAxisd(0.3, Vec3d::UnitY()));
+    const std::vector<Vec3d> places = wander(cloud, h);
+    expectEvaluatorGivesSamples(*makeMovedField(field, shift), places);
+    expectEvaluatorGivesSamples(*makeMovedField(field, turn), places);
+    expectEvaluatorGivesSamples(*makeWarpedField(field, makeTwist({}, 0.5)), places);
+    expectEvaluatorGivesSamples(
+        *makeClippedField(field, Box3d(Vec3d(-1, -1, -1), Vec3d(0.5, 1, 0.4))), places);
+    const Shape box(field, "box"), moved(makeMovedField(field, shift), "moved");
+    for (const Shape& both : {box | moved, box & moved, box - moved})
+        expectEvaluatorGivesSamples(*both.field(), places);
 }
 
 TEST(MpuField, SaysWhereItsValuesComeFrom)

@@ -41,6 +41,16 @@ public:
     virtual void evaluate(const Vec3i& block, BlockValues& values) = 0;
 };
 
+/// Evaluates a field at one place after the other for one thread; fastest where each is near the
+/// one before it. What a sample is does not depend on the places evaluated before.
+class PointEvaluator
+{
+public:
+    virtual ~PointEvaluator() = default;
+    /// The same bits as Field::evaluate().
+    virtual FieldSample evaluate(const Vec3d& position) = 0;
+};
+
 /// A place on a surface.
 struct SurfacePlace {
     Vec3d position = Vec3d::Zero(); ///< world units
@@ -89,6 +99,9 @@ public:
     virtual double steepness() const { return 1; }
     /// A sampler of blocks on @a lattice that is exact where |value| <= @a band (world units).
     virtual std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const = 0;
+    /// An evaluator of places one after the other, which this has to outlive. Unless a field knows
+    /// better, it calls evaluate().
+    virtual std::unique_ptr<PointEvaluator> evaluator() const;
 };
 
 } // namespace mpuvdb

@@ -71,6 +71,7 @@ public:
 
     Box3d bounds() const override;
     FieldSample evaluate(const Vec3d& position) const override;
+    std::unique_ptr<PointEvaluator> evaluator() const override;
     std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override;
     std::size_t countData(const Box3d& box, std::size_t limit) const override;
     std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override;
@@ -96,6 +97,7 @@ public:
 
 private:
     struct Impl;
+    class Evaluator;
     std::unique_ptr<const Impl> mImpl;
 };
 

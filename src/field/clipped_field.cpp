@@ -35,11 +35,17 @@ public:
         const Box3d box = mSource.field().bounds().intersection(mBox);
         return box.isEmpty() ? Box3d() : box;
     }
-    FieldSample evaluate(const Vec3d& p) const override
+    FieldSample evaluate(const Vec3d& p) const override { return sample(p, mSource.field()); }
+    std::unique_ptr<PointEvaluator> evaluator() const override
     {
-        const FieldSample sample = mSource.field().evaluate(p);
+        return std::make_unique<MadeEvaluator<ClippedField>>(*this, mSource.field());
+    }
+    template <typename Evaluator>
+    FieldSample sample(const Vec3d& p, Evaluator& source) const
+    {
+        const FieldSample inside = source.evaluate(p);
         const double wall = boxDistance(mBox, p);
-        if (sample.value >= wall) return sample;
+        if (inside.value >= wall) return inside;
         return {wall, boxNormal(mBox, p), -1, true};
     }
     double value(const Vec3d& p) const override

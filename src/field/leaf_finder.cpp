@@ -33,6 +33,20 @@ using Lanes = float __attribute__((vector_size(4 * kLanes)));
     return beyond * beyond;
 }
 
+/// The same from a cube with its lowest corner @a first.
+[[gnu::always_inline]] inline Lanes squaredGap(const Lanes& x, const Lanes& y, const Lanes& z,
+                                               const std::array<float, 3>& first, float extent)
+{
+    return squaredGap(x, first[0], extent) + squaredGap(y, first[1], extent) +
+           squaredGap(z, first[2], extent);
+}
+
+/// Ones for the first @a count lanes.
+std::uint64_t firstBits(std::size_t count)
+{
+    return count < kLanes ? (std::uint64_t(1) << count) - 1 : ~std::uint64_t(0);
+}
+
 /// Of places and their reaches, those that reach into the block whose first voxel is @a first.
 MPUVDB_CLONES
 std::size_t reaching(const float* x, const float* y, const float* z, const float* reach2,
@@ -41,9 +55,8 @@ std::size_t reaching(const float* x, const float* y, const float* z, const float
     constexpr float kExtent = kBlockDim - 1;
     std::size_t n = 0;
     for (std::size_t group = 0; group < count; group += kLanes) {
-        const Lanes distance2 = squaredGap(load(x + group), first[0], kExtent) +
-                                squaredGap(load(y + group), first[1], kExtent) +
-                                squaredGap(load(z + group), first[2], kExtent);
+        const Lanes distance2 =
+            squaredGap(load(x + group), load(y + group), load(z + group), first, kExtent);
         const std::uint64_t reaches = bitsOf(distance2 < load(reach2 + group));
         for (std::size_t lane = 0; lane < kLanes; ++lane) { // no branch: none could be foreseen
             found[n] = std::uint32_t(group + lane);
@@ -97,8 +110,7 @@ void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, flo
     const auto level = std::size_t(cell.level);
     const float quarter = mQuarter[level];
     const Lanes allX = x + quarter * sideX, allY = y + quarter * sideY, allZ = z + quarter * sideZ;
-    const Lanes distance2 =
-        squaredGap(allX, 0, kExtent) + squaredGap(allY, 0, kExtent) + squaredGap(allZ, 0, kExtent);
+    const Lanes distance2 = squaredGap(allX, allY, allZ, {0, 0, 0}, kExtent);
     for (std::uint64_t left = bitsOf(distance2 < mReach2[level + 1]); left; left &= left - 1) {
         const int octant = __builtin_ctzll(left);
         const OctreeNode child = mTree.nodes[inner.index + std::uint32_t(octant)];
@@ -141,6 +153,130 @@ const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
                                        first, mInBlock.data());
     mFound.resize(count);
     for (std::size_t n = 0; n < count; ++n) mFound[n] = mLeaves[mInBlock[n]];
+    return mFound;
+}
+
+PointLeafFinder::PointLeafFinder(const Octree& tree) : mTree(tree)
+{
+    constexpr double kRounding = 2e-7; // of a place's coordinates to floats
+    for (std::size_t level = 0; level < mReach2.size(); ++level) {
+        const double reach = tree.reach(int(level)) / tree.root.side * (1 + 1e-6) + kRounding;
+        mReach2[level] = float(reach * reach);
+    }
+    makeRoom(1);
+    add(tree.nodes[0], {}, 0.5f, 0.5f, 0.5f);
+    mSteps[0] = {0, mCount, !tree.nodes[0].isLeaf()};
+}
+
+/// For so many nodes more, and what groups of lanes read beyond.
+void PointLeafFinder::makeRoom(std::size_t nodes)
+{
+    if (mCount + nodes + kLanes <= mNodes.size()) return;
+    const std::size_t size = 2 * (mCount + nodes + kLanes);
+    mNodes.resize(size);
+    for (auto* values : {&mX, &mY, &mZ, &mNodeReach2}) values->resize(size);
+}
+
+[[gnu::always_inline]] inline void PointLeafFinder::add(OctreeNode node, const OctreeCell& cell,
+                                                        float x, float y, float z)
+{
+    mNodes[mCount] = {node, cell};
+    mX[mCount] = x;
+    mY[mCount] = y;
+    mZ[mCount] = z;
+    mNodeReach2[mCount] = mReach2[std::size_t(cell.level)];
+    ++mCount;
+}
+
+MPUVDB_CLONES
+void PointLeafFinder::descend()
+{
+    const Step& above = mSteps[mLevel];
+    Step& step = mSteps[++mLevel];
+    mCount = above.end;
+    makeRoom(8 * (above.end - above.begin));
+    step.begin = above.end;
+    step.hasInner = false;
+    const float edge = 1 / float(1u << mLevel);
+    std::array<float, 3> first;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        first[axis] = edge * float(mCube[axis] >> (kLevels - mLevel));
+    const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
+                sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
+    const float reach2 = mReach2[mLevel];
+    const float quarter = edge / 2; // of the cells of inner nodes
+    for (std::size_t group = above.begin; group < above.end; group += kLanes) {
+        std::uint64_t left = firstBits(above.end - group) &
+                             bitsOf(squaredGap(load(&mX[group]), load(&mY[group]), load(&mZ[group]),
+                                               first, edge) < load(&mNodeReach2[group]));
+        for (; left; left &= left - 1) {
+            const std::size_t n = group + std::size_t(__builtin_ctzll(left));
+            const LeafAt from = mNodes[n];
+            const float x = mX[n], y = mY[n], z = mZ[n];
+            if (from.node.isLeaf()) {
+                add(from.node, from.cell, x, y, z);
+                continue;
+            }
+            const Lanes distance2 = squaredGap(x + quarter * sideX, y + quarter * sideY,
+                                               z + quarter * sideZ, first, edge);
+            for (std::uint64_t children = bitsOf(distance2 < reach2); children;
+                 children &= children - 1) {
+                const int octant = __builtin_ctzll(children);
+                const OctreeNode child = mTree.nodes[from.node.index + std::uint32_t(octant)];
+                step.hasInner |= !child.isLeaf();
+                add(child, from.cell.child(octant), octant & 1 ? x + quarter : x - quarter,
+                    octant & 2 ? y + quarter : y - quarter, octant & 4 ? z + quarter : z - quarter);
+            }
+        }
+    }
+    step.end = mCount;
+}
+
+/// From the smallest cube that holds this place and the last down to one that only leaves reach.
+void PointLeafFinder::enter(const Cube& cube)
+{
+    const std::uint32_t differ = (cube[0] ^ mCube[0]) | (cube[1] ^ mCube[1]) | (cube[2] ^ mCube[2]);
+    mCube = cube;
+    while (differ >> (kLevels - mLevel)) --mLevel;
+    while (mLevel < kLevels && mSteps[mLevel].hasInner) descend();
+}
+
+/// Of what the last step found, the leaves whose balls hold @a p; @a at as a part of the root cube.
+MPUVDB_CLONES
+void PointLeafFinder::addHolding(const Vec3d& p, const std::array<float, 3>& at)
+{
+    const std::size_t begin = mSteps[mLevel].begin, end = mSteps[mLevel].end;
+    const auto keep = [&](OctreeNode leaf, const OctreeCell& cell) {
+        mFound.push_back({leaf, cell});
+    };
+    for (std::size_t group = begin; group < end; group += kLanes) {
+        const Lanes x = load(&mX[group]) - at[0], y = load(&mY[group]) - at[1],
+                    z = load(&mZ[group]) - at[2];
+        for (std::uint64_t left =
+                 bitsOf(x * x + y * y + z * z < load(&mNodeReach2[group])) & firstBits(end - group);
+             left; left &= left - 1) {
+            const LeafAt& node = mNodes[group + std::size_t(__builtin_ctzll(left))];
+            mTree.forEachLeafAt(p, keep, node.node, node.cell);
+        }
+    }
+}
+
+const std::vector<LeafAt>& PointLeafFinder::find(const Vec3d& p)
+{
+    constexpr double kCubes = 1 << kLevels; // along each axis
+    mFound.clear();
+    const Vec3d at = (p - mTree.root.corner) / mTree.root.side;
+    if ((at.array() >= 0).all() && (at.array() < 1).all()) {
+        Cube cube;
+        for (std::size_t k = 0; k < 3; ++k) cube[k] = std::uint32_t(at[Eigen::Index(k)] * kCubes);
+        enter(cube);
+        addHolding(p, {float(at[0]), float(at[1]), float(at[2])});
+    } else {
+        const auto keep = [&](OctreeNode leaf, const OctreeCell& cell) {
+            mFound.push_back({leaf, cell});
+        };
+        mTree.forEachLeafAt(p, keep, mTree.nodes[0], {});
+    }
     return mFound;
 }
 

@@ -11,6 +11,7 @@
 namespace mpuvdb
 {
 
+/// A leaf; on the way down to leaves an inner node, too.
 struct LeafAt {
     OctreeNode node;
     OctreeCell cell;
@@ -38,7 +39,7 @@ private:
     Vec3d mOrigin;
     double mVoxelSize;
     /// By level, voxels: quarter of the size; square of how far the node and those below it reach.
-    std::array<float, SortedPoints::kMaxLevel + 2> mQuarter, mReach2;
+    std::array<float, Octree::kDeepest + 1> mQuarter, mReach2;
     Vec3i mRegion;
     bool mHasRegion = false;
     /// Leaves that reach into the region: the first mCount; then room for more.
@@ -46,6 +47,46 @@ private:
     std::vector<LeafAt> mLeaves;
     std::vector<float> mX, mY, mZ, mLeafReach2; ///< voxels about the region's first
     std::vector<std::uint32_t> mInBlock;
+    std::vector<LeafAt> mFound;
+};
+
+/// Finds the leaves whose balls hold a place. For one thread; fastest where each place is near the
+/// one before it: they share the way down to the smallest cube of the octree that holds both.
+class PointLeafFinder
+{
+public:
+    explicit PointLeafFinder(const Octree& tree);
+    /// All leaves whose balls hold @a p (local coordinates), and some that come close; depth first.
+    /// Valid until the next call.
+    const std::vector<LeafAt>& find(const Vec3d& p);
+
+private:
+    /// Centres of cells are exact in floats down to this level, as parts of the root's side, which
+    /// all lengths here are.
+    static constexpr std::size_t kLevels = 20;
+    using Cube = std::array<std::uint32_t, 3>;
+
+    /// What reaches into the cube of one level about the last place, in mNodes: leaves, and inner
+    /// nodes of that level.
+    struct Step {
+        std::size_t begin = 0, end = 0;
+        bool hasInner = false;
+    };
+
+    void enter(const Cube& cube);
+    void descend();
+    void addHolding(const Vec3d& p, const std::array<float, 3>& at);
+    void makeRoom(std::size_t nodes);
+    void add(OctreeNode node, const OctreeCell& cell, float x, float y, float z);
+
+    const Octree& mTree;
+    std::array<float, kLevels + 1> mReach2; ///< squared, by level
+    Cube mCube{};                           ///< of the last level, about the last place
+    std::array<Step, kLevels + 1> mSteps;   ///< by level
+    std::size_t mLevel = 0;                 ///< of the last step
+    std::size_t mCount = 0;
+    std::vector<LeafAt> mNodes; ///< the first mCount; then room for more
+    std::vector<float> mX, mY, mZ, mNodeReach2;
     std::vector<LeafAt> mFound;
 };
 

@@ -2,6 +2,7 @@
 
 #include "coarse_sign.h"
 #include "data_coverage.h"
+#include "leaf_finder.h"
 #include "mpu_block_sampler.h"
 #include "noise_bias.h"
 #include "octree.h"
@@ -59,11 +60,13 @@ struct MpuField::Impl {
     Octree tree;
     std::unique_ptr<const CoarseSign> coarse; ///< null if the tree is complete
 
+    /// Sums over the leaves whose balls hold a place.
     struct Blend {
         double weight = 0, supported = 0;
         FieldSample sample;
     };
-    Blend blend(const Vec3d& p) const;
+    void add(OctreeNode leaf, const OctreeCell& cell, const Vec3d& p, Blend& sums) const;
+    FieldSample finish(const Blend& sums, const Vec3d& p) const;
     double weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const;
 };
 
@@ -108,28 +111,18 @@ Box3d MpuField::bounds() const
     return mImpl->localBounds.translated(mImpl->frame);
 }
 
-MpuField::Impl::Blend MpuField::Impl::blend(const Vec3d& p) const
+void MpuField::Impl::add(OctreeNode leaf, const OctreeCell& cell, const Vec3d& p, Blend& sums) const
 {
-    Blend sums;
-    const auto along = [&](int axis, double x) { return (x - p[axis]) * (x - p[axis]); };
-    const auto visit = [&](std::uint32_t index, const OctreeCell& cell) {
-        const OctreeNode& node = tree.nodes[index];
-        if (!node.isLeaf()) return true;
-        const StoredFit& stored = tree.fits[node.index];
-        const double w = weight(p, cell, stored);
-        if (!(w > 0)) return false;
-        const Vec3d origin = stored.origin.cast<double>();
-        const LocalFit fit = tree.fitAbout(stored, origin);
-        const Quadric& q = fit.ruling(p - origin);
-        sums.weight += w;
-        sums.supported += w * double(node.support);
-        sums.sample.value += w * q.value(p - origin);
-        sums.sample.gradient += w * q.gradient(p - origin);
-        sums.sample.level = std::max(sums.sample.level, cell.level);
-        return false;
-    };
-    if ((p - tree.root.centre({})).norm() < tree.reach(0)) tree.descend(along, visit, 0, {});
-    return sums;
+    const StoredFit& stored = tree.fits[leaf.index];
+    const double w = weight(p, cell, stored);
+    if (!(w > 0)) return;
+    const Vec3d y = p - stored.origin.cast<double>();
+    const Quadric q = tree.rulingAt(stored, y);
+    sums.weight += w;
+    sums.supported += w * double(leaf.support);
+    sums.sample.value += w * q.value(y);
+    sums.sample.gradient += w * q.gradient(y);
+    sums.sample.level = std::max(sums.sample.level, cell.level);
 }
 
 double MpuField::Impl::weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const
@@ -140,29 +133,61 @@ double MpuField::Impl::weight(const Vec3d& p, const OctreeCell& cell, const Stor
     return singularWeight(1 / std::max(distance, kLeastDistance * radius), 1 / radius);
 }
 
-FieldSample MpuField::evaluate(const Vec3d& position) const
+/// The sample at @a p from the sums there.
+FieldSample MpuField::Impl::finish(const Blend& sums, const Vec3d& p) const
 {
-    const Vec3d p = position - mImpl->frame;
-    Impl::Blend sums = mImpl->blend(p);
-    FieldSample& sample = sums.sample;
+    FieldSample sample = sums.sample;
     const double support = sums.weight > 0 ? sums.supported / sums.weight : 0;
     if (sums.weight > 0) {
         const double slope = std::max(sample.gradient.norm() / sums.weight, kGradientFloor);
         sample.value /= sums.weight * slope;
         sample.gradient /= sums.weight * slope;
-    } else if (!mImpl->coarse) { // beyond the root cube: outside
-        sample.value = std::sqrt(mImpl->localBounds.squaredExteriorDistance(p));
-        sample.gradient = (p - mImpl->localBounds.center()).normalized();
+    } else if (!coarse) { // beyond the root cube: outside
+        sample.value = std::sqrt(localBounds.squaredExteriorDistance(p));
+        sample.gradient = (p - localBounds.center()).normalized();
         return sample;
     }
-    if (mImpl->coarse && support < 1) {
-        const FieldSample coarse = mImpl->coarse->evaluate(p);
-        const double far = mImpl->coarse->farthest();
-        sample.value = support * std::clamp(sample.value, -far, far) + (1 - support) * coarse.value;
-        sample.gradient = support * sample.gradient + (1 - support) * coarse.gradient;
+    if (coarse && support < 1) {
+        const FieldSample other = coarse->evaluate(p);
+        const double far = coarse->farthest();
+        sample.value = support * std::clamp(sample.value, -far, far) + (1 - support) * other.value;
+        sample.gradient = support * sample.gradient + (1 - support) * other.gradient;
     }
     sample.supported = support > 0.5;
     return sample;
+}
+
+FieldSample MpuField::evaluate(const Vec3d& position) const
+{
+    const Vec3d p = position - mImpl->frame;
+    Impl::Blend sums;
+    const auto add = [&](OctreeNode leaf, const OctreeCell& cell) {
+        mImpl->add(leaf, cell, p, sums);
+    };
+    mImpl->tree.forEachLeafAt(p, add, mImpl->tree.nodes[0], {});
+    return mImpl->finish(sums, p);
+}
+
+class MpuField::Evaluator final : public PointEvaluator
+{
+public:
+    explicit Evaluator(const Impl& field) : mField(field), mLeaves(field.tree) {}
+    FieldSample evaluate(const Vec3d& position) override
+    {
+        const Vec3d p = position - mField.frame;
+        Impl::Blend sums;
+        for (const LeafAt& leaf : mLeaves.find(p)) mField.add(leaf.node, leaf.cell, p, sums);
+        return mField.finish(sums, p);
+    }
+
+private:
+    const Impl& mField;
+    PointLeafFinder mLeaves;
+};
+
+std::unique_ptr<PointEvaluator> MpuField::evaluator() const
+{
+    return std::make_unique<Evaluator>(*mImpl);
 }
 
 std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const

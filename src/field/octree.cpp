@@ -97,6 +97,12 @@ LocalFit Octree::fitAbout(const StoredFit& stored, const Vec3d& origin) const
     return fit;
 }
 
+Quadric Octree::rulingAt(const StoredFit& fit, const Vec3d& y) const
+{
+    if (fit.count == 1) return quadric(quadrics[fit.firstQuadric]);
+    return fitAbout(fit, fit.origin.cast<double>()).ruling(y);
+}
+
 Quadric Octree::pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const
 {
     return quadric(quadrics[fit.firstQuadric + piece]).shifted(origin - fit.origin.cast<double>());

@@ -38,6 +38,8 @@ struct OctreeNode {
 
 /// Nodes of a tree (or of a subtree while it is built), and its fits.
 struct Octree {
+    static constexpr int kDeepest = 30; ///< level of the smallest cells
+
     RootCube root;
     double alpha = 0.75;
     /// Largest distance of a ball's centre from its cell's, in diagonals of the cell; above 0 where
@@ -73,6 +75,8 @@ struct Octree {
     std::uint32_t addFitThrough(const Vec3f& point, const Quadric& fit);
     /// A stored fit about another origin, in double precision.
     LocalFit fitAbout(const StoredFit& fit, const Vec3d& origin) const;
+    /// The piece of a stored fit that rules at @a y from its origin; about the origin.
+    Quadric rulingAt(const StoredFit& fit, const Vec3d& y) const;
     /// One of its pieces alone.
     Quadric pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const;
     /// Append @a subtree, whose node 0 becomes node @a at.
@@ -82,26 +86,27 @@ struct Octree {
     /// bytes() without room to grow.
     std::uint64_t usedBytes() const;
 
-    /// Call visit(index, cell) for a node and, where it returns true (never for a leaf), for those
-    /// of its children whose reach holds part of a box along the axes, depth first.
-    /// @param along  along(axis, x): squared distance along an axis from x to the box.
-    template <typename Along, typename Visit>
-    void descend(const Along& along, const Visit& visit, std::uint32_t index,
-                 const OctreeCell& cell) const
+    /// Call f(node, cell) for a leaf, or for those leaves below an inner node whose balls hold @a p
+    /// (local coordinates) and some that come close, depth first.
+    template <typename F>
+    void forEachLeafAt(const Vec3d& p, const F& f, OctreeNode node, const OctreeCell& cell) const
     {
-        if (!visit(index, cell)) return;
-        const double quarter = root.size(cell.level) / 4, radius = reach(cell.level + 1);
-        const Vec3d centre = root.centre(cell);
+        constexpr double kRoom = 1 + 1e-6; // for roundings, even in the smallest cells
+        if (node.isLeaf()) {
+            f(node, cell);
+            return;
+        }
+        const double quarter = root.size(cell.level) / 4, radius = kRoom * reach(cell.level + 1);
+        const Vec3d offset = root.centre(cell) - p;
         double distance2[3][2]; // along each axis to the lower and the upper child
         for (int axis = 0; axis < 3; ++axis)
             for (int side = 0; side < 2; ++side)
-                distance2[axis][side] = along(axis, centre[axis] + (side ? quarter : -quarter));
+                distance2[axis][side] = std::pow(offset[axis] + (side ? quarter : -quarter), 2);
         for (int octant = 0; octant < 8; ++octant)
             if (distance2[0][octant & 1] + distance2[1][octant >> 1 & 1] +
                     distance2[2][octant >> 2 & 1] <
                 radius * radius)
-                descend(along, visit, nodes[index].index + std::uint32_t(octant),
-                        cell.child(octant));
+                forEachLeafAt(p, f, nodes[node.index + std::uint32_t(octant)], cell.child(octant));
     }
 
     /// Call f(node, cell) for every leaf below a node, depth first.

@@ -60,6 +60,22 @@ protected:
     Vec3d slope(const Vec3d& p, double step) const;
 };
 
+/// Evaluates a field of class Made, which is made from another one: made.sample(p, source) is its
+/// sample where source.evaluate() gives the other's.
+template <typename Made>
+class MadeEvaluator final : public PointEvaluator
+{
+public:
+    MadeEvaluator(const Made& made, const Field& source) : mMade(made), mSource(source.evaluator())
+    {
+    }
+    FieldSample evaluate(const Vec3d& p) override { return mMade.sample(p, *mSource); }
+
+private:
+    const Made& mMade;
+    std::unique_ptr<PointEvaluator> mSource;
+};
+
 /// The field that another one is made from.
 class Source
 {

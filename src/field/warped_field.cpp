@@ -140,17 +140,23 @@ public:
     }
 
     Box3d bounds() const override { return mBounds; }
-    FieldSample evaluate(const Vec3d& p) const override
+    FieldSample evaluate(const Vec3d& p) const override { return sample(p, mSource.field()); }
+    std::unique_ptr<PointEvaluator> evaluator() const override
     {
-        FieldSample sample = mSource.field().evaluate(mWarp->inverse(p));
+        return std::make_unique<MadeEvaluator<WarpedField>>(*this, mSource.field());
+    }
+    template <typename Evaluator>
+    FieldSample sample(const Vec3d& p, Evaluator& source) const
+    {
+        FieldSample result = source.evaluate(mWarp->inverse(p));
         Eigen::Matrix3d jacobian;
         for (int axis = 0; axis < 3; ++axis) {
             const Vec3d by = mStep * Vec3d::Unit(axis);
             jacobian.col(axis) = (mWarp->inverse(p + by) - mWarp->inverse(p - by)) / (2 * mStep);
         }
-        sample.value *= mScale;
-        sample.gradient = mScale * (jacobian.transpose() * sample.gradient);
-        return sample;
+        result.value *= mScale;
+        result.gradient = mScale * (jacobian.transpose() * result.gradient);
+        return result;
     }
     double value(const Vec3d& p) const override
     {
@@ -232,11 +238,17 @@ public:
                    ? box
                    : Box3d(mScale * box.min() + mTranslation, mScale * box.max() + mTranslation);
     }
-    FieldSample evaluate(const Vec3d& p) const override
+    FieldSample evaluate(const Vec3d& p) const override { return sample(p, *mField); }
+    std::unique_ptr<PointEvaluator> evaluator() const override
     {
-        FieldSample sample = mField->evaluate(from(p));
-        sample.value *= mScale;
-        return sample;
+        return std::make_unique<MadeEvaluator<ShiftedField>>(*this, *mField);
+    }
+    template <typename Evaluator>
+    FieldSample sample(const Vec3d& p, Evaluator& source) const
+    {
+        FieldSample result = source.evaluate(from(p));
+        result.value *= mScale;
+        return result;
     }
     std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override
     {

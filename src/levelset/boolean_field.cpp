@@ -19,19 +19,10 @@ public:
     }
 
     Box3d bounds() const override { return mBounds; }
-    FieldSample evaluate(const Vec3d& p) const override
+    FieldSample evaluate(const Vec3d& p) const override { return sample(p, mFields); }
+    std::unique_ptr<PointEvaluator> evaluator() const override
     {
-        FieldSample ruling = mFields.front()->evaluate(p);
-        for (std::size_t n = 1; n < mFields.size(); ++n) {
-            FieldSample other = mFields[n]->evaluate(p);
-            if (mKind == Boolean::Difference) {
-                other.value = -other.value;
-                other.gradient = -other.gradient;
-            }
-            const bool isLess = other.value < ruling.value;
-            if (isLess == (mKind == Boolean::Union)) ruling = other;
-        }
-        return ruling;
+        return std::make_unique<Evaluator>(*this);
     }
     double value(const Vec3d& p) const override { return evaluate(p).value; }
     bool isDistance() const override { return false; }
@@ -43,6 +34,37 @@ public:
     }
 
 private:
+    class Evaluator final : public PointEvaluator
+    {
+    public:
+        explicit Evaluator(const BooleanField& field) : mField(field)
+        {
+            for (const FieldPtr& from : field.mFields) mFrom.push_back(from->evaluator());
+        }
+        FieldSample evaluate(const Vec3d& p) override { return mField.sample(p, mFrom); }
+
+    private:
+        const BooleanField& mField;
+        std::vector<std::unique_ptr<PointEvaluator>> mFrom;
+    };
+
+    /// @param from  the fields, or their evaluators.
+    template <typename From>
+    FieldSample sample(const Vec3d& p, const From& from) const
+    {
+        FieldSample ruling = from.front()->evaluate(p);
+        for (std::size_t n = 1; n < from.size(); ++n) {
+            FieldSample other = from[n]->evaluate(p);
+            if (mKind == Boolean::Difference) {
+                other.value = -other.value;
+                other.gradient = -other.gradient;
+            }
+            const bool isLess = other.value < ruling.value;
+            if (isLess == (mKind == Boolean::Union)) ruling = other;
+        }
+        return ruling;
+    }
+
     Boolean mKind;
     std::vector<FieldPtr> mFields;
     Box3d mBounds;

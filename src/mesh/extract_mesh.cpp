@@ -5,6 +5,7 @@
 #include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -158,8 +159,10 @@ private:
     void place(const Selection& selection)
     {
         const float h = float(mLattice.voxelSize);
+        tbb::enumerable_thread_specific<SheetPlacer> placers(
+            [&] { return SheetPlacer(mSettings.field, mLattice); });
         forEachBlock(selection, [&](std::size_t n) {
-            SheetPlacer placer(mSettings.field, mLattice);
+            SheetPlacer& placer = placers.local();
             const DualBlock& block = mCells.blocks()[n];
             const openvdb::Coord from = block.origin - mFrame;
             const Vec3f origin(float(from.x()), float(from.y()), float(from.z()));

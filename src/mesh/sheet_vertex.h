@@ -21,13 +21,16 @@ enum class Freedom : std::uint8_t {
     None  ///< not at all: the mean of the crossings
 };
 
-/// Places the vertices of one block, from the values around and, where there is one, the field that
-/// the values were sampled from.
+/// Places the vertices of one block after the other, from the values around and, where there is
+/// one, the field that the values were sampled from. For one thread.
 class SheetPlacer
 {
 public:
-    /// @param field  null: none. @param lattice  of the values.
-    SheetPlacer(const Field* field, const Lattice& lattice) : mField(field), mLattice(lattice) {}
+    /// @param field  null: none; has to outlive this. @param lattice  of the values.
+    SheetPlacer(const Field* field, const Lattice& lattice)
+        : mField(field ? field->evaluator() : nullptr), mLattice(lattice)
+    {
+    }
 
     void load(const openvdb::FloatTree& tree, const openvdb::Coord& origin)
     {
@@ -84,7 +87,7 @@ private:
     void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
     Vec3f ontoSurface(const Vec3i& at, Vec3f inCell) const;
 
-    const Field* mField;
+    std::unique_ptr<PointEvaluator> mField; ///< null: none
     Lattice mLattice;
     BlockHalo mValues;
     Vec3d mOrigin = Vec3d::Zero(); ///< of the block, voxels
