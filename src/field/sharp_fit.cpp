@@ -29,9 +29,10 @@ WidestPair widestNormals(const CellPoints& points, const std::vector<std::uint32
     return widest;
 }
 
-constexpr double kFeatureCosine = 0.9;    // [Ohtake03 eq. 14]
-constexpr double kCornerCosine = 0.7;     // [Ohtake03 eq. 15]
-constexpr std::size_t kQuadraticFace = 8; // points that a face of an edge needs for curvature
+constexpr double kFeatureCosine = 0.9; // [Ohtake03 eq. 14]
+constexpr double kCornerCosine = 0.7;  // [Ohtake03 eq. 15]
+// Points that a face needs for curvature: with fewer a quadric swings out between them.
+constexpr std::size_t kQuadraticFace = 12;
 
 using Clusters = std::vector<std::vector<std::uint32_t>>;
 
