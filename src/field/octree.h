@@ -113,8 +113,8 @@ struct Octree {
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
     {
-        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); },
-                    SortedPoints::kMaxLevel, node, cell);
+        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); }, kDeepest, node,
+                    cell);
     }
 
     /// The same for all leaves, in parallel.
