@@ -86,9 +86,13 @@ TEST_F(ModelVerbs, OtherLatticesAreResampledAndSaid)
 {
     const Ended ended =
         command({"union", "coarse.vdb", "box.vdb", "-o", "both.vdb", "--report", "report.json"});
-    EXPECT_NE(ended.err.find("resampled"), std::string::npos) << ended.err;
     const json report = json::parse(readFile(folder / "report.json"));
-    EXPECT_EQ(report["settings"]["resampled"].size(), 1u);
+    ASSERT_EQ(report["settings"]["resampled"].size(), 1u);
+    // Both grids are called 'surface': only the files tell them apart.
+    const std::string said = report["settings"]["resampled"][0];
+    EXPECT_EQ(said.find("coarse.vdb"), 0u) << said;
+    EXPECT_NE(said.find("to the lattice of box.vdb"), std::string::npos) << said;
+    EXPECT_NE(ended.err.find(said), std::string::npos) << ended.err;
     EXPECT_NEAR(report["grid"]["voxel_size"].get<double>(), kVoxel, 1e-6);
 }
 

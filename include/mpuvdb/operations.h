@@ -32,10 +32,16 @@ enum class Boolean {
 LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
                  Progress& progress);
 
+/// Level sets that share a lattice, and how they came to.
+struct OneLattice {
+    std::vector<LevelSet> levelSets;
+    std::size_t model = 0;              ///< the input whose lattice it is
+    std::vector<std::size_t> resampled; ///< the inputs that were
+};
+
 /// The inputs on the lattice of the one with the smallest voxels (of equals the first): those that
-/// lie on it already as they are, all others resampled. Each of those adds a line to @a notes.
-std::vector<LevelSet> onOneLattice(const std::vector<LevelSet>& inputs,
-                                   std::vector<std::string>& notes, Progress& progress);
+/// lie on it already as they are, all others resampled.
+OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress);
 
 /// @a levelSet as a field: cubic interpolation of its values, exact at its voxels; deep inside and
 /// outside only the sign counts.

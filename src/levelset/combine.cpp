@@ -84,8 +84,7 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
                                      "sharp creases",
                                      blendRadius));
     if (inputs.size() == 1) return inputs.front();
-    std::vector<std::string> notes;
-    std::vector<LevelSet> solids = onOneLattice(inputs, notes, progress);
+    std::vector<LevelSet> solids = onOneLattice(inputs, progress).levelSets;
     const double voxelSize = solids.front().voxelSize();
     double halfWidth = 0;
     for (const LevelSet& solid : solids) halfWidth = std::max(halfWidth, solid.halfWidth());

@@ -219,8 +219,7 @@ LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Pro
         throw UsageError(fmt::format("morph: t is {}; it must be in [0, 1], 0 for the first shape "
                                      "and 1 for the second",
                                      t));
-    std::vector<std::string> notes;
-    std::vector<LevelSet> both = onOneLattice({a, b}, notes, progress);
+    std::vector<LevelSet> both = onOneLattice({a, b}, progress).levelSets;
     const double halfWidth = std::max(both[0].halfWidth(), both[1].halfWidth());
     for (LevelSet& one : both)
         if (one.halfWidth() < halfWidth) one = withHalfWidth(one, halfWidth, progress);

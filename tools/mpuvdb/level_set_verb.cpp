@@ -90,11 +90,25 @@ ExitCode LevelSetVerb::run(Session& session)
     return code;
 }
 
-std::vector<LevelSet> levelSetsOf(const std::vector<GridInput>& inputs)
+std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& settings,
+                                   Session& session)
 {
+    const auto nameOf = [](const GridInput& input) {
+        return fmt::format("{} (grid '{}', voxel size {:g})",
+                           input.file == "-" ? "standard input" : input.file,
+                           input.levelSet.grid().getName(), input.levelSet.voxelSize());
+    };
+    session.progress().beginStage("resample");
     std::vector<LevelSet> levelSets;
     for (const GridInput& input : inputs) levelSets.push_back(input.levelSet);
-    return levelSets;
+    OneLattice shared = onOneLattice(levelSets, session.progress());
+    for (const std::size_t n : shared.resampled) {
+        const std::string note = fmt::format("{} was resampled to the lattice of {}",
+                                             nameOf(inputs[n]), nameOf(inputs[shared.model]));
+        session.note("resampled   " + note);
+        settings["resampled"].push_back(note);
+    }
+    return std::move(shared.levelSets);
 }
 
 std::string lengthText(double length, double voxelSize)
