@@ -79,6 +79,10 @@ TEST_F(ModelVerbs, BooleansKeepTheBalanceOfVolumes)
     command({"union", "ball.vdb", "box.vdb", "-o", "filleted.vdb", "--blend", "0.2"});
     EXPECT_GT(volumeOf(folder / "filleted.vdb"), both);
     command({"union", "ball.vdb", "box.vdb", "-o", "x.vdb", "--blend=-1"}, 2);
+    // A band holds 1000 voxels, of which 3 are the result's.
+    const Ended far = command({"union", "ball.vdb", "box.vdb", "-o", "x.vdb", "--blend", "100"}, 5);
+    for (const char* const part : {"radius 100", "2000 voxels of 0.05", "at most 49.85"})
+        EXPECT_NE(far.err.find(part), std::string::npos) << far.err;
     EXPECT_FALSE(fs::exists(folder / "x.vdb"));
 }
 

@@ -28,7 +28,8 @@ enum class Boolean {
 /// Inputs on other lattices than the finest one are resampled to it (see onOneLattice()). The
 /// half-width is the largest of the inputs'; inputs of narrower bands, or too narrow for the blend,
 /// are widened. Two inputs may change places without a bit changing (not for Difference).
-/// @throws UsageError (no input, negative or infinite radius), LimitError, Interrupted.
+/// @throws UsageError (no input, negative or infinite radius), LimitError (a radius for which bands
+/// of 1000 voxels are too narrow), Interrupted.
 LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
                  Progress& progress);
 
