@@ -97,7 +97,8 @@ struct SmoothSettings {
 
 /// The surface smoothed; bands are widened to what the filter reads, so that planes stay where they
 /// are. Away from the mask nothing changes, to the bit. A median costs as the cube of its width.
-/// @throws UsageError for settings out of range, Interrupted.
+/// @throws UsageError for settings out of range, InputError for a mask that is not finite,
+/// Interrupted.
 LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Progress& progress);
 
 /// How morph() goes from one surface to the other.

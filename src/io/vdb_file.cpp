@@ -7,14 +7,11 @@
 #include <fmt/format.h>
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/File.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <fstream>
 #include <mutex>
-#include <numeric>
 
 namespace mpuvdb
 {
@@ -126,34 +123,6 @@ private:
     std::uint64_t mMaxBytes;
     double mBytes = 0;
 };
-
-/// @throws InputError if a voxel's value is no number: operations would carry it on, or take it for
-/// outside.
-void demandFinite(const FloatGrid& grid)
-{
-    using Leaf = FloatGrid::TreeType::LeafNodeType;
-    std::vector<const Leaf*> leaves;
-    grid.tree().getNodes(leaves);
-    std::vector<openvdb::Index> bad(leaves.size(), openvdb::Index(Leaf::SIZE)); // each leaf's first
-    std::vector<std::uint64_t> counts(leaves.size(), 0);
-    tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
-        const float* const values = leaves[n]->buffer().data();
-        for (openvdb::Index voxel = 0; voxel < Leaf::SIZE; ++voxel) {
-            if (std::isfinite(values[voxel])) continue;
-            bad[n] = std::min(bad[n], voxel);
-            ++counts[n];
-        }
-    });
-    const auto count = std::accumulate(counts.begin(), counts.end(), std::uint64_t(0));
-    if (count == 0) return;
-    const auto n = std::size_t(
-        std::find_if(counts.begin(), counts.end(), [](std::uint64_t c) { return c > 0; }) -
-        counts.begin());
-    const openvdb::Coord at = leaves[n]->offsetToGlobalCoord(bad[n]);
-    throw InputError(fmt::format("grid '{}': {} values are not finite (first at voxel {}, {}, {}). "
-                                 "Write it again from its source",
-                                 grid.getName(), count, at.x(), at.y(), at.z()));
-}
 
 LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid)
 {
