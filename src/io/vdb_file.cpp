@@ -265,14 +265,38 @@ LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std
     });
 }
 
-FloatGrid::Ptr readCoverage(const fs::path& file)
+FloatGridFile readFloatGridFile(const fs::path& file, const std::string& name,
+                                std::uint64_t maxBytes)
+{
+    return withVdbFile(file, [&](openvdb::io::File& archive) {
+        GridReader reader(archive, maxBytes);
+        FloatGridFile result;
+        std::vector<std::string> there;
+        for (auto item = archive.beginName(); item != archive.endName(); ++item) {
+            const GridBase::Ptr grid = reader.read(*item);
+            there.push_back(fmt::format("'{}' ({})", *item, grid->valueType()));
+            if (!result.grid && grid->isType<FloatGrid>() && (name.empty() || *item == name))
+                result.grid = openvdb::gridPtrCast<FloatGrid>(grid);
+            else
+                result.others.push_back(grid);
+        }
+        if (!result.grid)
+            throw InputError(fmt::format("{}: has no grid of floats{}, but {}. Name one of floats",
+                                         archive.filename(),
+                                         name.empty() ? "" : " called '" + name + "'",
+                                         there.empty() ? "no grid at all" : join(there)));
+        return result;
+    });
+}
+
+FloatGrid::Ptr readCoverage(const fs::path& file, std::uint64_t maxBytes)
 {
     return withVdbFile(file, [&](openvdb::io::File& archive) {
         std::vector<std::string> there;
         for (auto name = archive.beginName(); name != archive.endName(); ++name) {
             const auto grid = archive.readGridMetadata(*name);
             if (*name == kCoverageName && grid->isType<FloatGrid>() && grid->transform().isLinear())
-                return openvdb::gridPtrCast<FloatGrid>(archive.readGrid(*name));
+                return openvdb::gridPtrCast<FloatGrid>(GridReader(archive, maxBytes).read(*name));
             there.push_back("'" + *name + "'");
         }
         throw InputError(fmt::format("{}: has no float grid '{}' that says where data support the "
@@ -284,17 +308,19 @@ FloatGrid::Ptr readCoverage(const fs::path& file)
 }
 
 std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
-                                              const std::vector<std::string>& names)
+                                              const std::vector<std::string>& names,
+                                              std::uint64_t maxBytes)
 {
     std::vector<GridBase::Ptr> grids(names.size());
     if (names.empty()) return grids;
     return withVdbFile(file, [&](openvdb::io::File& archive) {
+        GridReader reader(archive, maxBytes);
         for (auto there = archive.beginName(); there != archive.endName(); ++there) {
             const auto found = std::find(names.begin(), names.end(), *there);
             if (found == names.end()) continue;
             const auto grid = archive.readGridMetadata(*there);
             if (grid->isType<FloatGrid>() || grid->isType<openvdb::Vec3SGrid>())
-                grids[std::size_t(found - names.begin())] = archive.readGrid(*there);
+                grids[std::size_t(found - names.begin())] = reader.read(*there);
         }
         return grids;
     });

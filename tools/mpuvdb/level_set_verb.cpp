@@ -18,12 +18,14 @@ GridInput readGridInput(const std::string& file, const std::string& name, Sessio
     session.progress().beginStage("read");
     std::optional<LevelSetFile> there;
     const auto read = [&](const std::filesystem::path& path) {
-        there = readLevelSetFile(path, name, session.options().maxBytes);
+        there = readLevelSetFile(path, name, session.bytesLeft());
     };
     if (file == "-")
         spoolStandardInput(".vdb", read);
     else
         read(file);
+    session.hold(there->levelSet.grid().memUsage());
+    for (const auto& other : there->others) session.hold(other->memUsage());
     const auto size = there->levelSet.grid().evalActiveVoxelDim().asVec3d();
     const double diagonal = size.length() * there->levelSet.voxelSize();
     return {file, std::move(there->levelSet), std::move(there->others), diagonal};
