@@ -94,11 +94,12 @@ public:
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("components");
-        list(input.levelSet, session);
+        const SolidComponents found(input.levelSet, session.progress());
+        list(found.measures(), session);
         if (mOutput.empty()) return ExitCode::Ok;
-        const LevelSet kept = keepComponents(
-            input.levelSet, mMinVolume, mKeep.value_or(std::numeric_limits<std::size_t>::max()),
-            session.progress());
+        const LevelSet kept =
+            found.keep(mMinVolume, mKeep.value_or(std::numeric_limits<std::size_t>::max()),
+                       session.progress());
         return writeGridOutput(kept, mOutput,
                                {{"mpuvdb:version", MPUVDB_VERSION},
                                 {"mpuvdb:operation", "components"},
@@ -107,11 +108,11 @@ public:
     }
 
 private:
-    void list(const LevelSet& levelSet, Session& session) const
+    void list(const std::vector<ComponentMeasures>& measures, Session& session) const
     {
         Json parts = Json::array();
         std::string text;
-        for (const SolidComponent& part : components(levelSet, session.progress())) {
+        for (const ComponentMeasures& part : measures) {
             parts.push_back({{"volume", part.volume},
                              {"area", part.area},
                              {"genus", part.genus},
