@@ -191,14 +191,49 @@ TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)
 {
     command({"fog", "ball.vdb", "-o", "fog.vdb"});
     const Ended fog = command({"offset", "fog.vdb", "-o", "x.vdb", "--distance", "0.1"}, 3);
-    EXPECT_NE(fog.err.find("density"), std::string::npos) << fog.err;
+    for (const char* const part : {"fog.vdb", "'density' (fog volume, float)",
+                                   "mpuvdb isosurface fog.vdb --grid 'density' --value 0.5"})
+        EXPECT_NE(fog.err.find(part), std::string::npos) << fog.err;
     auto stretched = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
     stretched->transform().preScale(openvdb::Vec3d(1, 2, 1));
     Progress progress;
     writeGrids(folder / "stretched.vdb", {stretched}, progress);
-    command({"union", "ball.vdb", "stretched.vdb", "-o", "x.vdb"}, 3);
+    const Ended uneven = command({"union", "ball.vdb", "stretched.vdb", "-o", "x.vdb"}, 3);
+    for (const char* const part : {"stretched.vdb", "0.05 x 0.1 x 0.05", "VDB Resample"})
+        EXPECT_NE(uneven.err.find(part), std::string::npos) << uneven.err;
+    const auto vectors = openvdb::Vec3SGrid::create();
+    vectors->setName("v");
+    writeGrids(folder / "vectors.vdb", {vectors}, progress);
+    const Ended staggered = command({"union", "ball.vdb", "vectors.vdb", "-o", "x.vdb"}, 3);
+    EXPECT_NE(staggered.err.find("as a grid of floats"), std::string::npos) << staggered.err;
+    command({"isosurface", "vectors.vdb", "-o", "x.vdb"}, 3);
+    command({"isosurface", "stretched.vdb", "-o", "x.vdb"}, 3);
     command({"union", "ball.vdb", "missing.vdb", "-o", "x.vdb"}, 3);
     command({"union", "ball.vdb", "-o", "ball.vdb"}, 2);
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+}
+
+TEST_F(ModelVerbs, DensitiesBecomeLevelSetsWhereTheyHaveAValue)
+{
+    // A density is 0 at the surface and 1 three voxels below.
+    command({"fog", "ball.vdb", "-o", "fog.vdb", "--keep-surface"});
+    command({"isosurface", "fog.vdb", "-o", "half.vdb", "--value", "0.5", "--grid", "density"});
+    EXPECT_NEAR(volumeOf(folder / "half.vdb"), ballVolume * std::pow(1 - 1.5 * kVoxel, 3),
+                tolerance);
+    const Ended none = command({"isosurface", "fog.vdb", "-o", "x.vdb", "--value", "2"}, 3);
+    EXPECT_NE(none.err.find("largest value is 1"), std::string::npos) << none.err;
+    const Ended all = command({"isosurface", "fog.vdb", "-o", "x.vdb", "--value", "-1"}, 2);
+    EXPECT_NE(all.err.find("has to be above"), std::string::npos) << all.err;
+    // Distances that do not say so.
+    auto distances = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
+    distances->setGridClass(openvdb::GRID_UNKNOWN);
+    distances->setName("sdf");
+    Progress progress;
+    writeGrids(folder / "sdf.vdb", {distances}, progress);
+    const Ended said = command({"shell", "sdf.vdb", "-o", "x.vdb", "--thickness", "0.2"}, 3);
+    EXPECT_NE(said.err.find("--value 0 --inside below"), std::string::npos) << said.err;
+    command({"isosurface", "sdf.vdb", "-o", "back.vdb", "--value", "0", "--inside", "below"});
+    EXPECT_NEAR(volumeOf(folder / "back.vdb"), ballVolume, tolerance);
     EXPECT_FALSE(fs::exists(folder / "x.vdb"));
 }
 

@@ -61,6 +61,27 @@ std::string join(const std::vector<std::string>& texts)
     return fmt::format("{}", fmt::join(texts, ", "));
 }
 
+/// How a file without a level set comes to one.
+std::string wayToLevelSet(openvdb::io::File& archive)
+{
+    bool hasPoints = false;
+    for (auto name = archive.beginName(); name != archive.endName(); ++name) {
+        const auto grid = archive.readGridMetadata(*name);
+        hasPoints |= grid->valueType().rfind("ptdataidx", 0) == 0;
+        if (!grid->isType<FloatGrid>()) continue;
+        const bool isFog = grid->getGridClass() == openvdb::GRID_FOG_VOLUME;
+        return fmt::format("Make one where '{}' has a value: mpuvdb isosurface {} --grid '{}' "
+                           "--value 0.5 -o surface.vdb{}",
+                           *name, archive.filename(), *name,
+                           isFog ? ""
+                                 : "; or with --value 0 --inside below, if it holds distances");
+    }
+    if (hasPoints)
+        return "Points are for mpuvdb reconstruct: write them as .ply where they come from";
+    return "Write the surface itself beside them where they come from, as a grid of floats of the "
+           "class level set";
+}
+
 /// The name in the file of the level set that is meant.
 std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted)
 {
@@ -81,12 +102,11 @@ std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted
     const std::string all = there.empty() ? "no grid at all" : join(there);
     if (!wanted.empty())
         throw InputError(fmt::format(
-            "{}: has no float level set called '{}', but {}. Name one of its level sets",
-            archive.filename(), wanted, all));
+            "{}: has no float level set called '{}', but {}. {}", archive.filename(), wanted, all,
+            levelSets.empty() ? wayToLevelSet(archive) : "Name one of its level sets"));
     if (levelSets.empty())
-        throw InputError(
-            fmt::format("{}: has no float level set, but {}. Convert one to a level set",
-                        archive.filename(), all));
+        throw InputError(fmt::format("{}: has no float level set, but {}. {}", archive.filename(),
+                                     all, wayToLevelSet(archive)));
     throw InputError(fmt::format("{}: has several level sets: {}. Say which by its name",
                                  archive.filename(), join(levelSets)));
 }

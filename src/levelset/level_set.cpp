@@ -47,6 +47,18 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
     return lattice;
 }
 
+void demandUniformVoxels(const openvdb::GridBase& grid)
+{
+    if (latticeOf(grid.transform())) return;
+    const openvdb::Vec3d size = grid.voxelSize();
+    throw InputError(fmt::format("grid '{}': its voxels are not cubes along the axes (transform "
+                                 "{}, voxels of {:.6g} x {:.6g} x {:.6g}). Resample it to uniform "
+                                 "voxels where it comes from, for example with Houdini's VDB "
+                                 "Resample",
+                                 grid.getName(), grid.transform().mapType(), size.x(), size.y(),
+                                 size.z()));
+}
+
 void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
 {
     grid.setTransform(openvdb::math::Transform::createLinearTransform(lattice.voxelSize));
@@ -67,11 +79,7 @@ LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth)
 LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid) : mGrid(std::move(grid))
 {
     if (!mGrid) throw InputError("level set: there is no grid. Read or make one first");
-    if (!latticeOf(mGrid->transform()))
-        throw InputError(fmt::format(
-            "grid '{}': its voxels are not cubes along the axes (transform {}). Resample "
-            "it to uniform voxels, for example with vdb_tool or Houdini's VDB Resample",
-            mGrid->getName(), mGrid->transform().mapType()));
+    demandUniformVoxels(*mGrid);
     if (mGrid->getGridClass() != openvdb::GRID_LEVEL_SET)
         throw InputError(fmt::format(
             "grid '{}': its class is {}, not a level set. Give it that class if its values are "
