@@ -130,8 +130,8 @@ enum class Inside {
 
 /// The surface where @a grid, of any class, has @a value, between voxels: a level set on the same
 /// lattice, called "surface". The background has to be outside. @param halfWidth  voxels, in
-/// [1.5, 1000]. @throws UsageError (value, half-width), InputError (voxels that are no cubes, values
-/// that are not finite, nothing inside), Interrupted.
+/// [1.5, 1000]. @throws UsageError (value, half-width), InputError (voxels that are no cubes,
+/// values that are not finite, nothing inside), Interrupted.
 LevelSet isosurface(const openvdb::FloatGrid& grid, double value, Inside inside, double halfWidth,
                     Progress& progress);
 
