@@ -563,11 +563,12 @@ TEST(Combine, TakesTheFinestLatticeAndTheWidestBand)
 {
     const LevelSet coarse = solid("sphere(0.5)", 1.0 / 8, 4);
     const LevelSet fine = solid("translate(sphere(0.5), 0.4, 0, 0)", 1.0 / 16);
-    std::vector<std::string> notes;
     Progress progress;
-    const std::vector<LevelSet> same = onOneLattice({coarse, fine, fine}, notes, progress);
+    const OneLattice shared = onOneLattice({coarse, fine, fine}, progress);
+    const std::vector<LevelSet>& same = shared.levelSets;
     ASSERT_EQ(same.size(), 3u);
-    EXPECT_EQ(notes.size(), 1u);
+    EXPECT_EQ(shared.model, 1u);
+    EXPECT_EQ(shared.resampled, std::vector<std::size_t>{0});
     EXPECT_EQ(same[0].voxelSize(), fine.voxelSize());
     EXPECT_EQ(same[1].gridPtr(), fine.gridPtr());
     const LevelSet both = coarse | fine;

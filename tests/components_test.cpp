@@ -157,6 +157,25 @@ TEST(Components, KeepNoneAllOrWhatIsLargeEnough)
     EXPECT_THROW(kept(both, std::nan(""), 9), UsageError);
 }
 
+TEST(Components, AreFoundAndMeasuredOnceAndThenKept)
+{
+    const LevelSet three = solidLevelSet("union(translate(sphere(0.3),-0.6,0,0),"
+                                         "translate(sphere(0.2),0,0,0),"
+                                         "translate(sphere(0.4),0.6,0,0))",
+                                         0.05);
+    Progress progress;
+    const SolidComponents found(three, progress);
+    const auto parts = componentsOf(three);
+    ASSERT_EQ(found.measures().size(), parts.size());
+    for (std::size_t n = 0; n < parts.size(); ++n) {
+        EXPECT_EQ(found.measures()[n].volume, parts[n].volume);
+        EXPECT_EQ(found.measures()[n].bounds.max(), parts[n].bounds.max());
+        EXPECT_EQ(componentsOf(found.keep(0, n, progress)).size(), n);
+    }
+    EXPECT_TRUE(treeBytes(found.keep(0, 1, progress).grid()) ==
+                treeBytes(parts[0].levelSet.grid()));
+}
+
 TEST(Components, OfNothingAreNone)
 {
     EXPECT_TRUE(componentsOf(emptyLevelSet(0.1)).empty());

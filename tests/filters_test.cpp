@@ -191,5 +191,58 @@ TEST(Fog, OfNothingIsEmpty)
     EXPECT_EQ(fog->getGridClass(), openvdb::GRID_FOG_VOLUME);
 }
 
+LevelSet surfaceOf(const FloatGrid& grid, double value, Inside inside = Inside::Above)
+{
+    Progress progress;
+    return isosurface(grid, value, inside, 3, progress);
+}
+
+/// A density of 1 in the voxels from @a low to @a high.
+FloatGrid::Ptr filled(const Coord& low, const Coord& high)
+{
+    const auto density = FloatGrid::create(0);
+    density->setGridClass(openvdb::GRID_FOG_VOLUME);
+    density->setTransform(openvdb::math::Transform::createLinearTransform(0.01));
+    density->sparseFill({low, high}, 1.0f, true);
+    return density;
+}
+
+TEST(Isosurface, OfTilesAndVoxelsLiesBetweenThem)
+{
+    Progress progress;
+    // Tiles of 8 and 128 voxels, alone and among voxels; beside them is nothing.
+    for (const auto& [low, high] :
+         {std::pair{Coord(0), Coord(7)}, std::pair{Coord(0), Coord(127)},
+          std::pair{Coord(-5, 0, 3), Coord(140, 127, 90)}, std::pair{Coord(-9), Coord(-3)}}) {
+        const LevelSet box = surfaceOf(*filled(low, high), 0.5);
+        EXPECT_TRUE(check(box.grid(), progress).sound());
+        // Halfway from the last voxels to those beside.
+        const SolidMeasures measures = measure(box, progress);
+        for (int axis = 0; axis < 3; ++axis) {
+            EXPECT_NEAR(measures.bounds.min()[axis], 0.01 * (low[axis] - 0.5), 1e-6);
+            EXPECT_NEAR(measures.bounds.max()[axis], 0.01 * (high[axis] + 0.5), 1e-6);
+        }
+        EXPECT_EQ(measures.surfaces, 1u);
+    }
+}
+
+TEST(Isosurface, OfALinearDensityIsExact)
+{
+    const LevelSet ball = solidLevelSet("sphere(1)", 0.05);
+    Progress progress;
+    const FloatGrid::Ptr fog = toFog(ball, progress);
+    const LevelSet inner = surfaceOf(*fog, 0.5);
+    EXPECT_TRUE(inner.grid().transform() == fog->transform());
+    // Half of its band deep: 1.5 voxels. Straight lines between voxels miss a sphere by h^2 / 8 r.
+    for (auto on = inner.grid().cbeginValueOn(); on; ++on) {
+        const double radius = 0.05 * on.getCoord().asVec3d().length();
+        ASSERT_NEAR(*on, radius - 0.925, 0.05 * 0.05) << on.getCoord();
+    }
+    EXPECT_THROW(surfaceOf(*fog, 2), InputError);
+    EXPECT_THROW(surfaceOf(*fog, 0), UsageError); // the background would be no side
+    fog->tree().setValue(Coord(1), std::nanf(""));
+    EXPECT_THROW(surfaceOf(*fog, 0.5), InputError);
+}
+
 } // namespace
 } // namespace mpuvdb

@@ -79,6 +79,10 @@ TEST_F(ModelVerbs, BooleansKeepTheBalanceOfVolumes)
     command({"union", "ball.vdb", "box.vdb", "-o", "filleted.vdb", "--blend", "0.2"});
     EXPECT_GT(volumeOf(folder / "filleted.vdb"), both);
     command({"union", "ball.vdb", "box.vdb", "-o", "x.vdb", "--blend=-1"}, 2);
+    // A band holds 1000 voxels, of which 3 are the result's.
+    const Ended far = command({"union", "ball.vdb", "box.vdb", "-o", "x.vdb", "--blend", "100"}, 5);
+    for (const char* const part : {"radius 100", "2000 voxels of 0.05", "at most 49.85"})
+        EXPECT_NE(far.err.find(part), std::string::npos) << far.err;
     EXPECT_FALSE(fs::exists(folder / "x.vdb"));
 }
 
@@ -86,9 +90,13 @@ TEST_F(ModelVerbs, OtherLatticesAreResampledAndSaid)
 {
     const Ended ended =
         command({"union", "coarse.vdb", "box.vdb", "-o", "both.vdb", "--report", "report.json"});
-    EXPECT_NE(ended.err.find("resampled"), std::string::npos) << ended.err;
     const json report = json::parse(readFile(folder / "report.json"));
-    EXPECT_EQ(report["settings"]["resampled"].size(), 1u);
+    ASSERT_EQ(report["settings"]["resampled"].size(), 1u);
+    // Both grids are called 'surface': only the files tell them apart.
+    const std::string said = report["settings"]["resampled"][0];
+    EXPECT_EQ(said.find("coarse.vdb"), 0u) << said;
+    EXPECT_NE(said.find("to the lattice of box.vdb"), std::string::npos) << said;
+    EXPECT_NE(ended.err.find(said), std::string::npos) << ended.err;
     EXPECT_NEAR(report["grid"]["voxel_size"].get<double>(), kVoxel, 1e-6);
 }
 
@@ -183,14 +191,49 @@ TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)
 {
     command({"fog", "ball.vdb", "-o", "fog.vdb"});
     const Ended fog = command({"offset", "fog.vdb", "-o", "x.vdb", "--distance", "0.1"}, 3);
-    EXPECT_NE(fog.err.find("density"), std::string::npos) << fog.err;
+    for (const char* const part : {"fog.vdb", "'density' (fog volume, float)",
+                                   "mpuvdb isosurface fog.vdb --grid 'density' --value 0.5"})
+        EXPECT_NE(fog.err.find(part), std::string::npos) << fog.err;
     auto stretched = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
     stretched->transform().preScale(openvdb::Vec3d(1, 2, 1));
     Progress progress;
     writeGrids(folder / "stretched.vdb", {stretched}, progress);
-    command({"union", "ball.vdb", "stretched.vdb", "-o", "x.vdb"}, 3);
+    const Ended uneven = command({"union", "ball.vdb", "stretched.vdb", "-o", "x.vdb"}, 3);
+    for (const char* const part : {"stretched.vdb", "0.05 x 0.1 x 0.05", "VDB Resample"})
+        EXPECT_NE(uneven.err.find(part), std::string::npos) << uneven.err;
+    const auto vectors = openvdb::Vec3SGrid::create();
+    vectors->setName("v");
+    writeGrids(folder / "vectors.vdb", {vectors}, progress);
+    const Ended staggered = command({"union", "ball.vdb", "vectors.vdb", "-o", "x.vdb"}, 3);
+    EXPECT_NE(staggered.err.find("as a grid of floats"), std::string::npos) << staggered.err;
+    command({"isosurface", "vectors.vdb", "-o", "x.vdb"}, 3);
+    command({"isosurface", "stretched.vdb", "-o", "x.vdb"}, 3);
     command({"union", "ball.vdb", "missing.vdb", "-o", "x.vdb"}, 3);
     command({"union", "ball.vdb", "-o", "ball.vdb"}, 2);
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+}
+
+TEST_F(ModelVerbs, DensitiesBecomeLevelSetsWhereTheyHaveAValue)
+{
+    // A density is 0 at the surface and 1 three voxels below.
+    command({"fog", "ball.vdb", "-o", "fog.vdb", "--keep-surface"});
+    command({"isosurface", "fog.vdb", "-o", "half.vdb", "--value", "0.5", "--grid", "density"});
+    EXPECT_NEAR(volumeOf(folder / "half.vdb"), ballVolume * std::pow(1 - 1.5 * kVoxel, 3),
+                tolerance);
+    const Ended none = command({"isosurface", "fog.vdb", "-o", "x.vdb", "--value", "2"}, 3);
+    EXPECT_NE(none.err.find("largest value is 1"), std::string::npos) << none.err;
+    const Ended all = command({"isosurface", "fog.vdb", "-o", "x.vdb", "--value", "-1"}, 2);
+    EXPECT_NE(all.err.find("has to be above"), std::string::npos) << all.err;
+    // Distances that do not say so.
+    auto distances = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
+    distances->setGridClass(openvdb::GRID_UNKNOWN);
+    distances->setName("sdf");
+    Progress progress;
+    writeGrids(folder / "sdf.vdb", {distances}, progress);
+    const Ended said = command({"shell", "sdf.vdb", "-o", "x.vdb", "--thickness", "0.2"}, 3);
+    EXPECT_NE(said.err.find("--value 0 --inside below"), std::string::npos) << said.err;
+    command({"isosurface", "sdf.vdb", "-o", "back.vdb", "--value", "0", "--inside", "below"});
+    EXPECT_NEAR(volumeOf(folder / "back.vdb"), ballVolume, tolerance);
     EXPECT_FALSE(fs::exists(folder / "x.vdb"));
 }
 

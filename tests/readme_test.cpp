@@ -42,9 +42,9 @@ TEST(Readme, CommandsRunInOrder)
         all += block;
     }
     for (const char* verb :
-         {"reconstruct", "voxelize", "mesh", "union", "intersection", "difference", "offset",
-          "shell", "smooth", "morph", "twist", "transform", "resample", "fog", "components",
-          "sample", "info", "check", "render"})
+         {"reconstruct", "voxelize",   "mesh",   "union", "intersection", "difference", "offset",
+          "shell",       "smooth",     "morph",  "twist", "transform",    "resample",   "fog",
+          "isosurface",  "components", "sample", "info",  "check",        "render"})
         EXPECT_NE(all.find(std::string("mpuvdb ") + verb), std::string::npos) << verb;
 }
 

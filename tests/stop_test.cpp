@@ -164,8 +164,7 @@ INSTANTIATE_TEST_SUITE_P(
                   []() -> Work {
                       return [a = ball(), b = sampled(*makeSolidField(parseSolid("sphere(1)")),
                                                       1.3 / radius())](Progress& progress) {
-                          std::vector<std::string> notes;
-                          onOneLattice({a, b}, notes, progress);
+                          onOneLattice({a, b}, progress);
                       };
                   }},
         std::pair{"resample",

@@ -137,6 +137,16 @@ TEST_F(VdbFile, HoldsGridsBesideTheLevelSet)
     EXPECT_FALSE((*read)["mpuvdb:tolerance"]);
     ASSERT_EQ(readGrids(file).size(), 2u);
 
+    // Other programs give several grids one name; they pass through.
+    writeLevelSet(mFolder / "twice.vdb", surface, {}, progress, {coverage, coverage->deepCopy()});
+    EXPECT_EQ(readGrids(mFolder / "twice.vdb").size(), 3u);
+
+    // What a grid takes counts, whichever it is.
+    EXPECT_TRUE(readCoverage(file, 1 << 30));
+    EXPECT_THROW(readCoverage(file, 1000), LimitError);
+    EXPECT_TRUE(readAttributeGrids(file, {"coverage"}, 1 << 30)[0]);
+    EXPECT_THROW(readAttributeGrids(file, {"coverage"}, 1000), LimitError);
+
     save(mFolder / "b.vdb", surface);
     try {
         readCoverage(mFolder / "b.vdb");

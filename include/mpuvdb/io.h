@@ -112,14 +112,26 @@ struct LevelSetFile {
 LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::string& name = {},
                               std::uint64_t maxBytes = 0);
 
+/// A grid of floats, of any class, and the other grids of its file.
+struct FloatGridFile {
+    openvdb::FloatGrid::Ptr grid;
+    openvdb::GridCPtrVec others;
+};
+
+/// Read the grid called @a name, or, if empty, the first of floats. @throws as readLevelSet().
+FloatGridFile readFloatGridFile(const std::filesystem::path& file, const std::string& name = {},
+                                std::uint64_t maxBytes = 0);
+
 /// The grid that sampleCoverage() made, from a .vdb file. @throws IoError, InputError (as
-/// readLevelSet; no such grid).
-openvdb::FloatGrid::Ptr readCoverage(const std::filesystem::path& file);
+/// readLevelSet; no such grid), LimitError.
+openvdb::FloatGrid::Ptr readCoverage(const std::filesystem::path& file, std::uint64_t maxBytes = 0);
 
 /// The grids called @a names of a .vdb file, in their order: null where there is none of floats or
-/// Vec3f. @throws IoError, InputError (as readLevelSet).
+/// Vec3f. @param maxBytes  for all of them. @throws IoError, InputError (as readLevelSet),
+/// LimitError.
 std::vector<openvdb::GridBase::Ptr> readAttributeGrids(const std::filesystem::path& file,
-                                                       const std::vector<std::string>& names);
+                                                       const std::vector<std::string>& names,
+                                                       std::uint64_t maxBytes = 0);
 
 /// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
 /// Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels: damage

@@ -37,6 +37,10 @@ private:
     openvdb::FloatGrid::ConstPtr mGrid;
 };
 
+/// @throws InputError if a value of @a grid is not finite: operations would carry it on, or take it
+/// for outside.
+void demandFinite(const openvdb::FloatGrid& grid);
+
 /// How a field becomes a grid.
 struct SampleSettings {
     Lattice lattice;

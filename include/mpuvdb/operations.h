@@ -6,6 +6,7 @@
 #include <mpuvdb/triangle_mesh.h>
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,14 +29,21 @@ enum class Boolean {
 /// Inputs on other lattices than the finest one are resampled to it (see onOneLattice()). The
 /// half-width is the largest of the inputs'; inputs of narrower bands, or too narrow for the blend,
 /// are widened. Two inputs may change places without a bit changing (not for Difference).
-/// @throws UsageError (no input, negative or infinite radius), LimitError, Interrupted.
+/// @throws UsageError (no input, negative or infinite radius), LimitError (a radius for which bands
+/// of 1000 voxels are too narrow), Interrupted.
 LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
                  Progress& progress);
 
+/// Level sets that share a lattice, and how they came to.
+struct OneLattice {
+    std::vector<LevelSet> levelSets;
+    std::size_t model = 0;              ///< the input whose lattice it is
+    std::vector<std::size_t> resampled; ///< the inputs that were
+};
+
 /// The inputs on the lattice of the one with the smallest voxels (of equals the first): those that
-/// lie on it already as they are, all others resampled. Each of those adds a line to @a notes.
-std::vector<LevelSet> onOneLattice(const std::vector<LevelSet>& inputs,
-                                   std::vector<std::string>& notes, Progress& progress);
+/// lie on it already as they are, all others resampled.
+OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress);
 
 /// @a levelSet as a field: cubic interpolation of its values, exact at its voxels; deep inside and
 /// outside only the sign counts.
@@ -90,7 +98,8 @@ struct SmoothSettings {
 
 /// The surface smoothed; bands are widened to what the filter reads, so that planes stay where they
 /// are. Away from the mask nothing changes, to the bit. A median costs as the cube of its width.
-/// @throws UsageError for settings out of range, Interrupted.
+/// @throws UsageError for settings out of range, InputError for a mask that is not finite,
+/// Interrupted.
 LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Progress& progress);
 
 /// How morph() goes from one surface to the other.
@@ -113,20 +122,58 @@ LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Pro
 /// it is deepest.
 openvdb::FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress);
 
-/// A connected part of a solid.
-struct SolidComponent {
-    LevelSet levelSet;
+/// Which side of a value is inside.
+enum class Inside {
+    Above, ///< as of densities
+    Below  ///< as of distances
+};
+
+/// The surface where @a grid, of any class, has @a value, between voxels: a level set on the same
+/// lattice, called "surface". The background has to be outside. @param halfWidth  voxels, in
+/// [1.5, 1000]. @throws UsageError (value, half-width), InputError (voxels that are no cubes,
+/// values that are not finite, nothing inside), Interrupted.
+LevelSet isosurface(const openvdb::FloatGrid& grid, double value, Inside inside, double halfWidth,
+                    Progress& progress);
+
+/// What can be said of a connected part of a solid.
+struct ComponentMeasures {
     double volume = 0, area = 0; ///< world units cubed, squared
     Box3d bounds;                ///< of the zero set, world units
     double genus = 0;            ///< as in SolidMeasures
 };
 
-/// The connected parts of the solid, the largest first (of equals, by the first voxel); a part that
-/// encloses a cavity keeps it.
+class SolidParts;
+
+/// The connected parts of a solid, found and measured once; a part that encloses a cavity keeps it.
+/// Cheap to copy.
+class SolidComponents
+{
+public:
+    /// @throws Interrupted.
+    SolidComponents(const LevelSet& levelSet, Progress& progress);
+
+    /// The largest first; of equals, by the first voxel.
+    const std::vector<ComponentMeasures>& measures() const { return mMeasures; }
+    /// The parts together again: those of at least @a minVolume, at most @a count of them, the
+    /// largest first. @throws UsageError for a volume below 0, Interrupted.
+    LevelSet keep(double minVolume, std::size_t count, Progress& progress) const;
+
+private:
+    LevelSet mLevelSet;
+    std::shared_ptr<const SolidParts> mParts;
+    std::vector<std::uint32_t> mOrder; ///< of the parts
+    std::vector<ComponentMeasures> mMeasures;
+};
+
+/// A part, and a level set of it alone.
+struct SolidComponent : ComponentMeasures {
+    LevelSet levelSet;
+};
+
+/// The parts of SolidComponents, each alone.
 std::vector<SolidComponent> components(const LevelSet& levelSet, Progress& progress);
 
-/// The parts together again: those of at least @a minVolume, at most @a count of them, the largest
-/// first.
+/// SolidComponents::keep() at once.
 LevelSet keepComponents(const LevelSet& levelSet, double minVolume, std::size_t count,
                         Progress& progress);
 

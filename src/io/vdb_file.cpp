@@ -7,14 +7,11 @@
 #include <fmt/format.h>
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/File.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <fstream>
 #include <mutex>
-#include <numeric>
 
 namespace mpuvdb
 {
@@ -64,6 +61,27 @@ std::string join(const std::vector<std::string>& texts)
     return fmt::format("{}", fmt::join(texts, ", "));
 }
 
+/// How a file without a level set comes to one.
+std::string wayToLevelSet(openvdb::io::File& archive)
+{
+    bool hasPoints = false;
+    for (auto name = archive.beginName(); name != archive.endName(); ++name) {
+        const auto grid = archive.readGridMetadata(*name);
+        hasPoints |= grid->valueType().rfind("ptdataidx", 0) == 0;
+        if (!grid->isType<FloatGrid>()) continue;
+        const bool isFog = grid->getGridClass() == openvdb::GRID_FOG_VOLUME;
+        return fmt::format("Make one where '{}' has a value: mpuvdb isosurface {} --grid '{}' "
+                           "--value 0.5 -o surface.vdb{}",
+                           *name, archive.filename(), *name,
+                           isFog ? ""
+                                 : "; or with --value 0 --inside below, if it holds distances");
+    }
+    if (hasPoints)
+        return "Points are for mpuvdb reconstruct: write them as .ply where they come from";
+    return "Write the surface itself beside them where they come from, as a grid of floats of the "
+           "class level set";
+}
+
 /// The name in the file of the level set that is meant.
 std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted)
 {
@@ -84,12 +102,11 @@ std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted
     const std::string all = there.empty() ? "no grid at all" : join(there);
     if (!wanted.empty())
         throw InputError(fmt::format(
-            "{}: has no float level set called '{}', but {}. Name one of its level sets",
-            archive.filename(), wanted, all));
+            "{}: has no float level set called '{}', but {}. {}", archive.filename(), wanted, all,
+            levelSets.empty() ? wayToLevelSet(archive) : "Name one of its level sets"));
     if (levelSets.empty())
-        throw InputError(
-            fmt::format("{}: has no float level set, but {}. Convert one to a level set",
-                        archive.filename(), all));
+        throw InputError(fmt::format("{}: has no float level set, but {}. {}", archive.filename(),
+                                     all, wayToLevelSet(archive)));
     throw InputError(fmt::format("{}: has several level sets: {}. Say which by its name",
                                  archive.filename(), join(levelSets)));
 }
@@ -126,34 +143,6 @@ private:
     std::uint64_t mMaxBytes;
     double mBytes = 0;
 };
-
-/// @throws InputError if a voxel's value is no number: operations would carry it on, or take it for
-/// outside.
-void demandFinite(const FloatGrid& grid)
-{
-    using Leaf = FloatGrid::TreeType::LeafNodeType;
-    std::vector<const Leaf*> leaves;
-    grid.tree().getNodes(leaves);
-    std::vector<openvdb::Index> bad(leaves.size(), openvdb::Index(Leaf::SIZE)); // each leaf's first
-    std::vector<std::uint64_t> counts(leaves.size(), 0);
-    tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
-        const float* const values = leaves[n]->buffer().data();
-        for (openvdb::Index voxel = 0; voxel < Leaf::SIZE; ++voxel) {
-            if (std::isfinite(values[voxel])) continue;
-            bad[n] = std::min(bad[n], voxel);
-            ++counts[n];
-        }
-    });
-    const auto count = std::accumulate(counts.begin(), counts.end(), std::uint64_t(0));
-    if (count == 0) return;
-    const auto n = std::size_t(
-        std::find_if(counts.begin(), counts.end(), [](std::uint64_t c) { return c > 0; }) -
-        counts.begin());
-    const openvdb::Coord at = leaves[n]->offsetToGlobalCoord(bad[n]);
-    throw InputError(fmt::format("grid '{}': {} values are not finite (first at voxel {}, {}, {}). "
-                                 "Write it again from its source",
-                                 grid.getName(), count, at.x(), at.y(), at.z()));
-}
 
 LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid)
 {
@@ -255,15 +244,21 @@ void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids, const 
 /// Read back what a reader sees first.
 void verify(const fs::path& temporary, const fs::path& file, const openvdb::GridCPtrVec& grids)
 {
-    const bool same = withVdbFile(temporary, [&](openvdb::io::File& archive) {
-        return std::all_of(grids.begin(), grids.end(), [&](const GridBase::ConstPtr& grid) {
-            const auto read = archive.readGridMetadata(grid->getName());
+    // In any order: of grids with one name the file has names of its own.
+    std::vector<std::int64_t> written, there;
+    for (const GridBase::ConstPtr& grid : grids)
+        written.push_back(std::int64_t(grid->activeVoxelCount()));
+    withVdbFile(temporary, [&](openvdb::io::File& archive) {
+        for (auto name = archive.beginName(); name != archive.endName(); ++name) {
+            const auto read = archive.readGridMetadata(*name);
             const auto voxels =
                 read->getMetadata<openvdb::Int64Metadata>(GridBase::META_FILE_VOXEL_COUNT);
-            return voxels && voxels->value() == std::int64_t(grid->activeVoxelCount());
-        });
+            there.push_back(voxels ? voxels->value() : -1);
+        }
     });
-    if (!same)
+    std::sort(written.begin(), written.end());
+    std::sort(there.begin(), there.end());
+    if (written != there)
         throw IoError(fmt::format("{}: what was written does not read back. Write to another disk",
                                   file.string()));
 }
@@ -296,14 +291,38 @@ LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std
     });
 }
 
-FloatGrid::Ptr readCoverage(const fs::path& file)
+FloatGridFile readFloatGridFile(const fs::path& file, const std::string& name,
+                                std::uint64_t maxBytes)
+{
+    return withVdbFile(file, [&](openvdb::io::File& archive) {
+        GridReader reader(archive, maxBytes);
+        FloatGridFile result;
+        std::vector<std::string> there;
+        for (auto item = archive.beginName(); item != archive.endName(); ++item) {
+            const GridBase::Ptr grid = reader.read(*item);
+            there.push_back(fmt::format("'{}' ({})", *item, grid->valueType()));
+            if (!result.grid && grid->isType<FloatGrid>() && (name.empty() || *item == name))
+                result.grid = openvdb::gridPtrCast<FloatGrid>(grid);
+            else
+                result.others.push_back(grid);
+        }
+        if (!result.grid)
+            throw InputError(fmt::format("{}: has no grid of floats{}, but {}. Name one of floats",
+                                         archive.filename(),
+                                         name.empty() ? "" : " called '" + name + "'",
+                                         there.empty() ? "no grid at all" : join(there)));
+        return result;
+    });
+}
+
+FloatGrid::Ptr readCoverage(const fs::path& file, std::uint64_t maxBytes)
 {
     return withVdbFile(file, [&](openvdb::io::File& archive) {
         std::vector<std::string> there;
         for (auto name = archive.beginName(); name != archive.endName(); ++name) {
             const auto grid = archive.readGridMetadata(*name);
             if (*name == kCoverageName && grid->isType<FloatGrid>() && grid->transform().isLinear())
-                return openvdb::gridPtrCast<FloatGrid>(archive.readGrid(*name));
+                return openvdb::gridPtrCast<FloatGrid>(GridReader(archive, maxBytes).read(*name));
             there.push_back("'" + *name + "'");
         }
         throw InputError(fmt::format("{}: has no float grid '{}' that says where data support the "
@@ -315,17 +334,19 @@ FloatGrid::Ptr readCoverage(const fs::path& file)
 }
 
 std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
-                                              const std::vector<std::string>& names)
+                                              const std::vector<std::string>& names,
+                                              std::uint64_t maxBytes)
 {
     std::vector<GridBase::Ptr> grids(names.size());
     if (names.empty()) return grids;
     return withVdbFile(file, [&](openvdb::io::File& archive) {
+        GridReader reader(archive, maxBytes);
         for (auto there = archive.beginName(); there != archive.endName(); ++there) {
             const auto found = std::find(names.begin(), names.end(), *there);
             if (found == names.end()) continue;
             const auto grid = archive.readGridMetadata(*there);
             if (grid->isType<FloatGrid>() || grid->isType<openvdb::Vec3SGrid>())
-                grids[std::size_t(found - names.begin())] = archive.readGrid(*there);
+                grids[std::size_t(found - names.begin())] = reader.read(*there);
         }
         return grids;
     });

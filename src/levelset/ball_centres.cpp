@@ -96,9 +96,15 @@ BallCentres::BallCentres(const Solid& a, const Solid& b, float radius, float rea
         return toVec(l).squaredNorm() < toVec(r).squaredNorm();
     });
     std::unordered_set<Coord> wanted;
-    for (const Coord& origin : origins) {
-        progress.check();
-        for (const Coord& around : mAround) wanted.insert(origin + around);
+    const std::size_t there = a.tree.leafCount() + b.tree.leafCount();
+    if (origins.size() * mAround.size() > there) { // all that there are is less
+        for (const FloatTree* tree : {&a.tree, &b.tree})
+            for (auto leaf = tree->cbeginLeaf(); leaf; ++leaf) wanted.insert(leaf->origin());
+    } else {
+        for (const Coord& origin : origins) {
+            progress.check();
+            for (const Coord& around : mAround) wanted.insert(origin + around);
+        }
     }
     const std::vector<Coord> at(wanted.begin(), wanted.end());
     std::vector<std::vector<Place>> found(at.size());
@@ -113,27 +119,78 @@ BallCentres::BallCentres(const Solid& a, const Solid& b, float radius, float rea
         if (!found[n].empty()) mPlaces.emplace(at[n], std::move(found[n]));
 }
 
-float BallCentres::distanceFrom(const Coord& voxel) const
+BallCentres::Search::Search(const BallCentres& centres, const Coord& origin)
+    : mReach(centres.mReach), mLast(origin), mLastDistance(centres.mReach)
 {
-    const Coord home = voxel & ~(kDim - 1);
-    float best = mReach;
-    for (const Coord& around : mAround) {
-        const Coord origin = home + around, r = voxel - origin;
-        const float farthest2 = (best + kExtent) * (best + kExtent);
-        if (squaredGap(r) >= farthest2) continue;
-        const auto places = mPlaces.find(origin);
-        if (places == mPlaces.end()) continue;
-        const Vec3f here = toVec(r);
-        for (const Place& place : places->second) {
-            const Vec3f to = here - place.point;
-            const float length2 = to.squaredNorm();
-            if (length2 >= farthest2) continue;
-            const float along = place.normal.dot(to);
-            const float aside = std::sqrt(std::max(length2 - along * along, 0.0f));
-            const bool isFlat = place.normal != Vec3f::Zero();
-            best = std::min(best, isFlat ? std::hypot(along, std::max(aside - kExtent, 0.0f))
-                                         : std::sqrt(length2));
+    const auto add = [&](const auto& places) {
+        mSources.push_back({places.first, &places.second});
+    };
+    if (centres.mPlaces.size() > centres.mAround.size()) {
+        for (const Coord& around : centres.mAround) {
+            const auto places = centres.mPlaces.find(origin + around);
+            if (places != centres.mPlaces.end()) add(*places);
         }
+    } else {
+        for (const auto& places : centres.mPlaces) add(places);
+        const auto gap2 = [&](const Source& source) {
+            return toVec(source.origin - origin).squaredNorm();
+        };
+        std::sort(mSources.begin(), mSources.end(), [&](const Source& l, const Source& r) {
+            return gap2(l) != gap2(r) ? gap2(l) < gap2(r) : l.origin < r.origin;
+        });
+    }
+}
+
+float BallCentres::Search::distanceFrom(const Coord& voxel, float most, float enough)
+{
+    constexpr float kSlack = 0.01f; // for rounding
+    const float bound = mLastDistance + toVec(voxel - mLast).norm() + kSlack;
+    const float limit = std::min({mReach, most, bound});
+    float best = limit;
+    // What was nearest last time is likely to be so again, and the rest is farther.
+    for (std::size_t n = 0; n <= mSources.size() && best > enough; ++n) {
+        const std::size_t source = n == 0 ? mNearest : n - 1;
+        if (source == mSources.size() || (n > 0 && source == mNearest)) continue;
+        const float nearest = nearestIn(mSources[source], voxel, best);
+        if (nearest < best) {
+            best = nearest;
+            mNearest = source;
+        }
+    }
+    if (best < limit) {
+        mLast = voxel;
+        mLastDistance = best;
+    }
+    return best;
+}
+
+/// The distance to the nearest place of a leaf, or @a best if that is less.
+float BallCentres::Search::nearestIn(const Source& source, const Coord& voxel, float best)
+{
+    constexpr float kRounding = 1 + 1e-5f;
+    const Coord r = voxel - source.origin;
+    float farthest2 = (best + kExtent) * (best + kExtent), best2 = best * best * kRounding;
+    if (squaredGap(r) >= farthest2) return best;
+    const Vec3f here = toVec(r);
+    for (const Place& place : *source.places) {
+        const Vec3f to = here - place.point;
+        const float length2 = to.squaredNorm();
+        if (length2 >= farthest2) continue;
+        float distance = 0;
+        if (place.normal == Vec3f::Zero()) {
+            distance = std::sqrt(length2);
+        } else {
+            const float along = place.normal.dot(to), along2 = along * along;
+            if (along2 >= best2) continue;
+            const float aside = std::sqrt(std::max(length2 - along2, 0.0f));
+            const float beyond = std::max(aside - kExtent, 0.0f);
+            if (along2 + beyond * beyond >= best2) continue;
+            distance = std::hypot(along, beyond);
+        }
+        if (distance >= best) continue;
+        best = distance;
+        best2 = best * best * kRounding;
+        farthest2 = (best + kExtent) * (best + kExtent);
     }
     return best;
 }

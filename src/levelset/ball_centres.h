@@ -28,8 +28,7 @@ public:
     BallCentres(const Solid& a, const Solid& b, float radius, float reach,
                 const std::vector<openvdb::Coord>& origins, Progress& progress);
 
-    /// From a voxel of the leaves to the nearest of the places; the reach if none is nearer.
-    float distanceFrom(const openvdb::Coord& voxel) const;
+    class Search;
 
 private:
     struct Place {
@@ -41,6 +40,32 @@ private:
     float mReach;
     std::vector<openvdb::Coord> mAround; ///< of a leaf, the nearest first
     std::unordered_map<openvdb::Coord, std::vector<Place>> mPlaces; ///< by leaf origin
+};
+
+/// Distances from the voxels of one leaf of the origins, one after the other: the last one bounds
+/// the next, for distances change no more than places do. For one thread.
+class BallCentres::Search
+{
+public:
+    Search(const BallCentres& centres, const openvdb::Coord& origin);
+
+    /// To the nearest of the places; @a most, or the reach, if none is nearer. Where it is no more
+    /// than @a enough, something between the two may be told instead.
+    float distanceFrom(const openvdb::Coord& voxel, float most, float enough = 0);
+
+private:
+    struct Source {
+        openvdb::Coord origin;
+        const std::vector<Place>* places;
+    };
+
+    static float nearestIn(const Source& source, const openvdb::Coord& voxel, float best);
+
+    float mReach;
+    std::vector<Source> mSources; ///< the nearest first
+    std::size_t mNearest = 0;     ///< of them, the last time
+    openvdb::Coord mLast;
+    float mLastDistance; ///< from there, or more
 };
 
 } // namespace mpuvdb

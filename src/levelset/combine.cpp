@@ -1,3 +1,4 @@
+#include "band_limits.h"
 #include "csg_tree.h"
 #include "prune.h"
 #include "restore_distance.h"
@@ -6,7 +7,6 @@
 #include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
 
-#include <fmt/format.h>
 #include <openvdb/tools/ChangeBackground.h>
 #include <openvdb/tree/LeafManager.h>
 
@@ -79,18 +79,18 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
 {
     if (inputs.empty())
         throw UsageError("Boolean operation: there is no level set. Give at least one");
-    if (!(blendRadius >= 0 && std::isfinite(blendRadius)))
-        throw UsageError(fmt::format("blend radius {}: must be a length in world units, 0 for "
-                                     "sharp creases",
-                                     blendRadius));
+    demandBlendRadius(blendRadius);
     if (inputs.size() == 1) return inputs.front();
-    std::vector<std::string> notes;
-    std::vector<LevelSet> solids = onOneLattice(inputs, notes, progress);
+    std::vector<LevelSet> solids = onOneLattice(inputs, progress).levelSets;
     const double voxelSize = solids.front().voxelSize();
     double halfWidth = 0;
     for (const LevelSet& solid : solids) halfWidth = std::max(halfWidth, solid.halfWidth());
-    const double needed =
-        blendRadius > 0 ? blendRadius / voxelSize + std::max(halfWidth, kAroundPath) : halfWidth;
+    double needed = halfWidth;
+    if (blendRadius > 0) {
+        needed = std::max(halfWidth, kAroundPath);
+        demandBandForBlend(blendRadius, voxelSize, needed);
+        needed += blendRadius / voxelSize;
+    }
     solids = widened(std::move(solids), needed, progress);
     progress.beginStage("combine", double(solids.size() - 1));
     float background = 0;

@@ -92,12 +92,16 @@ public:
         const auto centres = [&](const BallCentres::Solid& one, const BallCentres::Solid& other) {
             return BallCentres(one, other, mRadius, mReach, origins, progress);
         };
-        const BallCentres beside[] = {centres(a, a), centres(b, b)}, between = centres(a, b);
+        const BallCentres centresA = centres(a, a), centresB = centres(b, b),
+                          between = centres(a, b);
         tbb::parallel_for(std::size_t(0), mUnsettled.size(), [&](std::size_t n) {
-            Leaf& leaf = *tree.probeLeaf(mUnsettled[n].origin);
+            const Coord& origin = mUnsettled[n].origin;
+            Leaf& leaf = *tree.probeLeaf(origin);
+            BallCentres::Search besideA(centresA, origin), besideB(centresB, origin),
+                inBetween(between, origin);
             for (auto it = mUnsettled[n].voxels.beginOn(); it; ++it) {
                 progress.check();
-                settle(beside, between, it.pos(), leaf);
+                settle(besideA, besideB, inBetween, it.pos(), leaf);
             }
         });
     }
@@ -197,16 +201,19 @@ private:
 
     /// The ball also bridges the hollows of either solid alone: only by how much farther it keeps
     /// off both is the fillet's.
-    void settle(const BallCentres (&beside)[2], const BallCentres& between, openvdb::Index voxel,
-                Leaf& leaf) const
+    void settle(BallCentres::Search& besideA, BallCentres::Search& besideB,
+                BallCentres::Search& between, openvdb::Index voxel, Leaf& leaf) const
     {
         const Coord at = leaf.offsetToGlobalCoord(voxel);
         const float least = std::min(mSigns.a * mA.getValue(at), mSigns.b * mB.getValue(at));
-        const float both = between.distanceFrom(at);
-        if (both <= mRadius - least / mVoxelSize) return; // the sharp value holds
-        const float farther =
-            both - std::max(beside[0].distanceFrom(at), beside[1].distanceFrom(at));
-        if (!(farther > 0)) return;
+        const float sharp = mRadius - least / mVoxelSize;
+        const float both = between.distanceFrom(at, mReach, sharp);
+        if (both <= sharp) return;
+        const float fromA = besideA.distanceFrom(at, both);
+        if (fromA >= both) return;
+        const float fromB = besideB.distanceFrom(at, both);
+        if (fromB >= both) return;
+        const float farther = both - std::max(fromA, fromB);
         const float value = least - farther * mVoxelSize;
         if (value > -mBackground)
             leaf.setValueOn(voxel, mSigns.result * value);

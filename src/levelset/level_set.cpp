@@ -4,11 +4,31 @@
 #include "transform_lattice.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace mpuvdb
 {
+namespace
+{
+
+void demandFiniteTiles(const openvdb::FloatGrid& grid)
+{
+    auto tile = grid.cbeginValueAll();
+    tile.setMaxDepth(openvdb::FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
+    for (; tile; ++tile) {
+        if (std::isfinite(*tile)) continue;
+        const openvdb::Coord at = tile.getCoord();
+        throw InputError(fmt::format("grid '{}': the values about voxel {}, {}, {} are not finite. "
+                                     "Write it again from its source",
+                                     grid.getName(), at.x(), at.y(), at.z()));
+    }
+}
+
+} // namespace
 
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
 {
@@ -25,6 +45,18 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
     const Lattice lattice{{m(3, 0), m(3, 1), m(3, 2)}, size};
     if (!lattice.origin.allFinite()) return std::nullopt;
     return lattice;
+}
+
+void demandUniformVoxels(const openvdb::GridBase& grid)
+{
+    if (latticeOf(grid.transform())) return;
+    const openvdb::Vec3d size = grid.voxelSize();
+    throw InputError(fmt::format("grid '{}': its voxels are not cubes along the axes (transform "
+                                 "{}, voxels of {:.6g} x {:.6g} x {:.6g}). Resample it to uniform "
+                                 "voxels where it comes from, for example with Houdini's VDB "
+                                 "Resample",
+                                 grid.getName(), grid.transform().mapType(), size.x(), size.y(),
+                                 size.z()));
 }
 
 void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
@@ -47,19 +79,42 @@ LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth)
 LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid) : mGrid(std::move(grid))
 {
     if (!mGrid) throw InputError("level set: there is no grid. Read or make one first");
-    if (!latticeOf(mGrid->transform()))
-        throw InputError(fmt::format(
-            "grid '{}': its voxels are not cubes along the axes (transform {}). Resample "
-            "it to uniform voxels, for example with vdb_tool or Houdini's VDB Resample",
-            mGrid->getName(), mGrid->transform().mapType()));
+    demandUniformVoxels(*mGrid);
     if (mGrid->getGridClass() != openvdb::GRID_LEVEL_SET)
         throw InputError(fmt::format(
-            "grid '{}': is a {}, not a level set. Convert it to a signed distance first",
+            "grid '{}': its class is {}, not a level set. Give it that class if its values are "
+            "distances, negative inside; or make a level set of it with mpuvdb isosurface",
             mGrid->getName(), openvdb::GridBase::gridClassToMenuName(mGrid->getGridClass())));
     if (!(mGrid->background() > 0) || !std::isfinite(mGrid->background()))
         throw InputError(fmt::format("grid '{}': its background is {}, and a level set's is the "
                                      "half-width of its band. Write it again from its source",
                                      mGrid->getName(), mGrid->background()));
+}
+
+void demandFinite(const openvdb::FloatGrid& grid)
+{
+    using Leaf = openvdb::FloatTree::LeafNodeType;
+    std::vector<const Leaf*> leaves;
+    grid.tree().getNodes(leaves);
+    std::vector<openvdb::Index> bad(leaves.size(), openvdb::Index(Leaf::SIZE)); // each leaf's first
+    std::vector<std::uint64_t> counts(leaves.size(), 0);
+    tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
+        const float* const values = leaves[n]->buffer().data();
+        for (openvdb::Index voxel = 0; voxel < Leaf::SIZE; ++voxel) {
+            if (std::isfinite(values[voxel])) continue;
+            bad[n] = std::min(bad[n], voxel);
+            ++counts[n];
+        }
+    });
+    const auto count = std::accumulate(counts.begin(), counts.end(), std::uint64_t(0));
+    if (count == 0) return demandFiniteTiles(grid);
+    const auto n = std::size_t(
+        std::find_if(counts.begin(), counts.end(), [](std::uint64_t c) { return c > 0; }) -
+        counts.begin());
+    const openvdb::Coord at = leaves[n]->offsetToGlobalCoord(bad[n]);
+    throw InputError(fmt::format("grid '{}': {} values are not finite (first at voxel {}, {}, {}). "
+                                 "Write it again from its source",
+                                 grid.getName(), count, at.x(), at.y(), at.z()));
 }
 
 double LevelSet::voxelSize() const

@@ -1,4 +1,5 @@
 // Surfaces between two others.
+#include "band_limits.h"
 #include "prune.h"
 
 #include <mpuvdb/error.h>
@@ -29,16 +30,14 @@ using Leaf = FloatTree::LeafNodeType;
 using Leaves = openvdb::tree::LeafManager<FloatTree>;
 using ConstAccess = openvdb::tree::ValueAccessor<const FloatTree>;
 
-constexpr double kWidest = 1000; ///< voxels: what withHalfWidth() makes
-
 /// A wider band; the next to try is twice as wide.
 LevelSet wider(const LevelSet& levelSet, double& halfWidth, Progress& progress)
 {
-    if (halfWidth >= kWidest)
+    if (halfWidth >= kWidestBand)
         throw LimitError(fmt::format("morph: the shapes differ by more than {} voxels of {:g}, "
                                      "more than a band can be wide. Use larger voxels",
-                                     kWidest, levelSet.voxelSize()));
-    halfWidth = std::min(2 * halfWidth, kWidest);
+                                     kWidestBand, levelSet.voxelSize()));
+    halfWidth = std::min(2 * halfWidth, kWidestBand);
     return withHalfWidth(levelSet, halfWidth, progress);
 }
 
@@ -219,8 +218,7 @@ LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Pro
         throw UsageError(fmt::format("morph: t is {}; it must be in [0, 1], 0 for the first shape "
                                      "and 1 for the second",
                                      t));
-    std::vector<std::string> notes;
-    std::vector<LevelSet> both = onOneLattice({a, b}, notes, progress);
+    std::vector<LevelSet> both = onOneLattice({a, b}, progress).levelSets;
     const double halfWidth = std::max(both[0].halfWidth(), both[1].halfWidth());
     for (LevelSet& one : both)
         if (one.halfWidth() < halfWidth) one = withHalfWidth(one, halfWidth, progress);

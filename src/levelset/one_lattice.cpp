@@ -1,7 +1,5 @@
 #include <mpuvdb/operations.h>
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
 namespace mpuvdb
@@ -23,26 +21,24 @@ bool isSame(const Lattice& a, const Lattice& b)
 
 } // namespace
 
-std::vector<LevelSet> onOneLattice(const std::vector<LevelSet>& inputs,
-                                   std::vector<std::string>& notes, Progress& progress)
+OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress)
 {
-    if (inputs.empty()) return {};
+    OneLattice result;
+    if (inputs.empty()) return result;
     const auto finest =
         std::min_element(inputs.begin(), inputs.end(), [](const LevelSet& a, const LevelSet& b) {
             return a.voxelSize() < b.voxelSize() * (1 - kSameSize);
         });
     const Lattice lattice = finest->lattice();
-    std::vector<LevelSet> result;
-    for (const LevelSet& input : inputs) {
+    result.model = std::size_t(finest - inputs.begin());
+    for (std::size_t n = 0; n < inputs.size(); ++n) {
+        const LevelSet& input = inputs[n];
         if (isSame(input.lattice(), lattice)) {
-            result.push_back(input);
+            result.levelSets.push_back(input);
             continue;
         }
-        result.push_back(resample(input, lattice, input.halfWidth(), progress));
-        notes.push_back(fmt::format("'{}' (voxel size {:g}) was resampled to the lattice of '{}' "
-                                    "(voxel size {:g})",
-                                    input.grid().getName(), input.voxelSize(),
-                                    finest->grid().getName(), lattice.voxelSize));
+        result.levelSets.push_back(resample(input, lattice, input.halfWidth(), progress));
+        result.resampled.push_back(n);
     }
     return result;
 }

@@ -1,4 +1,5 @@
 // Grids whose values are made anew from distances to a surface.
+#include "band_limits.h"
 #include "distance_front.h"
 #include "prune.h"
 #include "restore_distance.h"
@@ -29,12 +30,6 @@ constexpr double kFarthest = 1e5;
 constexpr float kWedge = 0.1f;
 /// The part of an offset's progress that goes to its creases.
 constexpr double kWedgesShare = 0.4;
-
-void demandHalfWidth(double halfWidth)
-{
-    if (!(halfWidth >= 1.5 && halfWidth <= 1000))
-        throw UsageError(fmt::format("half-width {}: must be in [1.5, 1000] voxels", halfWidth));
-}
 
 /// Signed distances in world units, found as they are asked for.
 class Distances
@@ -223,14 +218,14 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
     return made;
 }
 
-void demandDistance(double distance, double voxelSize)
+/// @param what  what it is called.
+void demandTellable(const char* what, double distance, double voxelSize)
 {
-    if (!std::isfinite(distance))
-        throw UsageError(fmt::format("distance {}: must be a finite number", distance));
     if (std::abs(distance) > kFarthest * voxelSize)
-        throw LimitError(fmt::format("distance {:g} is {:.3g} voxels, and no more than {:g} can be "
-                                     "told exactly: use larger voxels",
-                                     distance, std::abs(distance) / voxelSize, kFarthest));
+        throw LimitError(fmt::format("{} {:.6g} is {:.3g} voxels of {:.6g}, and no more than {:g} "
+                                     "can be told exactly: at most {:.6g}, or use larger voxels",
+                                     what, distance, std::abs(distance) / voxelSize, voxelSize,
+                                     kFarthest, kFarthest * voxelSize));
 }
 
 } // namespace
@@ -260,7 +255,9 @@ LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
 
 LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
 {
-    demandDistance(distance, levelSet.voxelSize());
+    if (!std::isfinite(distance))
+        throw UsageError(fmt::format("offset: distance is {}; it must be finite", distance));
+    demandTellable("offset: distance", distance, levelSet.voxelSize());
     const double halfWidth = levelSet.halfWidth();
     const auto reach = float(halfWidth), shift = float(distance / levelSet.voxelSize());
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
@@ -273,16 +270,18 @@ LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
 
 LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& progress)
 {
-    demandDistance(thickness, levelSet.voxelSize());
-    if (!(thickness > 0)) throw UsageError(fmt::format("thickness {}: must be above 0", thickness));
+    if (!(thickness > 0) || !std::isfinite(thickness))
+        throw UsageError(
+            fmt::format("shell: thickness is {:.6g}; it must be above 0 and finite", thickness));
+    demandTellable("shell: thickness", thickness, levelSet.voxelSize());
     const double halfWidth = levelSet.halfWidth();
     const auto reach = float(halfWidth), half = float(0.5 * thickness / levelSet.voxelSize());
     constexpr float kThinnest = 2;
     if (!(2 * half >= kThinnest))
-        throw LimitError(fmt::format(
-            "thickness {:g} is {:.3g} voxels, and a level set shows no wall thinner than {:g}: use "
-            "voxels of at most {:g}",
-            thickness, 2 * half, kThinnest, thickness / kThinnest));
+        throw LimitError(fmt::format("shell: thickness {:.6g} is {:.3g} voxels, and a level set "
+                                     "shows no wall thinner than {:g}: use "
+                                     "voxels of at most {:g}",
+                                     thickness, 2 * half, kThinnest, thickness / kThinnest));
     const float middle = wall == Wall::Inward ? -half : wall == Wall::Outward ? half : 0;
     const auto h = float(levelSet.voxelSize());
     const BandMaker maker(halfWidth, levelSet.voxelSize(),

@@ -1,3 +1,4 @@
+#include "band_limits.h"
 #include "transform_lattice.h"
 
 #include <mpuvdb/error.h>
@@ -49,9 +50,7 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
                   Progress& progress)
 {
     demandVoxelSize(lattice.voxelSize);
-    if (!(halfWidth >= 1.5 && halfWidth <= 1000))
-        throw UsageError(
-            fmt::format("half-width is {} voxels; it must be in [1.5, 1000]", halfWidth));
+    demandHalfWidth(halfWidth);
     const Lattice from = levelSet.lattice();
     if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize) {
         const bool same = std::abs(levelSet.halfWidth() - halfWidth) <= kRounding * halfWidth;

@@ -1,5 +1,7 @@
 // Inner nodes of shapes: Booleans, offsets, filters, morphs, motions.
+#include "band_limits.h"
 #include "shape_node.h"
+#include "smooth_filters.h"
 
 #include <mpuvdb/error.h>
 
@@ -59,6 +61,7 @@ public:
 
     Demand demandOf(std::size_t, const Demand& own) const override
     {
+        demandBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
         Demand demand = own;
         demand.halfWidth += mBlendRadius / own.lattice.voxelSize;
         return demand;
@@ -123,9 +126,7 @@ private:
     static Box3d boundsOf(Boolean kind, const std::vector<Ptr>& inputs, double blendRadius)
     {
         if (inputs.empty()) throw UsageError("a Boolean of no shape: give at least one");
-        if (!(blendRadius >= 0) || !std::isfinite(blendRadius))
-            throw UsageError(
-                fmt::format("blend radius {}: must be a number from 0 on", blendRadius));
+        demandBlendRadius(blendRadius);
         Box3d box = inputs.front()->bounds();
         for (const Ptr& input : inputs) {
             if (kind == Boolean::Union) box.extend(input->bounds());
@@ -146,7 +147,7 @@ public:
           mDistance(distance)
     {
         if (!std::isfinite(distance))
-            throw UsageError(fmt::format("offset {}: must be a finite length", distance));
+            throw UsageError(fmt::format("offset: distance is {}; it must be finite", distance));
     }
 
     Demand demandOf(std::size_t, const Demand& own) const override
@@ -186,7 +187,8 @@ public:
           mThickness(thickness), mWall(wall)
     {
         if (!(thickness > 0) || !std::isfinite(thickness))
-            throw UsageError(fmt::format("shell {}: must be a length above 0", thickness));
+            throw UsageError(fmt::format(
+                "shell: thickness is {:.6g}; it must be above 0 and finite", thickness));
     }
 
     Demand demandOf(std::size_t, const Demand& own) const override
@@ -230,6 +232,7 @@ public:
     SmoothNode(const Ptr& input, const SmoothSettings& settings)
         : Node("smooth", {input}, input->bounds()), mSettings(settings)
     {
+        demandSmoothSettings(settings);
     }
 
     Demand demandOf(std::size_t, const Demand& own) const override
@@ -255,7 +258,8 @@ public:
         : Node(fmt::format("morph {:.4g}", t), {a, b}, a->bounds().merged(b->bounds())), mT(t),
           mHow(how)
     {
-        if (!(t >= 0 && t <= 1)) throw UsageError(fmt::format("morph at {}: must be in [0,1]", t));
+        if (!(t >= 0 && t <= 1))
+            throw UsageError(fmt::format("morph: t is {}; it must be in [0, 1]", t));
     }
 
     /// Both in full: how far they are apart decides.

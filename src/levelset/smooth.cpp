@@ -23,17 +23,6 @@ using openvdb::FloatGrid;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-void demandSettings(const SmoothSettings& settings)
-{
-    if (settings.iterations < 1 || settings.iterations > 1000)
-        throw UsageError(
-            fmt::format("smooth: {} iterations; there must be 1 to 1000", settings.iterations));
-    if (settings.filter != Filter::MeanCurvature && (settings.width < 1 || settings.width > 32))
-        throw UsageError(fmt::format("smooth: the filter's width is {} voxels; it must be in "
-                                     "[1, 32]. For more smoothing take more iterations",
-                                     settings.width));
-}
-
 /// The voxels whose values differ between two grids of one topology.
 openvdb::MaskTree::Ptr changedVoxels(const FloatTree& before, const FloatTree& after)
 {
@@ -90,9 +79,21 @@ LevelSet changedOnly(const LevelSet& before, const LevelSet& after, openvdb::Mas
 
 } // namespace
 
+void demandSmoothSettings(const SmoothSettings& settings)
+{
+    if (settings.iterations < 1 || settings.iterations > 1000)
+        throw UsageError(
+            fmt::format("smooth: {} iterations; there must be 1 to 1000", settings.iterations));
+    if (settings.filter != Filter::MeanCurvature && (settings.width < 1 || settings.width > 32))
+        throw UsageError(fmt::format("smooth: the filter's width is {} voxels; it must be in "
+                                     "[1, 32]. For more smoothing take more iterations",
+                                     settings.width));
+}
+
 LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Progress& progress)
 {
-    demandSettings(settings);
+    demandSmoothSettings(settings);
+    if (settings.mask) demandFinite(*settings.mask);
     const double halfWidth = levelSet.halfWidth();
     progress.beginStage("smooth", passesOf(settings));
     LevelSet result = levelSet;

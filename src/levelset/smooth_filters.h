@@ -5,6 +5,9 @@
 namespace mpuvdb
 {
 
+/// @throws UsageError for settings out of range.
+void demandSmoothSettings(const SmoothSettings& settings);
+
 /// What is filtered before the result is made a distance again.
 struct FilterPass {
     double halfWidth = 0; ///< voxels: what the filter reads of the band where the zero set may come

@@ -17,6 +17,9 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
 /// Give @a grid the transform of @a lattice.
 void setLattice(openvdb::GridBase& grid, const Lattice& lattice);
 
+/// @throws InputError unless its transform is that of a lattice.
+void demandUniformVoxels(const openvdb::GridBase& grid);
+
 /// @throws UsageError unless @a voxelSize is a positive number, LimitError for one that is too
 /// small for a transform: OpenVDB takes those whose determinant is below 3e-15 for singular.
 void demandVoxelSize(double voxelSize);

@@ -34,8 +34,9 @@ struct Maker {
 
 std::string wantPositive(const std::vector<double>& n)
 {
-    for (const double x : n)
-        if (!(x > 0)) return "sizes must be positive";
+    for (std::size_t i = 0; i < n.size(); ++i)
+        if (!(n[i] > 0))
+            return fmt::format("number {} is {}, and sizes must be above 0", i + 1, n[i]);
     return {};
 }
 
@@ -279,7 +280,8 @@ private:
         if (!solidsFit || int(a.numbers.size()) != maker.numbers)
             fail(start, fmt::format("the arguments are {}({})", maker.name, maker.arguments));
         const std::string complaint = maker.complaint(a.numbers);
-        if (!complaint.empty()) fail(start, fmt::format("{}: {}", maker.name, complaint));
+        if (!complaint.empty())
+            fail(start, fmt::format("{}({}): {}", maker.name, maker.arguments, complaint));
         return maker.make(a);
     }
 

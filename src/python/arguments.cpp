@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 namespace mpuvdb::python
 {
 namespace py = pybind11;
@@ -14,6 +16,45 @@ Length lengthOf(const LengthArgument& argument)
 {
     if (const auto* text = std::get_if<std::string>(&argument)) return Length::parse(*text);
     return Length{std::get<double>(argument), Length::Unit::World};
+}
+
+namespace
+{
+
+std::string textOf(const Vec3d& v)
+{
+    return fmt::format("({}, {}, {})", v[0], v[1], v[2]);
+}
+
+} // namespace
+
+double finite(const std::string& what, double value)
+{
+    if (!std::isfinite(value))
+        throw UsageError(fmt::format("{} is {}; it must be finite", what, value));
+    return value;
+}
+
+Vec3d finite(const std::string& what, const Vec3d& value)
+{
+    if (!value.allFinite())
+        throw UsageError(fmt::format("{} is {}; all three must be finite", what, textOf(value)));
+    return value;
+}
+
+double positive(const std::string& what, double value)
+{
+    if (!(value > 0) || !std::isfinite(value))
+        throw UsageError(fmt::format("{} is {}; it must be above 0 and finite", what, value));
+    return value;
+}
+
+Vec3d positive(const std::string& what, const Vec3d& value)
+{
+    if (!(value.minCoeff() > 0) || !value.allFinite())
+        throw UsageError(
+            fmt::format("{} is {}; all three must be above 0 and finite", what, textOf(value)));
+    return value;
 }
 
 double worldLength(const LengthArgument& argument, const Scale& scale)
@@ -40,7 +81,8 @@ Vec3d directionOf(const AxisArgument& argument, const char* what)
                              {{"x", Vec3d::UnitX()}, {"y", Vec3d::UnitY()}, {"z", Vec3d::UnitZ()}});
     const Vec3d& direction = std::get<Vec3d>(argument);
     if (!direction.allFinite() || direction.isZero(0))
-        throw UsageError(fmt::format("{}: the direction must be finite, and not zero", what));
+        throw UsageError(fmt::format("{} is {}; a direction must be finite and not zero", what,
+                                     textOf(direction)));
     return direction;
 }
 
@@ -51,10 +93,10 @@ void throwChoice(const std::string& word, const char* what, const std::string& w
 
 Box3d boxBetween(const Vec3d& low, const Vec3d& high)
 {
-    if (!(low.array() < high.array()).all())
-        throw UsageError(fmt::format("a box from ({}, {}, {}) to ({}, {}, {}) holds nothing: low "
-                                     "must be below high on each axis",
-                                     low[0], low[1], low[2], high[0], high[1], high[2]));
+    if (!(low.array() < high.array()).all() || !low.allFinite() || !high.allFinite())
+        throw UsageError(fmt::format("a box from {} to {} holds nothing, or has no end: low must "
+                                     "be below high on each axis, and both finite",
+                                     textOf(low), textOf(high)));
     return {low, high};
 }
 

@@ -21,6 +21,14 @@ using LengthArgument = std::variant<double, std::string>;
 
 Length lengthOf(const LengthArgument& argument);
 
+/// @{ @a value. @param what  whose it is, for the error: "sphere: radius".
+/// @throws UsageError unless it is finite, or above 0 and finite.
+double finite(const std::string& what, double value);
+Vec3d finite(const std::string& what, const Vec3d& value);
+double positive(const std::string& what, double value);
+Vec3d positive(const std::string& what, const Vec3d& value);
+/// @}
+
 /// What a length is relative to.
 struct Scale {
     Box3d box;            ///< whose diagonal "%" is a part of; world units
@@ -58,7 +66,8 @@ T choose(const std::string& word, const char* what,
 
 using Corners = std::pair<Vec3d, Vec3d>;
 
-/// The box from @a low to @a high. @throws UsageError unless low < high everywhere.
+/// The box from @a low to @a high. @throws UsageError unless low < high everywhere, and both are
+/// finite.
 Box3d boxBetween(const Vec3d& low, const Vec3d& high);
 
 /// (low, high), or None if @a box is empty.

@@ -20,6 +20,16 @@ Shape combine(Boolean kind, std::vector<Shape> shapes, const LengthArgument& ble
     return Shape::combine(kind, std::move(shapes), worldLength(blend, {box}));
 }
 
+/// After *args pybind11 converts nothing, and would refuse whole numbers.
+LengthArgument lengthOf(const py::object& blend)
+{
+    try {
+        return blend.cast<LengthArgument>();
+    } catch (const py::cast_error&) {
+        throw py::type_error("blend: give a number of world units, or text such as '1%'");
+    }
+}
+
 std::vector<Shape> shapesOf(const py::args& arguments)
 {
     std::vector<Shape> shapes;
@@ -38,8 +48,8 @@ void bindBooleans(py::module_& module)
     const auto boolean = [&](const char* name, Boolean kind, const char* doc) {
         module.def(
             name,
-            [kind](const py::args& shapes, const LengthArgument& blend) {
-                return combine(kind, shapesOf(shapes), blend);
+            [kind](const py::args& shapes, const py::object& blend) {
+                return combine(kind, shapesOf(shapes), lengthOf(blend));
             },
             py::kw_only(), "blend"_a = 0.0, doc);
     };

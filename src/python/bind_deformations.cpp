@@ -5,6 +5,8 @@
 
 #include <mpuvdb/error.h>
 
+#include <fmt/format.h>
+
 #include <pybind11/stl.h>
 
 #include <cmath>
@@ -30,8 +32,8 @@ Eigen::Affine3d about(const Vec3d& origin, const Eigen::Matrix3d& motion)
 }
 
 /// Where along @a axis a deformation begins and ends: as told, else as far as the shape's box goes.
-std::pair<double, double> span(const Shape& shape, const Axis& axis, std::optional<double> start,
-                               std::optional<double> end)
+std::pair<double, double> span(const char* what, const Shape& shape, const Axis& axis,
+                               std::optional<double> start, std::optional<double> end)
 {
     const Box3d box = shape.bounds();
     double low = 0, high = 0;
@@ -42,9 +44,17 @@ std::pair<double, double> span(const Shape& shape, const Axis& axis, std::option
         low = middle - half;
         high = middle + half;
     }
+    if (!std::isfinite(low) && !(start && end))
+        throw UsageError(fmt::format("{}: the shape has no bounds along the axis: give start and "
+                                     "end",
+                                     what));
     const auto result = std::make_pair(start.value_or(low), end.value_or(high));
-    if (!std::isfinite(result.first) || !std::isfinite(result.second))
-        throw UsageError("the shape has no bounds along the axis: give start and end");
+    if (!(result.first < result.second) || !std::isfinite(result.first) ||
+        !std::isfinite(result.second))
+        throw UsageError(
+            fmt::format("{}: start is {} and end is {}; start must be the smaller, and "
+                        "both finite",
+                        what, result.first, result.second));
     return result;
 }
 
@@ -67,15 +77,17 @@ void bindMotions(ShapeClass& shapes)
         .def(
             "translate",
             [](const Shape& shape, const Vec3d& by) {
-                return moved(shape, Eigen::Affine3d(Eigen::Translation3d(by)));
+                return moved(shape,
+                             Eigen::Affine3d(Eigen::Translation3d(finite("translate: by", by))));
             },
             "by"_a, "Moved by a vector, world units.")
         .def(
             "rotate",
             [](const Shape& shape, double degrees, const AxisArgument& axis, const Vec3d& origin) {
-                const Vec3d along = directionOf(axis, "axis").normalized();
-                const Eigen::AngleAxisd turn(degrees * kRadians, along);
-                return moved(shape, about(origin, turn.toRotationMatrix()));
+                const Vec3d along = directionOf(axis, "rotate: axis").normalized();
+                const double angle = finite("rotate: degrees", degrees) * kRadians;
+                return moved(shape, about(finite("rotate: origin", origin),
+                                          Eigen::AngleAxisd(angle, along).toRotationMatrix()));
             },
             "degrees"_a, "axis"_a = "z", "origin"_a = kZero,
             "Turned by degrees, counter-clockwise seen against the axis." MPUVDB_AXIS_DOC)
@@ -84,7 +96,12 @@ void bindMotions(ShapeClass& shapes)
             [](const Shape& shape, const std::variant<double, Vec3d>& factor, const Vec3d& origin) {
                 const auto* one = std::get_if<double>(&factor);
                 const Vec3d factors = one ? Vec3d::Constant(*one) : std::get<Vec3d>(factor);
-                return moved(shape, about(origin, factors.asDiagonal().toDenseMatrix()));
+                if (!factors.allFinite() || !(factors.cwiseAbs().minCoeff() > 0))
+                    throw UsageError(fmt::format("scale: factor is ({}, {}, {}); it must be finite "
+                                                 "and not 0 along any axis",
+                                                 factors[0], factors[1], factors[2]));
+                return moved(shape, about(finite("scale: origin", origin),
+                                          factors.asDiagonal().toDenseMatrix()));
             },
             "factor"_a, "origin"_a = kZero,
             "Scaled about origin by a number, or by one for each axis.")
@@ -105,8 +122,9 @@ void bindWarps(ShapeClass& shapes)
         .def(
             "twist",
             [](const Shape& shape, double degrees, const AxisArgument& axis, const Vec3d& origin) {
-                const Axis about{origin, directionOf(axis, "axis")};
-                return warped(shape, makeTwist(about, degrees * kRadians), "twist");
+                const Axis about{finite("twist: origin", origin), directionOf(axis, "twist: axis")};
+                const double angle = finite("twist: degrees_per_unit", degrees) * kRadians;
+                return warped(shape, makeTwist(about, angle), "twist");
             },
             "degrees_per_unit"_a, "axis"_a = "z", "origin"_a = kZero,
             "Turned about an axis by degrees per world unit along it." MPUVDB_AXIS_DOC)
@@ -115,11 +133,16 @@ void bindWarps(ShapeClass& shapes)
             [](const Shape& shape, double degrees, const AxisArgument& axis,
                const AxisArgument& side, std::optional<double> start, std::optional<double> end,
                const Vec3d& origin) {
-                const Axis along{origin, directionOf(axis, "axis")};
-                const auto [from, to] = span(shape, along, start, end);
-                return warped(
-                    shape, makeBend(along, directionOf(side, "side"), degrees * kRadians, from, to),
-                    "bend");
+                const Axis along{finite("bend: origin", origin), directionOf(axis, "bend: axis")};
+                const auto [from, to] = span("bend", shape, along, start, end);
+                const double most = 360 / (to - from);
+                if (!(std::abs(degrees) <= most))
+                    throw UsageError(fmt::format("bend: degrees_per_unit is {}; over a length of "
+                                                 "{} it must be within {} to {}, a full circle",
+                                                 degrees, to - from, -most, most));
+                const Vec3d towards = directionOf(side, "bend: side");
+                return warped(shape, makeBend(along, towards, degrees * kRadians, from, to),
+                              "bend");
             },
             "degrees_per_unit"_a, "axis"_a = "z", "side"_a = "x", "start"_a = py::none(),
             "end"_a = py::none(), "origin"_a = kZero,
@@ -130,8 +153,10 @@ void bindWarps(ShapeClass& shapes)
             "taper",
             [](const Shape& shape, double startFactor, double endFactor, const AxisArgument& axis,
                std::optional<double> start, std::optional<double> end, const Vec3d& origin) {
-                const Axis along{origin, directionOf(axis, "axis")};
-                const auto [from, to] = span(shape, along, start, end);
+                const Axis along{finite("taper: origin", origin), directionOf(axis, "taper: axis")};
+                const auto [from, to] = span("taper", shape, along, start, end);
+                positive("taper: start_factor", startFactor);
+                positive("taper: end_factor", endFactor);
                 return warped(shape, makeTaper(along, from, to, startFactor, endFactor), "taper");
             },
             "start_factor"_a, "end_factor"_a, "axis"_a = "z", "start"_a = py::none(),
@@ -145,6 +170,7 @@ void bindWarps(ShapeClass& shapes)
                double stretch) {
                 const PointsCallable function(inverse, "inverse");
                 const Box3d image = boxBetween(bounds.first, bounds.second);
+                positive("warp: stretch", stretch);
                 return warped(
                     shape,
                     makeWarp(

@@ -91,8 +91,8 @@ void bindArrays(LevelSetClass& levelSets)
             "from_pyopenvdb",
             [](const py::object& grid) { return LevelSet(fromPyOpenVdb(grid, "grid")); }, "grid"_a,
             "The level set of a FloatGrid of OpenVDB's own Python module.\n\n"
-            "Raises InputError unless it has the class level set, uniform voxels and a positive "
-            "background.");
+            "Raises InputError unless it has the class level set, uniform voxels, a positive "
+            "background and finite values.");
 }
 
 void bindQuestions(LevelSetClass& levelSets)

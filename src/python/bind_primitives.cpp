@@ -19,6 +19,11 @@ namespace
 
 const Vec3d kZero = Vec3d::Zero();
 
+std::string numbers(const Vec3d& v)
+{
+    return fmt::format("{},{},{}", v[0], v[1], v[2]);
+}
+
 Shape solidShape(const std::string& description, const std::string& name)
 {
     return Shape(makeSolidField(parseSolid(description)), name);
@@ -29,18 +34,21 @@ Shape at(const Vec3d& place, const Shape& shape)
     return shape.moved(Eigen::Affine3d(Eigen::Translation3d(place)));
 }
 
-/// A solid that stands along z about the origin, between @a a and @a b; @a describe gets their
-/// distance.
-template <class Describe>
-Shape between(const Vec3d& a, const Vec3d& b, const char* name, Describe&& describe)
+/// The solid called @a name of a radius and a height, which stands along z, put between @a a and
+/// @a b.
+Shape between(const char* name, const Vec3d& a, const Vec3d& b, double radius)
 {
-    const Vec3d along = b - a;
+    const Vec3d along =
+        finite(fmt::format("{}: b", name), b) - finite(fmt::format("{}: a", name), a);
     const double length = along.norm();
     if (!(length > 0) || !std::isfinite(length))
-        throw UsageError(fmt::format("{}: its ends must be finite, and not the same", name));
+        throw UsageError(fmt::format("{}: its ends a and b are {} apart; that must be above 0 and "
+                                     "finite",
+                                     name, length));
+    positive(fmt::format("{}: radius", name), radius);
     Eigen::Affine3d motion(Eigen::Translation3d((a + b) / 2));
     motion.rotate(Eigen::Quaterniond::FromTwoVectors(Vec3d::UnitZ(), along));
-    return solidShape(describe(length), name).moved(motion);
+    return solidShape(fmt::format("{}({},{})", name, radius, length), name).moved(motion);
 }
 
 /// What a call was: name(0.35, radius=1).
@@ -84,16 +92,12 @@ Box3d boxOf(const std::optional<Vec3d>& low, const std::optional<Vec3d>& high,
 {
     if (low && high && !center && !size) return boxBetween(*low, *high);
     if (size && !low && !high) {
-        const Vec3d middle = center.value_or(kZero);
-        return boxBetween(middle - *size / 2, middle + *size / 2);
+        const Vec3d half = positive("box: size", *size) / 2;
+        const Vec3d middle = finite("box: center", center.value_or(kZero));
+        return boxBetween(middle - half, middle + half);
     }
     throw UsageError("a box: give low and high, or size=(x, y, z), and center=(x, y, z) with it "
                      "unless it lies about (0, 0, 0)");
-}
-
-std::string sizes(const Vec3d& v)
-{
-    return fmt::format("{},{},{}", v[0], v[1], v[2]);
 }
 
 void bindRound(py::module_& module)
@@ -101,21 +105,33 @@ void bindRound(py::module_& module)
     define(
         module, "sphere", "sphere(radius=0.5) or sphere((0, 0, 1), 0.5)",
         [](const Vec3d& center, double radius) {
-            return at(center, solidShape(fmt::format("sphere({})", radius), "sphere"));
+            return at(finite("sphere: center", center),
+                      solidShape(fmt::format("sphere({})", positive("sphere: radius", radius)),
+                                 "sphere"));
         },
         "center"_a = kZero, "radius"_a = 1.0, "A ball; world units.");
     define(
         module, "ellipsoid", "ellipsoid((0, 0, 0), (3, 2, 1))",
         [](const Vec3d& center, const Vec3d& radii) {
-            return at(center, solidShape(fmt::format("ellipsoid({})", sizes(radii)), "ellipsoid"));
+            return at(finite("ellipsoid: center", center),
+                      solidShape(fmt::format("ellipsoid({})",
+                                             numbers(positive("ellipsoid: radii", radii))),
+                                 "ellipsoid"));
         },
         "center"_a, "radii"_a, "An ellipsoid with radii along the axes; world units.");
     define(
         module, "torus", "torus(1, 0.3) or torus(1, 0.3, center=(0, 0, 1), axis='x')",
         [](double ring, double tube, const Vec3d& center, const AxisArgument& axis) {
-            Eigen::Affine3d motion((Eigen::Translation3d(center)));
-            motion.rotate(
-                Eigen::Quaterniond::FromTwoVectors(Vec3d::UnitZ(), directionOf(axis, "axis")));
+            positive("torus: ring_radius", ring);
+            positive("torus: tube_radius", tube);
+            if (!(tube < ring))
+                throw UsageError(
+                    fmt::format("torus: tube_radius is {}; it must be less than ring_radius, "
+                                "which is {}",
+                                tube, ring));
+            Eigen::Affine3d motion((Eigen::Translation3d(finite("torus: center", center))));
+            motion.rotate(Eigen::Quaterniond::FromTwoVectors(Vec3d::UnitZ(),
+                                                             directionOf(axis, "torus: axis")));
             return solidShape(fmt::format("torus({},{})", ring, tube), "torus").moved(motion);
         },
         "ring_radius"_a, "tube_radius"_a, "center"_a = kZero, "axis"_a = "z",
@@ -123,26 +139,18 @@ void bindRound(py::module_& module)
     define(
         module, "capsule", "capsule((0, 0, 0), (0, 0, 1), 0.1)",
         [](const Vec3d& a, const Vec3d& b, double radius) {
-            return between(a, b, "capsule", [&](double length) {
-                return fmt::format("capsule({},{})", radius, length);
-            });
+            return between("capsule", a, b, radius);
         },
         "a"_a, "b"_a, "radius"_a, "All places within radius of the line from a to b; world units.");
     define(
         module, "cylinder", "cylinder((0, 0, 0), (0, 0, 1), 0.1)",
         [](const Vec3d& a, const Vec3d& b, double radius) {
-            return between(a, b, "cylinder", [&](double length) {
-                return fmt::format("cylinder({},{})", radius, length);
-            });
+            return between("cylinder", a, b, radius);
         },
         "a"_a, "b"_a, "radius"_a, "A cylinder with its ends' middles at a and b; world units.");
     define(
         module, "cone", "cone((0, 0, 0), (0, 0, 1), 0.5)",
-        [](const Vec3d& a, const Vec3d& b, double radius) {
-            return between(a, b, "cone", [&](double length) {
-                return fmt::format("cone({},{})", radius, length);
-            });
-        },
+        [](const Vec3d& a, const Vec3d& b, double radius) { return between("cone", a, b, radius); },
         "a"_a, "b"_a, "radius"_a,
         "A cone with its base of radius about a and its apex at b; world units.");
 }
@@ -154,7 +162,8 @@ void bindBoxes(py::module_& module)
         module, "box", "box((0, 0, 0), (1, 1, 1)) or box(size=(1, 1, 1))",
         [](const Place& low, const Place& high, const Place& center, const Place& size) {
             const Box3d box = boxOf(low, high, center, size);
-            return at(box.center(), solidShape(fmt::format("box({})", sizes(box.sizes())), "box"));
+            return at(box.center(),
+                      solidShape(fmt::format("box({})", numbers(box.sizes())), "box"));
         },
         "low"_a = py::none(), "high"_a = py::none(), py::kw_only(), "center"_a = py::none(),
         "size"_a = py::none(),
@@ -165,8 +174,15 @@ void bindBoxes(py::module_& module)
         [](const Place& low, const Place& high, double radius, const Place& center,
            const Place& size) {
             const Box3d box = boxOf(low, high, center, size);
+            const double most = box.sizes().minCoeff() / 2;
+            if (!(radius >= 0 && radius <= most))
+                throw UsageError(fmt::format("rounded_box: radius is {}; it must be from 0 to {}, "
+                                             "half the smallest side",
+                                             radius, most));
+            const std::string sizes = numbers(box.sizes());
             return at(box.center(),
-                      solidShape(fmt::format("roundedbox({},{})", sizes(box.sizes()), radius),
+                      solidShape(radius > 0 ? fmt::format("roundedbox({},{})", sizes, radius)
+                                            : fmt::format("box({})", sizes),
                                  "rounded box"));
         },
         "low"_a = py::none(), "high"_a = py::none(), "radius"_a = 0.0, py::kw_only(),
@@ -208,7 +224,8 @@ void bindOthers(py::module_& module)
                     [values](const std::vector<Vec3d>& points, std::vector<double>& result) {
                         values.values(points, result);
                     },
-                    boxBetween(bounds.first, bounds.second), steepness),
+                    boxBetween(bounds.first, bounds.second),
+                    positive("function: steepness", steepness)),
                 "function");
         },
         "function"_a, "bounds"_a, "steepness"_a,

@@ -84,7 +84,9 @@ openvdb::FloatGrid::Ptr fromPyOpenVdb(const py::object& object, const char* what
     const std::string file = folder.file();
     module.attr("write")(file, object);
     return run(py::none(), [&](Progress&) {
-        return openvdb::gridPtrCast<openvdb::FloatGrid>(readGrids(file).front());
+        const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(readGrids(file).front());
+        demandFinite(*grid);
+        return grid;
     });
 }
 

@@ -1,5 +1,6 @@
 """Numpy arrays, level sets and meshes in and out, and OpenVDB's own module."""
 
+import math
 import unittest
 
 import numpy as np
@@ -291,6 +292,21 @@ class PyOpenVdb(ShapeTest):
             mv.LevelSet.from_pyopenvdb(vdb.BoolGrid())
         with self.assertRaisesRegex(mv.UsageError, "int"):
             mv.LevelSet.from_pyopenvdb(3)
+
+    def test_what_is_not_finite_is_refused(self):
+        for bad in (math.nan, math.inf):
+            voxel = mv.sphere().level_set(0.2).to_pyopenvdb()
+            voxel.getAccessor().setValueOn((5, 0, 0), bad)
+            with self.assertRaisesRegex(mv.InputError, "1 values are not finite .*voxel 5, 0, 0"):
+                mv.LevelSet.from_pyopenvdb(voxel)
+            tile = mv.sphere().level_set(0.2).to_pyopenvdb()
+            tile.fill((64, 64, 64), (71, 71, 71), bad, False)
+            with self.assertRaisesRegex(mv.InputError, "about voxel 64, 64, 64 are not finite"):
+                mv.LevelSet.from_pyopenvdb(tile)
+            mask = vdb.FloatGrid(0.0)
+            mask.getAccessor().setValueOn((0, 0, 0), bad)
+            with self.assertRaisesRegex(mv.InputError, "not finite"):
+                mv.sphere().level_set(0.2).smooth(mask=mask)
 
     def test_masked_smoothing(self):
         mask = vdb.FloatGrid(0.0)

@@ -78,6 +78,89 @@ class Primitives(ShapeTest):
             mv.sphere().translate(1, 2, 3)
         self.assertIn("center: Vector", mv.sphere.__doc__)
 
+    def test_sizes_out_of_range_say_which(self):
+        nan, inf, o, z = math.nan, math.inf, (0, 0, 0), (0, 0, 1)
+        s, bounds = mv.sphere(), ((-1, -1, -1), (1, 1, 1))
+        grid = s.level_set(0.2)
+        # What is said: the argument, and its value.
+        for bad in (-1, 0, nan, inf):
+            sizes = {
+                "sphere: radius": lambda: mv.sphere(radius=bad),
+                "torus: ring_radius": lambda: mv.torus(bad, 0.1),
+                "torus: tube_radius": lambda: mv.torus(1, bad),
+                "capsule: radius": lambda: mv.capsule(o, z, bad),
+                "cylinder: radius": lambda: mv.cylinder(o, z, bad),
+                "cone: radius": lambda: mv.cone(o, z, bad),
+                "gyroid: its period": lambda: mv.gyroid(bad, 0.1),
+                "gyroid: its thickness": lambda: mv.gyroid(1, bad),
+                "function: steepness": lambda: mv.function(len, bounds, bad),
+                "shell: thickness": lambda: s.shell(bad),
+                "shell: thickness ": lambda: grid.shell(bad),
+                "taper: start_factor": lambda: s.taper(bad, 1),
+                "taper: end_factor": lambda: s.taper(1, bad),
+                "warp: stretch": lambda: s.warp(lambda p: p, bounds, bad),
+            }
+            for what, call in sizes.items():
+                with self.subTest(what, value=bad):
+                    with self.assertRaisesRegex(mv.UsageError, f"^{what.strip()} is {bad}.*above 0"):
+                        call()
+            vectors = {
+                "ellipsoid: radii": lambda: mv.ellipsoid(o, (1, bad, 1)),
+                "box: size": lambda: mv.box(size=(1, bad, 1)),
+            }
+            for what, call in vectors.items():
+                with self.subTest(what, value=bad):
+                    said = rf"^{what} is \(1, {bad}, 1\).*above 0"
+                    with self.assertRaisesRegex(mv.UsageError, said):
+                        call()
+        for bad in (nan, inf):
+            numbers = {
+                "offset: distance": lambda: s.offset(bad),
+                "twist: degrees_per_unit": lambda: s.twist(bad),
+                "bend: degrees_per_unit": lambda: s.bend(bad),
+                "rotate: degrees": lambda: s.rotate(bad),
+                "morph: t": lambda: s.morph(s, bad),
+                "blend radius": lambda: mv.blend_union(s, s, bad),
+            }
+            for what, call in numbers.items():
+                with self.subTest(what, value=bad):
+                    with self.assertRaisesRegex(mv.UsageError, f"^{what} is {bad}"):
+                        call()
+            for what, call in {
+                "sphere: center": lambda: mv.sphere((0, bad, 0)),
+                "capsule: b": lambda: mv.capsule(o, (0, bad, 0), 1),
+                "translate: by": lambda: s.translate((0, bad, 0)),
+                "twist: axis": lambda: s.twist(1, axis=(0, bad, 0)),
+            }.items():
+                with self.subTest(what, value=bad):
+                    with self.assertRaisesRegex(mv.UsageError, rf"^{what} is \(0, {bad}, 0\)"):
+                        call()
+        for call, said in {
+            lambda: mv.torus(0.1, 1): "tube_radius is 1.*less than ring_radius, which is 0.1",
+            lambda: mv.rounded_box(o, (1, 1, 1), 0.6): "radius is 0.6.*from 0 to 0.5",
+            lambda: mv.union(s, s, blend=-2): "blend radius is -2",
+            lambda: s.scale((1, 0, 1)): r"factor is \(1, 0, 1\)",
+            lambda: s.bend(400): "degrees_per_unit is 400.*180",
+            lambda: s.taper(1, 2, start=1, end=0): "start is 1 and end is 0",
+            lambda: s.smooth(iterations=0): "0 iterations",
+            lambda: s.smooth(width=0): "width is 0",
+        }.items():
+            with self.assertRaisesRegex(mv.UsageError, said):
+                call()
+        # A fillet for which no band is wide enough: bands hold 1000 voxels.
+        for far in (mv.union(s, s, blend=100), mv.blend_union(s, s, "3000%")):
+            with self.assertRaisesRegex(mv.LimitError, "blend radius.*at most 49.85"):
+                far.level_set(0.05)
+        self.assert_volume(mv.rounded_box(o, (1, 1, 1)), 1)
+
+    def test_blend_takes_any_number_or_text(self):
+        a, b = mv.sphere(), mv.sphere((1.2, 0, 0))
+        for blend in (1, 1.0, np.float32(1), np.int64(1)):
+            self.assertIn("blend 1", mv.union(a, b, blend=blend).explain(0.1))
+        self.assertIn("blend", mv.difference(a, b, blend="1%").explain(0.1))
+        with self.assertRaisesRegex(TypeError, "^blend: give a number"):
+            mv.union(a, b, blend=None)
+
     def test_function_gets_many_points(self):
         sizes = []
 

@@ -33,14 +33,9 @@ protected:
             if (!(radius >= 0))
                 throw UsageError(fmt::format("--blend {}: must be from 0 on", mBlend->text()));
         }
-        session.progress().beginStage("resample");
-        std::vector<std::string> notes;
-        const std::vector<LevelSet> solids =
-            onOneLattice(levelSetsOf(inputs), notes, session.progress());
-        for (const std::string& note : notes) session.note("resampled   " + note);
+        const std::vector<LevelSet> solids = onOneLattice(inputs, settings(), session);
         settings()["blend"] = radius;
         settings()["inputs"] = inputs.size();
-        if (!notes.empty()) settings()["resampled"] = notes;
         if (mBlend) session.note("blend       " + lengthText(radius, solids.front().voxelSize()));
         return combine(mKind, solids, radius, session.progress());
     }

@@ -105,9 +105,10 @@ public:
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
         for (auto make :
-             {makeReconstruct, makeVoxelize, makeMesh, makeUnion, makeIntersection, makeDifference,
-              makeOffset, makeShell, makeSmooth, makeMorph, makeTwistVerb, makeTransform,
-              makeResample, makeFog, makeComponents, makeSample, makeInfo, makeCheck, makeRender})
+             {makeReconstruct, makeVoxelize,  makeMesh,     makeUnion,  makeIntersection,
+              makeDifference,  makeOffset,    makeShell,    makeSmooth, makeMorph,
+              makeTwistVerb,   makeTransform, makeResample, makeFog,    makeIsosurface,
+              makeComponents,  makeSample,    makeInfo,     makeCheck,  makeRender})
             add(make());
     }
 

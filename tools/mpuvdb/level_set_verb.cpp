@@ -18,12 +18,14 @@ GridInput readGridInput(const std::string& file, const std::string& name, Sessio
     session.progress().beginStage("read");
     std::optional<LevelSetFile> there;
     const auto read = [&](const std::filesystem::path& path) {
-        there = readLevelSetFile(path, name, session.options().maxBytes);
+        there = readLevelSetFile(path, name, session.bytesLeft());
     };
     if (file == "-")
         spoolStandardInput(".vdb", read);
     else
         read(file);
+    session.hold(there->levelSet.grid().memUsage());
+    for (const auto& other : there->others) session.hold(other->memUsage());
     const auto size = there->levelSet.grid().evalActiveVoxelDim().asVec3d();
     const double diagonal = size.length() * there->levelSet.voxelSize();
     return {file, std::move(there->levelSet), std::move(there->others), diagonal};
@@ -90,11 +92,25 @@ ExitCode LevelSetVerb::run(Session& session)
     return code;
 }
 
-std::vector<LevelSet> levelSetsOf(const std::vector<GridInput>& inputs)
+std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& settings,
+                                   Session& session)
 {
+    const auto nameOf = [](const GridInput& input) {
+        return fmt::format("{} (grid '{}', voxel size {:g})",
+                           input.file == "-" ? "standard input" : input.file,
+                           input.levelSet.grid().getName(), input.levelSet.voxelSize());
+    };
+    session.progress().beginStage("resample");
     std::vector<LevelSet> levelSets;
     for (const GridInput& input : inputs) levelSets.push_back(input.levelSet);
-    return levelSets;
+    OneLattice shared = onOneLattice(levelSets, session.progress());
+    for (const std::size_t n : shared.resampled) {
+        const std::string note = fmt::format("{} was resampled to the lattice of {}",
+                                             nameOf(inputs[n]), nameOf(inputs[shared.model]));
+        session.note("resampled   " + note);
+        settings["resampled"].push_back(note);
+    }
+    return std::move(shared.levelSets);
 }
 
 std::string lengthText(double length, double voxelSize)

@@ -56,8 +56,10 @@ private:
     Json mSettings = Json::object();
 };
 
-/// The level sets of @a inputs.
-std::vector<LevelSet> levelSetsOf(const std::vector<GridInput>& inputs);
+/// The level sets of @a inputs on the lattice of the finest. What had to be resampled is noted, and
+/// stands in @a settings as "resampled".
+std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& settings,
+                                   Session& session);
 
 /// "0.01 (5 vx)"
 std::string lengthText(double length, double voxelSize);

@@ -52,13 +52,15 @@ public:
     {
         session.checkFiles(filesOf(mMesh, "-o"), {mInput});
         session.progress().beginStage("read");
-        const LevelSet levelSet = readLevelSet(mInput, mGrid, session.options().maxBytes);
-        const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids();
+        const LevelSet levelSet = readLevelSet(mInput, mGrid, session.bytesLeft());
+        session.hold(levelSet.grid().memUsage());
+        const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids(session.bytesLeft());
+        for (const auto& grid : grids) session.hold(grid->memUsage());
         session.report()["grid"] = toJson(levelSet);
         if (!mHoles.close) {
             const double h = levelSet.voxelSize();
             const auto size = levelSet.grid().evalActiveVoxelDim();
-            mMesh.trim = {readCoverage(mInput),
+            mMesh.trim = {readCoverage(mInput, session.bytesLeft()),
                           mHoles.closeUpTo.resolve(h, h * size.asVec3d().length())};
         }
         if (!grids.empty())
@@ -73,11 +75,11 @@ public:
 
 private:
     /// @throws InputError where one that is named is not there.
-    std::vector<openvdb::GridBase::Ptr> attributeGrids() const
+    std::vector<openvdb::GridBase::Ptr> attributeGrids(std::uint64_t maxBytes) const
     {
         const std::vector<std::string> names =
             mAttributes.automatic ? std::vector<std::string>{kColorName} : mAttributes.names;
-        std::vector<openvdb::GridBase::Ptr> grids = readAttributeGrids(mInput, names);
+        std::vector<openvdb::GridBase::Ptr> grids = readAttributeGrids(mInput, names, maxBytes);
         for (std::size_t n = 0; n < names.size() && !mAttributes.automatic; ++n)
             if (!grids[n])
                 throw InputError(fmt::format("{}: has no grid '{}' of floats or Vec3f. See what "

@@ -60,17 +60,15 @@ public:
         std::vector<Output> outputs;
         for (const Step& step : steps) outputs.push_back({"-o", step.file, {".vdb"}, true});
         session.checkFiles(outputs, {mFiles[0], mFiles[1]});
-        const GridInput from = readGridInput(mFiles[0], mGrid, session);
-        const GridInput to = readGridInput(mFiles[1], mGrid, session);
-        session.progress().beginStage("resample");
-        std::vector<std::string> notes;
-        const std::vector<LevelSet> ends =
-            onOneLattice({from.levelSet, to.levelSet}, notes, session.progress());
-        for (const std::string& note : notes) session.note("resampled   " + note);
-        session.report()["settings"] = {{"method", mMethod}, {"resampled", notes}};
+        std::vector<GridInput> inputs;
+        for (const std::string& file : mFiles)
+            inputs.push_back(readGridInput(file, mGrid, session));
+        Json settings = {{"method", mMethod}};
+        const std::vector<LevelSet> ends = onOneLattice(inputs, settings, session);
+        session.report()["settings"] = settings;
         ExitCode worst = ExitCode::Ok;
         for (const Step& step : steps) {
-            const ExitCode code = makeStep(ends, step, from.others, session);
+            const ExitCode code = makeStep(ends, step, inputs.front().others, session);
             if (code != ExitCode::Ok) worst = code;
         }
         session.progress().endStage();

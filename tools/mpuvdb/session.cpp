@@ -37,6 +37,11 @@ Session::Session(std::string verb, const CommonOptions& options)
     }
 }
 
+std::uint64_t Session::bytesLeft() const
+{
+    return mOptions.maxBytes == 0 ? 0 : mOptions.maxBytes - std::min(mHeld, mOptions.maxBytes - 1);
+}
+
 void Session::checkFiles(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
 {
     const Output report{"--report", mOptions.report, {}, true};

@@ -32,6 +32,10 @@ public:
 
     Progress& progress() { return mProgress; }
     const CommonOptions& options() const { return mOptions; }
+    /// What the limit leaves beside the inputs that were read; 0: there is no limit.
+    std::uint64_t bytesLeft() const;
+    /// An input of so many bytes was read, and stays.
+    void hold(std::uint64_t bytes) { mHeld += bytes; }
     /// The report under way: verbs add "settings", "input", "field", "grid", "mesh".
     nlohmann::ordered_json& report() { return mReport; }
 
@@ -51,6 +55,7 @@ public:
 private:
     const std::string mVerb;
     const CommonOptions mOptions;
+    std::uint64_t mHeld = 0; ///< bytes
     std::string mReportFile; ///< once it is known to be writable
     ProgressDisplay mDisplay;
     Progress mProgress;

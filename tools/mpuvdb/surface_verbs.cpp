@@ -123,7 +123,8 @@ protected:
     LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
     {
         mSmooth.filter = kFilters.at(mFilter);
-        if (!mMask.empty()) mSmooth.mask = readMask(session);
+        if (!mMask.empty())
+            mSmooth.mask = readFloatGridFile(mMask, mMaskGrid, session.bytesLeft()).grid;
         settings()["filter"] = mFilter;
         settings()["iterations"] = mSmooth.iterations;
         settings()["width"] = mSmooth.width;
@@ -134,21 +135,6 @@ protected:
     }
 
 private:
-    openvdb::FloatGrid::ConstPtr readMask(const Session& session) const
-    {
-        std::string there;
-        for (const openvdb::GridBase::Ptr& grid : readGrids(mMask, session.options().maxBytes)) {
-            const auto floats = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
-            if (floats && (mMaskGrid.empty() || grid->getName() == mMaskGrid)) return floats;
-            there += fmt::format("{}'{}' ({})", there.empty() ? "" : ", ", grid->getName(),
-                                 grid->valueType());
-        }
-        throw InputError(fmt::format("{}: has no grid of floats{} to be a mask, but {}. Name one "
-                                     "with --mask-grid",
-                                     mMask, mMaskGrid.empty() ? "" : " called '" + mMaskGrid + "'",
-                                     there.empty() ? "no grid at all" : there));
-    }
-
     SmoothSettings mSmooth;
     std::string mFilter = "gaussian", mMask, mMaskGrid;
 };

@@ -53,6 +53,7 @@ std::unique_ptr<Verb> makeTwistVerb();
 std::unique_ptr<Verb> makeTransform();
 std::unique_ptr<Verb> makeResample();
 std::unique_ptr<Verb> makeFog();
+std::unique_ptr<Verb> makeIsosurface();
 std::unique_ptr<Verb> makeComponents();
 std::unique_ptr<Verb> makeVoxelize();
 

@@ -1,10 +1,12 @@
-// mpuvdb fog, components, voxelize: densities, parts, and meshes as level sets.
+// mpuvdb fog, isosurface, components, voxelize: densities, parts, and meshes as level sets.
 #include "level_set_verb.h"
 #include "standard_output.h"
 
 #include <mpuvdb/io.h>
 
+#include <algorithm>
 #include <fmt/format.h>
+#include <limits>
 
 namespace mpuvdb::command
 {
@@ -63,6 +65,84 @@ private:
     bool mKeepSurface = false;
 };
 
+class IsosurfaceVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"isosurface", "The surface where a density, or any grid of floats, has a value",
+                "  mpuvdb isosurface smoke.vdb -o smoke_surface.vdb --value 0.5\n"
+                "  mpuvdb isosurface fire.vdb -o hot.vdb --grid temperature --value 900\n"
+                "  mpuvdb isosurface sdf.vdb -o surface.vdb --value 0 --inside below\n"
+                "      Distances that are not said to be a level set.\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("input", mInput, "A .vdb file with a grid of floats; - is standard input")
+            ->required();
+        app.add_option("-o,--output", mOutput, "The level set; - is standard output")
+            ->required()
+            ->type_name("OUT.vdb");
+        app.add_option("--grid", mGrid, "Which grid of floats; default: the first")
+            ->type_name("NAME");
+        app.add_option("--value", mValue, "Where the surface is")
+            ->type_name("NUMBER")
+            ->capture_default_str();
+        app.add_option("--inside", mInside,
+                       "Where values are above, as of densities, or below, as of distances")
+            ->type_name("above|below")
+            ->check(oneOf({"above", "below"}))
+            ->capture_default_str();
+        app.add_option("--half-width", mHalfWidth,
+                       "Voxels of the narrow band on either side of the surface")
+            ->type_name("VOXELS")
+            ->capture_default_str();
+    }
+
+    ExitCode run(Session& session) override
+    {
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        session.progress().beginStage("read");
+        FloatGridFile input;
+        const auto read = [&](const std::filesystem::path& path) {
+            input = readFloatGridFile(path, mGrid, session.bytesLeft());
+        };
+        if (mInput == "-")
+            spoolStandardInput(".vdb", read);
+        else
+            read(mInput);
+        const std::string name = input.grid->getName();
+        session.note(fmt::format("grid        '{}', {} {:g} is inside", name, mInside, mValue));
+        const LevelSet made =
+            isosurface(*input.grid, mValue, mInside == "above" ? Inside::Above : Inside::Below,
+                       mHalfWidth, session.progress());
+        session.report()["settings"] = {
+            {"grid", name}, {"value", mValue}, {"inside", mInside}, {"half_width", mHalfWidth}};
+        const ExitCode code = writeGridOutput(made, mOutput,
+                                              {{"mpuvdb:version", MPUVDB_VERSION},
+                                               {"mpuvdb:operation", "isosurface"},
+                                               {"mpuvdb:value", fmt::format("{}", mValue)},
+                                               {"mpuvdb:inside", mInside}},
+                                              otherNames(input.others), session);
+        session.progress().endStage();
+        session.note("time        " + session.timesText());
+        return code;
+    }
+
+private:
+    /// Those that are not called as the result is.
+    static openvdb::GridCPtrVec otherNames(openvdb::GridCPtrVec grids)
+    {
+        const auto same = [](const auto& grid) { return grid->getName() == "surface"; };
+        grids.erase(std::remove_if(grids.begin(), grids.end(), same), grids.end());
+        return grids;
+    }
+
+    std::string mInput, mOutput, mGrid, mInside = "above";
+    double mValue = 0.5, mHalfWidth = 3;
+};
+
 class ComponentsVerb final : public Verb
 {
 public:
@@ -94,11 +174,12 @@ public:
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("components");
-        list(input.levelSet, session);
+        const SolidComponents found(input.levelSet, session.progress());
+        list(found.measures(), session);
         if (mOutput.empty()) return ExitCode::Ok;
-        const LevelSet kept = keepComponents(
-            input.levelSet, mMinVolume, mKeep.value_or(std::numeric_limits<std::size_t>::max()),
-            session.progress());
+        const LevelSet kept =
+            found.keep(mMinVolume, mKeep.value_or(std::numeric_limits<std::size_t>::max()),
+                       session.progress());
         return writeGridOutput(kept, mOutput,
                                {{"mpuvdb:version", MPUVDB_VERSION},
                                 {"mpuvdb:operation", "components"},
@@ -107,11 +188,11 @@ public:
     }
 
 private:
-    void list(const LevelSet& levelSet, Session& session) const
+    void list(const std::vector<ComponentMeasures>& measures, Session& session) const
     {
         Json parts = Json::array();
         std::string text;
-        for (const SolidComponent& part : components(levelSet, session.progress())) {
+        for (const ComponentMeasures& part : measures) {
             parts.push_back({{"volume", part.volume},
                              {"area", part.area},
                              {"genus", part.genus},
@@ -215,6 +296,11 @@ private:
 std::unique_ptr<Verb> makeFog()
 {
     return std::make_unique<FogVerb>();
+}
+
+std::unique_ptr<Verb> makeIsosurface()
+{
+    return std::make_unique<IsosurfaceVerb>();
 }
 
 std::unique_ptr<Verb> makeComponents()

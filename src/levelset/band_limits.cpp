@@ -1,0 +1,37 @@
+#include "band_limits.h"
+
+#include <mpuvdb/error.h>
+
+#include <cmath>
+#include <fmt/format.h>
+
+namespace mpuvdb
+{
+
+void demandHalfWidth(double halfWidth)
+{
+    if (!(halfWidth >= 1.5 && halfWidth <= kWidestBand))
+        throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [1.5, {}]",
+                                     halfWidth, kWidestBand));
+}
+
+void demandBlendRadius(double radius)
+{
+    if (!(radius >= 0) || !std::isfinite(radius))
+        throw UsageError(
+            fmt::format("blend radius is {:.6g}; it must be a length in world units, 0 for sharp "
+                        "creases",
+                        radius));
+}
+
+void demandBandForBlend(double radius, double voxelSize, double halfWidth)
+{
+    const double most = kWidestBand - halfWidth; // voxels
+    if (radius <= most * voxelSize) return;
+    throw LimitError(fmt::format(
+        "blend radius {:.6g} is {:.4g} voxels of {:.6g}, and a fillet takes no more than {:.4g}: "
+        "blend with a radius of at most {:.6g}, or use larger voxels",
+        radius, radius / voxelSize, voxelSize, most, most * voxelSize));
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,19 @@
+// How wide a band may be.
+#pragma once
+namespace mpuvdb
+{
+
+/// Voxels: farther off no band goes.
+constexpr double kWidestBand = 1000;
+
+/// @throws UsageError unless 1.5 <= @a halfWidth <= kWidestBand, voxels.
+void demandHalfWidth(double halfWidth);
+
+/// @throws UsageError unless @a radius (world units) is a number from 0 on.
+void demandBlendRadius(double radius);
+
+/// @throws LimitError unless bands that are @a radius (world units) wider than @a halfWidth
+/// (voxels) can be made.
+void demandBandForBlend(double radius, double voxelSize, double halfWidth);
+
+} // namespace mpuvdb
