@@ -203,7 +203,8 @@ TEST(SolidParser, SaysWhereItIsWrong)
               std::string::npos);
     EXPECT_NE(complaint("union(sphere(1), ball(2))").find("character 18"), std::string::npos);
     EXPECT_NE(complaint("box(1,2)").find("box(x,y,z)"), std::string::npos);
-    EXPECT_NE(complaint("sphere(-1)").find("positive"), std::string::npos);
+    EXPECT_NE(complaint("sphere(-1)").find("number 1 is -1, and sizes must be above 0"),
+              std::string::npos);
     EXPECT_NE(complaint("torus(1,2)").find("less than"), std::string::npos);
     for (const char* text :
          {"", "sphere", "sphere()", "sphere(1)x", "sphere(1,2)", "sphere(nan)", "sphere(1e999)",
