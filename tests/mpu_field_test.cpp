@@ -266,9 +266,10 @@ std::vector<Vec3d> wander(const PointCloud& cloud, double voxelSize)
     return places;
 }
 
-void expectEvaluatorGivesSamples(const Field& field, const std::vector<Vec3d>& places)
+void expectEvaluatorGivesSamples(const Field& field, const std::vector<Vec3d>& places,
+                                 double voxelSize)
 {
-    const std::unique_ptr<PointEvaluator> evaluator = field.evaluator();
+    const std::unique_ptr<PointEvaluator> evaluator = field.evaluator(voxelSize);
     for (std::size_t n = 0; n < places.size(); ++n) {
         const FieldSample expected = field.evaluate(places[n]);
         const FieldSample found = evaluator->evaluate(places[n]);
@@ -296,7 +297,7 @@ TEST(MpuField, EvaluatorGivesTheSamplesToTheBit)
             if (interpolate) settings.alpha = kInterpolationAlpha;
             Progress progress;
             const MpuField field(PointCloud(cloud), settings, progress);
-            expectEvaluatorGivesSamples(field, wander(cloud, h));
+            expectEvaluatorGivesSamples(field, wander(cloud, h), h);
         }
 }
 
@@ -320,7 +321,7 @@ TEST(MpuField, OfPointsNextToNothingApartIsOneFunctionForPlacesAndBlocks)
     for (std::size_t n = 0; n < 6; ++n) places.push_back(cloud.world(cloud.size() - 1 - n));
     const MpuField field(std::move(cloud), settings, progress);
     EXPECT_EQ(field.statistics().levels, Octree::kDeepest);
-    expectEvaluatorGivesSamples(field, places);
+    expectEvaluatorGivesSamples(field, places, 1e-7);
     const Lattice lattice{Vec3d::Zero(), h};
     BlockValues values;
     field.sampler(lattice, 3 * h)->evaluate(Vec3i::Zero(), values);
@@ -339,14 +340,14 @@ TEST(MpuField, EvaluatorsOfFieldsMadeFromItGiveTheirSamples)
     shift.translate(Vec3d(0.1, 0, -0.2)).scale(1.1);
     turn.rotate(Eigen::AngleAxisd(0.3, Vec3d::UnitY()));
     const std::vector<Vec3d> places = wander(cloud, h);
-    expectEvaluatorGivesSamples(*makeMovedField(field, shift), places);
-    expectEvaluatorGivesSamples(*makeMovedField(field, turn), places);
-    expectEvaluatorGivesSamples(*makeWarpedField(field, makeTwist({}, 0.5)), places);
+    expectEvaluatorGivesSamples(*makeMovedField(field, shift), places, h);
+    expectEvaluatorGivesSamples(*makeMovedField(field, turn), places, h);
+    expectEvaluatorGivesSamples(*makeWarpedField(field, makeTwist({}, 0.5)), places, h);
     expectEvaluatorGivesSamples(
-        *makeClippedField(field, Box3d(Vec3d(-1, -1, -1), Vec3d(0.5, 1, 0.4))), places);
+        *makeClippedField(field, Box3d(Vec3d(-1, -1, -1), Vec3d(0.5, 1, 0.4))), places, h);
     const Shape box(field, "box"), moved(makeMovedField(field, shift), "moved");
     for (const Shape& both : {box | moved, box & moved, box - moved})
-        expectEvaluatorGivesSamples(*both.field(), places);
+        expectEvaluatorGivesSamples(*both.field(), places, h);
 }
 
 TEST(MpuField, SaysWhereItsValuesComeFrom)

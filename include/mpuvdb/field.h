@@ -99,9 +99,9 @@ public:
     virtual double steepness() const { return 1; }
     /// A sampler of blocks on @a lattice that is exact where |value| <= @a band (world units).
     virtual std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const = 0;
-    /// An evaluator of places one after the other, which this has to outlive. Unless a field knows
-    /// better, it calls evaluate().
-    virtual std::unique_ptr<PointEvaluator> evaluator() const;
+    /// An evaluator of places one after the other, which this has to outlive; fastest where they
+    /// are about @a spacing apart (world units). Unless a field knows better, it calls evaluate().
+    virtual std::unique_ptr<PointEvaluator> evaluator(double spacing) const;
 };
 
 } // namespace mpuvdb

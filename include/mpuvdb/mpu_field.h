@@ -71,7 +71,7 @@ public:
 
     Box3d bounds() const override;
     FieldSample evaluate(const Vec3d& position) const override;
-    std::unique_ptr<PointEvaluator> evaluator() const override;
+    std::unique_ptr<PointEvaluator> evaluator(double spacing) const override;
     std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override;
     std::size_t countData(const Box3d& box, std::size_t limit) const override;
     std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override;

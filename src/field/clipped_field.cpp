@@ -36,9 +36,9 @@ public:
         return box.isEmpty() ? Box3d() : box;
     }
     FieldSample evaluate(const Vec3d& p) const override { return sample(p, mSource.field()); }
-    std::unique_ptr<PointEvaluator> evaluator() const override
+    std::unique_ptr<PointEvaluator> evaluator(double spacing) const override
     {
-        return std::make_unique<MadeEvaluator<ClippedField>>(*this, mSource.field());
+        return std::make_unique<MadeEvaluator<ClippedField>>(*this, mSource.field(), spacing);
     }
     template <typename Evaluator>
     FieldSample sample(const Vec3d& p, Evaluator& source) const

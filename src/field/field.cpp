@@ -17,7 +17,7 @@ private:
 
 } // namespace
 
-std::unique_ptr<PointEvaluator> Field::evaluator() const
+std::unique_ptr<PointEvaluator> Field::evaluator(double) const
 {
     return std::make_unique<Forwarding>(*this);
 }

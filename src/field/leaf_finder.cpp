@@ -3,6 +3,8 @@
 #include <mpuvdb/clones.h>
 #include <mpuvdb/lanes.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 
 namespace mpuvdb
@@ -13,6 +15,11 @@ namespace
 /// Regions of 4x4x4 blocks.
 constexpr int kRegionShift = 2;
 constexpr int kRegionVoxels = kBlockDim << kRegionShift;
+
+/// The side of the cubes whose places share a search for leaves, by the spacing of the places; and
+/// how many cubes along each axis are remembered.
+constexpr double kCubeSpacings = 4;
+constexpr std::uint32_t kCubesAlong = 4, kNoCube = ~std::uint32_t(0);
 
 constexpr std::size_t kLanes = 8;
 using Lanes = float __attribute__((vector_size(4 * kLanes)));
@@ -156,36 +163,41 @@ const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
     return mFound;
 }
 
-PointLeafFinder::PointLeafFinder(const Octree& tree) : mTree(tree)
+PointLeafFinder::PointLeafFinder(const Octree& tree, double spacing) : mTree(tree)
 {
     constexpr double kRounding = 2e-7; // of a place's coordinates to floats
     for (std::size_t level = 0; level < mReach2.size(); ++level) {
         const double reach = tree.reach(int(level)) / tree.root.side * (1 + 1e-6) + kRounding;
         mReach2[level] = float(reach * reach);
     }
-    makeRoom(1);
-    add(tree.nodes[0], {}, 0.5f, 0.5f, 0.5f);
-    mSteps[0] = {0, mCount, !tree.nodes[0].isLeaf()};
+    const double cubes = std::clamp(tree.root.side / (kCubeSpacings * spacing), 1.0, 0x1p20);
+    mCubeLevel = std::size_t(std::lround(std::log2(cubes)));
+    mNear.resize(kCubesAlong * kCubesAlong * kCubesAlong, {Cube{kNoCube, kNoCube, kNoCube}, {}});
+    mNodes.makeRoom(1);
+    mNodes.add(tree.nodes[0], {}, {0.5f, 0.5f, 0.5f}, mReach2[0]);
+    mSteps[0] = {0, 1, !tree.nodes[0].isLeaf()};
 }
 
 /// For so many nodes more, and what groups of lanes read beyond.
-void PointLeafFinder::makeRoom(std::size_t nodes)
+void PointLeafFinder::Nodes::makeRoom(std::size_t nodes)
 {
-    if (mCount + nodes + kLanes <= mNodes.size()) return;
-    const std::size_t size = 2 * (mCount + nodes + kLanes);
-    mNodes.resize(size);
-    for (auto* values : {&mX, &mY, &mZ, &mNodeReach2}) values->resize(size);
+    if (count + nodes + kLanes <= at.size()) return;
+    const std::size_t size = 2 * (count + nodes + kLanes);
+    at.resize(size);
+    for (auto* values : {&x, &y, &z, &reach2}) values->resize(size);
 }
 
-[[gnu::always_inline]] inline void PointLeafFinder::add(OctreeNode node, const OctreeCell& cell,
-                                                        float x, float y, float z)
+[[gnu::always_inline]] inline void PointLeafFinder::Nodes::add(OctreeNode node,
+                                                               const OctreeCell& cell,
+                                                               const std::array<float, 3>& centre,
+                                                               float squaredReach)
 {
-    mNodes[mCount] = {node, cell};
-    mX[mCount] = x;
-    mY[mCount] = y;
-    mZ[mCount] = z;
-    mNodeReach2[mCount] = mReach2[std::size_t(cell.level)];
-    ++mCount;
+    at[count] = {node, cell};
+    x[count] = centre[0];
+    y[count] = centre[1];
+    z[count] = centre[2];
+    reach2[count] = squaredReach;
+    ++count;
 }
 
 MPUVDB_CLONES
@@ -193,28 +205,30 @@ void PointLeafFinder::descend()
 {
     const Step& above = mSteps[mLevel];
     Step& step = mSteps[++mLevel];
-    mCount = above.end;
-    makeRoom(8 * (above.end - above.begin));
+    mNodes.count = above.end;
+    mNodes.makeRoom(8 * (above.end - above.begin));
     step.begin = above.end;
     step.hasInner = false;
-    const float edge = 1 / float(1u << mLevel);
+    const std::size_t cubeLevel = std::min(mLevel, mCubeLevel);
+    const float edge = 1 / float(1u << cubeLevel);
     std::array<float, 3> first;
     for (std::size_t axis = 0; axis < 3; ++axis)
-        first[axis] = edge * float(mCube[axis] >> (kLevels - mLevel));
+        first[axis] = edge * float(mCube[axis] >> (mCubeLevel - cubeLevel));
     const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
                 sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
     const float reach2 = mReach2[mLevel];
-    const float quarter = edge / 2; // of the cells of inner nodes
+    const float quarter = 0.5f / float(1u << mLevel); // of the cells of inner nodes
     for (std::size_t group = above.begin; group < above.end; group += kLanes) {
-        std::uint64_t left = firstBits(above.end - group) &
-                             bitsOf(squaredGap(load(&mX[group]), load(&mY[group]), load(&mZ[group]),
-                                               first, edge) < load(&mNodeReach2[group]));
+        std::uint64_t left =
+            firstBits(above.end - group) &
+            bitsOf(squaredGap(load(&mNodes.x[group]), load(&mNodes.y[group]),
+                              load(&mNodes.z[group]), first, edge) < load(&mNodes.reach2[group]));
         for (; left; left &= left - 1) {
             const std::size_t n = group + std::size_t(__builtin_ctzll(left));
-            const LeafAt from = mNodes[n];
-            const float x = mX[n], y = mY[n], z = mZ[n];
+            const LeafAt from = mNodes.at[n];
+            const float x = mNodes.x[n], y = mNodes.y[n], z = mNodes.z[n];
             if (from.node.isLeaf()) {
-                add(from.node, from.cell, x, y, z);
+                mNodes.add(from.node, from.cell, {x, y, z}, mNodes.reach2[n]);
                 continue;
             }
             const Lanes distance2 = squaredGap(x + quarter * sideX, y + quarter * sideY,
@@ -224,53 +238,76 @@ void PointLeafFinder::descend()
                 const int octant = __builtin_ctzll(children);
                 const OctreeNode child = mTree.nodes[from.node.index + std::uint32_t(octant)];
                 step.hasInner |= !child.isLeaf();
-                add(child, from.cell.child(octant), octant & 1 ? x + quarter : x - quarter,
-                    octant & 2 ? y + quarter : y - quarter, octant & 4 ? z + quarter : z - quarter);
+                mNodes.add(child, from.cell.child(octant),
+                           {octant & 1 ? x + quarter : x - quarter,
+                            octant & 2 ? y + quarter : y - quarter,
+                            octant & 4 ? z + quarter : z - quarter},
+                           reach2);
             }
         }
     }
-    step.end = mCount;
+    step.end = mNodes.count;
 }
 
-/// From the smallest cube that holds this place and the last down to one that only leaves reach.
+/// From the smallest cube that holds this one and the last down to what only leaves reach into.
 void PointLeafFinder::enter(const Cube& cube)
 {
     const std::uint32_t differ = (cube[0] ^ mCube[0]) | (cube[1] ^ mCube[1]) | (cube[2] ^ mCube[2]);
     mCube = cube;
-    while (differ >> (kLevels - mLevel)) --mLevel;
+    while (differ >> (mCubeLevel - std::min(mLevel, mCubeLevel))) --mLevel;
     while (mLevel < kLevels && mSteps[mLevel].hasInner) descend();
 }
 
-/// Of what the last step found, the leaves whose balls hold @a p; @a at as a part of the root cube.
-MPUVDB_CLONES
-void PointLeafFinder::addHolding(const Vec3d& p, const std::array<float, 3>& at)
+/// What reaches into a small cube.
+const PointLeafFinder::Nodes& PointLeafFinder::near(const Cube& cube)
 {
-    const std::size_t begin = mSteps[mLevel].begin, end = mSteps[mLevel].end;
+    std::size_t slot = 0;
+    for (const std::uint32_t n : cube) slot = slot * kCubesAlong + n % kCubesAlong;
+    auto& [of, nodes] = mNear[slot];
+    if (of == cube) return nodes;
+    of = cube;
+    enter(cube);
+    const Step& step = mSteps[mLevel];
+    nodes.count = 0;
+    nodes.makeRoom(step.end - step.begin);
+    for (std::size_t n = step.begin; n < step.end; ++n)
+        nodes.add(mNodes.at[n].node, mNodes.at[n].cell, {mNodes.x[n], mNodes.y[n], mNodes.z[n]},
+                  mNodes.reach2[n]);
+    return nodes;
+}
+
+/// Of some nodes the leaves, and the leaves below them, whose balls hold @a p; @a at as a part of
+/// the root cube.
+MPUVDB_CLONES
+void PointLeafFinder::addHolding(const Nodes& nodes, const Vec3d& p, const std::array<float, 3>& at)
+{
     const auto keep = [&](OctreeNode leaf, const OctreeCell& cell) {
         mFound.push_back({leaf, cell});
     };
-    for (std::size_t group = begin; group < end; group += kLanes) {
-        const Lanes x = load(&mX[group]) - at[0], y = load(&mY[group]) - at[1],
-                    z = load(&mZ[group]) - at[2];
-        for (std::uint64_t left =
-                 bitsOf(x * x + y * y + z * z < load(&mNodeReach2[group])) & firstBits(end - group);
+    for (std::size_t group = 0; group < nodes.count; group += kLanes) {
+        const Lanes x = load(&nodes.x[group]) - at[0], y = load(&nodes.y[group]) - at[1],
+                    z = load(&nodes.z[group]) - at[2];
+        for (std::uint64_t left = bitsOf(x * x + y * y + z * z < load(&nodes.reach2[group])) &
+                                  firstBits(nodes.count - group);
              left; left &= left - 1) {
-            const LeafAt& node = mNodes[group + std::size_t(__builtin_ctzll(left))];
-            mTree.forEachLeafAt(p, keep, node.node, node.cell);
+            const LeafAt& node = nodes.at[group + std::size_t(__builtin_ctzll(left))];
+            if (node.node.isLeaf())
+                mFound.push_back(node);
+            else
+                mTree.forEachLeafAt(p, keep, node.node, node.cell);
         }
     }
 }
 
 const std::vector<LeafAt>& PointLeafFinder::find(const Vec3d& p)
 {
-    constexpr double kCubes = 1 << kLevels; // along each axis
     mFound.clear();
     const Vec3d at = (p - mTree.root.corner) / mTree.root.side;
     if ((at.array() >= 0).all() && (at.array() < 1).all()) {
+        const double cubes = double(1u << mCubeLevel); // along each axis
         Cube cube;
-        for (std::size_t k = 0; k < 3; ++k) cube[k] = std::uint32_t(at[Eigen::Index(k)] * kCubes);
-        enter(cube);
-        addHolding(p, {float(at[0]), float(at[1]), float(at[2])});
+        for (std::size_t k = 0; k < 3; ++k) cube[k] = std::uint32_t(at[Eigen::Index(k)] * cubes);
+        addHolding(near(cube), p, {float(at[0]), float(at[1]), float(at[2])});
     } else {
         const auto keep = [&](OctreeNode leaf, const OctreeCell& cell) {
             mFound.push_back({leaf, cell});

@@ -50,12 +50,14 @@ private:
     std::vector<LeafAt> mFound;
 };
 
-/// Finds the leaves whose balls hold a place. For one thread; fastest where each place is near the
-/// one before it: they share the way down to the smallest cube of the octree that holds both.
+/// Finds the leaves whose balls hold a place. For one thread; fastest where each place is near some
+/// before it: those in a small cube of the octree share what reaches into it, and those in cubes
+/// beside each other the way down to the smallest one that holds both.
 class PointLeafFinder
 {
 public:
-    explicit PointLeafFinder(const Octree& tree);
+    /// @param spacing  about how far apart the places will be.
+    PointLeafFinder(const Octree& tree, double spacing);
     /// All leaves whose balls hold @a p (local coordinates), and some that come close; depth first.
     /// Valid until the next call.
     const std::vector<LeafAt>& find(const Vec3d& p);
@@ -66,27 +68,41 @@ private:
     static constexpr std::size_t kLevels = 20;
     using Cube = std::array<std::uint32_t, 3>;
 
-    /// What reaches into the cube of one level about the last place, in mNodes: leaves, and inner
-    /// nodes of that level.
+    /// Nodes of the octree, their centres, and the squares of how far they reach.
+    struct Nodes {
+        void add(OctreeNode node, const OctreeCell& cell, const std::array<float, 3>& centre,
+                 float squaredReach);
+        void makeRoom(std::size_t nodes);
+
+        std::size_t count = 0; ///< of those that there are; after them is room for more
+        std::vector<LeafAt> at;
+        std::vector<float> x, y, z, reach2;
+    };
+    /// The nodes of one level that reach into the cube of that level about the last place, or into
+    /// the small cube if that is the larger, and the leaves above them.
     struct Step {
         std::size_t begin = 0, end = 0;
         bool hasInner = false;
     };
+    /// What reaches into a small cube: leaves, and nodes of level kLevels.
+    struct Near {
+        Cube cube;
+        Nodes nodes;
+    };
 
+    const Nodes& near(const Cube& cube);
     void enter(const Cube& cube);
     void descend();
-    void addHolding(const Vec3d& p, const std::array<float, 3>& at);
-    void makeRoom(std::size_t nodes);
-    void add(OctreeNode node, const OctreeCell& cell, float x, float y, float z);
+    void addHolding(const Nodes& nodes, const Vec3d& p, const std::array<float, 3>& at);
 
     const Octree& mTree;
     std::array<float, kLevels + 1> mReach2; ///< squared, by level
-    Cube mCube{};                           ///< of the last level, about the last place
+    std::size_t mCubeLevel;                 ///< of small cubes
+    Cube mCube{};                           ///< the small one about the last place
     std::array<Step, kLevels + 1> mSteps;   ///< by level
     std::size_t mLevel = 0;                 ///< of the last step
-    std::size_t mCount = 0;
-    std::vector<LeafAt> mNodes; ///< the first mCount; then room for more
-    std::vector<float> mX, mY, mZ, mNodeReach2;
+    Nodes mNodes;                           ///< of all steps
+    std::vector<Near> mNear;                ///< of small cubes that lie near each other
     std::vector<LeafAt> mFound;
 };
 

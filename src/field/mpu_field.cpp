@@ -171,7 +171,7 @@ FieldSample MpuField::evaluate(const Vec3d& position) const
 class MpuField::Evaluator final : public PointEvaluator
 {
 public:
-    explicit Evaluator(const Impl& field) : mField(field), mLeaves(field.tree) {}
+    Evaluator(const Impl& field, double spacing) : mField(field), mLeaves(field.tree, spacing) {}
     FieldSample evaluate(const Vec3d& position) override
     {
         const Vec3d p = position - mField.frame;
@@ -185,9 +185,9 @@ private:
     PointLeafFinder mLeaves;
 };
 
-std::unique_ptr<PointEvaluator> MpuField::evaluator() const
+std::unique_ptr<PointEvaluator> MpuField::evaluator(double spacing) const
 {
-    return std::make_unique<Evaluator>(*mImpl);
+    return std::make_unique<Evaluator>(*mImpl, spacing);
 }
 
 std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const

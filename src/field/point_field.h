@@ -66,7 +66,8 @@ template <typename Made>
 class MadeEvaluator final : public PointEvaluator
 {
 public:
-    MadeEvaluator(const Made& made, const Field& source) : mMade(made), mSource(source.evaluator())
+    MadeEvaluator(const Made& made, const Field& source, double spacing)
+        : mMade(made), mSource(source.evaluator(spacing))
     {
     }
     FieldSample evaluate(const Vec3d& p) override { return mMade.sample(p, *mSource); }

@@ -141,9 +141,9 @@ public:
 
     Box3d bounds() const override { return mBounds; }
     FieldSample evaluate(const Vec3d& p) const override { return sample(p, mSource.field()); }
-    std::unique_ptr<PointEvaluator> evaluator() const override
+    std::unique_ptr<PointEvaluator> evaluator(double spacing) const override
     {
-        return std::make_unique<MadeEvaluator<WarpedField>>(*this, mSource.field());
+        return std::make_unique<MadeEvaluator<WarpedField>>(*this, mSource.field(), spacing);
     }
     template <typename Evaluator>
     FieldSample sample(const Vec3d& p, Evaluator& source) const
@@ -239,9 +239,9 @@ public:
                    : Box3d(mScale * box.min() + mTranslation, mScale * box.max() + mTranslation);
     }
     FieldSample evaluate(const Vec3d& p) const override { return sample(p, *mField); }
-    std::unique_ptr<PointEvaluator> evaluator() const override
+    std::unique_ptr<PointEvaluator> evaluator(double spacing) const override
     {
-        return std::make_unique<MadeEvaluator<ShiftedField>>(*this, *mField);
+        return std::make_unique<MadeEvaluator<ShiftedField>>(*this, *mField, spacing);
     }
     template <typename Evaluator>
     FieldSample sample(const Vec3d& p, Evaluator& source) const

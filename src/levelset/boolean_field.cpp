@@ -20,9 +20,9 @@ public:
 
     Box3d bounds() const override { return mBounds; }
     FieldSample evaluate(const Vec3d& p) const override { return sample(p, mFields); }
-    std::unique_ptr<PointEvaluator> evaluator() const override
+    std::unique_ptr<PointEvaluator> evaluator(double spacing) const override
     {
-        return std::make_unique<Evaluator>(*this);
+        return std::make_unique<Evaluator>(*this, spacing);
     }
     double value(const Vec3d& p) const override { return evaluate(p).value; }
     bool isDistance() const override { return false; }
@@ -37,9 +37,9 @@ private:
     class Evaluator final : public PointEvaluator
     {
     public:
-        explicit Evaluator(const BooleanField& field) : mField(field)
+        Evaluator(const BooleanField& field, double spacing) : mField(field)
         {
-            for (const FieldPtr& from : field.mFields) mFrom.push_back(from->evaluator());
+            for (const FieldPtr& from : field.mFields) mFrom.push_back(from->evaluator(spacing));
         }
         FieldSample evaluate(const Vec3d& p) override { return mField.sample(p, mFrom); }
 

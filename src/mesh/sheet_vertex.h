@@ -28,7 +28,7 @@ class SheetPlacer
 public:
     /// @param field  null: none; has to outlive this. @param lattice  of the values.
     SheetPlacer(const Field* field, const Lattice& lattice)
-        : mField(field ? field->evaluator() : nullptr), mLattice(lattice)
+        : mField(field ? field->evaluator(lattice.voxelSize) : nullptr), mLattice(lattice)
     {
     }
 
