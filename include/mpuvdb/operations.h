@@ -62,8 +62,11 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& pro
 /// what LevelSet demands of it. @param halfWidth  voxels, in [1.5, 1000].
 LevelSet redistance(const openvdb::FloatGrid& grid, double halfWidth, Progress& progress);
 
-/// A closed triangle mesh as a level set (openvdb::tools::meshToVolume), settings as for a field.
-/// @throws InputError (no triangles, indices out of range, not finite), LimitError, Interrupted.
+/// A closed triangle mesh as a level set, settings as for a field: in the whole band the values are
+/// the distance to the nearest triangle, to rounding. What is inside is what
+/// openvdb::tools::meshToVolume says, but for voxels that no triangle parts from neighbours of the
+/// other side; gaps of less than a voxel do not matter. @throws InputError (no triangles, indices
+/// out of range, not finite, open), LimitError, Interrupted.
 LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress);
 
 /// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the

@@ -1,4 +1,6 @@
+#include "mesh_signs.h"
 #include "transform_lattice.h"
+#include "triangle_band.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/operations.h>
@@ -6,8 +8,8 @@
 
 #include <fmt/format.h>
 #include <openvdb/tools/MeshToVolume.h>
+#include <openvdb/tools/SignedFloodFill.h>
 
-#include <algorithm>
 #include <cmath>
 
 namespace mpuvdb
@@ -18,8 +20,8 @@ namespace
 /// Renormalising would move the surface of sound meshes to smooth bumps of unsound ones.
 constexpr int kFlags = openvdb::tools::DISABLE_RENORMALIZATION;
 
-/// Voxels. meshToVolume knows all triangles near a voxel in this band only: one wider it makes by
-/// looking at the triangles that neighbours know, and is wrong there by up to a voxel.
+/// Voxels: of the band in which meshToVolume knows what is inside. A wider one it makes by looking
+/// at the triangles that neighbours know.
 constexpr float kWidth = 1.5f;
 
 /// OpenVDB's view of a mesh: corners in voxels of the lattice.
@@ -85,11 +87,12 @@ double areaOf(const IndexMesh& mesh, const Mesh& triangles, double voxelSize)
     return area;
 }
 
-void demandMemory(double area, const SampleSettings& settings)
+void demandMemory(double area, std::size_t triangles, const SampleSettings& settings)
 {
-    // Distances and nearest triangles in all blocks that the band meets.
-    constexpr double kBytesPerVoxel = 8.5, kBlocksReach = 10;
-    const double bytes = area * (2 * settings.halfWidth + kBlocksReach) * kBytesPerVoxel;
+    // Distances and nearest triangles in all blocks that the bands meet, measured; the tree.
+    constexpr double kBytesPerVoxel = 9, kBlocksReach = 20, kBytesPerTriangle = 60;
+    const double bytes = area * (2 * settings.halfWidth + kBlocksReach) * kBytesPerVoxel +
+                         double(triangles) * kBytesPerTriangle;
     if (settings.maxBytes && bytes > double(settings.maxBytes))
         throw LimitError(fmt::format("mesh: about {:.1f} MB are needed at voxels of size {}, and "
                                      "the limit is {:.1f} MB. Use larger voxels or a larger "
@@ -98,12 +101,19 @@ void demandMemory(double area, const SampleSettings& settings)
                                      double(settings.maxBytes) / 1e6));
 }
 
+/// Whether there is an inside next to the mesh, and more than drops behind a hole's rim.
 bool hasInside(const openvdb::FloatGrid& grid)
 {
+    constexpr std::size_t kShare = 100;
+    const double h = grid.voxelSize()[0];
+    std::size_t near = 0, inside = 0;
     for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
         for (auto on = leaf->cbeginValueOn(); on; ++on)
-            if (*on < 0) return true;
-    return false;
+            if (std::abs(double(*on)) < h) {
+                ++near;
+                inside += *on < 0;
+            }
+    return inside > near / kShare;
 }
 
 } // namespace
@@ -118,20 +128,29 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
     progress.beginStage("voxelize");
     demandMesh(mesh);
     const IndexMesh indexMesh(mesh, lattice);
-    demandMemory(areaOf(indexMesh, mesh, lattice.voxelSize), settings);
+    demandMemory(areaOf(indexMesh, mesh, lattice.voxelSize), mesh.triangles.size(), settings);
     progress.check();
-    const auto transform = openvdb::math::Transform::createLinearTransform(lattice.voxelSize);
-    const openvdb::FloatGrid::Ptr grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
+    const double h = lattice.voxelSize;
+    const auto transform = openvdb::math::Transform::createLinearTransform(h);
+    const openvdb::FloatGrid::Ptr signs = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
         progress, indexMesh, *transform, kWidth, kWidth, kFlags);
     progress.check();
+    const PlacedTriangles triangles{{mesh, progress}, lattice.origin - mesh.frame, h};
+    const auto grid = openvdb::FloatGrid::create(float(settings.halfWidth * h));
+    for (auto& leaf : leavesNear(triangles, settings.halfWidth, progress))
+        grid->tree().addLeaf(leaf.release());
+    signDistances(grid->tree(), signs->tree(), triangles);
+    progress.check();
+    openvdb::tools::signedFloodFill(grid->tree());
+    setLattice(*grid, lattice);
     if (!hasInside(*grid))
         throw InputError("mesh: encloses nothing at this voxel size: it is open, or thinner than a "
                          "voxel. Close its holes, use smaller voxels, or reconstruct a surface "
                          "from its points");
-    setLattice(*grid, lattice);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
     progress.endStage();
-    return withHalfWidth(LevelSet(grid), settings.halfWidth, progress);
+    return LevelSet(grid);
 }
 
 } // namespace mpuvdb

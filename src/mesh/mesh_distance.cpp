@@ -1,4 +1,4 @@
-#include "triangle_tree.h"
+#include <mpuvdb/triangle_tree.h>
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/kd_tree.h>

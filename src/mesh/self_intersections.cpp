@@ -1,4 +1,4 @@
-#include "triangle_tree.h"
+#include <mpuvdb/triangle_tree.h>
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>

@@ -1,4 +1,4 @@
-#include "triangle_tree.h"
+#include <mpuvdb/triangle_tree.h>
 
 #include <mpuvdb/point_triangle.h>
 #include <mpuvdb/progress.h>

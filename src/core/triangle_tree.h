@@ -27,6 +27,9 @@ public:
     std::uint32_t triangle(std::size_t slot) const { return mOrder[slot]; }
     const Corners& corners(std::size_t slot) const { return mCorners[slot]; }
 
+    /// Of all triangles.
+    const Box& box() const { return mBoxes[1]; }
+
     std::size_t leaves() const { return mLeaves; }
     /// Of nodes below the root.
     std::size_t levels() const { return std::size_t(__builtin_ctzll(mLeaves)); }
@@ -37,6 +40,21 @@ public:
     /// Squared distance from @a p, relative to the mesh's frame, to the nearest triangle.
     /// @param slot  where to look first; becomes the slot of the triangle found.
     double squaredDistance(const Vec3d& p, std::size_t& slot) const;
+
+    /// Call f(slot) for all triangles that are at most @a distance from @a p, and for some that are
+    /// a little farther.
+    template <class F>
+    void forEachNear(const Vec3d& p, double distance, const F& f, std::size_t node = 1) const
+    {
+        if (mBoxes[node].cast<double>().squaredExteriorDistance(p) > distance * distance) return;
+        if (node >= mLeaves) {
+            for (std::size_t s = firstSlot(node - mLeaves); s < firstSlot(node - mLeaves + 1); ++s)
+                f(s);
+            return;
+        }
+        forEachNear(p, distance, f, 2 * node);
+        forEachNear(p, distance, f, 2 * node + 1);
+    }
 
     /// Call f(a, b) for the pairs of nodes a <= b of one level whose boxes meet, and for each node
     /// with itself. @param levels  below the root, at most levels().
