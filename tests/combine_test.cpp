@@ -553,6 +553,25 @@ TEST(Combine, LeavesNothingWhereTheBallHasNoRoom)
     EXPECT_LT(at.getValue(Coord(int(std::floor(mouth - 0.5)), 0, int(low))), 0);
 }
 
+TEST(Combine, TellsWhereTheBallHasNoRoom)
+{
+    const LevelSet a = solid("sphere(17)", 1), b = solid("translate(sphere(17), 20, 0, 0)", 1);
+    const auto notes = [&](Boolean kind, double radius) {
+        Progress progress;
+        combine(kind, {a, b}, radius, progress);
+        return progress.notes();
+    };
+    // What they have in common is 14 thick.
+    const auto gone = notes(Boolean::Intersection, 10);
+    ASSERT_EQ(gone.size(), 1u);
+    EXPECT_NE(gone[0].find("up to 14 thick at (10, 0, 0)"), std::string::npos) << gone[0];
+    const auto nothing = notes(Boolean::Intersection, 30);
+    ASSERT_EQ(nothing.size(), 1u);
+    EXPECT_NE(nothing[0].find("changed nothing"), std::string::npos) << nothing[0];
+    EXPECT_TRUE(notes(Boolean::Intersection, 3).empty());
+    EXPECT_TRUE(notes(Boolean::Union, 30).empty());
+}
+
 /// A heap of balls about the origin, rough in all directions.
 std::string heap(std::mt19937& random)
 {

@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 
 namespace mpuvdb
 {
@@ -107,6 +108,7 @@ public:
                        b = bands(mKind != Boolean::Intersection).treeOf(mB, progress);
             csg = csgTree(mKind, *a, *b, mVoxelSize, mHalfWidth, radius, progress);
         }
+        tell(csg, radius, progress);
         if (csg.filleted.empty()) return;
         copyFillet(csg, sharp, progress);
         if (csg.isFilletDoubtful)
@@ -132,6 +134,25 @@ private:
     {
         return std::max(
             {float(halfWidth * mVoxelSize), a.grid().background(), b.grid().background()});
+    }
+
+    /// What the user may not expect of the blend.
+    void tell(const CsgTree& csg, double radius, Progress& progress) const
+    {
+        constexpr float kWorthwhile = 0.5f; // voxels: what is shallower, no grid shows
+        if (csg.filleted.empty() && csg.isFilletDoubtful)
+            progress.note(fmt::format("the blend changed nothing: beside the creases a ball of "
+                                      "its radius {:.4g} has no room. Take a smaller one",
+                                      radius));
+        if (csg.taken.depth < kWorthwhile) return;
+        const Vec3d at =
+            mA.lattice().origin +
+            mVoxelSize * Vec3d(csg.taken.deepest.x(), csg.taken.deepest.y(), csg.taken.deepest.z());
+        const double depth = csg.taken.depth * mVoxelSize;
+        progress.note(fmt::format("the blend took away what is thinner than its ball, up to {:.4g} "
+                                  "thick at ({:.4g}, {:.4g}, {:.4g}): radius {:.4g} has no room "
+                                  "there, {:.4g} has",
+                                  2 * depth, at.x(), at.y(), at.z(), radius, depth));
     }
 
     static void copyFillet(const CsgTree& from, FloatTree& to, Progress& progress)

@@ -28,6 +28,10 @@ using Leaf = FloatTree::LeafNodeType;
 /// Voxels that the distance to the ball's path may err, with more to spare.
 constexpr float kSpare = 2;
 
+/// Surfaces whose gradients have less for a product run against each other: edges between them are
+/// sharper than 30 degrees.
+constexpr float kAgainst = -0.87f;
+
 /// The signs that make a union of a Boolean's solids, and it of the union.
 struct Signs {
     float a, b, result;
@@ -152,6 +156,24 @@ public:
                     const float u = mSigns.a * mA.getValue(at), v = mSigns.b * mB.getValue(at);
                     return mWedges.isInside(at) && std::max(u, v) < mRadius * mVoxelSize;
                 }};
+    }
+
+    /// Of what is solid in an intersection or difference.
+    TakenAway taken() const
+    {
+        TakenAway taken;
+        if (mSigns.result > 0) return taken;
+        const SolidReader a(mA, mSigns.a / mVoxelSize), b(mB, mSigns.b / mVoxelSize);
+        for (const Coord& at : mFilled) {
+            const Vec3f ga = a.gradientAt(at), gb = b.gradientAt(at);
+            if (!a.isInBand(at) || !b.isInBand(at) || ga.dot(gb) > kAgainst) continue;
+            const float depth = std::min(a.valueAt(at), b.valueAt(at));
+            const bool isFirst = depth == taken.depth && at < taken.deepest;
+            if (!(depth > taken.depth) && !isFirst) continue;
+            taken.depth = depth;
+            taken.deepest = at;
+        }
+        return taken;
     }
 
 private:
@@ -353,7 +375,7 @@ CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double vox
     leaves.settleFillet(*tree, progress);
     const std::vector<Coord> mended = mendFill(*tree, leaves.fill(), progress);
     CsgTree result{tree, leaves.filleted(), leaves.known(),
-                   !mended.empty() || leaves.isFilletDoubtful()};
+                   !mended.empty() || leaves.isFilletDoubtful(), leaves.taken()};
     for (const Coord& at : mended) {
         result.filleted.push_back({at & ~(int(Leaf::DIM) - 1), {}});
         result.filleted.back().voxels.setOn(Leaf::coordToOffset(at));

@@ -15,6 +15,12 @@ struct LeafVoxels {
     openvdb::FloatTree::LeafNodeType::NodeMaskType voxels;
 };
 
+/// What a ball has taken away for lack of room, between surfaces that run against each other.
+struct TakenAway {
+    float depth = 0; ///< of the deepest voxel, in voxels: a ball of that radius has room there
+    openvdb::Coord deepest;
+};
+
 struct CsgTree {
     openvdb::FloatTree::Ptr tree;
     /// Of a fillet: those that are not as without it. A leaf may come more than once.
@@ -23,6 +29,8 @@ struct CsgTree {
     std::vector<KnownVoxels> known;
     /// Whether no value is to count as exact, for a fillet may err.
     bool isFilletDoubtful = false;
+    /// Of an intersection or difference.
+    TakenAway taken;
 };
 
 /// The Boolean of two narrow bands on one lattice with backgrounds of the same size, not pruned.
