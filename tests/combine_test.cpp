@@ -517,6 +517,61 @@ TEST(Combine, BlendsOnlyWithinTheRadius)
     EXPECT_TRUE(bytesOf(combined(Boolean::Union, {s.a, s.b}, 0)) == bytesOf(sharp));
 }
 
+TEST(Combine, RollsABallThatIsLargerThanBoth)
+{
+    const double h = 1.0 / 32, r = 2;
+    const LevelSet a = solid("sphere(0.6)", h), b = solid("translate(sphere(0.5), 0.7, 0, 0)", h);
+    const LevelSet both = combined(Boolean::Union, {a, b}, r);
+    expectNear(both,
+               unionOf(ball(Vec3d::Zero(), kBallA), ball(Vec3d(kApart, 0, 0), kBallB), r,
+                       circle(kBallA + r, kBallB + r, kApart)),
+               1.4, 0.01, 0.1);
+    expectSound(both);
+    // It has no room within either: nothing to roll along.
+    EXPECT_TRUE(bytesOf(combined(Boolean::Intersection, {a, b}, r)) == bytesOf(a & b));
+}
+
+TEST(Combine, LeavesNothingWhereTheBallHasNoRoom)
+{
+    // A wall 30 voxels thick and a plate of 16, both along a box: the ball of 10 voxels fits into
+    // the wall, and as far into the plate's mouth as the cutter's edge lets it.
+    const LevelSet block = solid("box(80,80,80)", 1);
+    const LevelSet cutter = solid("translate(box(80,120,60), 30, 0, 6)", 1);
+    const double edge = -10, r = 10, low = -40 + r, high = -24;
+    const double mouth = edge - std::sqrt(r * r - (high - low) * (high - low)) + r;
+    const LevelSet rest = combined(Boolean::Difference, {block, cutter}, r), sharp = block - cutter;
+    expectSound(rest);
+    const Accessor at = rest.grid().getConstAccessor(), was = sharp.grid().getConstAccessor();
+    for (int x = -45; x <= 45; ++x)
+        for (int y = -45; y <= 45; ++y)
+            for (int z = -45; z <= 45; ++z) {
+                const Coord c(x, y, z);
+                EXPECT_TRUE(!(x > mouth + 0.5) || at.getValue(c) > 0) << c;
+                EXPECT_TRUE(!(x < edge - 2 * r) || at.getValue(c) == was.getValue(c))
+                    << c << " " << at.getValue(c) << " " << was.getValue(c);
+            }
+    EXPECT_LT(at.getValue(Coord(int(std::floor(mouth - 0.5)), 0, int(low))), 0);
+}
+
+TEST(Combine, TellsWhereTheBallHasNoRoom)
+{
+    const LevelSet a = solid("sphere(17)", 1), b = solid("translate(sphere(17), 20, 0, 0)", 1);
+    const auto notes = [&](Boolean kind, double radius) {
+        Progress progress;
+        combine(kind, {a, b}, radius, progress);
+        return progress.notes();
+    };
+    // What they have in common is 14 thick.
+    const auto gone = notes(Boolean::Intersection, 10);
+    ASSERT_EQ(gone.size(), 1u);
+    EXPECT_NE(gone[0].find("up to 14 thick at (10, 0, 0)"), std::string::npos) << gone[0];
+    const auto nothing = notes(Boolean::Intersection, 30);
+    ASSERT_EQ(nothing.size(), 1u);
+    EXPECT_NE(nothing[0].find("changed nothing"), std::string::npos) << nothing[0];
+    EXPECT_TRUE(notes(Boolean::Intersection, 3).empty());
+    EXPECT_TRUE(notes(Boolean::Union, 30).empty());
+}
+
 /// A heap of balls about the origin, rough in all directions.
 std::string heap(std::mt19937& random)
 {
@@ -555,6 +610,7 @@ TEST(Combine, RefusesWhatItCannotCombine)
     EXPECT_THROW(combine(Boolean::Union, {}, 0, progress), UsageError);
     for (const double bad : {-1.0, std::nan(""), HUGE_VAL})
         EXPECT_THROW(combine(Boolean::Union, {a, a}, bad, progress), UsageError);
+    EXPECT_THROW(combine(Boolean::Union, {a, a}, 20, progress), LimitError); // it is 2 across
     progress.stop();
     EXPECT_THROW(combine(Boolean::Union, {a, a}, 0, progress), Interrupted);
 }

@@ -29,8 +29,12 @@ enum class Boolean {
 /// Inputs on other lattices than the finest one are resampled to it (see onOneLattice()). The
 /// half-width is the largest of the inputs'; inputs of narrower bands, or too narrow for the blend,
 /// are widened. Two inputs may change places without a bit changing (not for Difference).
+/// Where a ball has no room it fills gaps of a union, and takes away what is thinner than it of an
+/// intersection or difference; where it has none beside one of the solids, creases stay sharp. The
+/// progress gets a note of either.
 /// @throws UsageError (no input, negative or infinite radius), LimitError (a radius for which bands
-/// of 1000 voxels are too narrow), Interrupted.
+/// of 1000 voxels are too narrow, or larger than all solids together and than 100 voxels),
+/// Interrupted.
 LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
                  Progress& progress);
 
@@ -133,10 +137,12 @@ enum class Inside {
 
 /// The surface where @a grid, of any class, has @a value, between voxels: a level set on the same
 /// lattice, called "surface". The background has to be outside. @param halfWidth  voxels, in
-/// [1.5, 1000]. @throws UsageError (value, half-width), InputError (voxels that are no cubes,
-/// values that are not finite, nothing inside), Interrupted.
+/// [1.5, 1000]. @param maxBytes  memory that the surface of tiles may take, which has no measure in
+/// the file's size; 0: no limit. @throws UsageError (value, half-width), InputError (voxels that
+/// are no cubes, values that are not finite, nothing inside), LimitError (memory, before it is
+/// taken), Interrupted.
 LevelSet isosurface(const openvdb::FloatGrid& grid, double value, Inside inside, double halfWidth,
-                    Progress& progress);
+                    Progress& progress, std::uint64_t maxBytes = 0);
 
 /// What can be said of a connected part of a solid.
 struct ComponentMeasures {

@@ -19,7 +19,8 @@ struct StageTime {
     std::uint64_t peakBytes = 0; ///< the process's largest resident set so far
 };
 
-/// Reports fractions of named stages to a listener, and carries a request to stop back.
+/// Reports fractions of named stages to a listener, and carries a request to stop back; and keeps
+/// what there is to say of the result.
 /// All members may be called from any thread; stop() also from a signal handler.
 class Progress
 {
@@ -47,6 +48,11 @@ public:
     /// Times of the stages closed so far, in order.
     std::vector<StageTime> stages() const;
 
+    /// What the caller should know of the result, though nothing failed: for people, with the cure.
+    void note(std::string text);
+    /// The notes so far, in order, each once.
+    std::vector<std::string> notes() const;
+
     /// @{ OpenVDB's interrupter concept.
     void start(const char* = nullptr) {}
     void end() {}
@@ -60,6 +66,7 @@ private:
     std::atomic<bool> mStopped{false};
     mutable std::mutex mMutex;
     std::vector<StageTime> mStages;
+    std::vector<std::string> mNotes;
     StageTime mStage;
     std::chrono::steady_clock::time_point mStageStart;
     double mStageCpuStart = 0;

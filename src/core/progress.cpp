@@ -81,4 +81,17 @@ std::vector<StageTime> Progress::stages() const
     return mStages;
 }
 
+void Progress::note(std::string text)
+{
+    std::lock_guard<std::mutex> lock(mMutex);
+    if (std::find(mNotes.begin(), mNotes.end(), text) == mNotes.end())
+        mNotes.push_back(std::move(text));
+}
+
+std::vector<std::string> Progress::notes() const
+{
+    std::lock_guard<std::mutex> lock(mMutex);
+    return mNotes;
+}
+
 } // namespace mpuvdb

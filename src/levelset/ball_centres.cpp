@@ -22,6 +22,8 @@ using openvdb::FloatTree;
 
 constexpr int kDim = FloatTree::LeafNodeType::DIM, kHalo = kDim + 2;
 constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
+/// Half the way across a leaf and the voxels around it, and what distances may err.
+constexpr float kAcross = 10;
 constexpr float kExtent = 0.9f;        ///< how far the boundary is flat about a place
 constexpr float kLeastGradient = 0.7f; ///< a shorter one is of two surfaces
 
@@ -40,6 +42,7 @@ public:
     {
         std::vector<Place> places;
         if (!mA.probeConstLeaf(origin) && !mB.probeConstLeaf(origin)) return places;
+        if (std::abs(roomAt(origin.offsetBy(kDim / 2))) > kAcross) return places;
         load(origin);
         for (int x = 0; x < kDim; ++x)
             for (int y = 0; y < kDim; ++y)
@@ -48,16 +51,20 @@ public:
     }
 
 private:
-    /// How much more room than the ball needs there is at the leaf's voxels and around them.
+    /// How much more room than the ball needs there is.
+    float roomAt(const Coord& at) const
+    {
+        return std::min(mScaleA * mA.getValue(at), mScaleB * mB.getValue(at)) - mRadius;
+    }
+
+    /// The same at the leaf's voxels and around them.
     void load(const Coord& origin)
     {
         float* room = mRoom.data();
         for (int x = -1; x <= kDim; ++x)
             for (int y = -1; y <= kDim; ++y)
                 for (int z = -1; z <= kDim; ++z) {
-                    const Coord at = origin.offsetBy(x, y, z);
-                    *room++ =
-                        std::min(mScaleA * mA.getValue(at), mScaleB * mB.getValue(at)) - mRadius;
+                    *room++ = roomAt(origin.offsetBy(x, y, z));
                 }
     }
 

@@ -2,6 +2,7 @@
 
 #include <mpuvdb/error.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
 
@@ -32,6 +33,18 @@ void demandBandForBlend(double radius, double voxelSize, double halfWidth)
         "blend radius {:.6g} is {:.4g} voxels of {:.6g}, and a fillet takes no more than {:.4g}: "
         "blend with a radius of at most {:.6g}, or use larger voxels",
         radius, radius / voxelSize, voxelSize, most, most * voxelSize));
+}
+
+void demandBallForSolids(double radius, double voxelSize, const Box3d& solids)
+{
+    constexpr double kAnyway = 100; // voxels
+    if (solids.isEmpty()) return;
+    const double across = solids.sizes().norm(), most = std::max(across, kAnyway * voxelSize);
+    if (!(radius > most)) return;
+    throw LimitError(fmt::format(
+        "blend radius {:.6g} ({:.4g} voxels) is larger than the solids together, which are {:.6g} "
+        "across: blend with a radius of at most {:.6g}, or use larger voxels",
+        radius, radius / voxelSize, across, most));
 }
 
 } // namespace mpuvdb

@@ -1,5 +1,7 @@
 // How wide a band may be.
 #pragma once
+#include <mpuvdb/vec.h>
+
 namespace mpuvdb
 {
 
@@ -15,5 +17,9 @@ void demandBlendRadius(double radius);
 /// @throws LimitError unless bands that are @a radius (world units) wider than @a halfWidth
 /// (voxels) can be made.
 void demandBandForBlend(double radius, double voxelSize, double halfWidth);
+
+/// @throws LimitError where the ball of a blend is larger than all that it rolls along, and than
+/// 100 voxels: its bands would be the larger part of the work. @param solids  their box.
+void demandBallForSolids(double radius, double voxelSize, const Box3d& solids);
 
 } // namespace mpuvdb

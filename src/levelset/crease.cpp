@@ -30,10 +30,16 @@ constexpr float kLittleFarther = 0.3f;
 constexpr float kOnCrease = 0.05f, kSteady = 0.1f, kNearCrease = 0.4f;
 /// Steps along the crease; the later ones are halved, against swinging about a corner.
 constexpr int kFullSteps = 4, kMostSteps = 24;
+/// How many times the reach a guess may be off; for a ball's path, on the way to which surfaces may
+/// curve.
+constexpr float kFarGuess = 2;
 /// What is left of a step that leaves a band.
 constexpr float kShorter = 0.75f;
 /// Voxels that a place lies deeper than a surface to be buried under it.
 constexpr float kDepth = 0.05f;
+/// How far aside a place may be that a voxel's gradient tells, as part of its distance. A ball that
+/// lacks as little room changes the value by the square of that.
+constexpr float kAside = 0.01f;
 /// The least determinant of two gradients that tell where to go.
 constexpr float kLeastDeterminant = 1e-3f;
 
@@ -95,6 +101,14 @@ bool SolidReader::interpolate(const Coord& at, const Vec3f& offset, Sample& samp
     return true;
 }
 
+float SolidReader::valueNear(const Coord& at, const Vec3f& offset) const
+{
+    Sample sample;
+    if (interpolate(at, offset, sample)) return sample.value;
+    return valueAt(at.offsetBy(int(std::lround(offset[0])), int(std::lround(offset[1])),
+                               int(std::lround(offset[2]))));
+}
+
 /// How far along the two gradients the crease lies that they and their values tell.
 struct CreaseFinder::Multipliers {
     float a = 0, b = 0, determinant = 0;
@@ -123,6 +137,13 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     if ((a.gradient + b.gradient).squaredNorm() < kOpposed * kOpposed)
         return {u + v > -kTouching ? Place::Buried : Place::Surface, 0, false};
     const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
+    if (!readerB->isInBand(at)) { // it may yet be in the way of a ball that touches the nearer one
+        if (lengthA < kLeastGradient) return unknown;
+        const Vec3f toCentre = u / lengthA * a.gradient;
+        if (hasRoom(at, *readerA, *readerB, toCentre)) return {Place::Surface, 0, true};
+        const Answer answer = follow(at, *readerA, *readerB, toCentre);
+        return answer.place == Place::Crease ? answer : unknown;
+    }
     if (lengthA < kLeastGradient || lengthB < kLeastGradient) return unknown;
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
     const auto surface = [&](bool isSure) {
@@ -136,7 +157,7 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     if (guess.a < -margin || guess.b < -margin)
         return surface(std::min(lengthA, lengthB) > kLeastSlope);
     const Vec3f toCrease = guess.a * ga + guess.b * gb;
-    const bool isFar = toCrease.norm() >= mReach + 2;
+    const bool isFar = toCrease.norm() >= (mRadius > 0 ? kFarGuess : 1) * (mReach + 2);
     Answer answer = unknown;
     if (!isFar) answer = follow(at, *readerA, *readerB, toCrease);
     if (answer.place == Place::Surface) return surface(answer.isSure);
@@ -180,7 +201,7 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
             break;
         }
         toCrease = step < kFullSteps ? next : Vec3f(0.5f * (toCrease + next));
-        if (!(toCrease.squaredNorm() < 4 * (mReach + 2) * (mReach + 2))) break;
+        if (!(toCrease.norm() < kFarGuess * (mReach + 2))) break;
     }
     return nearest;
 }
@@ -190,24 +211,18 @@ bool CreaseFinder::hasRoom(const Coord& at, const SolidReader& a, const SolidRea
                            const Vec3f& toCentre) const
 {
     if (mRadius == 0 || a.valueAt(at) >= mRadius) return true;
-    SolidReader::Sample touched, other;
-    return a.interpolate(at, toCentre, touched) && b.interpolate(at, toCentre, other) &&
-           std::abs(touched.value - mRadius) < kNearCrease && other.value >= mRadius - kDepth;
+    SolidReader::Sample touched;
+    return a.interpolate(at, toCentre, touched) &&
+           std::abs(touched.value - mRadius) < kNearCrease &&
+           b.valueNear(at, toCentre) >= mRadius - kDepth - kAside * toCentre.norm();
 }
 
 /// Whether the nearest places of both surfaces (a ball's radius off) lie inside the other solid.
 bool CreaseFinder::bothBuried(const Coord& at, const SolidReader& a, const SolidReader& b,
                               const Vec3f& toA, const Vec3f& toB) const
 {
-    const auto isBuried = [&](const SolidReader& solid, const Vec3f& offset) {
-        SolidReader::Sample sample;
-        if (!solid.interpolate(at, offset, sample))
-            sample.value =
-                solid.valueAt(at.offsetBy(int(std::lround(offset[0])), int(std::lround(offset[1])),
-                                          int(std::lround(offset[2]))));
-        return sample.value < mRadius - kDepth;
-    };
-    return isBuried(b, toA) && isBuried(a, toB);
+    const float buried = mRadius - kDepth;
+    return b.valueNear(at, toA) < buried && a.valueNear(at, toB) < buried;
 }
 
 } // namespace mpuvdb

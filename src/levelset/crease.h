@@ -30,10 +30,13 @@ public:
     SolidReader(const openvdb::FloatTree& tree, float scale) : mAccess(tree), mScale(scale) {}
 
     float valueAt(const openvdb::Coord& at) const { return mScale * mAccess.getValue(at); }
+    bool isInBand(const openvdb::Coord& at) const { return mAccess.isValueOn(at); }
     /// By central differences between active voxels; 0 along axes where there are none.
     Vec3f gradientAt(const openvdb::Coord& at) const;
     /// Trilinear, at @a offset voxels from @a at; false where the band does not reach.
     bool interpolate(const openvdb::Coord& at, const Vec3f& offset, Sample& sample) const;
+    /// The same, and where the band does not reach: on which side of it that is.
+    float valueNear(const openvdb::Coord& at, const Vec3f& offset) const;
 
 private:
     openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
@@ -62,7 +65,8 @@ public:
     {
     }
 
-    /// For the voxel @a at, in both bands. The two solids may change places without a bit changing.
+    /// For the voxel @a at, in one band or both. The two solids may change places without a bit
+    /// changing.
     Answer find(const openvdb::Coord& at) const;
 
 private:

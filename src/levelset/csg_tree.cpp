@@ -21,8 +21,16 @@ namespace
 {
 
 using openvdb::Coord;
+using openvdb::CoordBBox;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
+
+/// Voxels that the distance to the ball's path may err, with more to spare.
+constexpr float kSpare = 2;
+
+/// Surfaces whose gradients have less for a product run against each other: edges between them are
+/// sharper than 30 degrees.
+constexpr float kAgainst = -0.87f;
 
 /// The signs that make a union of a Boolean's solids, and it of the union.
 struct Signs {
@@ -42,21 +50,45 @@ Signs signsOf(Boolean kind)
     return {-1, 1, -1};
 }
 
-/// Voxels of one leaf.
-struct LeafVoxels {
-    Coord origin;
-    Leaf::NodeMaskType voxels;
-};
+/// A box that holds the solid.
+CoordBBox boxOf(const FloatTree& tree)
+{
+    CoordBBox box;
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
+        const float* const values = leaf->buffer().data();
+        if (std::any_of(values, values + Leaf::SIZE, [](float v) { return v < 0; }))
+            box.expand(leaf->getNodeBoundingBox());
+    }
+    auto tile = tree.cbeginValueAll();
+    tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
+    for (; tile; ++tile)
+        if (*tile < 0) box.expand(tile.getBoundingBox());
+    return box;
+}
 
-/// Leaves of which both trees have one.
+/// A box that holds what a fillet changes, of any radius, and @a halfWidth voxels about it: between
+/// solids a ball fills no more than their hull, and what it takes away was within them.
+CoordBBox wedgesOf(Boolean kind, const FloatTree& a, const FloatTree& b, double halfWidth)
+{
+    CoordBBox box = boxOf(a);
+    if (kind == Boolean::Union) box.expand(boxOf(b));
+    if (kind == Boolean::Intersection) box.intersect(boxOf(b));
+    box.expand(int(std::ceil(halfWidth)));
+    return box;
+}
+
+/// Leaves of both trees.
 class LeafCombiner
 {
 public:
     LeafCombiner(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
-                 double radius)
+                 double halfWidth, double radius)
         : mA(a), mB(b), mSigns(signsOf(kind)), mBackground(a.background()),
-          mVoxelSize(float(voxelSize)), mRadius(float(radius / voxelSize)),
-          mReach(mRadius + mBackground / mVoxelSize)
+          mVoxelSize(float(voxelSize)), mDeepest(float(halfWidth * voxelSize)),
+          mRadius(float(radius / voxelSize)), mReach(mRadius + float(halfWidth)),
+          mFarthest(mRadius + mBackground / mVoxelSize),
+          mWedges(radius > 0 ? wedgesOf(kind, a, b, halfWidth) : CoordBBox::inf()),
+          mNearA(nearOf(a, mSigns.a)), mNearB(nearOf(b, mSigns.b))
     {
     }
 
@@ -64,11 +96,18 @@ public:
     {
         const Leaf* const a = mA.probeConstLeaf(leaf.origin());
         const Leaf* const b = mB.probeConstLeaf(leaf.origin());
-        if (!a || !b) return;
-        Leaf::NodeMaskType inBoth = a->getValueMask();
-        inBoth &= b->getValueMask();
-        mergeValues(*a, *b, leaf);
-        if (!inBoth.isOff()) fillWedges(*a, *b, inBoth, leaf);
+        if (a && b) mergeValues(*a, *b, leaf);
+        const CoordBBox box = leaf.getNodeBoundingBox();
+        if (!mWedges.hasOverlap(box)) return;
+        if (a && b && mRadius == 0) {
+            Leaf::NodeMaskType inBoth = a->getValueMask();
+            inBoth &= b->getValueMask();
+            if (!inBoth.isOff()) fillWedges(inBoth, leaf);
+        } else if (mRadius > 0 && (a || mNearA.hasOverlap(box)) && (b || mNearB.hasOverlap(box))) {
+            Leaf::NodeMaskType inEither = a ? a->getValueMask() : b->getValueMask();
+            if (a && b) inEither |= b->getValueMask();
+            if (!inEither.isOff()) fillWedges(inEither, leaf);
+        }
     }
 
     /// What is known, in order.
@@ -80,6 +119,7 @@ public:
         return inOrder;
     }
     bool isFilletDoubtful() const { return !mUnsettled.empty(); }
+    std::vector<LeafVoxels> filleted() const { return {mFilleted.begin(), mFilleted.end()}; }
 
     /// Give the voxels of a fillet that no crease tells the distance to what is the nearest place
     /// for the ball of all.
@@ -90,7 +130,7 @@ public:
         for (const LeafVoxels& leaf : mUnsettled) origins.push_back(leaf.origin);
         const BallCentres::Solid a{mA, mSigns.a / mVoxelSize}, b{mB, mSigns.b / mVoxelSize};
         const auto centres = [&](const BallCentres::Solid& one, const BallCentres::Solid& other) {
-            return BallCentres(one, other, mRadius, mReach, origins, progress);
+            return BallCentres(one, other, mRadius, mFarthest, origins, progress);
         };
         const BallCentres centresA = centres(a, a), centresB = centres(b, b),
                           between = centres(a, b);
@@ -99,10 +139,12 @@ public:
             Leaf& leaf = *tree.probeLeaf(origin);
             BallCentres::Search besideA(centresA, origin), besideB(centresB, origin),
                 inBetween(between, origin);
+            LeafVoxels filleted{origin, {}};
             for (auto it = mUnsettled[n].voxels.beginOn(); it; ++it) {
                 progress.check();
-                settle(besideA, besideB, inBetween, it.pos(), leaf);
+                filleted.voxels.set(it.pos(), settle(besideA, besideB, inBetween, it.pos(), leaf));
             }
+            if (!filleted.voxels.isOff()) mFilleted.push_back(filleted);
         });
     }
 
@@ -112,8 +154,26 @@ public:
         const auto ball = std::size_t(4.0 / 3 * M_PI * double(mRadius) * mRadius * mRadius);
         return {{mFilled.begin(), mFilled.end()}, ball, [this](const Coord& at) {
                     const float u = mSigns.a * mA.getValue(at), v = mSigns.b * mB.getValue(at);
-                    return std::max(u, v) < mRadius * mVoxelSize;
+                    return mWedges.isInside(at) && std::max(u, v) < mRadius * mVoxelSize;
                 }};
+    }
+
+    /// Of what is solid in an intersection or difference.
+    TakenAway taken() const
+    {
+        TakenAway taken;
+        if (mSigns.result > 0) return taken;
+        const SolidReader a(mA, mSigns.a / mVoxelSize), b(mB, mSigns.b / mVoxelSize);
+        for (const Coord& at : mFilled) {
+            const Vec3f ga = a.gradientAt(at), gb = b.gradientAt(at);
+            if (!a.isInBand(at) || !b.isInBand(at) || ga.dot(gb) > kAgainst) continue;
+            const float depth = std::min(a.valueAt(at), b.valueAt(at));
+            const bool isFirst = depth == taken.depth && at < taken.deepest;
+            if (!(depth > taken.depth) && !isFirst) continue;
+            taken.depth = depth;
+            taken.deepest = at;
+        }
+        return taken;
     }
 
 private:
@@ -134,30 +194,31 @@ private:
         leaf.setValueMask(active);
     }
 
-    void fillWedges(const Leaf& a, const Leaf& b, const Leaf::NodeMaskType& inBoth,
-                    Leaf& leaf) const
+    void fillWedges(const Leaf::NodeMaskType& voxels, Leaf& leaf) const
     {
-        const float highest = (mRadius + kTouching) * mVoxelSize;
-        const CreaseFinder finder(SolidReader(mA, mSigns.a / mVoxelSize),
-                                  SolidReader(mB, mSigns.b / mVoxelSize), mRadius, mReach);
+        const float highest = mRadius + kTouching, deepest = -mDeepest / mVoxelSize;
+        const SolidReader a(mA, mSigns.a / mVoxelSize), b(mB, mSigns.b / mVoxelSize);
+        const CreaseFinder finder(a, b, mRadius, mReach);
         KnownVoxels known{leaf.origin(), {}};
-        LeafVoxels unsettled{leaf.origin(), {}};
-        for (auto it = inBoth.beginOn(); it; ++it) {
+        LeafVoxels unsettled{leaf.origin(), {}}, filleted{leaf.origin(), {}};
+        for (auto it = voxels.beginOn(); it; ++it) {
             const openvdb::Index i = it.pos();
-            const float least = std::min(mSigns.a * a.getValue(i), mSigns.b * b.getValue(i));
-            if (least > highest) continue;
-            CreaseFinder::Answer answer = finder.find(leaf.offsetToGlobalCoord(i));
-            if (isFar(answer) && isBesideSurface(leaf.offsetToGlobalCoord(i)))
-                answer.place = CreaseFinder::Place::Unknown;
+            const Coord at = leaf.offsetToGlobalCoord(i);
+            const float least = std::min(a.valueAt(at), b.valueAt(at));
+            if (least > highest || least <= deepest) continue;
+            CreaseFinder::Answer answer = finder.find(at);
+            if (isFar(answer) && isBesideSurface(at)) answer.place = CreaseFinder::Place::Unknown;
             const bool isKnown = place(answer, i, leaf);
-            if (!isKnown && mRadius > 0 && answer.place != CreaseFinder::Place::Crease)
+            if (mRadius > 0 && answer.place == CreaseFinder::Place::Crease)
+                filleted.voxels.setOn(i);
+            else if (mRadius > 0 && !isKnown)
                 unsettled.voxels.setOn(i);
             known.isDoubtful |= !isKnown;
             known.exact.set(i, isKnown && answer.isSure);
-            if (least >= 0 && mSigns.result * leaf.getValue(i) < 0)
-                mFilled.push_back(leaf.offsetToGlobalCoord(i));
+            if (least >= 0 && mSigns.result * leaf.getValue(i) < 0) mFilled.push_back(at);
         }
-        mKnown.push_back(known);
+        if (mRadius == 0 || known.isDoubtful || !filleted.voxels.isOff()) mKnown.push_back(known);
+        if (!filleted.voxels.isOff()) mFilleted.push_back(filleted);
         if (!unsettled.voxels.isOff()) mUnsettled.push_back(unsettled);
     }
 
@@ -183,6 +244,17 @@ private:
         return false;
     }
 
+    /// A box that holds all places from which a solid, or its complement, can be in the way of a
+    /// ball that touches the other one where that is nearest.
+    CoordBBox nearOf(const FloatTree& tree, float sign) const
+    {
+        if (mRadius == 0) return {};
+        if (sign < 0) return CoordBBox::inf();
+        CoordBBox box = boxOf(tree);
+        box.expand(int(std::ceil(2 * mRadius)));
+        return box;
+    }
+
     /// @return whether the value is known.
     bool place(const CreaseFinder::Answer& answer, openvdb::Index voxel, Leaf& leaf) const
     {
@@ -200,34 +272,51 @@ private:
     }
 
     /// The ball also bridges the hollows of either solid alone: only by how much farther it keeps
-    /// off both is the fillet's.
-    void settle(BallCentres::Search& besideA, BallCentres::Search& besideB,
+    /// off both is the fillet's. @return whether that is anything.
+    bool settle(BallCentres::Search& besideA, BallCentres::Search& besideB,
                 BallCentres::Search& between, openvdb::Index voxel, Leaf& leaf) const
     {
         const Coord at = leaf.offsetToGlobalCoord(voxel);
         const float least = std::min(mSigns.a * mA.getValue(at), mSigns.b * mB.getValue(at));
         const float sharp = mRadius - least / mVoxelSize;
-        const float both = between.distanceFrom(at, mReach, sharp);
-        if (both <= sharp) return;
+        float both = between.distanceFrom(at, mReach + kSpare, sharp);
+        if (both <= sharp) return false;
+        if (both >= mReach + kSpare) { // deep in the fillet, or in a hollow of either solid
+            const float own = sharp + kSpare;
+            if (besideA.distanceFrom(at, mFarthest, own) <= own &&
+                besideB.distanceFrom(at, mFarthest, own) <= own)
+                return setFilled(at, least, -mDeepest, leaf);
+            both = between.distanceFrom(at, mFarthest);
+        }
         const float fromA = besideA.distanceFrom(at, both);
-        if (fromA >= both) return;
+        if (fromA >= both) return false;
         const float fromB = besideB.distanceFrom(at, both);
-        if (fromB >= both) return;
+        if (fromB >= both) return false;
         const float farther = both - std::max(fromA, fromB);
-        const float value = least - farther * mVoxelSize;
-        if (value > -mBackground)
-            leaf.setValueOn(voxel, mSigns.result * value);
+        return setFilled(at, least, least - farther * mVoxelSize, leaf);
+    }
+
+    /// Give a voxel with the sharp value @a least that of the fillet.
+    bool setFilled(const Coord& at, float least, float value, Leaf& leaf) const
+    {
+        if (value > -mDeepest)
+            leaf.setValueOn(at, mSigns.result * value);
         else
-            leaf.setValueOff(voxel, -mSigns.result * mBackground);
+            leaf.setValueOff(at, -mSigns.result * mBackground);
         if (least >= 0 && value < 0) mFilled.push_back(at);
+        return true;
     }
 
     const FloatTree &mA, &mB;
     Signs mSigns;
-    float mBackground, mVoxelSize;                         ///< world units
-    float mRadius, mReach;                                 ///< voxels
+    float mBackground, mVoxelSize;    ///< world units
+    float mDeepest;                   ///< to where values count, world units
+    float mRadius, mReach, mFarthest; ///< voxels; to the ball's path where values count, at all
+    CoordBBox mWedges;                ///< no fillet is outside
+    CoordBBox mNearA, mNearB;         ///< outside, the solid is in the way of no ball; see nearOf()
     mutable tbb::concurrent_vector<KnownVoxels> mKnown;    ///< in any order
     mutable tbb::concurrent_vector<LeafVoxels> mUnsettled; ///< of a fillet, in any order
+    mutable tbb::concurrent_vector<LeafVoxels> mFilleted;  ///< in any order
     mutable tbb::concurrent_vector<Coord> mFilled;         ///< in any order
 };
 
@@ -264,9 +353,9 @@ void mergeInto(FloatTree& tree, const FloatTree& other, const LeafCombiner& leav
 } // namespace
 
 CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
-                double radius, Progress& progress)
+                double halfWidth, double radius, Progress& progress)
 {
-    const LeafCombiner leaves(kind, a, b, voxelSize, radius);
+    const LeafCombiner leaves(kind, a, b, voxelSize, halfWidth, radius);
     progress.check();
     // The copy cannot be stopped: it takes less than the 30 ms of a whole union of 8 M voxels.
     auto tree = std::make_shared<FloatTree>(a);
@@ -284,8 +373,14 @@ CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double vox
         break;
     }
     leaves.settleFillet(*tree, progress);
-    const bool isMended = mendFill(*tree, leaves.fill(), progress);
-    return {tree, leaves.known(), isMended || leaves.isFilletDoubtful()};
+    const std::vector<Coord> mended = mendFill(*tree, leaves.fill(), progress);
+    CsgTree result{tree, leaves.filleted(), leaves.known(),
+                   !mended.empty() || leaves.isFilletDoubtful(), leaves.taken()};
+    for (const Coord& at : mended) {
+        result.filleted.push_back({at & ~(int(Leaf::DIM) - 1), {}});
+        result.filleted.back().voxels.setOn(Leaf::coordToOffset(at));
+    }
+    return result;
 }
 
 } // namespace mpuvdb

@@ -37,13 +37,13 @@ public:
         mSide = mAccess.getValue(mFill.voxels.front()) < 0;
     }
 
-    bool mend()
+    std::vector<Coord> mend()
     {
         std::vector<Coord> wrong = loose();
         const std::vector<Coord> closed = pockets();
         wrong.insert(wrong.end(), closed.begin(), closed.end());
         for (const Coord& at : wrong) mAccess.setValueOn(at, -mAccess.getValue(at));
-        return !wrong.empty();
+        return wrong;
     }
 
 private:
@@ -136,9 +136,10 @@ private:
 
 } // namespace
 
-bool mendFill(FloatTree& tree, Fill fill, Progress& progress)
+std::vector<Coord> mendFill(FloatTree& tree, Fill fill, Progress& progress)
 {
-    return !fill.voxels.empty() && FillMender(tree, std::move(fill), progress).mend();
+    if (fill.voxels.empty()) return {};
+    return FillMender(tree, std::move(fill), progress).mend();
 }
 
 } // namespace mpuvdb

@@ -14,14 +14,15 @@ class Progress;
 struct Fill {
     std::vector<openvdb::Coord> voxels; ///< in any order, all with one sign
     std::size_t ball = 0;               ///< voxels that the ball holds
-    /// Whether a voxel is nearer to both solids than the ball's radius; others stay as they are.
+    /// Whether a voxel may be filled, and is nearer to both solids than the ball's radius; others
+    /// stay as they are.
     std::function<bool(const openvdb::Coord&)> isBetween;
 };
 
 /// The fill covers the surfaces that it lies on, so it hangs together with the solids; and what it
 /// leaves open, the ball has room in. Let voxels change sides that are not so, by the faces of
 /// voxels: they are rounding, where surfaces run nearly parallel.
-/// @return whether there were any. @throws Interrupted.
-bool mendFill(openvdb::FloatTree& tree, Fill fill, Progress& progress);
+/// @return those. @throws Interrupted.
+std::vector<openvdb::Coord> mendFill(openvdb::FloatTree& tree, Fill fill, Progress& progress);
 
 } // namespace mpuvdb

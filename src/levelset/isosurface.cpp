@@ -24,6 +24,8 @@ using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
 constexpr int kLeaf = int(Leaf::DIM);
+/// What a block's face of a tile takes, with all that is made on the way: measured.
+constexpr std::uint64_t kBytesPerFace = 28000;
 
 /// What becomes of a value: how far outside it is.
 struct Outside {
@@ -31,9 +33,10 @@ struct Outside {
     float operator()(float v) const { return sign * (v - value); }
 };
 
-/// Zero is to be crossed between active voxels: where a block of the tile in @a box, which is
-/// inside, meets outside by a face and neither is a leaf, make both leaves.
-void openFaces(const openvdb::CoordBBox& box, FloatTree& tree)
+/// Where a block of the tile in @a box, which is inside, meets outside by a face and neither is a
+/// leaf: tell of a voxel of either.
+template <typename F>
+void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& tell)
 {
     for (int face = 0; face < 6; ++face) {
         const int axis = face / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
@@ -44,15 +47,31 @@ void openFaces(const openvdb::CoordBBox& box, FloatTree& tree)
             for (in[v] = box.min()[v]; in[v] <= box.max()[v]; in[v] += kLeaf) {
                 out[u] = in[u];
                 out[v] = in[v];
-                if (tree.probeConstLeaf(out) || tree.getValue(out) < 0) continue;
-                tree.touchLeaf(in)->setValuesOn();
-                tree.touchLeaf(out)->setValuesOn();
+                if (!tree.probeConstLeaf(out) && !(tree.getValue(out) < 0)) tell(in, out);
             }
     }
 }
 
+/// @throws LimitError where the tiles' surface takes more than @a maxBytes.
+void demandMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree& tree,
+                  std::uint64_t maxBytes, Progress& progress)
+{
+    std::uint64_t faces = 0;
+    for (const openvdb::CoordBBox& box : tiles) {
+        progress.check();
+        forEachOpenFace(box, tree, [&](const Coord&, const Coord&) { ++faces; });
+    }
+    const std::uint64_t bytes = faces * kBytesPerFace;
+    if (maxBytes == 0 || bytes <= maxBytes) return;
+    throw LimitError(fmt::format("the surface of the grid's tiles, {} faces of {} x {} voxels, "
+                                 "needs about {:.0f} MB, more than the {:.0f} MB that are left: "
+                                 "raise --max-memory, or use larger voxels",
+                                 faces, kLeaf, kLeaf, double(bytes) / 1e6, double(maxBytes) / 1e6));
+}
+
 /// The values of @a grid outward, with voxels beside its leaves active and all else inactive.
-FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, Progress& progress)
+FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint64_t maxBytes,
+                       Progress& progress)
 {
     auto tree = std::make_shared<FloatTree>(outside(grid.background()));
     std::vector<openvdb::CoordBBox> inside;
@@ -69,9 +88,14 @@ FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, Progress& 
             leaf->setValueOnly(n, outside(from->getValue(n)));
         tree->addLeaf(leaf.release());
     }
+    demandMemory(inside, *tree, maxBytes, progress);
     for (const openvdb::CoordBBox& box : inside) {
         progress.check();
-        openFaces(box, *tree);
+        // Zero is to be crossed between active voxels.
+        forEachOpenFace(box, *tree, [&](const Coord& in, const Coord& out) {
+            tree->touchLeaf(in)->setValuesOn();
+            tree->touchLeaf(out)->setValuesOn();
+        });
     }
     openvdb::tools::dilateActiveValues(*tree, 1, openvdb::tools::NN_FACE,
                                        openvdb::tools::IGNORE_TILES);
@@ -81,7 +105,7 @@ FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, Progress& 
 } // namespace
 
 LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double halfWidth,
-                    Progress& progress)
+                    Progress& progress, std::uint64_t maxBytes)
 {
     demandUniformVoxels(grid);
     demandFinite(grid);
@@ -93,7 +117,7 @@ LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double h
                                      grid.getName(), grid.background(), value,
                                      above ? "above" : "below"));
     progress.beginStage("isosurface");
-    const FloatGrid::Ptr implicit = FloatGrid::create(outward(grid, outside, progress));
+    const FloatGrid::Ptr implicit = FloatGrid::create(outward(grid, outside, maxBytes, progress));
     implicit->setTransform(grid.transform().copy());
     implicit->setGridClass(openvdb::GRID_LEVEL_SET);
     implicit->setName("surface");

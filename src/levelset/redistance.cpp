@@ -1,6 +1,6 @@
 // Grids whose values are made anew from distances to a surface.
+#include "redistance.h"
 #include "band_limits.h"
-#include "distance_front.h"
 #include "prune.h"
 #include "restore_distance.h"
 
@@ -240,6 +240,13 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& pro
     if (halfWidth < levelSet.halfWidth())
         completeBand(made->tree(), levelSet.voxelSize(), progress);
     return LevelSet(made);
+}
+
+FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach, Progress& progress)
+{
+    const float widest = std::max(reach.outside, reach.inside);
+    const BandMaker maker(widest, levelSet.voxelSize(), ownOrFound([](float d) { return d; }));
+    return remade(levelSet.grid(), Values::Distances, reach, maker, progress)->constTreePtr();
 }
 
 LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)

@@ -1,5 +1,6 @@
 // Inner nodes of shapes: Booleans, offsets, filters, morphs, motions.
 #include "band_limits.h"
+#include "combine.h"
 #include "shape_node.h"
 #include "smooth_filters.h"
 
@@ -62,6 +63,8 @@ public:
     Demand demandOf(std::size_t, const Demand& own) const override
     {
         demandBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
+        if (mBlendRadius > 0)
+            demandBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
         Demand demand = own;
         demand.halfWidth += mBlendRadius / own.lattice.voxelSize;
         return demand;
@@ -88,8 +91,8 @@ public:
         if (solids.empty() || (mKind == Boolean::Intersection && missing) ||
             (mKind == Boolean::Difference && !inputs.front()))
             return nothing(own);
-        return inBand(mpuvdb::combine(mKind, solids, mBlendRadius, progress), own.halfWidth,
-                      progress);
+        if (solids.size() == 1) return inBand(solids.front(), own.halfWidth, progress);
+        return combineInBand(mKind, solids, mBlendRadius, own.halfWidth, progress);
     }
 
 protected:
@@ -132,6 +135,13 @@ private:
             if (kind == Boolean::Union) box.extend(input->bounds());
             if (kind == Boolean::Intersection) box = box.intersection(input->bounds());
         }
+        return box;
+    }
+
+    Box3d boundsOfInputs() const
+    {
+        Box3d box;
+        for (const Ptr& input : inputs()) box.extend(input->bounds());
         return box;
     }
 

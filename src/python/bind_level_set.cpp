@@ -8,6 +8,7 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
+#include <mpuvdb/operations.h>
 
 #include <fmt/format.h>
 
@@ -95,6 +96,38 @@ void bindArrays(LevelSetClass& levelSets)
             "background and finite values.");
 }
 
+void bindIsosurface(LevelSetClass& levelSets)
+{
+    levelSets.def_static(
+        "isosurface",
+        [](const py::object& source, double value, const std::string& inside,
+           const std::optional<Vec3d>& origin, const std::optional<double>& voxelSize,
+           double halfWidth, const py::object& progress) {
+            const auto side = choose<Inside>(inside, "inside",
+                                             {{"above", Inside::Above}, {"below", Inside::Below}});
+            openvdb::FloatGrid::Ptr grid;
+            if (py::isinstance<py::array>(source)) {
+                if (!voxelSize) throw UsageError("voxel_size: an array of values needs one");
+                const auto values = source.cast<py::array_t<float, py::array::forcecast>>();
+                grid = gridOf(values, origin.value_or(Vec3d::Zero()), *voxelSize, value, side);
+            } else {
+                if (origin || voxelSize)
+                    throw UsageError("origin and voxel_size go with an array: a grid has its own");
+                grid = fromPyOpenVdb(source, "source");
+            }
+            return run(progress,
+                       [&](Progress& p) { return isosurface(*grid, value, side, halfWidth, p); });
+        },
+        "source"_a, "value"_a = 0.5, py::kw_only(), "inside"_a = "above", "origin"_a = py::none(),
+        "voxel_size"_a = py::none(), "half_width"_a = 3.0, "progress"_a = py::none(),
+        "The surface where a density, or any values, pass value: a block (nx, ny, nz) of numpy, "
+        "values[0, 0, 0] at origin (default: the world's), voxel_size in world units, or a "
+        "FloatGrid of OpenVDB's own Python module, of any class.\n\n"
+        "inside: 'above', as of densities, or 'below', as of distances. half_width: of the band, "
+        "voxels. The block's border, or the grid's background, has to be outside.\n\n"
+        "Raises InputError where values are not finite or nothing is inside." MPUVDB_PROGRESS_DOC);
+}
+
 void bindQuestions(LevelSetClass& levelSets)
 {
     levelSets
@@ -157,6 +190,7 @@ void bindLevelSet(LevelSetClass& levelSets)
     bindProperties(levelSets);
     bindFiles(levelSets);
     bindArrays(levelSets);
+    bindIsosurface(levelSets);
     bindQuestions(levelSets);
 }
 

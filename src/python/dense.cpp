@@ -9,7 +9,9 @@
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
 
+#include <algorithm>
 #include <cmath>
+#include <memory>
 
 namespace mpuvdb::python
 {
@@ -21,11 +23,21 @@ namespace
 using Dense = openvdb::tools::Dense<float, openvdb::tools::LayoutZYX>;
 using Values = py::detail::unchecked_reference<float, 3>;
 
-/// Voxels nearer than @a background are active, with their values.
-void fillBand(const Values& values, float background, openvdb::FloatTree& tree)
+void demandBlock(const py::array_t<float>& values, const Vec3d& origin, double voxelSize)
+{
+    if (values.ndim() != 3)
+        throw UsageError(
+            fmt::format("values: an array of {} dimensions; it must have 3", values.ndim()));
+    if (!(voxelSize > 0) || !std::isfinite(voxelSize) || !origin.allFinite())
+        throw UsageError(
+            fmt::format("voxel size {}: it must be above 0, and the origin finite", voxelSize));
+}
+
+/// Call @a use(place, value) for all voxels, which have to be finite, and outside at the border.
+template <typename IsInside, typename Use>
+void forEachVoxel(const Values& values, IsInside isInside, Use use)
 {
     const auto nx = values.shape(0), ny = values.shape(1), nz = values.shape(2);
-    openvdb::tree::ValueAccessor<openvdb::FloatTree> accessor(tree);
     for (py::ssize_t x = 0; x < nx; ++x)
         for (py::ssize_t y = 0; y < ny; ++y)
             for (py::ssize_t z = 0; z < nz; ++z) {
@@ -35,12 +47,11 @@ void fillBand(const Values& values, float background, openvdb::FloatTree& tree)
                         fmt::format("values: that of voxel ({}, {}, {}) is not finite", x, y, z));
                 const bool border =
                     x == 0 || y == 0 || z == 0 || x == nx - 1 || y == ny - 1 || z == nz - 1;
-                if (border && value <= 0)
+                if (border && isInside(value))
                     throw InputError(fmt::format("values: the solid meets the array's border at "
                                                  "voxel ({}, {}, {}). Pad the array",
                                                  x, y, z));
-                if (std::abs(value) < background)
-                    accessor.setValue(openvdb::Coord(int(x), int(y), int(z)), value);
+                use(openvdb::Coord(int(x), int(y), int(z)), value);
             }
 }
 
@@ -67,20 +78,47 @@ py::tuple denseOf(const LevelSet& levelSet)
 LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, double voxelSize,
                     double halfWidth)
 {
-    if (values.ndim() != 3)
-        throw UsageError(
-            fmt::format("values: an array of {} dimensions; it must have 3", values.ndim()));
-    if (!(voxelSize > 0) || !std::isfinite(voxelSize) || !origin.allFinite())
-        throw UsageError(
-            fmt::format("voxel size {}: it must be above 0, and the origin finite", voxelSize));
+    demandBlock(values, origin, voxelSize);
     const LevelSet nothing = emptyLevelSet({origin, voxelSize}, halfWidth);
     const openvdb::FloatGrid::Ptr grid = nothing.grid().deepCopy();
     const Values in = values.unchecked<3>();
     const py::gil_scoped_release release;
-    fillBand(in, grid->background(), grid->tree());
+    openvdb::tree::ValueAccessor<openvdb::FloatTree> accessor(grid->tree());
+    const float background = grid->background();
+    forEachVoxel(
+        in, [](float v) { return v <= 0; },
+        [&](const openvdb::Coord& at, float v) {
+            if (std::abs(v) < background) accessor.setValue(at, v);
+        });
     openvdb::tools::signedFloodFill(grid->tree());
     openvdb::tools::pruneLevelSet(grid->tree());
     return LevelSet(grid);
+}
+
+openvdb::FloatGrid::Ptr gridOf(const py::array_t<float>& values, const Vec3d& origin,
+                               double voxelSize, double value, Inside inside)
+{
+    demandBlock(values, origin, voxelSize);
+    const bool above = inside == Inside::Above;
+    const Values in = values.unchecked<3>();
+    const openvdb::FloatGrid::Ptr grid = emptyLevelSet({origin, voxelSize}, 3).grid().deepCopy();
+    grid->setName("values");
+    grid->setGridClass(openvdb::GRID_UNKNOWN);
+    const py::gil_scoped_release release;
+    auto outermost = float(value);
+    forEachVoxel(
+        in, [&](float v) { return above ? v > value : v < value; },
+        [&](const openvdb::Coord&, float v) {
+            outermost = above ? std::min(outermost, v) : std::max(outermost, v);
+        });
+    grid->setTree(std::make_shared<openvdb::FloatTree>(outermost));
+    openvdb::tree::ValueAccessor<openvdb::FloatTree> accessor(grid->tree());
+    forEachVoxel(
+        in, [](float) { return false; },
+        [&](const openvdb::Coord& at, float v) {
+            if (v != outermost) accessor.setValue(at, v);
+        });
+    return grid;
 }
 
 } // namespace mpuvdb::python

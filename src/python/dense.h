@@ -1,6 +1,6 @@
 // Level sets as dense arrays.
 #pragma once
-#include <mpuvdb/level_set.h>
+#include <mpuvdb/operations.h>
 
 #include <pybind11/numpy.h>
 
@@ -15,5 +15,10 @@ pybind11::tuple denseOf(const LevelSet& levelSet);
 /// @throws UsageError (shape, sizes), InputError (not finite, the solid meets the array's border).
 LevelSet levelSetOf(const pybind11::array_t<float>& values, const Vec3d& origin, double voxelSize,
                     double halfWidth);
+
+/// A block of any values as a grid, whose background is the one of them that is farthest outside.
+/// @throws UsageError (shape, sizes), InputError (not finite, inside at the array's border).
+openvdb::FloatGrid::Ptr gridOf(const pybind11::array_t<float>& values, const Vec3d& origin,
+                               double voxelSize, double value, Inside inside);
 
 } // namespace mpuvdb::python

@@ -1,7 +1,7 @@
 """Types of the module mpuvdb; its docstrings say units, ranges and errors."""
 
 import os
-from typing import Any, Callable, Optional, Sequence, Union
+from typing import Any, Callable, Literal, Optional, Sequence, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -137,6 +137,17 @@ class LevelSet:
     def to_pyopenvdb(self) -> Any: ...
     @staticmethod
     def from_pyopenvdb(grid: Any) -> LevelSet: ...
+    @staticmethod
+    def isosurface(
+        source: Any,
+        value: float = 0.5,
+        *,
+        inside: Literal["above", "below"] = "above",
+        origin: Optional[Vector] = None,
+        voxel_size: Optional[float] = None,
+        half_width: float = 3.0,
+        progress: Progress = None,
+    ) -> LevelSet: ...
     def check(
         self, gradient_tolerance: float = 0.1, progress: Progress = None
     ) -> CheckReport: ...

@@ -116,6 +116,8 @@ void runWork(const py::object& listener, const std::function<void(Progress&)>& w
     }
     if (stopped) std::rethrow_exception(stopped);
     if (failed) std::rethrow_exception(failed);
+    for (const std::string& note : progress.notes())
+        if (PyErr_WarnEx(PyExc_UserWarning, note.c_str(), 1) != 0) throw py::error_already_set();
 }
 
 } // namespace mpuvdb::python

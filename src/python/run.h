@@ -13,7 +13,8 @@ namespace mpuvdb::python
 /// Do @a work on a thread of its own while this one, which holds the interpreter's lock, lets go of
 /// it and wakes up fifty times a second: to see to signals, so that Ctrl-C stops the work, and to
 /// call @a listener(stage, fraction), unless it is None. The work is stopped if the listener
-/// returns False or raises; either is thrown here, after the work has ended.
+/// returns False or raises; either is thrown here, after the work has ended. Its notes become
+/// UserWarnings.
 void runWork(const pybind11::object& listener, const std::function<void(Progress&)>& work);
 
 /// End here if the work that runs on this thread is to stop: for long loops of Python functions.

@@ -214,6 +214,33 @@ class Dense(ShapeTest):
             mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, 0, 0), 0)
 
 
+class Isosurface(ShapeTest):
+    def setUp(self):
+        i, j, k = np.indices((41, 41, 41)) * 0.05 - 1
+        self.density = 1.5 - 2 * np.sqrt(i**2 + j**2 + k**2)  # 0.5 at radius 0.5
+        self.place = {"origin": (-1, -1, -1), "voxel_size": 0.05}
+
+    def test_density(self):
+        ball = mv.LevelSet.isosurface(self.density, 0.5, **self.place)
+        self.assert_sound(ball)
+        # Crossings between voxels are linear, off by h^2 / 8r; vertices lie between crossings up to
+        # the diagonal of a voxel's face apart, off by twice that.
+        bound = 3 * 0.05**2 / (8 * 0.5)
+        np.testing.assert_allclose(radii(ball.to_mesh()), 0.5, rtol=0, atol=bound)
+        same = mv.LevelSet.isosurface(-self.density, -0.5, inside="below", **self.place)
+        np.testing.assert_array_equal(ball.to_numpy()[0], same.to_numpy()[0])
+
+    def test_refused(self):
+        with self.assertRaisesRegex(mv.UsageError, "voxel_size"):
+            mv.LevelSet.isosurface(self.density)
+        with self.assertRaisesRegex(mv.UsageError, "inside"):
+            mv.LevelSet.isosurface(self.density, inside="between", **self.place)
+        with self.assertRaisesRegex(mv.InputError, "border"):
+            mv.LevelSet.isosurface(self.density, -1, **self.place)
+        with self.assertRaisesRegex(mv.InputError, "nothing is above 2"):
+            mv.LevelSet.isosurface(self.density, 2, **self.place)
+
+
 class LevelSets(ShapeTest):
     def setUp(self):
         self.ball = mv.sphere(radius=0.5).level_set(0.05)

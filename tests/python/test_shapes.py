@@ -214,6 +214,13 @@ class Operators(ShapeTest):
         theirs = mv.difference(self.a, self.b).level_set(0.05).to_numpy()[0]
         np.testing.assert_array_equal(ours, theirs)
 
+    def test_blend_tells_where_it_has_no_room(self):
+        a, b = mv.sphere(radius=0.85), mv.sphere((1, 0, 0), 0.85)
+        with self.assertWarnsRegex(UserWarning, "up to 0.7 thick at .*0.35 has"):
+            mv.intersection(a, b, blend=0.5).level_set(0.05)
+        with self.assertWarnsRegex(UserWarning, "changed nothing"):
+            mv.intersection(a, b, blend=1.5).level_set(0.05)
+
     def test_blend_fills_the_crease(self):
         plate = mv.box((-1, -1, -0.2), (1, 1, 0))
         post = mv.cylinder((0, 0, -0.2), (0, 0, 1), 0.4)

@@ -81,6 +81,7 @@ ExitCode LevelSetVerb::run(Session& session)
     for (const std::string& file : mInputs) inputs.push_back(readGridInput(file, mGrid, session));
     session.progress().beginStage(text().name);
     const LevelSet made = make(inputs, session);
+    for (const std::string& note : session.progress().notes()) session.warn(note);
     session.report()["settings"] = mSettings;
     std::map<std::string, std::string> metadata = {{"mpuvdb:version", MPUVDB_VERSION},
                                                    {"mpuvdb:operation", text().name}};

@@ -116,7 +116,7 @@ public:
         session.note(fmt::format("grid        '{}', {} {:g} is inside", name, mInside, mValue));
         const LevelSet made =
             isosurface(*input.grid, mValue, mInside == "above" ? Inside::Above : Inside::Below,
-                       mHalfWidth, session.progress());
+                       mHalfWidth, session.progress(), session.bytesLeft());
         session.report()["settings"] = {
             {"grid", name}, {"value", mValue}, {"inside", mInside}, {"half_width", mHalfWidth}};
         const ExitCode code = writeGridOutput(made, mOutput,
