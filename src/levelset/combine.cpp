@@ -1,5 +1,6 @@
 #include "band_limits.h"
 #include "csg_tree.h"
+#include "measure_voxels.h"
 #include "prune.h"
 #include "restore_distance.h"
 
@@ -107,6 +108,7 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
             for (int turn = 0; turn < kMostRestored; ++turn)
                 if (restoreDistance(*tree, voxelSize, progress) == 0) break;
         } else {
+            measureUnplaced(*tree, voxelSize, result.known, progress);
             restoreDistance(*tree, voxelSize, result.known, progress);
         }
         pruneBand(*tree);

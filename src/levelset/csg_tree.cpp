@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace mpuvdb
 {
@@ -140,20 +141,28 @@ private:
         const float highest = (mRadius + kTouching) * mVoxelSize;
         const CreaseFinder finder(SolidReader(mA, mSigns.a / mVoxelSize),
                                   SolidReader(mB, mSigns.b / mVoxelSize), mRadius, mReach);
-        KnownVoxels known{leaf.origin(), {}};
+        KnownVoxels known{leaf.origin(), Leaf::NodeMaskType(mRadius == 0)};
         LeafVoxels unsettled{leaf.origin(), {}};
         for (auto it = inBoth.beginOn(); it; ++it) {
             const openvdb::Index i = it.pos();
             const float least = std::min(mSigns.a * a.getValue(i), mSigns.b * b.getValue(i));
             if (least > highest) continue;
-            CreaseFinder::Answer answer = finder.find(leaf.offsetToGlobalCoord(i));
-            if (isFar(answer) && isBesideSurface(leaf.offsetToGlobalCoord(i)))
-                answer.place = CreaseFinder::Place::Unknown;
+            const CreaseFinder::Answer answer = finder.find(leaf.offsetToGlobalCoord(i));
+            if (mRadius == 0 && !isPlaced(answer)) {
+                known.unplaced.setOn(i);
+                known.exact.setOff(i);
+                known.isDoubtful = true;
+                // Where two solids touch, values are 0, and all is inside.
+                if (answer.place == CreaseFinder::Place::Buried && least >= 0)
+                    leaf.setValueOnly(i, -mSigns.result * std::numeric_limits<float>::min());
+                continue;
+            }
+            known.placed.setOn(i);
             const bool isKnown = place(answer, i, leaf);
             if (!isKnown && mRadius > 0 && answer.place != CreaseFinder::Place::Crease)
                 unsettled.voxels.setOn(i);
             known.isDoubtful |= !isKnown;
-            known.exact.set(i, isKnown && answer.isSure);
+            known.exact.set(i, isKnown && (mRadius == 0 || answer.isSure));
             if (least >= 0 && mSigns.result * leaf.getValue(i) < 0)
                 mFilled.push_back(leaf.offsetToGlobalCoord(i));
         }
@@ -161,26 +170,11 @@ private:
         if (!unsettled.voxels.isOff()) mUnsettled.push_back(unsettled);
     }
 
-    /// Whether the answer puts the surface of a sharp union more than a voxel off.
-    bool isFar(const CreaseFinder::Answer& answer) const
+    /// Whether a sharp union's value is known by the answer.
+    static bool isPlaced(const CreaseFinder::Answer& answer)
     {
-        if (mRadius > 0) return false;
-        return answer.place == CreaseFinder::Place::Buried ||
-               (answer.place == CreaseFinder::Place::Crease && answer.distance > 1);
-    }
-
-    /// Whether a voxel inside the union has a neighbour outside, and not where two solids touch.
-    bool isBesideSurface(const Coord& at) const
-    {
-        const float touching = kTouching * mVoxelSize;
-        const openvdb::tree::ValueAccessor<const FloatTree> a(mA), b(mB);
-        for (int n = 0; n < 6; ++n) {
-            Coord side = at;
-            side[n / 2] += n % 2 ? 1 : -1;
-            if (std::min(mSigns.a * a.getValue(side), mSigns.b * b.getValue(side)) > touching)
-                return true;
-        }
-        return false;
+        return answer.place == CreaseFinder::Place::Surface ||
+               (answer.place == CreaseFinder::Place::Crease && answer.isSure);
     }
 
     /// @return whether the value is known.
@@ -189,13 +183,12 @@ private:
         using Place = CreaseFinder::Place;
         if (answer.place == Place::Surface) return true;
         const float deepest = -mSigns.result * mBackground;
-        const bool isCrease = answer.place == Place::Crease,
-                   isBuried = answer.place == Place::Buried;
+        const bool isCrease = answer.place == Place::Crease;
         if (isCrease && answer.distance < mReach) {
             leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
             return true;
         }
-        if (isCrease || (isBuried && mRadius == 0)) leaf.setValueOff(voxel, deepest);
+        if (isCrease) leaf.setValueOff(voxel, deepest);
         return false;
     }
 

@@ -254,7 +254,7 @@ private:
         const auto found = std::lower_bound(
             mKnown->begin(), mKnown->end(), origin,
             [](const KnownVoxels& leaf, const Coord& place) { return leaf.origin < place; });
-        if (found == mKnown->end() || found->origin != origin) return {};
+        if (found == mKnown->end() || found->origin != origin) return Leaf::NodeMaskType(true);
         return found->exact;
     }
 
