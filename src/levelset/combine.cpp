@@ -2,6 +2,7 @@
 
 #include "band_limits.h"
 #include "csg_tree.h"
+#include "measure_voxels.h"
 #include "prune.h"
 #include "redistance.h"
 #include "restore_distance.h"
@@ -30,7 +31,8 @@ using Leaf = FloatTree::LeafNodeType;
 constexpr double kSameWidth = 1e-5;
 /// Voxels that the inputs' bands need beyond the ball's path to be interpolated there.
 constexpr double kAroundPath = 2.5;
-/// How often a fillet's distances are restored, at most.
+/// How often distances are restored where some may err, at most: values made anew move crossings
+/// that others were measured to.
 constexpr int kMostRestored = 4;
 
 /// @a tree with @a background; a copy only if it has another.
@@ -87,9 +89,15 @@ public:
         const float background = std::max(
             {float(mHalfWidth * mVoxelSize), mA.grid().background(), mB.grid().background()});
         const Bands bands{mHalfWidth, mHalfWidth, background};
-        const CsgTree csg = csgTree(mKind, *bands.treeOf(mA, progress), *bands.treeOf(mB, progress),
-                                    mVoxelSize, mHalfWidth, 0, progress);
-        restoreDistance(*csg.tree, mVoxelSize, csg.known, progress);
+        CsgTree csg = csgTree(mKind, *bands.treeOf(mA, progress), *bands.treeOf(mB, progress),
+                              mVoxelSize, mHalfWidth, 0, progress);
+        if (csg.isDoubtful) {
+            for (int turn = 0; turn < kMostRestored; ++turn)
+                if (restoreDistance(*csg.tree, mVoxelSize, progress) == 0) break;
+        } else {
+            measureUnplaced(*csg.tree, mVoxelSize, csg.known, progress);
+            restoreDistance(*csg.tree, mVoxelSize, csg.known, progress);
+        }
         pruneBand(*csg.tree);
         return csg.tree;
     }
@@ -111,24 +119,14 @@ public:
         tell(csg, radius, progress);
         if (csg.filleted.empty()) return;
         copyFillet(csg, sharp, progress);
-        if (csg.isFilletDoubtful)
-            for (KnownVoxels& leaf : csg.known) leaf.exact.setOff();
-        // Values made anew move crossings that others were measured to.
-        const int most = csg.isFilletDoubtful ? kMostRestored : 1;
+        if (csg.isDoubtful) csg.known = nothingExact(sharp, csg.known);
+        const int most = csg.isDoubtful ? kMostRestored : 1;
         for (int turn = 0; turn < most; ++turn)
             if (restoreDistance(sharp, mVoxelSize, csg.known, progress) == 0) break;
         pruneBand(sharp);
     }
 
 private:
-    /// A solid without what its band holds beyond the result's.
-    LevelSet cut(const LevelSet& solid, Progress& progress) const
-    {
-        return solid.halfWidth() > mHalfWidth * (1 + kSameWidth)
-                   ? withHalfWidth(solid, mHalfWidth, progress)
-                   : solid;
-    }
-
     /// The largest background, bands of @a halfWidth voxels count too.
     float widest(double halfWidth, const LevelSet& a, const LevelSet& b) const
     {
@@ -140,7 +138,7 @@ private:
     void tell(const CsgTree& csg, double radius, Progress& progress) const
     {
         constexpr float kWorthwhile = 0.5f; // voxels: what is shallower, no grid shows
-        if (csg.filleted.empty() && csg.isFilletDoubtful)
+        if (csg.filleted.empty() && csg.isDoubtful)
             progress.note(fmt::format("the blend changed nothing: beside the creases a ball of "
                                       "its radius {:.4g} has no room. Take a smaller one",
                                       radius));
@@ -153,6 +151,24 @@ private:
                                   "thick at ({:.4g}, {:.4g}, {:.4g}): radius {:.4g} has no room "
                                   "there, {:.4g} has",
                                   2 * depth, at.x(), at.y(), at.z(), radius, depth));
+    }
+
+    /// That no value of the tree is exact. @param known  of some leaves.
+    static std::vector<KnownVoxels> nothingExact(const FloatTree& tree,
+                                                 const std::vector<KnownVoxels>& known)
+    {
+        const auto before = [](const KnownVoxels& a, const KnownVoxels& b) {
+            return a.origin < b.origin;
+        };
+        std::vector<KnownVoxels> all;
+        for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) all.push_back({leaf->origin(), {}});
+        std::sort(all.begin(), all.end(), before);
+        for (const KnownVoxels& leaf : known) {
+            const auto found = std::lower_bound(all.begin(), all.end(), leaf, before);
+            if (found != all.end() && found->origin == leaf.origin)
+                found->isDoubtful = leaf.isDoubtful;
+        }
+        return all;
     }
 
     static void copyFillet(const CsgTree& from, FloatTree& to, Progress& progress)

@@ -35,6 +35,14 @@ constexpr int kFullSteps = 4, kMostSteps = 24;
 constexpr float kFarGuess = 2;
 /// What is left of a step that leaves a band.
 constexpr float kShorter = 0.75f;
+/// A place so far outside the other solid, in voxels, does not touch it, but by what interpolation
+/// rounds off an edge of it.
+constexpr float kExposed = 0.1f;
+/// Off a smooth surface by a voxel, distances differ from it by no more. A gradient's length is as
+/// near to 1 there.
+constexpr float kEdge = 0.1f, kOffLength = 0.05f;
+/// The cosine of gradients below which two faces may be one, touched from both sides.
+constexpr float kMayTouch = -0.96f;
 /// Voxels that a place lies deeper than a surface to be buried under it.
 constexpr float kDepth = 0.05f;
 /// How far aside a place may be that a voxel's gradient tells, as part of its distance. A ball that
@@ -42,6 +50,14 @@ constexpr float kDepth = 0.05f;
 constexpr float kAside = 0.01f;
 /// The least determinant of two gradients that tell where to go.
 constexpr float kLeastDeterminant = 1e-3f;
+
+/// Whether two gradients are those of distances to smooth surfaces that do not touch.
+bool arePlain(const Vec3f& a, const Vec3f& b)
+{
+    const float lengthA = a.norm(), lengthB = b.norm();
+    return std::max(std::abs(lengthA - 1), std::abs(lengthB - 1)) < kOffLength &&
+           a.dot(b) > kMayTouch * lengthA * lengthB;
+}
 
 bool before(const SolidReader::Sample& a, const SolidReader::Sample& b)
 {
@@ -144,9 +160,20 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
         const Answer answer = follow(at, *readerA, *readerB, toCentre);
         return answer.place == Place::Crease ? answer : unknown;
     }
+    if (mRadius == 0 && a.value == b.value && a.gradient == b.gradient)
+        return {Place::Surface, 0, false};
     if (lengthA < kLeastGradient || lengthB < kLeastGradient) return unknown;
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
     const auto surface = [&](bool isSure) {
+        if (mRadius == 0) {
+            const bool isParallel = (ga - gb).squaredNorm() < kParallel * kParallel;
+            bool holds = a.value > 0 || isParallel;
+            if (!holds && lengthA <= kLeastSlope) // the gradient does not tell where to look
+                holds = ga.dot(gb) > 0;
+            else if (!holds)
+                holds = isExposed(at, *readerA, *readerB, u * ga, arePlain(a.gradient, b.gradient));
+            return holds ? Answer{Place::Surface, 0, isSure} : unknown;
+        }
         return hasRoom(at, *readerA, *readerB, u * ga) ? Answer{Place::Surface, 0, isSure}
                                                        : unknown;
     };
@@ -168,6 +195,17 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     if (answer.place == Place::Crease) return answer;
     // What a ball's fillet covers may yet be outside.
     return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0, false};
+}
+
+/// Whether a surface has no edge of its own where it passes through a place.
+bool CreaseFinder::isSmooth(const Coord& at, const SolidReader& solid, const Vec3f& offset,
+                            const SolidReader::Sample& there)
+{
+    SolidReader::Sample in, out;
+    return solid.interpolate(at, offset - there.gradient, in) &&
+           solid.interpolate(at, offset + there.gradient, out) &&
+           std::abs(out.value - there.value - 1) < kEdge &&
+           std::abs(in.value - there.value + 1) < kEdge;
 }
 
 /// From a first guess to the place on the crease that is nearest to the voxel: linearise both
@@ -197,7 +235,11 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
         }
         if (off < kOnCrease && moved < kOnCrease + kSteady * distance) {
             nearest.distance = next.norm();
-            nearest.isSure = true;
+            // Where interpolation has rounded off an input's own edge, the crease is elsewhere.
+            nearest.isSure =
+                mRadius > 0 || nearest.place != Place::Crease ||
+                (arePlain(a.gradient, b.gradient) && isSmooth(at, readerA, toCrease, a) &&
+                 isSmooth(at, readerB, toCrease, b));
             break;
         }
         toCrease = step < kFullSteps ? next : Vec3f(0.5f * (toCrease + next));
@@ -206,11 +248,29 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
     return nearest;
 }
 
+/// Whether the nearest place of the surface @a a, the nearer, is on the union's: neither inside the
+/// other solid nor where the two touch. @param plain  see arePlain(), at the voxel.
+bool CreaseFinder::isExposed(const Coord& at, const SolidReader& a, const SolidReader& b,
+                             const Vec3f& foot, bool plain) const
+{
+    const float near = b.valueAt(at.offsetBy(int(std::lround(foot[0])), int(std::lround(foot[1])),
+                                             int(std::lround(foot[2]))));
+    if (plain && near > 1) return true;
+    SolidReader::Sample touched, other;
+    if (!a.interpolate(at, foot, touched) || std::abs(touched.value) > kNearCrease) return false;
+    if (!b.interpolate(at, foot, other)) return near > 0;
+    // What faces the same way does not close the surface.
+    if (other.value > -kNearCrease && touched.gradient.dot(other.gradient) > 0) return true;
+    return other.value > kExposed ||
+           (plain && other.value > -kExposed && arePlain(touched.gradient, other.gradient) &&
+            isSmooth(at, a, foot, touched) && isSmooth(at, b, foot, other));
+}
+
 /// Whether a ball has room where it touches the surface @a a, the nearer; a point always has.
 bool CreaseFinder::hasRoom(const Coord& at, const SolidReader& a, const SolidReader& b,
                            const Vec3f& toCentre) const
 {
-    if (mRadius == 0 || a.valueAt(at) >= mRadius) return true;
+    if (a.valueAt(at) >= mRadius) return true;
     SolidReader::Sample touched;
     return a.interpolate(at, toCentre, touched) &&
            std::abs(touched.value - mRadius) < kNearCrease &&

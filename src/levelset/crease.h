@@ -55,8 +55,9 @@ public:
     };
     struct Answer {
         Place place = Place::Surface;
-        float distance = 0;  ///< to the crease
-        bool isSure = false; ///< if both solids' values are distances
+        float distance = 0; ///< to the crease
+        bool isSure =
+            false; ///< if both solids' values are distances, and a crease is where it seems
     };
 
     /// @param radius  of the ball, 0 for the crease itself; @param reach  farthest distance asked.
@@ -73,6 +74,10 @@ private:
     struct Multipliers;
     Answer follow(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
                   Vec3f toCrease) const;
+    bool isExposed(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
+                   const Vec3f& foot, bool plain) const;
+    static bool isSmooth(const openvdb::Coord& at, const SolidReader& solid, const Vec3f& offset,
+                         const SolidReader::Sample& there);
     bool hasRoom(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
                  const Vec3f& toCentre) const;
     bool bothBuried(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,

@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace mpuvdb
 {
@@ -24,6 +25,9 @@ using openvdb::Coord;
 using openvdb::CoordBBox;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
+
+/// Voxels from a surface that say nothing of where it is.
+constexpr float kDeep = 1.5f;
 
 /// Voxels that the distance to the ball's path may err, with more to spare.
 constexpr float kSpare = 2;
@@ -199,22 +203,38 @@ private:
         const float highest = mRadius + kTouching, deepest = -mDeepest / mVoxelSize;
         const SolidReader a(mA, mSigns.a / mVoxelSize), b(mB, mSigns.b / mVoxelSize);
         const CreaseFinder finder(a, b, mRadius, mReach);
-        KnownVoxels known{leaf.origin(), {}};
+        KnownVoxels known{leaf.origin(), Leaf::NodeMaskType(mRadius == 0)};
         LeafVoxels unsettled{leaf.origin(), {}}, filleted{leaf.origin(), {}};
         for (auto it = voxels.beginOn(); it; ++it) {
             const openvdb::Index i = it.pos();
             const Coord at = leaf.offsetToGlobalCoord(i);
             const float least = std::min(a.valueAt(at), b.valueAt(at));
-            if (least > highest || least <= deepest) continue;
-            CreaseFinder::Answer answer = finder.find(at);
-            if (isFar(answer) && isBesideSurface(at)) answer.place = CreaseFinder::Place::Unknown;
+            if (least > highest) continue;
+            if (least <= deepest) {
+                known.exact.setOff(i);
+                continue;
+            }
+            const CreaseFinder::Answer answer = finder.find(at);
+            if (mRadius == 0 && !isPlaced(answer)) {
+                known.unplaced.setOn(i);
+                known.exact.setOff(i);
+                known.isDoubtful = true;
+                // A guess, so deep that the surface is not measured by it.
+                if (answer.place == CreaseFinder::Place::Crease && least < -kDeep)
+                    place(answer, i, leaf);
+                // Where two solids touch, values are 0, and all is inside.
+                if (answer.place == CreaseFinder::Place::Buried && least >= 0)
+                    leaf.setValueOnly(i, -mSigns.result * std::numeric_limits<float>::min());
+                continue;
+            }
+            known.placed.setOn(i);
             const bool isKnown = place(answer, i, leaf);
             if (mRadius > 0 && answer.place == CreaseFinder::Place::Crease)
                 filleted.voxels.setOn(i);
             else if (mRadius > 0 && !isKnown)
                 unsettled.voxels.setOn(i);
             known.isDoubtful |= !isKnown;
-            known.exact.set(i, isKnown && answer.isSure);
+            known.exact.set(i, isKnown && (mRadius == 0 || answer.isSure));
             if (least >= 0 && mSigns.result * leaf.getValue(i) < 0) mFilled.push_back(at);
         }
         if (mRadius == 0 || known.isDoubtful || !filleted.voxels.isOff()) mKnown.push_back(known);
@@ -222,26 +242,11 @@ private:
         if (!unsettled.voxels.isOff()) mUnsettled.push_back(unsettled);
     }
 
-    /// Whether the answer puts the surface of a sharp union more than a voxel off.
-    bool isFar(const CreaseFinder::Answer& answer) const
+    /// Whether a sharp union's value is known by the answer.
+    static bool isPlaced(const CreaseFinder::Answer& answer)
     {
-        if (mRadius > 0) return false;
-        return answer.place == CreaseFinder::Place::Buried ||
-               (answer.place == CreaseFinder::Place::Crease && answer.distance > 1);
-    }
-
-    /// Whether a voxel inside the union has a neighbour outside, and not where two solids touch.
-    bool isBesideSurface(const Coord& at) const
-    {
-        const float touching = kTouching * mVoxelSize;
-        const openvdb::tree::ValueAccessor<const FloatTree> a(mA), b(mB);
-        for (int n = 0; n < 6; ++n) {
-            Coord side = at;
-            side[n / 2] += n % 2 ? 1 : -1;
-            if (std::min(mSigns.a * a.getValue(side), mSigns.b * b.getValue(side)) > touching)
-                return true;
-        }
-        return false;
+        return answer.place == CreaseFinder::Place::Surface ||
+               (answer.place == CreaseFinder::Place::Crease && answer.isSure);
     }
 
     /// A box that holds all places from which a solid, or its complement, can be in the way of a
@@ -261,13 +266,12 @@ private:
         using Place = CreaseFinder::Place;
         if (answer.place == Place::Surface) return true;
         const float deepest = -mSigns.result * mBackground;
-        const bool isCrease = answer.place == Place::Crease,
-                   isBuried = answer.place == Place::Buried;
+        const bool isCrease = answer.place == Place::Crease;
         if (isCrease && answer.distance < mReach) {
             leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
             return true;
         }
-        if (isCrease || (isBuried && mRadius == 0)) leaf.setValueOff(voxel, deepest);
+        if (isCrease) leaf.setValueOff(voxel, deepest);
         return false;
     }
 

@@ -27,8 +27,8 @@ struct CsgTree {
     std::vector<LeafVoxels> filleted;
     /// For restoreDistance(), in order.
     std::vector<KnownVoxels> known;
-    /// Whether no value is to count as exact, for a fillet may err.
-    bool isFilletDoubtful = false;
+    /// Whether no value is to count as exact, for a fillet, or what was mended, may err.
+    bool isDoubtful = false;
     /// Of an intersection or difference.
     TakenAway taken;
 };

@@ -209,7 +209,9 @@ private:
         std::sort(found.begin(), found.end(), byPlace);
         found.erase(std::unique(found.begin(), found.end(), same), found.end());
         found.erase(std::remove_if(found.begin(), found.end(),
-                                   [&](const Examined& v) { return isSettled(v.at); }),
+                                   [&](const Examined& v) {
+                                       return isSettled(v.at) || isExact(access, v.at);
+                                   }),
                     found.end());
         found.shrink_to_fit(); // most were found many times, and those of all leaves are held
         return found;
@@ -254,8 +256,14 @@ private:
         const auto found = std::lower_bound(
             mKnown->begin(), mKnown->end(), origin,
             [](const KnownVoxels& leaf, const Coord& place) { return leaf.origin < place; });
-        if (found == mKnown->end() || found->origin != origin) return {};
+        if (found == mKnown->end() || found->origin != origin) return Leaf::NodeMaskType(true);
         return found->exact;
+    }
+
+    bool isExact(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
+                 const Coord& at) const
+    {
+        return mKnown && access.isValueOn(at) && exactIn(at & ~7).isOn(Leaf::coordToOffset(at));
     }
 
     bool isSettled(const Coord& at) const

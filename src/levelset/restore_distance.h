@@ -19,13 +19,17 @@ std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progre
 
 /// What is known of the voxels of one leaf.
 struct KnownVoxels {
+    using Mask = openvdb::FloatTree::LeafNodeType::NodeMaskType;
+
     openvdb::Coord origin;
-    openvdb::FloatTree::LeafNodeType::NodeMaskType exact; ///< even if flat, as at tips
-    bool isDoubtful = false;                              ///< whether others may be wrong
+    Mask exact;              ///< even if flat, as at tips
+    bool isDoubtful = false; ///< whether others may be wrong
+    Mask unplaced{};         ///< to be measured: the values are no more than bounds
+    Mask placed{};           ///< by a crease, or a surface beside it
 };
 
 /// The same in and about the doubtful leaves, and from there as far as values change.
-/// @param known  leaves by origin, in order.
+/// @param known  leaves by origin, in order; all of others is exact.
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
                               const std::vector<KnownVoxels>& known, Progress& progress);
 

@@ -360,8 +360,16 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
                               Progress& progress)
 {
+    std::vector<const Leaf*> leaves;
+    tree.getNodes(leaves);
+    return surfacePatches(tree, std::move(leaves), voxelSize, values, progress);
+}
+
+SurfacePatches surfacePatches(const openvdb::FloatTree& tree, std::vector<const Leaf*> leaves,
+                              double voxelSize, Values values, Progress& progress)
+{
     SurfacePatches result;
-    tree.getNodes(result.leaves);
+    result.leaves = std::move(leaves);
     result.first.assign(result.leaves.size() + 1, 0);
     const auto forEachLeaf = [&](auto f) {
         tbb::parallel_for(tbb::blocked_range<std::size_t>(0, result.leaves.size(), 16),

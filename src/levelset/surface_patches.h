@@ -78,6 +78,11 @@ struct SurfacePatches {
     bool isVertex(std::uint32_t patch) const { return patch >= voxelPatches(); }
 };
 
+/// The same of some of a tree's leaves.
+SurfacePatches surfacePatches(const openvdb::FloatTree& tree,
+                              std::vector<const SurfacePatches::Leaf*> leaves, double voxelSize,
+                              Values values, Progress& progress);
+
 /// The patches of @a tree. @param voxelSize  world units. @throws LimitError, Interrupted.
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
                               Progress& progress);

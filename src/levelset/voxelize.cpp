@@ -105,11 +105,12 @@ void demandMemory(double area, std::size_t triangles, const SampleSettings& sett
 bool hasInside(const openvdb::FloatGrid& grid)
 {
     constexpr std::size_t kShare = 100;
+    constexpr double kNear = 1.5; // voxels: more than one, for faces that lie on voxels
     const double h = grid.voxelSize()[0];
     std::size_t near = 0, inside = 0;
     for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
         for (auto on = leaf->cbeginValueOn(); on; ++on)
-            if (std::abs(double(*on)) < h) {
+            if (std::abs(double(*on)) < kNear * h) {
                 ++near;
                 inside += *on < 0;
             }
