@@ -180,7 +180,7 @@ private:
         Halo halo;
         halo.load(access, leaf, 1 / mVoxelSize);
         const Leaf::NodeMaskType exact = exactIn(leaf.origin());
-        std::vector<Examined> found;
+        std::vector<Examined> found, doubted; // of the first, what is exact stays
         for (int x = 0; x < kDim; ++x) {
             for (int y = 0; y < kDim; ++y) {
                 const int row = Halo::index(x + 1, y + 1, 1);
@@ -198,7 +198,7 @@ private:
                 for (int z = 0; z < kDim; ++z) {
                     const Coord at = leaf.origin() + Coord(x, y, z);
                     if (flags.cornerMissing >> z & 1u) addCorners(at, found);
-                    if (flags.doubtful >> z & 1u) found.push_back({at, 0});
+                    if (flags.doubtful >> z & 1u) doubted.push_back({at, 0});
                     if (flags.missing >> z & 1u) addMissing(halo, at, row + z, found);
                 }
             }
@@ -208,11 +208,14 @@ private:
         const auto same = [](const Examined& a, const Examined& b) { return a.at == b.at; };
         std::sort(found.begin(), found.end(), byPlace);
         found.erase(std::unique(found.begin(), found.end(), same), found.end());
-        found.erase(std::remove_if(found.begin(), found.end(),
-                                   [&](const Examined& v) {
-                                       return isSettled(v.at) || isExact(access, v.at);
-                                   }),
-                    found.end());
+        const auto drop = [&](const auto& which) {
+            found.erase(std::remove_if(found.begin(), found.end(), which), found.end());
+        };
+        drop([&](const Examined& v) { return isExact(access, v.at); });
+        found.insert(found.end(), doubted.begin(), doubted.end());
+        std::sort(found.begin(), found.end(), byPlace);
+        found.erase(std::unique(found.begin(), found.end(), same), found.end());
+        drop([&](const Examined& v) { return isSettled(v.at); });
         found.shrink_to_fit(); // most were found many times, and those of all leaves are held
         return found;
     }
