@@ -1,149 +1,14 @@
 // Booleans of level sets beside exact distances: sharp creases and those a ball rolled along.
-#include "field_fixture.h"
-#include "solid_field.h"
+#include "combine_fixture.h"
 
-#include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/operations.h>
 
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <tbb/global_control.h>
-
-#include <functional>
 #include <random>
 
-namespace mpuvdb
+namespace mpuvdb::test
 {
 namespace
 {
-
-using openvdb::Coord;
-using Accessor = openvdb::FloatGrid::ConstAccessor;
-using Exact = std::function<double(const Vec3d&)>;
-
-LevelSet solid(const std::string& description, double voxelSize, double halfWidth = 3)
-{
-    SampleSettings settings;
-    settings.lattice = {Vec3d::Zero(), voxelSize};
-    settings.halfWidth = halfWidth;
-    settings.name = description;
-    Progress progress;
-    return sampleField(SolidField(parseSolid(description)), settings, progress);
-}
-
-LevelSet empty(double voxelSize, double halfWidth = 3)
-{
-    auto grid = openvdb::FloatGrid::create(float(halfWidth * voxelSize));
-    grid->setTransform(openvdb::math::Transform::createLinearTransform(voxelSize));
-    grid->setGridClass(openvdb::GRID_LEVEL_SET);
-    return LevelSet(grid);
-}
-
-LevelSet combined(Boolean kind, const std::vector<LevelSet>& inputs, double radius = 0)
-{
-    Progress progress;
-    return combine(kind, inputs, radius, progress);
-}
-
-LevelSet operator|(const LevelSet& a, const LevelSet& b)
-{
-    return combined(Boolean::Union, {a, b});
-}
-
-LevelSet operator&(const LevelSet& a, const LevelSet& b)
-{
-    return combined(Boolean::Intersection, {a, b});
-}
-
-LevelSet operator-(const LevelSet& a, const LevelSet& b)
-{
-    return combined(Boolean::Difference, {a, b});
-}
-
-CheckReport checked(const LevelSet& levelSet, double gradientTolerance = 0.1)
-{
-    Progress progress;
-    return check(levelSet.grid(), progress, gradientTolerance);
-}
-
-void expectSound(const LevelSet& levelSet, double gradientTolerance = 0.1)
-{
-    const CheckReport report = checked(levelSet, gradientTolerance);
-    EXPECT_TRUE(report.sound()) << test::texts(report);
-}
-
-std::string bytesOf(const LevelSet& levelSet)
-{
-    return test::treeBytes(levelSet.grid());
-}
-
-/// Voxels where either is active and the values differ by more than @a voxels, or the signs do.
-std::uint64_t differences(const LevelSet& a, const LevelSet& b, double voxels)
-{
-    std::uint64_t count = 0;
-    const auto compare = [&](const LevelSet& active, const LevelSet& other) {
-        const Accessor at = other.grid().getConstAccessor();
-        for (auto it = active.grid().cbeginValueOn(); it; ++it) {
-            const float v = at.getValue(it.getCoord());
-            count += std::abs(double(v) - double(*it)) > voxels * a.voxelSize() ||
-                     ((v < 0) != (*it < 0) && std::abs(*it) > 1e-5 * a.voxelSize());
-        }
-    };
-    compare(a, b);
-    compare(b, a);
-    return count;
-}
-
-/// What a band's values are off the exact distance, in voxels.
-struct Errors {
-    double rms = 0, max = 0;
-    std::uint64_t voxels = 0, wrongSigns = 0;
-    Coord worst;
-};
-
-/// Over all voxels within the band in a box (world units) about the origin.
-Errors errorsOf(const LevelSet& levelSet, const Exact& exact, double half)
-{
-    const double h = levelSet.voxelSize(), background = levelSet.grid().background();
-    const int reach = int(half / h);
-    const Accessor at = levelSet.grid().getConstAccessor();
-    Errors errors;
-    for (int x = -reach; x <= reach; ++x)
-        for (int y = -reach; y <= reach; ++y)
-            for (int z = -reach; z <= reach; ++z) {
-                const double d = exact(h * Vec3d(x, y, z));
-                const double value = double(at.getValue(Coord(x, y, z)));
-                errors.wrongSigns += (d < 0) != (value < 0) && std::abs(d) > 0.05 * h;
-                if (std::abs(d) >= background && !at.isValueOn(Coord(x, y, z))) continue;
-                const double clamped = std::max(-background, std::min(background, d));
-                const double error = std::abs(value - clamped) / h;
-                errors.rms += error * error;
-                if (error > errors.max) {
-                    errors.max = error;
-                    errors.worst = Coord(x, y, z);
-                }
-                ++errors.voxels;
-            }
-    errors.rms = std::sqrt(errors.rms / double(std::max<std::uint64_t>(errors.voxels, 1)));
-    return errors;
-}
-
-void expectNear(const LevelSet& levelSet, const Exact& exact, double half, double rms, double max)
-{
-    const Errors errors = errorsOf(levelSet, exact, half);
-    EXPECT_GT(errors.voxels, 100u);
-    EXPECT_EQ(errors.wrongSigns, 0u);
-    EXPECT_LE(errors.rms, rms);
-    EXPECT_LE(errors.max, max) << errors.worst << ": "
-                               << levelSet.grid().getConstAccessor().getValue(errors.worst) /
-                                      levelSet.voxelSize()
-                               << " for "
-                               << exact(test::worldOf(levelSet.lattice(), errors.worst)) /
-                                      levelSet.voxelSize();
-    if (std::getenv("MPUVDB_TEST_FIGURES"))
-        fmt::print("  rms {:.5f} max {:.5f} of {}\n", errors.rms, errors.max, errors.voxels);
-}
 
 // --- Exact distances
 
@@ -206,7 +71,8 @@ constexpr double kBallA = 0.6, kBallB = 0.5, kApart = 0.7;
 TEST(Combine, GivesDistancesToTheCreaseOfTwoBalls)
 {
     const double h = 1.0 / 32;
-    const LevelSet a = solid("sphere(0.6)", h), b = solid("translate(sphere(0.5), 0.7, 0, 0)", h);
+    const LevelSet a = solidLevelSet("sphere(0.6)", h),
+                   b = solidLevelSet("translate(sphere(0.5), 0.7, 0, 0)", h);
     const Smooth sa = ball(Vec3d::Zero(), kBallA), sb = ball(Vec3d(kApart, 0, 0), kBallB);
     const auto crease = circle(kBallA, kBallB, kApart);
     const double half = 1.4;
@@ -220,7 +86,8 @@ TEST(Combine, GivesDistancesToTheCreaseOfTwoBalls)
 TEST(Combine, RollsABallAlongTheCreaseOfTwoBalls)
 {
     const double h = 1.0 / 32, half = 1.4;
-    const LevelSet a = solid("sphere(0.6)", h), b = solid("translate(sphere(0.5), 0.7, 0, 0)", h);
+    const LevelSet a = solidLevelSet("sphere(0.6)", h),
+                   b = solidLevelSet("translate(sphere(0.5), 0.7, 0, 0)", h);
     const Smooth sa = ball(Vec3d::Zero(), kBallA), sb = ball(Vec3d(kApart, 0, 0), kBallB);
     for (const double r : {0.02, 0.1, 0.2}) {
         SCOPED_TRACE(r);
@@ -257,10 +124,10 @@ Vec3d slabNormal(double degrees)
 TEST(Combine, FilletsPlanesAtAnyAngle)
 {
     const double h = 1.0 / 20, half = 0.5;
-    const LevelSet a = solid(slab(0), h);
+    const LevelSet a = solidLevelSet(slab(0), h);
     const Vec3d na = slabNormal(0);
     for (const double degrees : {30.0, 70.0, 90.0, 120.0, 150.0}) {
-        const LevelSet b = solid(slab(degrees), h);
+        const LevelSet b = solidLevelSet(slab(degrees), h);
         const Vec3d nb = slabNormal(degrees);
         const Vec3d along = na.cross(nb).normalized();
         for (const double r : {0.0, 0.08}) {
@@ -285,8 +152,8 @@ TEST(Combine, FilletsPlanesAtAnyAngle)
 TEST(Combine, RollsABallBetweenABallAndAPlane)
 {
     const double h = 1.0 / 24, r = 0.15, radius = 0.5;
-    const LevelSet plane = solid("translate(box(3,3,1), 0,0,-0.5)", h);
-    const LevelSet sphere = solid("translate(sphere(0.5), 0,0,0.2)", h);
+    const LevelSet plane = solidLevelSet("translate(box(3,3,1), 0,0,-0.5)", h);
+    const LevelSet sphere = solidLevelSet("translate(sphere(0.5), 0,0,0.2)", h);
     const double rho = std::sqrt((radius + r) * (radius + r) - (r - 0.2) * (r - 0.2));
     const auto path = [&](const Vec3d& p) {
         const double length = std::hypot(p.x(), p.y());
@@ -299,138 +166,13 @@ TEST(Combine, RollsABallBetweenABallAndAPlane)
     expectSound(result);
 }
 
-/// Boxes along the axes.
-struct Box {
-    Vec3d low, high;
-    bool holds(const Vec3d& p) const
-    {
-        return (p.array() > low.array()).all() && (p.array() < high.array()).all();
-    }
-    std::string text() const
-    {
-        const Vec3d s = high - low, c = 0.5 * (low + high);
-        return fmt::format("translate(box({}, {}, {}), {}, {}, {})", s[0], s[1], s[2], c[0], c[1],
-                           c[2]);
-    }
-};
-
-/// The planes of all boxes cut space into cells that are inside or outside as a whole; the distance
-/// is that to the nearest cell of the other kind.
-Exact boxesDistance(const std::vector<Box>& boxes, const std::function<bool(const Vec3d&)>& inside)
-{
-    std::vector<double> planes[3];
-    for (int axis = 0; axis < 3; ++axis) {
-        planes[axis] = {-100, 100};
-        for (const Box& box : boxes)
-            planes[axis].insert(planes[axis].end(), {box.low[axis], box.high[axis]});
-        std::sort(planes[axis].begin(), planes[axis].end());
-    }
-    std::vector<Box> cells[2];
-    for (std::size_t x = 1; x < planes[0].size(); ++x)
-        for (std::size_t y = 1; y < planes[1].size(); ++y)
-            for (std::size_t z = 1; z < planes[2].size(); ++z) {
-                const Box cell{{planes[0][x - 1], planes[1][y - 1], planes[2][z - 1]},
-                               {planes[0][x], planes[1][y], planes[2][z]}};
-                if ((cell.high - cell.low).minCoeff() > 0)
-                    cells[inside(0.5 * (cell.low + cell.high))].push_back(cell);
-            }
-    return [cellsOut = cells[0], cellsIn = cells[1], inside](const Vec3d& p) {
-        const auto nearest = [&](const std::vector<Box>& of) {
-            double d2 = HUGE_VAL;
-            for (const Box& c : of)
-                d2 = std::min(d2, (c.low - p).cwiseMax(p - c.high).cwiseMax(0.0).squaredNorm());
-            return std::sqrt(d2);
-        };
-        return nearest(cellsIn) - nearest(cellsOut);
-    };
-}
-
-TEST(Combine, GivesDistancesInBoxesThatCross)
-{
-    const double h = 1.0 / 24;
-    const std::vector<Box> boxes = {{{-0.61, -0.43, -0.52}, {0.4, 0.52, 0.5}},
-                                    {{-0.2, -0.17, -0.13}, {0.83, 0.75, 0.31}},
-                                    {{-0.71, 0.21, -0.3}, {-0.05, 0.8, 0.72}}};
-    const LevelSet a = solid(boxes[0].text(), h), b = solid(boxes[1].text(), h),
-                   c = solid(boxes[2].text(), h);
-    const auto in = [&](std::size_t n, const Vec3d& p) { return boxes[n].holds(p); };
-    const std::vector<std::pair<LevelSet, std::function<bool(const Vec3d&)>>> cases = {
-        {a | b, [&](const Vec3d& p) { return in(0, p) || in(1, p); }},
-        {a & b, [&](const Vec3d& p) { return in(0, p) && in(1, p); }},
-        {a - b, [&](const Vec3d& p) { return in(0, p) && !in(1, p); }},
-        {combined(Boolean::Union, {a, b, c}),
-         [&](const Vec3d& p) { return in(0, p) || in(1, p) || in(2, p); }},
-        {combined(Boolean::Difference, {a, b, c}),
-         [&](const Vec3d& p) { return in(0, p) && !in(1, p) && !in(2, p); }}};
-    for (const auto& [result, inside] : cases) {
-        expectNear(result, boxesDistance(boxes, inside), 1.1, 0.01, 0.3);
-        expectSound(result);
-    }
-}
-
-TEST(Combine, FusesBoxesThatTouch)
-{
-    const double h = 1.0 / 16;
-    // On voxels, between voxels, and where decimals round.
-    for (const double x : {0.0, 0.3 * h, 0.1 + 0.2}) {
-        SCOPED_TRACE(x);
-        const Box a{{-0.7, -0.5, -0.5}, {x, 0.5, 0.5}}, b{{x, -0.5, -0.5}, {0.8, 0.5, 0.5}};
-        const LevelSet both = solid(a.text(), h) | solid(b.text(), h);
-        const Box whole{a.low, b.high};
-        expectNear(both, boxesDistance({whole}, [&](const Vec3d& p) { return whole.holds(p); }),
-                   1.1, 0.02, 0.35);
-        expectSound(both);
-        const LevelSet cut = solid(whole.text(), h) - solid(b.text(), h);
-        expectNear(cut, boxesDistance({a}, [&](const Vec3d& p) { return a.holds(p); }), 1.1, 0.02,
-                   0.35);
-        expectSound(cut);
-    }
-}
-
-/// Off the lattice, as faces of users' solids are.
-constexpr double kOff[3] = {0.013, 0.017, 0.019};
-
-Box offLattice(const Vec3d& low, const Vec3d& high)
-{
-    const Vec3d off(kOff[0], kOff[1], kOff[2]);
-    return {low + off, high + off};
-}
-
-/// Faces of two solids in one plane do as well as others: distances are exact, but for single
-/// voxels beside corners, where patches know a face from a voxel's octant only.
-TEST(Combine, FacesInOnePlaneAreExact)
-{
-    const double h = 1.0 / 20;
-    const Box body = offLattice({-1, -0.5, -0.5}, {1, 0.5, 0.5});
-    const std::vector<std::pair<Boolean, Box>> cases = {
-        {Boolean::Difference, offLattice({0, -0.5, -0.5}, {1, 0.5, 0.5})},
-        {Boolean::Difference, offLattice({0, -0.5, -1}, {1.3, 0.5, 1})},
-        {Boolean::Difference, offLattice({-0.5, 0, -1}, {0.5, 0.5, 1})},
-        {Boolean::Difference, offLattice({0, -0.1, -0.5}, {1, 0.5, 0.5})},
-        {Boolean::Union, offLattice({1, -0.5, -0.5}, {1.4, 0.5, 0.5})},
-        {Boolean::Union, offLattice({1, -0.5, -0.5}, {1.4, 0, 0.5})},
-        {Boolean::Union, offLattice({-0.3, 0.5, -0.5}, {0.3, 1, 0.5})},
-        {Boolean::Intersection, offLattice({-0.3, -0.5, -0.5}, {1.4, 0.5, 0.5})},
-        {Boolean::Intersection, offLattice({-0.3, -0.5, -1}, {1.4, 0.5, 0.1})}};
-    for (const auto& [kind, box] : cases) {
-        SCOPED_TRACE(fmt::format("{} with {}", int(kind), box.text()));
-        const auto inside = [&, k = kind, other = box](const Vec3d& p) {
-            const bool a = body.holds(p), b = other.holds(p);
-            return k == Boolean::Union ? a || b : k == Boolean::Difference ? a && !b : a && b;
-        };
-        const LevelSet result = combined(kind, {solid(body.text(), h), solid(box.text(), h)});
-        expectNear(result, boxesDistance({body, box}, inside), 1.7, 0.01, 0.25);
-        expectSound(result);
-    }
-}
-
 // --- Identities
 
 struct Three {
     double h = 1.0 / 24;
-    LevelSet a = solid("rotate(torus(0.6, 0.25), 1, 2, 0, 40)", h);
-    LevelSet b = solid("translate(sphere(0.5), 0.4, 0.2, 0.1)", h);
-    LevelSet c = solid("translate(roundedbox(0.8, 0.9, 0.6, 0.1), -0.3, 0.3, 0.2)", h);
+    LevelSet a = solidLevelSet("rotate(torus(0.6, 0.25), 1, 2, 0, 40)", h);
+    LevelSet b = solidLevelSet("translate(sphere(0.5), 0.4, 0.2, 0.1)", h);
+    LevelSet c = solidLevelSet("translate(roundedbox(0.8, 0.9, 0.6, 0.1), -0.3, 0.3, 0.2)", h);
 };
 
 TEST(Combine, HoldsTheLawsOfSets)
@@ -468,13 +210,13 @@ TEST(Combine, DoesNotDependOnTheOrderOfTwo)
 TEST(Combine, TakesEmptyAndDistantSolids)
 {
     const Three s;
-    const LevelSet nothing = empty(s.h);
+    const LevelSet nothing = emptyLevelSet(s.h);
     EXPECT_TRUE(bytesOf(s.a | nothing) == bytesOf(s.a));
     EXPECT_TRUE(bytesOf(nothing | s.a) == bytesOf(s.a));
     EXPECT_TRUE(bytesOf(s.a - nothing) == bytesOf(s.a));
     for (const LevelSet& none : {s.a & nothing, nothing & s.a, nothing - s.a, nothing | nothing})
         EXPECT_TRUE(none.grid().empty());
-    const LevelSet far = solid("translate(sphere(0.3), 9, 9, 9)", s.h);
+    const LevelSet far = solidLevelSet("translate(sphere(0.3), 9, 9, 9)", s.h);
     EXPECT_TRUE((s.a & far).grid().empty());
     EXPECT_TRUE(bytesOf(s.a - far) == bytesOf(s.a));
     EXPECT_EQ((s.a | far).grid().activeVoxelCount(),
@@ -484,7 +226,7 @@ TEST(Combine, TakesEmptyAndDistantSolids)
 TEST(Combine, KeepsTheInsideOfWhatLiesInsideAnother)
 {
     const double h = 1.0 / 24;
-    const LevelSet large = solid("sphere(1)", h), small = solid("sphere(0.3)", h);
+    const LevelSet large = solidLevelSet("sphere(1)", h), small = solidLevelSet("sphere(0.3)", h);
     EXPECT_TRUE(bytesOf(large | small) == bytesOf(large));
     EXPECT_TRUE(bytesOf(large & small) == bytesOf(small));
     EXPECT_TRUE((small - large).grid().empty());
@@ -498,8 +240,8 @@ TEST(Combine, KeepsTheInsideOfWhatLiesInsideAnother)
 TEST(Combine, VolumesAddUp)
 {
     for (const double h : {1.0 / 16, 1.0 / 32, 1.0 / 64}) {
-        const LevelSet a = solid("sphere(0.6)", h);
-        const LevelSet b = solid("translate(torus(0.5, 0.2), 0.5, 0.1, 0.2)", h);
+        const LevelSet a = solidLevelSet("sphere(0.6)", h);
+        const LevelSet b = solidLevelSet("translate(torus(0.5, 0.2), 0.5, 0.1, 0.2)", h);
         const auto volume = [](const LevelSet& s) {
             Progress progress;
             return measure(extractMesh(s, progress)).volume;
@@ -522,13 +264,13 @@ TEST(Combine, BlendsOfNearlyParallelSurfacesAreSound)
         return most * (2 * (double(random()) / 4294967296.0) - 1);
     };
     const double h = 1.0 / 20;
-    const LevelSet a = solid("blob(1,9,0.12)", h);
+    const LevelSet a = solidLevelSet("blob(1,9,0.12)", h);
     for (int n = 0; n < 4; ++n) {
         const double x = within(1), y = within(1), z = within(1), degrees = 20 + within(15);
         const std::string turned = fmt::format(
             "translate(rotate(blob(1,9,0.12),{},{},{},{}),{},0,0)", x, y, z, degrees, within(0.08));
         SCOPED_TRACE(fmt::format("seed {}: {}", kSeed, turned));
-        const LevelSet b = solid(turned, h);
+        const LevelSet b = solidLevelSet(turned, h);
         for (const Boolean kind : {Boolean::Union, Boolean::Intersection, Boolean::Difference})
             expectSound(combined(kind, {a, b}, 6 * h), 0.25);
     }
@@ -543,7 +285,7 @@ TEST(Combine, BlendsOnlyWithinTheRadius)
     const Accessor at = blend.grid().getConstAccessor();
     std::uint64_t changed = 0;
     for (auto it = sharp.grid().cbeginValueOn(); it; ++it) {
-        const Vec3d p = test::worldOf(sharp.lattice(), it.getCoord());
+        const Vec3d p = worldOf(sharp.lattice(), it.getCoord());
         const bool isFar = std::min(a->distance(p), b->distance(p)) > r ||
                            std::max(a->distance(p), b->distance(p)) > 2 * r + 4 * s.h;
         const bool isSame = at.getValue(it.getCoord()) == *it && at.isValueOn(it.getCoord());
@@ -557,7 +299,8 @@ TEST(Combine, BlendsOnlyWithinTheRadius)
 TEST(Combine, RollsABallThatIsLargerThanBoth)
 {
     const double h = 1.0 / 32, r = 2;
-    const LevelSet a = solid("sphere(0.6)", h), b = solid("translate(sphere(0.5), 0.7, 0, 0)", h);
+    const LevelSet a = solidLevelSet("sphere(0.6)", h),
+                   b = solidLevelSet("translate(sphere(0.5), 0.7, 0, 0)", h);
     const LevelSet both = combined(Boolean::Union, {a, b}, r);
     expectNear(both,
                unionOf(ball(Vec3d::Zero(), kBallA), ball(Vec3d(kApart, 0, 0), kBallB), r,
@@ -572,8 +315,8 @@ TEST(Combine, LeavesNothingWhereTheBallHasNoRoom)
 {
     // A wall 30 voxels thick and a plate of 16, both along a box: the ball of 10 voxels fits into
     // the wall, and as far into the plate's mouth as the cutter's edge lets it.
-    const LevelSet block = solid("box(80,80,80)", 1);
-    const LevelSet cutter = solid("translate(box(80,120,60), 30, 0, 6)", 1);
+    const LevelSet block = solidLevelSet("box(80,80,80)", 1);
+    const LevelSet cutter = solidLevelSet("translate(box(80,120,60), 30, 0, 6)", 1);
     const double edge = -10, r = 10, low = -40 + r, high = -24;
     const double mouth = edge - std::sqrt(r * r - (high - low) * (high - low)) + r;
     const LevelSet rest = combined(Boolean::Difference, {block, cutter}, r), sharp = block - cutter;
@@ -592,7 +335,8 @@ TEST(Combine, LeavesNothingWhereTheBallHasNoRoom)
 
 TEST(Combine, TellsWhereTheBallHasNoRoom)
 {
-    const LevelSet a = solid("sphere(17)", 1), b = solid("translate(sphere(17), 20, 0, 0)", 1);
+    const LevelSet a = solidLevelSet("sphere(17)", 1),
+                   b = solidLevelSet("translate(sphere(17), 20, 0, 0)", 1);
     const auto notes = [&](Boolean kind, double radius) {
         Progress progress;
         combine(kind, {a, b}, radius, progress);
@@ -632,7 +376,7 @@ TEST(Combine, FilletsOfNearlyParallelSurfacesLeaveNoSpecks)
     for (unsigned seed = 1; seed <= 4; ++seed) {
         SCOPED_TRACE(fmt::format("seed {}", seed));
         std::mt19937 random(seed);
-        const LevelSet a = solid(heap(random), h), b = solid(heap(random), h);
+        const LevelSet a = solidLevelSet(heap(random), h), b = solidLevelSet(heap(random), h);
         const std::size_t parts = components(a | b, progress).size();
         EXPECT_LE(components(combined(Boolean::Union, {a, b}, 4.8 * h), progress).size(), parts);
     }
@@ -642,7 +386,7 @@ TEST(Combine, FilletsOfNearlyParallelSurfacesLeaveNoSpecks)
 
 TEST(Combine, RefusesWhatItCannotCombine)
 {
-    const LevelSet a = solid("sphere(0.5)", 1.0 / 8);
+    const LevelSet a = solidLevelSet("sphere(0.5)", 1.0 / 8);
     Progress progress;
     EXPECT_THROW(combine(Boolean::Union, {}, 0, progress), UsageError);
     for (const double bad : {-1.0, std::nan(""), HUGE_VAL})
@@ -654,8 +398,8 @@ TEST(Combine, RefusesWhatItCannotCombine)
 
 TEST(Combine, TakesTheFinestLatticeAndTheWidestBand)
 {
-    const LevelSet coarse = solid("sphere(0.5)", 1.0 / 8, 4);
-    const LevelSet fine = solid("translate(sphere(0.5), 0.4, 0, 0)", 1.0 / 16);
+    const LevelSet coarse = solidLevelSet("sphere(0.5)", 1.0 / 8, 4);
+    const LevelSet fine = solidLevelSet("translate(sphere(0.5), 0.4, 0, 0)", 1.0 / 16);
     Progress progress;
     const OneLattice shared = onOneLattice({coarse, fine, fine}, progress);
     const std::vector<LevelSet>& same = shared.levelSets;
@@ -694,7 +438,7 @@ struct Program {
     std::string text;
 };
 
-Program randomLeaf(test::Random& random, double h)
+Program randomLeaf(Random& random, double h)
 {
     const auto number = [&](double low, double high) {
         return std::round(random.uniform(low, high) * 64) / 64;
@@ -716,10 +460,10 @@ Program randomLeaf(test::Random& random, double h)
     text = fmt::format("translate({},{},{},{})", text, number(-0.5, 0.5), number(-0.5, 0.5),
                        number(-0.5, 0.5));
     const auto exact = parseSolid(text);
-    return {solid(text, h), [exact](const Vec3d& p) { return exact->distance(p); }, text};
+    return {solidLevelSet(text, h), [exact](const Vec3d& p) { return exact->distance(p); }, text};
 }
 
-Program randomProgram(test::Random& random, double h, std::size_t nodes)
+Program randomProgram(Random& random, double h, std::size_t nodes)
 {
     if (nodes < 3) return randomLeaf(random, h);
     const std::size_t left = 1 + random.below(nodes - 2);
@@ -743,7 +487,7 @@ TEST(Combine, RunsRandomPrograms)
 {
     const double h = 1.0 / 20;
     for (std::uint64_t seed = 1; seed <= 30; ++seed) {
-        test::Random random(seed);
+        Random random(seed);
         const Program program = randomProgram(random, h, 3 + random.below(28));
         SCOPED_TRACE(fmt::format("seed {}: {}", seed, program.text));
         expectSound(program.levelSet, 0.25); // slivers of a voxel are all crease
@@ -761,4 +505,4 @@ TEST(Combine, RunsRandomPrograms)
 }
 
 } // namespace
-} // namespace mpuvdb
+} // namespace mpuvdb::test

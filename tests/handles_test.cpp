@@ -1,10 +1,11 @@
 // Handles that no data hold up are taken away, others stay.
-#include "solid_field.h"
 #include "voxel_topology.h"
 
+#include <mpuvdb/fields.h>
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
 
@@ -21,22 +22,22 @@ class KnownField final : public Field
 {
 public:
     KnownField(const std::string& solid, const Vec3d& place, std::vector<Vec3d> points)
-        : mShape(parseSolid(solid)), mPoints(std::move(points))
+        : mShape(makeSolidField(parseSolid(solid))), mPoints(std::move(points))
     {
         mPoints.insert(mPoints.end(), 100, place);
     }
 
-    Box3d bounds() const override { return mShape.bounds(); }
+    Box3d bounds() const override { return mShape->bounds(); }
     FieldSample evaluate(const Vec3d& position) const override
     {
-        FieldSample sample = mShape.evaluate(position);
+        FieldSample sample = mShape->evaluate(position);
         sample.supported = std::any_of(mPoints.begin(), mPoints.end(),
                                        [&](const Vec3d& p) { return (p - position).norm() < 4; });
         return sample;
     }
     std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override
     {
-        return mShape.seedBlocks(lattice);
+        return mShape->seedBlocks(lattice);
     }
     std::size_t countData(const Box3d& box, std::size_t) const override
     {
@@ -45,11 +46,11 @@ public:
     }
     std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override
     {
-        return mShape.sampler(lattice, band);
+        return mShape->sampler(lattice, band);
     }
 
 private:
-    SolidField mShape;
+    FieldPtr mShape;
     std::vector<Vec3d> mPoints;
 };
 
@@ -99,7 +100,7 @@ TEST(Handles, WideTunnelStays)
 
 TEST(Handles, ExactFieldStays)
 {
-    EXPECT_EQ(surfaceOf(SolidField(parseSolid(kPierced))).eulerCharacteristic, 0);
+    EXPECT_EQ(surfaceOf(*makeSolidField(parseSolid(kPierced))).eulerCharacteristic, 0);
 }
 
 // Two lobes of a folded sheet, joined where they face each other.

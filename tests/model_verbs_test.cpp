@@ -1,11 +1,12 @@
 // The modelling verbs of the command: what they make, what they refuse, and what they leave.
 #include "command_process.h"
-#include "solid_field.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/fields.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -25,7 +26,7 @@ LevelSet solid(const std::string& description, double voxelSize = kVoxel)
     Progress progress;
     SampleSettings settings;
     settings.lattice.voxelSize = voxelSize;
-    return sampleField(SolidField(parseSolid(description)), settings, progress);
+    return sampleField(*makeSolidField(parseSolid(description)), settings, progress);
 }
 
 void write(const fs::path& file, const LevelSet& levelSet, const openvdb::GridCPtrVec& beside = {})

@@ -1,9 +1,10 @@
 // Re-distancing, widening, offsets and shells beside exact distances.
 #include "field_fixture.h"
-#include "solid_field.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/fields.h>
 #include <mpuvdb/operations.h>
+#include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -32,7 +33,7 @@ LevelSet sampled(const std::string& solid, double voxelSize = kVoxel, double hal
     settings.lattice = {kOrigin, voxelSize};
     settings.halfWidth = halfWidth;
     Progress progress;
-    return sampleField(SolidField(parseSolid(solid)), settings, progress);
+    return sampleField(*makeSolidField(parseSolid(solid)), settings, progress);
 }
 
 struct Errors {

@@ -1,9 +1,10 @@
 // Fields of known values, sampled: the band is complete, closed and signed.
 #include "field_fixture.h"
-#include "solid_field.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/fields.h>
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
 #include <openvdb/tree/ValueAccessor.h>
@@ -62,7 +63,7 @@ void expectExact(const std::string& description, double voxelSize, double halfWi
 {
     SCOPED_TRACE(description);
     const auto solid = parseSolid(description);
-    const LevelSet levelSet = sampled(SolidField(solid), voxelSize, halfWidth, origin);
+    const LevelSet levelSet = sampled(*makeSolidField(solid), voxelSize, halfWidth, origin);
     const double background = halfWidth * voxelSize, margin = 0.01 * voxelSize;
     const double rounding = 1e-6 * background;
     const Accessor at = levelSet.grid().getConstAccessor();
@@ -110,7 +111,7 @@ TEST(SampleField, FindsPartsThatDoNotMeet)
     const auto solid =
         parseSolid("union(translate(sphere(0.5), -2, 0, 0),"
                    "translate(sphere(0.25), 3, 1, 0), translate(sphere(0.1), 0, 0, 5))");
-    const LevelSet levelSet = sampled(SolidField(solid), 1.0 / 32);
+    const LevelSet levelSet = sampled(*makeSolidField(solid), 1.0 / 32);
     const Accessor at = levelSet.grid().getConstAccessor();
     for (const Vec3i& inside : {Vec3i(-64, 0, 0), Vec3i(96, 32, 0), Vec3i(0, 0, 160)})
         EXPECT_LT(at.getValue(Coord(inside[0], inside[1], inside[2])), 0);
@@ -126,7 +127,7 @@ TEST(SampleField, SignsHollowsOutsideAndSolidsInside)
 {
     // A hollow ball with a ball in it, each far thicker than the band: tiles of every sign.
     const auto solid = parseSolid("union(difference(sphere(2), sphere(1.4)), sphere(0.7))");
-    const LevelSet levelSet = sampled(SolidField(solid), 1.0 / 32);
+    const LevelSet levelSet = sampled(*makeSolidField(solid), 1.0 / 32);
     const Accessor at = levelSet.grid().getConstAccessor();
     const float background = levelSet.grid().background();
     EXPECT_EQ(at.getValue(Coord(0, 0, 0)), -background);
@@ -268,11 +269,11 @@ TEST(SampleField, SignsAJumpThatItsSeedsOnlyTouch)
 
 TEST(SampleField, RefusesWhatItCannotSample)
 {
-    const SolidField field(parseSolid("sphere(1)"));
+    const FieldPtr field = makeSolidField(parseSolid("sphere(1)"));
     const double nan = std::nan("");
     for (const double bad : {0.0, -1.0, nan, std::numeric_limits<double>::infinity()})
-        EXPECT_THROW(sampled(field, bad), UsageError);
-    for (const double bad : {1.4, 100.5, nan}) EXPECT_THROW(sampled(field, 0.1, bad), UsageError);
+        EXPECT_THROW(sampled(*field, bad), UsageError);
+    for (const double bad : {1.4, 100.5, nan}) EXPECT_THROW(sampled(*field, 0.1, bad), UsageError);
     const FunctionField outside([](const Vec3d& p) { return 1 + p.norm(); },
                                 Box3d(Vec3d::Constant(-1), Vec3d::Constant(1)));
     EXPECT_THROW(sampled(outside, 0.1), InputError);
@@ -280,14 +281,14 @@ TEST(SampleField, RefusesWhatItCannotSample)
 
 TEST(SampleField, StaysWithinItsMemory)
 {
-    const SolidField field(parseSolid("sphere(1)"));
+    const FieldPtr field = makeSolidField(parseSolid("sphere(1)"));
     SampleSettings settings;
     settings.lattice.voxelSize = 1.0 / 64;
     Progress progress;
     settings.maxBytes = 1000000;
-    EXPECT_THROW(sampleField(field, settings, progress), LimitError);
+    EXPECT_THROW(sampleField(*field, settings, progress), LimitError);
     settings.maxBytes = 1000000000;
-    EXPECT_NO_THROW(sampleField(field, settings, progress));
+    EXPECT_NO_THROW(sampleField(*field, settings, progress));
 }
 
 TEST(SampleField, SetsWhatALevelSetIs)
@@ -298,7 +299,7 @@ TEST(SampleField, SetsWhatALevelSetIs)
     settings.name = "skin";
     Progress progress;
     const LevelSet levelSet = sampleField(
-        SolidField(parseSolid("translate(sphere(1), 10, -20, 30)")), settings, progress);
+        *makeSolidField(parseSolid("translate(sphere(1), 10, -20, 30)")), settings, progress);
     EXPECT_EQ(levelSet.grid().getGridClass(), openvdb::GRID_LEVEL_SET);
     EXPECT_EQ(levelSet.grid().getName(), "skin");
     EXPECT_NEAR(levelSet.halfWidth(), 4, 1e-6);
@@ -309,11 +310,12 @@ TEST(SampleField, SetsWhatALevelSetIs)
 
 TEST(SampleField, DoesNotDependOnThreads)
 {
-    const SolidField field(parseSolid("union(torus(1, 0.3), translate(sphere(0.5), 0, 0, 2))"));
+    const FieldPtr field =
+        makeSolidField(parseSolid("union(torus(1, 0.3), translate(sphere(0.5), 0, 0, 2))"));
     std::vector<std::string> bytes;
     for (const std::size_t threads : {1u, 2u, 8u}) {
         tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        bytes.push_back(test::treeBytes(sampled(field, 1.0 / 32).grid()));
+        bytes.push_back(test::treeBytes(sampled(*field, 1.0 / 32).grid()));
     }
     EXPECT_TRUE(bytes[0] == bytes[1]);
     EXPECT_TRUE(bytes[0] == bytes[2]);

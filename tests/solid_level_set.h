@@ -1,8 +1,9 @@
 // What the tests of operations on level sets share: exact solids, comparisons, a stop half way.
 #pragma once
 #include "field_fixture.h"
-#include "solid_field.h"
 
+#include <mpuvdb/scan_sampler.h>
+#include <mpuvdb/fields.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/operations.h>
 
@@ -23,7 +24,7 @@ inline LevelSet solidLevelSet(const std::string& description, double voxelSize,
     settings.lattice = {Vec3d::Zero(), voxelSize};
     settings.halfWidth = halfWidth;
     Progress progress;
-    return sampleField(SolidField(parseSolid(description)), settings, progress);
+    return sampleField(*makeSolidField(parseSolid(description)), settings, progress);
 }
 
 inline LevelSet emptyLevelSet(double voxelSize, double halfWidth = 3)

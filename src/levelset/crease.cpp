@@ -35,9 +35,9 @@ constexpr int kFullSteps = 4, kMostSteps = 24;
 constexpr float kFarGuess = 2;
 /// What is left of a step that leaves a band.
 constexpr float kShorter = 0.75f;
-/// A place so far outside the other solid, in voxels, does not touch it, but by what interpolation
-/// rounds off an edge of it.
-constexpr float kExposed = 0.1f;
+/// A place so far outside the other solid, in voxels, does not touch it; and where interpolation may
+/// have rounded off an edge or corner of it, at most by so much.
+constexpr float kExposed = 0.1f, kRounded = 0.5f;
 /// Off a smooth surface by a voxel, distances differ from it by no more. A gradient's length is as
 /// near to 1 there.
 constexpr float kEdge = 0.1f, kOffLength = 0.05f;
@@ -166,10 +166,9 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
     const auto surface = [&](bool isSure) {
         if (mRadius == 0) {
-            const bool isParallel = (ga - gb).squaredNorm() < kParallel * kParallel;
-            bool holds = a.value > 0 || isParallel;
+            bool holds = a.value > 0;
             if (!holds && lengthA <= kLeastSlope) // the gradient does not tell where to look
-                holds = ga.dot(gb) > 0;
+                holds = b.value > u;
             else if (!holds)
                 holds = isExposed(at, *readerA, *readerB, u * ga, arePlain(a.gradient, b.gradient));
             return holds ? Answer{Place::Surface, 0, isSure} : unknown;
@@ -259,9 +258,12 @@ bool CreaseFinder::isExposed(const Coord& at, const SolidReader& a, const SolidR
     SolidReader::Sample touched, other;
     if (!a.interpolate(at, foot, touched) || std::abs(touched.value) > kNearCrease) return false;
     if (!b.interpolate(at, foot, other)) return near > 0;
-    // What faces the same way does not close the surface.
-    if (other.value > -kNearCrease && touched.gradient.dot(other.gradient) > 0) return true;
-    return other.value > kExposed ||
+    // What faces the same way does not close the surface; beside edges, though, two faces that do
+    // may have others between them that touch.
+    if (other.value > -kNearCrease && touched.gradient.dot(other.gradient) > 0 &&
+        b.valueNear(at, foot + foot.normalized()) > kExposed)
+        return true;
+    return other.value > kRounded ||
            (plain && other.value > -kExposed && arePlain(touched.gradient, other.gradient) &&
             isSmooth(at, a, foot, touched) && isSmooth(at, b, foot, other));
 }

@@ -21,7 +21,7 @@ using openvdb::Coord;
 constexpr float kUnseen = 1.5f;
 /// A value stays that is nearer than this, in voxels, to what is measured: if it is that of a
 /// crease found from both solids, it is the better.
-constexpr float kAgrees = 0.1f;
+constexpr float kAgrees = 0.02f;
 /// Patches look at so many voxels about the surface.
 constexpr int kAroundSurface = 4;
 

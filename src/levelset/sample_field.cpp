@@ -111,7 +111,10 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     const openvdb::FloatTree::Ptr tree = band.assemble();
     if (isDistance) {
         progress.beginStage("restore");
-        restoreDistance(*tree, lattice.voxelSize, progress);
+        if (field.isDistanceFar())
+            completeBand(*tree, lattice.voxelSize, progress);
+        else
+            restoreDistance(*tree, lattice.voxelSize, progress);
     }
     auto grid = openvdb::FloatGrid::create(tree);
     setLattice(*grid, lattice);
