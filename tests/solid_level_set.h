@@ -2,10 +2,10 @@
 #pragma once
 #include "field_fixture.h"
 
-#include <mpuvdb/scan_sampler.h>
-#include <mpuvdb/fields.h>
 #include <mpuvdb/error.h>
+#include <mpuvdb/fields.h>
 #include <mpuvdb/operations.h>
+#include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>

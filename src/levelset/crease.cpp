@@ -35,8 +35,8 @@ constexpr int kFullSteps = 4, kMostSteps = 24;
 constexpr float kFarGuess = 2;
 /// What is left of a step that leaves a band.
 constexpr float kShorter = 0.75f;
-/// A place so far outside the other solid, in voxels, does not touch it; and where interpolation may
-/// have rounded off an edge or corner of it, at most by so much.
+/// A place so far outside the other solid, in voxels, does not touch it; and where interpolation
+/// may have rounded off an edge or corner of it, at most by so much.
 constexpr float kExposed = 0.1f, kRounded = 0.5f;
 /// Off a smooth surface by a voxel, distances differ from it by no more. A gradient's length is as
 /// near to 1 there.
