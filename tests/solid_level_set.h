@@ -23,6 +23,7 @@ inline LevelSet solidLevelSet(const std::string& description, double voxelSize,
     SampleSettings settings;
     settings.lattice = {Vec3d::Zero(), voxelSize};
     settings.halfWidth = halfWidth;
+    settings.name = description;
     Progress progress;
     return sampleField(*makeSolidField(parseSolid(description)), settings, progress);
 }

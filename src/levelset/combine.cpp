@@ -119,9 +119,7 @@ public:
         tell(csg, radius, progress);
         if (csg.filleted.empty()) return;
         copyFillet(csg, sharp, progress);
-        if (csg.isDoubtful) csg.known = nothingExact(sharp, csg.known);
-        const int most = csg.isDoubtful ? kMostRestored : 1;
-        for (int turn = 0; turn < most; ++turn)
+        for (int turn = 0; turn < kMostRestored; ++turn)
             if (restoreDistance(sharp, mVoxelSize, csg.known, progress) == 0) break;
         pruneBand(sharp);
     }
@@ -151,24 +149,6 @@ private:
                                   "thick at ({:.4g}, {:.4g}, {:.4g}): radius {:.4g} has no room "
                                   "there, {:.4g} has",
                                   2 * depth, at.x(), at.y(), at.z(), radius, depth));
-    }
-
-    /// That no value of the tree is exact. @param known  of some leaves.
-    static std::vector<KnownVoxels> nothingExact(const FloatTree& tree,
-                                                 const std::vector<KnownVoxels>& known)
-    {
-        const auto before = [](const KnownVoxels& a, const KnownVoxels& b) {
-            return a.origin < b.origin;
-        };
-        std::vector<KnownVoxels> all;
-        for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) all.push_back({leaf->origin(), {}});
-        std::sort(all.begin(), all.end(), before);
-        for (const KnownVoxels& leaf : known) {
-            const auto found = std::lower_bound(all.begin(), all.end(), leaf, before);
-            if (found != all.end() && found->origin == leaf.origin)
-                found->isDoubtful = leaf.isDoubtful;
-        }
-        return all;
     }
 
     static void copyFillet(const CsgTree& from, FloatTree& to, Progress& progress)

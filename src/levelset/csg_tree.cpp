@@ -1,8 +1,8 @@
 #include "csg_tree.h"
 
-#include "ball_centres.h"
 #include "crease.h"
 #include "fill_specks.h"
+#include "room_distances.h"
 
 #include <mpuvdb/progress.h>
 
@@ -28,9 +28,6 @@ using Leaf = FloatTree::LeafNodeType;
 
 /// Voxels from a surface that say nothing of where it is.
 constexpr float kDeep = 1.5f;
-
-/// Voxels that the distance to the ball's path may err, with more to spare.
-constexpr float kSpare = 2;
 
 /// Surfaces whose gradients have less for a product run against each other: edges between them are
 /// sharper than 30 degrees.
@@ -90,7 +87,6 @@ public:
         : mA(a), mB(b), mSigns(signsOf(kind)), mBackground(a.background()),
           mVoxelSize(float(voxelSize)), mDeepest(float(halfWidth * voxelSize)),
           mRadius(float(radius / voxelSize)), mReach(mRadius + float(halfWidth)),
-          mFarthest(mRadius + mBackground / mVoxelSize),
           mWedges(radius > 0 ? wedgesOf(kind, a, b, halfWidth) : CoordBBox::inf()),
           mNearA(nearOf(a, mSigns.a)), mNearB(nearOf(b, mSigns.b))
     {
@@ -125,28 +121,29 @@ public:
     bool isFilletDoubtful() const { return !mUnsettled.empty(); }
     std::vector<LeafVoxels> filleted() const { return {mFilleted.begin(), mFilleted.end()}; }
 
-    /// Give the voxels of a fillet that no crease tells the distance to what is the nearest place
-    /// for the ball of all.
+    /// Where creases do not tell all of a fillet, what they tell of the rest may be wrong, too:
+    /// give its voxels the distance to what is the nearest place for the ball of all.
     void settleFillet(FloatTree& tree, Progress& progress) const
     {
         if (mUnsettled.empty()) return;
+        const std::vector<FilletLeaf> fillet = filletByLeaf();
         std::vector<Coord> origins;
-        for (const LeafVoxels& leaf : mUnsettled) origins.push_back(leaf.origin);
-        const BallCentres::Solid a{mA, mSigns.a / mVoxelSize}, b{mB, mSigns.b / mVoxelSize};
-        const auto centres = [&](const BallCentres::Solid& one, const BallCentres::Solid& other) {
-            return BallCentres(one, other, mRadius, mFarthest, origins, progress);
+        for (const FilletLeaf& leaf : fillet) origins.push_back(leaf.origin);
+        const ScaledSolid a{mA, mSigns.a / mVoxelSize}, b{mB, mSigns.b / mVoxelSize};
+        const auto room = [&](const ScaledSolid& one, const ScaledSolid& other) {
+            return roomDistances(one, other, mRadius, mReach + mRadius, origins, progress);
         };
-        const BallCentres centresA = centres(a, a), centresB = centres(b, b),
-                          between = centres(a, b);
-        tbb::parallel_for(std::size_t(0), mUnsettled.size(), [&](std::size_t n) {
-            const Coord& origin = mUnsettled[n].origin;
-            Leaf& leaf = *tree.probeLeaf(origin);
-            BallCentres::Search besideA(centresA, origin), besideB(centresB, origin),
-                inBetween(between, origin);
-            LeafVoxels filleted{origin, {}};
-            for (auto it = mUnsettled[n].voxels.beginOn(); it; ++it) {
-                progress.check();
-                filleted.voxels.set(it.pos(), settle(besideA, besideB, inBetween, it.pos(), leaf));
+        const auto besideA = room(a, a), besideB = room(b, b), between = room(a, b);
+        mFilleted.clear();
+        mFilled.clear();
+        tbb::parallel_for(std::size_t(0), fillet.size(), [&](std::size_t n) {
+            progress.check();
+            Leaf& leaf = *tree.probeLeaf(origins[n]);
+            LeafVoxels filleted{origins[n], {}};
+            for (auto it = fillet[n].voxels.beginOn(); it; ++it) {
+                const openvdb::Index i = it.pos();
+                const float farther = between[n][i] - std::max(besideA[n][i], besideB[n][i]);
+                filleted.voxels.set(i, settle(farther, fillet[n].told.isOn(i), i, leaf));
             }
             if (!filleted.voxels.isOff()) mFilleted.push_back(filleted);
         });
@@ -229,9 +226,10 @@ private:
             }
             known.placed.setOn(i);
             const bool isKnown = place(answer, i, leaf);
-            if (mRadius > 0 && answer.place == CreaseFinder::Place::Crease)
+            const bool isCrease = answer.place == CreaseFinder::Place::Crease;
+            if (mRadius > 0 && isCrease && answer.isSure)
                 filleted.voxels.setOn(i);
-            else if (mRadius > 0 && !isKnown)
+            else if (mRadius > 0 && (isCrease || !isKnown))
                 unsettled.voxels.setOn(i);
             known.isDoubtful |= !isKnown;
             known.exact.set(i, isKnown && (mRadius == 0 || answer.isSure));
@@ -275,49 +273,59 @@ private:
         return false;
     }
 
-    /// The ball also bridges the hollows of either solid alone: only by how much farther it keeps
-    /// off both is the fillet's. @return whether that is anything.
-    bool settle(BallCentres::Search& besideA, BallCentres::Search& besideB,
-                BallCentres::Search& between, openvdb::Index voxel, Leaf& leaf) const
+    /// A leaf's voxels of the fillet, and those of them that creases tell.
+    struct FilletLeaf {
+        Coord origin;
+        Leaf::NodeMaskType voxels, told;
+    };
+
+    /// In order.
+    std::vector<FilletLeaf> filletByLeaf() const
     {
-        const Coord at = leaf.offsetToGlobalCoord(voxel);
-        const float least = std::min(mSigns.a * mA.getValue(at), mSigns.b * mB.getValue(at));
-        const float sharp = mRadius - least / mVoxelSize;
-        float both = between.distanceFrom(at, mReach + kSpare, sharp);
-        if (both <= sharp) return false;
-        if (both >= mReach + kSpare) { // deep in the fillet, or in a hollow of either solid
-            const float own = sharp + kSpare;
-            if (besideA.distanceFrom(at, mFarthest, own) <= own &&
-                besideB.distanceFrom(at, mFarthest, own) <= own)
-                return setFilled(at, least, -mDeepest, leaf);
-            both = between.distanceFrom(at, mFarthest);
+        std::vector<FilletLeaf> parts;
+        for (const LeafVoxels& leaf : mUnsettled) parts.push_back({leaf.origin, leaf.voxels, {}});
+        for (const LeafVoxels& leaf : mFilleted)
+            parts.push_back({leaf.origin, leaf.voxels, leaf.voxels});
+        std::sort(parts.begin(), parts.end(),
+                  [](const FilletLeaf& l, const FilletLeaf& r) { return l.origin < r.origin; });
+        std::vector<FilletLeaf> leaves;
+        for (const FilletLeaf& part : parts) {
+            if (leaves.empty() || leaves.back().origin != part.origin)
+                leaves.push_back({part.origin, {}, {}});
+            leaves.back().voxels |= part.voxels;
+            leaves.back().told |= part.told;
         }
-        const float fromA = besideA.distanceFrom(at, both);
-        if (fromA >= both) return false;
-        const float fromB = besideB.distanceFrom(at, both);
-        if (fromB >= both) return false;
-        const float farther = both - std::max(fromA, fromB);
-        return setFilled(at, least, least - farther * mVoxelSize, leaf);
+        return leaves;
     }
 
-    /// Give a voxel with the sharp value @a least that of the fillet.
-    bool setFilled(const Coord& at, float least, float value, Leaf& leaf) const
+    /// The ball also bridges the hollows of either solid alone: only by how much @a farther it
+    /// keeps off both, in voxels, is the fillet's. @param isTold  whether the leaf has what a
+    /// crease tells. @return whether that is anything.
+    bool settle(float farther, bool isTold, openvdb::Index voxel, Leaf& leaf) const
     {
+        constexpr float kNothing = 0.02f; // by which the distances may differ
+        constexpr float kAgrees = 0.3f;   // with a crease, which tells more exactly
+        const Coord at = leaf.offsetToGlobalCoord(voxel);
+        const float least = std::min(mSigns.a * mA.getValue(at), mSigns.b * mB.getValue(at));
+        const float told = mSigns.result * leaf.getValue(voxel);
+        const auto inBand = [&](float v) { return std::max(v, -mDeepest); };
+        float value = farther > kNothing ? least - farther * mVoxelSize : least;
+        if (isTold && inBand(value) - inBand(told) < kAgrees * mVoxelSize) value = told;
         if (value > -mDeepest)
-            leaf.setValueOn(at, mSigns.result * value);
+            leaf.setValueOn(voxel, mSigns.result * value);
         else
-            leaf.setValueOff(at, -mSigns.result * mBackground);
+            leaf.setValueOff(voxel, -mSigns.result * mBackground);
         if (least >= 0 && value < 0) mFilled.push_back(at);
-        return true;
+        return value != least;
     }
 
     const FloatTree &mA, &mB;
     Signs mSigns;
-    float mBackground, mVoxelSize;    ///< world units
-    float mDeepest;                   ///< to where values count, world units
-    float mRadius, mReach, mFarthest; ///< voxels; to the ball's path where values count, at all
-    CoordBBox mWedges;                ///< no fillet is outside
-    CoordBBox mNearA, mNearB;         ///< outside, the solid is in the way of no ball; see nearOf()
+    float mBackground, mVoxelSize; ///< world units
+    float mDeepest;                ///< to where values count, world units
+    float mRadius, mReach;         ///< voxels; to the ball's path where values count
+    CoordBBox mWedges;             ///< no fillet is outside
+    CoordBBox mNearA, mNearB;      ///< outside, the solid is in the way of no ball; see nearOf()
     mutable tbb::concurrent_vector<KnownVoxels> mKnown;    ///< in any order
     mutable tbb::concurrent_vector<LeafVoxels> mUnsettled; ///< of a fillet, in any order
     mutable tbb::concurrent_vector<LeafVoxels> mFilleted;  ///< in any order
