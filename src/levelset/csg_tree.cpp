@@ -104,8 +104,9 @@ public:
             inBoth &= b->getValueMask();
             if (!inBoth.isOff()) fillWedges(inBoth, leaf);
         } else if (mRadius > 0 && (a || mNearA.hasOverlap(box)) && (b || mNearB.hasOverlap(box))) {
-            Leaf::NodeMaskType inEither = a ? a->getValueMask() : b->getValueMask();
-            if (a && b) inEither |= b->getValueMask();
+            Leaf::NodeMaskType inEither;
+            if (a) inEither |= a->getValueMask();
+            if (b) inEither |= b->getValueMask();
             if (!inEither.isOff()) fillWedges(inEither, leaf);
         }
     }
@@ -128,6 +129,7 @@ public:
         if (mUnsettled.empty()) return;
         const std::vector<FilletLeaf> fillet = filletByLeaf();
         std::vector<Coord> origins;
+        origins.reserve(fillet.size());
         for (const FilletLeaf& leaf : fillet) origins.push_back(leaf.origin);
         const ScaledSolid a{mA, mSigns.a / mVoxelSize}, b{mB, mSigns.b / mVoxelSize};
         const auto room = [&](const ScaledSolid& one, const ScaledSolid& other) {
