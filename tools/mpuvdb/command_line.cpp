@@ -32,7 +32,8 @@ void addCommonOptions(CLI::App& app, CommonOptions& options)
     app.add_option_function<std::string>(
            "--max-memory",
            [&options](const std::string& text) { options.maxBytes = parseSize(text); },
-           "Memory to stay under, such as 4G; default: 90 % of what the machine has")
+           "Memory to take beside the 30 MB of the program itself, such as 4G;\ndefault: 90 % of "
+           "what the machine has")
         ->type_name("SIZE")
         ->group(group);
     app.add_option("--progress", options.progress,

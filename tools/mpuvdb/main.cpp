@@ -21,11 +21,9 @@ int interruptedStatus()
 
 int outOfMemory(Session& session)
 {
-    session.fail(
-        "LimitError",
-        fmt::format("out of memory (limit {}): raise --max-memory, or use larger voxels or "
-                    "fewer points",
-                    sizeText(session.options().maxBytes)));
+    session.fail("LimitError",
+                 fmt::format("out of memory (limit {}): raise --max-memory, or use larger voxels",
+                             sizeText(session.options().maxBytes)));
     return int(ExitCode::Limit);
 }
 
