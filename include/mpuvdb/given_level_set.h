@@ -16,7 +16,7 @@ namespace mpuvdb
 /// - inactive values are plus or minus the background.
 /// @param notes  gets what changes the half-width, if anything does.
 /// @throws InputError as LevelSet's constructor and demandFinite() do.
-LevelSet takeLevelSet(openvdb::FloatGrid::ConstPtr grid, std::vector<std::string>& notes);
+LevelSet takeLevelSet(const openvdb::FloatGrid::ConstPtr& grid, std::vector<std::string>& notes);
 
 /// Look whether the values of @a levelSet may be distances at all; check() looks closer.
 /// @param cure  ends the error's text: how to make distances of them.

@@ -162,7 +162,7 @@ LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Purpose pur
 {
     try {
         std::vector<std::string> said;
-        const LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said);
+        LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said);
         if (purpose == Purpose::Modelling)
             demandDistances(levelSet,
                             fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
@@ -292,7 +292,7 @@ LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64
         return GridReader(archive, maxBytes).read(chooseLevelSet(archive, name));
     });
     std::vector<std::string> said;
-    const LevelSet levelSet = toLevelSet(file, grid, purpose, said);
+    LevelSet levelSet = toLevelSet(file, grid, purpose, said);
     if (notes) *notes = std::move(said);
     return levelSet;
 }

@@ -43,7 +43,7 @@ struct Toward {
     std::uint64_t of(const Words& words, int x) const
     {
         const auto n = std::size_t(x);
-        if (axis == 0) return hasNeighbour(x) ? words[std::size_t(x + step)] : 0;
+        if (axis == 0) return hasNeighbour(x) ? words[n + std::size_t(step)] : 0;
         const int shift = axis == 1 ? 8 : 1;
         return step > 0 ? words[n] >> shift : words[n] << shift;
     }
@@ -194,7 +194,7 @@ bool hasActiveTiles(const FloatTree& tree)
 /// A copy of @a grid with another background, and inactive what is not within.
 FloatGrid::Ptr cutOff(const FloatGrid& grid, float background)
 {
-    const FloatGrid::Ptr made = grid.deepCopy();
+    FloatGrid::Ptr made = grid.deepCopy();
     FloatTree& tree = made->tree();
     auto tile = tree.beginValueOn();
     tile.setMaxDepth(FloatTree::ValueOnIter::LEAF_DEPTH - 1);
@@ -359,7 +359,7 @@ Faces facesOf(const FloatGrid& grid)
 
 } // namespace
 
-LevelSet takeLevelSet(FloatGrid::ConstPtr grid, std::vector<std::string>& notes)
+LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes)
 {
     constexpr double kFew = 0.01;   // of the active voxels: rounding may put them at the background
     constexpr double kSlack = 2;    // voxels
