@@ -266,6 +266,57 @@ TEST(FunctionField, IsWhatItsFunctionSays)
     EXPECT_EQ(sampled(*field, 0.1, 4).grid().getName(), "surface");
 }
 
+TEST(FunctionField, IsCutOffAtItsBounds)
+{
+    // The half-space below 0.1, steep or not, ends as a box; what is inside everywhere is all of
+    // it.
+    const Box3d whole(Vec3d(-1, -0.8, -0.6), Vec3d(1, 0.8, 0.6));
+    Box3d lower = whole;
+    lower.max()[2] = 0.1;
+    struct {
+        double slope;
+        Box3d solid;
+    } const cases[] = {{1, lower}, {3, lower}, {0, whole}};
+    for (const auto& c : cases) {
+        const FieldPtr field = makeFunctionField(
+            [&](const Vec3d& p) { return c.slope > 0 ? c.slope * (p[2] - 0.1) : -1; }, whole,
+            c.slope > 0 ? c.slope : 1);
+        const LevelSet levelSet = sampled(*field, 0.04, 3, Vec3d(0.011, 0.023, 0.007));
+        test::expectSound(levelSet);
+        const test::Deviation d =
+            test::deviation(levelSet, [&](const Vec3d& p) { return boxDistance(c.solid, p); });
+        RecordProperty("largest", std::to_string(d.largest));
+        EXPECT_EQ(d.wrongSigns, 0u);
+        EXPECT_LT(d.mean, 1e-3);
+        EXPECT_LT(d.largest, 0.02);
+        EXPECT_EQ(test::meshed(levelSet).boundaryEdges, 0u);
+    }
+}
+
+TEST(FunctionField, StaysWhereItIsWithinTightBounds)
+{
+    // Steeper than a distance, and touching its bounds in six places.
+    const FieldPtr field =
+        makeFunctionField([](const Vec3d& p) { return p.squaredNorm() - 1; }, cube(1), 2.2);
+    const LevelSet levelSet = sampled(*field, 0.04, 3, Vec3d(0.011, 0.023, 0.007));
+    test::expectSound(levelSet);
+    const test::Deviation d =
+        test::deviation(levelSet, [](const Vec3d& p) { return p.norm() - 1; });
+    EXPECT_LT(d.mean, 2e-3);
+    EXPECT_LT(d.largest, 0.05);
+}
+
+TEST(FunctionField, HasASlopeAtItsCut)
+{
+    const FieldPtr field = makeFunctionField([](const Vec3d& p) { return 2 * p[2]; }, cube(1), 2);
+    const FieldSample face = field->evaluate(Vec3d(0.999, 0.2, -0.5));
+    EXPECT_NEAR(face.value, -0.002, 1e-12);
+    EXPECT_LT((face.gradient - Vec3d(2, 0, 0)).norm(), 1e-9);
+    const FieldSample own = field->evaluate(Vec3d(0.2, 0.2, -0.1));
+    EXPECT_NEAR(own.value, -0.2, 1e-12);
+    EXPECT_LT((own.gradient - Vec3d(0, 0, 2)).norm(), 1e-6);
+}
+
 TEST(FunctionField, FindsEveryPart)
 {
     const auto balls = [](const Vec3d& p) {

@@ -10,6 +10,7 @@
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <openvdb/tools/ChangeBackground.h>
 
 namespace mpuvdb::test
 {
@@ -209,9 +210,112 @@ TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)
     EXPECT_NE(staggered.err.find("as a grid of floats"), std::string::npos) << staggered.err;
     command({"isosurface", "vectors.vdb", "-o", "x.vdb"}, 3);
     command({"isosurface", "stretched.vdb", "-o", "x.vdb"}, 3);
+    stretched->setGridClass(openvdb::GRID_UNKNOWN);
+    writeGrids(folder / "unknown.vdb", {stretched}, progress);
+    const Ended unknown = command({"union", "ball.vdb", "unknown.vdb", "-o", "x.vdb"}, 3);
+    EXPECT_NE(unknown.err.find("are no cubes: resample it"), std::string::npos) << unknown.err;
     command({"union", "ball.vdb", "missing.vdb", "-o", "x.vdb"}, 3);
     command({"union", "ball.vdb", "-o", "ball.vdb"}, 2);
     EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+}
+
+TEST_F(ModelVerbs, ValuesThatAreNoDistancesAreRefusedWithACure)
+{
+    // Distances in voxels.
+    auto voxels = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
+    voxels->tree().root().setBackground(float(voxels->background() / kVoxel), false);
+    for (auto v = voxels->beginValueAll(); v; ++v) v.setValue(float(*v / kVoxel));
+    // Inside without a band.
+    auto open = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(
+        emptyLevelSet({Vec3d::Zero(), kVoxel}, 3).grid());
+    open->tree().addTile(1, openvdb::Coord(0), -open->background(), false);
+    Progress progress;
+    writeGrids(folder / "voxels.vdb", {voxels}, progress);
+    writeGrids(folder / "open.vdb", {open}, progress);
+    for (const std::string file : {"voxels.vdb", "open.vdb"}) {
+        const std::string cure =
+            "mpuvdb isosurface " + file + " --grid 'surface' --value 0 --inside below";
+        const std::vector<std::vector<std::string>> all = {
+            {"union", file, "ball.vdb"},
+            {"difference", "ball.vdb", file},
+            {"offset", file, "--distance", "2vx"},
+            {"shell", file, "--thickness", "4vx"},
+            {"smooth", file},
+            {"morph", "ball.vdb", file},
+            {"twist", file, "--turn", "90"},
+            {"transform", file, "--scale", "2"},
+            {"resample", file, "--voxel-size", "2vx"},
+            {"components", file},
+            {"fog", file}};
+        for (std::vector<std::string> words : all) {
+            words.insert(words.end(), {"-o", "x.vdb"});
+            const Ended ended = command(words, 3);
+            EXPECT_NE(ended.err.find(cure), std::string::npos) << ended.err;
+        }
+        command({"isosurface", file, "-o", "mended.vdb", "--value", "0", "--inside", "below"});
+        command({"offset", "mended.vdb", "-o", "grown.vdb", "--distance", "2vx"});
+        const double edge = 8 * kVoxel;
+        EXPECT_NEAR(volumeOf(folder / "mended.vdb"),
+                    file == "open.vdb" ? edge * edge * edge : ballVolume, tolerance);
+        command({"mesh", file, "-o", "shown.ply"});
+    }
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+}
+
+TEST_F(ModelVerbs, BandsAreTakenForWhatTheyAre)
+{
+    auto promising = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
+    promising->tree().root().setBackground(1, true);
+    Progress progress;
+    writeGrids(folder / "promising.vdb", {promising}, progress);
+    const Ended ended = command({"union", "promising.vdb", "box.vdb", "-o", "both.vdb"});
+    EXPECT_NE(ended.err.find("promises a band of 20 voxels, and there are 3"), std::string::npos)
+        << ended.err;
+    EXPECT_GT(volumeOf(folder / "both.vdb"), ballVolume);
+    write(folder / "narrow.vdb", withHalfWidth(solid("sphere(1)"), 1.5, progress));
+    auto narrow =
+        openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(readLevelSet(folder / "narrow.vdb").grid());
+    const auto width = float(1.2 * kVoxel);
+    for (auto on = narrow->beginValueOn(); on; ++on)
+        if (std::abs(*on) >= width) on.setValueOff();
+    openvdb::tools::changeLevelSetBackground(narrow->tree(), width);
+    writeGrids(folder / "narrow.vdb", {narrow}, progress);
+    for (const std::vector<std::string>& words : {std::vector<std::string>{"twist", "--turn", "90"},
+                                                  {"transform", "--scale", "1"},
+                                                  {"resample", "--voxel-size", "1vx"},
+                                                  {"smooth"}}) {
+        std::vector<std::string> all = words;
+        all.insert(all.end(), {"narrow.vdb", "-o", "wide.vdb"});
+        EXPECT_NE(command(all).err.find("too narrow"), std::string::npos) << words[0];
+        EXPECT_NEAR(volumeOf(folder / "wide.vdb"), ballVolume, 3 * tolerance);
+    }
+}
+
+TEST_F(ModelVerbs, TwistsFarFromTheAxisNameTheCentre)
+{
+    command({"transform", "ball.vdb", "-o", "away.vdb", "--translate", "100,-8,3"});
+    const Ended far = command({"twist", "away.vdb", "-o", "x.vdb", "--turn", "90"}, 2);
+    EXPECT_NE(far.err.find("--center 100,-8,3"), std::string::npos) << far.err;
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+    const Ended little =
+        command({"twist", "away.vdb", "-o", "little.vdb", "--degrees-per-unit", "1"});
+    EXPECT_NE(little.err.find("--center 100,-8,3"), std::string::npos) << little.err;
+    EXPECT_NEAR(volumeOf(folder / "little.vdb"), ballVolume, 2 * tolerance);
+    const Ended there =
+        command({"twist", "away.vdb", "-o", "there.vdb", "--turn", "90", "--center", "100,-8,3"});
+    EXPECT_EQ(there.err.find("off the axis"), std::string::npos) << there.err;
+    EXPECT_NEAR(volumeOf(folder / "there.vdb"), ballVolume, tolerance);
+}
+
+TEST_F(ModelVerbs, ChecksTellWhereThereIsNoLevelSet)
+{
+    command({"fog", "ball.vdb", "-o", "fog.vdb"});
+    const Ended fog = command({"check", "fog.vdb", "ball.vdb"}, 3);
+    EXPECT_NE(fog.err.find("fog.vdb: no level set in it, but 'density' (fog volume, float)"),
+              std::string::npos)
+        << fog.err;
+    EXPECT_NE(fog.out.find("ball.vdb: surface: sound"), std::string::npos) << fog.out;
+    command({"check", "fog.vdb", "--grid", "density"}, 4);
 }
 
 TEST_F(ModelVerbs, DensitiesBecomeLevelSetsWhereTheyHaveAValue)
@@ -233,6 +337,11 @@ TEST_F(ModelVerbs, DensitiesBecomeLevelSetsWhereTheyHaveAValue)
     writeGrids(folder / "sdf.vdb", {distances}, progress);
     const Ended said = command({"shell", "sdf.vdb", "-o", "x.vdb", "--thickness", "0.2"}, 3);
     EXPECT_NE(said.err.find("--value 0 --inside below"), std::string::npos) << said.err;
+    for (const char* const value : {"0.1", "0.5"}) {
+        const Ended above =
+            run(folder, {"mpuvdb", "isosurface", "sdf.vdb", "-o", "x.vdb", "--value", value});
+        EXPECT_NE(above.err.find("--value 0 --inside below"), std::string::npos) << above.err;
+    }
     command({"isosurface", "sdf.vdb", "-o", "back.vdb", "--value", "0", "--inside", "below"});
     EXPECT_NEAR(volumeOf(folder / "back.vdb"), ballVolume, tolerance);
     EXPECT_FALSE(fs::exists(folder / "x.vdb"));

@@ -57,6 +57,40 @@ void forEachVoxel(const Box3d& bounds, const Lattice& lattice, double margin, F 
             for (int z = low[2]; z <= high[2]; ++z) f(Coord(x, y, z));
 }
 
+/// A plane that says it ends.
+class Endless final : public Field
+{
+public:
+    Box3d bounds() const override { return {Vec3d::Constant(-0.5), Vec3d::Constant(0.5)}; }
+    FieldSample evaluate(const Vec3d& p) const override
+    {
+        return {p[2] - 0.01, Vec3d::UnitZ(), -1, true};
+    }
+    std::vector<Vec3i> seedBlocks(const Lattice&) const override { return {Vec3i::Zero()}; }
+    std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double) const override
+    {
+        return std::make_unique<Sampler>(lattice);
+    }
+
+private:
+    class Sampler final : public BlockSampler
+    {
+    public:
+        explicit Sampler(const Lattice& lattice) : mLattice(lattice) {}
+        void evaluate(const Vec3i& block, BlockValues& values) override
+        {
+            for (int i = 0; i < kBlockVoxels; ++i) {
+                const double z =
+                    mLattice.origin[2] + mLattice.voxelSize * (kBlockDim * block[2] + (i & 7));
+                values[std::size_t(i)] = float(z - 0.01);
+            }
+        }
+
+    private:
+        Lattice mLattice;
+    };
+};
+
 /// Expects in every voxel around what the solid's exact distance says.
 void expectExact(const std::string& description, double voxelSize, double halfWidth,
                  const Vec3d& origin)
@@ -319,6 +353,17 @@ TEST(SampleField, DoesNotDependOnThreads)
     }
     EXPECT_TRUE(bytes[0] == bytes[1]);
     EXPECT_TRUE(bytes[0] == bytes[2]);
+}
+
+TEST(SampleField, RefusesASurfaceThatLeavesItsBounds)
+{
+    try {
+        sampled(Endless(), 0.02);
+        FAIL() << "an endless surface was sampled";
+    } catch (const InputError& e) {
+        EXPECT_NE(std::string(e.what()).find("leaves its bounds (-0.5"), std::string::npos)
+            << e.what();
+    }
 }
 
 } // namespace

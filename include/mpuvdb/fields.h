@@ -24,8 +24,10 @@ FieldPtr makeHalfSpace(const Vec3d& point, const Vec3d& normal);
 /// and no distance.
 FieldPtr makeGyroid(double period, double thickness);
 
-/// Wherever @a function is negative within @a bounds, which the solid does not leave. It may be
-/// called from several threads at once. @param steepness  the largest length of its gradient, > 0.
+/// Wherever @a function is negative within @a bounds: what would leave them is cut off at their
+/// faces. It is called some voxels beyond them too, and may be from several threads at once.
+/// @param steepness  the largest length of its gradient, > 0: if it is less, parts may be missed;
+/// if it is much more, the cut's edges and what touches the bounds are less exact.
 FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
                            double steepness);
 

@@ -95,20 +95,29 @@ const std::vector<std::string>& meshExtensions();
 void writeVolumeLayer(const std::filesystem::path& file, const std::filesystem::path& vdb,
                       const openvdb::GridCPtrVec& grids, const SceneSettings& scene = {});
 
-/// Read one level set of a .vdb file: the grid called @a name, or, if empty, "surface" or the only
-/// level set. @param maxBytes  that the grid may take, by what its file says; 0: no limit.
-/// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there),
-/// LimitError.
+/// What a level set is read for.
+enum class Purpose {
+    Modelling, ///< its values have to be distances, see demandDistances()
+    Looking    ///< its zero set is all that counts
+};
+
+/// Read one level set of a .vdb file, as takeLevelSet() takes it: the grid called @a name, or, if
+/// empty, "surface" or the only level set. @param maxBytes  that the grid may take, by what its
+/// file says; 0: no limit. @param notes  become what was mended, for the user.
+/// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there; no
+/// distances), LimitError.
 LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {},
-                      std::uint64_t maxBytes = 0);
+                      std::uint64_t maxBytes = 0, Purpose purpose = Purpose::Modelling,
+                      std::vector<std::string>* notes = nullptr);
 
 /// A level set, and the other grids of its file.
 struct LevelSetFile {
     LevelSet levelSet;
     openvdb::GridCPtrVec others;
+    std::vector<std::string> notes; ///< what was mended, for the user
 };
 
-/// As readLevelSet(), with all that is beside.
+/// As readLevelSet() for modelling, with all that is beside.
 LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::string& name = {},
                               std::uint64_t maxBytes = 0);
 

@@ -3,27 +3,11 @@
 #include <mpuvdb/error.h>
 
 #include <algorithm>
-#include <cmath>
 
 namespace mpuvdb
 {
 namespace
 {
-
-Vec3d boxNormal(const Box3d& box, const Vec3d& p)
-{
-    const Vec3d low = box.min() - p, high = p - box.max();
-    const Vec3d q = low.cwiseMax(high);
-    Vec3d out = q.cwiseMax(0);
-    if (!(out.squaredNorm() > 0)) {
-        Eigen::Index axis = 0;
-        q.maxCoeff(&axis);
-        out = Vec3d::Unit(axis);
-    }
-    for (int k = 0; k < 3; ++k)
-        if (low[k] > high[k]) out[k] = -out[k];
-    return out.normalized();
-}
 
 class ClippedField final : public PointField
 {

@@ -72,6 +72,8 @@ double demandNumber(double value, const Vec3d& p)
     return std::clamp(value, -kFar, kFar);
 }
 
+/// max(f, s * distance from the bounds) with the steepness s: f's own zero set stays where it is
+/// within the bounds, for f is no deeper than s times the distance from it, and no steeper than s.
 class FunctionField : public PointField
 {
 public:
@@ -85,11 +87,19 @@ public:
     FieldSample evaluate(const Vec3d& p) const override
     {
         constexpr double kStep = 1e-6; // of the diagonal
-        return {value(p), slope(p, kStep * mBounds.diagonal().norm()), -1, true};
+        const double own = demandNumber(mFunction(p), p), cut = wall(p);
+        if (cut > own) return {cut, mSteepness * boxNormal(mBounds, p), -1, true};
+        return {own, slope(p, kStep * mBounds.diagonal().norm()), -1, true};
     }
-    double value(const Vec3d& p) const override { return demandNumber(mFunction(p), p); }
+    double value(const Vec3d& p) const override
+    {
+        return std::max(demandNumber(mFunction(p), p), wall(p));
+    }
     bool isDistance() const override { return false; }
     double steepness() const override { return mSteepness; }
+
+protected:
+    double wall(const Vec3d& p) const { return mSteepness * boxDistance(mBounds, p); }
 
 private:
     std::function<double(const Vec3d&)> mFunction;
@@ -118,7 +128,7 @@ public:
     {
         mFunction(points, values);
         for (std::size_t i = 0; i < points.size(); ++i)
-            values[i] = demandNumber(values[i], points[i]);
+            values[i] = std::max(demandNumber(values[i], points[i]), wall(points[i]));
     }
     bool inBatches() const override { return true; }
 
@@ -130,8 +140,8 @@ void demandFunction(bool function, const Box3d& bounds, double steepness)
 {
     if (!function) throw UsageError("function: there is none to call");
     if (bounds.isEmpty() || !isFinite(bounds))
-        throw UsageError("function: its bounds are empty or not finite. Give a box that holds the "
-                         "solid");
+        throw UsageError("function: its bounds are empty or not finite. Give the box in which "
+                         "the solid lies");
     if (!(steepness > 0) || !std::isfinite(steepness))
         throw UsageError(
             fmt::format("function: its steepness is {}; it must be above 0", steepness));

@@ -31,6 +31,9 @@ Box3d cubeOf(const Lattice& lattice, const Vec3i& block);
 /// Distance from the faces of @a box, negative inside.
 double boxDistance(const Box3d& box, const Vec3d& p);
 
+/// Its gradient: of unit length.
+Vec3d boxNormal(const Box3d& box, const Vec3d& p);
+
 /// A function of the point. Derived classes give its value, and how far values are to be trusted.
 class PointField : public Field
 {

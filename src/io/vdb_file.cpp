@@ -1,4 +1,5 @@
 #include <mpuvdb/error.h>
+#include <mpuvdb/given_level_set.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/progress.h>
 
@@ -65,10 +66,15 @@ std::string join(const std::vector<std::string>& texts)
 std::string wayToLevelSet(openvdb::io::File& archive)
 {
     bool hasPoints = false;
+    std::string uneven; // a grid of floats that isosurface() refuses
     for (auto name = archive.beginName(); name != archive.endName(); ++name) {
         const auto grid = archive.readGridMetadata(*name);
         hasPoints |= grid->valueType().rfind("ptdataidx", 0) == 0;
         if (!grid->isType<FloatGrid>()) continue;
+        if (!grid->transform().isLinear() || !grid->hasUniformVoxels()) {
+            uneven = *name;
+            continue;
+        }
         const bool isFog = grid->getGridClass() == openvdb::GRID_FOG_VOLUME;
         return fmt::format("Make one where '{}' has a value: mpuvdb isosurface {} --grid '{}' "
                            "--value 0.5 -o surface.vdb{}",
@@ -76,6 +82,12 @@ std::string wayToLevelSet(openvdb::io::File& archive)
                            isFog ? ""
                                  : "; or with --value 0 --inside below, if it holds distances");
     }
+    if (!uneven.empty())
+        return fmt::format(
+            "The voxels of '{}' are no cubes: resample it to uniform voxels where it "
+            "comes from, for example with Houdini's VDB Resample; mpuvdb isosurface "
+            "then makes a level set of it",
+            uneven);
     if (hasPoints)
         return "Points are for mpuvdb reconstruct: write them as .ply where they come from";
     return "Write the surface itself beside them where they come from, as a grid of floats of the "
@@ -144,11 +156,19 @@ private:
     double mBytes = 0;
 };
 
-LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid)
+/// @param notes  get the file's name too.
+LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Purpose purpose,
+                    std::vector<std::string>& notes)
 {
     try {
-        const LevelSet levelSet(openvdb::gridPtrCast<FloatGrid>(grid));
-        demandFinite(levelSet.grid());
+        std::vector<std::string> said;
+        LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said);
+        if (purpose == Purpose::Modelling)
+            demandDistances(levelSet,
+                            fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
+                                        "--value 0 --inside below -o surface.vdb",
+                                        file.string(), grid->getName()));
+        for (const std::string& note : said) notes.push_back(file.string() + ": " + note);
         return levelSet;
     } catch (const InputError& e) {
         throw InputError(fmt::format("{}: {}", file.string(), e.what()));
@@ -265,12 +285,16 @@ void verify(const fs::path& temporary, const fs::path& file, const openvdb::Grid
 
 } // namespace
 
-LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64_t maxBytes)
+LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64_t maxBytes,
+                      Purpose purpose, std::vector<std::string>* notes)
 {
     const auto grid = withVdbFile(file, [&](openvdb::io::File& archive) {
         return GridReader(archive, maxBytes).read(chooseLevelSet(archive, name));
     });
-    return toLevelSet(file, grid);
+    std::vector<std::string> said;
+    LevelSet levelSet = toLevelSet(file, grid, purpose, said);
+    if (notes) *notes = std::move(said);
+    return levelSet;
 }
 
 LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std::uint64_t maxBytes)
@@ -287,7 +311,9 @@ LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std
             else
                 others.push_back(grid);
         }
-        return LevelSetFile{toLevelSet(file, levelSet), std::move(others)};
+        std::vector<std::string> notes;
+        const LevelSet taken = toLevelSet(file, levelSet, Purpose::Modelling, notes);
+        return LevelSetFile{taken, std::move(others), std::move(notes)};
     });
 }
 

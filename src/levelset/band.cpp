@@ -110,6 +110,17 @@ void sortVoxels(BlockValues& values, float background, SignWords& inside, SignWo
     }
 }
 
+/// Where the band of a field may be that keeps its promise: about its bounds. Bounds are not taken
+/// at their word, and values that are no distances may be small far from the zero set.
+Box3d reachOf(const Field& field, const Lattice& lattice)
+{
+    constexpr double kVoxels = 64;
+    const Box3d box = field.bounds();
+    if (box.isEmpty()) return box;
+    const Vec3d loose = Vec3d::Constant(box.diagonal().norm() + kVoxels * lattice.voxelSize);
+    return {box.min() - loose, box.max() + loose};
+}
+
 } // namespace
 
 std::uint64_t packed(const Vec3i& at)
@@ -128,7 +139,7 @@ struct Band::Gap {
 Band::Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
            Progress& progress, const std::optional<BlockBox>& zone)
     : mField(field), mLattice(lattice), mBackground(float(halfWidth * lattice.voxelSize)),
-      mMaxBytes(maxBytes), mProgress(progress), mZone(zone)
+      mMaxBytes(maxBytes), mProgress(progress), mZone(zone), mReach(reachOf(field, lattice))
 {
 }
 
@@ -168,6 +179,21 @@ void Band::checkMemory() const
                                  double(mMaxBytes) / 1e6, mBlocks.size(), mLattice.voxelSize));
 }
 
+/// @throws InputError where a search would never end, or not before memory does.
+void Band::checkReach(const Vec3i& at) const
+{
+    const Vec3d corner = mLattice.origin + kBlockDim * mLattice.voxelSize * at.cast<double>();
+    if (mReach.contains(corner)) return;
+    const Box3d box = mField.bounds();
+    throw InputError(fmt::format(
+        "the surface leaves its bounds ({:.4g}, {:.4g}, {:.4g}) to ({:.4g}, {:.4g}, {:.4g}) and "
+        "goes "
+        "on beyond ({:.4g}, {:.4g}, {:.4g}). Give bounds, or the box that a warp moves them to, "
+        "that hold the solid; or intersect it with a box",
+        box.min()[0], box.min()[1], box.min()[2], box.max()[0], box.max()[1], box.max()[2],
+        corner[0], corner[1], corner[2]));
+}
+
 Band::Block Band::sample(BlockSampler& sampler, const Vec3i& at) const
 {
     BlockValues values;
@@ -203,6 +229,7 @@ std::size_t Band::search(std::vector<Vec3i> wave)
         for (const Vec3i& b : wave) {
             if (b.cwiseAbs().maxCoeff() >= kLastBlock)
                 throw LimitError("the band runs out of the index range: use larger voxels");
+            if (isKnown(b)) checkReach(b);
         }
         std::sort(wave.begin(), wave.end(), byRegion);
         wave.erase(std::unique(wave.begin(), wave.end()), wave.end());

@@ -114,6 +114,7 @@ private:
     BlockMosaic mosaic() const;
     bool isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const;
     void checkMemory() const;
+    void checkReach(const Vec3i& at) const;
     bool isKnown(const Vec3i& at) const { return !mZone || mZone->holds(at); }
 
     const Field& mField;
@@ -122,6 +123,7 @@ private:
     std::uint64_t mMaxBytes;
     Progress& mProgress;
     std::optional<BlockBox> mZone;
+    Box3d mReach; ///< that no block's corner leaves, world units
     std::vector<Block> mBlocks;
     std::unordered_map<std::uint64_t, std::uint32_t> mIndex; ///< packed position -> block
     std::vector<std::pair<Vec3i, Vec3i>> mInsideRuns;        ///< first, last block; along z

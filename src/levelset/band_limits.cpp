@@ -12,7 +12,8 @@ namespace mpuvdb
 void demandHalfWidth(double halfWidth)
 {
     if (!(halfWidth >= 1.5 && halfWidth <= kWidestBand))
-        throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [1.5, {}]",
+        throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [1.5, {}]. "
+                                     "Resample a narrower level set with a half-width of 3",
                                      halfWidth, kWidestBand));
 }
 

@@ -104,6 +104,20 @@ FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint6
 
 } // namespace
 
+namespace
+{
+
+/// How distances are meant, for who asks for what is above a value of them.
+std::string hintFor(const FloatGrid& grid, Inside inside)
+{
+    const bool isSigned = openvdb::tools::minMax(grid.tree()).min() < 0;
+    return inside == Inside::Above && isSigned
+               ? ". If these are distances, inside is below: --value 0 --inside below"
+               : "";
+}
+
+} // namespace
+
 LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double halfWidth,
                     Progress& progress, std::uint64_t maxBytes)
 {
@@ -113,9 +127,9 @@ LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double h
     const Outside outside{float(value), above ? -1.0f : 1.0f};
     if (!(outside(grid.background()) > 0))
         throw UsageError(fmt::format("grid '{}': its background is {:g}, and must be outside: the "
-                                     "value is {:g}, and has to be {} that",
+                                     "value is {:g}, and has to be {} that{}",
                                      grid.getName(), grid.background(), value,
-                                     above ? "above" : "below"));
+                                     above ? "above" : "below", hintFor(grid, inside)));
     progress.beginStage("isosurface");
     const FloatGrid::Ptr implicit = FloatGrid::create(outward(grid, outside, maxBytes, progress));
     implicit->setTransform(grid.transform().copy());
@@ -125,11 +139,12 @@ LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double h
     progress.endStage();
     if (made.grid().empty()) {
         const auto range = openvdb::tools::minMax(grid.tree());
-        throw InputError(fmt::format(
-            "grid '{}': nothing is {} {:g}: its {} value is {:g}. Choose a "
-            "{} one",
-            grid.getName(), above ? "above" : "below", value, above ? "largest" : "smallest",
-            above ? range.max() : range.min(), above ? "smaller" : "larger"));
+        throw InputError(
+            fmt::format("grid '{}': nothing is {} {:g}: its {} value is {:g}. Choose a "
+                        "{} one{}",
+                        grid.getName(), above ? "above" : "below", value,
+                        above ? "largest" : "smallest", above ? range.max() : range.min(),
+                        above ? "smaller" : "larger", hintFor(grid, inside)));
     }
     return made;
 }

@@ -7,6 +7,7 @@
 #include "run.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/given_level_set.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/operations.h>
 
@@ -23,6 +24,17 @@ namespace py = pybind11;
 using namespace py::literals;
 namespace
 {
+
+/// A level set made elsewhere, if its values may be distances; what was mended becomes a note.
+LevelSet taken(const openvdb::FloatGrid::ConstPtr& grid, Progress& progress)
+{
+    std::vector<std::string> notes;
+    LevelSet levelSet = takeLevelSet(grid, notes);
+    demandDistances(levelSet, "Make distances: LevelSet.isosurface(source, 0, "
+                              "inside='below')");
+    for (const std::string& text : notes) progress.note(text);
+    return levelSet;
+}
 
 void bindProperties(LevelSetClass& levelSets)
 {
@@ -52,10 +64,12 @@ void bindFiles(LevelSetClass& levelSets)
             "read",
             [](const std::filesystem::path& file, const std::optional<std::string>& grid) {
                 return run(py::none(),
-                           [&](Progress&) { return readLevelSet(file, grid.value_or("")); });
+                           [&](Progress& p) { return readForModelling(file, grid, p); });
             },
             "file"_a, "grid"_a = py::none(),
-            "Read the level set called grid from a .vdb file; None: 'surface', or the only one.")
+            "Read the level set called grid from a .vdb file; None: 'surface', or the only one.\n\n"
+            "Raises InputError where its values are no distances at all. A background that "
+            "promises more than the band holds is mended, with a UserWarning.")
         .def(
             "write",
             [](const LevelSet& levelSet, const std::filesystem::path& file,
@@ -79,21 +93,29 @@ void bindArrays(LevelSetClass& levelSets)
         .def_static(
             "from_numpy",
             [](const py::array_t<float, py::array::forcecast>& values, const Vec3d& origin,
-               double voxelSize,
-               double halfWidth) { return levelSetOf(values, origin, voxelSize, halfWidth); },
+               double voxelSize, double halfWidth) {
+                const LevelSet made = levelSetOf(values, origin, voxelSize, halfWidth);
+                return run(py::none(), [&](Progress& p) { return taken(made.gridPtr(), p); });
+            },
             "values"_a, "origin"_a, "voxel_size"_a, "half_width"_a = 3.0,
             "The level set of a block (nx, ny, nz) of signed distances, world units, negative "
             "inside; values[0, 0, 0] lies at origin. The solid must not meet the block's border. "
-            "Whether values are true distances is for check() to tell.")
+            "Values that are no distances at all are refused; whether they are true ones is for "
+            "check() to tell.")
         .def(
             "to_pyopenvdb", [](const LevelSet& s) { return toPyOpenVdb(s.grid()); },
             "A FloatGrid of OpenVDB's own Python module, with the same voxels and transform.")
         .def_static(
             "from_pyopenvdb",
-            [](const py::object& grid) { return LevelSet(fromPyOpenVdb(grid, "grid")); }, "grid"_a,
+            [](const py::object& grid) {
+                const openvdb::FloatGrid::Ptr made = fromPyOpenVdb(grid, "grid");
+                return run(py::none(), [&](Progress& p) { return taken(made, p); });
+            },
+            "grid"_a,
             "The level set of a FloatGrid of OpenVDB's own Python module.\n\n"
             "Raises InputError unless it has the class level set, uniform voxels, a positive "
-            "background and finite values.");
+            "background and finite values, and where these are no distances at all. A background "
+            "that promises more than the band holds is mended, with a UserWarning.");
 }
 
 void bindIsosurface(LevelSetClass& levelSets)
@@ -183,6 +205,15 @@ void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const
         return writeLevelSet(file, levelSet, all, progress);
     }
     writeMesh(file, extractMesh(levelSet, progress, {field}), progress);
+}
+
+LevelSet readForModelling(const std::filesystem::path& file, const std::optional<std::string>& grid,
+                          Progress& progress)
+{
+    std::vector<std::string> notes;
+    LevelSet levelSet = readLevelSet(file, grid.value_or(""), 0, Purpose::Modelling, &notes);
+    for (const std::string& text : notes) progress.note(text);
+    return levelSet;
 }
 
 void bindLevelSet(LevelSetClass& levelSets)

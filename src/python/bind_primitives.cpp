@@ -229,9 +229,12 @@ void bindOthers(py::module_& module)
                 "function");
         },
         "function"_a, "bounds"_a, "steepness"_a,
-        "Wherever a function of your own is negative within bounds (low, high), which the solid "
-        "does not leave. function(points) gets an array (n, 3) and gives back n values; steepness "
-        "is the largest length of its gradient. Called from several threads, one at a time.");
+        "Wherever a function of your own is negative within bounds (low, high): what would leave "
+        "them is cut off at their faces.\n\n"
+        "function(points) gets an array (n, 3), which reaches some voxels beyond the bounds, and "
+        "gives back n values. It is called from several threads, one at a time. steepness is the "
+        "largest length of its gradient: with less, parts may be missed; with much more, the "
+        "cut's edges and what touches the bounds are less exact.");
 }
 
 } // namespace

@@ -195,8 +195,8 @@ void bindGrids(py::module_& module)
     module.def(
         "load",
         [](const Path& file, const std::optional<std::string>& grid) {
-            return run(py::none(), [&](Progress&) {
-                return Shape(readLevelSet(file, grid.value_or("")), file.filename().string());
+            return run(py::none(), [&](Progress& p) {
+                return Shape(readForModelling(file, grid, p), file.filename().string());
             });
         },
         "file"_a, "grid"_a = py::none(),

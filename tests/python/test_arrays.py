@@ -213,6 +213,16 @@ class Dense(ShapeTest):
         with self.assertRaises(mv.UsageError):
             mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, 0, 0), 0)
 
+    def test_what_is_no_distance_is_refused(self):
+        i, j, k = np.indices((41, 41, 41)) - 20
+        voxels = np.sqrt(i**2 + j**2 + k**2) - 10
+        with self.assertRaisesRegex(mv.InputError, "no distances .*isosurface"):
+            mv.LevelSet.from_numpy(voxels, (0, 0, 0), 0.05, half_width=60)
+        mended = mv.LevelSet.isosurface(voxels, 0, inside="below", voxel_size=0.05)
+        self.assert_sound(mended)
+        # The same values are distances where a voxel is a unit.
+        self.assert_sound(mv.LevelSet.from_numpy(voxels, (0, 0, 0), 1))
+
 
 class Isosurface(ShapeTest):
     def setUp(self):
@@ -319,6 +329,22 @@ class PyOpenVdb(ShapeTest):
             mv.LevelSet.from_pyopenvdb(vdb.BoolGrid())
         with self.assertRaisesRegex(mv.UsageError, "int"):
             mv.LevelSet.from_pyopenvdb(3)
+
+    def test_what_was_copied_from_an_array_is_taken(self):
+        own = mv.sphere(radius=0.5).level_set(0.05)
+        values = np.full((40, 40, 40), 0.15, np.float32)
+        own.to_pyopenvdb().copyToArray(values, ijk=(-20, -20, -20))
+        grid = vdb.FloatGrid(0.15)
+        grid.copyFromArray(values, ijk=(-20, -20, -20))
+        grid.gridClass = vdb.GridClass.LEVEL_SET
+        grid.transform = vdb.createLinearTransform(voxelSize=0.05)
+        taken = mv.LevelSet.from_pyopenvdb(grid)
+        self.assertEqual(taken.active_voxels, own.active_voxels)
+        self.assert_sound(taken)
+        self.assert_sound(taken.offset("2vx"))
+        grid.background = 1.0
+        with self.assertWarnsRegex(UserWarning, "promises a band of 20 voxels"):
+            self.assert_sound(mv.LevelSet.from_pyopenvdb(grid))
 
     def test_what_is_not_finite_is_refused(self):
         for bad in (math.nan, math.inf):

@@ -175,6 +175,33 @@ class Primitives(ShapeTest):
         self.assertTrue(all(s[1] == 3 for s in sizes))
         self.assertEqual(max(s[0] for s in sizes), 512)
 
+    def test_function_is_cut_off_at_its_bounds(self):
+        lower = mv.function(lambda p: p[:, 2], ((-1, -1, -1), (1, 1, 1)), steepness=1.0)
+        level_set = lower.level_set(0.1)
+        self.assert_sound(level_set)
+        # A grid rounds the cut's edges off within a voxel.
+        self.assertAlmostEqual(level_set.measure().volume, 4, delta=16 * 0.1**2)
+        values, origin = level_set.to_numpy()
+        corner = np.rint((np.array([1.1, 1.1, 0.1]) - origin) / 0.1).astype(int)
+        self.assertAlmostEqual(values[tuple(corner)], 0.1 * np.sqrt(3), delta=1e-4)
+        mesh = lower.to_mesh(0.1)
+        np.testing.assert_allclose(mesh.vertices.min(0), (-1, -1, -1), atol=1e-3)
+        np.testing.assert_allclose(mesh.vertices.max(0), (1, 1, 0), atol=1e-3)
+        # The same where only a part is asked for, and after a motion.
+        part = (lower & mv.sphere((1, 1, 0), 0.5)).level_set(0.05)
+        self.assert_sound(part)
+        self.assertAlmostEqual(part.measure().volume, np.pi * 0.5**3 / 6, delta=4e-3)
+        turned = lower.rotate(30).twist(degrees_per_unit=20, axis="z").level_set(0.05)
+        self.assert_sound(turned)
+        self.assertAlmostEqual(turned.measure().volume, 4, delta=0.02)
+
+    def test_warp_that_leaves_its_bounds_is_refused(self):
+        endless = mv.sphere(radius=0.5).warp(
+            lambda p: p * np.array([0.0, 1.0, 1.0]), ((-1, -1, -1), (1, 1, 1)), stretch=1.0
+        )
+        with self.assertRaisesRegex(mv.InputError, "leaves its bounds"):
+            endless.level_set(0.1)
+
     def test_function_errors(self):
         bounds = ((-1, -1, -1), (1, 1, 1))
 

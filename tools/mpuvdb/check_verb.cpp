@@ -15,20 +15,28 @@ namespace
 
 using Grids = std::vector<openvdb::FloatGrid::ConstPtr>;
 
-/// The grid called @a name; or all level sets; or, where there is none, all grids of floats.
-Grids gridsToCheck(const std::string& file, const std::string& name, std::uint64_t maxBytes)
+/// What there is to check, and what else is there: names and classes.
+struct Found {
+    Grids grids;
+    std::vector<std::string> others;
+};
+
+/// The grid of floats called @a name, or, if that is empty, all level sets.
+Found gridsToCheck(const std::string& file, const std::string& name, std::uint64_t maxBytes)
 {
-    Grids floats;
+    Found found;
     for (const openvdb::GridBase::Ptr& grid : readGrids(file, maxBytes)) {
         const auto floatGrid = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
-        if (floatGrid && (name.empty() || grid->getName() == name)) floats.push_back(floatGrid);
+        const bool isMeant = name.empty() ? grid->getGridClass() == openvdb::GRID_LEVEL_SET
+                                          : grid->getName() == name;
+        if (floatGrid && isMeant)
+            found.grids.push_back(floatGrid);
+        else
+            found.others.push_back(fmt::format(
+                "'{}' ({}, {})", grid->getName(),
+                openvdb::GridBase::gridClassToString(grid->getGridClass()), grid->valueType()));
     }
-    const auto isLevelSet = [](const auto& grid) {
-        return grid->getGridClass() == openvdb::GRID_LEVEL_SET;
-    };
-    const auto others = std::stable_partition(floats.begin(), floats.end(), isLevelSet);
-    if (others != floats.begin()) floats.erase(others, floats.end());
-    return floats;
+    return found;
 }
 
 class Check final : public Verb
@@ -36,7 +44,8 @@ class Check final : public Verb
 public:
     VerbText text() const override
     {
-        return {"check", "Whether .vdb files hold sound level sets; exit status 4 if not",
+        return {"check",
+                "Whether .vdb files hold sound level sets; exit status 4 if not, 3 if one has none",
                 "  mpuvdb check scan.vdb\n"
                 "  mpuvdb check frames/*.vdb --quiet && echo all sound\n"};
     }
@@ -44,7 +53,8 @@ public:
     void addOptions(CLI::App& app) override
     {
         app.add_option("input", mInputs, "One or more .vdb files")->required();
-        app.add_option("--grid", mGrid, "Check this grid only; default: all level sets")
+        app.add_option("--grid", mGrid,
+                       "Check this grid of floats only, of any class; default: all level sets")
             ->type_name("NAME");
         app.add_flag("--json", mJson, "Print JSON");
     }
@@ -55,14 +65,15 @@ public:
         for (const std::string& file : mInputs) checkFile(session, file);
         session.report()["files"] = mFiles;
         if (mJson) printText(Json{{"files", mFiles}}.dump(2) + "\n");
-        return mSound ? ExitCode::Ok : ExitCode::CheckFailed;
+        return mMissing ? ExitCode::BadInput : mSound ? ExitCode::Ok : ExitCode::CheckFailed;
     }
 
 private:
     void checkFile(Session& session, const std::string& file)
     {
         Json grids = Json::array();
-        for (const auto& grid : gridsToCheck(file, mGrid, session.options().maxBytes)) {
+        const Found found = gridsToCheck(file, mGrid, session.options().maxBytes);
+        for (const auto& grid : found.grids) {
             const CheckReport report = check(*grid, session.progress());
             mSound = mSound && report.sound();
             grids.push_back({{"name", grid->getName()}});
@@ -70,9 +81,12 @@ private:
             if (!mJson) print(session, file, grid->getName(), report);
         }
         if (grids.empty()) {
-            mSound = false;
-            session.warn(fmt::format("{}: no level set{} in it", file,
-                                     mGrid.empty() ? "" : " called " + mGrid));
+            mMissing = true;
+            session.warn(fmt::format(
+                "{}: no {} in it, but {}. Name one of floats with --grid", file,
+                mGrid.empty() ? "level set" : "grid of floats called '" + mGrid + "'",
+                found.others.empty() ? "no grid at all"
+                                     : fmt::format("{}", fmt::join(found.others, ", "))));
         }
         mFiles.push_back({{"file", file}, {"grids", grids}});
     }
@@ -93,7 +107,7 @@ private:
     std::vector<std::string> mInputs;
     std::string mGrid;
     bool mJson = false;
-    bool mSound = true;
+    bool mSound = true, mMissing = false; ///< of all files; of one
     Json mFiles = Json::array();
 };
 

@@ -83,7 +83,8 @@ struct Other {
         Progress& progress = session.progress();
         progress.beginStage("read");
         if (extensionOf(file) == ".vdb") {
-            mesh = extractMesh(readLevelSet(file, {}, session.options().maxBytes), progress);
+            mesh = extractMesh(readLevelSet(file, {}, session.options().maxBytes, Purpose::Looking),
+                               progress);
             return;
         }
         PointInput input = readPoints({file}, BadPoints::Drop, progress);

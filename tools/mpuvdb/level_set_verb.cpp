@@ -12,6 +12,13 @@
 
 namespace mpuvdb::command
 {
+namespace
+{
+
+/// Voxels: what operations take at least, and what they get instead.
+constexpr double kLeastHalfWidth = 1.5, kHalfWidth = 3;
+
+} // namespace
 
 GridInput readGridInput(const std::string& file, const std::string& name, Session& session)
 {
@@ -24,6 +31,14 @@ GridInput readGridInput(const std::string& file, const std::string& name, Sessio
         spoolStandardInput(".vdb", read);
     else
         read(file);
+    for (const std::string& note : there->notes) session.warn(note);
+    if (there->levelSet.halfWidth() < kLeastHalfWidth) {
+        session.warn(
+            fmt::format("{}: its band of {:.3g} voxels is too narrow to work with, and was "
+                        "made {:g} wide",
+                        file, there->levelSet.halfWidth(), kHalfWidth));
+        there->levelSet = withHalfWidth(there->levelSet, kHalfWidth, session.progress());
+    }
     session.hold(there->levelSet.grid().memUsage());
     for (const auto& other : there->others) session.hold(other->memUsage());
     const auto size = there->levelSet.grid().evalActiveVoxelDim().asVec3d();

@@ -52,7 +52,8 @@ public:
     {
         session.checkFiles(filesOf(mMesh, "-o"), {mInput});
         session.progress().beginStage("read");
-        const LevelSet levelSet = readLevelSet(mInput, mGrid, session.bytesLeft());
+        const LevelSet levelSet =
+            readLevelSet(mInput, mGrid, session.bytesLeft(), Purpose::Looking);
         session.hold(levelSet.grid().memUsage());
         const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids(session.bytesLeft());
         for (const auto& grid : grids) session.hold(grid->memUsage());

@@ -24,6 +24,37 @@ LevelSet evaluateLike(const Shape& shape, const LevelSet& input, Session& sessio
     return shape.evaluate(settings, session.progress());
 }
 
+/// A solid far off the axis is drawn out along its turns, to a sheet in the end.
+/// @param rate  radians per world unit. @throws UsageError where it would be thinner than two
+/// voxels.
+void demandNearAxis(const Box3d& box, const Axis& axis, double rate, double voxelSize,
+                    Session& session)
+{
+    constexpr double kThinnest = 2; // voxels
+    constexpr double kFar = 5;      // times its size
+    if (box.isEmpty() || rate == 0) return;
+    const Vec3d along = axis.direction.normalized();
+    const auto across = [&](const Vec3d& v) { return (v - v.dot(along) * along).norm(); };
+    const double size = (box.sizes() - box.sizes().dot(along.cwiseAbs()) * along.cwiseAbs()).norm();
+    const Vec3d centre = box.center();
+    const double off = across(centre - axis.origin), nearest = off - size / 2;
+    const double growth = std::abs(rate) * nearest;
+    if (!(nearest > 0)) return;
+    const std::string where =
+        fmt::format("the solid lies {:.4g} off the axis, {:.3g} times its size across", off,
+                    off / std::max(size, 1e-300));
+    const std::string cure = fmt::format("--center {:.6g},{:.6g},{:.6g} puts the axis through it",
+                                         centre[0], centre[1], centre[2]);
+    if (growth > 1 && size / growth < kThinnest * voxelSize)
+        throw UsageError(fmt::format("{}: {:.4g} degrees per unit draw it out to a sheet {:.2g} "
+                                     "voxels thick. {}",
+                                     where, std::abs(rate) / kRadians, size / growth / voxelSize,
+                                     cure));
+    if (off > kFar * size && growth > 1)
+        session.warn(fmt::format("{}: it is drawn out, to about {:.2g} times its surface. {}",
+                                 where, growth, cure));
+}
+
 class TwistVerb final : public LevelSetVerb
 {
 public:
@@ -67,6 +98,7 @@ protected:
         settings()["axis"] = toJson(axis.direction);
         settings()["center"] = toJson(axis.origin);
         session.note(fmt::format("twist       {:.4g} degrees per unit", rate));
+        demandNearAxis(shape.bounds(), axis, rate * kRadians, solid.voxelSize(), session);
         return evaluateLike(shape.warped(makeTwist(axis, rate * kRadians), "twist"), solid,
                             session);
     }

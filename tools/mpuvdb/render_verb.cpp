@@ -60,7 +60,8 @@ public:
     {
         session.checkFiles({{"-o", mOutput, {".png"}}}, {mInput});
         session.progress().beginStage("read");
-        const LevelSet levelSet = readLevelSet(mInput, mGrid, session.options().maxBytes);
+        const LevelSet levelSet =
+            readLevelSet(mInput, mGrid, session.options().maxBytes, Purpose::Looking);
         session.report()["settings"] = {{"width", mPicture.width},
                                         {"height", mPicture.height},
                                         {"azimuth", mPicture.azimuth},
