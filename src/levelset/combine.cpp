@@ -91,13 +91,8 @@ public:
         const Bands bands{mHalfWidth, mHalfWidth, background};
         CsgTree csg = csgTree(mKind, *bands.treeOf(mA, progress), *bands.treeOf(mB, progress),
                               mVoxelSize, mHalfWidth, 0, progress);
-        if (csg.isDoubtful) {
-            for (int turn = 0; turn < kMostRestored; ++turn)
-                if (restoreDistance(*csg.tree, mVoxelSize, progress) == 0) break;
-        } else {
-            measureUnplaced(*csg.tree, mVoxelSize, csg.known, progress);
-            restoreDistance(*csg.tree, mVoxelSize, csg.known, progress);
-        }
+        measureUnplaced(*csg.tree, mVoxelSize, csg.known, progress);
+        restoreDistance(*csg.tree, mVoxelSize, csg.known, progress);
         pruneBand(*csg.tree);
         return csg.tree;
     }

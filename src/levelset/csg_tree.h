@@ -27,7 +27,7 @@ struct CsgTree {
     std::vector<LeafVoxels> filleted;
     /// For restoreDistance(), in order.
     std::vector<KnownVoxels> known;
-    /// Whether no value is to count as exact, for a fillet, or what was mended, may err.
+    /// Whether creases do not tell all of a fillet, or some of it was mended.
     bool isDoubtful = false;
     /// Of an intersection or difference.
     TakenAway taken;

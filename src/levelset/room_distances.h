@@ -1,8 +1,6 @@
 // How far it is to the nearest place where a ball that touches neither of two solids, or one from
 // outside, can have its centre.
 #pragma once
-#include <mpuvdb/vec.h>
-
 #include <openvdb/openvdb.h>
 
 #include <vector>
