@@ -165,6 +165,29 @@ TEST(Solid, BoundsHoldAllSamples)
     }
 }
 
+TEST(Solid, FieldSeedsCoverTheSurface)
+{
+    const auto solid = parseSolid("translate(torus(1,0.3),0.1,-0.2,0.3)");
+    const FieldPtr field = makeSolidField(solid);
+    const Lattice lattice{Vec3d(0.01, 0, 0), 0.05};
+    const std::vector<Vec3i> seeds = field->seedBlocks(lattice);
+    const auto key = [](const Vec3i& b) { return std::array<int, 3>{b.x(), b.y(), b.z()}; };
+    std::map<std::array<int, 3>, int> found;
+    for (const Vec3i& b : seeds) ++found[key(b)];
+    EXPECT_EQ(found.size(), seeds.size());
+    const PointCloud cloud = take(*solid, settingsFor(Pattern::Random, 5000));
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        // A voxel's block also owns the half voxel below its first voxel.
+        const Vec3d v = (cloud.world(i) - lattice.origin) / lattice.voxelSize;
+        const Vec3i block = ((v.array() + 0.5) / kBlockDim).floor().cast<int>();
+        ASSERT_TRUE(found.count(key(block)));
+    }
+    BlockValues values;
+    field->sampler(lattice, 1)->evaluate(Vec3i(1, 2, -1), values);
+    const Vec3d p = lattice.origin + 0.05 * Vec3d(8 + 3, 16 + 5, -8 + 7);
+    EXPECT_EQ(values[(3 * 8 + 5) * 8 + 7], float(solid->distance(p)));
+}
+
 TEST(SolidParser, SaysWhereItIsWrong)
 {
     const auto complaint = [](const std::string& text) -> std::string {

@@ -11,10 +11,10 @@ namespace mpuvdb
 
 void demandHalfWidth(double halfWidth)
 {
-    if (!(halfWidth >= 1.5 && halfWidth <= kWidestBand))
-        throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [1.5, {}]. "
+    if (!(halfWidth >= kNarrowestBand && halfWidth <= kWidestBand))
+        throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [{}, {}]. "
                                      "Resample a narrower level set with a half-width of 3",
-                                     halfWidth, kWidestBand));
+                                     halfWidth, kNarrowestBand, kWidestBand));
 }
 
 void demandBlendRadius(double radius)

@@ -5,10 +5,10 @@
 namespace mpuvdb
 {
 
-/// Voxels: farther off no band goes.
-constexpr double kWidestBand = 1000;
+/// Voxels: farther off no band goes, and none that operations take ends nearer.
+constexpr double kWidestBand = 1000, kNarrowestBand = 1.5;
 
-/// @throws UsageError unless 1.5 <= @a halfWidth <= kWidestBand, voxels.
+/// @throws UsageError unless kNarrowestBand <= @a halfWidth <= kWidestBand, voxels.
 void demandHalfWidth(double halfWidth);
 
 /// @throws UsageError unless @a radius (world units) is a number from 0 on.

@@ -2,6 +2,7 @@
 #include <mpuvdb/given_level_set.h>
 #include <mpuvdb/lanes.h>
 
+#include "band_limits.h"
 #include "prune.h"
 
 #include <fmt/format.h>
@@ -361,9 +362,8 @@ Faces facesOf(const FloatGrid& grid)
 
 LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes)
 {
-    constexpr double kFew = 0.01;   // of the active voxels: rounding may put them at the background
-    constexpr double kSlack = 2;    // voxels
-    constexpr double kNarrow = 1.5; // voxels: the least half-width that operations take
+    constexpr double kFew = 0.01; // of the active voxels: rounding may put them at the background
+    constexpr double kSlack = 2;  // voxels
     const LevelSet given(grid);
     demandFinite(*grid);
     const double h = given.voxelSize(), promised = given.halfWidth();
@@ -371,10 +371,11 @@ LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>&
     const bool hasTiles = hasActiveTiles(grid->tree());
     Band band = measureBand(grid->tree(), background * (1 - kRounding));
     const bool isFull = hasTiles || double(band.beyond) > kFew * double(band.active);
-    if (isFull && promised < kNarrow) // what is beyond it is the band
+    if (isFull && promised < kNarrowestBand) // what is beyond it is the band
         band = measureBand(grid->tree(), std::numeric_limits<float>::max());
     const std::optional<double> held = heldWidth(band, h);
-    if (held && *held >= 1 && (promised > *held + kSlack || (promised < kNarrow && isFull))) {
+    if (held && *held >= 1 &&
+        (promised > *held + kSlack || (promised < kNarrowestBand && isFull))) {
         notes.push_back(fmt::format("grid '{}': its background promises a band of {:.4g} voxels, "
                                     "and there are {:.4g}: it was taken for {:.4g}",
                                     grid->getName(), promised, *held, *held * h));
