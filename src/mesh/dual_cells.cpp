@@ -1,8 +1,10 @@
 #include "dual_cells.h"
 
+#include <mpuvdb/lanes.h>
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
+#include <cstring>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
 
@@ -13,19 +15,19 @@ namespace
 
 using openvdb::Coord;
 using Leaf = openvdb::FloatTree::LeafNodeType;
+/// One that the tree does not know of: it costs nothing to make, and the tree does not change.
+using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
 
 /// Signs of a block's voxels and of those one step above, in rows along z.
 class SignHalo
 {
 public:
-    explicit SignHalo(const BlockHalo& values)
+    SignHalo(const Access& access, const Coord& origin)
     {
-        for (int x = 0; x <= 8; ++x)
-            for (int y = 0; y <= 8; ++y) {
-                std::uint32_t row = 0;
-                const int start = BlockHalo::index(x, y, 0);
-                for (int z = 0; z <= 8; ++z) row |= std::uint32_t(values[start + z] < 0) << z;
-                mRows[std::size_t(x)][std::size_t(y)] = row;
+        for (int x = 0; x <= 1; ++x)
+            for (int y = 0; y <= 1; ++y) {
+                addRows(access, origin, x, y, 0);
+                addRows(access, origin, x, y, 1);
             }
     }
 
@@ -55,34 +57,53 @@ public:
     }
 
 private:
-    std::array<std::array<std::uint32_t, 9>, 9> mRows;
+    /// What the block so many steps above knows of the rows.
+    void addRows(const Access& access, const Coord& origin, int bx, int by, int bz)
+    {
+        using Lanes = float __attribute__((vector_size(32)));
+        const Coord at = origin.offsetBy(8 * bx, 8 * by, 8 * bz);
+        const Leaf* const leaf = access.probeConstLeaf(at);
+        const float* const values = leaf ? leaf->buffer().data() : nullptr;
+        const std::uint64_t tile = !leaf && access.getValue(at) < 0 ? 0xff : 0;
+        for (int x = 0; x < (bx ? 1 : 8); ++x)
+            for (int y = 0; y < (by ? 1 : 8); ++y) {
+                std::uint64_t inside = tile;
+                if (values) {
+                    Lanes row;
+                    std::memcpy(&row, values + 64 * x + 8 * y, sizeof row);
+                    inside = bitsOf(row < 0);
+                }
+                mRows[std::size_t(8 * bx + x)][std::size_t(8 * by + y)] |=
+                    std::uint32_t(inside & (bz ? 1 : 0xff)) << (8 * bz);
+            }
+    }
+
+    std::array<std::array<std::uint32_t, 9>, 9> mRows{};
 };
 
-std::uint8_t cornersAt(const openvdb::FloatTree& tree, const Coord& at)
+std::uint8_t cornersAt(const Access& access, const Coord& at)
 {
     std::uint8_t inside = 0;
     for (int c = 0; c < 8; ++c)
-        if (tree.getValue(at.offsetBy(c >> 2 & 1, c >> 1 & 1, c & 1)) < 0)
+        if (access.getValue(at.offsetBy(c >> 2 & 1, c >> 1 & 1, c & 1)) < 0)
             inside = std::uint8_t(inside | 1 << c);
     return inside;
 }
 
 /// Whether the cell at @a at has to turn its doubtful face: the other cell there doubts it too.
-bool isTurned(const openvdb::FloatTree& tree, const Coord& at, std::uint8_t inside)
+bool isTurned(const Access& access, const Coord& at, std::uint8_t inside)
 {
     const int face = doubtfulFace(inside);
     if (face < 0) return false;
     Coord next = at;
     next[face / 2] += face % 2 ? 1 : -1;
-    return doubtfulFace(cornersAt(tree, next)) == (face ^ 1);
+    return doubtfulFace(cornersAt(access, next)) == (face ^ 1);
 }
 
 /// Find the cells of @a block.
-void findCells(const openvdb::FloatTree& tree, DualBlock& block)
+void findCells(const Access& access, DualBlock& block)
 {
-    BlockHalo values;
-    values.load(tree, block.origin);
-    const SignHalo signs(values);
+    const SignHalo signs(access, block.origin);
     std::size_t count = 0;
     for (int x = 0; x < 8; ++x) {
         block.rank[std::size_t(x)] = std::uint16_t(count);
@@ -94,7 +115,7 @@ void findCells(const openvdb::FloatTree& tree, DualBlock& block)
         for (std::uint64_t bits = block.passed[std::size_t(x)]; bits; bits &= bits - 1) {
             const int bit = __builtin_ctzll(bits), y = bit >> 3, z = bit & 7;
             const std::uint8_t inside = signs.corners(x, y, z);
-            const bool turned = isTurned(tree, block.origin.offsetBy(x, y, z), inside);
+            const bool turned = isTurned(access, block.origin.offsetBy(x, y, z), inside);
             block.cells.push_back({std::uint16_t(block.vertices), inside, turned});
             block.vertices += block.cells.back().sheets().count;
             for (int axis = 0; axis < 3; ++axis)
@@ -139,7 +160,7 @@ Origins around(const Origins& blocks, int low, int high, const openvdb::FloatTre
                const Origins& known)
 {
     Origins found;
-    openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(tree);
+    const Access access(tree);
     for (const Coord& block : blocks)
         for (int x = low; x <= high; ++x)
             for (int y = low; y <= high; ++y)
@@ -158,7 +179,7 @@ Origins around(const Origins& blocks, int low, int high, const openvdb::FloatTre
 
 void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
 {
-    openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(tree);
+    const Access access(tree);
     // Per axis: from the block below one voxel, from the block all eight, from the next two.
     constexpr std::array<int, 3> kFrom = {7, 0, 0}, kTo = {-1, 0, 8}, kCount = {1, 8, 2};
     for (std::size_t bx = 0; bx < 3; ++bx)
@@ -206,9 +227,10 @@ void DualCells::add(const openvdb::FloatTree& tree, const std::vector<Coord>& or
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, origins.size(), 32),
                       [&](const tbb::blocked_range<std::size_t>& range) {
                           progress.check();
+                          const Access access(tree);
                           for (std::size_t n = range.begin(); n < range.end(); ++n) {
                               found[n].origin = origins[n];
-                              findCells(tree, found[n]);
+                              findCells(access, found[n]);
                           }
                       });
     for (DualBlock& block : found)

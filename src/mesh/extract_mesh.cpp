@@ -26,13 +26,11 @@ struct Corner {
     bool feature;
 };
 
-/// How small the smallest angle of a triangle is: the square of twice its area by that of the
-/// square of its longest edge.
-float shapeOf(const Vec3f& a, const Vec3f& b, const Vec3f& c)
+/// Twice a triangle's area by the square of its longest edge: how large its smallest angle is.
+float shapeOf(const Vec3f& normal, float edge2, float other2, float third2)
 {
-    const float longest =
-        std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
-    return longest > 0 ? ((b - a).cross(c - a) / longest).squaredNorm() : 0;
+    const float longest = std::max({edge2, other2, third2});
+    return longest > 0 ? (normal / longest).squaredNorm() : 0;
 }
 
 /// Whether to split from corner 0 to 2, and not from 1 to 3: along a crease where two opposite
@@ -41,21 +39,21 @@ float shapeOf(const Vec3f& a, const Vec3f& b, const Vec3f& c)
 bool splitsEven(const std::array<Corner, 4>& q)
 {
     const auto& [a, b, c, d] = q;
-    const Vec3f abc = (b.position - a.position).cross(c.position - a.position);
-    const Vec3f acd = (c.position - a.position).cross(d.position - a.position);
-    const Vec3f abd = (b.position - a.position).cross(d.position - a.position);
-    const Vec3f bcd = (c.position - b.position).cross(d.position - b.position);
     const bool evenCrease = a.feature && c.feature, oddCrease = b.feature && d.feature;
     const bool evenMiddle = oddCrease && (a.feature || c.feature);
     const bool oddMiddle = evenCrease && (b.feature || d.feature);
     if (evenMiddle != oddMiddle) return evenMiddle;
     if (evenCrease != oddCrease) return evenCrease;
+    const Vec3f ab = b.position - a.position, bc = c.position - b.position,
+                cd = d.position - c.position, da = a.position - d.position,
+                ac = c.position - a.position, bd = d.position - b.position;
+    const Vec3f abc = ab.cross(bc), acd = cd.cross(da), abd = da.cross(ab), bcd = bc.cross(cd);
     const bool evenFolds = abc.dot(acd) < 0, oddFolds = abd.dot(bcd) < 0;
     if (evenFolds != oddFolds) return oddFolds;
-    const float even = std::min(shapeOf(a.position, b.position, c.position),
-                                shapeOf(a.position, c.position, d.position));
-    const float odd = std::min(shapeOf(a.position, b.position, d.position),
-                               shapeOf(b.position, c.position, d.position));
+    const float ab2 = ab.squaredNorm(), bc2 = bc.squaredNorm(), cd2 = cd.squaredNorm(),
+                da2 = da.squaredNorm(), ac2 = ac.squaredNorm(), bd2 = bd.squaredNorm();
+    const float even = std::min(shapeOf(abc, ab2, bc2, ac2), shapeOf(acd, cd2, da2, ac2));
+    const float odd = std::min(shapeOf(abd, da2, ab2, bd2), shapeOf(bcd, bc2, cd2, bd2));
     return even >= odd;
 }
 
@@ -73,11 +71,21 @@ public:
     }
 
     /// Cosine between a triangle's normal and the gradient at the voxel nearest to it.
-    float cosine(const Vec3f& a, const Vec3f& b, const Vec3f& c) const
+    float cosine(const Vec3f& a, const Vec3f& b, const Vec3f& c)
     {
         const Vec3f middle = (a + b + c) / float(3 * mVoxelSize);
         const openvdb::Coord at =
             mFrame + openvdb::Coord::round(openvdb::Vec3d(middle.x(), middle.y(), middle.z()));
+        if (at != mAt) {
+            mAt = at;
+            mDirection = directionAt(at);
+        }
+        return (b - a).cross(c - a).normalized().dot(mDirection);
+    }
+
+private:
+    Vec3f directionAt(const openvdb::Coord& at) const
+    {
         Vec3f gradient;
         for (int axis = 0; axis < 3; ++axis) {
             openvdb::Coord up = at, down = at;
@@ -85,14 +93,15 @@ public:
             --down[axis];
             gradient[axis] = mAccess.getValue(up) - mAccess.getValue(down);
         }
-        const Vec3f normal = (b - a).cross(c - a);
-        return normal.dot(gradient) / (normal.norm() * gradient.norm());
+        return gradient.normalized();
     }
 
-private:
-    openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
+    /// One that the tree does not know of: nothing changes the tree meanwhile.
+    openvdb::tree::ValueAccessor<const openvdb::FloatTree, false> mAccess;
     openvdb::Coord mFrame;
     double mVoxelSize;
+    openvdb::Coord mAt = openvdb::Coord::max(); ///< the last voxel asked for
+    Vec3f mDirection = Vec3f::Zero();           ///< of the gradient there
 };
 
 class Extraction
@@ -117,19 +126,22 @@ public:
             mLattice.origin + mLattice.voxelSize * Vec3d(mFrame.x(), mFrame.y(), mFrame.z());
         mMesh.positions.resize(mCells.vertices());
         mVertices = std::vector<State>(mCells.vertices());
-        mHasFeatures.assign(mCells.blocks().size(), 0);
         mMesh.triangles.resize(2 * mCells.quads());
         mOutwards.resize(mCells.quads());
         const Selection all(mCells.blocks().size(), 1);
         place(all);
         mProgress.advance();
-        split();
-        draw(&Extraction::folded, all);
+        for (Vertices folded = split(); drawBack(folded);) {
+        }
         mProgress.advance();
     }
 
     /// Draws back the vertices of triangles that cross.
-    void uncross() { draw(&Extraction::crossing, Selection(mCells.blocks().size(), 1)); }
+    void uncross()
+    {
+        for (Vertices found = crossing(); drawBack(found); found = crossing()) {
+        }
+    }
 
     Mesh take() { return std::move(mMesh); }
 
@@ -167,7 +179,6 @@ private:
             const openvdb::Coord from = block.origin - mFrame;
             const Vec3f origin(float(from.x()), float(from.y()), float(from.z()));
             placer.load(mTree, block.origin);
-            bool anyFeature = false;
             block.forEachCell([&](const Vec3i& at, const DualCell& cell) {
                 for (int sheet = 0; sheet < cell.sheets().count; ++sheet) {
                     const std::uint64_t v = block.firstVertex + cell.vertex + std::uint64_t(sheet);
@@ -178,34 +189,52 @@ private:
                         state.feature = vertex.feature;
                         state.round = mRound;
                     }
-                    anyFeature |= state.feature;
                 }
             });
-            mHasFeatures[n] = anyFeature;
         });
     }
 
     /// Make the triangles of all quads.
-    void split()
+    /// @return the vertices of those near creases that fold over.
+    Vertices split()
     {
-        forEachBlock(Selection(mCells.blocks().size(), 1), [&](std::size_t n) {
-            const std::uint64_t first = mCells.blocks()[n].firstQuad;
-            mCells.forEachQuad(n, [&](std::uint64_t quad, const Quad& corners, int outwards) {
-                mOutwards[first + quad] = std::uint8_t(outwards);
-                split(corners, first + quad);
+        return splitEach(
+            Selection(mCells.blocks().size(), 1), [&](std::size_t n, const auto& make) {
+                const std::uint64_t first = mCells.blocks()[n].firstQuad;
+                mCells.forEachQuad(n, [&](std::uint64_t quad, const Quad& corners, int outwards) {
+                    mOutwards[first + quad] = std::uint8_t(outwards);
+                    make(corners, first + quad);
+                });
             });
+    }
+
+    /// The same of those that have a vertex which was placed in this round.
+    Vertices splitAgain(const Selection& selection)
+    {
+        return splitEach(selection, [&](std::size_t n, const auto& make) {
+            const DualBlock& block = mCells.blocks()[n];
+            for (std::uint64_t q = block.firstQuad; q < block.firstQuad + block.quads; ++q) {
+                const Quad corners = cornersOf(q);
+                if (isNew(corners)) make(corners, q);
+            }
         });
     }
 
-    /// Make those anew that have a vertex which was placed in this round.
-    void splitAgain(const Selection& selection)
+    /// @param visit  called with each block of @a selection and what makes a quad's triangles.
+    template <typename Visit>
+    Vertices splitEach(const Selection& selection, const Visit& visit)
     {
+        std::vector<Vertices> folded(selection.size());
         forEachBlock(selection, [&](std::size_t n) {
-            const DualBlock& block = mCells.blocks()[n];
-            for (std::uint64_t q = block.firstQuad; q < block.firstQuad + block.quads; ++q) {
-                if (isNew(q)) split(cornersOf(q), q);
-            }
+            Facing facing(mTree, mFrame, mLattice.voxelSize);
+            visit(n, [&](const Quad& corners, std::uint64_t number) {
+                split(corners, number);
+                if (isNearCrease(corners)) findFolded(number, corners, facing, folded[n]);
+            });
         });
+        Vertices all;
+        for (const Vertices& some : folded) all.insert(all.end(), some.begin(), some.end());
+        return all;
     }
 
     void split(const Quad& q, std::uint64_t number)
@@ -239,62 +268,40 @@ private:
     }
 
     /// Whether a vertex of the quad was placed in this round.
-    bool isNew(std::uint64_t quad) const
+    bool isNew(const Quad& corners) const
     {
-        const Quad corners = cornersOf(quad);
         return std::any_of(corners.begin(), corners.end(),
                            [&](std::uint32_t v) { return mVertices[v].round == mRound; });
     }
 
-    /// Draw the vertices that @a find finds into their cells, and where that does not help towards
-    /// the middle of their crossings, step by step until it finds none that can still be drawn. It
-    /// looks in the blocks that it is given.
-    void draw(Vertices (Extraction::*find)(const Selection&), Selection changed)
+    /// Draws vertices back into their cells, and where that did not help towards the middle of
+    /// their crossings, and makes their triangles anew.
+    /// @param found  to draw; after it the vertices of the new triangles that fold over.
+    /// @return whether there was any that could still be drawn.
+    bool drawBack(Vertices& found)
     {
-        for (;;) {
-            Vertices found = (this->*find)(changed);
-            std::sort(found.begin(), found.end());
-            found.erase(std::unique(found.begin(), found.end()), found.end());
-            changed.assign(changed.size(), 0);
-            bool isDone = true;
-            for (const std::uint32_t v : found) {
-                Freedom& freedom = mVertices[v].freedom;
-                if (freedom == Freedom::None) continue;
-                freedom = Freedom(int(freedom) + 1);
-                mVertices[v].round = State::kUnplaced;
-                changed[mCells.blockOf(v)] = 1;
-                isDone = false;
-            }
-            if (isDone) return;
-            ++mRound;
-            place(changed);
-            changed = mCells.withNeighbours(changed);
-            splitAgain(changed);
+        std::sort(found.begin(), found.end());
+        found.erase(std::unique(found.begin(), found.end()), found.end());
+        Selection changed(mCells.blocks().size(), 0);
+        bool isDrawn = false;
+        for (const std::uint32_t v : found) {
+            Freedom& freedom = mVertices[v].freedom;
+            if (freedom == Freedom::None) continue;
+            freedom = Freedom(int(freedom) + 1);
+            mVertices[v].round = State::kUnplaced;
+            changed[mCells.blockOf(v)] = 1;
+            isDrawn = true;
         }
-    }
-
-    /// The vertices of triangles near creases that fold over, in the blocks of @a selection; of
-    /// those quads that are new.
-    Vertices folded(const Selection& selection)
-    {
-        std::vector<Vertices> found(selection.size());
-        const Selection near = mCells.withNeighbours(mHasFeatures);
-        forEachBlock(selection, [&](std::size_t n) {
-            if (!near[n]) return;
-            const DualBlock& block = mCells.blocks()[n];
-            const Facing facing(mTree, mFrame, mLattice.voxelSize);
-            for (std::uint64_t q = block.firstQuad; q < block.firstQuad + block.quads; ++q)
-                if (isNew(q) && isNearCrease(q)) findFolded(q, facing, found[n]);
-        });
-        Vertices all;
-        for (const Vertices& some : found) all.insert(all.end(), some.begin(), some.end());
-        return all;
+        if (!isDrawn) return false;
+        ++mRound;
+        place(changed);
+        found = splitAgain(mCells.withNeighbours(changed));
+        return true;
     }
 
     /// Whether a corner lies on a crease, or was drawn back from one.
-    bool isNearCrease(std::uint64_t quad) const
+    bool isNearCrease(const Quad& corners) const
     {
-        const Quad corners = cornersOf(quad);
         return std::any_of(corners.begin(), corners.end(), [&](std::uint32_t v) {
             return mVertices[v].feature || mVertices[v].freedom != Freedom::Near;
         });
@@ -302,13 +309,12 @@ private:
 
     /// Splits the quad the other way where one of its triangles faces against the values and none
     /// of the other way's does; adds the vertices of those that still fold over.
-    void findFolded(std::uint64_t quad, const Facing& facing, Vertices& found)
+    void findFolded(std::uint64_t quad, const Quad& corners, Facing& facing, Vertices& found)
     {
         const auto cosine = [&](const Mesh::Triangle& v) {
             return facing.cosine(mMesh.positions[v[0]], mMesh.positions[v[1]],
                                  mMesh.positions[v[2]]);
         };
-        const Quad corners = cornersOf(quad);
         const bool even = isSplitEven(quad);
         const Halves halves = halvesOf(corners, even);
         const std::array<float, 2> cosines = {cosine(halves[0]), cosine(halves[1])};
@@ -324,7 +330,7 @@ private:
     }
 
     /// The vertices of triangles that cross.
-    Vertices crossing(const Selection&)
+    Vertices crossing()
     {
         Vertices found;
         for (const TrianglePair& pair : findSelfIntersections(mMesh, mProgress))
@@ -353,7 +359,6 @@ private:
     std::vector<State> mVertices;
     std::uint32_t mRound = 0;            ///< of drawing
     std::vector<std::uint8_t> mOutwards; ///< of each quad, see DualCells::forEachQuad()
-    Selection mHasFeatures;              ///< of each block's own vertices
 };
 
 } // namespace
