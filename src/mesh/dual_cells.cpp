@@ -73,7 +73,8 @@ private:
                     std::memcpy(&row, values + 64 * x + 8 * y, sizeof row);
                     inside = bitsOf(row < 0);
                 }
-                mRows[std::size_t(8 * bx + x)][std::size_t(8 * by + y)] |=
+                const int rowX = 8 * bx + x, rowY = 8 * by + y;
+                mRows[std::size_t(rowX)][std::size_t(rowY)] |=
                     std::uint32_t(inside & (bz ? 1 : 0xff)) << (8 * bz);
             }
     }
