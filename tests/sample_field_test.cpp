@@ -284,6 +284,35 @@ TEST(SampleField, ClosesAFieldOfTwoValues)
     EXPECT_LT(levelSet.grid().getConstAccessor().getValue(Coord(0, 0, 0)), 0);
 }
 
+TEST(SampleField, KeepsTheSurfaceWhereValuesRiseTooFast)
+{
+    // A ball whose values rise by 1 to 1.8 per unit, more on one side than on the other.
+    const double h = 1.0 / 40;
+    const FunctionField::Function steepBall = [](const Vec3d& p) {
+        return (p.norm() - 1) * (1.4 + 0.4 * std::sin(3 * p[0] + p[1]));
+    };
+    const LevelSet levelSet =
+        sampled(FunctionField(steepBall, Box3d(Vec3d::Constant(-1), Vec3d::Constant(1))), h);
+    EXPECT_TRUE(checked(levelSet).sound()) << test::texts(checked(levelSet));
+    Progress progress;
+    double farthest = 0, turned = 0;
+    const Mesh mesh = extractMesh(levelSet, progress);
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        std::array<Vec3d, 3> corner;
+        for (std::size_t k = 0; k < 3; ++k) {
+            corner[k] = mesh.frame + mesh.positions[t[k]].cast<double>();
+            farthest = std::max(farthest, std::abs(corner[k].norm() - 1));
+        }
+        const Vec3d normal = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
+        const Vec3d middle = (corner[0] + corner[1] + corner[2]) / 3;
+        turned = std::max(turned, std::acos(std::min(1.0, normal.dot(middle.normalized()))));
+    }
+    // Corrected here and not there, such values move the surface by half a voxel and turn it by a
+    // right angle. Evened, they are off by how much the slope changes over a voxel: 3 h * 0.4.
+    EXPECT_LT(farthest, 0.1 * h);
+    EXPECT_LT(turned, 4 * h);
+}
+
 TEST(SampleField, SignsAJumpThatItsSeedsOnlyTouch)
 {
     // The seeds see the inside alone where the field jumps without a band.

@@ -65,7 +65,7 @@ struct Decision {
 /// A gap that leaves the support at 1.
 inline double fullSupportGap(double spacing, double radius)
 {
-    return std::max(2.5 * spacing, 0.2 * radius);
+    return std::max(2 * spacing, 0.16 * radius);
 }
 
 /// Support of a fit whose zero set ventures @a gap from the data: 1 up to a few spacings (or, in a

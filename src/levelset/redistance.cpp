@@ -214,7 +214,7 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
     FloatGrid::Ptr made =
         remade(grid, Values::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker,
                progress, kWedgesShare);
-    restoreDistance(made->tree(), made->voxelSize()[0], progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], ValuesFrom::Distances, progress);
     return made;
 }
 
@@ -256,7 +256,7 @@ LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
                           [](const Leaf*, int n, const Distances& d) { return d.at(n); });
     const FloatGrid::Ptr made = remade(grid, Values::Implicit, {reach, reach}, maker, progress);
-    restoreDistance(made->tree(), made->voxelSize()[0], progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], ValuesFrom::Distances, progress);
     return LevelSet(made);
 }
 

@@ -12,6 +12,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
@@ -35,12 +36,17 @@ constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
 /// distance a falls to 0.55, and below a = sqrt(3) voxels to 0.318 a.
 constexpr float kLeastSlope = 0.5f, kLeastSlopePerVoxel = 0.3f, kMostSlope = 1.3f;
 constexpr float kStep = 1.3f; ///< voxels by which neighbours may differ unexamined
-/// The distance to the nearest crossing overestimates by up to half a voxel between crossings: an
-/// examined value within these bounds of it stays.
+/// The distance to the nearest crossing overestimates by up to this between crossings, voxels, and
+/// by up to a diagonal's length beside one.
+constexpr float kBetween = 0.5f;
+/// An examined value within these bounds of it stays.
 constexpr float kAbove = 0.2f, kBelow = 0.35f;
 /// The tip of an edge or corner may cross no edge between voxels: a value this near to zero is
 /// raised no farther than to where its neighbours' values can be reached.
-constexpr float kTip = 0.5f, kBelowAtTip = 0.5f;
+constexpr float kTip = 0.5f;
+/// Where values rise as fast as this on both sides, they are evened: from the first on in part,
+/// from the second on all.
+constexpr float kEvenFrom = 1.05f, kEvenAll = 1.15f;
 
 /// What is to be said of eight voxels in a row: one bit each.
 struct RowFlags {
@@ -48,6 +54,8 @@ struct RowFlags {
     unsigned flat = 0;          ///< if active: nor this one, but at the tip of an edge
     unsigned cornerMissing = 0; ///< if active: the band lacks a corner neighbour
     unsigned missing = 0;       ///< if inactive: neighbours are so near to zero that it belongs
+    unsigned steep = 0;         ///< if active: values rise too fast on both sides
+    std::array<float, 8> slope; ///< of those
 };
 
 using Lanes = float __attribute__((vector_size(4 * kDim)));
@@ -78,12 +86,14 @@ RowFlags examineRow(const float* row, float halfWidth)
 {
     constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
     const Lanes v = lanesAt<Lanes>(row), a = magnitude(v);
-    Lanes slope2{}, largestStep{};
+    Lanes slope2{}, largestStep{}, gentle2{};
     Flags crosses{};
     for (const int stride : kStride) {
         const Lanes u0 = lanesAt<Lanes>(row - stride), u1 = lanesAt<Lanes>(row + stride);
         crosses |= ((u0 < 0) ^ (v < 0)) | ((u1 < 0) ^ (v < 0));
         const Lanes s0 = magnitude(u0 - v), s1 = magnitude(u1 - v);
+        const Lanes gentler = s0 < s1 ? s0 : s1; // the steeper may be across an edge
+        gentle2 += gentler * gentler;
         largestStep = s0 > largestStep ? s0 : largestStep;
         largestStep = s1 > largestStep ? s1 : largestStep;
         const Lanes a0 = magnitude(u0), a1 = magnitude(u1);
@@ -107,14 +117,17 @@ RowFlags examineRow(const float* row, float halfWidth)
     flags.doubtful = unsigned(bitsOf((largestStep > kStep) | (~crosses & isSteep)));
     flags.flat = unsigned(bitsOf(~crosses & (slope2 < least * least)));
     flags.cornerMissing = unsigned(bitsOf((a < deep) & (highestCorner >= outside)));
+    flags.steep = unsigned(bitsOf(gentle2 > kEvenFrom * kEvenFrom));
+    for (int z = 0; flags.steep != 0 && z < kDim; ++z)
+        flags.slope[std::size_t(z)] = std::sqrt(gentle2[z]);
     return flags;
 }
 
 class Restorer
 {
 public:
-    Restorer(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
-        : mTree(tree), mProgress(progress), mVoxelSize(float(voxelSize)),
+    Restorer(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from, Progress& progress)
+        : mTree(tree), mProgress(progress), mFrom(from), mVoxelSize(float(voxelSize)),
           mHalfWidth(tree.background() / float(voxelSize)),
           mReach((int(std::ceil(mHalfWidth)) + kDim - 1) / kDim)
     {
@@ -160,7 +173,8 @@ private:
 
     struct Examined {
         Coord at;
-        float distance; ///< voxels
+        float distance;                                        ///< voxels
+        float evened = std::numeric_limits<float>::infinity(); ///< value, voxels; infinite: none
     };
 
     template <typename F>
@@ -194,17 +208,24 @@ private:
                 flags.doubtful &= active;
                 flags.cornerMissing &= active;
                 flags.missing &= ~active;
-                if ((flags.doubtful | flags.cornerMissing | flags.missing) == 0) continue;
+                flags.steep &= mFrom == ValuesFrom::Field ? active : 0;
+                flags.doubtful &= ~flags.steep;
+                if ((flags.doubtful | flags.cornerMissing | flags.missing | flags.steep) == 0)
+                    continue;
                 for (int z = 0; z < kDim; ++z) {
                     const Coord at = leaf.origin() + Coord(x, y, z);
                     if (flags.cornerMissing >> z & 1u) addCorners(at, found);
                     if (flags.doubtful >> z & 1u) doubted.push_back({at, 0});
+                    if (flags.steep >> z & 1u)
+                        doubted.push_back({at, 0, evened(values[z], flags.slope[std::size_t(z)])});
                     if (flags.missing >> z & 1u) addMissing(halo, at, row + z, found);
                 }
             }
         }
         addMissingBeside(access, leaf, found);
-        const auto byPlace = [](const Examined& a, const Examined& b) { return a.at < b.at; };
+        const auto byPlace = [](const Examined& a, const Examined& b) {
+            return a.at != b.at ? a.at < b.at : a.evened < b.evened;
+        };
         const auto same = [](const Examined& a, const Examined& b) { return a.at == b.at; };
         std::sort(found.begin(), found.end(), byPlace);
         found.erase(std::unique(found.begin(), found.end(), same), found.end());
@@ -357,7 +378,7 @@ private:
                 float old = 0;
                 const bool active = access.probeValue(voxel.at, old);
                 const float a = std::abs(old) / mVoxelSize;
-                const float distance = active ? corrected(a, voxel.distance) : voxel.distance;
+                const float distance = active ? corrected(a, voxel) : voxel.distance;
                 const bool beyond = distance >= mHalfWidth * (1 - 1e-6f);
                 if (active ? distance == a : beyond) continue;
                 if (!beyond)
@@ -420,15 +441,29 @@ private:
                 for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace(x, y, z);
     }
 
-    /// What a value is to be, given the distance to the nearest crossing.
-    static float corrected(float value, float distance)
+    /// What a value is to be where values rise by @a slope per voxel. Its neighbours are scaled
+    /// alike: the surface stays where it is.
+    static float evened(float value, float slope)
     {
+        const float t = std::clamp((slope - kEvenFrom) / (kEvenAll - kEvenFrom), 0.0f, 1.0f);
+        return std::abs(value) / (1 + t * (slope - 1));
+    }
+
+    /// What a value is to be, given the distance to the nearest crossing.
+    static float corrected(float value, const Examined& voxel)
+    {
+        const float distance = voxel.distance;
+        if (std::isfinite(voxel.evened)) {
+            const float least = std::max(distance / kDiagonal, distance - kBetween);
+            return std::clamp(voxel.evened, least, distance);
+        }
         if (value <= distance + kAbove && value >= distance - kBelow) return value;
-        return value < kTip ? std::max(value, distance - kBelowAtTip) : distance;
+        return value < kTip ? std::max(value, distance - kBetween) : distance;
     }
 
     openvdb::FloatTree& mTree;
     Progress& mProgress;
+    ValuesFrom mFrom;
     const std::vector<KnownVoxels>* mKnown = nullptr;
     float mVoxelSize, mHalfWidth; ///< world units; voxels
     int mReach;                   ///< leaves around a voxel's own that the band reaches
@@ -439,15 +474,16 @@ private:
 
 } // namespace
 
-std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
+                              Progress& progress)
 {
-    return Restorer(tree, voxelSize, progress).run();
+    return Restorer(tree, voxelSize, from, progress).run();
 }
 
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
                               const std::vector<KnownVoxels>& known, Progress& progress)
 {
-    return Restorer(tree, voxelSize, progress).run(known);
+    return Restorer(tree, voxelSize, ValuesFrom::Distances, progress).run(known);
 }
 
 std::uint64_t completeBand(openvdb::FloatTree& tree, double voxelSize, Progress& progress)

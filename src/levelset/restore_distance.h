@@ -10,12 +10,19 @@ namespace mpuvdb
 
 class Progress;
 
+/// Where a band's values come from.
+enum class ValuesFrom : std::uint8_t {
+    Field,    ///< about distances: where they rise too fast over several voxels, all do alike
+    Distances ///< found by voxel: those that are no distances are wrong each for itself
+};
+
 /// Find voxels of @a tree (a narrow band, closed, signs right) whose upwind gradient is not about
 /// 1, which jump from a neighbour, or which the band misses; give each the distance to the nearest
-/// crossing of the zero set with an edge between voxels. All other values, and where the zero set
-/// crosses, stay as they are. Returns the number of voxels changed.
+/// crossing of the zero set with an edge between voxels, or scale it with its neighbours. All other
+/// values, and where the zero set crosses, stay as they are. Returns the number of voxels changed.
 /// @param voxelSize  world units.
-std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, Progress& progress);
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
+                              Progress& progress);
 
 /// What is known of the voxels of one leaf.
 struct KnownVoxels {

@@ -114,7 +114,7 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
         if (field.isDistanceFar())
             completeBand(*tree, lattice.voxelSize, progress);
         else
-            restoreDistance(*tree, lattice.voxelSize, progress);
+            restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress);
     }
     auto grid = openvdb::FloatGrid::create(tree);
     setLattice(*grid, lattice);
