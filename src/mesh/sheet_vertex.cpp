@@ -208,15 +208,18 @@ SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
     for (std::size_t o = 0; o < 8; ++o) {
         const float slope =
             std::sqrt(rise[0][o] * rise[0][o] + rise[1][o] * rise[1][o] + rise[2][o] * rise[2][o]);
-        error[o] = std::max(error[o], std::abs(slope - 1));
+        // Distances rise by less between the sides of a crease, never by more: values that do are
+        // some multiple of one.
+        error[o] = slope > 1 ? error[o] / slope : std::max(error[o], 1 - slope);
     }
     const auto best = std::size_t(std::min_element(error.begin(), error.end()) - error.begin());
     Plane plane;
     plane.error = error[best];
-    plane.distance = here;
     for (std::size_t axis = 0; axis < 3; ++axis)
         plane.normal[Eigen::Index(axis)] = best >> axis & 1 ? rise[axis][best] : -rise[axis][best];
-    plane.normal.normalize();
+    const float slope = plane.normal.norm();
+    plane.distance = here / std::max(slope, 1.0f);
+    plane.normal /= slope;
     return plane;
 }
 
@@ -255,7 +258,6 @@ private:
 void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes)
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
-    const float scale = float(1 / mLattice.voxelSize);
     for (int n = 0; n < crossings.count; ++n) {
         CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
         if (mValues[home + stepTo(ends.low)] >= 0) std::swap(ends.low, ends.high);
@@ -272,8 +274,7 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
         const float t = crossing(inner, from), u = crossing(outer, from + along);
         bool takesOuter = false;
         if (t != kNowhere && u != kNowhere) {
-            const float beyond = scale * mValues[home + stepTo(ends.high)];
-            const bool convex = beyond > inner.distance + inner.normal.dot(along);
+            const bool convex = outer.distance > inner.distance + inner.normal.dot(along);
             takesOuter = (t < u) != convex;
         } else if (u != kNowhere) {
             takesOuter = true;
