@@ -218,7 +218,8 @@ SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
     for (std::size_t axis = 0; axis < 3; ++axis)
         plane.normal[Eigen::Index(axis)] = best >> axis & 1 ? rise[axis][best] : -rise[axis][best];
     const float slope = plane.normal.norm();
-    plane.distance = here / std::max(slope, 1.0f);
+    plane.distance = here;
+    plane.steepness = std::max(slope, 1.0f);
     plane.normal /= slope;
     return plane;
 }
@@ -264,17 +265,20 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
         const Vec3f from = cornerOf(ends.low), along = cornerOf(ends.high) - from;
         const Plane& inner = planeAt(at + from.cast<int>());
         const Plane& outer = planeAt(at + cornerOf(ends.high).cast<int>());
+        // Beside a crease one of them may look steep, of values that are a multiple all.
+        const float steepness = std::min(inner.steepness, outer.steepness);
         // Where along the edge the plane of one of its ends is crossed, from inside to outside.
         const auto crossing = [&](const Plane& plane, const Vec3f& end) {
             const float slope = plane.normal.dot(along);
             if (plane.error >= kWorstPlane || slope <= 0) return kNowhere;
-            const float start = plane.distance + plane.normal.dot(from - end);
+            const float start = plane.distance / steepness + plane.normal.dot(from - end);
             return -start / slope;
         };
         const float t = crossing(inner, from), u = crossing(outer, from + along);
         bool takesOuter = false;
         if (t != kNowhere && u != kNowhere) {
-            const bool convex = outer.distance > inner.distance + inner.normal.dot(along);
+            const float rise = (outer.distance - inner.distance) / steepness;
+            const bool convex = rise > inner.normal.dot(along);
             takesOuter = (t < u) != convex;
         } else if (u != kNowhere) {
             takesOuter = true;

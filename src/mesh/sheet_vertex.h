@@ -55,7 +55,8 @@ private:
     /// voxel tell it.
     struct Plane {
         Vec3f normal = Vec3f::Zero();
-        float distance = 0;      ///< of the voxel, signed, voxels
+        float distance = 0;      ///< of the voxel, signed, voxels, or a multiple of it:
+        float steepness = 1;     ///< of the values
         float error = 0;         ///< of what it predicts there
         std::uint32_t block = 0; ///< for which it was found
     };
