@@ -307,8 +307,8 @@ TEST(SampleField, KeepsTheSurfaceWhereValuesRiseTooFast)
         const Vec3d middle = (corner[0] + corner[1] + corner[2]) / 3;
         turned = std::max(turned, std::acos(std::min(1.0, normal.dot(middle.normalized()))));
     }
-    // Corrected here and not there, such values move the surface by half a voxel and turn it by a
-    // right angle. Evened, they are off by how much the slope changes over a voxel: 3 h * 0.4.
+    // Corrected here and not there, such values move the surface by half a voxel and turn it by 64
+    // degrees. Evened, they are off by how much the slope changes over two voxels, 2 * 3 h * 0.4.
     EXPECT_LT(farthest, 0.1 * h);
     EXPECT_LT(turned, 4 * h);
 }

@@ -208,8 +208,8 @@ SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
     for (std::size_t o = 0; o < 8; ++o) {
         const float slope =
             std::sqrt(rise[0][o] * rise[0][o] + rise[1][o] * rise[1][o] + rise[2][o] * rise[2][o]);
-        // Distances rise by less between the sides of a crease, never by more: values that do are
-        // some multiple of one.
+        // Values that rise faster are a multiple of distances, or of different sides of a crease:
+        // then the other corners are far off the plane.
         error[o] = slope > 1 ? error[o] / slope : std::max(error[o], 1 - slope);
     }
     const auto best = std::size_t(std::min_element(error.begin(), error.end()) - error.begin());
