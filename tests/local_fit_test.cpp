@@ -474,23 +474,32 @@ TEST(ZeroSetGap, IsTheDistanceFromTheZeroSetToItsData)
     };
     EXPECT_LE(gapOf(whole, Vec3d::Zero()), step * std::sqrt(0.5) + 1e-12);
     EXPECT_NEAR(gapOf(holed, Vec3d::Zero()), hole, step);
-    EXPECT_EQ(gapOf(whole, Vec3d(0, 0, 1.5)), 0.0); // the plane is not in the ball
+    // The plane is not in the ball: the foot of its middle counts.
+    const double doubt = 0.15;
+    EXPECT_LE(gapOf(whole, Vec3d(0, 0, 1.5)), step * std::sqrt(0.5) + 1e-12);
+    EXPECT_NEAR(gapOf(holed, Vec3d(0, 0, 1.5)), hole - doubt * 1.5, step);
+    EXPECT_NEAR(gapOf(whole, Vec3d(2, 0, 1.5)), 1 - doubt * 1.5, step);
 }
 
-TEST(NearestSquared, IsThatOfTheNearest)
+TEST(ZeroSetGap, IsMeasuredToTheNearestPoint)
 {
     Random random(9);
+    LocalFit fit;
+    fit.pieces[0] = {Eigen::Matrix3d::Zero(), Vec3d(0, 0, 1), 0};
+    const double tiny = 1e-9; // all probes have one foot
     for (const std::size_t count : {1u, 3u, 4u, 5u, 30u}) {
         std::vector<Vec3d> positions;
         for (std::size_t i = 0; i < count; ++i)
             positions.push_back(random.inBall(1) + Vec3d(2, 0, 0));
         const std::vector<Vec3d> normals(count, Vec3d(0, 0, 1));
-        const Vec3d y = random.inBall(1);
+        const Vec3d foot(random.uniform(-1, 1), random.uniform(-1, 1), 0);
         double nearest = std::numeric_limits<double>::infinity();
-        for (const Vec3d& p : positions) nearest = std::min(nearest, (p - y).squaredNorm());
-        EXPECT_DOUBLE_EQ(nearestSquared(cellOf(positions, normals, 1), y), nearest) << count;
+        for (const Vec3d& p : positions) nearest = std::min(nearest, (p - foot).norm());
+        EXPECT_NEAR(zeroSetGap(fit, cellOf(positions, normals, 1), foot, tiny, 0), nearest,
+                    2 * tiny)
+            << count;
     }
-    EXPECT_TRUE(std::isinf(nearestSquared(cellOf({}, {}, 1), Vec3d::Zero())));
+    EXPECT_TRUE(std::isinf(zeroSetGap(fit, cellOf({}, {}, 1), Vec3d(0, 0, 1), 0.5, 0)));
 }
 
 // --- Degenerate cells

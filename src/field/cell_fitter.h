@@ -44,6 +44,8 @@ constexpr double kThickRadius = 8;
 /// Normals are trusted no farther, radians: a quadratic has not all of a shape's slopes.
 constexpr double kLeastNormalNoise = 0.04;
 
+constexpr double kFading = 0.3; ///< part of the gap of full support over which support falls
+
 constexpr double kHeirError =
     0.02; ///< largest error, in radii, of a fit that empty cells take over
 
@@ -68,12 +70,12 @@ inline double fullSupportGap(double spacing, double radius)
     return std::max(2 * spacing, 0.16 * radius);
 }
 
-/// Support of a fit whose zero set ventures @a gap from the data: 1 up to a few spacings (or, in a
-/// large cell, a part of its size), falling smoothly to 0.
+/// Support of a fit whose zero set ventures @a gap from the data: 1 up to two spacings, as random
+/// samples have gaps (or, in a large cell, a part of its size), falling smoothly, and soon, to 0.
 inline double supportOf(double gap, double spacing, double radius)
 {
     const double full = fullSupportGap(spacing, radius);
-    const double t = std::clamp(gap / full - 1, 0.0, 1.0);
+    const double t = std::clamp((gap / full - 1) / kFading, 0.0, 1.0);
     return 1 - t * t * (3 - 2 * t);
 }
 
@@ -153,8 +155,7 @@ public:
         return gap <= heldUpGap(radius, mCell.radius, spacing);
     }
 
-    /// Support of that fit in an empty child: its zero set near data, or, where it has none, no
-    /// farther from it than the data are.
+    /// Support of that fit in an empty child.
     double lastSupportIn(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
                          double spacing) const
     {
@@ -199,16 +200,7 @@ private:
                           double spacing) const
     {
         const double gap = zeroSetGap(fit, mCell, centre, radius, fullSupportGap(spacing, radius));
-        if (gap > 0) return supportOf(gap, spacing, radius);
-        // The surface is as far as the nearest point: not nearer, for lack of points there, and not
-        // farther, since a point is on it.
-        const Quadric& q = fit.ruling(centre);
-        const double claimed =
-            std::abs(q.value(centre)) / std::max(q.gradient(centre).norm(), 1e-6);
-        const double nearest = std::sqrt(nearestSquared(mCell, centre));
-        const double tooNear = supportOf(nearest - 1.2 * claimed, spacing, radius);
-        const double tooFar = supportOf(claimed - 1.3 * nearest, spacing, radius);
-        return std::min(tooNear, tooFar);
+        return supportOf(gap, spacing, radius);
     }
 
     /// Whether a ball of @a radius is too small to tell the surface from the noise.

@@ -13,14 +13,14 @@ namespace
 
 /// On the grid's box. Above 0, so that every surface closes inside; low, so that what closes an
 /// opening bulges outwards as objects do: a cap over a hole in a sphere is flat if it is higher.
-constexpr float kBorder = 0.45f;
+constexpr float kBorder = 0.7f;
 /// Share of a true distance in the fill, the rest is harmonic. A harmonic function alone saturates:
 /// of an object of which half is unseen it makes too much.
 constexpr float kDistanceShare = 0.05f;
 /// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
 /// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
 /// data do bulge without.
-constexpr float kConcaveShare = 3;
+constexpr float kConcaveShare = 4;
 /// Node steps on which normals and bends of data fade.
 constexpr float kFade = 6;
 /// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.

@@ -21,9 +21,13 @@ namespace
 {
 
 constexpr double kPad = 0.2;    ///< of the extent, on each side
-constexpr int kMaxNodes = 64;   ///< along the longest side
+constexpr int kMaxNodes = 96;   ///< along the longest side
 constexpr double kKernel = 1.5; ///< radius of the splats, node steps
-constexpr float kWeight = 8;    ///< of data at a node, against the equation between them
+constexpr float kWeight = 12;   ///< of data at a node, against the equation between them
+/// Steps across the cubes whose points stand for all of them as one dipole.
+constexpr double kDipoleSteps = 0.55;
+/// Steps by which data may lie beside the line through a node along their normal.
+constexpr double kLateral = 0.6;
 /// Steps across the cubes whose points stand for all where only distances to the box are asked.
 constexpr double kFewSteps = 6;
 
@@ -107,7 +111,7 @@ struct NodeSums {
         const Vec3d mean = offset / weight;
         const Vec3d direction = normal.normalized();
         const double lateral = (mean - mean.dot(direction) * direction).norm();
-        return lateral <= 0.35 * step &&
+        return lateral <= kLateral * step &&
                (normal.norm() >= 0.7 * weight || std::abs(value) >= 0.5 * magnitude);
     }
 };
@@ -352,7 +356,7 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
     for (int k = 0; k < 3; ++k)
         mCorner[k] = bounds.center()[k] - mStep * (mGrid.n[std::size_t(k)] - 1) / 2;
     mSlopeFloor = 0.45 / (box.extent / mStep);
-    const std::vector<Dipole> dipoles = makeDipoles(points, levelOf(root, 0.4 * mStep)),
+    const std::vector<Dipole> dipoles = makeDipoles(points, levelOf(root, kDipoleSteps * mStep)),
                               few = makeDipoles(points, levelOf(root, kFewSteps * mStep));
     mU = fillBetween(mGrid, splat(dipoles, mGrid, mCorner, mStep, progress),
                      borderDistance(few, mGrid, mCorner, mStep, progress), progress);

@@ -103,6 +103,7 @@ struct Probes {
     static constexpr std::size_t kCount = 16;
     double x[kCount], y[kCount], z[kCount];
 
+    Vec3d at(std::size_t n) const { return {x[n], y[n], z[n]}; }
     Probes()
     {
         const auto set = [this](std::size_t n, double px, double py, double pz) {
@@ -119,6 +120,9 @@ struct Probes {
                 k & 4 ? 0.45 : -0.45);
     }
 };
+
+/// Of a foot outside the ball, per distance from its middle: what is far is not told exactly.
+constexpr double kDoubt = 0.15;
 
 /// Take all probes from @a unit in the ball of @a radius about @a centre two steps towards the zero
 /// set; bit n of the result: probe n is within 0.85 radius.
@@ -152,12 +156,6 @@ unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& centre, double radius
 }
 
 } // namespace
-
-double nearestSquared(const CellPoints& points, const Vec3d& y, double enough)
-{
-    std::size_t start = 0;
-    return nearestFrom(points, y, enough, start);
-}
 
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius)
 {
@@ -243,12 +241,16 @@ double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& ce
     static const Probes unit;
     Probes probes;
     const unsigned landed = stepOntoZeroSet(fit, centre, radius, unit, probes);
-    double gap2 = 0;
     std::size_t start = 0;
+    if (landed == 0) {
+        const Vec3d foot = probes.at(0);
+        const double pardoned = kDoubt * (foot - centre).norm(), near = enough + pardoned;
+        return std::max(std::sqrt(nearestFrom(points, foot, near * near, start)) - pardoned, 0.0);
+    }
+    double gap2 = 0;
     for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) { // the last is the first again
         if (!(landed >> n & 1u)) continue;
-        const Vec3d y(probes.x[n], probes.y[n], probes.z[n]);
-        gap2 = std::max(gap2, nearestFrom(points, y, enough * enough, start));
+        gap2 = std::max(gap2, nearestFrom(points, probes.at(n), enough * enough, start));
     }
     return std::sqrt(gap2);
 }

@@ -15,13 +15,11 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise);
 
-/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough);
-/// infinite without points.
-double nearestSquared(const CellPoints& points, const Vec3d& y, double enough = 0);
-
-/// How far from the points the zero set of @a fit ventures inside the ball of @a radius about
-/// @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it; of
-/// those that land within 0.85 radius the largest distance to the nearest point. 0 if none lands.
+/// How far from the points the zero set of @a fit ventures where it rules the ball of @a radius
+/// about @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it;
+/// of those that land within 0.85 radius the largest distance to the nearest point. If none lands,
+/// what the fit says of the ball is its distance from the middle's foot: how far that is from the
+/// nearest point, less 0.15 of its distance from the middle.
 /// A gap up to @a enough may be told as any smaller one.
 double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
                   double enough);
