@@ -29,7 +29,7 @@ constexpr double kDipoleSteps = 0.55;
 /// Steps by which data may lie beside the line through a node along their normal.
 constexpr double kLateral = 0.6;
 /// Steps across the cubes whose points stand for all where only distances to the box are asked.
-constexpr double kFewSteps = 6;
+constexpr double kFewSteps = 9;
 
 /// Points of one small cube as one: mean position, sum of normals.
 struct Dipole {

@@ -122,7 +122,7 @@ struct Probes {
 };
 
 /// Of a foot outside the ball, per distance from its middle: what is far is not told exactly.
-constexpr double kDoubt = 0.15;
+constexpr double kDoubt = 0.25;
 
 /// Take all probes from @a unit in the ball of @a radius about @a centre two steps towards the zero
 /// set; bit n of the result: probe n is within 0.85 radius.

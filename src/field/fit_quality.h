@@ -19,7 +19,7 @@ bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double tes
 /// about @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it;
 /// of those that land within 0.85 radius the largest distance to the nearest point. If none lands,
 /// what the fit says of the ball is its distance from the middle's foot: how far that is from the
-/// nearest point, less 0.15 of its distance from the middle.
+/// nearest point, less 0.25 of its distance from the middle.
 /// A gap up to @a enough may be told as any smaller one.
 double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
                   double enough);
