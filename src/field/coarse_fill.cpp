@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tbb/parallel_for.h>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -20,11 +21,11 @@ constexpr float kDistanceShare = 0.05f;
 /// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
 /// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
 /// data do bulge without.
-constexpr float kConcaveShare = 4;
+constexpr float kConcaveShare = 5;
 /// Node steps on which normals and bends of data fade.
-constexpr float kFade = 6;
+constexpr float kFade = 3;
 /// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.
-constexpr float kMostCurved = 0.4f;
+constexpr float kMostCurved = 0.3f;
 
 /// Call f(node) for the interior nodes, in parallel.
 template <typename F>
@@ -101,26 +102,47 @@ std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Pro
 
 } // namespace
 
-NodeData::NodeData(const NodeGrid& grid)
-    : weight(grid.size(), 0.0f), distance(grid.size(), 0.0f), normal{distance, distance, distance}
+NodeData::NodeData(const NodeGrid& grid, bool withNormals)
+    : weight(grid.size(), 0.0f), distance(grid.size(), 0.0f)
 {
+    if (withNormals) normal = {distance, distance, distance};
 }
 
-std::vector<float> fillBetween(const NodeGrid& grid, const NodeData& data,
-                               const std::vector<float>& borderDistance, Progress& progress)
+NodeGrid halved(const NodeGrid& grid)
+{
+    return {{grid.n[0] / 2 + 1, grid.n[1] / 2 + 1, grid.n[2] / 2 + 1}};
+}
+
+std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Progress& progress)
 {
     const std::array<std::vector<float>, 3> normals = spreadNormals(grid, data, progress);
-    std::vector<float> rightHand = spreadHollows(grid, data, progress);
+    std::vector<float> bends = spreadHollows(grid, data, progress);
     const auto stride = strides(grid);
     forEachInterior(grid, [&](std::size_t n) {
-        rightHand[n] = kConcaveShare * rightHand[n] +
-                       kDistanceShare * divergence(normals, n, stride) -
-                       data.weight[n] * data.distance[n];
+        bends[n] = kConcaveShare * bends[n] + kDistanceShare * divergence(normals, n, stride);
     });
-    std::vector<float> border(borderDistance);
-    for (float& b : border) b = (1 - kDistanceShare) * kBorder + kDistanceShare * b;
-    ScreenedPoisson solver(grid, data.weight, progress);
-    return solver.solve(rightHand, border, 2);
+    return bends;
+}
+
+std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& bends,
+                               std::vector<float> borderDistance, Progress& progress)
+{
+    const NodeGrid half = halved(grid);
+    std::vector<float>& rightHand = data.distance; // of which no more is asked
+    tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
+        for (int j = 1; j < grid.n[1] - 1; ++j)
+            for (int k = 1; k < grid.n[2] - 1; ++k) {
+                float sum = 0;
+                for (int c = 0; c < 8; ++c)
+                    sum += bends[half.index((i + (c >> 2)) / 2, (j + (c >> 1 & 1)) / 2,
+                                            (k + (c & 1)) / 2)];
+                const std::size_t n = grid.index(i, j, k);
+                rightHand[n] = 0.5f * sum / 8 - data.weight[n] * rightHand[n];
+            }
+    });
+    for (float& b : borderDistance) b = (1 - kDistanceShare) * kBorder + kDistanceShare * b;
+    ScreenedPoisson solver(grid, std::move(data.weight), progress);
+    return solver.solve(std::move(rightHand), borderDistance, 2);
 }
 
 } // namespace mpuvdb

@@ -11,18 +11,27 @@ namespace mpuvdb
 
 /// What data say at the nodes near them.
 struct NodeData {
-    explicit NodeData(const NodeGrid& grid);
+    NodeData(const NodeGrid& grid, bool withNormals);
 
     std::vector<float> weight;                ///< 0 where they say nothing
     std::vector<float> distance;              ///< signed, node steps
-    std::array<std::vector<float>, 3> normal; ///< unit
+    std::array<std::vector<float>, 3> normal; ///< unit; empty if not asked for
 };
+
+/// The grid of every other node.
+NodeGrid halved(const NodeGrid& grid);
+
+/// How the function bends where there are no data, at every node, per node step: as the data do at
+/// their rims.
+/// @param data  with normals.
+std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Progress& progress);
 
 /// The function at every node, node steps, inside negative. Far from data only its sign and the
 /// direction of its slope mean something.
+/// @param bends  at the nodes of halved(@a grid), per step there.
 /// @param borderDistance  distance from the nodes of the grid's box to the nearest data, node
 ///                        steps; of the other nodes nothing is asked.
-std::vector<float> fillBetween(const NodeGrid& grid, const NodeData& data,
-                               const std::vector<float>& borderDistance, Progress& progress);
+std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& bends,
+                               std::vector<float> borderDistance, Progress& progress);
 
 } // namespace mpuvdb

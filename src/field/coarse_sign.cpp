@@ -23,7 +23,7 @@ namespace
 constexpr double kPad = 0.2;    ///< of the extent, on each side
 constexpr int kMaxNodes = 96;   ///< along the longest side
 constexpr double kKernel = 1.5; ///< radius of the splats, node steps
-constexpr float kWeight = 12;   ///< of data at a node, against the equation between them
+constexpr float kWeight = 16;   ///< of data at a node, against the equation between them
 /// Steps across the cubes whose points stand for all of them as one dipole.
 constexpr double kDipoleSteps = 0.55;
 /// Steps by which data may lie beside the line through a node along their normal.
@@ -191,10 +191,10 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
 }
 
 NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec3d& corner,
-               double step, Progress& progress)
+               double step, bool withNormals, Progress& progress)
 {
     const Bins bins = binDipoles(dipoles, grid, corner, step);
-    NodeData data(grid);
+    NodeData data(grid, withNormals);
     tbb::enumerable_thread_specific<PlaneSums> scratch(
         [&] { return PlaneSums(grid, corner, step); });
     tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
@@ -208,6 +208,7 @@ NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const V
             const std::size_t n = grid.index(i, j, k);
             data.weight[n] = kWeight;
             data.distance[n] = float(sums.value / sums.weight / step);
+            if (!withNormals) return;
             const Vec3f normal = sums.normal.normalized().cast<float>();
             for (int c = 0; c < 3; ++c) data.normal[std::size_t(c)][n] = normal[c];
         });
@@ -343,7 +344,7 @@ template <typename T>
 std::uint64_t CoarseSign::makingBytes(const SortedPoints& some, const Box3d& bounds,
                                       const RootCube& root)
 {
-    constexpr std::uint64_t kNodeBytes = 64; // data, spread normals, right-hand sides, the solver
+    constexpr std::uint64_t kNodeBytes = 32; // data, right-hand side, border, the solver
     return kNodeBytes * NodeBox(bounds, meanSpacing(some, root)).grid.size();
 }
 
@@ -356,10 +357,18 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
     for (int k = 0; k < 3; ++k)
         mCorner[k] = bounds.center()[k] - mStep * (mGrid.n[std::size_t(k)] - 1) / 2;
     mSlopeFloor = 0.45 / (box.extent / mStep);
-    const std::vector<Dipole> dipoles = makeDipoles(points, levelOf(root, kDipoleSteps * mStep)),
-                              few = makeDipoles(points, levelOf(root, kFewSteps * mStep));
-    mU = fillBetween(mGrid, splat(dipoles, mGrid, mCorner, mStep, progress),
-                     borderDistance(few, mGrid, mCorner, mStep, progress), progress);
+    const auto dipoles = [&](double steps) {
+        return makeDipoles(points, levelOf(root, steps * mStep));
+    };
+    const auto dataAt = [&](const NodeGrid& grid, int steps, bool withNormals) {
+        return splat(dipoles(steps * kDipoleSteps), grid, mCorner, steps * mStep, withNormals,
+                     progress);
+    };
+    // Bends are smooth, and not worth every node.
+    const NodeGrid half = halved(mGrid);
+    const std::vector<float> bends = spreadBends(half, dataAt(half, 2, true), progress);
+    mU = fillBetween(mGrid, dataAt(mGrid, 1, false), bends,
+                     borderDistance(dipoles(kFewSteps), mGrid, mCorner, mStep, progress), progress);
 }
 
 /// Of one place (a double), or of a group.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <tbb/parallel_for.h>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -202,9 +203,9 @@ void ScreenedPoisson::cycle(std::size_t n)
     relax(fine, 2);
 }
 
-void ScreenedPoisson::descendRightHandSide(const std::vector<float>& b)
+void ScreenedPoisson::descendRightHandSide(std::vector<float> b)
 {
-    mLevels[0].b = b;
+    mLevels[0].b = std::move(b);
     for (std::size_t n = 1; n < mLevels.size(); ++n)
         restrictTo(mLevels[n - 1].grid, mLevels[n - 1].b, mLevels[n].grid, mLevels[n].b);
 }
@@ -221,15 +222,15 @@ void ScreenedPoisson::fillBorder(std::size_t n, const std::vector<float>& border
                     border[mLevels[0].grid.index(finest * i, finest * j, finest * k)];
 }
 
-std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b, float border, int cycles)
+std::vector<float> ScreenedPoisson::solve(std::vector<float> b, float border, int cycles)
 {
-    return solve(b, std::vector<float>(mLevels[0].grid.size(), border), cycles);
+    return solve(std::move(b), std::vector<float>(mLevels[0].grid.size(), border), cycles);
 }
 
-std::vector<float> ScreenedPoisson::solve(const std::vector<float>& b,
-                                          const std::vector<float>& border, int cycles)
+std::vector<float> ScreenedPoisson::solve(std::vector<float> b, const std::vector<float>& border,
+                                          int cycles)
 {
-    descendRightHandSide(b);
+    descendRightHandSide(std::move(b));
     for (std::size_t n = mLevels.size(); n-- > 0;) {
         mProgress.check();
         Level& level = mLevels[n];

@@ -37,17 +37,16 @@ public:
 
     /// @param border  u on the box's nodes; other nodes' values are not read.
     /// @param cycles  V-cycles on the finest level after the full multigrid pass; 0: two sweeps.
-    std::vector<float> solve(const std::vector<float>& b, const std::vector<float>& border,
-                             int cycles);
+    std::vector<float> solve(std::vector<float> b, const std::vector<float>& border, int cycles);
     /// The same with one value on the whole box.
-    std::vector<float> solve(const std::vector<float>& b, float border, int cycles);
+    std::vector<float> solve(std::vector<float> b, float border, int cycles);
 
 private:
     struct Level {
         NodeGrid grid;
         std::vector<float> screening, u, b;
     };
-    void descendRightHandSide(const std::vector<float>& b);
+    void descendRightHandSide(std::vector<float> b);
     void fillBorder(std::size_t level, const std::vector<float>& border);
     void cycle(std::size_t level);
     void relax(Level& level, int sweeps) const;
