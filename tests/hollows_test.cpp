@@ -1,6 +1,7 @@
 // Solids with dents, bores and gaps: what their data leave open closes without cavities inside, and
 // near to where they are.
 #include "field_fixture.h"
+#include "kd_tree.h"
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/reconstruct.h>
@@ -10,9 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -100,43 +99,6 @@ TEST(Hollows, OpenOnlyWhereDataFaceThem)
 
 // --- What nobody saw
 
-/// Tells places that have a point within a distance.
-class Near
-{
-public:
-    Near(const PointCloud& cloud, double distance) : mCloud(cloud), mDistance(distance)
-    {
-        for (std::size_t n = 0; n < cloud.size(); ++n)
-            mCells[cellOf(cloud.positions[n].cast<double>())].push_back(n);
-    }
-    bool operator()(const Vec3d& world) const
-    {
-        const Vec3d p = world - mCloud.frame;
-        const auto isNear = [&](std::size_t n) {
-            return (mCloud.positions[n].cast<double>() - p).norm() < mDistance;
-        };
-        for (int k = 0; k < 27; ++k) {
-            const Vec3d step(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
-            const auto found = mCells.find(cellOf(p + mDistance * step));
-            if (found != mCells.end() &&
-                std::any_of(found->second.begin(), found->second.end(), isNear))
-                return true;
-        }
-        return false;
-    }
-
-private:
-    std::tuple<int, int, int> cellOf(const Vec3d& p) const
-    {
-        const auto index = [&](int k) { return int(std::floor(p[k] / mDistance)); };
-        return {index(0), index(1), index(2)};
-    }
-
-    const PointCloud& mCloud;
-    double mDistance;
-    std::map<std::tuple<int, int, int>, std::vector<std::size_t>> mCells;
-};
-
 /// The part of a mesh that is farther than three spacings from the points.
 struct Unseen {
     double share = 0;             ///< of the area
@@ -146,14 +108,17 @@ struct Unseen {
 Unseen unseenPart(const Mesh& mesh, const Solid& solid, const PointCloud& cloud)
 {
     const double area = measure(mesh).area;
-    const Near seen(cloud, 3 * std::sqrt(area / double(cloud.size())));
+    const double far = 3 * std::sqrt(area / double(cloud.size()));
+    const KdTree points(cloud.positions);
+    std::vector<std::uint32_t> nearest(1);
+    std::vector<float> squared(1);
     Unseen result;
     double unseen = 0;
-    for (const auto& t : mesh.triangles) {
-        Vec3d p[3];
-        for (std::size_t k = 0; k < 3; ++k) p[k] = mesh.frame + mesh.positions[t[k]].cast<double>();
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        const Vec3d p[3] = {mesh.world(t[0]), mesh.world(t[1]), mesh.world(t[2])};
         const Vec3d middle = (p[0] + p[1] + p[2]) / 3;
-        if (seen(middle)) continue;
+        points.nearest((middle - cloud.frame).cast<float>(), nearest, squared);
+        if (double(squared[0]) < far * far) continue;
         const double size = (p[1] - p[0]).cross(p[2] - p[0]).norm() / 2;
         const double distance = std::abs(solid.distance(middle));
         unseen += size;

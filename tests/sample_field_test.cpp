@@ -300,7 +300,7 @@ TEST(SampleField, KeepsTheSurfaceWhereValuesRiseTooFast)
     for (const Mesh::Triangle& t : mesh.triangles) {
         std::array<Vec3d, 3> corner;
         for (std::size_t k = 0; k < 3; ++k) {
-            corner[k] = mesh.frame + mesh.positions[t[k]].cast<double>();
+            corner[k] = mesh.world(t[k]);
             farthest = std::max(farthest, std::abs(corner[k].norm() - 1));
         }
         const Vec3d normal = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();

@@ -32,7 +32,7 @@ struct NodeGrid {
 class ScreenedPoisson
 {
 public:
-    /// @param screening  D >= 0, one per node. Each dimension of @a grid is 16 a + 1.
+    /// @param screening  D >= 0, one per node. Each dimension of @a grid is 8 a + 1.
     ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening, Progress& progress);
 
     /// @param border  u on the box's nodes; other nodes' values are not read.
