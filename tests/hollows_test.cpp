@@ -138,9 +138,11 @@ TEST(UnseenParts, AreNearTheSolid)
         double mean, largest;
     };
     // About the middle between what is reached now and what came out when fits beside holes passed
-    // for supported as far as they claimed to be from the surface.
+    // for supported as far as they claimed to be from the surface; of the first two, when they did
+    // as far past a rim as between points.
     for (const Limit& limit :
-         {Limit{"blob(1, 20, 0.05)", 3, 0.0085, 0.036}, Limit{"torus(1, 0.4)", 3, 0.007, 0.025},
+         {Limit{"gear(12, 1, 0.5)", 5, 0.0116, 0.034}, Limit{"blob(1, 20, 0.05)", 3, 0.0075, 0.031},
+          Limit{"torus(1, 0.4)", 3, 0.007, 0.025},
           Limit{"difference(box(2, 2, 1), cylinder(0.4, 3))", 4, 0.044, 0.14},
           Limit{"difference(sphere(1), cylinder(0.35, 3))", 4, 0.09, 0.27}}) {
         SCOPED_TRACE(limit.solid);
@@ -155,7 +157,7 @@ TEST(UnseenParts, AreNearTheSolid)
         settings.voxels = 200;
         const Reconstruction made = reconstruct(PointCloud(cloud), settings, progress);
         const Unseen unseen = unseenPart(extractMesh(made.levelSet, progress), *solid, cloud);
-        EXPECT_GT(unseen.share, 0.02);
+        EXPECT_GT(unseen.share, 0.01);
         EXPECT_LT(unseen.mean, limit.mean);
         EXPECT_LT(unseen.largest, limit.largest);
     }

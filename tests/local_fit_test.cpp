@@ -502,6 +502,38 @@ TEST(ZeroSetGap, IsMeasuredToTheNearestPoint)
     EXPECT_TRUE(std::isinf(zeroSetGap(fit, cellOf({}, {}, 1), Vec3d(0, 0, 1), 0.5, 0)));
 }
 
+TEST(ZeroSetGapBeyond, CountsWhatIsPastTheRimMoreThanWhatIsBetween)
+{
+    LocalFit fit;
+    fit.pieces[0] = {Eigen::Matrix3d::Zero(), Vec3d(0, 0, 1), 0};
+    const double step = 0.05, tiny = 1e-9; // all probes have one foot
+    std::vector<Vec3d> half, slotted;      // a rim at x = 0, another at x = 0.4
+    for (double x = -1; x <= 1; x += step)
+        for (double y = -1; y <= 1; y += step) {
+            if (x <= 1e-9) half.push_back({x, y, 0});
+            if (x <= 1e-9 || x >= 0.4 - 1e-9) slotted.push_back({x, y, 0});
+        }
+    const auto gaps = [&](const std::vector<Vec3d>& positions, double x) {
+        const CellPoints cell =
+            cellOf(positions, std::vector<Vec3d>(positions.size(), Vec3d(0, 0, 1)), 2);
+        const Vec3d foot(x, 0, 0);
+        return std::pair(zeroSetGap(fit, cell, foot, tiny, 0),
+                         zeroSetGapBeyond(fit, cell, foot, tiny, 0));
+    };
+    const double beyond = 4;
+    for (const double x : {0.1, 0.2, 0.3}) {
+        const auto [gap, counted] = gaps(half, x);
+        EXPECT_NEAR(gap, x, 0.01 * x);
+        EXPECT_NEAR(counted, (1 + beyond) * x, 0.05 * x) << "past the rim by " << x;
+        const auto [inner, innerCounted] = gaps(half, -x - step / 2);
+        EXPECT_NEAR(innerCounted, inner, 0.1 * inner) << "among points";
+    }
+    const auto [gap, counted] = gaps(slotted, 0.2);
+    EXPECT_EQ(counted, gap) << "between two rims";
+    const CellPoints close = cellOf(half, std::vector<Vec3d>(half.size(), Vec3d(0, 0, 1)), 2);
+    EXPECT_LE(zeroSetGapBeyond(fit, close, Vec3d(0.1, 0, 0), tiny, 0.3), 0.3) << "near enough";
+}
+
 // --- Degenerate cells
 
 struct Degenerate {

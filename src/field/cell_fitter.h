@@ -199,7 +199,8 @@ private:
     double supportInEmpty(const LocalFit& fit, const Vec3d& centre, double radius,
                           double spacing) const
     {
-        const double gap = zeroSetGap(fit, mCell, centre, radius, fullSupportGap(spacing, radius));
+        const double gap =
+            zeroSetGapBeyond(fit, mCell, centre, radius, fullSupportGap(spacing, radius));
         return supportOf(gap, spacing, radius);
     }
 

@@ -124,6 +124,9 @@ struct Probes {
 /// Of a foot outside the ball, per distance from its middle: what is far is not told exactly.
 constexpr double kDoubt = 0.25;
 
+/// What a foot's distance past the rim of the data counts beside its distance from them.
+constexpr double kBeyond = 4;
+
 /// Take all probes from @a unit in the ball of @a radius about @a centre two steps towards the zero
 /// set; bit n of the result: probe n is within 0.85 radius.
 MPUVDB_CLONES
@@ -235,24 +238,78 @@ bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double tes
     return between <= std::max(within, least) * expected;
 }
 
-double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
-                  double enough)
+namespace
+{
+
+/// How far @a y, whose nearest point is @a gap away, lies outside of the points around it, measured
+/// towards their mean: about 0 between points, the whole gap past the rim of a sheet of points.
+MPUVDB_CLONES
+double overhang(const CellPoints& points, const Vec3d& y, double gap)
+{
+    constexpr double kAround = 3; // gaps: across a hole between random samples
+    const double within2 = kAround * kAround * gap * gap;
+    Group sx{}, sy{}, sz{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
+                    dz = load(points.z, i) - y[2];
+        const auto isNear = dx * dx + dy * dy + dz * dz < within2;
+        sx += isNear ? dx : Group{}, sy += isNear ? dy : Group{}, sz += isNear ? dz : Group{};
+    }
+    const Vec3d mean(sum(sx), sum(sy), sum(sz));
+    if (!(mean.norm() > 0)) return 0;
+    const Vec3d u = mean.normalized();
+    Group least = Group{} + gap;
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
+                    dz = load(points.z, i) - y[2];
+        const Group along = dx * u[0] + dy * u[1] + dz * u[2];
+        const auto nearer = (dx * dx + dy * dy + dz * dz < within2) & (along < least);
+        least = nearer ? along : least;
+    }
+    return std::max(std::min(std::min(least[0], least[1]), std::min(least[2], least[3])), 0.0);
+}
+
+/// The largest of what gapAt(foot, enough) tells of the feet on the zero set that zeroSetGap() is
+/// about.
+template <typename GapAt>
+double largestGap(const LocalFit& fit, const Vec3d& centre, double radius, double enough,
+                  GapAt gapAt)
 {
     static const Probes unit;
     Probes probes;
     const unsigned landed = stepOntoZeroSet(fit, centre, radius, unit, probes);
-    std::size_t start = 0;
     if (landed == 0) {
         const Vec3d foot = probes.at(0);
-        const double pardoned = kDoubt * (foot - centre).norm(), near = enough + pardoned;
-        return std::max(std::sqrt(nearestFrom(points, foot, near * near, start)) - pardoned, 0.0);
+        const double pardoned = kDoubt * (foot - centre).norm();
+        return std::max(gapAt(foot, enough + pardoned) - pardoned, 0.0);
     }
-    double gap2 = 0;
-    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) { // the last is the first again
-        if (!(landed >> n & 1u)) continue;
-        gap2 = std::max(gap2, nearestFrom(points, probes.at(n), enough * enough, start));
-    }
-    return std::sqrt(gap2);
+    double gap = 0;
+    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) // the last is the first again
+        if (landed >> n & 1u) gap = std::max(gap, gapAt(probes.at(n), enough));
+    return gap;
+}
+
+} // namespace
+
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
+                  double enough)
+{
+    std::size_t start = 0;
+    return largestGap(fit, centre, radius, enough, [&](const Vec3d& foot, double near) {
+        return std::sqrt(nearestFrom(points, foot, near * near, start));
+    });
+}
+
+double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& centre,
+                        double radius, double enough)
+{
+    constexpr double kClose = 0.4; // of the gap that is enough: data, wherever they lie
+    std::size_t start = 0;
+    return largestGap(fit, centre, radius, enough, [&](const Vec3d& foot, double near) {
+        const double close = kClose * near;
+        const double gap = std::sqrt(nearestFrom(points, foot, close * close, start));
+        return gap > close ? gap + kBeyond * overhang(points, foot, gap) : gap;
+    });
 }
 
 } // namespace mpuvdb
