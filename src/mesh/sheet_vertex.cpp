@@ -96,9 +96,16 @@ private:
         const Vec3d held = (Vec3d::Ones() - mask).cwiseProduct(at - mMean);
         const Eigen::Matrix3d squares = mask.asDiagonal() * mSquares * mask.asDiagonal();
         const Vec3d right = mask.asDiagonal() * (mRight - mSquares * held);
+        Minimum found{mMean + held, Eigen::Matrix3d::Zero(), 0};
+        if (Vec3d only; isAbout(squares, only)) {
+            const double value = only.dot(squares * only);
+            found.place += mask.asDiagonal() * only * (only.dot(right) / value);
+            found.free = Eigen::Matrix3d::Identity() - only * only.transpose();
+            found.rank = 1;
+            return found;
+        }
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
         solver.computeDirect(squares);
-        Minimum found{mMean + held, Eigen::Matrix3d::Zero(), 0};
         for (int n = 0; n < 3; ++n) {
             const double value = solver.eigenvalues()[n];
             const Vec3d direction = solver.eigenvectors().col(n);
@@ -110,6 +117,23 @@ private:
             }
         }
         return found;
+    }
+
+    /// Whether planes decide one @a direction alone, as most do: the eigenvector that powers of
+    /// their squares lead to, if what else they hold is too little to count.
+    static bool isAbout(const Eigen::Matrix3d& squares, Vec3d& direction)
+    {
+        // Each step leaves kLeastEigenvalue of what is off.
+        constexpr int kSteps = 4;
+        Eigen::Index most = 0;
+        if (!(squares.diagonal().maxCoeff(&most) > 0)) return false;
+        Vec3d at = squares.col(most);
+        for (int step = 0; step < kSteps; ++step) at = squares * at;
+        direction = at.normalized();
+        const double value = direction.dot(squares * direction);
+        // The squares of all eigenvalues but this.
+        return squares.squaredNorm() - value * value <=
+               kLeastEigenvalue * kLeastEigenvalue * value * value;
     }
 
     Vec3d mMean;
@@ -186,24 +210,30 @@ SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
     const auto scale = float(1 / mLattice.voxelSize);
     const auto [sx, sy, sz] = BlockHalo::kStride;
     const float here = scale * mValues[index];
-    // Octant o lies up the axes of its bits: 1 is x, 2 y, 4 z.
+    // Octant o lies up the axes of its bits: 1 is x, 2 y, 4 z. Its corners but the voxel itself, by
+    // the axes on which they are beside it.
+    std::array<std::array<float, 8>, 8> corner;
+    for (int o = 0; o < 8; ++o) {
+        const int x = o & 1 ? sx : -sx, y = o & 2 ? sy : -sy, z = o & 4 ? sz : -sz;
+        for (int at = 1; at < 8; ++at)
+            corner[std::size_t(at)][std::size_t(o)] =
+                mValues[index + (at & 1 ? x : 0) + (at & 2 ? y : 0) + (at & 4 ? z : 0)];
+    }
     std::array<std::array<float, 8>, 3> rise;
     std::array<float, 8> error;
-    for (int o = 0; o < 8; ++o) {
-        const auto n = std::size_t(o);
-        const int x = o & 1 ? sx : -sx, y = o & 2 ? sy : -sy, z = o & 4 ? sz : -sz;
-        const float a = scale * mValues[index + x] - here, b = scale * mValues[index + y] - here,
-                    c = scale * mValues[index + z] - here;
+    for (std::size_t o = 0; o < 8; ++o) {
+        const float a = scale * corner[1][o] - here, b = scale * corner[2][o] - here,
+                    c = scale * corner[4][o] - here;
         // How far off the plane through these three the octant's other corners are.
-        const float ab = scale * mValues[index + x + y] - here - a - b,
-                    ac = scale * mValues[index + x + z] - here - a - c,
-                    bc = scale * mValues[index + y + z] - here - b - c,
-                    abc = scale * mValues[index + x + y + z] - here - a - b - c;
-        error[n] =
+        const float ab = scale * corner[3][o] - here - a - b,
+                    ac = scale * corner[5][o] - here - a - c,
+                    bc = scale * corner[6][o] - here - b - c,
+                    abc = scale * corner[7][o] - here - a - b - c;
+        error[o] =
             std::max(std::max(std::abs(ab), std::abs(ac)), std::max(std::abs(bc), std::abs(abc)));
-        rise[0][n] = a;
-        rise[1][n] = b;
-        rise[2][n] = c;
+        rise[0][o] = a;
+        rise[1][o] = b;
+        rise[2][o] = c;
     }
     for (std::size_t o = 0; o < 8; ++o) {
         const float slope =
@@ -296,8 +326,9 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
 const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, int edge, float start)
 {
     constexpr int kSteps = 6;
-    // A last step by the slope, from so near, leaves less than a thousandth of a voxel.
-    constexpr double kNear = 0.02, kDisagrees = 0.05; // voxels
+    // A last step by the slope, from so near, leaves less than a thousandth of a voxel; where the
+    // values face the same way, as they do off creases, it may be longer.
+    constexpr double kNear = 0.02, kNearInSmooth = 0.06, kDisagrees = 0.06; // voxels
     const CellEdge ends = cellEdge(edge);
     const Vec3i low = at + cornerOf(ends.low).cast<int>();
     if (mFieldCrossings.empty()) mFieldCrossings.resize(3 * kVoxels);
@@ -310,8 +341,13 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     const bool lowInside = mValues[BlockHalo::index(low.x(), low.y(), low.z())] < 0;
     double least = 0, most = 1, t = double(start);
     FieldSample sample = mField->evaluate(from + t * along);
-    for (int step = 0; step < kSteps && std::abs(sample.value) > kNear * h * sample.gradient.norm();
-         ++step) {
+    const Vec3d facing = valueCrossing(low, edge / 4).normal.cast<double>();
+    const auto isNear = [&] {
+        const double length = sample.gradient.norm();
+        const bool isSmooth = sample.gradient.dot(facing) > double(kSmooth) * length;
+        return std::abs(sample.value) <= (isSmooth ? kNearInSmooth : kNear) * h * length;
+    };
+    for (int step = 0; step < kSteps && !isNear(); ++step) {
         ((sample.value < 0) == lowInside ? least : most) = t;
         const double slope = sample.gradient.dot(along);
         const double next = slope != 0 ? t - sample.value / slope : 0.5 * (least + most);
