@@ -111,6 +111,28 @@ TEST(Shape, ACutterFarAwayIsNotSampled)
     expectSound(cut);
 }
 
+TEST(Shape, ExplainEndsWithWhatTheLimitIsComparedWith)
+{
+    const Shape shape = solid("sphere(0.5)") | movedBy(solid("sphere(0.5)"), {0.6, 0, 0});
+    ShapeSettings settings = voxels(0.05);
+    const std::string text = shape.explain(settings);
+    const std::size_t last = text.rfind("together");
+    ASSERT_NE(last, std::string::npos) << text;
+    const double megabytes = std::stod(text.substr(last + 8));
+    double most = 0, all = 0; // of one grid, of all
+    for (const PlanStep& step : shape.plan(settings)) {
+        most = std::max(most, double(step.bytes) / 1e6);
+        all += double(step.bytes) / 1e6;
+    }
+    EXPECT_GE(megabytes, most - 0.05);
+    EXPECT_LE(megabytes, all + 0.05);
+    Progress progress;
+    settings.maxBytes = std::uint64_t((megabytes + 0.1) * 1e6);
+    EXPECT_NO_THROW(shape.evaluate(settings, progress));
+    settings.maxBytes = std::uint64_t((megabytes - 0.1) * 1e6);
+    EXPECT_THROW(shape.evaluate(settings, progress), LimitError);
+}
+
 TEST(Shape, WhatIsSharedIsMadeOnce)
 {
     const Shape ball = solid("sphere(1)");

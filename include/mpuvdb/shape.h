@@ -79,7 +79,7 @@ public:
     FieldPtr field() const;
     /// What evaluate() would do. @throws as evaluate(), but for memory.
     std::vector<PlanStep> plan(const ShapeSettings& settings) const;
-    /// The plan as text, one line per step.
+    /// The plan as text, one line per step; and the memory of the grids that there are at once.
     std::string explain(const ShapeSettings& settings) const;
     /// @throws UsageError (settings, an unbounded solid), LimitError (memory, before it is taken),
     /// InputError, Interrupted.

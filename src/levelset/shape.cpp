@@ -103,8 +103,9 @@ std::vector<PlanStep> Shape::plan(const ShapeSettings& settings) const
 
 std::string Shape::explain(const ShapeSettings& settings) const
 {
+    const ShapePlan plan(*mNode, settings);
     std::string text;
-    for (const PlanStep& step : plan(settings)) {
+    for (const PlanStep& step : plan.steps()) {
         const std::string what = std::string(std::size_t(2 * step.depth), ' ') + step.what;
         if (step.shared)
             text += fmt::format("{:<40} as above\n", what);
@@ -115,6 +116,8 @@ std::string Shape::explain(const ShapeSettings& settings) const
                                 what, step.halfWidth, step.voxelSize, double(step.voxels) / 1e6,
                                 double(step.bytes) / 1e6);
     }
+    text += fmt::format("{:<40} {:.1f} MB at the same time, at most\n", "together",
+                        double(plan.peakBytes()) / 1e6);
     return text;
 }
 

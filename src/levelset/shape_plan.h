@@ -15,7 +15,9 @@ public:
 
     /// As the expression reads.
     std::vector<PlanStep> steps() const;
-    /// @throws LimitError if the memory the plan needs is above the limit.
+    /// The memory of all grids that there are at the same time, at most; estimated.
+    std::uint64_t peakBytes() const;
+    /// @throws LimitError if that is above the limit.
     void demandMemory() const;
     LevelSet evaluate(Progress& progress) const;
 
@@ -36,7 +38,6 @@ private:
     void spreadDemands(double halfWidth);
     void addSteps(std::size_t task, int depth, std::vector<bool>& seen,
                   std::vector<PlanStep>& steps) const;
-    std::uint64_t peakBytes() const;
 
     ShapeSettings mSettings;
     std::vector<Task> mTasks; ///< inputs before consumers; the root is the last
