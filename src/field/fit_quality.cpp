@@ -246,7 +246,7 @@ namespace
 MPUVDB_CLONES
 double overhang(const CellPoints& points, const Vec3d& y, double gap)
 {
-    constexpr double kAround = 3; // gaps: across a hole between random samples
+    constexpr double kAround = 3; // gaps: as far as the other side of one between random samples
     const double within2 = kAround * kAround * gap * gap;
     Group sx{}, sy{}, sz{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {

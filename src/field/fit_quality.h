@@ -24,9 +24,9 @@ bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double tes
 double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
                   double enough);
 
-/// The same for a ball without points, which a fit rules by carrying on what others say: where a
-/// foot is not among the points but past their rim, as in a hole, how far past it is counts four
-/// times more. Any of these may be a gap between two samples, but not on one side of all of them.
+/// The same for a ball without points, which a fit rules by carrying on what others say. How far
+/// a foot lies past the rim of the points counts four times more: a gap between random samples has
+/// points all around it, a hole has them on one side.
 double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& centre,
                         double radius, double enough);
 

@@ -97,7 +97,7 @@ private:
         const Eigen::Matrix3d squares = mask.asDiagonal() * mSquares * mask.asDiagonal();
         const Vec3d right = mask.asDiagonal() * (mRight - mSquares * held);
         Minimum found{mMean + held, Eigen::Matrix3d::Zero(), 0};
-        if (Vec3d only; isAbout(squares, only)) {
+        if (Vec3d only; decidesOne(squares, only)) {
             const double value = only.dot(squares * only);
             found.place += mask.asDiagonal() * only * (only.dot(right) / value);
             found.free = Eigen::Matrix3d::Identity() - only * only.transpose();
@@ -121,7 +121,7 @@ private:
 
     /// Whether planes decide one @a direction alone, as most do: the eigenvector that powers of
     /// their squares lead to, if what else they hold is too little to count.
-    static bool isAbout(const Eigen::Matrix3d& squares, Vec3d& direction)
+    static bool decidesOne(const Eigen::Matrix3d& squares, Vec3d& direction)
     {
         // Each step leaves kLeastEigenvalue of what is off.
         constexpr int kSteps = 4;
