@@ -9,11 +9,8 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <fstream>
 #include <limits>
-#include <random>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -240,70 +237,19 @@ TEST_F(VdbFile, IsRefusedWhereverItIsCut)
     }
 }
 
-/// Run @a work in a process of its own, of limited time and memory. @return as waitpid's status.
+/// Run @a work, which uses no threads (those of this process are not in the other), in a process of
+/// its own. @return as waitpid's status.
 template <typename Work>
 int inChild(const Work& work)
 {
     const pid_t child = ::fork();
     if (child == 0) {
         ::alarm(20);
-#ifndef __SANITIZE_ADDRESS__
-        const rlimit memory{rlim_t(2) << 30, rlim_t(2) << 30};
-        ::setrlimit(RLIMIT_AS, &memory);
-#endif
-        const rlimit core{0, 0};
-        ::setrlimit(RLIMIT_CORE, &core);
         ::_exit(work());
     }
     int status = 0;
     ::waitpid(child, &status, 0);
     return status;
-}
-
-TEST_F(VdbFile, NeverCrashesForADamagedHead)
-{
-    save(mFolder / "a.vdb", sphere(), {{"mpuvdb:note", "something"}});
-    const std::string good = bytesOf(mFolder / "a.vdb");
-    // Up to the root node's counts, behind the name of the transform and its 15 or 18 doubles.
-    const std::size_t head = good.rfind("UniformScaleMap") + 15 + 120 + 4 + 4 + 8;
-    ASSERT_LT(head, good.size());
-    // Not within the compressed table for delayed loading, which Blosc takes on trust.
-    const std::size_t table = good.find("__delayedload") + 13;
-    std::uint32_t tableSize = 0;
-    std::memcpy(&tableSize, good.data() + table, sizeof tableSize);
-    const std::size_t tableEnd = table + sizeof tableSize + tableSize;
-    ASSERT_LT(tableEnd, head);
-    const std::uint64_t seed =
-        std::getenv("MPUVDB_SEED") ? std::atoll(std::getenv("MPUVDB_SEED")) : 1;
-    std::mt19937_64 random(seed);
-    int refused = 0;
-    for (int trial = 0; trial < 200; ++trial) {
-        std::string bytes = good;
-        std::size_t at = 8 + random() % (head - 8);
-        if (at > table && at < tableEnd) at += tableEnd - table;
-        if (at >= head) continue;
-        const int kind = int(random() % 3);
-        if (kind == 0)
-            bytes[at] = char(bytes[at] ^ (1 << random() % 8));
-        else
-            for (std::size_t i = 0; i < 4 && at + i < (at < table ? table : head); ++i)
-                bytes[at + i] = kind == 1 ? char(0xff) : char(random());
-        const fs::path file = mFolder / "damaged.vdb";
-        write(file, bytes);
-        const int status = inChild([&] {
-            try {
-                readGrids(file);
-                return 0;
-            } catch (const Error&) {
-                return 3;
-            }
-        });
-        ASSERT_TRUE(WIFEXITED(status) && (WEXITSTATUS(status) == 0 || WEXITSTATUS(status) == 3))
-            << "seed " << seed << ", trial " << trial << ", byte " << at << ", kind " << kind
-            << ", status " << status;
-        refused += WEXITSTATUS(status) == 3;
-    }
-    EXPECT_GT(refused, 20);
 }
 
 TEST_F(VdbFile, StaysAsItWasWhenAWriteFails)
