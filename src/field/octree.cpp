@@ -99,8 +99,8 @@ LocalFit Octree::fitAbout(const StoredFit& stored, const Vec3d& origin) const
 
 Quadric Octree::rulingAt(const StoredFit& fit, const Vec3d& y) const
 {
-    if (fit.count == 1) return quadric(quadrics[fit.firstQuadric]);
-    return fitAbout(fit, fit.origin.cast<double>()).ruling(y);
+    const auto piece = [&](int k) { return quadric(quadrics[fit.firstQuadric + std::size_t(k)]); };
+    return piece(rulingPiece(fit.count, fit.maxBits, [&](int k) { return piece(k).value(y); }));
 }
 
 Quadric Octree::pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const

@@ -25,33 +25,42 @@ struct Quadric {
     }
 };
 
-/// A quadric, or an edge or corner of up to four [Ohtake03 §4c], about one origin.
+/// Which of @a count pieces of an edge or corner rules where piece k has @a valueOf(k).
 ///
 /// Pieces are folded from the last to the first: Q = p[n-1]; then for k = n-2 .. 0
-/// Q = isMax(k) ? max(p[k], Q) : min(p[k], Q). So every tree of Ricci's Booleans that the paper's
-/// edges and corners need is one bit per step.
+/// Q = (bit k of maxBits) ? max(p[k], Q) : min(p[k], Q). So every tree of Ricci's Booleans that the
+/// paper's edges and corners need is one bit per step.
+template <typename ValueOf>
+int rulingPiece(int count, unsigned maxBits, const ValueOf& valueOf)
+{
+    int best = count - 1;
+    if (best == 0) return best;
+    double value = valueOf(best);
+    for (int k = best - 1; k >= 0; --k) {
+        const double other = valueOf(k);
+        if ((maxBits >> k) & 1u ? other > value : other < value) {
+            best = k;
+            value = other;
+        }
+    }
+    return best;
+}
+
+/// A quadric, or an edge or corner of up to four [Ohtake03 §4c], about one origin.
 struct LocalFit {
     static constexpr int kMaxPieces = 4;
 
     std::array<Quadric, kMaxPieces> pieces;
     int count = 1;
-    unsigned maxBits = 0;
+    unsigned maxBits = 0; ///< see rulingPiece()
 
     bool isMax(int k) const { return (maxBits >> k) & 1u; }
     bool isSharp() const { return count > 1; }
     /// The piece that rules at y.
     const Quadric& ruling(const Vec3d& y) const
     {
-        const Quadric* best = &pieces[size_t(count - 1)];
-        double value = best->value(y);
-        for (int k = count - 2; k >= 0; --k) {
-            const double other = pieces[size_t(k)].value(y);
-            if (isMax(k) ? other > value : other < value) {
-                best = &pieces[size_t(k)];
-                value = other;
-            }
-        }
-        return *best;
+        const auto valueOf = [&](int k) { return pieces[std::size_t(k)].value(y); };
+        return pieces[std::size_t(rulingPiece(count, maxBits, valueOf))];
     }
 };
 

@@ -107,9 +107,11 @@ void findCells(const Access& access, DualBlock& block)
     const SignHalo signs(access, block.origin);
     std::size_t count = 0;
     for (int x = 0; x < 8; ++x) {
-        block.rank[std::size_t(x)] = std::uint16_t(count);
-        block.passed[std::size_t(x)] = signs.passed(x);
-        count += std::size_t(__builtin_popcountll(block.passed[std::size_t(x)]));
+        const std::uint64_t passed = block.passed[std::size_t(x)] = signs.passed(x);
+        for (int y = 0; y < 8; ++y) {
+            block.rank[8 * std::size_t(x) + std::size_t(y)] = std::uint16_t(count);
+            count += kBitCounts[passed >> (8 * y) & 0xff];
+        }
     }
     block.cells.reserve(count);
     for (int x = 0; x < 8; ++x)
@@ -177,6 +179,12 @@ Origins around(const Origins& blocks, int low, int high, const openvdb::FloatTre
 }
 
 } // namespace
+
+const std::array<std::uint8_t, 256> kBitCounts = [] {
+    std::array<std::uint8_t, 256> counts{};
+    for (std::size_t n = 1; n < 256; ++n) counts[n] = std::uint8_t(counts[n / 2] + n % 2);
+    return counts;
+}();
 
 void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
 {

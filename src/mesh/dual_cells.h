@@ -45,6 +45,9 @@ struct DualCell {
     const CellSheets& sheets() const { return cellSheets(inside, turned != 0); }
 };
 
+/// The bits of each byte: processors that count bits cannot be taken for granted.
+extern const std::array<std::uint8_t, 256> kBitCounts;
+
 /// The cells whose voxels lie in one block of 8 x 8 x 8.
 struct DualBlock {
     static constexpr std::uint32_t kNone = ~std::uint32_t(0);
@@ -53,7 +56,7 @@ struct DualBlock {
     /// Itself and those before it, by number: bit 4 stands for a step down x, 2 for y, 1 for z.
     std::array<std::uint32_t, 8> near{};
     std::array<std::uint64_t, 8> passed{}; ///< bit z + 8 y of word x
-    std::array<std::uint16_t, 8> rank{};   ///< passed cells in the words before
+    std::array<std::uint16_t, 64> rank{};  ///< passed cells before row y + 8 x along z
     std::vector<DualCell> cells;           ///< in the order of the bits
     std::uint64_t firstVertex = 0, vertices = 0;
     std::uint64_t firstQuad = 0, quads = 0;
@@ -61,9 +64,9 @@ struct DualBlock {
     /// The cell at a passed place (x,y,z), each in [0,7].
     const DualCell& cell(int x, int y, int z) const
     {
-        const int bit = 8 * y + z;
-        const std::uint64_t below = passed[std::size_t(x)] & ((std::uint64_t(1) << bit) - 1);
-        return cells[rank[std::size_t(x)] + std::size_t(__builtin_popcountll(below))];
+        const auto row = std::size_t(passed[std::size_t(x)] >> (8 * y) & 0xff);
+        return cells[rank[8 * std::size_t(x) + std::size_t(y)] +
+                     kBitCounts[row & ((std::size_t(1) << z) - 1)]];
     }
 
     /// Calls visit(at, cell) for all its cells, at in [0,7] per axis.

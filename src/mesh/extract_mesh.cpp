@@ -30,7 +30,7 @@ struct Corner {
 float shapeOf(const Vec3f& normal, float edge2, float other2, float third2)
 {
     const float longest = std::max({edge2, other2, third2});
-    return longest > 0 ? (normal / longest).squaredNorm() : 0;
+    return longest > 0 ? (normal * (1 / longest)).squaredNorm() : 0;
 }
 
 /// Whether to split from corner 0 to 2, and not from 1 to 3: along a crease where two opposite
@@ -66,25 +66,34 @@ class Facing
 public:
     /// @param frame  the voxel that positions count from.
     Facing(const openvdb::FloatTree& tree, const openvdb::Coord& frame, double voxelSize)
-        : mAccess(tree), mFrame(frame), mVoxelSize(voxelSize)
+        : mAccess(tree), mFrame(frame), mScale(float(1 / (3 * voxelSize)))
     {
     }
 
-    /// Cosine between a triangle's normal and the gradient at the voxel nearest to it.
-    float cosine(const Vec3f& a, const Vec3f& b, const Vec3f& c)
+    /// A triangle's normal times the gradient at the voxel nearest to it, of any length both:
+    /// what it is below 0 for faces against the values.
+    float along(const Vec3f& a, const Vec3f& b, const Vec3f& c)
     {
-        const Vec3f middle = (a + b + c) / float(3 * mVoxelSize);
+        const Vec3f middle = (a + b + c) * mScale;
         const openvdb::Coord at =
             mFrame + openvdb::Coord::round(openvdb::Vec3d(middle.x(), middle.y(), middle.z()));
         if (at != mAt) {
             mAt = at;
-            mDirection = directionAt(at);
+            mGradient = gradientAt(at);
         }
-        return (b - a).cross(c - a).normalized().dot(mDirection);
+        return (b - a).cross(c - a).dot(mGradient);
+    }
+
+    /// Cosine between the two.
+    float cosine(const Vec3f& a, const Vec3f& b, const Vec3f& c)
+    {
+        const float product = along(a, b, c);
+        const float length = (b - a).cross(c - a).norm() * mGradient.norm();
+        return length > 0 ? product / length : 0;
     }
 
 private:
-    Vec3f directionAt(const openvdb::Coord& at) const
+    Vec3f gradientAt(const openvdb::Coord& at) const
     {
         Vec3f gradient;
         for (int axis = 0; axis < 3; ++axis) {
@@ -93,15 +102,15 @@ private:
             --down[axis];
             gradient[axis] = mAccess.getValue(up) - mAccess.getValue(down);
         }
-        return gradient.normalized();
+        return gradient;
     }
 
     /// One that the tree does not know of: nothing changes the tree meanwhile.
     openvdb::tree::ValueAccessor<const openvdb::FloatTree, false> mAccess;
     openvdb::Coord mFrame;
-    double mVoxelSize;
+    float mScale;                               ///< from the sum of three corners to voxels
     openvdb::Coord mAt = openvdb::Coord::max(); ///< the last voxel asked for
-    Vec3f mDirection = Vec3f::Zero();           ///< of the gradient there
+    Vec3f mGradient = Vec3f::Zero();            ///< there, of any length
 };
 
 class Extraction
@@ -311,22 +320,22 @@ private:
     /// of the other way's does; adds the vertices of those that still fold over.
     void findFolded(std::uint64_t quad, const Quad& corners, Facing& facing, Vertices& found)
     {
-        const auto cosine = [&](const Mesh::Triangle& v) {
-            return facing.cosine(mMesh.positions[v[0]], mMesh.positions[v[1]],
-                                 mMesh.positions[v[2]]);
+        const auto corner = [&](std::uint32_t v) -> const Vec3f& { return mMesh.positions[v]; };
+        const auto along = [&](const Mesh::Triangle& v) {
+            return facing.along(corner(v[0]), corner(v[1]), corner(v[2]));
         };
         const bool even = isSplitEven(quad);
         const Halves halves = halvesOf(corners, even);
-        const std::array<float, 2> cosines = {cosine(halves[0]), cosine(halves[1])};
-        if (!(cosines[0] < 0 || cosines[1] < 0)) return;
+        if (along(halves[0]) >= 0 && along(halves[1]) >= 0) return;
         const Halves others = halvesOf(corners, !even);
-        if (cosine(others[0]) > 0 && cosine(others[1]) > 0) {
+        if (along(others[0]) > 0 && along(others[1]) > 0) {
             setTriangles(quad, others);
             return;
         }
-        for (std::size_t half = 0; half < 2; ++half)
-            if (isFolded(halves[half], cosines[half], mOutwards[quad]))
-                found.insert(found.end(), halves[half].begin(), halves[half].end());
+        for (const Mesh::Triangle& v : halves) {
+            const float cosine = facing.cosine(corner(v[0]), corner(v[1]), corner(v[2]));
+            if (isFolded(v, cosine, mOutwards[quad])) found.insert(found.end(), v.begin(), v.end());
+        }
     }
 
     /// The vertices of triangles that cross.

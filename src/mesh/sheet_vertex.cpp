@@ -174,7 +174,7 @@ const SheetPlacer::ValueCrossing& SheetPlacer::valueCrossing(const Vec3i& low, i
     const Vec3f gradient = (1 - t) * centralGradient(from) + t * centralGradient(to);
     const float length = gradient.norm();
     found.at = t;
-    found.normal = gradient / std::max(length, 1e-6f);
+    found.normal = gradient * (1 / std::max(length, 1e-6f));
     found.isSteep = std::abs(length - 1) < kSteepness;
     return found;
 }
@@ -196,8 +196,8 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
         found.smooth &= crossing[n]->isSteep;
         mean += crossing[n]->normal;
     }
-    found.mean /= float(found.count);
-    mean /= std::max(mean.norm(), 1e-6f);
+    found.mean *= 1 / float(found.count);
+    mean *= 1 / std::max(mean.norm(), 1e-6f);
     for (std::size_t n = 0; n < std::size_t(found.count); ++n)
         found.smooth &= crossing[n]->normal.dot(mean) > kSmooth;
     return found;
@@ -380,17 +380,20 @@ void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Pl
 Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
-    float value = 0;
-    Vec3f gradient = Vec3f::Zero();
-    for (int c = 0; c < 8; ++c) {
-        const Vec3f corner = cornerOf(c);
-        const Vec3f w = (Vec3f::Ones() - corner) + (2 * corner - Vec3f::Ones()).cwiseProduct(p);
-        const Vec3f sign = 2 * corner - Vec3f::Ones();
-        const float v = mValues[home + stepTo(c)];
-        value += v * w.x() * w.y() * w.z();
-        gradient +=
-            v * Vec3f(sign.x() * w.y() * w.z(), w.x() * sign.y() * w.z(), w.x() * w.y() * sign.z());
+    const auto between = [](float low, float high, float t) { return low + t * (high - low); };
+    // By corners of the face across x: bit 1 is y; the values there at p's height, and their rise.
+    std::array<float, 4> column, rise;
+    for (int c = 0; c < 4; ++c) {
+        const float low = mValues[home + stepTo(2 * c)], high = mValues[home + stepTo(2 * c + 1)];
+        rise[std::size_t(c)] = high - low;
+        column[std::size_t(c)] = between(low, high, p.z());
     }
+    const float low = between(column[0], column[1], p.y()),
+                high = between(column[2], column[3], p.y());
+    const float value = between(low, high, p.x());
+    const Vec3f gradient(
+        high - low, between(column[1] - column[0], column[3] - column[2], p.x()),
+        between(between(rise[0], rise[1], p.y()), between(rise[2], rise[3], p.y()), p.x()));
     const float square = gradient.squaredNorm();
     if (!(square > 0)) return p;
     p -= value / square * gradient;
