@@ -21,7 +21,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kChunk = 1 << 16; // points
+constexpr std::size_t kChunk = 1 << 12; // points
 
 void sortUnique(std::vector<Vec3f>& positions)
 {
