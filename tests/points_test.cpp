@@ -128,6 +128,7 @@ TEST(Measure, KnowsNoOrderNoThreadsNoDuplicatesAndNoFrame)
     expectSame(far);
     PointCloud twice = cloud;
     twice.positions.insert(twice.positions.end(), cloud.positions.begin(), cloud.positions.end());
+    twice.normals.insert(twice.normals.end(), cloud.normals.begin(), cloud.normals.end());
     // Fewer distinct points are chosen; they still see distinct neighbours only.
     EXPECT_NEAR(measured(twice).spacing, one.spacing, 0.03 * one.spacing);
 }
@@ -139,6 +140,17 @@ TEST(Measure, DensityMayVary)
     for (const Vec3f& p : planeGrid(30, 1.0f).positions)
         cloud.positions.push_back(p + Vec3f(0, 0, 50));
     EXPECT_NEAR(measured(cloud).spacing, 0.01, 0.0005);
+}
+
+TEST(Measure, AttributesAreOnePerPointOrNone)
+{
+    PointCloud cloud = sample("sphere(1)", 1000);
+    cloud.normals.pop_back();
+    EXPECT_THROW(measured(cloud), UsageError);
+    cloud.normals.clear();
+    EXPECT_NO_THROW(measured(cloud));
+    cloud.scalars = {{"heat", std::vector<float>(999)}};
+    EXPECT_THROW(measured(cloud), UsageError);
 }
 
 TEST(Measure, FewPoints)

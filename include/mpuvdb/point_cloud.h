@@ -42,6 +42,8 @@ struct PointCloud {
     bool empty() const { return positions.empty(); }
     bool hasNormals() const { return !normals.empty(); }
     Vec3d world(std::size_t i) const { return frame + positions[i].cast<double>(); }
+    /// @throws UsageError if some attribute is neither empty nor one per point.
+    void demandWhole() const;
     /// Keep the points i with keep[i] != 0, in order, with all their attributes.
     void compact(const std::vector<std::uint8_t>& keep);
     /// Tight box of the positions relative to frame; empty without points.
@@ -60,7 +62,7 @@ struct PointStatistics {
 /// Measure spacing and noise: each of about 1000 evenly chosen points is compared with its nearest
 /// neighbours; spacing = sqrt(pi/12) * distance to the 12th, noise = residual of a local quadric,
 /// normal noise = that of normals that change linearly.
-/// @throws InputError for fewer than two distinct points.
+/// @throws InputError for fewer than two distinct points, UsageError as demandWhole().
 PointStatistics measure(const PointCloud& cloud, Progress& progress);
 
 } // namespace mpuvdb

@@ -32,6 +32,7 @@ Quadric quadric(const QuadricCoefficients& k)
 
 void checkSettings(const PointCloud& cloud, const MpuSettings& s)
 {
+    cloud.demandWhole();
     if (cloud.empty()) throw InputError("no points to fit: the input is empty");
     if (!cloud.hasNormals())
         throw InputError("the points have no normals: estimate them first (estimateNormals, or "

@@ -190,6 +190,7 @@ PointCloud thinned(const PointCloud& cloud, std::size_t count, Progress& progres
 
 PointStatistics measure(const PointCloud& cloud, Progress& progress)
 {
+    cloud.demandWhole();
     const std::vector<Vec3f> chosen = choosePositions(cloud.positions, kSamples, progress);
     if (chosen.size() < 2)
         throw InputError("the points have fewer than two distinct positions: nothing can be "

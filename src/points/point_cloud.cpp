@@ -1,4 +1,7 @@
+#include <mpuvdb/error.h>
 #include <mpuvdb/point_cloud.h>
+
+#include <fmt/format.h>
 
 namespace mpuvdb
 {
@@ -16,6 +19,20 @@ void keepMarked(std::vector<T>& values, const std::vector<std::uint8_t>& keep)
 }
 
 } // namespace
+
+void PointCloud::demandWhole() const
+{
+    const auto demand = [&](std::size_t count, const std::string& what) {
+        if (count == 0 || count == size()) return;
+        throw UsageError(
+            fmt::format("{} points with {} {}: give one per point, or none", size(), count, what));
+    };
+    demand(normals.size(), "normals");
+    demand(confidence.size(), "confidences");
+    demand(colors.size(), "colours");
+    for (const NamedScalars& s : scalars) demand(s.values.size(), "values of " + s.name);
+    demand(seenFrom.size(), "viewpoints");
+}
 
 void PointCloud::compact(const std::vector<std::uint8_t>& keep)
 {
