@@ -118,6 +118,42 @@ TEST(ExtractMesh, IsManifoldWhereverSignsFall)
     EXPECT_EQ(report.nonManifoldEdges, 0u);
 }
 
+/// No triangle is flat: twice its area is a thousandth of its longest side squared or more, and so
+/// is the sine of its smallest angle.
+void expectArea(const MeshReport& report)
+{
+    EXPECT_GT(report.triangles, 100u);
+    EXPECT_GE(std::sin(report.smallestAngle * M_PI / 180), 0.999e-3);
+}
+
+TEST(ExtractMesh, HasNoFlatTrianglesWhereTheSurfacePassesThroughVoxels)
+{
+    // Eight cells find their vertex where the value is next to nothing.
+    std::mt19937_64 random(1);
+    auto grid = FloatGrid::create(3);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    auto accessor = grid->getAccessor();
+    constexpr std::array<float, 5> kValues = {-1, -1e-7f, 0, 1e-7f, 1};
+    constexpr int kEdge = 20;
+    for (int x = 0; x <= kEdge; ++x)
+        for (int y = 0; y <= kEdge; ++y)
+            for (int z = 0; z <= kEdge; ++z) {
+                const auto ends = [](int i) { return i == 0 || i == kEdge; };
+                const bool border = ends(x) || ends(y) || ends(z);
+                accessor.setValue({x, y, z}, border ? 1 : kValues[random() % kValues.size()]);
+            }
+    const MeshReport report = measure(extracted(LevelSet(grid)));
+    EXPECT_EQ(report.boundaryEdges + report.nonManifoldEdges, 0u);
+    expectArea(report);
+}
+
+TEST(ExtractMesh, HasNoFlatTrianglesWhereVerticesLieInLine)
+{
+    // An octahedron with its edges along the diagonals of voxels' faces.
+    const auto values = [](const Vec3d& p) { return (p.cwiseAbs().sum() - 5) / std::sqrt(3.0); };
+    expectArea(measure(extracted(sampled(values, 9))));
+}
+
 TEST(ExtractMesh, FacesOutwards)
 {
     const Mesh mesh = extracted(sphere(1, 0.1));

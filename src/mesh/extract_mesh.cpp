@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 namespace mpuvdb
 {
@@ -26,35 +27,49 @@ struct Corner {
     bool feature;
 };
 
-/// Twice a triangle's area by the square of its longest edge: how large its smallest angle is.
+/// The square of twice a triangle's area by that of its longest edge: how large its smallest angle
+/// is.
 float shapeOf(const Vec3f& normal, float edge2, float other2, float third2)
 {
     const float longest = std::max({edge2, other2, third2});
     return longest > 0 ? (normal * (1 / longest)).squaredNorm() : 0;
 }
 
-/// Whether to split from corner 0 to 2, and not from 1 to 3: along a crease where two opposite
-/// corners lie on it; where three do, from the middle one, for they are about in line; and else so
-/// that nothing folds over and the worse triangle is the better.
-bool splitsEven(const std::array<Corner, 4>& q)
+/// The shape (see shapeOf) of triangles that have no area to speak of.
+constexpr float kFlat = 1e-6f;
+
+/// How a quad becomes triangles.
+enum class Split : std::uint8_t {
+    Even, ///< from corner 0 to 2
+    Odd,  ///< from corner 1 to 3
+    Flat  ///< either way one would be flat
+};
+
+/// So that no triangle is flat; along a crease where two opposite corners lie on it; where three
+/// do, from the middle one, for they are about in line; and else so that nothing folds over and the
+/// worse triangle is the better.
+Split splitOf(const std::array<Corner, 4>& q)
 {
     const auto& [a, b, c, d] = q;
-    const bool evenCrease = a.feature && c.feature, oddCrease = b.feature && d.feature;
-    const bool evenMiddle = oddCrease && (a.feature || c.feature);
-    const bool oddMiddle = evenCrease && (b.feature || d.feature);
-    if (evenMiddle != oddMiddle) return evenMiddle;
-    if (evenCrease != oddCrease) return evenCrease;
     const Vec3f ab = b.position - a.position, bc = c.position - b.position,
                 cd = d.position - c.position, da = a.position - d.position,
                 ac = c.position - a.position, bd = d.position - b.position;
     const Vec3f abc = ab.cross(bc), acd = cd.cross(da), abd = da.cross(ab), bcd = bc.cross(cd);
-    const bool evenFolds = abc.dot(acd) < 0, oddFolds = abd.dot(bcd) < 0;
-    if (evenFolds != oddFolds) return oddFolds;
     const float ab2 = ab.squaredNorm(), bc2 = bc.squaredNorm(), cd2 = cd.squaredNorm(),
                 da2 = da.squaredNorm(), ac2 = ac.squaredNorm(), bd2 = bd.squaredNorm();
     const float even = std::min(shapeOf(abc, ab2, bc2, ac2), shapeOf(acd, cd2, da2, ac2));
     const float odd = std::min(shapeOf(abd, da2, ab2, bd2), shapeOf(bcd, bc2, cd2, bd2));
-    return even >= odd;
+    if (std::min(even, odd) < kFlat)
+        return std::max(even, odd) < kFlat ? Split::Flat : even < odd ? Split::Odd : Split::Even;
+    const auto split = [](bool isEven) { return isEven ? Split::Even : Split::Odd; };
+    const bool evenCrease = a.feature && c.feature, oddCrease = b.feature && d.feature;
+    const bool evenMiddle = oddCrease && (a.feature || c.feature);
+    const bool oddMiddle = evenCrease && (b.feature || d.feature);
+    if (evenMiddle != oddMiddle) return split(evenMiddle);
+    if (evenCrease != oddCrease) return split(evenCrease);
+    const bool evenFolds = abc.dot(acd) < 0, oddFolds = abd.dot(bcd) < 0;
+    if (evenFolds != oddFolds) return split(oddFolds);
+    return split(even >= odd);
 }
 
 /// Cosine below which a triangle faces against the surface about it, whatever else it does.
@@ -160,7 +175,9 @@ private:
         std::uint32_t round = kUnplaced; ///< of drawing, in which it was placed
         Freedom freedom = Freedom::Near;
         bool feature = false;
+        std::uint8_t reach = 0; ///< of SheetVertex, parts of kReach
     };
+    static constexpr float kReach = 1.0f / 128; // voxels
     /// A flag for each block.
     using Selection = std::vector<char>;
     using Vertices = std::vector<std::uint32_t>;
@@ -196,6 +213,7 @@ private:
                         const SheetVertex vertex = placer.place(at, cell, sheet, state.freedom);
                         mMesh.positions[v] = h * (origin + vertex.position);
                         state.feature = vertex.feature;
+                        state.reach = std::uint8_t(std::min(vertex.reach / kReach, 255.0f));
                         state.round = mRound;
                     }
                 }
@@ -204,7 +222,7 @@ private:
     }
 
     /// Make the triangles of all quads.
-    /// @return the vertices of those near creases that fold over.
+    /// @return vertices of those near creases that fold over, and of those without area.
     Vertices split()
     {
         return splitEach(
@@ -237,7 +255,8 @@ private:
         forEachBlock(selection, [&](std::size_t n) {
             Facing facing(mTree, mFrame, mLattice.voxelSize);
             visit(n, [&](const Quad& corners, std::uint64_t number) {
-                split(corners, number);
+                const Split how = split(corners, number);
+                if (how == Split::Flat) findTouching(corners, folded[n]);
                 if (isNearCrease(corners)) findFolded(number, corners, facing, folded[n]);
             });
         });
@@ -246,12 +265,14 @@ private:
         return all;
     }
 
-    void split(const Quad& q, std::uint64_t number)
+    Split split(const Quad& q, std::uint64_t number)
     {
         std::array<Corner, 4> corners;
         for (std::size_t c = 0; c < 4; ++c)
             corners[c] = {mMesh.positions[q[c]], mVertices[q[c]].feature};
-        setTriangles(number, halvesOf(q, splitsEven(corners)));
+        const Split how = splitOf(corners);
+        setTriangles(number, halvesOf(q, how != Split::Odd));
+        return how;
     }
 
     /// Both triangles of a quad.
@@ -336,6 +357,29 @@ private:
             const float cosine = facing.cosine(corner(v[0]), corner(v[1]), corner(v[2]));
             if (isFolded(v, cosine, mOutwards[quad])) found.insert(found.end(), v.begin(), v.end());
         }
+    }
+
+    /// Adds of the two vertices nearest to each other that which came the farther way. Where an
+    /// edge crosses the surface on a crease, the cells on both sides of it find the same place, and
+    /// this one's holds less of the crease; where the surface passes through a voxel, all cells
+    /// about it may.
+    void findTouching(const Quad& corners, Vertices& found) const
+    {
+        const auto way = [&](std::uint32_t v) {
+            const State& state = mVertices[v];
+            return std::make_tuple(state.freedom != Freedom::None, state.reach, v);
+        };
+        float nearest = std::numeric_limits<float>::max();
+        std::uint32_t farther = corners[0];
+        for (std::size_t n = 1; n < 4; ++n)
+            for (std::size_t m = 0; m < n; ++m) {
+                const std::uint32_t v = corners[n], w = corners[m];
+                const float apart = (mMesh.positions[v] - mMesh.positions[w]).squaredNorm();
+                if (apart >= nearest) continue;
+                nearest = apart;
+                farther = way(v) > way(w) ? v : w;
+            }
+        found.push_back(farther);
     }
 
     /// The vertices of triangles that cross.

@@ -409,6 +409,7 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
     Vec3f inCell = crossings.mean;
     if (freedom == Freedom::None) {
         // Whatever the planes say, this is inside.
+        inCell = inset(inCell);
     } else if (crossings.smooth) {
         if (cell.sheets().count == 1) inCell = ontoSurface(at, inCell);
     } else {
@@ -425,6 +426,7 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
         }
     }
     vertex.position = at.cast<float>() + inCell;
+    vertex.reach = (inCell - crossings.mean).norm();
     return vertex;
 }
 

@@ -11,6 +11,7 @@ namespace mpuvdb
 struct SheetVertex {
     Vec3f position;
     bool feature = false; ///< on a crease or corner of the surface
+    float reach = 0;      ///< how far from the mean of its crossings
 };
 
 /// How far a vertex on a crease may go to lie on it.
@@ -18,7 +19,7 @@ enum class Freedom : std::uint8_t {
     Near, ///< half a voxel out of its cell
     Cell, ///< not out of its cell
     Half, ///< halfway there from the mean of the crossings
-    None  ///< not at all: the mean of the crossings
+    None  ///< not at all: the mean of the crossings, away from the walls of the cell
 };
 
 /// Places the vertices of one block after the other, from the values around and, where there is
