@@ -120,4 +120,36 @@ double TriangleTree::squaredDistance(const Vec3d& p, std::size_t& slot) const
     return best;
 }
 
+bool TriangleTree::isWithin(const Vec3d& p, double distance, std::size_t& slot) const
+{
+    const double most = distance * distance;
+    const auto isBelow = [&](std::size_t root) {
+        std::size_t stack[kMostLevels];
+        std::size_t height = 0;
+        stack[height++] = root;
+        while (height > 0) {
+            const std::size_t node = stack[--height];
+            if (squaredDistanceTo(mBoxes[node], p) > most) continue;
+            if (node < mLeaves) {
+                stack[height++] = 2 * node;
+                stack[height++] = 2 * node + 1;
+                continue;
+            }
+            const std::size_t leaf = node - mLeaves;
+            for (std::size_t s = firstSlot(leaf); s < firstSlot(leaf + 1); ++s) {
+                if (squaredDistanceTo(mCorners[s], p) > most) continue;
+                slot = s;
+                return true;
+            }
+        }
+        return false;
+    };
+    // From the leaf with this slot upwards, and each time down its sibling.
+    std::size_t node = mLeaves + ((slot + 1) * mLeaves - 1) / size();
+    if (isBelow(node)) return true;
+    for (; node > 1; node /= 2)
+        if (isBelow(node ^ 1)) return true;
+    return false;
+}
+
 } // namespace mpuvdb

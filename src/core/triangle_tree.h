@@ -41,6 +41,10 @@ public:
     /// @param slot  where to look first; becomes the slot of the triangle found.
     double squaredDistance(const Vec3d& p, std::size_t& slot) const;
 
+    /// Whether a triangle is at most @a distance from @a p, relative to the mesh's frame.
+    /// @param slot  where to look first; becomes the slot of the triangle found, if there is one.
+    bool isWithin(const Vec3d& p, double distance, std::size_t& slot) const;
+
     /// Call f(slot) for all triangles that are at most @a distance from @a p, and for some that are
     /// a little farther.
     template <class F>

@@ -1,10 +1,11 @@
-// Edge collapse in the order of quadric errors [Garland97], within a distance that is kept: every
-// vertex of the original stays with a triangle that is near to it, and no collapse may take it
-// farther away than the tolerance.
+// Edge collapse in the order of quadric errors [Garland97], within a distance that is kept both
+// ways: every vertex of the original stays with a triangle that is near to it, and no collapse may
+// take it farther away than the tolerance; and what a collapse makes stays near the original.
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/point_triangle.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/triangle_tree.h>
 
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
@@ -149,11 +150,13 @@ struct Collapse {
 class Simplifier
 {
 public:
+    /// @param original  of the mesh; has to outlive this.
     /// @param held  flags of vertices that stay where they are.
-    Simplifier(Mesh mesh, double tolerance, std::vector<char> held)
-        : mMesh(std::move(mesh)), mReach(kVertexShare * tolerance),
-          mPositions(mMesh.positions.size()), mQuadrics(mMesh.positions.size()),
-          mFaces(mMesh.positions.size()), mAge(mMesh.positions.size(), 0), mHeld(std::move(held)),
+    Simplifier(Mesh mesh, const TriangleTree& original, double tolerance, std::vector<char> held)
+        : mMesh(std::move(mesh)), mOriginal(original), mTolerance(tolerance),
+          mReach(kVertexShare * tolerance), mPositions(mMesh.positions.size()),
+          mQuadrics(mMesh.positions.size()), mFaces(mMesh.positions.size()),
+          mAge(mMesh.positions.size(), 0), mHeld(std::move(held)),
           mFirstPoint(mMesh.triangles.size(), kNone), mNextPoint(mMesh.positions.size(), kNone)
     {
         for (std::size_t v = 0; v < mPositions.size(); ++v)
@@ -378,6 +381,25 @@ private:
         return true;
     }
 
+    /// Whether what a collapse makes of @a faces is near the original: its vertex, and the middles
+    /// of its edges. Vertices of the original do not tell: none of them is near a fin, nor near a
+    /// corner that planes meet in beyond the surface.
+    bool staysNear(const std::vector<Index>& faces, const Collapse& c)
+    {
+        const auto isNear = [&](const Vec3d& p) {
+            return mOriginal.isWithin(p, mTolerance, mNearest);
+        };
+        if (!isNear(c.place)) return false;
+        for (const Index t : faces) {
+            const Mesh::Triangle& v = mMesh.triangles[t];
+            std::size_t at = 0;
+            while (v[at] != c.kept && v[at] != c.gone) ++at;
+            // Each edge is that of two triangles, and here that of the first.
+            if (!isNear((c.place + mPositions[v[(at + 1) % 3]]) / 2)) return false;
+        }
+        return true;
+    }
+
     bool tryCollapse(const Collapse& c)
     {
         if (!keepsManifold(c.kept, c.gone)) return false;
@@ -390,7 +412,7 @@ private:
         for (const auto* faces : {&staying, &going})
             for (const Index t : *faces)
                 for (Index p = mFirstPoint[t]; p != kNone; p = mNextPoint[p]) points.push_back(p);
-        if (!assign(points, staying, c, homes)) return false;
+        if (!assign(points, staying, c, homes) || !staysNear(staying, c)) return false;
 
         for (const auto* faces : {&staying, &going})
             for (const Index t : *faces) mFirstPoint[t] = kNone;
@@ -423,7 +445,9 @@ private:
     }
 
     Mesh mMesh;
-    double mReach;
+    const TriangleTree& mOriginal;
+    std::size_t mNearest = 0; ///< of the original's triangles, one near the place last asked for
+    double mTolerance, mReach;
     std::vector<Vec3d> mPositions, mPoints; ///< of what is left; of the original
     std::vector<Vec3f> mPointColors;        ///< of the original; or empty
     std::vector<Quadric> mQuadrics;
@@ -442,9 +466,11 @@ Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& prog
         throw UsageError(fmt::format("simplify: the tolerance is {}; give a length above 0, world "
                                      "units",
                                      settings.tolerance));
+    if (mesh.triangles.empty()) return mesh;
+    const TriangleTree original(mesh, progress);
     std::vector<char> held(mesh.positions.size(), 0);
     for (;;) {
-        Simplifier simplifier(mesh, settings.tolerance, held);
+        Simplifier simplifier(mesh, original, settings.tolerance, held);
         simplifier.run(progress);
         Mesh result = simplifier.result();
         if (!settings.strict) return result;
