@@ -219,7 +219,13 @@ TEST_F(CommandTest, PipesWorkAtBothEnds)
     const Ended meshed = mpuvdb({"mesh", "a.vdb", "-o", "-"});
     EXPECT_EQ(meshed.status, 0) << meshed.err;
     EXPECT_EQ(meshed.out, read.out);
+    const std::string grid = readFile(mFolder / "a.vdb");
+    EXPECT_EQ(mpuvdb({"mesh", "-", "-o", "-"}, grid).out, read.out);
+    EXPECT_EQ(mpuvdb({"check", "-", "-q"}, grid).status, 0);
+    EXPECT_EQ(mpuvdb({"mesh", "-", "-o", "-"}, "").status, 3);
     EXPECT_EQ(mFolder.names(), (Words{"a.vdb"}));
+    EXPECT_EQ(mpuvdb({"render", "-", "-o", "a.png", "-q"}, grid).status, 0);
+    EXPECT_EQ(mFolder.names(), (Words{"a.png", "a.vdb"}));
 }
 
 TEST_F(CommandTest, FullStandardOutputIsAnError)

@@ -52,7 +52,7 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInputs, "One or more .vdb files")->required();
+        app.add_option("input", mInputs, "One or more .vdb files; - is standard input")->required();
         app.add_option("--grid", mGrid,
                        "Check this grid of floats only, of any class; default: all level sets")
             ->type_name("NAME");
@@ -72,7 +72,10 @@ private:
     void checkFile(Session& session, const std::string& file)
     {
         Json grids = Json::array();
-        const Found found = gridsToCheck(file, mGrid, session.options().maxBytes);
+        Found found;
+        readFile(file, ".vdb", [&](const std::filesystem::path& path) {
+            found = gridsToCheck(path, mGrid, session.options().maxBytes);
+        });
         for (const auto& grid : found.grids) {
             const CheckReport report = check(*grid, session.progress());
             mSound = mSound && report.sound();

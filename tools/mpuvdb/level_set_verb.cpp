@@ -24,13 +24,9 @@ GridInput readGridInput(const std::string& file, const std::string& name, Sessio
 {
     session.progress().beginStage("read");
     std::optional<LevelSetFile> there;
-    const auto read = [&](const std::filesystem::path& path) {
+    readFile(file, ".vdb", [&](const std::filesystem::path& path) {
         there = readLevelSetFile(path, name, session.bytesLeft());
-    };
-    if (file == "-")
-        spoolStandardInput(".vdb", read);
-    else
-        read(file);
+    });
     for (const std::string& note : there->notes) session.warn(note);
     if (there->levelSet.halfWidth() < kLeastHalfWidth) {
         session.warn(

@@ -33,7 +33,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a level set")->required();
+        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+            ->required();
         app.add_option("-o,--output", mMesh.path,
                        "The mesh: .ply .obj .off .stl .glb .usda; - is PLY on standard output")
             ->required()
@@ -52,35 +53,43 @@ public:
     {
         session.checkFiles(filesOf(mMesh, "-o"), {mInput});
         session.progress().beginStage("read");
-        const LevelSet levelSet =
-            readLevelSet(mInput, mGrid, session.bytesLeft(), Purpose::Looking);
-        session.hold(levelSet.grid().memUsage());
-        const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids(session.bytesLeft());
-        for (const auto& grid : grids) session.hold(grid->memUsage());
-        session.report()["grid"] = toJson(levelSet);
-        if (!mHoles.close) {
-            const double h = levelSet.voxelSize();
-            const auto size = levelSet.grid().evalActiveVoxelDim();
-            mMesh.trim = {readCoverage(mInput, session.bytesLeft()),
-                          mHoles.closeUpTo.resolve(h, h * size.asVec3d().length())};
-        }
-        if (!grids.empty())
-            mMesh.addAttributes = [&grids](Mesh& mesh, Progress& progress) {
-                for (const auto& grid : grids) addAttribute(mesh, *grid, progress);
-            };
-        const ExitCode code = writeMeshOf(levelSet, mMesh, session);
+        ExitCode code = ExitCode::Ok;
+        readFile(mInput, ".vdb",
+                 [&](const std::filesystem::path& file) { code = meshFile(file, session); });
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return code;
     }
 
 private:
+    /// @param file  what is read, whatever its name was.
+    ExitCode meshFile(const std::filesystem::path& file, Session& session)
+    {
+        const LevelSet levelSet = readLevelSet(file, mGrid, session.bytesLeft(), Purpose::Looking);
+        session.hold(levelSet.grid().memUsage());
+        const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids(file, session.bytesLeft());
+        for (const auto& grid : grids) session.hold(grid->memUsage());
+        session.report()["grid"] = toJson(levelSet);
+        if (!mHoles.close) {
+            const double h = levelSet.voxelSize();
+            const auto size = levelSet.grid().evalActiveVoxelDim();
+            mMesh.trim = {readCoverage(file, session.bytesLeft()),
+                          mHoles.closeUpTo.resolve(h, h * size.asVec3d().length())};
+        }
+        if (!grids.empty())
+            mMesh.addAttributes = [&grids](Mesh& mesh, Progress& progress) {
+                for (const auto& grid : grids) addAttribute(mesh, *grid, progress);
+            };
+        return writeMeshOf(levelSet, mMesh, session);
+    }
+
     /// @throws InputError where one that is named is not there.
-    std::vector<openvdb::GridBase::Ptr> attributeGrids(std::uint64_t maxBytes) const
+    std::vector<openvdb::GridBase::Ptr> attributeGrids(const std::filesystem::path& file,
+                                                       std::uint64_t maxBytes) const
     {
         const std::vector<std::string> names =
             mAttributes.automatic ? std::vector<std::string>{kColorName} : mAttributes.names;
-        std::vector<openvdb::GridBase::Ptr> grids = readAttributeGrids(mInput, names, maxBytes);
+        std::vector<openvdb::GridBase::Ptr> grids = readAttributeGrids(file, names, maxBytes);
         for (std::size_t n = 0; n < names.size() && !mAttributes.automatic; ++n)
             if (!grids[n])
                 throw InputError(fmt::format("{}: has no grid '{}' of floats or Vec3f. See what "

@@ -1,11 +1,14 @@
 // mpuvdb render: level set in, picture out.
 #include "describe.h"
+#include "standard_output.h"
 #include "verb.h"
 
 #include <mpuvdb/io.h>
 
 #include <charconv>
 #include <fmt/format.h>
+
+#include <optional>
 
 namespace mpuvdb::command
 {
@@ -38,7 +41,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a level set")->required();
+        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+            ->required();
         app.add_option("-o,--output", mOutput, "The picture")->required()->type_name("OUT.png");
         addGridName(app, mGrid);
         app.add_option_function<std::string>(
@@ -60,8 +64,11 @@ public:
     {
         session.checkFiles({{"-o", mOutput, {".png"}}}, {mInput});
         session.progress().beginStage("read");
-        const LevelSet levelSet =
-            readLevelSet(mInput, mGrid, session.options().maxBytes, Purpose::Looking);
+        std::optional<LevelSet> read;
+        readFile(mInput, ".vdb", [&](const std::filesystem::path& file) {
+            read = readLevelSet(file, mGrid, session.options().maxBytes, Purpose::Looking);
+        });
+        const LevelSet& levelSet = *read;
         session.report()["settings"] = {{"width", mPicture.width},
                                         {"height", mPicture.height},
                                         {"azimuth", mPicture.azimuth},

@@ -94,9 +94,10 @@ void printFile(const std::string& extension,
         throw IoError(fmt::format("{}: cannot be read back", scratch.file().string()));
 }
 
-void spoolStandardInput(const std::string& extension,
-                        const std::function<void(const std::filesystem::path&)>& read)
+void readFile(const std::string& file, const std::string& extension,
+              const std::function<void(const std::filesystem::path&)>& read)
 {
+    if (file != "-") return read(file);
     const ScratchFolder scratch(extension);
     std::ofstream out(scratch.file(), std::ios::binary);
     std::vector<char> chunk(1 << 20);

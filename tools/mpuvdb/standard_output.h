@@ -15,10 +15,10 @@ void printText(const std::string& text);
 void printFile(const std::string& extension,
                const std::function<void(const std::filesystem::path&)>& write);
 
-/// Keep standard input as a file with @a extension in a folder of its own while @a read reads it.
-/// @throws IoError.
-void spoolStandardInput(const std::string& extension,
-                        const std::function<void(const std::filesystem::path&)>& read);
+/// Let @a read read @a file, or if that is "-", standard input, kept meanwhile as a file with
+/// @a extension in a folder of its own. @throws IoError.
+void readFile(const std::string& file, const std::string& extension,
+              const std::function<void(const std::filesystem::path&)>& read);
 
 /// Remove the folder of these two (async-signal-safe): for a command that has to end now.
 void removeScratchFolder() noexcept;

@@ -105,13 +105,9 @@ public:
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
         session.progress().beginStage("read");
         FloatGridFile input;
-        const auto read = [&](const std::filesystem::path& path) {
+        readFile(mInput, ".vdb", [&](const std::filesystem::path& path) {
             input = readFloatGridFile(path, mGrid, session.bytesLeft());
-        };
-        if (mInput == "-")
-            spoolStandardInput(".vdb", read);
-        else
-            read(mInput);
+        });
         const std::string name = input.grid->getName();
         session.note(fmt::format("grid        '{}', {} {:g} is inside", name, mInside, mValue));
         const LevelSet made =
