@@ -45,32 +45,56 @@ enum class Split : std::uint8_t {
     Flat  ///< either way one would be flat
 };
 
-/// So that no triangle is flat; along a crease where two opposite corners lie on it; where three
-/// do, from the middle one, for they are about in line; and else so that nothing folds over and the
-/// worse triangle is the better.
-Split splitOf(const std::array<Corner, 4>& q)
+/// A quad's triangles either way.
+class QuadHalves
 {
-    const auto& [a, b, c, d] = q;
-    const Vec3f ab = b.position - a.position, bc = c.position - b.position,
-                cd = d.position - c.position, da = a.position - d.position,
-                ac = c.position - a.position, bd = d.position - b.position;
-    const Vec3f abc = ab.cross(bc), acd = cd.cross(da), abd = da.cross(ab), bcd = bc.cross(cd);
-    const float ab2 = ab.squaredNorm(), bc2 = bc.squaredNorm(), cd2 = cd.squaredNorm(),
-                da2 = da.squaredNorm(), ac2 = ac.squaredNorm(), bd2 = bd.squaredNorm();
-    const float even = std::min(shapeOf(abc, ab2, bc2, ac2), shapeOf(acd, cd2, da2, ac2));
-    const float odd = std::min(shapeOf(abd, da2, ab2, bd2), shapeOf(bcd, bc2, cd2, bd2));
-    if (std::min(even, odd) < kFlat)
-        return std::max(even, odd) < kFlat ? Split::Flat : even < odd ? Split::Odd : Split::Even;
-    const auto split = [](bool isEven) { return isEven ? Split::Even : Split::Odd; };
-    const bool evenCrease = a.feature && c.feature, oddCrease = b.feature && d.feature;
-    const bool evenMiddle = oddCrease && (a.feature || c.feature);
-    const bool oddMiddle = evenCrease && (b.feature || d.feature);
-    if (evenMiddle != oddMiddle) return split(evenMiddle);
-    if (evenCrease != oddCrease) return split(evenCrease);
-    const bool evenFolds = abc.dot(acd) < 0, oddFolds = abd.dot(bcd) < 0;
-    if (evenFolds != oddFolds) return split(oddFolds);
-    return split(even >= odd);
-}
+public:
+    explicit QuadHalves(const std::array<Corner, 4>& q)
+        : mCorners(q), mAb(q[1].position - q[0].position), mBc(q[2].position - q[1].position),
+          mCd(q[3].position - q[2].position), mDa(q[0].position - q[3].position)
+    {
+    }
+
+    /// So that no triangle is flat; along a crease where two opposite corners lie on it; where
+    /// three do, from the middle one, for they are about in line; and else so that nothing folds
+    /// over and the worse triangle is the better.
+    Split split() const
+    {
+        const bool isEven = prefersEven();
+        if ((isEven ? even() : odd()) >= kFlat) return isEven ? Split::Even : Split::Odd;
+        if ((isEven ? odd() : even()) >= kFlat) return isEven ? Split::Odd : Split::Even;
+        return Split::Flat;
+    }
+
+private:
+    bool prefersEven() const
+    {
+        const auto& [a, b, c, d] = mCorners;
+        const bool evenCrease = a.feature && c.feature, oddCrease = b.feature && d.feature;
+        const bool evenMiddle = oddCrease && (a.feature || c.feature);
+        const bool oddMiddle = evenCrease && (b.feature || d.feature);
+        if (evenMiddle != oddMiddle) return evenMiddle;
+        if (evenCrease != oddCrease) return evenCrease;
+        const bool evenFolds = mAb.cross(mBc).dot(mCd.cross(mDa)) < 0;
+        const bool oddFolds = mDa.cross(mAb).dot(mBc.cross(mCd)) < 0;
+        if (evenFolds != oddFolds) return oddFolds;
+        return even() >= odd();
+    }
+
+    /// The worse shape of a split from corner 0 to 2.
+    float even() const { return worse(mAb, mBc, mCd, mDa); }
+    /// And from corner 1 to 3.
+    float odd() const { return worse(mDa, mAb, mBc, mCd); }
+    static float worse(const Vec3f& u, const Vec3f& v, const Vec3f& w, const Vec3f& x)
+    {
+        const float diagonal2 = (u + v).squaredNorm();
+        return std::min(shapeOf(u.cross(v), u.squaredNorm(), v.squaredNorm(), diagonal2),
+                        shapeOf(w.cross(x), w.squaredNorm(), x.squaredNorm(), diagonal2));
+    }
+
+    const std::array<Corner, 4>& mCorners;
+    Vec3f mAb, mBc, mCd, mDa;
+};
 
 /// Cosine below which a triangle faces against the surface about it, whatever else it does.
 constexpr float kFolded = -0.2f;
@@ -270,7 +294,7 @@ private:
         std::array<Corner, 4> corners;
         for (std::size_t c = 0; c < 4; ++c)
             corners[c] = {mMesh.positions[q[c]], mVertices[q[c]].feature};
-        const Split how = splitOf(corners);
+        const Split how = QuadHalves(corners).split();
         setTriangles(number, halvesOf(q, how != Split::Odd));
         return how;
     }
