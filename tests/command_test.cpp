@@ -99,6 +99,9 @@ TEST_F(CommandTest, UnknownWordsAreUsageErrorsThatSayWhatWasMeant)
         {{"reconstruct", "a.ply", "-o", "a.vdb", "--mesh", "a.ply"}, "also an input"},
         {{"mesh", "a.vdb", "-o", "a.ply", "--report", "a.ply"}, "two outputs"},
         {{"sample", "sfere(1)", "-o", "a.ply"}, "sfere"},
+        {{"reconstruct", scan(), "-o", "a.vdb", "--lods", "2"}, "--mesh"},
+        {{"reconstruct", scan(), "-o", "a.vdb", "--strict"}, "--mesh"},
+        {{"reconstruct", scan(), "-o", "a.vdb", "--mesh-tolerance", "0.1vx"}, "--mesh"},
     };
     for (const auto& c : cases) {
         const Ended ended = mpuvdb(c.words);
@@ -342,6 +345,8 @@ TEST_F(CommandTest, NormalsAreEstimatedAndInsideOutIsSaidAndCured)
     ASSERT_EQ(cured.status, 0) << cured.err;
     EXPECT_EQ(cured.err.find("warning"), std::string::npos) << cured.err;
     EXPECT_NEAR(readJson("b.json")["mesh"]["volume"], 4 * M_PI / 3, 0.1);
+    const Ended spoilt = mpuvdb({"reconstruct", scan(), "-o", "c.vdb", "--flip-normals"});
+    EXPECT_NE(spoilt.err.find("do without --flip-normals"), std::string::npos) << spoilt.err;
 }
 
 TEST_F(CommandTest, InfoKnowsPointsAndGrids)

@@ -260,6 +260,13 @@ TEST(EstimateNormals, FewPoints)
     cloud.positions[1] = cloud.positions[0];
     EXPECT_THROW(estimateNormals(cloud, 16, progress), InputError);
     EXPECT_THROW(estimateNormals(cloud, 3, progress), UsageError);
+
+    PointCloud line;
+    for (int i = 0; i < 500; ++i)
+        line.positions.push_back(Vec3f(1, -2, 3) + float(i) * Vec3f(0.1f, 0.2f, 0.05f));
+    EXPECT_THROW(estimateNormals(line, {}, progress), InputError);
+    line.positions[250] += Vec3f(0.01f, 0, 0);
+    EXPECT_NO_THROW(estimateNormals(line, {}, progress));
 }
 
 struct TriangleMesh {

@@ -14,7 +14,7 @@ namespace mpuvdb
 /// connected part outward as seen from all sides, and the walls of cavities inward.
 /// Costs 2 to 3 us of processor time per point, and 8 to 12 where there is noise.
 /// @param neighbours  points per plane, in [4, 1000]; without a value 12, and up to 200 where the
-/// points are noisy. @return points per plane. @throws InputError for fewer than 4 points.
+/// points are noisy. @return points per plane. @throws InputError for fewer than 4, or on a line.
 int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& progress);
 
 /// Area-weighted normals of a triangle mesh's vertices. Unused and degenerate vertices get zero.

@@ -46,10 +46,8 @@ CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Progress& pr
         report.statistics = measure(cloud, progress); // noise is told by normals
     // Normals that come from the positions know nothing that these do not say.
     if (report.estimateNeighbors) report.statistics.normalNoise = 0;
-    if (settings.flipNormals)
-        flipNormals(cloud);
-    else
-        report.inward = pointsInward(cloud);
+    if (settings.flipNormals) flipNormals(cloud);
+    report.inward = pointsInward(cloud);
     return report;
 }
 

@@ -165,6 +165,24 @@ std::vector<Vec3f> sights(const PointCloud& cloud, const DistinctPositions& dist
     return result;
 }
 
+/// Whether all points lie within rounding of a line.
+bool areOnOneLine(const std::vector<Vec3f>& positions)
+{
+    constexpr double kRounding = 1e-6; // of the length
+    const auto farthestFrom = [&](const Vec3f& place) {
+        return *std::max_element(positions.begin(), positions.end(),
+                                 [&](const Vec3f& a, const Vec3f& b) {
+                                     return (a - place).squaredNorm() < (b - place).squaredNorm();
+                                 });
+    };
+    const Vec3f from = farthestFrom(positions.front());
+    const Vec3d along = (farthestFrom(from) - from).cast<double>();
+    return std::all_of(positions.begin(), positions.end(), [&](const Vec3f& p) {
+        const double twiceArea = (p - from).cast<double>().cross(along).norm();
+        return twiceArea <= kRounding * along.squaredNorm();
+    });
+}
+
 /// A ball of k neighbours is sqrt(k/pi) spacings wide: three times the noise and more.
 int neighborsFor(const PointStatistics& statistics)
 {
@@ -187,6 +205,10 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
         throw InputError(fmt::format("normals need at least {} distinct points, there are {}. Give "
                                      "more points, or points with normals",
                                      kFewest, sorted.positions.size()));
+    if (areOnOneLine(sorted.positions))
+        throw InputError(fmt::format("the {} points lie on a line, which has no surface: give "
+                                     "points of one, or points with normals",
+                                     cloud.size()));
     const std::vector<Vec3f> towardsScanner = sights(cloud, sorted);
     PointCloud distinct;
     distinct.positions = std::move(sorted.positions);

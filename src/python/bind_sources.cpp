@@ -65,8 +65,8 @@ void tell(const FittedPoints& made)
         note(fmt::format("{} normals looked the wrong way and were turned", cleaned.flipped));
     if (cleaned.inward &&
         PyErr_WarnEx(PyExc_UserWarning,
-                     "the normals point inward, so that inside and outside are exchanged; turn "
-                     "them with flip_normals=True",
+                     "the normals point inward, so that inside and outside are exchanged; "
+                     "flip_normals=True turns them, unless it did so already",
                      1) != 0)
         throw py::error_already_set();
 }

@@ -43,10 +43,11 @@ public:
                "standard input. Several are joined.")
             ->required();
         app.add_option("-o,--output", mOutput, "The level set")->type_name("OUT.vdb");
-        app.add_option("--mesh", mMesh.path,
-                       "Write a mesh too: .ply .obj .off .stl .glb .usda; - is PLY on standard\n"
-                       "output")
-            ->type_name("OUT.ply");
+        CLI::Option* const mesh =
+            app.add_option("--mesh", mMesh.path,
+                           "Write a mesh too: .ply .obj .off .stl .glb .usda; - is PLY on "
+                           "standard\noutput")
+                ->type_name("OUT.ply");
         app.add_option("--usd", mUsd,
                        "Write a USD layer too, whose volume refers to the level set's file")
             ->type_name("OUT.usda");
@@ -71,6 +72,8 @@ public:
         addFitOptions(app);
         addPointOptions(app);
         addMeshShape(app, mMesh.shape, "--mesh-tolerance");
+        for (const char* const ofMesh : {"--mesh-tolerance", "--lods", "--strict"})
+            app.get_option(ofMesh)->needs(mesh);
         addScene(app, mMesh.scene);
     }
 
@@ -317,8 +320,10 @@ private:
                                      "--normals keep leaves them",
                                      mFlipped));
         if (report.inward)
-            session.warn("the normals point inward, so that inside and outside are exchanged; "
-                         "turn them with --flip-normals");
+            session.warn(fmt::format("the normals point inward, so that inside and outside are "
+                                     "exchanged; {}",
+                                     mFlipNormals ? "do without --flip-normals"
+                                                  : "turn them with --flip-normals"));
     }
 
     void foresee(Session& session, const RunEstimator& estimator) const
