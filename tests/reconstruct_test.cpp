@@ -140,6 +140,24 @@ TEST(Reconstruct, KeepsTheEdgesOfABox)
     expectSound(r.levelSet);
 }
 
+TEST(Reconstruct, WallsAndSlotsThinnerThanTwoVoxelsAreWhereTheirPointsAre)
+{
+    // Many points for each voxel, but cells as large as voxels hold both sides.
+    const double h = 0.05;
+    for (const char* const name :
+         {"box(2, 2, 0.08)", "difference(box(2, 2, 1), box(1.5, 0.08, 3))"}) {
+        const auto solid = parseSolid(name);
+        const Reconstruction r = reconstructed(test::randomScan(name, 60000), h);
+        Progress progress;
+        const Mesh mesh = extractMesh(r.levelSet, progress, {r.field.get()});
+        double sum = 0;
+        for (std::uint32_t v = 0; v < mesh.positions.size(); ++v)
+            sum += std::abs(solid->distance(mesh.world(v)));
+        const double tolerance = 0.1 * h;
+        EXPECT_LT(sum / double(mesh.positions.size()), 0.01 * tolerance) << name;
+    }
+}
+
 // --- Convergence
 
 double order(double coarse, double fine, double refinement)

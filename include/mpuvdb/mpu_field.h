@@ -23,7 +23,7 @@ struct MpuSettings {
     /// Standard deviation of the normals, radians, that lets fits weigh them against the positions;
     /// 0: unknown, or they come from the positions, and normals only orient. Without noise, too.
     double normalNoise = 0;
-    double voxelSize = 0; ///< cells stay above one to two of these (by noise; one where sharp), > 0
+    double voxelSize = 0; ///< > 0; cells stay above two (with noise, or where sharp: .5 to 1.4)
     double alpha = 0.75;  ///< support radius / cell diagonal, in [0.6, 2]
     int minPoints = 15;   ///< N_min: points a fit needs, in [6, 1000]
     bool sharp = true;    ///< fit edges and corners [Ohtake03 §4c]

@@ -32,6 +32,10 @@ constexpr double kBlurringNoise = 0.05;
 /// Least edge of a cell that no edge of the surface crosses, voxels.
 constexpr double kLeastCell = 2;
 
+/// The same where walls so close that no fit shows both within the tolerance face away from each
+/// other.
+constexpr double kLeastBetweenWalls = 0.5;
+
 /// From the tolerance up to this noise, in voxels, points show details of about a voxel: cells go
 /// down to kTellingCell, and kTellingPoints of them tell a shape from noise. Less noise is within
 /// the tolerance, more hides such details.
@@ -225,7 +229,9 @@ private:
                           (result.fit.isSharp() || result.opposedNormals ||
                            (mSettings.sharp && result.spreadNormals && !result.accepted));
         if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
-        const double least = fine ? 1 : noiseTells() ? kTellingCell : kLeastCell;
+        const bool isBetweenWalls = result.opposedNormals && !result.accepted;
+        const double least = fine ? (isBetweenWalls ? kLeastBetweenWalls : 1)
+                                  : (noiseTells() ? kTellingCell : kLeastCell);
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
     }
