@@ -1,6 +1,7 @@
 #include "sorted_points.h"
 
 #include <mpuvdb/progress.h>
+#include <mpuvdb/release.h>
 
 #include <algorithm>
 #include <numeric>
@@ -116,12 +117,6 @@ std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& roo
     }
     progress.check();
     return order;
-}
-
-template <typename T>
-void release(std::vector<T>& v)
-{
-    std::vector<T>().swap(v);
 }
 
 } // namespace

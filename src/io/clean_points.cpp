@@ -3,6 +3,7 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/release.h>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -111,12 +112,12 @@ void ignoreEmptyAttributes(FilePoints& points)
     }
     if (points.hasNormals() && !normals) {
         points.notes.push_back("its normals are all zero, and ignored");
-        for (PointBlock& block : points.blocks) block.normals = {};
+        for (PointBlock& block : points.blocks) release(block.normals);
     }
     if (!points.hasConfidence()) return;
     if (!positive || negative || !(largest > 0)) {
         points.notes.push_back("its confidences are zero or negative, and ignored");
-        for (PointBlock& block : points.blocks) block.confidence = {};
+        for (PointBlock& block : points.blocks) release(block.confidence);
         return;
     }
     for (PointBlock& block : points.blocks)

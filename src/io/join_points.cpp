@@ -3,6 +3,7 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/release.h>
 
 #include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
@@ -171,8 +172,8 @@ void unifyAttributes(Inputs& inputs, std::vector<std::string>& notes)
                                         [](const FilePoints& f) { return f.hasConfidence(); });
     for (FilePoints& input : inputs)
         for (PointBlock& block : input.blocks) {
-            if (noNormals) block.normals = {};
-            if (noColors) block.colors = {};
+            if (noNormals) release(block.normals);
+            if (noColors) release(block.colors);
             if (confidence && block.confidence.empty()) block.confidence.assign(block.size(), 1.f);
         }
 }

@@ -5,6 +5,7 @@
 #include "text_scan.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/release.h>
 
 #include <fmt/format.h>
 
@@ -156,9 +157,9 @@ private:
         bool colors = true;
         for (const PointBlock& block : all.blocks) colors = colors && !block.colors.empty();
         for (PointBlock& block : all.blocks) {
-            if (!normals) block.normals = {};
-            if (!normals) block.confidence = {};
-            if (!colors) block.colors = {};
+            if (!normals) release(block.normals);
+            if (!normals) release(block.confidence);
+            if (!colors) release(block.colors);
         }
     }
 

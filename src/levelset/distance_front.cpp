@@ -4,9 +4,13 @@
 // nearer voxels are settled, and the bound moves on.
 #include "known_distances.h"
 
+#include <mpuvdb/lanes.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/release.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstring>
 #include <limits>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -30,6 +34,33 @@ constexpr float kOrderStep = 0.75f;
 /// The distance to a patch is less than that to its foot, by which the front goes, by no more.
 constexpr float kMargin = 0.3f;
 
+/// Of 27 leaves around one, in the order of their coordinates, the middle itself.
+constexpr int sideOf(int x, int y, int z)
+{
+    return (x + 1) * 9 + (y + 1) * 3 + z + 1;
+}
+
+/// For each voxel of a leaf, which sides it lies beside, a bit each.
+constexpr std::array<std::uint32_t, kVoxels> sidesOfVoxels()
+{
+    std::array<std::uint32_t, kVoxels> sides{};
+    for (int n = 0; n < kVoxels; ++n) {
+        const int at[3] = {n / (kDim * kDim), n / kDim % kDim, n % kDim};
+        int low[3] = {}, high[3] = {};
+        for (int a = 0; a < 3; ++a) {
+            low[a] = at[a] == 0 ? -1 : 0;
+            high[a] = at[a] == kDim - 1 ? 1 : 0;
+        }
+        for (int x = low[0]; x <= high[0]; ++x)
+            for (int y = low[1]; y <= high[1]; ++y)
+                for (int z = low[2]; z <= high[2]; ++z)
+                    sides[std::size_t(n)] |= 1u << sideOf(x, y, z);
+    }
+    return sides;
+}
+
+constexpr std::array<std::uint32_t, kVoxels> kSidesOfVoxels = sidesOfVoxels();
+
 /// News of one voxel at the side of its leaf.
 struct Message {
     std::uint16_t voxel;
@@ -46,7 +77,26 @@ struct Node {
     std::array<std::uint32_t, 27> beside;
     bool active = false, finished = false;
     FinishedLeaf result;
+
+    /// Give back what only a node needs that is not finished.
+    void letGo()
+    {
+        known.reset();
+        release(sent);
+        release(sending);
+        release(senders);
+    }
 };
+
+using Floats = float __attribute__((vector_size(16)));
+using Ints = std::int32_t __attribute__((vector_size(16)));
+
+bool anyOf(const Ints& flags)
+{
+    std::uint64_t halves[2];
+    std::memcpy(halves, &flags, sizeof halves);
+    return (halves[0] | halves[1]) != 0;
+}
 
 class Front
 {
@@ -59,6 +109,7 @@ public:
         for (int side = 0; side < 2; ++side) {
             const float reached = mReach[side] > 0 ? mReach[side] + kMargin : 0;
             mLimit2[side] = reached * reached;
+            mBeyond2[side] = std::nextafter(mLimit2[side], kInfinity);
         }
         addSources(patches);
     }
@@ -108,9 +159,7 @@ private:
             for (std::uint32_t n = patches.first[leaf]; n < patches.first[leaf + 1]; ++n) {
                 if (!patches.superseded.empty() && patches.superseded[n]) continue;
                 const int voxel = int(Leaf::coordToOffset(mPatches[n].voxel));
-                node.known->patch[voxel] = n;
-                node.known->distance2[voxel] = mPatches[n].foot.squaredNorm();
-                node.known->pending[std::size_t(voxel >> 6)] |= std::uint64_t(1) << (voxel & 63);
+                node.known->take(voxel, n, mPatches[n].foot.squaredNorm());
             }
         });
         for (std::uint32_t n = patches.voxelPatches(); n < mPatches.size(); ++n) {
@@ -139,16 +188,20 @@ private:
         node.known = std::make_unique<Knowledge>();
         Knowledge& known = *node.known;
         known.patch.fill(kNone);
-        known.distance2.fill(kInfinity);
         node.signs = mSigns.probeConstLeaf(node.origin);
         if (!node.signs) {
-            known.negative.fill(mSigns.getValue(node.origin) < 0 ? ~std::uint64_t(0) : 0);
+            const bool negative = mSigns.getValue(node.origin) < 0;
+            known.negative.fill(negative ? ~std::uint64_t(0) : 0);
+            known.distance2.fill(mBeyond2[negative]);
             return;
         }
         const float* const values = node.signs->buffer().data();
         known.negative = {};
-        for (int n = 0; n < kVoxels; ++n)
-            known.negative[std::size_t(n >> 6)] |= std::uint64_t(values[n] < 0) << (n & 63);
+        for (int n = 0; n < kVoxels; ++n) {
+            const bool negative = values[n] < 0;
+            known.negative[std::size_t(n >> 6)] |= std::uint64_t(negative) << (n & 63);
+            known.distance2[std::size_t(n)] = mBeyond2[negative];
+        }
     }
 
     /// Let the nodes of @a work hear and tell; returns those that have news to hear.
@@ -201,10 +254,11 @@ private:
     void hear(const Node& from, Node& node)
     {
         const Coord shift = from.origin - node.origin;
+        const int side = sideOf(-shift[0] / kDim, -shift[1] / kDim, -shift[2] / kDim);
         for (const Message& m : from.sent) {
+            if (!(kSidesOfVoxels[m.voxel] >> side & 1u)) continue;
             const Coord at = shift + Knowledge::coordOf(m.voxel);
-            const Vec3f v = mPatches[m.patch].to(node.origin + at);
-            offer(node, at, m.patch, v);
+            offer(node, at, m.patch, mPatches[m.patch].to(node.origin + at));
         }
     }
 
@@ -261,9 +315,8 @@ private:
         for (int x = low(0); x <= high(0); ++x)
             for (int y = low(1); y <= high(1); ++y)
                 for (int z = low(2); z <= high(2); ++z)
-                    if (leastDistance2(Coord(x, y, z), v) <= limit2)
-                        sides |= 1u << ((x + 1) * 9 + (y + 1) * 3 + z + 1);
-        return sides & ~(1u << 13);
+                    if (leastDistance2(Coord(x, y, z), v) <= limit2) sides |= 1u << sideOf(x, y, z);
+        return sides & ~(1u << sideOf(0, 0, 0));
     }
 
     /// The least square of a distance to the patch of v's foot, from voxels beside the one at @a v
@@ -281,26 +334,26 @@ private:
 
     /// Offer a patch, from whose foot it is @a v to @a at (in the leaf or beside it), to all voxels
     /// of the leaf around.
-    void offer(Node& node, const Coord& at, std::uint32_t patch, const Vec3f& v)
+    void offer(Node& node, const Coord& at, std::uint32_t patch, const Vec3f& v) const
     {
         Knowledge& known = *node.known;
         const auto low = [&](int a) { return std::max(at[a] - 1, 0); };
         const auto high = [&](int a) { return std::min(at[a] + 1, kDim - 1); };
-        const int z0 = low(2), z1 = high(2);
+        // Most offers are no nearer: four voxels are asked at once, of which up to three are meant.
+        const int z0 = std::min(low(2), kDim - 4);
+        const Ints steps = (z0 - at[2]) + Ints{0, 1, 2, 3};
+        const Ints meant = (steps >= -1) & (steps <= 1);
+        const Floats dz = v[2] + __builtin_convertvector(steps, Floats), dz2 = dz * dz;
         for (int x = low(0); x <= high(0); ++x) {
             const float dx = v[0] + float(x - at[0]), dx2 = dx * dx;
             for (int y = low(1); y <= high(1); ++y) {
                 const float dy = v[1] + float(y - at[1]), dxy2 = dx2 + dy * dy;
-                const int row = (x * kDim + y) * kDim;
-                for (int z = z0; z <= z1; ++z) {
-                    const float dz = v[2] + float(z - at[2]), d2 = dxy2 + dz * dz;
-                    const int n = row + z;
-                    if (!(d2 < known.distance2[n])) continue;
-                    if (d2 > mLimit2[known.isNegative(n)]) continue;
-                    known.distance2[n] = d2;
-                    known.patch[n] = patch;
-                    known.pending[std::size_t(n >> 6)] |= std::uint64_t(1) << (n & 63);
-                }
+                const int row = (x * kDim + y) * kDim + z0;
+                const Floats d2 = dxy2 + dz2;
+                const Ints nearer = (d2 < lanesAt<Floats>(&known.distance2[row])) & meant;
+                if (!anyOf(nearer)) continue;
+                for (int z = 0; z < 4; ++z)
+                    if (nearer[z]) known.take(row + z, patch, d2[z]);
             }
         }
     }
@@ -331,10 +384,8 @@ private:
         node.result =
             mFinish(node.origin, node.signs, KnownDistances(mSurface, node.origin, *node.known));
         node.result.origin = node.origin;
-        node.known.reset();
+        node.letGo();
         node.finished = true;
-        node.sent = node.sending = {};
-        node.senders = {};
     }
 
     const openvdb::FloatTree& mSigns;
@@ -343,6 +394,7 @@ private:
     const FinishLeaf& mFinish;
     Progress& mProgress;
     float mReach[2], mLimit2[2]; ///< outside, inside
+    float mBeyond2[2];           ///< the least that is above the limit
     float mBound2 = 0;
     std::vector<std::unique_ptr<Node>> mNodes;
     std::unordered_map<Coord, std::uint32_t> mIndex;

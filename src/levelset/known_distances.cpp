@@ -7,6 +7,12 @@
 
 namespace mpuvdb
 {
+namespace
+{
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+} // namespace
 
 using openvdb::Coord;
 
@@ -46,7 +52,6 @@ private:
 
 float KnownDistances::at(int voxel) const
 {
-    constexpr float kInfinity = std::numeric_limits<float>::infinity();
     const std::uint32_t patch = mKnown.patch[std::size_t(voxel)];
     const float side = mKnown.isNegative(voxel) ? -1.0f : 1.0f;
     if (patch == Knowledge::kNone) return side * kInfinity;
@@ -56,8 +61,10 @@ float KnownDistances::at(int voxel) const
 
 float KnownDistances::atMost(int voxel) const
 {
-    return std::copysign(std::sqrt(mKnown.distance2[std::size_t(voxel)]),
-                         mKnown.isNegative(voxel) ? -1.0f : 1.0f);
+    const auto n = std::size_t(voxel);
+    const bool found = mKnown.patch[n] != Knowledge::kNone;
+    const float distance = found ? std::sqrt(mKnown.distance2[n]) : kInfinity;
+    return mKnown.isNegative(voxel) ? -distance : distance;
 }
 
 float KnownDistances::distanceToPatch(std::uint32_t patch, const Coord& at, float side) const

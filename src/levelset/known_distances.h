@@ -13,11 +13,18 @@ struct Knowledge {
     static constexpr std::uint32_t kNone = ~std::uint32_t(0);
 
     std::array<std::uint32_t, kVoxels> patch;
-    std::array<float, kVoxels> distance2;         ///< to the patch's foot
+    std::array<float, kVoxels> distance2; ///< to the patch's foot; of none, what is beyond reach
     std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbours
     std::array<std::uint64_t, kDim> negative;
 
     bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }
+    /// A voxel has found a nearer patch.
+    void take(int n, std::uint32_t nearer, float itsDistance2)
+    {
+        patch[std::size_t(n)] = nearer;
+        distance2[std::size_t(n)] = itsDistance2;
+        pending[std::size_t(n >> 6)] |= std::uint64_t(1) << (n & 63);
+    }
     static openvdb::Coord coordOf(int voxel)
     {
         return {voxel / (kDim * kDim), voxel / kDim % kDim, voxel % kDim};

@@ -3,6 +3,7 @@
 #include "position_order.h"
 
 #include <mpuvdb/progress.h>
+#include <mpuvdb/release.h>
 
 #include <tbb/parallel_for.h>
 
@@ -125,7 +126,7 @@ CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Progress& p
     for (Part& part : mParts) {
         part.firstCell = std::uint32_t(mCells.size());
         mCells.insert(mCells.end(), part.cells.begin(), part.cells.end());
-        part.cells = {};
+        release(part.cells);
     }
 }
 

@@ -1,6 +1,7 @@
 #include "orientation.h"
 
 #include <mpuvdb/progress.h>
+#include <mpuvdb/release.h>
 
 #include <tbb/parallel_sort.h>
 
@@ -218,7 +219,7 @@ Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> lin
     std::vector<PatchLink> between;
     for (const OrientationLink& l : links)
         if (forest.find(l.a).first != forest.find(l.b).first) between.push_back({l.a, l.b, l.vote});
-    links = {};
+    release(links);
     PatchJoiner(nodes, forest, progress).run(between);
     Orientation result;
     result.parts.resize(nodes);
