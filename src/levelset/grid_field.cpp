@@ -35,7 +35,34 @@ struct Stencil {
         slopes = {-0.5 + t * (2 - 1.5 * t), t * (-5 + 4.5 * t), 0.5 + t * (4 - 4.5 * t),
                   t * (-1 + 1.5 * t)};
     }
+    /// @{ Of four samples: the value at the position, and its slope.
+    double weighted(const std::array<float, 4>& samples) const { return sum(weights, samples); }
+    double sloped(const std::array<float, 4>& samples) const { return sum(slopes, samples); }
+    /// @}
+
+private:
+    static double sum(const std::array<double, 4>& w, const std::array<float, 4>& v)
+    {
+        return (w[0] * double(v[0]) + w[1] * double(v[1])) +
+               (w[2] * double(v[2]) + w[3] * double(v[3]));
+    }
 };
+
+/// The samples of four voxels along z.
+std::array<float, 4> fourFrom(const Accessor& at, const Coord& first)
+{
+    std::array<float, 4> samples;
+    if ((first[2] & (kBlockDim - 1)) > kBlockDim - 4) {
+        for (int k = 0; k < 4; ++k) samples[std::size_t(k)] = at.getValue(first.offsetBy(0, 0, k));
+    } else if (const auto* const leaf = at.probeConstLeaf(first)) {
+        const float* const from =
+            leaf->buffer().data() + openvdb::FloatTree::LeafNodeType::coordToOffset(first);
+        std::copy_n(from, 4, samples.begin());
+    } else {
+        samples.fill(at.getValue(first));
+    }
+    return samples;
+}
 
 /// Along one axis: which samples a block's voxels need, and how each combines four of them.
 struct AxisPlan {
@@ -160,16 +187,20 @@ public:
             return sample;
         }
         const Stencil x(q[0]), y(q[1]), z(q[2]);
-        for (std::size_t i = 0; i < 4; ++i)
-            for (std::size_t j = 0; j < 4; ++j)
-                for (std::size_t k = 0; k < 4; ++k) {
-                    const double value = double(
-                        at.getValue(Coord(x.first + int(i), y.first + int(j), z.first + int(k))));
-                    sample.value += value * x.weights[i] * y.weights[j] * z.weights[k];
-                    sample.gradient += value * Vec3d(x.slopes[i] * y.weights[j] * z.weights[k],
-                                                     x.weights[i] * y.slopes[j] * z.weights[k],
-                                                     x.weights[i] * y.weights[j] * z.slopes[k]);
-                }
+        for (int i = 0; i < 4; ++i) {
+            double value = 0, alongY = 0, alongZ = 0; // of the plane of samples, and its slopes
+            for (int j = 0; j < 4; ++j) {
+                const auto row = fourFrom(at, Coord(x.first + i, y.first + j, z.first));
+                const double inRow = z.weighted(row);
+                value += y.weights[std::size_t(j)] * inRow;
+                alongY += y.slopes[std::size_t(j)] * inRow;
+                alongZ += y.weights[std::size_t(j)] * z.sloped(row);
+            }
+            const double weight = x.weights[std::size_t(i)];
+            sample.value += weight * value;
+            sample.gradient +=
+                Vec3d(x.slopes[std::size_t(i)] * value, weight * alongY, weight * alongZ);
+        }
         sample.gradient /= mLattice.voxelSize;
         return sample;
     }
