@@ -146,5 +146,49 @@ TEST_F(EstimateTest, RefusesBeforeTheWorkAndSaysWhatFits)
     EXPECT_EQ(hopeless.status, 5) << hopeless.err;
 }
 
+// Verbs say beforehand what they take: within a factor of two, beside what the program has itself.
+TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
+{
+    sample("blob(1,20,0.05)", "blob.ply", {"--points", "100000"});
+    reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "200"});
+    ASSERT_EQ(mpuvdb({"transform", "a.vdb", "-o", "b.vdb", "--translate", "0.6,0,0"}).status, 0);
+    for (const Words& verb : std::vector<Words>{
+             {"offset", "a.vdb", "--distance", "20vx"},
+             {"offset", "a.vdb", "--distance=-10vx"},
+             {"shell", "a.vdb", "--thickness", "10vx"},
+             {"smooth", "a.vdb", "--width", "2"},
+             {"union", "a.vdb", "b.vdb", "--blend", "15vx"},
+             {"morph", "a.vdb", "b.vdb"},
+             {"resample", "a.vdb", "--half-width", "30"},
+         }) {
+        SCOPED_TRACE(verb[0] + " " + verb.back());
+        Words free = verb, bound = verb;
+        free.insert(free.end(), {"-o", "o.vdb", "--report", "r.json"});
+        ASSERT_EQ(mpuvdb(free).status, 0);
+        double peak = 0, read = 0;
+        const json report = json::parse(readFile(mFolder / "r.json"));
+        for (const json& stage : report["stages"]) {
+            peak = std::max(peak, stage["peak_bytes"].get<double>());
+            if (stage["name"] == "read") read = stage["peak_bytes"].get<double>();
+        }
+        std::filesystem::remove(mFolder / "o.vdb");
+        const double limit = read + 0.1 * (peak - read);
+        bound.insert(bound.end(),
+                     {"-o", "o.vdb", "--max-memory", std::to_string(std::uint64_t(limit))});
+        const Ended refused = mpuvdb(bound);
+        EXPECT_EQ(refused.status, 5) << refused.err;
+        EXPECT_FALSE(std::filesystem::exists(mFolder / "o.vdb"));
+        const std::string needs = "needs about ";
+        const std::size_t at = refused.err.find(needs);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+        ASSERT_NE(at, std::string::npos) << refused.err;
+        constexpr double kProgram = 33e6;
+        const double foreseen = 1e6 * std::atof(refused.err.c_str() + at + needs.size());
+        EXPECT_GT(foreseen, (peak - kProgram) / 2);
+        EXPECT_LT(foreseen, (peak - kProgram) * 2);
+#endif
+    }
+}
+
 } // namespace
 } // namespace mpuvdb::test

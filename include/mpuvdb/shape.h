@@ -22,7 +22,7 @@ class Progress;
 /// What a shape is evaluated to.
 struct ShapeSettings {
     double voxelSize = 0;       ///< world units, > 0
-    double halfWidth = 3;       ///< voxels, in [1.5, 100]
+    double halfWidth = 3;       ///< voxels, in [1.5, 1000]
     std::uint64_t maxBytes = 0; ///< memory that all grids together may take; 0: no limit
 };
 
@@ -81,6 +81,9 @@ public:
     std::vector<PlanStep> plan(const ShapeSettings& settings) const;
     /// The plan as text, one line per step; and the memory of the grids that there are at once.
     std::string explain(const ShapeSettings& settings) const;
+    /// @throws LimitError if evaluate() would take more memory than @a settings allow, and as
+    /// plan().
+    void demandMemory(const ShapeSettings& settings) const;
     /// @throws UsageError (settings, an unbounded solid), LimitError (memory, before it is taken),
     /// InputError, Interrupted.
     LevelSet evaluate(const ShapeSettings& settings, Progress& progress) const;

@@ -121,6 +121,11 @@ std::string Shape::explain(const ShapeSettings& settings) const
     return text;
 }
 
+void Shape::demandMemory(const ShapeSettings& settings) const
+{
+    ShapePlan(*mNode, settings).demandMemory();
+}
+
 LevelSet Shape::evaluate(const ShapeSettings& settings, Progress& progress) const
 {
     const ShapePlan plan(*mNode, settings);

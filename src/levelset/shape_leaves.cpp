@@ -116,6 +116,12 @@ public:
         return double(mLevelSet.grid().activeVoxelCount()) * h * h / (2 * mLevelSet.halfWidth());
     }
 
+    double workingBytes(const Demand& own) const override
+    {
+        const bool wider = own.halfWidth > mLevelSet.halfWidth();
+        return wider ? distanceBytes(area(own.region), mLattice.voxelSize) : 0;
+    }
+
     LevelSet make(const Inputs&, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {

@@ -39,8 +39,8 @@ public:
 
     /// What it needs of input @a n to give @a own.
     virtual Demand demandOf(std::size_t n, const Demand& own) const = 0;
-    /// The widest band, in voxels, that it makes on its way to @a own.
-    virtual double widestBand(const Demand& own) const { return own.halfWidth; }
+    /// Memory that it takes on its way to @a own beside its grid and its inputs', bytes; estimated.
+    virtual double workingBytes(const Demand&) const { return 0; }
     /// An estimate of its surface's area within @a region, world units squared.
     virtual double area(const Box3d& region) const;
     /// As Shape::voxelSize().
@@ -98,6 +98,13 @@ FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& b
 
 /// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress);
+
+/// Memory of a level set of a surface of @a area (world units squared), bytes; estimated.
+double gridBytes(double area, double voxelSize, double halfWidth);
+
+/// Memory to find distances to a surface of @a area (world units squared), as wide as may be,
+/// bytes; measured, to a quarter: the surface's patches and the front that goes out from them.
+double distanceBytes(double area, double voxelSize);
 
 /// The lattice of the level set in @a node, if it holds one.
 const Lattice* latticeIn(const Shape::Node& node);

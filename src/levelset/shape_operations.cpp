@@ -70,6 +70,14 @@ public:
         return demand;
     }
 
+    double workingBytes(const Demand& own) const override
+    {
+        if (!(mBlendRadius > 0)) return 0;
+        // The surfaces that the ball touches, and those that its centre goes along.
+        const double h = own.lattice.voxelSize;
+        return (1 + mBlendRadius / h / 15) * distanceBytes(Node::area(own.region), h);
+    }
+
     FieldPtr field() const override
     {
         if (mBlendRadius > 0) return nullptr;
@@ -168,6 +176,11 @@ public:
     {
         return offsetArea(Node::area(grown(region, std::abs(mDistance))), mDistance);
     }
+    double workingBytes(const Demand& own) const override
+    {
+        const Box3d region = grown(own.region, std::abs(mDistance));
+        return distanceBytes(std::max(Node::area(region), area(own.region)), own.lattice.voxelSize);
+    }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
@@ -211,6 +224,10 @@ public:
         const double outer = outward(mThickness, mWall);
         return offsetArea(area, outer) + offsetArea(area, outer - mThickness);
     }
+    double workingBytes(const Demand& own) const override
+    {
+        return distanceBytes(area(own.region), own.lattice.voxelSize);
+    }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
@@ -251,6 +268,13 @@ public:
         const int reach = 4 * mSettings.iterations * mSettings.width;
         return within(own, grown(own.region, reach * own.lattice.voxelSize));
     }
+    double workingBytes(const Demand& own) const override
+    {
+        // The band that a pass reads, its filtered copies, and the distances after it.
+        const double h = own.lattice.voxelSize, area = Node::area(own.region);
+        const FilterPass pass = nextPass(mSettings, 0);
+        return kFilterCopies * gridBytes(area, h, pass.halfWidth) + distanceBytes(area, h);
+    }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
@@ -258,6 +282,7 @@ public:
     }
 
 private:
+    static constexpr double kFilterCopies = 3;
     SmoothSettings mSettings;
 };
 
@@ -277,13 +302,17 @@ public:
     {
         return within(own, inputs()[n]->bounds());
     }
-    double widestBand(const Demand& own) const override
+    /// The bands are widened until they reach each other, doubled each time.
+    double workingBytes(const Demand& own) const override
     {
+        constexpr double kOvershoot = 1.5;
         const Box3d &a = inputs()[0]->bounds(), &b = inputs()[1]->bounds();
-        if (mHow == Morphing::Advection || a.isEmpty() || b.isEmpty()) return own.halfWidth;
-        const double apart = (a.min() - b.min()).cwiseAbs().maxCoeff();
-        const double other = (a.max() - b.max()).cwiseAbs().maxCoeff();
-        return own.halfWidth + std::max(apart, other) / own.lattice.voxelSize;
+        if (a.isEmpty() || b.isEmpty()) return 0;
+        const double low = (a.min() - b.min()).cwiseAbs().maxCoeff();
+        const double high = (a.max() - b.max()).cwiseAbs().maxCoeff();
+        const double h = own.lattice.voxelSize, whole = area({});
+        const double halfWidth = own.halfWidth + kOvershoot * std::max(low, high) / h;
+        return 2 * gridBytes(whole, h, halfWidth) + distanceBytes(whole, h);
     }
     double area(const Box3d&) const override
     {
@@ -497,6 +526,22 @@ LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress)
     return std::abs(levelSet.halfWidth() - halfWidth) <= kSame * halfWidth
                ? levelSet
                : withHalfWidth(levelSet, halfWidth, progress);
+}
+
+double distanceBytes(double area, double voxelSize)
+{
+    constexpr double kBytes = 370; // where a voxel's face of the surface is
+    return kBytes * area / (voxelSize * voxelSize);
+}
+
+double gridBytes(double area, double voxelSize, double halfWidth)
+{
+    constexpr double kLeafBytes = 2200;
+    constexpr double kNodeBytes = 2.2e6; // eight of OpenVDB's upper nodes, about the origin
+    constexpr double kLeafSlack = 12; // a leaf is touched from its half diagonal off, on both sides
+    const double leaves =
+        area / (voxelSize * voxelSize) * (2 * halfWidth + kLeafSlack) / kBlockVoxels;
+    return leaves * kLeafBytes + kNodeBytes;
 }
 
 Box3d grown(const Box3d& box, double by)

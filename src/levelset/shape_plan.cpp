@@ -1,5 +1,7 @@
 #include "shape_plan.h"
 
+#include "band_limits.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
 
@@ -14,9 +16,7 @@ namespace
 
 void demandSettings(const Shape::Node& root, const ShapeSettings& settings)
 {
-    if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
-        throw UsageError(
-            fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));
+    demandHalfWidth(settings.halfWidth);
     if (!root.bounds().isEmpty() && !isFinite(root.bounds()))
         throw UsageError(fmt::format("the shape ({}) has no end, and a grid has one: intersect it "
                                      "with a box or another solid",
@@ -96,14 +96,9 @@ void ShapePlan::spreadDemands(double halfWidth)
         if (task.wanted()) task.area = task.node->area(task.demand.region);
 }
 
-std::uint64_t ShapePlan::Task::bytes(double halfWidth) const
+std::uint64_t ShapePlan::Task::bytes() const
 {
-    constexpr double kLeafBytes = 2200;
-    constexpr double kNodeBytes = 2.2e6; // eight of OpenVDB's upper nodes, about the origin
-    constexpr double kLeafSlack = 12; // a leaf is touched from its half diagonal off, on both sides
-    const double h = demand.lattice.voxelSize;
-    const double leaves = area / (h * h) * (2 * halfWidth + kLeafSlack) / kBlockVoxels;
-    return std::uint64_t(leaves * kLeafBytes + kNodeBytes);
+    return std::uint64_t(gridBytes(area, demand.lattice.voxelSize, demand.halfWidth));
 }
 
 std::vector<PlanStep> ShapePlan::steps() const
@@ -127,7 +122,7 @@ void ShapePlan::addSteps(std::size_t n, int depth, std::vector<bool>& seen,
     step.region = task.demand.region;
     const double h = step.voxelSize;
     step.voxels = std::uint64_t(2 * step.halfWidth * task.area / (h * h));
-    step.bytes = task.bytes(task.demand.halfWidth);
+    step.bytes = task.bytes();
     steps.push_back(std::move(step));
     if (seen[n]) return;
     seen[n] = true;
@@ -142,14 +137,14 @@ std::uint64_t ShapePlan::peakBytes() const
         const Task& task = mTasks[n];
         if (!task.wanted()) continue;
         left[n] = task.uses;
-        peak = std::max(peak, live + task.bytes(task.node->widestBand(task.demand)));
-        live += task.bytes(task.demand.halfWidth);
+        live += task.bytes();
+        peak = std::max(peak, live + std::uint64_t(task.node->workingBytes(task.demand)));
         for (const std::size_t input : task.inputs) {
             const Task& used = mTasks[input];
-            if (used.wanted() && --left[input] == 0) live -= used.bytes(used.demand.halfWidth);
+            if (used.wanted() && --left[input] == 0) live -= used.bytes();
         }
     }
-    return std::max(peak, live);
+    return peak;
 }
 
 void ShapePlan::demandMemory() const

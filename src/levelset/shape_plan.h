@@ -31,7 +31,7 @@ private:
         double area = 0;                 ///< estimated, world units squared
 
         bool wanted() const { return !demand.region.isEmpty(); }
-        std::uint64_t bytes(double halfWidth) const;
+        std::uint64_t bytes() const; ///< of its grid
     };
 
     std::size_t find(const Shape::Node& node, const Lattice& lattice);

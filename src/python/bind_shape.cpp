@@ -24,7 +24,7 @@ namespace
 #define MPUVDB_SAMPLING_DOC                                                                        \
     " voxel_size: world units, or '1%' of the diagonal of the bounds; None: that of the finest "   \
     "level set it is made of. half_width: voxels, in "                                             \
-    "[1.5, 100]. max_bytes: memory that all grids together may take, 0 for any; more is a "        \
+    "[1.5, 1000]. max_bytes: memory that all grids together may take, 0 for any; more is a "       \
     "LimitError before it is taken."
 
 using VoxelSize = std::optional<LengthArgument>;

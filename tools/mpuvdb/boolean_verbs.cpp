@@ -37,6 +37,8 @@ protected:
         settings()["blend"] = radius;
         settings()["inputs"] = inputs.size();
         if (mBlend) session.note("blend       " + lengthText(radius, solids.front().voxelSize()));
+        const std::vector<Shape> shapes(solids.begin(), solids.end());
+        Shape::combine(mKind, shapes, radius).demandMemory(settingsLike(solids.front(), session));
         return combine(mKind, solids, radius, session.progress());
     }
 

@@ -125,6 +125,15 @@ std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& s
     return std::move(shared.levelSets);
 }
 
+ShapeSettings settingsLike(const LevelSet& levelSet, const Session& session)
+{
+    ShapeSettings settings;
+    settings.voxelSize = levelSet.voxelSize();
+    settings.halfWidth = levelSet.halfWidth();
+    settings.maxBytes = session.options().maxBytes;
+    return settings;
+}
+
 std::string lengthText(double length, double voxelSize)
 {
     return fmt::format("{:.4g} ({:.3g} vx)", length, length / voxelSize);

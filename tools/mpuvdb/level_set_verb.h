@@ -3,7 +3,7 @@
 #include "describe.h"
 #include "verb.h"
 
-#include <mpuvdb/operations.h>
+#include <mpuvdb/shape.h>
 
 namespace mpuvdb::command
 {
@@ -60,6 +60,9 @@ private:
 /// stands in @a settings as "resampled".
 std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& settings,
                                    Session& session);
+
+/// To evaluate a shape on voxels like those of @a levelSet, in as wide a band.
+ShapeSettings settingsLike(const LevelSet& levelSet, const Session& session);
 
 /// "0.01 (5 vx)"
 std::string lengthText(double length, double voxelSize);

@@ -1,8 +1,6 @@
 // mpuvdb twist, transform, resample: the same solid elsewhere, deformed, or on other voxels.
 #include "level_set_verb.h"
 
-#include <mpuvdb/shape.h>
-
 #include <fmt/format.h>
 
 #include <cmath>
@@ -13,16 +11,6 @@ namespace
 {
 
 constexpr double kRadians = M_PI / 180;
-
-/// The shape on voxels like those of @a input.
-LevelSet evaluateLike(const Shape& shape, const LevelSet& input, Session& session)
-{
-    ShapeSettings settings;
-    settings.voxelSize = input.voxelSize();
-    settings.halfWidth = input.halfWidth();
-    settings.maxBytes = session.options().maxBytes;
-    return shape.evaluate(settings, session.progress());
-}
 
 /// A solid far off the axis is drawn out along its turns, to a sheet in the end.
 /// @param rate  radians per world unit. @throws UsageError where it would be thinner than two
@@ -99,8 +87,8 @@ protected:
         settings()["center"] = toJson(axis.origin);
         session.note(fmt::format("twist       {:.4g} degrees per unit", rate));
         demandNearAxis(shape.bounds(), axis, rate * kRadians, solid.voxelSize(), session);
-        return evaluateLike(shape.warped(makeTwist(axis, rate * kRadians), "twist"), solid,
-                            session);
+        return shape.warped(makeTwist(axis, rate * kRadians), "twist")
+            .evaluate(settingsLike(solid, session), session.progress());
     }
 
 private:
@@ -149,10 +137,7 @@ protected:
         settings()["rotate"] = toJson(mRotate.value_or(Vec3d::Zero()));
         settings()["translate"] = toJson(mTranslate.value_or(Vec3d::Zero()));
         settings()["about"] = toJson(about);
-        ShapeSettings shape;
-        shape.voxelSize = solid.voxelSize();
-        shape.halfWidth = solid.halfWidth();
-        shape.maxBytes = session.options().maxBytes;
+        ShapeSettings shape = settingsLike(solid, session);
         if (mWithVoxels) {
             if (!(mScale.minCoeff() == mScale.maxCoeff()))
                 throw UsageError("--with-voxels: voxels stay cubes; scale all axes alike");
@@ -203,12 +188,13 @@ protected:
         const double halfWidth = mHalfWidth.value_or(solid.halfWidth());
         settings()["voxel_size"] = voxelSize;
         settings()["half_width"] = halfWidth;
-        if (!mVoxelSize) return withHalfWidth(solid, halfWidth, session.progress());
-        ShapeSettings settings;
-        settings.voxelSize = voxelSize;
-        settings.halfWidth = halfWidth;
-        settings.maxBytes = session.options().maxBytes;
-        return Shape(solid).evaluate(settings, session.progress());
+        const Shape shape(solid);
+        ShapeSettings wanted = settingsLike(solid, session);
+        wanted.voxelSize = voxelSize;
+        wanted.halfWidth = halfWidth;
+        if (mVoxelSize) return shape.evaluate(wanted, session.progress());
+        shape.demandMemory(wanted);
+        return withHalfWidth(solid, halfWidth, session.progress());
     }
 
 private:

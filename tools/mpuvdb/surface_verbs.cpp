@@ -34,6 +34,7 @@ protected:
         const double distance = inputs.front().resolve(*mDistance);
         settings()["distance"] = distance;
         session.note("distance    " + lengthText(distance, solid.voxelSize()));
+        Shape(solid).offset(distance).demandMemory(settingsLike(solid, session));
         return offset(solid, distance, session.progress());
     }
 
@@ -72,6 +73,7 @@ protected:
         settings()["wall"] = mWall;
         session.note(
             fmt::format("wall        {} {}", lengthText(thickness, solid.voxelSize()), mWall));
+        Shape(solid).shell(thickness, wall).demandMemory(settingsLike(solid, session));
         return shell(solid, thickness, wall, session.progress());
     }
 
@@ -122,6 +124,7 @@ protected:
 
     LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
     {
+        const LevelSet& solid = inputs.front().levelSet;
         mSmooth.filter = kFilters.at(mFilter);
         if (!mMask.empty())
             mSmooth.mask = readFloatGridFile(mMask, mMaskGrid, session.bytesLeft()).grid;
@@ -131,7 +134,8 @@ protected:
         if (mSmooth.mask) settings()["mask"] = mSmooth.mask->getName();
         session.note(fmt::format("filter      {}, width {} vx, {} times{}", mFilter, mSmooth.width,
                                  mSmooth.iterations, mSmooth.mask ? ", masked" : ""));
-        return smooth(inputs.front().levelSet, mSmooth, session.progress());
+        Shape(solid).smooth(mSmooth).demandMemory(settingsLike(solid, session));
+        return smooth(solid, mSmooth, session.progress());
     }
 
 private:
