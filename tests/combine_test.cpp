@@ -68,6 +68,20 @@ std::function<Vec3d(const Vec3d&)> circle(double ra, double rb, double d)
 
 constexpr double kBallA = 0.6, kBallB = 0.5, kApart = 0.7;
 
+// What is left is thinner than a voxel and lies between voxels.
+TEST(Combine, LeavesNoBandAroundNothing)
+{
+    for (const double left : {0.03, 0.0001}) {
+        const LevelSet block = solidLevelSet("translate(box(1,1,1), 0.5,0.5,0.5)", 0.05);
+        const LevelSet rest =
+            solidLevelSet(fmt::format("translate(box(3,4,4), {},1,1)", 1.5 + left), 0.05);
+        Progress progress;
+        const LevelSet cut = combine(Boolean::Difference, {block, rest}, 0, progress);
+        EXPECT_TRUE(cut.grid().empty()) << left;
+        EXPECT_EQ(cut.halfWidth(), block.halfWidth());
+    }
+}
+
 TEST(Combine, GivesDistancesToTheCreaseOfTwoBalls)
 {
     const double h = 1.0 / 32;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <regex>
 #include <sstream>
 #include <unistd.h>
 
@@ -229,6 +230,36 @@ TEST_F(CommandTest, PipesWorkAtBothEnds)
     EXPECT_EQ(mFolder.names(), (Words{"a.vdb"}));
     EXPECT_EQ(mpuvdb({"render", "-", "-o", "a.png", "-q"}, grid).status, 0);
     EXPECT_EQ(mFolder.names(), (Words{"a.png", "a.vdb"}));
+}
+
+// Nothing is left behind, however the ends of the pipe behave.
+TEST_F(CommandTest, BrokenPipesLeaveNothing)
+{
+    ASSERT_EQ(mpuvdb({"reconstruct", scan(), "-o", "a.vdb", "-q"}).status, 0);
+    std::filesystem::create_directory(mFolder / "scratch");
+    const auto shell = [&](const std::string& line) {
+        const std::string command = std::string(MPUVDB_COMMAND) + " ";
+        return run(mFolder, {"bash", "-c",
+                             "export TMPDIR=$PWD/scratch; set -o pipefail; " +
+                                 std::regex_replace(line, std::regex("@"), command)});
+    };
+    const std::vector<std::pair<std::string, std::string>> cases = {
+        {"@ mesh - -o - < a.vdb | head -c 80 > /dev/null", "cannot write to standard output"},
+        {"@ mesh - -o - < a.vdb > /dev/full", "cannot write to standard output"},
+        {"timeout 60 @ check - <&-", "cannot read standard input"},
+        {"@ check a.vdb >&-", "cannot write to standard output"},
+        {"head -c 3000 a.vdb | @ mesh - -o b.ply", "standard input: is truncated"},
+        {"ulimit -f 10; @ offset a.vdb -o b.vdb --distance 1vx", "b.vdb: cannot be written"},
+        {"ulimit -f 10; @ check - < a.vdb", "cannot keep what came from standard input"},
+    };
+    for (const auto& [line, said] : cases) {
+        const Ended ended = shell(line);
+        EXPECT_EQ(ended.status, 3) << line << "\n" << ended.err;
+        EXPECT_NE(ended.err.find(said), std::string::npos) << line << "\n" << ended.err;
+        EXPECT_TRUE(std::filesystem::is_empty(mFolder / "scratch")) << line;
+        EXPECT_EQ(mFolder.names(), (Words{"a.vdb", "scratch"})) << line;
+    }
+    EXPECT_EQ(mpuvdb({"union", "-", "-", "-o", "b.vdb"}, readFile(mFolder / "a.vdb")).status, 2);
 }
 
 TEST_F(CommandTest, FullStandardOutputIsAnError)

@@ -189,6 +189,55 @@ TEST_F(ModelVerbs, OtherGridsPassThrough)
     command({"offset", "several.vdb", "--grid", "density", "-o", "x.vdb", "--distance", "0.1"}, 3);
 }
 
+TEST_F(ModelVerbs, AGridOfTheResultsNameGivesWay)
+{
+    const auto density = openvdb::FloatGrid::create();
+    density->setName("density");
+    density->denseFill(openvdb::CoordBBox(openvdb::Coord(0), openvdb::Coord(9)), 1.0f, true);
+    write(folder / "several.vdb", solid("sphere(1)"), {density});
+    const auto countOf = [&](const std::string& file, const std::string& name) {
+        const auto grids = readGrids(folder / file);
+        return std::count_if(grids.begin(), grids.end(),
+                             [&](const auto& grid) { return grid->getName() == name; });
+    };
+    const std::string gave = "gives way to the one that is made";
+    const Ended fog = command({"fog", "several.vdb", "-o", "fog.vdb"});
+    EXPECT_NE(fog.err.find("'density' " + gave), std::string::npos) << fog.err;
+    EXPECT_EQ(countOf("fog.vdb", "density"), 1);
+    const Ended iso = command({"isosurface", "several.vdb", "--grid", "density", "-o", "iso.vdb"});
+    EXPECT_NE(iso.err.find("'surface' " + gave), std::string::npos) << iso.err;
+    EXPECT_EQ(countOf("iso.vdb", "surface"), 1);
+}
+
+TEST_F(ModelVerbs, NothingIsInsideAtTheLargestValue)
+{
+    command({"fog", "ball.vdb", "-o", "fog.vdb"});
+    const Ended ended = command({"isosurface", "fog.vdb", "-o", "x.vdb", "--value", "1"}, 3);
+    EXPECT_NE(ended.err.find("its largest value is 1"), std::string::npos) << ended.err;
+}
+
+TEST_F(ModelVerbs, FarAwayIsAsGoodAPlaceAsAny)
+{
+    command({"transform", "ball.vdb", "-o", "far.vdb", "--translate", "7e5,0,-3e6"});
+    command({"check", "far.vdb"});
+    command({"transform", "far.vdb", "-o", "back.vdb", "--translate=-7e5,0,3e6"});
+    EXPECT_NEAR(volumeOf(folder / "back.vdb"), ballVolume, tolerance);
+}
+
+TEST_F(ModelVerbs, WhatIsMissingDoesNotHideTheRestFromCheck)
+{
+    const Ended ended = command({"check", "ball.vdb", "no.vdb", "ball.vdb"}, 3);
+    EXPECT_NE(ended.err.find("no.vdb: cannot be read"), std::string::npos) << ended.err;
+    EXPECT_EQ(std::count(ended.out.begin(), ended.out.end(), '\n'), 2) << ended.out;
+}
+
+TEST_F(ModelVerbs, OptionsThatMeanNothingAreRefused)
+{
+    command({"smooth", "ball.vdb", "-o", "x.vdb", "--mask-grid", "density"}, 2);
+    command({"components", "ball.vdb", "-o", "x.vdb", "--keep", "-1"}, 2);
+    command({"components", "ball.vdb", "-o", "x.vdb", "--keep", "0"}, 2);
+}
+
 TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)
 {
     command({"fog", "ball.vdb", "-o", "fog.vdb"});

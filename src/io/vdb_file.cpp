@@ -44,8 +44,9 @@ auto withVdbFile(const fs::path& file, const Read& read)
     } catch (const Error&) {
         throw;
     } catch (const std::bad_alloc&) {
-        throw LimitError(fmt::format(
-            "{}: needs more memory than there is. Read it on a larger machine", file.string()));
+        throw LimitError(fmt::format("{}: needs more memory than it may take. Raise --max-memory, "
+                                     "or read it on a larger machine",
+                                     file.string()));
     } catch (const std::exception& e) {
         throw InputError(fmt::format("{}: OpenVDB cannot read it: {}. Copy or write it again",
                                      file.string(), e.what()));

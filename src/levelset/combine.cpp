@@ -44,6 +44,18 @@ FloatTree::ConstPtr withBackground(const FloatTree::ConstPtr& tree, float backgr
     return copy;
 }
 
+bool hasInside(const FloatTree& tree)
+{
+    auto tile = tree.cbeginValueAll();
+    for (tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1); tile; ++tile)
+        if (*tile < 0) return true;
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
+        const float* const values = leaf->buffer().data();
+        if (std::any_of(values, values + Leaf::SIZE, [](float v) { return v < 0; })) return true;
+    }
+    return false;
+}
+
 /// A box that holds all of the solids, world units.
 Box3d boxOf(const std::vector<LevelSet>& solids)
 {
@@ -213,6 +225,8 @@ LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double
         progress.advance();
     }
     progress.endStage();
+    // What is thinner than a voxel lies between voxels: a band without an inside is of nothing.
+    if (!hasInside(result.grid().tree())) return emptyLevelSet(result.lattice(), halfWidth);
     return result.halfWidth() > halfWidth * (1 + kSameWidth)
                ? withHalfWidth(result, halfWidth, progress)
                : result;

@@ -55,7 +55,9 @@ public:
     explicit Beyond(bool inside) : mSign(inside ? -1.0f : 1.0f) {}
     float at(int n) const override
     {
-        return std::copysign(kInfinity, mLeaf ? mLeaf->getValue(openvdb::Index(n)) : mSign);
+        // Not copysign: -0 is outside, as 0 is.
+        const float v = mLeaf ? mLeaf->getValue(openvdb::Index(n)) : mSign;
+        return v < 0 ? -kInfinity : kInfinity;
     }
     float atMost(int n) const override { return at(n); }
 

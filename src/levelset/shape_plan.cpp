@@ -23,6 +23,16 @@ void demandSettings(const Shape::Node& root, const ShapeSettings& settings)
                                      root.name()));
 }
 
+/// Whether the voxels of @a box have indices that leave room for any band.
+bool isNear(const Lattice& lattice, const Box3d& box)
+{
+    constexpr double kFarthest = 1 << 22; // voxels
+    if (box.isEmpty()) return true;
+    const Vec3d reach =
+        (box.min() - lattice.origin).cwiseAbs().cwiseMax((box.max() - lattice.origin).cwiseAbs());
+    return reach.maxCoeff() < kFarthest * lattice.voxelSize;
+}
+
 /// That of a level set in the expression with voxels of the wanted size, so that it need not be
 /// resampled; else aligned to the world.
 Lattice latticeOfResult(const Shape::Node& root, double voxelSize)
@@ -32,7 +42,8 @@ Lattice latticeOfResult(const Shape::Node& root, double voxelSize)
         const Shape::Node& node = *open.back();
         open.pop_back();
         const Lattice* lattice = latticeIn(node);
-        if (lattice && std::abs(lattice->voxelSize - voxelSize) <= 1e-6 * voxelSize)
+        if (lattice && std::abs(lattice->voxelSize - voxelSize) <= 1e-6 * voxelSize &&
+            isNear(*lattice, root.bounds()))
             return *lattice;
         for (auto input = node.inputs().rbegin(); input != node.inputs().rend(); ++input)
             open.push_back(input->get());

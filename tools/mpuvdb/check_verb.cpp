@@ -62,13 +62,26 @@ public:
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, mInputs);
-        for (const std::string& file : mInputs) checkFile(session, file);
+        for (const std::string& file : mInputs) tryFile(session, file);
         session.report()["files"] = mFiles;
         if (mJson) printText(Json{{"files", mFiles}}.dump(2) + "\n");
         return mMissing ? ExitCode::BadInput : mSound ? ExitCode::Ok : ExitCode::CheckFailed;
     }
 
 private:
+    /// One that cannot be read does not keep the others from being checked.
+    void tryFile(Session& session, const std::string& file)
+    {
+        try {
+            checkFile(session, file);
+        } catch (const Error& e) {
+            if (e.code() != ExitCode::BadInput) throw;
+            mMissing = true;
+            session.warn(e.what());
+            mFiles.push_back({{"file", file}, {"error", e.what()}});
+        }
+    }
+
     void checkFile(Session& session, const std::string& file)
     {
         Json grids = Json::array();

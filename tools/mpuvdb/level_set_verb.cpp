@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <locale>
 #include <optional>
 #include <sstream>
@@ -66,6 +67,17 @@ ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
     for (const CheckFinding& finding : checked.findings)
         session.warn(fmt::format("{}: {}", output, findingText(finding)));
     return checked.sound() ? ExitCode::Ok : ExitCode::CheckFailed;
+}
+
+openvdb::GridCPtrVec besides(openvdb::GridCPtrVec others, const std::string& name, Session& session)
+{
+    const auto isSame = [&](const auto& grid) { return grid->getName() == name; };
+    const auto end = std::remove_if(others.begin(), others.end(), isSame);
+    if (end != others.end())
+        session.warn(
+            fmt::format("the file's own grid '{}' gives way to the one that is made", name));
+    others.erase(end, others.end());
+    return others;
 }
 
 void LevelSetVerb::addOptions(CLI::App& app)

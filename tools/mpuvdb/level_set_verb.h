@@ -31,6 +31,11 @@ ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
                          const std::map<std::string, std::string>& metadata,
                          const openvdb::GridCPtrVec& beside, Session& session);
 
+/// The grids of @a others that are not called @a name: what is made takes the place of such a one,
+/// and a warning says so.
+openvdb::GridCPtrVec besides(openvdb::GridCPtrVec others, const std::string& name,
+                             Session& session);
+
 /// Level sets in, one level set out; the first file's other grids pass through.
 class LevelSetVerb : public Verb
 {

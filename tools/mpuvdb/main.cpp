@@ -2,6 +2,7 @@
 #include "command_line.h"
 #include "memory_limit.h"
 #include "signals.h"
+#include "standard_output.h"
 
 #include <cstdio>
 #include <fmt/format.h>
@@ -72,6 +73,7 @@ int runVerb(Verb& verb, const CommonOptions& options)
 int main(int argc, char** argv)
 {
     using namespace mpuvdb;
+    command::keepStandardFiles();
     command::reuseFreedMemory();
     try {
         const command::CommandLine line = command::parseCommandLine(argc, argv);

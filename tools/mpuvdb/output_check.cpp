@@ -80,6 +80,8 @@ std::string extensionOf(const std::string& path)
 
 void checkDistinct(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
 {
+    if (std::count(inputs.begin(), inputs.end(), "-") > 1)
+        throw UsageError("- -: standard input is there once; name files for the others");
     std::vector<std::string> taken;
     for (const Output& output : outputs) {
         if (output.path.empty()) continue;

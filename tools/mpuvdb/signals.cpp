@@ -30,7 +30,7 @@ int theBell = -1; // an eventfd: rung by the handler, heard by the watchdog
 [[noreturn]] void leaveNow() noexcept
 {
     removeTemporaryFiles();
-    removeScratchFolder();
+    removeScratchFolders();
     _exit(128 + theSignal.load());
 }
 
@@ -76,7 +76,8 @@ void stopOnSignals(Progress& progress)
     if (theBell < 0) throw IoError(fmt::format("cannot make an eventfd: {}", std::strerror(errno)));
     std::thread(watch).detach();
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) handle(signal);
-    std::signal(SIGPIPE, SIG_IGN);
+    // Writing fails instead, and what was begun is removed.
+    for (const int signal : {SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_IGN);
 }
 
 int stopSignal()

@@ -8,6 +8,7 @@
 #include <climits>
 #include <cstdlib>
 #include <cstring>
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fstream>
 #include <string_view>
@@ -19,10 +20,21 @@ namespace mpuvdb::command
 namespace
 {
 
-// Plain memory, because a signal handler may have to remove what is named here.
-std::array<char, PATH_MAX> theFolder{};
-std::array<char, PATH_MAX> theFile{};
-std::atomic<bool> theFolderExists{false};
+/// A folder with one file. Plain memory, because a signal handler may have to remove it.
+struct Scratch {
+    std::array<char, PATH_MAX> folder{}, file{};
+    std::atomic<bool> exists{false};
+
+    void remove() noexcept
+    {
+        if (!exists.exchange(false)) return;
+        unlink(file.data());
+        rmdir(folder.data());
+    }
+};
+
+/// One for what is read and one for what is written meanwhile.
+std::array<Scratch, 2> theScratches;
 
 void printBytes(std::string_view bytes)
 {
@@ -42,36 +54,73 @@ class ScratchFolder
 {
 public:
     explicit ScratchFolder(const std::string& extension)
+        : mScratch(theScratches[theScratches[0].exists])
     {
         const std::string name = std::filesystem::temp_directory_path() / "mpuvdb-XXXXXX";
-        if (name.size() + extension.size() + 8 > theFolder.size())
+        if (name.size() + extension.size() + 8 > mScratch.folder.size())
             throw IoError(fmt::format("{}: the path of the temporary folder is too long", name));
-        theFolder.fill(0);
-        name.copy(theFolder.data(), theFolder.size() - 1);
-        if (!mkdtemp(theFolder.data())) {
+        mScratch.folder.fill(0);
+        name.copy(mScratch.folder.data(), mScratch.folder.size() - 1);
+        if (!mkdtemp(mScratch.folder.data())) {
             throw IoError(fmt::format("{}: cannot make a temporary folder: {}. Set TMPDIR to a "
                                       "folder that is writable",
                                       name, std::strerror(errno)));
         }
-        theFile.fill(0);
-        fmt::format("{}/data{}", theFolder.data(), extension)
-            .copy(theFile.data(), theFile.size() - 1);
-        theFolderExists = true;
+        mScratch.file.fill(0);
+        fmt::format("{}/data{}", mScratch.folder.data(), extension)
+            .copy(mScratch.file.data(), mScratch.file.size() - 1);
+        mScratch.exists = true;
     }
-    ~ScratchFolder() { removeScratchFolder(); }
+    ~ScratchFolder() { mScratch.remove(); }
     ScratchFolder(const ScratchFolder&) = delete;
     ScratchFolder& operator=(const ScratchFolder&) = delete;
 
-    std::filesystem::path file() const { return theFile.data(); }
+    std::filesystem::path file() const { return mScratch.file.data(); }
+
+private:
+    Scratch& mScratch;
 };
+
+/// @a message without the name of a file that the user has not given.
+std::string aboutStandardInput(std::string message, const std::string& file)
+{
+    for (std::size_t at; (at = message.find(file)) != std::string::npos;)
+        message.replace(at, file.size(), "standard input");
+    return message;
+}
+
+void keepStandardInput(const std::filesystem::path& file)
+{
+    std::ofstream out(file, std::ios::binary);
+    std::vector<char> chunk(1 << 20);
+    for (;;) {
+        const ssize_t n = ::read(STDIN_FILENO, chunk.data(), chunk.size());
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0)
+            throw IoError(fmt::format("cannot read standard input: {}. Is something piped into it?",
+                                      std::strerror(errno)));
+        if (n == 0) break;
+        out.write(chunk.data(), n);
+    }
+    out.close();
+    if (!out)
+        throw IoError(fmt::format("{}: cannot keep what came from standard input. Set TMPDIR to a "
+                                  "folder with more room",
+                                  file.string()));
+}
 
 } // namespace
 
-void removeScratchFolder() noexcept
+void removeScratchFolders() noexcept
 {
-    if (!theFolderExists.exchange(false)) return;
-    unlink(theFile.data());
-    rmdir(theFolder.data());
+    for (Scratch& scratch : theScratches) scratch.remove();
+}
+
+void keepStandardFiles()
+{
+    for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+        if (fcntl(file, F_GETFD) < 0) [[maybe_unused]]
+            const int taken = open("/dev/null", file == STDIN_FILENO ? O_WRONLY : O_RDONLY);
 }
 
 void printText(const std::string& text)
@@ -99,23 +148,17 @@ void readFile(const std::string& file, const std::string& extension,
 {
     if (file != "-") return read(file);
     const ScratchFolder scratch(extension);
-    std::ofstream out(scratch.file(), std::ios::binary);
-    std::vector<char> chunk(1 << 20);
-    for (;;) {
-        const ssize_t n = ::read(STDIN_FILENO, chunk.data(), chunk.size());
-        if (n < 0 && errno == EINTR) continue;
-        if (n < 0)
-            throw IoError(fmt::format("cannot read standard input: {}. Is something piped into it?",
-                                      std::strerror(errno)));
-        if (n == 0) break;
-        out.write(chunk.data(), n);
+    keepStandardInput(scratch.file());
+    const auto named = [&](const Error& e) {
+        return aboutStandardInput(e.what(), scratch.file().string());
+    };
+    try {
+        read(scratch.file());
+    } catch (const InputError& e) {
+        throw InputError(named(e));
+    } catch (const LimitError& e) {
+        throw LimitError(named(e));
     }
-    out.close();
-    if (!out)
-        throw IoError(fmt::format("{}: cannot keep what came from standard input. Set TMPDIR to a "
-                                  "folder with more room",
-                                  scratch.file().string()));
-    read(scratch.file());
 }
 
 } // namespace mpuvdb::command

@@ -7,6 +7,10 @@
 namespace mpuvdb::command
 {
 
+/// Where standard input, output or errors are closed, take their numbers, which the next file to be
+/// opened would get: reading and writing them fails from then on.
+void keepStandardFiles();
+
 /// Write @a text to standard output. @throws IoError if not all of it got there.
 void printText(const std::string& text);
 
@@ -20,7 +24,7 @@ void printFile(const std::string& extension,
 void readFile(const std::string& file, const std::string& extension,
               const std::function<void(const std::filesystem::path&)>& read);
 
-/// Remove the folder of these two (async-signal-safe): for a command that has to end now.
-void removeScratchFolder() noexcept;
+/// Remove the folders of these two (async-signal-safe): for a command that has to end now.
+void removeScratchFolders() noexcept;
 
 } // namespace mpuvdb::command

@@ -116,10 +116,12 @@ protected:
                        "Half the edge of the cube, from 1 to 32; not for curvature")
             ->type_name("VOXELS")
             ->capture_default_str();
-        app.add_option("--mask", mMask, "A .vdb file with a grid of values from 0 to 1")
-            ->type_name("MASK.vdb");
+        CLI::Option* const mask =
+            app.add_option("--mask", mMask, "A .vdb file with a grid of values from 0 to 1")
+                ->type_name("MASK.vdb");
         app.add_option("--mask-grid", mMaskGrid, "Which of its grids; default: its first of floats")
-            ->type_name("NAME");
+            ->type_name("NAME")
+            ->needs(mask);
     }
 
     LevelSet make(const std::vector<GridInput>& inputs, Session& session) override

@@ -41,7 +41,8 @@ public:
         session.progress().beginStage("fog");
         openvdb::GridCPtrVec grids{toFog(input.levelSet, session.progress())};
         if (mKeepSurface) grids.push_back(input.levelSet.gridPtr());
-        grids.insert(grids.end(), input.others.begin(), input.others.end());
+        const auto others = besides(input.others, grids.front()->getName(), session);
+        grids.insert(grids.end(), others.begin(), others.end());
         const auto write = [&](const std::filesystem::path& file) {
             writeGrids(file, grids, session.progress());
         };
@@ -115,26 +116,19 @@ public:
                        mHalfWidth, session.progress(), session.bytesLeft());
         session.report()["settings"] = {
             {"grid", name}, {"value", mValue}, {"inside", mInside}, {"half_width", mHalfWidth}};
-        const ExitCode code = writeGridOutput(made, mOutput,
-                                              {{"mpuvdb:version", MPUVDB_VERSION},
-                                               {"mpuvdb:operation", "isosurface"},
-                                               {"mpuvdb:value", fmt::format("{}", mValue)},
-                                               {"mpuvdb:inside", mInside}},
-                                              otherNames(input.others), session);
+        const ExitCode code =
+            writeGridOutput(made, mOutput,
+                            {{"mpuvdb:version", MPUVDB_VERSION},
+                             {"mpuvdb:operation", "isosurface"},
+                             {"mpuvdb:value", fmt::format("{}", mValue)},
+                             {"mpuvdb:inside", mInside}},
+                            besides(input.others, made.grid().getName(), session), session);
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return code;
     }
 
 private:
-    /// Those that are not called as the result is.
-    static openvdb::GridCPtrVec otherNames(openvdb::GridCPtrVec grids)
-    {
-        const auto same = [](const auto& grid) { return grid->getName() == "surface"; };
-        grids.erase(std::remove_if(grids.begin(), grids.end(), same), grids.end());
-        return grids;
-    }
-
     std::string mInput, mOutput, mGrid, mInside = "above";
     double mValue = 0.5, mHalfWidth = 3;
 };
@@ -157,7 +151,8 @@ public:
         app.add_option("-o,--output", mOutput, "The parts that are kept; - is standard output")
             ->type_name("OUT.vdb");
         addGridName(app, mGrid);
-        app.add_option("--keep", mKeep, "At most so many parts, the largest")->type_name("N");
+        app.add_option("--keep", mKeep, "At most so many parts, the largest; from 1 on")
+            ->type_name("N");
         app.add_option("--min-volume", mMinVolume, "Parts of at least this volume")
             ->type_name("CUBIC UNITS");
         app.add_flag("--json", mJson, "Print the list as JSON");
@@ -167,6 +162,8 @@ public:
     {
         if (mOutput.empty() && (mKeep || mMinVolume > 0))
             throw UsageError("--keep and --min-volume say what is written: name it with -o");
+        if (mKeep && *mKeep < 1)
+            throw UsageError(fmt::format("--keep {}: must be from 1 on", *mKeep));
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("components");
@@ -174,7 +171,7 @@ public:
         list(found.measures(), session);
         if (mOutput.empty()) return ExitCode::Ok;
         const LevelSet kept =
-            found.keep(mMinVolume, mKeep.value_or(std::numeric_limits<std::size_t>::max()),
+            found.keep(mMinVolume, std::size_t(mKeep.value_or(std::numeric_limits<int>::max())),
                        session.progress());
         return writeGridOutput(kept, mOutput,
                                {{"mpuvdb:version", MPUVDB_VERSION},
@@ -208,7 +205,7 @@ private:
     }
 
     std::string mInput, mOutput, mGrid;
-    std::optional<std::size_t> mKeep;
+    std::optional<int> mKeep;
     double mMinVolume = 0;
     bool mJson = false;
 };
