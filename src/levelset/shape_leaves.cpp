@@ -57,6 +57,13 @@ public:
         return isSlow ? nullptr : mField;
     }
 
+    double workingBytes(const Demand& own) const override
+    {
+        const double h = own.lattice.voxelSize;
+        const bool sampled = mField->isDistance() && own.halfWidth <= kNearBand;
+        return sampled ? 0 : distanceBytes(area(own.region), h);
+    }
+
     LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
                   Progress& progress) const override
     {
@@ -119,7 +126,8 @@ public:
     double workingBytes(const Demand& own) const override
     {
         const bool wider = own.halfWidth > mLevelSet.halfWidth();
-        return wider ? distanceBytes(area(own.region), mLattice.voxelSize) : 0;
+        const double h = mLattice.voxelSize;
+        return wider ? distanceBytes(offsetArea(area(own.region), own.halfWidth * h), h) : 0;
     }
 
     LevelSet make(const Inputs&, const Demand& own, std::uint64_t,

@@ -99,6 +99,11 @@ FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& b
 /// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress);
 
+/// The area of a solid's surface of @a area that was offset by @a distance: grown as a ball of that
+/// area would be, and any convex solid about as much; shrunk ones keep it, for what is hollow
+/// gains. All in units of one kind.
+double offsetArea(double area, double distance);
+
 /// Memory of a level set of a surface of @a area (world units squared), bytes; estimated.
 double gridBytes(double area, double voxelSize, double halfWidth);
 

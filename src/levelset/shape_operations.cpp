@@ -41,16 +41,6 @@ Demand beyond(const Demand& own, double distance)
             grown(own.region, distance)};
 }
 
-/// The area of a solid's surface of @a area that was offset by @a distance: grown as a ball of that
-/// area would be, and any convex solid about as much; shrunk ones keep it, for what is hollow
-/// gains.
-double offsetArea(double area, double distance)
-{
-    if (!(distance > 0) || !(area > 0)) return area;
-    const double radii = std::sqrt(area) + std::sqrt(4 * M_PI) * distance;
-    return radii * radii;
-}
-
 class CombineNode final : public Node
 {
 public:
@@ -338,6 +328,11 @@ class ThroughNode : public Node
 public:
     using Node::Node;
 
+    double workingBytes(const Demand& own) const override
+    {
+        return isRigid() ? 0 : distanceBytes(area(own.region), own.lattice.voxelSize);
+    }
+
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
                   Progress& progress) const override
     {
@@ -528,6 +523,13 @@ LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress)
                : withHalfWidth(levelSet, halfWidth, progress);
 }
 
+double offsetArea(double area, double distance)
+{
+    if (!(distance > 0) || !(area > 0)) return area;
+    const double radii = std::sqrt(area) + std::sqrt(4 * M_PI) * distance;
+    return radii * radii;
+}
+
 double distanceBytes(double area, double voxelSize)
 {
     constexpr double kBytes = 370; // where a voxel's face of the surface is
@@ -536,12 +538,15 @@ double distanceBytes(double area, double voxelSize)
 
 double gridBytes(double area, double voxelSize, double halfWidth)
 {
-    constexpr double kLeafBytes = 2200;
+    constexpr double kBytesPerVoxel = 2200.0 / kBlockVoxels; // of a leaf
     constexpr double kNodeBytes = 2.2e6; // eight of OpenVDB's upper nodes, about the origin
-    constexpr double kLeafSlack = 12; // a leaf is touched from its half diagonal off, on both sides
-    const double leaves =
-        area / (voxelSize * voxelSize) * (2 * halfWidth + kLeafSlack) / kBlockVoxels;
-    return leaves * kLeafBytes + kNodeBytes;
+    constexpr double kLeafSlack = 6;     // a leaf is touched from its half diagonal off
+    const double faces = area / (voxelSize * voxelSize), width = halfWidth + kLeafSlack;
+    // What lies within the width of a ball: outside of it, and inside, where it has an end.
+    const double outside =
+        width * (faces + width * (std::sqrt(4 * M_PI * faces) + width * 4 * M_PI / 3));
+    const double inside = std::min(faces * width, std::pow(faces, 1.5) / (6 * std::sqrt(M_PI)));
+    return kBytesPerVoxel * (faces > 0 ? outside + inside : 0) + kNodeBytes;
 }
 
 Box3d grown(const Box3d& box, double by)
