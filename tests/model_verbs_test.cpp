@@ -236,6 +236,8 @@ TEST_F(ModelVerbs, OptionsThatMeanNothingAreRefused)
     command({"smooth", "ball.vdb", "-o", "x.vdb", "--mask-grid", "density"}, 2);
     command({"components", "ball.vdb", "-o", "x.vdb", "--keep", "-1"}, 2);
     command({"components", "ball.vdb", "-o", "x.vdb", "--keep", "0"}, 2);
+    const Ended large = command({"resample", "ball.vdb", "-o", "x.vdb", "--voxel-size", "1000"}, 5);
+    EXPECT_NE(large.err.find("take voxels of at most"), std::string::npos) << large.err;
 }
 
 TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)

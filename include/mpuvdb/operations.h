@@ -114,7 +114,7 @@ enum class Morphing {
     Linear,   ///< the zero set of (1-t) a + t b [Ohtake03 §6]; needs bands that reach each other
     Advection ///< a front moves from a's surface along its normal at constant speed and stops at
               ///< b's; in closed form, so that b appears where nothing of a touches it, too: for
-              ///< shapes that are far apart
+              ///< shapes that differ much; apart, a goes before b comes
 };
 
 /// The surface on the way from @a a (@a t = 0) to @a b (@a t = 1), at the ends these themselves, on

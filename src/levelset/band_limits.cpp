@@ -12,8 +12,8 @@ namespace mpuvdb
 void demandHalfWidth(double halfWidth)
 {
     if (!(halfWidth >= kNarrowestBand && halfWidth <= kWidestBand))
-        throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [{}, {}]. "
-                                     "Resample a narrower level set with a half-width of 3",
+        throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [{}, {}], and "
+                                     "most that work with level sets expect 3",
                                      halfWidth, kNarrowestBand, kWidestBand));
 }
 

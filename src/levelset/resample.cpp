@@ -65,6 +65,10 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
     const double beyond = isPartOf(lattice, from) ? 0 : kStencil;
     const double crossing = std::min(kCrossingWidth, halfWidth);
     const double least = (ratio > 1 ? crossing : halfWidth) * ratio + beyond;
+    if (const double most = (kWidestBand - beyond) / crossing; ratio > most)
+        throw LimitError(fmt::format("voxels of {:g} are {:.4g} times those of the level "
+                                     "set, and may be {:.3g} times: take voxels of at most {:.4g}",
+                                     lattice.voxelSize, ratio, most, most * from.voxelSize));
     const LevelSet source = levelSet.halfWidth() < least * (1 - kRounding)
                                 ? withHalfWidth(levelSet, least, progress)
                                 : levelSet;

@@ -145,7 +145,8 @@ void bindSurfaceOperations(ShapeClass& shapes)
             },
             "other"_a, "t"_a, "how"_a = "linear",
             "On the way from this (t = 0) to other (t = 1). 'linear' blends the distances; "
-            "'advection' moves the surface along its normals, for shapes that are far apart.");
+            "'advection' moves the surface along its normals, for shapes that differ much; apart, "
+            "self goes before other comes.");
 }
 
 /// Of shapes, or of level sets as shapes.

@@ -48,7 +48,8 @@ public:
             ->needs(frames);
         app.add_option("--method", mMethod,
                        "linear: the distances are blended, fits shapes that lie over each other;\n"
-                       "advection: the surface moves along its normals, for shapes far apart")
+                       "advection: the surface moves along its normals, for shapes that differ "
+                       "much;\nwhere they do not touch, the first is gone before the second comes")
             ->type_name("linear|advection")
             ->check(oneOf({"linear", "advection"}))
             ->capture_default_str();
