@@ -103,12 +103,13 @@ enum class Purpose {
 
 /// Read one level set of a .vdb file, as takeLevelSet() takes it: the grid called @a name, or, if
 /// empty, "surface" or the only level set. @param maxBytes  that the grid may take, by what its
-/// file says; 0: no limit. @param notes  become what was mended, for the user.
+/// file says; 0: no limit. @param progress  gets notes of what was mended, and may stop it; or
+/// null.
 /// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there; no
-/// distances), LimitError.
+/// distances), LimitError, Interrupted.
 LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {},
                       std::uint64_t maxBytes = 0, Purpose purpose = Purpose::Modelling,
-                      std::vector<std::string>* notes = nullptr);
+                      Progress* progress = nullptr);
 
 /// A level set, and the other grids of its file.
 struct LevelSetFile {
@@ -145,7 +146,9 @@ std::vector<openvdb::GridBase::Ptr> readAttributeGrids(const std::filesystem::pa
 /// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
 /// Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels: damage
 /// there may crash, so read strangers' files in a process of their own.
-openvdb::GridPtrVec readGrids(const std::filesystem::path& file, std::uint64_t maxBytes = 0);
+/// @param progress  may stop it; or null.
+openvdb::GridPtrVec readGrids(const std::filesystem::path& file, std::uint64_t maxBytes = 0,
+                              const Progress* progress = nullptr);
 
 /// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the grids
 /// of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.

@@ -4,6 +4,7 @@
 #include <mpuvdb/progress.h>
 
 #include "vdb_layout.h"
+#include "vdb_stream.h"
 
 #include <fmt/format.h>
 #include <openvdb/io/Archive.h>
@@ -129,9 +130,10 @@ std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted
 class GridReader
 {
 public:
-    /// @param maxBytes  for all of them; 0: no limit.
-    GridReader(openvdb::io::File& archive, std::uint64_t maxBytes)
-        : mArchive(archive), mMaxBytes(maxBytes)
+    /// @param maxBytes  for all of them; 0: no limit. @param progress  may stop it; or null.
+    GridReader(openvdb::io::File& archive, std::uint64_t maxBytes,
+               const Progress* progress = nullptr)
+        : mArchive(archive), mMaxBytes(maxBytes), mProgress(progress)
     {
     }
 
@@ -148,12 +150,15 @@ public:
                                          "it with larger voxels",
                                          mArchive.filename(), name, mBytes / 1e6,
                                          double(mMaxBytes) / 1e6));
-        return mArchive.readGrid(name);
+        const GridBase::Ptr grid =
+            mProgress ? readVdbGrid(mArchive.filename(), name, *mProgress) : nullptr;
+        return grid ? grid : mArchive.readGrid(name);
     }
 
 private:
     openvdb::io::File& mArchive;
     std::uint64_t mMaxBytes;
+    const Progress* mProgress;
     double mBytes = 0;
 };
 
@@ -175,23 +180,6 @@ LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Purpose pur
         throw InputError(fmt::format("{}: {}", file.string(), e.what()));
     }
 }
-
-/// A file that can be told to stop between two pieces of output.
-class StoppableBuffer : public std::filebuf
-{
-public:
-    explicit StoppableBuffer(const Progress& progress) : mProgress(progress) {}
-
-protected:
-    std::streamsize xsputn(const char* data, std::streamsize size) override
-    {
-        mProgress.check();
-        return std::filebuf::xsputn(data, size);
-    }
-
-private:
-    const Progress& mProgress;
-};
 
 /// OpenVDB's writer onto a stream of ours: its File cannot be stopped.
 class Writer : public openvdb::io::Archive
@@ -287,14 +275,15 @@ void verify(const fs::path& temporary, const fs::path& file, const openvdb::Grid
 } // namespace
 
 LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64_t maxBytes,
-                      Purpose purpose, std::vector<std::string>* notes)
+                      Purpose purpose, Progress* progress)
 {
     const auto grid = withVdbFile(file, [&](openvdb::io::File& archive) {
-        return GridReader(archive, maxBytes).read(chooseLevelSet(archive, name));
+        return GridReader(archive, maxBytes, progress).read(chooseLevelSet(archive, name));
     });
-    std::vector<std::string> said;
-    LevelSet levelSet = toLevelSet(file, grid, purpose, said);
-    if (notes) *notes = std::move(said);
+    std::vector<std::string> notes;
+    LevelSet levelSet = toLevelSet(file, grid, purpose, notes);
+    if (progress)
+        for (std::string& note : notes) progress->note(std::move(note));
     return levelSet;
 }
 
@@ -379,10 +368,11 @@ std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
     });
 }
 
-openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes)
+openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes,
+                              const Progress* progress)
 {
     return withVdbFile(file, [&](openvdb::io::File& archive) {
-        GridReader reader(archive, maxBytes);
+        GridReader reader(archive, maxBytes, progress);
         openvdb::GridPtrVec grids;
         for (auto item = archive.beginName(); item != archive.endName(); ++item)
             grids.push_back(reader.read(*item));
