@@ -53,7 +53,7 @@ void expectRefused(const FloatGrid::Ptr& grid, const std::string& part)
 {
     std::vector<std::string> notes;
     try {
-        demandDistances(takeLevelSet(grid, notes), "The cure.");
+        demandDistances(takeLevelSet(grid, notes, Progress()), "The cure.", Progress());
         ADD_FAILURE() << "was taken";
     } catch (const InputError& e) {
         const std::string text = e.what();
@@ -65,8 +65,8 @@ void expectRefused(const FloatGrid::Ptr& grid, const std::string& part)
 std::vector<std::string> expectTaken(const FloatGrid::Ptr& grid, const LevelSet& like)
 {
     std::vector<std::string> notes;
-    const LevelSet taken = takeLevelSet(grid, notes);
-    EXPECT_NO_THROW(demandDistances(taken, ""));
+    const LevelSet taken = takeLevelSet(grid, notes, Progress());
+    EXPECT_NO_THROW(demandDistances(taken, "", Progress()));
     EXPECT_NEAR(taken.halfWidth(), like.halfWidth(), 1e-4);
     EXPECT_TRUE(taken.grid().tree().hasSameTopology(like.grid().tree()));
     for (auto on = like.grid().cbeginValueOn(); on; ++on)
@@ -82,18 +82,19 @@ TEST(GivenLevelSet, OfOursIsTheSame)
     for (const double halfWidth : {1.5, 3.0, 12.0}) {
         const LevelSet own = ball(halfWidth);
         std::vector<std::string> notes;
-        const LevelSet taken = takeLevelSet(own.gridPtr(), notes);
+        const LevelSet taken = takeLevelSet(own.gridPtr(), notes, Progress());
         EXPECT_EQ(&taken.grid(), &own.grid());
         EXPECT_TRUE(notes.empty());
-        EXPECT_NO_THROW(demandDistances(taken, ""));
+        EXPECT_NO_THROW(demandDistances(taken, "", Progress()));
     }
     Progress progress;
     const LevelSet thin = shell(ball(), 2 * kVoxel, Wall::Centred, progress);
     std::vector<std::string> notes;
-    EXPECT_EQ(&takeLevelSet(thin.gridPtr(), notes).grid(), &thin.grid());
-    EXPECT_NO_THROW(demandDistances(thin, ""));
+    EXPECT_EQ(&takeLevelSet(thin.gridPtr(), notes, Progress()).grid(), &thin.grid());
+    EXPECT_NO_THROW(demandDistances(thin, "", Progress()));
     const LevelSet nothing = emptyLevelSet({Vec3d::Zero(), kVoxel}, 3);
-    EXPECT_NO_THROW(demandDistances(takeLevelSet(nothing.gridPtr(), notes), ""));
+    EXPECT_NO_THROW(
+        demandDistances(takeLevelSet(nothing.gridPtr(), notes, Progress()), "", Progress()));
     EXPECT_TRUE(notes.empty());
 }
 
@@ -143,7 +144,7 @@ TEST(GivenLevelSet, WithoutDistancesIsRefused)
         const FloatGrid::Ptr grid = copyOf(ball());
         grid->tree().root().setBackground(float(scale * grid->background()), false);
         for (auto v = grid->beginValueAll(); v; ++v) v.setValue(float(scale * *v));
-        EXPECT_NO_THROW(demandDistances(LevelSet(grid), ""));
+        EXPECT_NO_THROW(demandDistances(LevelSet(grid), "", Progress()));
     }
 }
 
@@ -162,7 +163,7 @@ TEST(GivenLevelSet, WithoutABandIsRefused)
     // What check() only complains of is taken.
     const FloatGrid::Ptr hole = copyOf(ball());
     for (int z = -1; z <= 1; ++z) hole->tree().setValueOff(Coord(20, 0, z));
-    EXPECT_NO_THROW(demandDistances(LevelSet(hole), ""));
+    EXPECT_NO_THROW(demandDistances(LevelSet(hole), "", Progress()));
 }
 
 TEST(GivenLevelSet, IsJudgedWhereAFaceLiesBetweenLeaves)
@@ -173,7 +174,7 @@ TEST(GivenLevelSet, IsJudgedWhereAFaceLiesBetweenLeaves)
     settings.lattice.origin = Vec3d::Constant(0.5);
     const LevelSet cube =
         sampleField(*makeSolidField(parseSolid("box(16, 16, 16)")), settings, progress);
-    EXPECT_NO_THROW(demandDistances(cube, ""));
+    EXPECT_NO_THROW(demandDistances(cube, "", Progress()));
     const FloatGrid::Ptr steep = copyOf(cube);
     steep->tree().root().setBackground(10 * steep->background(), false);
     for (auto v = steep->beginValueAll(); v; ++v) v.setValue(10 * *v);

@@ -162,18 +162,21 @@ private:
     double mBytes = 0;
 };
 
-/// @param notes  get the file's name too.
+/// @param notes  get the file's name too. @param progress  may stop it; or null.
 LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Purpose purpose,
-                    std::vector<std::string>& notes)
+                    std::vector<std::string>& notes, const Progress* progress = nullptr)
 {
     try {
+        const Progress unstoppable;
+        const Progress& check = progress ? *progress : unstoppable;
         std::vector<std::string> said;
-        LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said);
+        LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said, check);
         if (purpose == Purpose::Modelling)
             demandDistances(levelSet,
                             fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
                                         "--value 0 --inside below -o surface.vdb",
-                                        file.string(), grid->getName()));
+                                        file.string(), grid->getName()),
+                            check);
         for (const std::string& note : said) notes.push_back(file.string() + ": " + note);
         return levelSet;
     } catch (const InputError& e) {
@@ -281,7 +284,7 @@ LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64
         return GridReader(archive, maxBytes, progress).read(chooseLevelSet(archive, name));
     });
     std::vector<std::string> notes;
-    LevelSet levelSet = toLevelSet(file, grid, purpose, notes);
+    LevelSet levelSet = toLevelSet(file, grid, purpose, notes, progress);
     if (progress)
         for (std::string& note : notes) progress->note(std::move(note));
     return levelSet;

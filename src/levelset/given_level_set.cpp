@@ -1,6 +1,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/given_level_set.h>
 #include <mpuvdb/lanes.h>
+#include <mpuvdb/progress.h>
 
 #include "band_limits.h"
 #include "prune.h"
@@ -131,13 +132,14 @@ struct Band {
     std::vector<float> rims;              ///< values where the band ends
 };
 
-Band measureBand(const FloatTree& tree, float limit)
+Band measureBand(const FloatTree& tree, float limit, const Progress& progress)
 {
     const std::vector<const Leaf*> leaves = leavesOf(tree);
     const float background = tree.background();
     std::vector<Band> bands(leaves.size());
     std::vector<std::vector<float>> rims(leaves.size());
     tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
+        progress.check();
         const Leaf& leaf = *leaves[n];
         Band& band = bands[n];
         const Words inside = insideOf(leaf);
@@ -236,11 +238,12 @@ void addSlopes(const Leaf& leaf, FloatGrid::ConstAccessor& at, double voxelSize,
 }
 
 /// The median slope beside the zero set, of up to kMost leaves; 1 where there is none.
-double medianSlope(const FloatGrid& grid, double voxelSize)
+double medianSlope(const FloatGrid& grid, double voxelSize, const Progress& progress)
 {
     constexpr std::size_t kMost = 128;
     std::vector<const Leaf*> leaves = leavesOf(grid.tree());
-    const auto isUncrossed = [](const Leaf* leaf) {
+    const auto isUncrossed = [&](const Leaf* leaf) {
+        progress.check();
         const float* const values = leaf->buffer().data();
         return std::all_of(values, values + Leaf::SIZE, [](float v) { return v < 0; }) ||
                std::none_of(values, values + Leaf::SIZE, [](float v) { return v < 0; });
@@ -343,12 +346,13 @@ Faces facesOfTiles(const FloatGrid& grid)
     return faces;
 }
 
-Faces facesOf(const FloatGrid& grid)
+Faces facesOf(const FloatGrid& grid, const Progress& progress)
 {
     const std::vector<const Leaf*> leaves = leavesOf(grid.tree());
     std::vector<Faces> parts(leaves.size());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves.size(), 64),
                       [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
                           FloatGrid::ConstAccessor at = grid.getConstAccessor();
                           for (std::size_t n = range.begin(); n < range.end(); ++n)
                               parts[n] = facesOf(*leaves[n], at);
@@ -360,20 +364,23 @@ Faces facesOf(const FloatGrid& grid)
 
 } // namespace
 
-LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes)
+LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
+                      const Progress& progress)
 {
     constexpr double kFew = 0.01; // of the active voxels: rounding may put them at the background
     constexpr double kSlack = 2;  // voxels
     const LevelSet given(grid);
     demandFinite(*grid);
+    progress.check();
     const double h = given.voxelSize(), promised = given.halfWidth();
     const float background = grid->background();
     const bool hasTiles = hasActiveTiles(grid->tree());
-    Band band = measureBand(grid->tree(), background * (1 - kRounding));
+    Band band = measureBand(grid->tree(), background * (1 - kRounding), progress);
     const bool isFull = hasTiles || double(band.beyond) > kFew * double(band.active);
     if (isFull && promised < kNarrowestBand) // what is beyond it is the band
-        band = measureBand(grid->tree(), std::numeric_limits<float>::max());
+        band = measureBand(grid->tree(), std::numeric_limits<float>::max(), progress);
     const std::optional<double> held = heldWidth(band, h);
+    progress.check();
     if (held && *held >= 1 &&
         (promised > *held + kSlack || (promised < kNarrowestBand && isFull))) {
         notes.push_back(fmt::format("grid '{}': its background promises a band of {:.4g} voxels, "
@@ -384,18 +391,18 @@ LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>&
     return isFull || band.odd > 0 ? LevelSet(cutOff(*grid, background)) : given;
 }
 
-void demandDistances(const LevelSet& levelSet, const std::string& cure)
+void demandDistances(const LevelSet& levelSet, const std::string& cure, const Progress& progress)
 {
     constexpr double kLeast = 0.4, kMost = 2.5;
     constexpr double kOpen = 0.1;
     const FloatGrid& grid = levelSet.grid();
-    const double slope = medianSlope(grid, levelSet.voxelSize());
+    const double slope = medianSlope(grid, levelSet.voxelSize(), progress);
     if (!(slope >= kLeast && slope <= kMost))
         throw InputError(fmt::format(
             "grid '{}': its values are no distances in world units: beside the surface they change "
             "by {:.3g} per unit, where a distance changes by 1. {}",
             grid.getName(), slope, cure));
-    const Faces faces = facesOf(grid);
+    const Faces faces = facesOf(grid, progress);
     if (double(faces.open) > kOpen * double(faces.all))
         throw InputError(fmt::format(
             "grid '{}': inside meets outside without a band of distances between them, at {} of {} "

@@ -29,9 +29,11 @@ namespace
 LevelSet taken(const openvdb::FloatGrid::ConstPtr& grid, Progress& progress)
 {
     std::vector<std::string> notes;
-    LevelSet levelSet = takeLevelSet(grid, notes);
-    demandDistances(levelSet, "Make distances: LevelSet.isosurface(source, 0, "
-                              "inside='below')");
+    LevelSet levelSet = takeLevelSet(grid, notes, progress);
+    demandDistances(levelSet,
+                    "Make distances: LevelSet.isosurface(source, 0, "
+                    "inside='below')",
+                    progress);
     for (const std::string& text : notes) progress.note(text);
     return levelSet;
 }
@@ -63,8 +65,9 @@ void bindFiles(LevelSetClass& levelSets)
         .def_static(
             "read",
             [](const std::filesystem::path& file, const std::optional<std::string>& grid) {
-                return run(py::none(),
-                           [&](Progress& p) { return readForModelling(file, grid, p); });
+                return run(py::none(), [&](Progress& p) {
+                    return readLevelSet(file, grid.value_or(""), 0, Purpose::Modelling, &p);
+                });
             },
             "file"_a, "grid"_a = py::none(),
             "Read the level set called grid from a .vdb file; None: 'surface', or the only one.\n\n"
@@ -94,8 +97,9 @@ void bindArrays(LevelSetClass& levelSets)
             "from_numpy",
             [](const py::array_t<float, py::array::forcecast>& values, const Vec3d& origin,
                double voxelSize, double halfWidth) {
-                const LevelSet made = levelSetOf(values, origin, voxelSize, halfWidth);
-                return run(py::none(), [&](Progress& p) { return taken(made.gridPtr(), p); });
+                return run(py::none(), [&](Progress& p) {
+                    return taken(levelSetOf(values, origin, voxelSize, halfWidth, p).gridPtr(), p);
+                });
             },
             "values"_a, "origin"_a, "voxel_size"_a, "half_width"_a = 3.0,
             "The level set of a block (nx, ny, nz) of signed distances, world units, negative "
@@ -127,18 +131,21 @@ void bindIsosurface(LevelSetClass& levelSets)
            double halfWidth, const py::object& progress) {
             const auto side = choose<Inside>(inside, "inside",
                                              {{"above", Inside::Above}, {"below", Inside::Below}});
-            openvdb::FloatGrid::Ptr grid;
+            const auto surfaceOf = [&](const openvdb::FloatGrid& grid, Progress& p) {
+                return isosurface(grid, value, side, halfWidth, p);
+            };
             if (py::isinstance<py::array>(source)) {
                 if (!voxelSize) throw UsageError("voxel_size: an array of values needs one");
                 const auto values = source.cast<py::array_t<float, py::array::forcecast>>();
-                grid = gridOf(values, origin.value_or(Vec3d::Zero()), *voxelSize, value, side);
-            } else {
-                if (origin || voxelSize)
-                    throw UsageError("origin and voxel_size go with an array: a grid has its own");
-                grid = fromPyOpenVdb(source, "source");
+                const Vec3d first = origin.value_or(Vec3d::Zero());
+                return run(progress, [&](Progress& p) {
+                    return surfaceOf(*gridOf(values, first, *voxelSize, value, side, p), p);
+                });
             }
-            return run(progress,
-                       [&](Progress& p) { return isosurface(*grid, value, side, halfWidth, p); });
+            if (origin || voxelSize)
+                throw UsageError("origin and voxel_size go with an array: a grid has its own");
+            const auto grid = fromPyOpenVdb(source, "source");
+            return run(progress, [&](Progress& p) { return surfaceOf(*grid, p); });
         },
         "source"_a, "value"_a = 0.5, py::kw_only(), "inside"_a = "above", "origin"_a = py::none(),
         "voxel_size"_a = py::none(), "half_width"_a = 3.0, "progress"_a = py::none(),
@@ -205,15 +212,6 @@ void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const
         return writeLevelSet(file, levelSet, all, progress);
     }
     writeMesh(file, extractMesh(levelSet, progress, {field}), progress);
-}
-
-LevelSet readForModelling(const std::filesystem::path& file, const std::optional<std::string>& grid,
-                          Progress& progress)
-{
-    std::vector<std::string> notes;
-    LevelSet levelSet = readLevelSet(file, grid.value_or(""), 0, Purpose::Modelling, &notes);
-    for (const std::string& text : notes) progress.note(text);
-    return levelSet;
 }
 
 void bindLevelSet(LevelSetClass& levelSets)

@@ -196,7 +196,8 @@ void bindGrids(py::module_& module)
         "load",
         [](const Path& file, const std::optional<std::string>& grid) {
             return run(py::none(), [&](Progress& p) {
-                return Shape(readForModelling(file, grid, p), file.filename().string());
+                return Shape(readLevelSet(file, grid.value_or(""), 0, Purpose::Modelling, &p),
+                             file.filename().string());
             });
         },
         "file"_a, "grid"_a = py::none(),

@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 
 namespace mpuvdb::python
@@ -33,10 +32,6 @@ void bindSources(pybind11::module_& module);
 /// @param field  what the level set was sampled from, or null.
 void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const Field* field,
               const std::map<std::string, std::string>& metadata, Progress& progress);
-
-/// As readLevelSet(), with its notes on @a progress.
-LevelSet readForModelling(const std::filesystem::path& file, const std::optional<std::string>& grid,
-                          Progress& progress);
 
 /// Whether writeAny() knows the extension. @throws UsageError
 void demandWritable(const std::filesystem::path& file);

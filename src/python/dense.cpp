@@ -1,6 +1,7 @@
 #include "dense.h"
 
 #include "arrays.h"
+#include "run.h"
 
 #include <mpuvdb/error.h>
 
@@ -8,6 +9,8 @@
 #include <openvdb/tools/Dense.h>
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
+#include <tbb/blocked_range2d.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -35,11 +38,12 @@ void demandBlock(const py::array_t<float>& values, const Vec3d& origin, double v
 
 /// Call @a use(place, value) for all voxels, which have to be finite, and outside at the border.
 template <typename IsInside, typename Use>
-void forEachVoxel(const Values& values, IsInside isInside, Use use)
+void forEachVoxel(const Values& values, const Progress& progress, IsInside isInside, Use use)
 {
     const auto nx = values.shape(0), ny = values.shape(1), nz = values.shape(2);
     for (py::ssize_t x = 0; x < nx; ++x)
-        for (py::ssize_t y = 0; y < ny; ++y)
+        for (py::ssize_t y = 0; y < ny; ++y) {
+            progress.check();
             for (py::ssize_t z = 0; z < nz; ++z) {
                 const float value = values(x, y, z);
                 if (!std::isfinite(value))
@@ -53,6 +57,25 @@ void forEachVoxel(const Values& values, IsInside isInside, Use use)
                                                  x, y, z));
                 use(openvdb::Coord(int(x), int(y), int(z)), value);
             }
+        }
+}
+
+/// The values of @a grid, some rows at a time.
+void fill(Dense& dense, const openvdb::FloatGrid& grid, const Progress& progress)
+{
+    using Rows = tbb::blocked_range2d<int>;
+    constexpr int kAtOnce = 32;
+    const openvdb::CoordBBox box = dense.bbox();
+    const openvdb::Coord low = box.min(), high = box.max();
+    const openvdb::tools::CopyToDense<openvdb::FloatTree, Dense> copy(grid.tree(), dense);
+    tbb::parallel_for(
+        Rows(low.x(), high.x() + 1, kAtOnce, low.y(), high.y() + 1, kAtOnce),
+        [&](const Rows& rows) {
+            progress.check();
+            copy(openvdb::CoordBBox(rows.rows().begin(), rows.cols().begin(), low.z(),
+                                    rows.rows().end() - 1, rows.cols().end() - 1, high.z()));
+        },
+        tbb::simple_partitioner());
 }
 
 } // namespace
@@ -66,27 +89,23 @@ py::tuple denseOf(const LevelSet& levelSet)
     const openvdb::Coord size = box.dim(), first = box.min();
     py::array_t<float> values(std::vector<py::ssize_t>{size.x(), size.y(), size.z()});
     Dense dense(box, values.mutable_data());
-    {
-        const py::gil_scoped_release release;
-        openvdb::tools::copyToDense(grid, dense);
-    }
+    runWork(py::none(), [&](const Progress& progress) { fill(dense, grid, progress); });
     const Lattice lattice = levelSet.lattice();
     const Vec3d index(first.x(), first.y(), first.z());
     return py::make_tuple(values, arrayOf(lattice.origin + lattice.voxelSize * index));
 }
 
 LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, double voxelSize,
-                    double halfWidth)
+                    double halfWidth, const Progress& progress)
 {
     demandBlock(values, origin, voxelSize);
     const LevelSet nothing = emptyLevelSet({origin, voxelSize}, halfWidth);
     const openvdb::FloatGrid::Ptr grid = nothing.grid().deepCopy();
     const Values in = values.unchecked<3>();
-    const py::gil_scoped_release release;
     openvdb::tree::ValueAccessor<openvdb::FloatTree> accessor(grid->tree());
     const float background = grid->background();
     forEachVoxel(
-        in, [](float v) { return v <= 0; },
+        in, progress, [](float v) { return v <= 0; },
         [&](const openvdb::Coord& at, float v) {
             if (std::abs(v) < background) accessor.setValue(at, v);
         });
@@ -96,7 +115,8 @@ LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, doubl
 }
 
 openvdb::FloatGrid::Ptr gridOf(const py::array_t<float>& values, const Vec3d& origin,
-                               double voxelSize, double value, Inside inside)
+                               double voxelSize, double value, Inside inside,
+                               const Progress& progress)
 {
     demandBlock(values, origin, voxelSize);
     const bool above = inside == Inside::Above;
@@ -104,17 +124,16 @@ openvdb::FloatGrid::Ptr gridOf(const py::array_t<float>& values, const Vec3d& or
     const openvdb::FloatGrid::Ptr grid = emptyLevelSet({origin, voxelSize}, 3).grid().deepCopy();
     grid->setName("values");
     grid->setGridClass(openvdb::GRID_UNKNOWN);
-    const py::gil_scoped_release release;
     auto outermost = float(value);
     forEachVoxel(
-        in, [&](float v) { return above ? v > value : v < value; },
+        in, progress, [&](float v) { return above ? v > value : v < value; },
         [&](const openvdb::Coord&, float v) {
             outermost = above ? std::min(outermost, v) : std::max(outermost, v);
         });
     grid->setTree(std::make_shared<openvdb::FloatTree>(outermost));
     openvdb::tree::ValueAccessor<openvdb::FloatTree> accessor(grid->tree());
     forEachVoxel(
-        in, [](float) { return false; },
+        in, progress, [](float) { return false; },
         [&](const openvdb::Coord& at, float v) {
             if (v != outermost) accessor.setValue(at, v);
         });

@@ -1,6 +1,7 @@
 // Level sets as dense arrays.
 #pragma once
 #include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
 
 #include <pybind11/numpy.h>
 
@@ -11,14 +12,18 @@ namespace mpuvdb::python
 /// voxel [0, 0, 0]. Voxels beyond the band have the background's magnitude.
 pybind11::tuple denseOf(const LevelSet& levelSet);
 
-/// What denseOf() took apart.
-/// @throws UsageError (shape, sizes), InputError (not finite, the solid meets the array's border).
+/// What denseOf() took apart. Needs no lock of the interpreter.
+/// @throws UsageError (shape, sizes), InputError (not finite, the solid meets the array's border),
+/// Interrupted.
 LevelSet levelSetOf(const pybind11::array_t<float>& values, const Vec3d& origin, double voxelSize,
-                    double halfWidth);
+                    double halfWidth, const Progress& progress);
 
 /// A block of any values as a grid, whose background is the one of them that is farthest outside.
-/// @throws UsageError (shape, sizes), InputError (not finite, inside at the array's border).
+/// Needs no lock of the interpreter.
+/// @throws UsageError (shape, sizes), InputError (not finite, inside at the array's border),
+/// Interrupted.
 openvdb::FloatGrid::Ptr gridOf(const pybind11::array_t<float>& values, const Vec3d& origin,
-                               double voxelSize, double value, Inside inside);
+                               double voxelSize, double value, Inside inside,
+                               const Progress& progress);
 
 } // namespace mpuvdb::python

@@ -6,7 +6,11 @@
 #include <mpuvdb/io.h>
 
 #include <fmt/format.h>
-#include <openvdb/io/File.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
 
 namespace mpuvdb::python
 {
@@ -14,28 +18,31 @@ namespace py = pybind11;
 namespace
 {
 
-/// A folder that goes with the object.
+/// A folder that goes with the object. Python code would hear of Ctrl-C while it takes it away, and
+/// leave it.
 class TemporaryFolder
 {
 public:
     TemporaryFolder()
-        : mFolder(py::module_::import("tempfile").attr("TemporaryDirectory")("", "mpuvdb-"))
     {
+        const py::object parent = py::module_::import("tempfile").attr("gettempdir")();
+        std::string folder = parent.cast<std::string>() + "/mpuvdb-XXXXXX";
+        if (!mkdtemp(folder.data()))
+            throw IoError(fmt::format("{}: no folder can be made there: {}. Set TMPDIR", folder,
+                                      std::strerror(errno)));
+        mFolder = folder;
     }
     TemporaryFolder(const TemporaryFolder&) = delete;
     TemporaryFolder& operator=(const TemporaryFolder&) = delete;
     ~TemporaryFolder()
     {
-        try {
-            mFolder.attr("cleanup")();
-        } catch (py::error_already_set& error) {
-            error.discard_as_unraisable("mpuvdb: temporary folder");
-        }
+        std::error_code ignored;
+        std::filesystem::remove_all(mFolder, ignored);
     }
-    std::string file() const { return mFolder.attr("name").cast<std::string>() + "/grid.vdb"; }
+    std::string file() const { return mFolder / "grid.vdb"; }
 
 private:
-    py::object mFolder;
+    std::filesystem::path mFolder;
 };
 
 /// OpenVDB's module: "openvdb" from version 11 on, "pyopenvdb" before.
@@ -48,20 +55,6 @@ py::module_ openvdbModule()
                            "python3-openvdb)");
 }
 
-/// Bytes go as they are: the file lives but for a moment.
-void writeQuickly(const std::string& file, const openvdb::FloatGrid::ConstPtr& grid)
-{
-    try {
-        openvdb::io::File out(file);
-        out.setCompression(openvdb::io::COMPRESS_ACTIVE_MASK);
-        out.setGridStatsMetadataEnabled(false);
-        out.write(openvdb::GridCPtrVec{grid});
-        out.close();
-    } catch (const openvdb::Exception& error) {
-        throw IoError(fmt::format("{}: {}. Is the disk full?", file, error.what()));
-    }
-}
-
 } // namespace
 
 py::object toPyOpenVdb(const openvdb::FloatGrid& grid)
@@ -69,7 +62,7 @@ py::object toPyOpenVdb(const openvdb::FloatGrid& grid)
     const py::module_ module = openvdbModule();
     const TemporaryFolder folder;
     const std::string file = folder.file();
-    runWork(py::none(), [&](Progress&) { writeQuickly(file, grid.copy()); });
+    runWork(py::none(), [&](Progress& p) { writeGrids(file, {grid.copy()}, p); });
     return module.attr("read")(file, grid.getName());
 }
 
@@ -83,8 +76,9 @@ openvdb::FloatGrid::Ptr fromPyOpenVdb(const py::object& object, const char* what
     const TemporaryFolder folder;
     const std::string file = folder.file();
     module.attr("write")(file, object);
-    return run(py::none(), [&](Progress&) {
-        const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(readGrids(file).front());
+    return run(py::none(), [&](Progress& p) {
+        const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(readGrids(file, 0, &p).front());
+        p.check();
         demandFinite(*grid);
         return grid;
     });
