@@ -152,7 +152,8 @@ class Simplifier
 public:
     /// @param original  of the mesh; has to outlive this.
     /// @param held  flags of vertices that stay where they are.
-    Simplifier(Mesh mesh, const TriangleTree& original, double tolerance, std::vector<char> held)
+    Simplifier(Mesh mesh, const TriangleTree& original, double tolerance, std::vector<char> held,
+               const Progress& progress)
         : mMesh(std::move(mesh)), mOriginal(original), mTolerance(tolerance),
           mReach(kVertexShare * tolerance), mPositions(mMesh.positions.size()),
           mQuadrics(mMesh.positions.size()), mFaces(mMesh.positions.size()),
@@ -162,6 +163,7 @@ public:
         for (std::size_t v = 0; v < mPositions.size(); ++v)
             mPositions[v] = mMesh.positions[v].cast<double>();
         for (std::size_t t = 0; t < mMesh.triangles.size(); ++t) {
+            progress.check();
             const Mesh::Triangle& corners = mMesh.triangles[t];
             const Vec3d &a = mPositions[corners[0]], &b = mPositions[corners[1]],
                         &c = mPositions[corners[2]];
@@ -176,23 +178,21 @@ public:
             if (!mFaces[v].empty()) addPoint(mFaces[v].front(), v);
         mPoints = mPositions;
         mPointColors = mMesh.colors;
-        holdBoundaries();
+        holdBoundaries(progress);
     }
 
     void run(Progress& progress)
     {
-        constexpr int kAtOnce = 256;
         progress.beginStage("simplify", double(mPositions.size()));
         for (Index v = 0; v < mPositions.size(); ++v) {
-            if (v % kAtOnce == 0) progress.check();
+            progress.check();
             for (const Index w : ring(v))
                 if (v < w) propose(v, w);
         }
-        int done = 0;
         while (!mQueue.empty()) {
             const Collapse next = mQueue.top();
             mQueue.pop();
-            if (++done % kAtOnce == 0) progress.check();
+            progress.check();
             if (next.age != mAge[next.kept] + mAge[next.gone] || mFaces[next.kept].empty() ||
                 mFaces[next.gone].empty())
                 continue;
@@ -266,10 +266,12 @@ private:
     }
 
     /// Vertices with an edge that has not two triangles stay where they are.
-    void holdBoundaries()
+    void holdBoundaries(const Progress& progress)
     {
-        for (Index v = 0; v < mPositions.size(); ++v)
+        for (Index v = 0; v < mPositions.size(); ++v) {
+            progress.check();
             if (ring(v).size() != mFaces[v].size()) mHeld[v] = 1;
+        }
     }
 
     void propose(Index kept, Index gone)
@@ -470,7 +472,7 @@ Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& prog
     const TriangleTree original(mesh, progress);
     std::vector<char> held(mesh.positions.size(), 0);
     for (;;) {
-        Simplifier simplifier(mesh, original, settings.tolerance, held);
+        Simplifier simplifier(mesh, original, settings.tolerance, held, progress);
         simplifier.run(progress);
         Mesh result = simplifier.result();
         if (!settings.strict) return result;
