@@ -245,6 +245,16 @@ public:
     double stretch(const Box3d& /*image*/) const override { return 1; }
 };
 
+/// The place @a from, which @a p comes from. @throws InputError unless it is finite, where @a p is:
+/// boxes without end are asked for, too.
+const Vec3d& demandPlace(const Vec3d& from, const Vec3d& p)
+{
+    if (from.allFinite() || !p.allFinite()) return from;
+    throw InputError(fmt::format("warp: the place that ({}, {}, {}) comes from is not finite. Make "
+                                 "it one everywhere about the bounds",
+                                 p[0], p[1], p[2]));
+}
+
 class UserWarp : public Warp
 {
 public:
@@ -253,7 +263,7 @@ public:
         : mInverse(std::move(inverse)), mImage(std::move(image)), mStretch(stretch)
     {
     }
-    Vec3d inverse(const Vec3d& p) const override { return mInverse(p); }
+    Vec3d inverse(const Vec3d& p) const override { return demandPlace(mInverse(p), p); }
     Box3d image(const Box3d& box) const override { return mImage(box); }
     double stretch(const Box3d& /*image*/) const override { return mStretch; }
 
@@ -283,6 +293,7 @@ public:
     void inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const override
     {
         mInverses(points, from);
+        for (std::size_t n = 0; n < points.size(); ++n) demandPlace(from[n], points[n]);
     }
     bool inBatches() const override { return true; }
 
