@@ -4,6 +4,8 @@
 #include "standard_output.h"
 #include "suggest.h"
 
+#include <mpuvdb/memory.h>
+
 #include <algorithm>
 #include <fmt/format.h>
 

@@ -5,10 +5,8 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
-#include <limits>
 #include <new>
 #ifdef __GLIBC__
 #include <malloc.h>
@@ -21,32 +19,6 @@ namespace mpuvdb::command
 {
 namespace
 {
-
-constexpr std::uint64_t kNoLimit = std::numeric_limits<std::uint64_t>::max();
-
-/// The number in @a file; "max", or no such file, is no limit.
-std::uint64_t limitIn(const std::filesystem::path& file)
-{
-    std::uint64_t limit = 0;
-    return std::ifstream(file) >> limit ? limit : kNoLimit;
-}
-
-/// The tightest limit of the control groups around this process (version 2, then version 1).
-std::uint64_t controlGroupLimit()
-{
-    namespace fs = std::filesystem;
-    const fs::path root = "/sys/fs/cgroup";
-    std::uint64_t limit = limitIn(root / "memory/memory.limit_in_bytes");
-    std::ifstream groups("/proc/self/cgroup");
-    for (std::string line; std::getline(groups, line);) {
-        if (line.rfind("0::/", 0) != 0) continue;
-        for (fs::path group = line.substr(4);; group = group.parent_path()) {
-            limit = std::min(limit, limitIn(root / group / "memory.max"));
-            if (group.empty()) break;
-        }
-    }
-    return limit;
-}
 
 /// What the system says of this process under @a name, such as "VmRSS:"; 0 if it does not.
 std::uint64_t statusBytes(const std::string& name)
@@ -107,13 +79,6 @@ std::string sizeText(std::uint64_t bytes)
     int unit = 0;
     for (; number >= 1024 && unit < 4; ++unit) number /= 1024;
     return fmt::format(unit == 0 || number >= 100 ? "{:.0f} {}" : "{:.1f} {}", number, units[unit]);
-}
-
-std::uint64_t defaultMemoryLimit()
-{
-    const std::uint64_t physical =
-        std::uint64_t(sysconf(_SC_PHYS_PAGES)) * std::uint64_t(sysconf(_SC_PAGE_SIZE));
-    return std::min(physical, controlGroupLimit()) / 10 * 9;
 }
 
 void limitMemory(std::uint64_t bytes)

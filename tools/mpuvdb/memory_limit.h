@@ -13,9 +13,6 @@ std::uint64_t parseSize(const std::string& text);
 /// A size for people: "1.5 GB".
 std::string sizeText(std::uint64_t bytes);
 
-/// Nine tenths of the smaller of physical memory and the control group's limit.
-std::uint64_t defaultMemoryLimit();
-
 /// Let allocations beyond @a bytes more than now held fail (std::bad_alloc) rather than the
 /// machine.
 void limitMemory(std::uint64_t bytes);
