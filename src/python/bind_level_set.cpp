@@ -163,12 +163,17 @@ void bindQuestions(LevelSetClass& levelSets)
         .def(
             "check",
             [](const LevelSet& levelSet, double tolerance, const py::object& progress) {
+                if (!(tolerance >= 0))
+                    throw UsageError(fmt::format("check: gradient_tolerance is {}; it must be 0 or "
+                                                 "above",
+                                                 tolerance));
                 return run(progress,
                            [&](Progress& p) { return check(levelSet.grid(), p, tolerance); });
             },
             "gradient_tolerance"_a = 0.1, "progress"_a = py::none(),
             "Whether it is a true signed distance in a complete band: a CheckReport. "
-            "gradient_tolerance is the largest mean of ||grad| - 1|." MPUVDB_PROGRESS_DOC)
+            "gradient_tolerance is the largest mean of ||grad| - 1|, 0 or "
+            "above." MPUVDB_PROGRESS_DOC)
         .def(
             "measure",
             [](const LevelSet& levelSet, const py::object& progress) {
@@ -212,6 +217,14 @@ void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const
         return writeLevelSet(file, levelSet, all, progress);
     }
     writeMesh(file, extractMesh(levelSet, progress, {field}), progress);
+}
+
+void noteIfEmpty(const LevelSet& made, Progress& progress)
+{
+    if (made.grid().activeVoxelCount() > 0) return;
+    progress.note(fmt::format("nothing is left: the level set is empty. Walls thinner than its "
+                              "voxels, which are {:g}, do not show",
+                              made.voxelSize()));
 }
 
 void bindLevelSet(LevelSetClass& levelSets)

@@ -30,6 +30,17 @@ auto runStage(const py::object& listener, const char* name, Work&& work)
     });
 }
 
+/// The same for a level set made of @a from, with a note where nothing is left of it.
+template <class Work>
+LevelSet runOn(const LevelSet& from, const py::object& listener, const char* name, Work&& work)
+{
+    return runStage(listener, name, [&](Progress& progress) {
+        LevelSet made = work(progress);
+        if (from.grid().activeVoxelCount() > 0) noteIfEmpty(made, progress);
+        return made;
+    });
+}
+
 void bindSurfaceOperations(LevelSetClass& levelSets)
 {
     levelSets
@@ -38,8 +49,8 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
             [](const LevelSet& levelSet, const LengthArgument& distance,
                const py::object& progress) {
                 const double d = worldLength(distance, scaleOf(levelSet));
-                return runStage(progress, "offset",
-                                [&](Progress& p) { return offset(levelSet, d, p); });
+                return runOn(levelSet, progress, "offset",
+                             [&](Progress& p) { return offset(levelSet, d, p); });
             },
             "distance"_a, "progress"_a = py::none(),
             "Grown by distance, or shrunk by a negative one." MPUVDB_PROGRESS_DOC)
@@ -49,8 +60,8 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
                const py::object& progress) {
                 const double t = worldLength(thickness, scaleOf(levelSet));
                 const Wall where = wallOf(wall);
-                return runStage(progress, "shell",
-                                [&](Progress& p) { return shell(levelSet, t, where, p); });
+                return runOn(levelSet, progress, "shell",
+                             [&](Progress& p) { return shell(levelSet, t, where, p); });
             },
             "thickness"_a, "wall"_a = "inward", "progress"_a = py::none(),
             "The wall along the surface; wall is 'inward', 'outward' or 'centred'. Thinner than "
@@ -60,8 +71,8 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
             [](const LevelSet& levelSet, const std::string& filter, int iterations, int width,
                const py::object& mask, const py::object& progress) {
                 const SmoothSettings settings = smoothSettings(filter, iterations, width, mask);
-                return runStage(progress, "smooth",
-                                [&](Progress& p) { return smooth(levelSet, settings, p); });
+                return runOn(levelSet, progress, "smooth",
+                             [&](Progress& p) { return smooth(levelSet, settings, p); });
             },
             "filter"_a = "gaussian", "iterations"_a = 1, "width"_a = 1, "mask"_a = py::none(),
             "progress"_a = py::none(), MPUVDB_SMOOTH_DOC MPUVDB_PROGRESS_DOC);
@@ -73,8 +84,8 @@ void bindLatticeOperations(LevelSetClass& levelSets)
         .def(
             "with_half_width",
             [](const LevelSet& levelSet, double halfWidth, const py::object& progress) {
-                return runStage(progress, "widen",
-                                [&](Progress& p) { return withHalfWidth(levelSet, halfWidth, p); });
+                return runOn(levelSet, progress, "widen",
+                             [&](Progress& p) { return withHalfWidth(levelSet, halfWidth, p); });
             },
             "half_width"_a, "progress"_a = py::none(),
             "The same surface in a band of half_width voxels, in [1.5, 1000]." MPUVDB_PROGRESS_DOC)
@@ -85,7 +96,7 @@ void bindLatticeOperations(LevelSetClass& levelSets)
                 const Scale scale = scaleOf(levelSet);
                 const double h = worldLength(voxelSize, scale);
                 const double width = halfWidth.value_or(levelSet.halfWidth());
-                return runStage(progress, "resample", [&](Progress& p) {
+                return runOn(levelSet, progress, "resample", [&](Progress& p) {
                     const Lattice lattice =
                         scale.box.isEmpty() ? Lattice{Vec3d::Zero(), h} : latticeFor(scale.box, h);
                     return resample(levelSet, lattice, width, p);
@@ -117,7 +128,7 @@ void bindComponents(LevelSetClass& levelSets)
             [](const LevelSet& levelSet, double minVolume, std::optional<std::size_t> count,
                const py::object& progress) {
                 const std::size_t most = count.value_or(std::numeric_limits<std::size_t>::max());
-                return runStage(progress, "components", [&](Progress& p) {
+                return runOn(levelSet, progress, "components", [&](Progress& p) {
                     return keepComponents(levelSet, minVolume, most, p);
                 });
             },

@@ -6,6 +6,7 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
+#include <mpuvdb/memory.h>
 
 #include <fmt/format.h>
 
@@ -24,13 +25,15 @@ namespace
 #define MPUVDB_SAMPLING_DOC                                                                        \
     " voxel_size: world units, or '1%' of the diagonal of the bounds; None: that of the finest "   \
     "level set it is made of. half_width: voxels, in "                                             \
-    "[1.5, 1000]. max_bytes: memory that all grids together may take, 0 for any; more is a "       \
-    "LimitError before it is taken."
+    "[1.5, 1000]. max_bytes: memory that all grids together may take, 0 for any; None: "           \
+    "nine tenths of the machine's, or of the control group's. More is a LimitError before it is "  \
+    "taken. A level set without any voxels is a UserWarning."
 
 using VoxelSize = std::optional<LengthArgument>;
+using MaxBytes = std::optional<std::uint64_t>;
 
 ShapeSettings settingsFor(const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
-                          std::uint64_t maxBytes)
+                          const MaxBytes& maxBytes)
 {
     ShapeSettings settings;
     settings.voxelSize = voxelSize ? worldLength(*voxelSize, {shape.bounds()}) : shape.voxelSize();
@@ -38,8 +41,16 @@ ShapeSettings settingsFor(const Shape& shape, const VoxelSize& voxelSize, double
         throw UsageError("a shape without level sets has no voxel size of its own: give "
                          "voxel_size, in world units or as '1%' of the diagonal");
     settings.halfWidth = halfWidth;
-    settings.maxBytes = maxBytes;
+    settings.maxBytes = maxBytes ? *maxBytes : defaultMemoryLimit();
     return settings;
+}
+
+/// As Shape::evaluate(), with a note where nothing is left of a solid.
+LevelSet evaluated(const Shape& shape, const ShapeSettings& settings, Progress& progress)
+{
+    LevelSet made = shape.evaluate(settings, progress);
+    if (!shape.bounds().isEmpty()) noteIfEmpty(made, progress);
+    return made;
 }
 
 void bindEvaluation(ShapeClass& shapes)
@@ -48,25 +59,25 @@ void bindEvaluation(ShapeClass& shapes)
         .def(
             "level_set",
             [](const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
-               std::uint64_t maxBytes, const py::object& progress) {
+               const MaxBytes& maxBytes, const py::object& progress) {
                 const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
-                return run(progress, [&](Progress& p) { return shape.evaluate(s, p); });
+                return run(progress, [&](Progress& p) { return evaluated(shape, s, p); });
             },
-            "voxel_size"_a = py::none(), "half_width"_a = 3.0, "max_bytes"_a = 0,
+            "voxel_size"_a = py::none(), "half_width"_a = 3.0, "max_bytes"_a = py::none(),
             "progress"_a = py::none(),
             "Plan and sample: a LevelSet." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
         .def(
             "to_mesh",
-            [](const Shape& shape, const VoxelSize& voxelSize, std::uint64_t maxBytes,
+            [](const Shape& shape, const VoxelSize& voxelSize, const MaxBytes& maxBytes,
                const py::object& progress) {
                 const ShapeSettings s = settingsFor(shape, voxelSize, 3, maxBytes);
                 return run(progress, [&](Progress& p) {
                     const FieldPtr field = shape.field();
                     return std::make_shared<Mesh>(
-                        extractMesh(shape.evaluate(s, p), p, {field.get()}));
+                        extractMesh(evaluated(shape, s, p), p, {field.get()}));
                 });
             },
-            "voxel_size"_a = py::none(), "max_bytes"_a = 0, "progress"_a = py::none(),
+            "voxel_size"_a = py::none(), "max_bytes"_a = py::none(), "progress"_a = py::none(),
             "Plan, sample and extract the surface: a Mesh, with creases as exact as the shape's "
             "formulas are where it has no grids, meshes, offsets or blends in "
             "it." MPUVDB_SAMPLING_DOC MPUVDB_PROGRESS_DOC)
@@ -74,16 +85,16 @@ void bindEvaluation(ShapeClass& shapes)
             "write",
             [](const Shape& shape, const std::filesystem::path& file, const VoxelSize& voxelSize,
                double halfWidth, const std::map<std::string, std::string>& metadata,
-               std::uint64_t maxBytes, const py::object& progress) {
+               const MaxBytes& maxBytes, const py::object& progress) {
                 demandWritable(file);
                 const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
                 runWork(progress, [&](Progress& p) {
                     const FieldPtr field = shape.field();
-                    writeAny(file, shape.evaluate(s, p), field.get(), metadata, p);
+                    writeAny(file, evaluated(shape, s, p), field.get(), metadata, p);
                 });
             },
             "file"_a, "voxel_size"_a = py::none(), "half_width"_a = 3.0,
-            "metadata"_a = std::map<std::string, std::string>(), "max_bytes"_a = 0,
+            "metadata"_a = std::map<std::string, std::string>(), "max_bytes"_a = py::none(),
             "progress"_a = py::none(),
             "Plan, sample and write .vdb, with metadata (names to texts) on the grid; or the mesh "
             "as .ply, .obj, .off, .stl, .glb or .usda. The file appears whole or not at "

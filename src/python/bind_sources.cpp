@@ -180,7 +180,13 @@ void bindMeshes(py::module_& module)
             if (!faces.is_none()) return Shape(std::make_shared<const Mesh>(meshOf(source, faces)));
             if (py::isinstance<Mesh>(source))
                 return Shape(std::shared_ptr<const Mesh>(source.cast<std::shared_ptr<Mesh>>()));
-            const Path file = source.cast<Path>();
+            py::detail::make_caster<Path> caster;
+            if (!caster.load(source, true)) {
+                PyErr_Clear();
+                throw UsageError("mesh: give a file, a Mesh, or vertices (n, 3) and with them "
+                                 "faces (m, 3)");
+            }
+            const auto file = py::detail::cast_op<Path>(caster);
             return run(progress, [&](Progress& p) {
                 return Shape(std::make_shared<const Mesh>(readMesh(file, p)));
             });

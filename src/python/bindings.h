@@ -33,6 +33,9 @@ void bindSources(pybind11::module_& module);
 void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const Field* field,
               const std::map<std::string, std::string>& metadata, Progress& progress);
 
+/// A note for the user if @a made has no voxels.
+void noteIfEmpty(const LevelSet& made, Progress& progress);
+
 /// Whether writeAny() knows the extension. @throws UsageError
 void demandWritable(const std::filesystem::path& file);
 

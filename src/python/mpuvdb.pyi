@@ -187,11 +187,11 @@ class Shape:
         self,
         voxel_size: Optional[Length] = None,
         half_width: float = 3.0,
-        max_bytes: int = 0,
+        max_bytes: Optional[int] = None,
         progress: Progress = None,
     ) -> LevelSet: ...
     def to_mesh(
-        self, voxel_size: Optional[Length] = None, max_bytes: int = 0, progress: Progress = None
+        self, voxel_size: Optional[Length] = None, max_bytes: Optional[int] = None, progress: Progress = None
     ) -> Mesh: ...
     def write(
         self,
@@ -199,7 +199,7 @@ class Shape:
         voxel_size: Optional[Length] = None,
         half_width: float = 3.0,
         metadata: dict[str, str] = {},
-        max_bytes: int = 0,
+        max_bytes: Optional[int] = None,
         progress: Progress = None,
     ) -> None: ...
     def explain(self, voxel_size: Optional[Length] = None, half_width: float = 3.0) -> str: ...

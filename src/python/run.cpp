@@ -63,13 +63,21 @@ private:
     bool mFinished = false;
 };
 
+/// False, of Python or of numpy.
+bool isFalse(const py::object& value)
+{
+    if (value.is_none() || PyBool_Check(value.ptr())) return value.is(py::bool_(false));
+    return py::isinstance(value, py::module_::import("numpy").attr("bool_")) &&
+           PyObject_IsTrue(value.ptr()) == 0;
+}
+
 /// Let Python see to signals, and hear the reports. @throws what they raise, Interrupted.
 void attend(const py::object& listener, const std::vector<Report>& reports)
 {
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     if (listener.is_none()) return;
     for (const Report& report : reports)
-        if (listener(report.stage, report.fraction).is(py::bool_(false))) throw Interrupted();
+        if (isFalse(listener(report.stage, report.fraction))) throw Interrupted();
 }
 
 } // namespace

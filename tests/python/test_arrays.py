@@ -295,6 +295,12 @@ class LevelSets(ShapeTest):
         self.assertTrue(report.findings[0].what)
         self.assertEqual(len(report.findings[0].voxel), 3)
 
+    def test_check_refuses_what_is_no_tolerance(self):
+        ball = mv.sphere().level_set(0.2)
+        for tolerance in (math.nan, -1):
+            with self.assertRaisesRegex(mv.UsageError, "gradient_tolerance"):
+                ball.check(tolerance)
+
 
 @unittest.skipIf(vdb is None, "OpenVDB's Python module is not installed")
 class PyOpenVdb(ShapeTest):

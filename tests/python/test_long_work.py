@@ -1,10 +1,13 @@
 """Progress, stopping, and threads."""
 
+import importlib.util
 import os
 import signal
+import tempfile
 import threading
 import time
 import unittest
+import unittest.mock
 
 import numpy as np
 
@@ -13,6 +16,7 @@ from fixture import FolderTest, octahedron, sphere_points
 
 LATEST = 0.25  # seconds from the wish to stop until the work has ended
 SLACK = float(os.environ.get("MPUVDB_TEST_SLACK", "0.5"))  # for a busy machine
+OPENVDB = importlib.util.find_spec("openvdb") or importlib.util.find_spec("pyopenvdb")
 
 
 def long_shape():
@@ -51,8 +55,12 @@ class Progress(unittest.TestCase):
         self.assertLess(time.monotonic() - begin, 1 + SLACK)
         self.assertEqual(len(calls), 1)
 
+    def test_false_of_numpy_stops(self):
+        with self.assertRaises(mv.Interrupted):
+            mv.sphere().level_set(0.1, progress=lambda *_: np.False_)
+
     def test_other_values_do_not(self):
-        for value in (None, True, 0, ""):
+        for value in (None, True, 0, "", np.True_, np.zeros(1)):
             mv.sphere().level_set(0.1, progress=lambda *_: value)
 
     def test_raising_stops(self):
@@ -116,6 +124,40 @@ class Interrupts(FolderTest):
         )
         seconds = self.interrupt(lambda: shape.level_set(0.004))
         self.assertLess(seconds, LATEST + SLACK)
+
+    def test_arrays(self):
+        side = np.linspace(-1, 1, 300, dtype=np.float32) ** 2
+        density = 0.7 - np.sqrt(side[:, None, None] + side[None, :, None] + side[None, None])
+        far_apart = (mv.sphere((-3, -3, -3)) | mv.sphere((3, 3, 3))).level_set(0.0125)
+        calls = {
+            "isosurface": lambda: mv.LevelSet.isosurface(density, 0, voxel_size=2 / 299),
+            "to_numpy": far_apart.to_numpy,
+        }
+        for name, call in calls.items():
+            with self.subTest(name):
+                self.assertLess(self.interrupt(call, after=0.05), LATEST + SLACK)
+
+    def test_files(self):
+        file = self.folder / "a.vdb"
+        mv.sphere().level_set(0.002).write(file)
+        for after in (0.05, 0.3):
+            with self.subTest(after):
+                seconds = self.interrupt(lambda: mv.LevelSet.read(file), after)
+                self.assertLess(seconds, LATEST + SLACK)
+
+    @unittest.skipIf(OPENVDB is None, "OpenVDB's Python module is not installed")
+    def test_exchange_leaves_nothing(self):
+        """Nor is the wish to stop swallowed, whenever it comes."""
+        ball = mv.sphere().level_set(0.05)
+
+        def exchange():
+            for _ in range(300):
+                mv.LevelSet.from_pyopenvdb(ball.to_pyopenvdb())
+
+        with unittest.mock.patch.object(tempfile, "tempdir", str(self.folder)):
+            for k in range(12):
+                self.interrupt(exchange, after=0.1 + 0.0037 * k)
+                self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_the_next_call_works(self):
         self.interrupt(lambda: long_shape().level_set(0.003), after=0.2)

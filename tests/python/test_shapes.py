@@ -2,6 +2,7 @@
 
 import math
 import unittest
+import warnings
 
 import numpy as np
 
@@ -202,6 +203,15 @@ class Primitives(ShapeTest):
         with self.assertRaisesRegex(mv.InputError, "leaves its bounds"):
             endless.level_set(0.1)
 
+    def test_warp_from_nowhere_is_refused(self):
+        def torn(points):
+            return np.where(points[:, :1] > 0.3, np.nan, points)
+
+        for inverse in (torn, lambda points: points * np.nan):
+            warped = mv.sphere(radius=0.5).warp(inverse, ((-1, -1, -1), (1, 1, 1)), stretch=1.0)
+            with self.assertRaisesRegex(mv.InputError, "comes from is not finite"):
+                warped.level_set(0.1)
+
     def test_function_errors(self):
         bounds = ((-1, -1, -1), (1, 1, 1))
 
@@ -344,6 +354,30 @@ class Surfaces(ShapeTest):
             mv.sphere().level_set(0.001, max_bytes=1000000)
 
 
+    def test_nobody_takes_more_than_the_machine_has(self):
+        for call in ("level_set", "to_mesh"):
+            with self.assertRaisesRegex(mv.LimitError, "limit"):
+                getattr(mv.sphere(), call)(3e-5)
+        with self.assertRaisesRegex(mv.LimitError, "limit"):
+            mv.sphere().write("never.vdb", 3e-5)
+
+    def test_nothing_left_is_a_warning(self):
+        wire = mv.capsule((0, 0.05, 0.05), (2, 0.05, 0.05), 0.06)
+        ball = mv.sphere().level_set(0.1)
+        for call in (
+            lambda: wire.level_set(0.1),
+            lambda: mv.sphere().level_set(1e9),
+            lambda: ball.offset(-2),
+        ):
+            with self.assertWarnsRegex(UserWarning, "nothing is left"):
+                self.assertEqual(call().active_voxels, 0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            nothing = mv.sphere().offset(-2)
+            self.assertIsNone(nothing.bounds)
+            nothing.level_set(0.1).offset(0.1)
+
+
 class Motions(ShapeTest):
     def setUp(self):
         self.rod = mv.box((0, -0.2, -0.1), (1, 0.2, 0.1))
@@ -404,6 +438,11 @@ class Meshes(ShapeTest):
         shape = mv.mesh(*octahedron())
         self.assert_volume(shape, 4 / 3)
         self.assert_volume(mv.mesh(mv.Mesh(*octahedron())) - mv.half_space((0, 0, 0), (0, 0, 1)), 2 / 3)
+
+    def test_vertices_need_faces(self):
+        for source in (np.zeros((3, 3)), 3):
+            with self.assertRaisesRegex(mv.UsageError, "with them faces"):
+                mv.mesh(source)
 
 
 if __name__ == "__main__":
