@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 #include <openvdb/io/File.h>
+#include <openvdb/io/Stream.h>
 #include <openvdb/tools/LevelSetSphere.h>
 
 #include <algorithm>
@@ -47,6 +48,23 @@ std::string bytesOf(const fs::path& file)
 void write(const fs::path& file, const std::string& bytes)
 {
     std::ofstream(file, std::ios::binary) << bytes;
+}
+
+/// Grids read with a Progress, which takes another way, have to be those read without.
+void expectSameWithProgress(const fs::path& file)
+{
+    const Progress progress;
+    const openvdb::GridPtrVec usual = readGrids(file), other = readGrids(file, 0, &progress);
+    ASSERT_EQ(usual.size(), other.size()) << file;
+    for (std::size_t n = 0; n < usual.size(); ++n) {
+        EXPECT_EQ(usual[n]->getName(), other[n]->getName()) << file;
+        EXPECT_EQ(usual[n]->type(), other[n]->type()) << file;
+        EXPECT_EQ(usual[n]->saveFloatAsHalf(), other[n]->saveFloatAsHalf()) << file;
+        EXPECT_EQ(usual[n]->transform(), other[n]->transform()) << file;
+        EXPECT_EQ(usual[n]->metaCount(), other[n]->metaCount()) << file;
+        EXPECT_EQ(usual[n]->activeVoxelCount(), other[n]->activeVoxelCount()) << file;
+        EXPECT_EQ(usual[n]->memUsage(), other[n]->memUsage()) << file;
+    }
 }
 
 /// A folder of its own for every test.
@@ -198,12 +216,36 @@ TEST_F(VdbFile, GivesTheLevelSetThatIsMeant)
     EXPECT_TRUE(readGrids(file).empty());
 }
 
+TEST_F(VdbFile, CanBeStoppedWhileItIsRead)
+{
+    openvdb::initialize();
+    const fs::path file = mFolder / "a.vdb", streamed = mFolder / "b.vdb";
+    const FloatGrid::Ptr grid = sphere().grid().deepCopy(), half = sphere().grid().deepCopy();
+    half->setSaveFloatAsHalf(true);
+    const FloatGrid::Ptr instance = grid->copy(); // of the same tree
+    instance->setName("instance");
+    const openvdb::GridCPtrVec grids{grid, half, instance, openvdb::Vec3SGrid::create()};
+    openvdb::io::File(file.string()).write(grids);
+    expectSameWithProgress(file);
+    {
+        std::ofstream out(streamed, std::ios::binary);
+        openvdb::io::Stream(out).write(grids); // tells no places of its grids
+    }
+    expectSameWithProgress(streamed);
+
+    Progress stopped;
+    stopped.stop();
+    EXPECT_THROW(readGrids(file, 0, &stopped), Interrupted);
+    EXPECT_THROW(readLevelSet(file, "instance", 0, Purpose::Modelling, &stopped), Interrupted);
+}
+
 TEST_F(VdbFile, OfOtherProgramsCanBeRead)
 {
     const char* folder = std::getenv("MPUVDB_DATA_DIR");
     if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set";
     for (const auto& entry : fs::directory_iterator(fs::path(folder) / "vdb")) {
         EXPECT_FALSE(readGrids(entry.path()).empty()) << entry.path();
+        expectSameWithProgress(entry.path());
     }
     const fs::path sphereFile = fs::path(folder) / "vdb" / "sphere.vdb";
     EXPECT_EQ(readLevelSet(sphereFile).grid().activeVoxelCount(), 270638u);

@@ -128,16 +128,17 @@ private:
     {
         text(); // name
         std::string type = text();
-        text(); // of the grid whose tree this one shares
+        const bool isShared = !text().empty(); // the grid whose tree this one shares
         const auto grid = number<std::int64_t>(), blocks = number<std::int64_t>(),
                    end = number<std::int64_t>();
-        if (grid < at() || blocks < grid || end < blocks) damaged("has grid offsets out of order");
+        const bool isOrdered = isShared ? grid <= end : grid <= blocks && blocks <= end;
+        if (grid < at() || !isOrdered) damaged("has grid offsets out of order");
         if (end > mSize) truncated();
         mStream.seekg(grid);
         skip(sizeof(std::uint32_t)); // compression
         metadata();
         // A shared tree is stored with its owner: nothing but the transform follows.
-        if (transform() && blocks > at()) root(type, blocks);
+        if (transform() && !isShared && blocks > at()) root(type, blocks);
         if (at() > end) damaged("has a grid beyond its end");
         mStream.seekg(end);
     }
