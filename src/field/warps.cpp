@@ -283,11 +283,10 @@ Vec3d inverseOfOne(const PlacesFunction& inverse, const Vec3d& p)
 class BatchWarp final : public UserWarp
 {
 public:
-    BatchWarp(const PlacesFunction& inverse, std::function<Box3d(const Box3d&)> image,
-              double stretch)
+    BatchWarp(PlacesFunction inverse, std::function<Box3d(const Box3d&)> image, double stretch)
         : UserWarp([inverse](const Vec3d& p) { return inverseOfOne(inverse, p); }, std::move(image),
                    stretch),
-          mInverses(inverse)
+          mInverses(std::move(inverse))
     {
     }
     void inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const override
@@ -362,7 +361,7 @@ std::shared_ptr<const Warp> makeWarp(PlacesFunction inverse,
                                      std::function<Box3d(const Box3d&)> image, double stretch)
 {
     demandWarp(inverse && image, stretch);
-    return std::make_shared<BatchWarp>(inverse, std::move(image), stretch);
+    return std::make_shared<BatchWarp>(std::move(inverse), std::move(image), stretch);
 }
 
 void Warp::inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const

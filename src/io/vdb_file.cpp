@@ -110,7 +110,7 @@ std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted
     const auto has = [&](const std::string& name) {
         return std::find(levelSets.begin(), levelSets.end(), name) != levelSets.end();
     };
-    const std::string name = wanted.empty() ? "surface" : wanted;
+    std::string name = wanted.empty() ? "surface" : wanted;
     if (has(name)) return name;
     if (wanted.empty() && levelSets.size() == 1) return levelSets[0];
     const std::string all = there.empty() ? "no grid at all" : join(there);

@@ -38,7 +38,7 @@ public:
     {
         if (!inputHasGridOffsets()) return nullptr;
         const GridDescriptor& descriptor = find(name);
-        const GridBase::Ptr grid = read(descriptor);
+        GridBase::Ptr grid = read(descriptor);
         if (descriptor.isInstance()) {
             const std::string parent =
                 GridDescriptor::nameAsString(descriptor.instanceParentName());
@@ -66,7 +66,7 @@ private:
     }
     GridBase::Ptr read(const GridDescriptor& descriptor)
     {
-        const GridBase::Ptr grid = GridBase::createGrid(descriptor.gridType());
+        GridBase::Ptr grid = GridBase::createGrid(descriptor.gridType());
         grid->setSaveFloatAsHalf(descriptor.saveFloatAsHalf());
         descriptor.seekToGrid(mStream);
         readGrid(grid, descriptor, mStream);

@@ -121,7 +121,7 @@ openvdb::FloatGrid::Ptr gridOf(const py::array_t<float>& values, const Vec3d& or
     demandBlock(values, origin, voxelSize);
     const bool above = inside == Inside::Above;
     const Values in = values.unchecked<3>();
-    const openvdb::FloatGrid::Ptr grid = emptyLevelSet({origin, voxelSize}, 3).grid().deepCopy();
+    openvdb::FloatGrid::Ptr grid = emptyLevelSet({origin, voxelSize}, 3).grid().deepCopy();
     grid->setName("values");
     grid->setGridClass(openvdb::GRID_UNKNOWN);
     auto outermost = float(value);

@@ -77,7 +77,7 @@ openvdb::FloatGrid::Ptr fromPyOpenVdb(const py::object& object, const char* what
     const std::string file = folder.file();
     module.attr("write")(file, object);
     return run(py::none(), [&](Progress& p) {
-        const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(readGrids(file, 0, &p).front());
+        auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(readGrids(file, 0, &p).front());
         p.check();
         demandFinite(*grid);
         return grid;

@@ -126,6 +126,7 @@ std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& s
     };
     session.progress().beginStage("resample");
     std::vector<LevelSet> levelSets;
+    levelSets.reserve(inputs.size());
     for (const GridInput& input : inputs) levelSets.push_back(input.levelSet);
     OneLattice shared = onOneLattice(levelSets, session.progress());
     for (const std::size_t n : shared.resampled) {

@@ -59,6 +59,7 @@ public:
     {
         const std::vector<Step> steps = plan();
         std::vector<Output> outputs;
+        outputs.reserve(steps.size());
         for (const Step& step : steps) outputs.push_back({"-o", step.file, {".vdb"}, true});
         session.checkFiles(outputs, {mFiles[0], mFiles[1]});
         std::vector<GridInput> inputs;
