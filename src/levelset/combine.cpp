@@ -46,13 +46,13 @@ FloatTree::ConstPtr withBackground(const FloatTree::ConstPtr& tree, float backgr
 
 bool hasInside(const FloatTree& tree)
 {
-    auto tile = tree.cbeginValueAll();
-    for (tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1); tile; ++tile)
-        if (*tile < 0) return true;
     for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
         const float* const values = leaf->buffer().data();
         if (std::any_of(values, values + Leaf::SIZE, [](float v) { return v < 0; })) return true;
     }
+    auto tile = tree.cbeginValueAll();
+    for (tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1); tile; ++tile)
+        if (*tile < 0) return true;
     return false;
 }
 

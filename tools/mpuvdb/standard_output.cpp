@@ -119,8 +119,11 @@ void removeScratchFolders() noexcept
 void keepStandardFiles()
 {
     for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
-        if (fcntl(file, F_GETFD) < 0) [[maybe_unused]]
-            const int taken = open("/dev/null", file == STDIN_FILENO ? O_WRONLY : O_RDONLY);
+        if (fcntl(file, F_GETFD) < 0) {
+            // The wrong way round, so that what uses it fails.
+            const int way = file == STDIN_FILENO ? O_WRONLY : O_RDONLY;
+            [[maybe_unused]] const int taken = open("/dev/null", way);
+        }
 }
 
 void printText(const std::string& text)
