@@ -1,12 +1,10 @@
-// Inner nodes of shapes: Booleans, offsets, filters, morphs, motions.
+// Inner nodes of shapes: Booleans, offsets, filters, morphs.
 #include "band_limits.h"
 #include "combine.h"
 #include "shape_node.h"
 #include "smooth_filters.h"
 
 #include <mpuvdb/error.h>
-
-#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <cmath>
@@ -322,128 +320,6 @@ private:
     Morphing mHow;
 };
 
-/// The input's grid, sampled through a motion or a warp of space.
-class ThroughNode : public Node
-{
-public:
-    using Node::Node;
-
-    double workingBytes(const Demand& own) const override
-    {
-        return isRigid() ? 0 : distanceBytes(area(own.region), own.lattice.voxelSize);
-    }
-
-    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
-                  Progress& progress) const override
-    {
-        if (!inputs[0]) return nothing(own);
-        SampleSettings settings;
-        settings.lattice = own.lattice;
-        settings.halfWidth = sampledWidth(own);
-        settings.maxBytes = maxBytes;
-        settings.mayBeEmpty = true;
-        const LevelSet sampled =
-            sampleField(*through(makeGridField(*inputs[0])), settings, progress);
-        return inBand(sampled, own.halfWidth, progress);
-    }
-
-protected:
-    virtual FieldPtr through(FieldPtr field) const = 0;
-    /// The largest factor by which a length grows on the way to the input.
-    virtual double stretch() const = 0;
-    /// Whether distances stay distances.
-    virtual bool isRigid() const { return false; }
-
-    /// The whole input on voxels of @a voxelSize, as far as it is sampled.
-    Demand wholeInput(const Demand& own, double voxelSize) const
-    {
-        constexpr double kStencil = 2; // voxels
-        const Box3d& box = inputs()[0]->bounds();
-        if (box.isEmpty()) return within(own, box);
-        const double band = sampledWidth(own) * own.lattice.voxelSize * stretch();
-        return {latticeFor(box, voxelSize), band / voxelSize + kStencil, box};
-    }
-
-private:
-    /// What is sampled of the band, voxels. Where much is stretched, a little band costs the input
-    /// a wide one: the rest is measured from the surface.
-    double sampledWidth(const Demand& own) const
-    {
-        constexpr double kWidest = 30, kNarrowest = 2; // voxels, of the input and of its own
-        if (isRigid()) return own.halfWidth;
-        return std::min(own.halfWidth, std::max(kWidest / stretch(), kNarrowest));
-    }
-};
-
-class MotionNode final : public ThroughNode
-{
-public:
-    MotionNode(const Ptr& input, const Eigen::Affine3d& motion)
-        : ThroughNode("transform", {input}, movedBox(input->bounds(), motion)), mMotion(motion)
-    {
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> squares;
-        squares.computeDirect(motion.linear().transpose() * motion.linear(),
-                              Eigen::EigenvaluesOnly);
-        mGrowth = std::sqrt(squares.eigenvalues()[2]);
-        mShrink = std::sqrt(squares.eigenvalues()[0]);
-        mAreaGrowth = std::sqrt(squares.eigenvalues()[1] * squares.eigenvalues()[2]);
-    }
-
-    Demand demandOf(std::size_t, const Demand& own) const override
-    {
-        return wholeInput(own, own.lattice.voxelSize / mGrowth);
-    }
-    double area(const Box3d& region) const override
-    {
-        return mAreaGrowth * Node::area(movedBox(region, mMotion.inverse()));
-    }
-    double voxelSize() const override { return mGrowth * inputs()[0]->voxelSize(); }
-
-protected:
-    double stretch() const override { return 1 / mShrink; }
-    bool isRigid() const override { return uniformScale(mMotion) > 0; }
-    FieldPtr through(FieldPtr field) const override
-    {
-        return makeMovedField(std::move(field), mMotion);
-    }
-    Ptr movedSelf(const Eigen::Affine3d& motion, Moved&) const override
-    {
-        return motionNode(inputs()[0], motion * mMotion);
-    }
-
-private:
-    Eigen::Affine3d mMotion;
-    double mGrowth, mShrink; ///< largest and smallest, of lengths
-    double mAreaGrowth;      ///< largest
-};
-
-class WarpNode final : public ThroughNode
-{
-public:
-    WarpNode(const Ptr& input, std::shared_ptr<const Warp> warp, std::string name)
-        : ThroughNode(std::move(name), {input},
-                      input->bounds().isEmpty() ? Box3d() : warp->image(input->bounds())),
-          mWarp(std::move(warp))
-    {
-    }
-
-    Demand demandOf(std::size_t, const Demand& own) const override
-    {
-        return wholeInput(own, own.lattice.voxelSize);
-    }
-    double area(const Box3d&) const override { return Node::area(inputs()[0]->bounds()); }
-
-protected:
-    double stretch() const override { return bounds().isEmpty() ? 1 : mWarp->stretch(bounds()); }
-    FieldPtr through(FieldPtr field) const override
-    {
-        return makeWarpedField(std::move(field), mWarp);
-    }
-
-private:
-    std::shared_ptr<const Warp> mWarp;
-};
-
 } // namespace
 
 double Node::area(const Box3d& region) const
@@ -505,16 +381,6 @@ Node::Ptr morphNode(const Node::Ptr& a, const Node::Ptr& b, double t, Morphing h
     return std::make_shared<MorphNode>(a, b, t, how);
 }
 
-Node::Ptr warpNode(const Node::Ptr& input, std::shared_ptr<const Warp> warp, std::string name)
-{
-    return std::make_shared<WarpNode>(input, std::move(warp), std::move(name));
-}
-
-Node::Ptr motionNode(const Node::Ptr& input, const Eigen::Affine3d& motion)
-{
-    return std::make_shared<MotionNode>(input, motion);
-}
-
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress)
 {
     constexpr double kSame = 1e-5; // backgrounds are floats
@@ -554,26 +420,6 @@ Box3d grown(const Box3d& box, double by)
     if (box.isEmpty()) return box;
     const Vec3d d = Vec3d::Constant(by);
     return {box.min() - d, box.max() + d};
-}
-
-Box3d movedBox(const Box3d& box, const Eigen::Affine3d& motion)
-{
-    constexpr double kFar = std::numeric_limits<double>::infinity();
-    if (box.isEmpty()) return box;
-    if (!isFinite(box)) return {Vec3d::Constant(-kFar), Vec3d::Constant(kFar)};
-    Box3d image;
-    for (int corner = 0; corner < 8; ++corner)
-        image.extend(motion * box.corner(Box3d::CornerType(corner)));
-    return image;
-}
-
-double uniformScale(const Eigen::Affine3d& motion)
-{
-    const Eigen::Matrix3d& m = motion.linear();
-    const double square = m.squaredNorm() / 3;
-    const bool uniform =
-        (m.transpose() * m - square * Eigen::Matrix3d::Identity()).norm() <= 1e-9 * square;
-    return uniform ? std::sqrt(square) : 0;
 }
 
 } // namespace mpuvdb
