@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -160,6 +161,63 @@ TEST(UnseenParts, AreNearTheSolid)
         EXPECT_GT(unseen.share, 0.01);
         EXPECT_LT(unseen.mean, limit.mean);
         EXPECT_LT(unseen.largest, limit.largest);
+    }
+}
+
+/// How much a surface over a hole bends: the mean over its area of the angle between neighbouring
+/// triangles, times the length of their edge; a ball of radius r has 2 / r.
+double bendOfUnseen(const Mesh& mesh, const PointCloud& cloud)
+{
+    const double far = 3 * std::sqrt(measure(mesh).area / double(cloud.size()));
+    const KdTree points(cloud.positions);
+    std::vector<std::uint32_t> nearest(1);
+    std::vector<float> squared(1);
+    std::map<std::pair<std::uint32_t, std::uint32_t>, Vec3d> normals; // of one triangle per edge
+    double area = 0, bend = 0;
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        const Vec3d p[3] = {mesh.world(t[0]), mesh.world(t[1]), mesh.world(t[2])};
+        points.nearest(((p[0] + p[1] + p[2]) / 3 - cloud.frame).cast<float>(), nearest, squared);
+        if (double(squared[0]) < far * far) continue;
+        const Vec3d across = (p[1] - p[0]).cross(p[2] - p[0]);
+        area += across.norm() / 2;
+        for (std::size_t k = 0; k < 3; ++k) {
+            const std::uint32_t a = t[k], b = t[(k + 1) % 3];
+            const auto [at, isNew] = normals.emplace(std::minmax(a, b), across.normalized());
+            if (isNew) continue;
+            const double cosine = std::clamp(at->second.dot(across.normalized()), -1.0, 1.0);
+            bend += std::acos(cosine) * (mesh.world(a) - mesh.world(b)).norm();
+        }
+    }
+    return bend / area;
+}
+
+TEST(UnseenParts, CloseSmoothly)
+{
+    struct Limit {
+        const char* solid;
+        double bend;
+    };
+    // The middle between what is reached now and what came out when leaves without points dragged
+    // the surface that closes the cut towards the points beside them.
+    for (const Limit& limit : {Limit{"blob(1, 20, 0.05)", 3.6}, Limit{"blob(1, 8, 0.12)", 5.3},
+                               Limit{"gear(12, 1, 0.5)", 12}}) {
+        SCOPED_TRACE(limit.solid);
+        ScanSettings scanned;
+        scanned.points = 60000;
+        scanned.pattern = ScanSettings::Pattern::Random;
+        Progress progress;
+        const PointCloud whole = scan(*parseSolid(limit.solid), scanned, progress);
+        PointCloud cut;
+        cut.frame = whole.frame;
+        for (std::size_t n = 0; n < whole.size(); ++n) {
+            if (whole.positions[n][1] < -0.25f) continue;
+            cut.positions.push_back(whole.positions[n]);
+            cut.normals.push_back(whole.normals[n]);
+        }
+        ReconstructSettings settings;
+        settings.voxels = 150;
+        const Reconstruction made = reconstruct(PointCloud(cut), settings, progress);
+        EXPECT_LT(bendOfUnseen(extractMesh(made.levelSet, progress), cut), limit.bend);
     }
 }
 

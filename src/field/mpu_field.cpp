@@ -29,7 +29,24 @@ constexpr double kLeastDistance = 1e-12;
 /// better told by the fits beside them, which the coarse field bridges.
 constexpr double kVetoSteps = 1.5;
 
-/// Take support from leaves whose side at the centre is clearly not the whole model's.
+/// The same where they agree about the side, and the leaf finds the surface farther away.
+constexpr double kOverlookedSteps = 0.5;
+
+/// How far @a value, a leaf's distance at its centre, is out of keeping with the coarse field's
+/// @a other there, in steps of that; above 0 it is not to be believed.
+double disagreement(double value, double other, const CoarseSign& coarse)
+{
+    const double own = std::abs(value), step = coarse.step();
+    // A leaf without points knows those beside it, and nothing of a surface that closes a hole
+    // between: it would drag that one towards itself.
+    if ((value < 0) == (other < 0))
+        return (std::min(own, coarse.farthest()) - std::abs(other)) / step - kOverlookedSteps;
+    // Data are about as far as the leaf says: the coarse field cannot know more.
+    const double believed = std::min(std::abs(other), std::max(own, step));
+    return (own + believed) / step - kVetoSteps;
+}
+
+/// Take support from leaves whose distance at the centre is clearly not the whole model's.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
     tree.forEachLeafParallel([&](OctreeNode& node, const OctreeCell& cell) {
@@ -42,11 +59,7 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         const Quadric& q = fit.ruling(y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
         const double other = coarse.evaluate(centre).value;
-        if ((value < 0) == (other < 0)) return;
-        // Data are about as far as the leaf says: the coarse field cannot know more.
-        const double believed = std::min(std::abs(other), std::max(std::abs(value), coarse.step()));
-        const double excess = (std::abs(value) + believed) / coarse.step() - kVetoSteps;
-        const double t = std::clamp(excess, 0.0, 1.0);
+        const double t = std::clamp(disagreement(value, other, coarse), 0.0, 1.0);
         node.support *= float(1 - t * t * (3 - 2 * t));
     });
 }
