@@ -9,6 +9,9 @@
 
 #include <algorithm>
 #include <array>
+#include <random>
+#include <utility>
+#include <vector>
 
 namespace mpuvdb::test
 {
@@ -152,6 +155,61 @@ TEST(AttributesTest, NoValueDependsOnThePlacesBefore)
         attributes->evaluate({places[i]}, alone);
         ASSERT_EQ(alone[0], together[i]) << i;
     }
+}
+
+/// The weight of a ball's points: a quadratic B-spline, @a t in [0, 1] from its middle to its rim.
+double ballWeight(double t)
+{
+    return t < 1.0 / 3 ? 0.75 - 2.25 * t * t : 1.125 * (1 - t) * (1 - t);
+}
+
+/// What the rule of MpuField::attributes() makes of the first scalar, by looking at every point.
+double blendedByRule(const PointCloud& cloud, const SurfacePlace& place)
+{
+    std::vector<std::pair<double, double>> found; // distance as it counts, value
+    for (std::size_t n = 0; n < cloud.size(); ++n) {
+        const double cosine = cloud.normals[n].cast<double>().dot(place.normal);
+        const double distance = (cloud.positions[n].cast<double>() - place.position).norm();
+        found.emplace_back(distance / std::clamp(1 + 2 * cosine, 0.25, 1.0),
+                           cloud.scalars[0].values[n]);
+    }
+    std::sort(found.begin(), found.end());
+    const double radius = std::min(1.25 * found[11].first, found[63].first);
+    double sum = 0, weight = 0;
+    for (const auto& [distance, value] : found) {
+        const double w = ballWeight(std::min(distance / radius, 1.0));
+        sum += w * value;
+        weight += w;
+    }
+    return sum / weight;
+}
+
+TEST(AttributesTest, BlendTheNearestPointsWhereverTheyAre)
+{
+    constexpr unsigned kSeed = 5;
+    SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+    std::mt19937 random(kSeed);
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> uniform;
+    PointCloud cloud = sphere(3000, Vec3d::Zero());
+    for (float& value : cloud.scalars[0].values) value = float(uniform(random));
+    MpuSettings fit;
+    fit.tolerance = 0.01;
+    fit.voxelSize = 0.05;
+    Progress progress;
+    const MpuField field(PointCloud(cloud), fit, progress);
+    std::vector<SurfacePlace> places;
+    for (int n = 0; n < 300; ++n) {
+        const auto direction = [&] {
+            return Vec3d(normal(random), normal(random), normal(random)).normalized();
+        };
+        const double reach[] = {1, 1.02, 0.5, 0.1, 4}; // 0.1: all points are about as far away
+        places.push_back({reach[n % 5] * direction(), direction()});
+    }
+    std::vector<float> values;
+    field.attributes({"heat"})->evaluate(places, values);
+    for (std::size_t n = 0; n < places.size(); ++n)
+        ASSERT_NEAR(values[n], blendedByRule(cloud, places[n]), 2e-3) << n;
 }
 
 TEST(AttributesTest, SheetsDoNotShineThrough)

@@ -89,9 +89,10 @@ public:
     /// The points' attributes @a names on the surface: kColorName, "confidence", or scalars of the
     /// cloud. A place has what the points about it have, blended by confidence and the weight of
     /// the fits' balls, in a ball of its own that holds a dozen points: so that colours are as fine
-    /// as the points, where fits are as coarse as the shape allows. Points that face another way
-    /// count as up to four times as far away. The result refers to this field, which has to outlive
-    /// it. @throws UsageError for a name that the cloud had not.
+    /// as the points, where fits are as coarse as the shape allows; of 64 at most where all are
+    /// about as far away. Points that face another way count as up to four times as far away. The
+    /// result refers to this field, which has to outlive it. @throws UsageError for a name that the
+    /// cloud had not.
     std::unique_ptr<const SurfaceAttributes>
     attributes(const std::vector<std::string>& names) const;
 

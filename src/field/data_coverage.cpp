@@ -75,14 +75,9 @@ private:
 };
 
 DataCoverage::DataCoverage(const SortedPoints& points, const Vec3d& frame, Progress& progress)
-    : mPoints(points.points()), mFrame(frame)
+    : mPoints(points.points()), mFrame(frame), mTree(points, kBucketPoints)
 {
-    points.forEachBucket(kBucketPoints, [&](std::size_t begin, std::size_t end) {
-        mBuckets.push_back({std::uint32_t(begin), std::uint32_t(end), 0});
-    });
     progress.check();
-    mNodes.reserve(2 * mBuckets.size());
-    build(0, mBuckets.size());
     measureSpacings(progress);
 }
 
@@ -95,100 +90,74 @@ inline float DataCoverage::ratioOf(std::uint32_t n, float spacing, const Vec3f& 
     return reach > 0 ? (position(n) - p).norm() / reach : kNone;
 }
 
-std::uint32_t DataCoverage::build(std::size_t begin, std::size_t end)
-{
-    const auto at = std::uint32_t(mNodes.size());
-    mNodes.push_back({});
-    Node node{};
-    node.leaf = end - begin == 1;
-    if (node.leaf) {
-        node.second = std::uint32_t(begin);
-        for (std::size_t n = mBuckets[begin].begin; n < mBuckets[begin].end; ++n)
-            node.box.extend(position(n));
-    } else {
-        const std::size_t middle = (begin + end) / 2;
-        const std::uint32_t first = build(begin, middle);
-        node.second = build(middle, end);
-        node.box = mNodes[first].box.merged(mNodes[node.second].box);
-    }
-    mNodes[at] = node;
-    return at;
-}
-
 /// The spacing at one point of each bucket; then what the median of its neighbours' buckets have:
 /// the neighbours of an outlier know better.
 void DataCoverage::measureSpacings(Progress& progress)
 {
+    const std::size_t count = mTree.buckets().size();
     const auto forEachBucket = [&](auto f) {
-        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, mBuckets.size(), 64),
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 64),
                           [&](const tbb::blocked_range<std::size_t>& range) {
                               progress.check();
                               for (std::size_t b = range.begin(); b < range.end(); ++b) f(b);
                           });
     };
-    std::vector<float> own(mBuckets.size());
-    std::vector<std::array<std::uint32_t, kNeighbours + 1>> near(mBuckets.size());
+    std::vector<float> own(count);
+    std::vector<std::array<std::uint32_t, kNeighbours + 1>> near(count);
     forEachBucket([&](std::size_t b) {
-        Neighbours found(position((mBuckets[b].begin + mBuckets[b].end) / 2));
-        gather(0, found);
+        const BucketTree::Bucket& bucket = mTree.buckets()[b];
+        Neighbours found(position((bucket.begin + bucket.end) / 2));
+        gather(found);
         own[b] = found.spacing();
         near[b].fill(std::uint32_t(b)); // where there are too few
         std::transform(found.begin(), found.end(), near[b].begin(),
                        [](const auto& n) { return n.bucket; });
     });
+    std::vector<float> spacings(count);
     forEachBucket([&](std::size_t b) {
         std::array<float, kNeighbours + 1> values;
         std::transform(near[b].begin(), near[b].end(), values.begin(),
                        [&](std::uint32_t n) { return own[n]; });
-        mBuckets[b].spacing = median(values.data(), values.data() + values.size());
+        spacings[b] = median(values.data(), values.data() + values.size());
     });
-    for (std::size_t n = mNodes.size(); n-- > 0;) { // children stand after their parents
-        Node& node = mNodes[n];
-        node.spacing = node.leaf ? mBuckets[node.second].spacing
-                                 : std::max(mNodes[n + 1].spacing, mNodes[node.second].spacing);
-    }
+    mSpacings = mTree.perNode<float>([&](std::uint32_t bucket) { return spacings[bucket]; },
+                                     [](float a, float b) { return std::max(a, b); });
     mSpacing = double(median(own.data(), own.data() + own.size()));
 }
 
-void DataCoverage::gather(std::uint32_t at, Neighbours& neighbours) const
+void DataCoverage::gather(Neighbours& neighbours) const
 {
-    const Node& node = mNodes[at];
-    if (node.leaf) {
-        const Bucket& bucket = mBuckets[node.second];
-        for (std::size_t n = bucket.begin; n < bucket.end; ++n)
-            neighbours.add((position(n) - neighbours.at()).squaredNorm(), node.second);
-        return;
-    }
-    std::uint32_t child[2] = {at + 1, node.second};
-    float d2[2];
-    for (int c = 0; c < 2; ++c)
-        d2[c] = mNodes[child[c]].box.squaredExteriorDistance(neighbours.at());
-    const int nearer = d2[1] < d2[0];
-    if (d2[nearer] < neighbours.reach()) gather(child[nearer], neighbours);
-    if (d2[1 - nearer] < neighbours.reach()) gather(child[1 - nearer], neighbours);
+    const Vec3f& at = neighbours.at();
+    mTree.search(
+        [&](std::uint32_t node) { return mTree.nodes()[node].box.squaredExteriorDistance(at); },
+        [&] { return neighbours.reach(); },
+        [&](std::uint32_t leaf) {
+            const BucketTree::Bucket& bucket = mTree.bucketOf(leaf);
+            for (std::size_t n = bucket.begin; n < bucket.end; ++n)
+                neighbours.add((position(n) - at).squaredNorm(), mTree.nodes()[leaf].second);
+        });
 }
 
-void DataCoverage::improve(std::uint32_t at, const Vec3f& p, const Vec3f& normal,
-                           Support& best) const
+DataCoverage::Support DataCoverage::bestSupport(const Vec3f& p, const Vec3f& normal) const
 {
-    const Node& node = mNodes[at];
-    if (node.leaf) {
-        const Bucket& bucket = mBuckets[node.second];
-        for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
-            const float ratio = ratioOf(n, bucket.spacing, p, normal);
-            if (ratio < best.ratio) best = {ratio, n, bucket.spacing};
-        }
-        return;
-    }
-    std::uint32_t child[2] = {at + 1, node.second};
-    float d2[2];
-    for (int c = 0; c < 2; ++c) d2[c] = mNodes[child[c]].box.squaredExteriorDistance(p);
-    const int nearer = d2[1] < d2[0];
-    for (const int c : {nearer, 1 - nearer}) {
-        if (best.ratio <= kFull) return; // as good as any
-        const float reach = best.ratio * mNodes[child[c]].spacing;
-        if (d2[c] < reach * reach) improve(child[c], p, normal, best);
-    }
+    constexpr float kNothing = -1; // the best is as good as any
+    Support best{kNone};
+    mTree.search(
+        [&](std::uint32_t node) { // squared ratio
+            const float widest = mSpacings[node];
+            const float d2 = mTree.nodes()[node].box.squaredExteriorDistance(p);
+            return widest > 0 ? d2 / (widest * widest) : kNone * kNone;
+        },
+        [&] { return best.ratio > kFull ? best.ratio * best.ratio : kNothing; },
+        [&](std::uint32_t leaf) {
+            const BucketTree::Bucket& bucket = mTree.bucketOf(leaf);
+            const float spacing = mSpacings[leaf];
+            for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
+                const float ratio = ratioOf(n, spacing, p, normal);
+                if (ratio < best.ratio) best = {ratio, n, spacing};
+            }
+        });
+    return best;
 }
 
 void DataCoverage::evaluate(const std::vector<SurfacePlace>& places,
@@ -207,8 +176,7 @@ void DataCoverage::evaluate(const std::vector<SurfacePlace>& places,
             values[i] = 1;
             continue;
         }
-        Support best{kNone};
-        improve(0, p, normal, best);
+        const Support best = bestSupport(p, normal);
         values[i] = coverageOf(best.ratio);
         if (best.ratio <= kFull) witnesses[count++ % kRemembered] = best;
     }

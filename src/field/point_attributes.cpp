@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -17,10 +18,9 @@ namespace
 
 constexpr std::size_t kNeighbours = 12;
 constexpr float kReach = 1.25f;          ///< radius of the ball, in distances of the last neighbour
+constexpr std::size_t kMost = 64;        ///< points in it, where they are all about as far
 constexpr float kLeastAgreement = 0.25f; ///< of a point that faces another way
-constexpr float kGuess = 1.25f;          ///< how far to look first, in radii of the last ball
-constexpr double kMargin = 3;            ///< of what is gathered, in radii of a ball
-constexpr double kTooWide = 8;           ///< in radii of a ball: gather anew
+constexpr std::size_t kBucketPoints = 40;
 
 /// How a point's distance counts: in full up to 60 degrees between normals, as four times itself
 /// from some 110 on. (Data coverage measures alike.)
@@ -31,130 +31,145 @@ float agreement(float cosine)
 
 } // namespace
 
-/// The points about some place, in their order, and the ball that balances them there.
+/// The points in the ball that balances them about some place.
 class PointAttributes::Neighbourhood
 {
 public:
-    explicit Neighbourhood(const PointAttributes& of)
-        : mOf(of), mRadius(std::max(of.mBox.diagonal().norm() / 1024, 1e-30))
-    {
-    }
+    explicit Neighbourhood(const PointAttributes& of) : mOf(of) {}
 
     /// Blend the channels at @a p (local coordinates) into @a values.
     void blend(const Vec3f& p, const Vec3f& normal, float* values)
     {
-        mBall = findBall(p, normal);
-        const PointBatch& points = mOf.mPoints.points();
-        const float scale = mBall > 0 ? 1.5f / mBall : 0;
+        find(p, normal);
+        const float radius = std::sqrt(mReach), scale = radius > 0 ? 1.5f / radius : 0;
         double sum = 0;
         mSums.assign(mOf.mChannels.size(), 0);
-        for (std::size_t i = 0; i < mNear.size(); ++i) {
-            if (!(mDistances[i] <= mBall)) continue;
-            const std::uint32_t n = mIndices[mNear[i]];
-            const double w = double(points.confidence[n] * bsplineWeight(scale * mDistances[i]));
+        const auto add = [&](std::uint32_t n, double w) {
             sum += w;
             for (std::size_t c = 0; c < mSums.size(); ++c)
                 mSums[c] += w * double(mOf.mChannels[c][n]);
-        }
+        };
+        for (const Found& f : mFound)
+            add(f.point, double(mOf.mPoints.confidence[f.point] *
+                                bsplineWeight(scale * std::sqrt(f.squared))));
+        if (!(sum > 0)) // all are equally far
+            for (const Found& f : mFound) add(f.point, 1);
         for (std::size_t c = 0; c < mSums.size(); ++c) values[c] = float(mSums[c] / sum);
     }
 
 private:
-    /// The radius of the ball about @a p. All points in it are among mNear then, and more may be;
-    /// which they are does not show in what is blended.
-    float findBall(const Vec3f& p, const Vec3f& normal)
+    struct Found {
+        std::uint32_t point;
+        float squared; ///< distance, as it counts
+    };
+
+    /// Fill mFound with the points of the ball, in their order, and mReach with its radius.
+    void find(const Vec3f& p, const Vec3f& normal)
     {
-        for (;; gather(p)) {
-            const bool all = mIndices.size() == mOf.mPoints.size();
-            const double complete = mRadius - (p.cast<double>() - mCentre).norm();
-            const bool wide =
-                mBall > 0 && mRadius > kTooWide * double(mBall) && mCentre != p.cast<double>();
-            const float most = all ? kEverything : float(kBelow * complete);
-            for (const float within : {std::min(kGuess * mBall, most), most}) {
-                if (mIndices.empty() || !(within > 0)) continue;
-                select(p, normal, within);
-                const float radius = kReach * lastNeighbour();
-                if (radius <= within && !(wide && !all)) return radius;
-            }
-            const bool enough = !mNear.empty() && mNear.size() >= kNeighbours;
-            // Halved at most, lest it vanish where points coincide.
-            mRadius = enough ? std::max(kMargin * double(kReach * lastNeighbour()), mRadius / 2)
-                             : 2 * mRadius;
-        }
+        // Whoever was near the place before is near to this one, too: the rest need not be farther.
+        mNearest.fill(kFarthest);
+        mReach = kFarthest;
+        for (const Found& f : mFound) count(squaredDistance(f.point, p, normal));
+        mNearest.fill(kFarthest); // they will be found again
+        mFound.clear();
+        mCrowd = 2 * kMost;
+        mOf.mTree.search([&](std::uint32_t node) { return leastSquared(node, p, normal); },
+                         [this] { return mReach; },
+                         [&](std::uint32_t leaf) { take(mOf.mTree.bucketOf(leaf), p, normal); });
+        dropCrowd();
+        std::sort(mFound.begin(), mFound.end(),
+                  [](const Found& a, const Found& b) { return a.point < b.point; });
     }
 
-    /// Fill mNear with the places in mIndices of the points @a within that distance of @a p, and
-    /// mDistances with how theirs count.
-    void select(const Vec3f& p, const Vec3f& normal, float within)
+    /// Distance at least of the points of a node of the tree.
+    float leastSquared(std::uint32_t node, const Vec3f& p, const Vec3f& normal) const
     {
-        const std::size_t count = mIndices.size();
-        mSquared.resize(count);
-        for (std::size_t i = 0; i < count; ++i) {
-            const float x = mX[i] - p[0], y = mY[i] - p[1], z = mZ[i] - p[2];
-            mSquared[i] = x * x + y * y + z * z;
-        }
-        mNear.resize(count);
-        std::size_t near = 0;
-        for (std::size_t i = 0; i < count; ++i) {
-            mNear[near] = std::uint32_t(i);
-            near += std::size_t(mSquared[i] <= within * within);
-        }
-        mNear.resize(near);
-        const PointBatch& at = mOf.mPoints.points();
-        mDistances.resize(near);
-        for (std::size_t i = 0; i < near; ++i) {
-            const std::uint32_t n = mIndices[mNear[i]];
-            const float cosine = at.nx[n] * normal[0] + at.ny[n] * normal[1] + at.nz[n] * normal[2];
-            mDistances[i] = std::sqrt(mSquared[mNear[i]]) / agreement(cosine);
-        }
+        const float d2 = kBelow * mOf.mTree.nodes()[node].box.squaredExteriorDistance(p);
+        if (d2 >= mReach) return d2;
+        const Eigen::AlignedBox3f& box = mOf.mNormals[node];
+        const float most = agreement(
+            box.min().cwiseProduct(normal).cwiseMax(box.max().cwiseProduct(normal)).sum());
+        return d2 / (most * most);
     }
 
-    /// Distance to the last of a dozen neighbours, or of all there are; infinite where some may be
-    /// missing.
-    float lastNeighbour()
+    void take(const BucketTree::Bucket& bucket, const Vec3f& p, const Vec3f& normal)
     {
+        const std::size_t size = bucket.end - bucket.begin;
+        mSquared.resize(size);
+        float* const squared = mSquared.data();
+        const float* const xs = &mOf.mPoints.x[bucket.begin];
+        const float* const ys = &mOf.mPoints.y[bucket.begin];
+        const float* const zs = &mOf.mPoints.z[bucket.begin];
+        for (std::size_t i = 0; i < size; ++i) {
+            const float x = xs[i] - p[0], y = ys[i] - p[1], z = zs[i] - p[2];
+            squared[i] = x * x + y * y + z * z;
+        }
+        for (std::size_t i = 0; i < size; ++i) {
+            if (!(squared[i] <= mReach)) continue;
+            const auto n = std::uint32_t(bucket.begin + i);
+            const float d2 = squaredDistance(n, p, normal);
+            if (!(d2 <= mReach)) continue;
+            mFound.push_back({n, d2});
+            count(d2);
+        }
+        if (mFound.size() > mCrowd) dropCrowd();
+    }
+
+    float squaredDistance(std::uint32_t n, const Vec3f& p, const Vec3f& normal) const
+    {
+        const PointBatch& at = mOf.mPoints;
+        const float x = at.x[n] - p[0], y = at.y[n] - p[1], z = at.z[n] - p[2];
+        const float most =
+            agreement(at.nx[n] * normal[0] + at.ny[n] * normal[1] + at.nz[n] * normal[2]);
+        return (x * x + y * y + z * z) / (most * most);
+    }
+
+    /// Lessen the reach to what one more point at a distance lets it be.
+    void count(float squared)
+    {
+        if (squared >= mNearest.back()) return;
+        std::size_t i = mNearest.size() - 1;
+        for (; i > 0 && mNearest[i - 1] > squared; --i) mNearest[i] = mNearest[i - 1];
+        mNearest[i] = squared;
         const std::size_t wanted = std::min(kNeighbours, mOf.mPoints.size());
-        if (mNear.size() < wanted) return std::numeric_limits<float>::infinity();
-        mSorted = mDistances;
-        const auto last = mSorted.begin() + std::ptrdiff_t(wanted - 1);
-        std::nth_element(mSorted.begin(), last, mSorted.end());
-        return *last;
+        mReach = std::min(mReach, kReach * kReach * mNearest[wanted - 1]);
     }
 
-    void gather(const Vec3f& p)
+    void dropBeyond()
     {
-        mCentre = p.cast<double>();
-        mIndices.clear();
-        mNear.clear();
-        const Vec3d half = Vec3d::Constant(mRadius);
-        mOf.mPoints.appendAround(Box3d(mCentre - half, mCentre + half), mIndices);
-        const PointBatch& at = mOf.mPoints.points();
-        const auto copy = [this](const PointBatch::Floats& from, std::vector<float>& to) {
-            to.resize(mIndices.size());
-            for (std::size_t i = 0; i < to.size(); ++i) to[i] = from[mIndices[i]];
-        };
-        copy(at.x, mX);
-        copy(at.y, mY);
-        copy(at.z, mZ);
+        const auto beyond = [this](const Found& f) { return !(f.squared <= mReach); };
+        mFound.erase(std::remove_if(mFound.begin(), mFound.end(), beyond), mFound.end());
     }
 
-    static constexpr double kBelow = 1 - 1e-6; ///< what rounding to floats cannot undo
-    static constexpr float kEverything = std::numeric_limits<float>::max();
+    /// Lessen the reach to what holds no more points than may be.
+    void dropCrowd()
+    {
+        dropBeyond();
+        if (mFound.size() > kMost) {
+            const auto last = mFound.begin() + std::ptrdiff_t(kMost - 1);
+            std::nth_element(mFound.begin(), last, mFound.end(),
+                             [](const Found& a, const Found& b) { return a.squared < b.squared; });
+            mReach = last->squared;
+            dropBeyond();
+        }
+        mCrowd = mFound.size() + kMost;
+    }
+
+    static constexpr float kFarthest = std::numeric_limits<float>::max();
+    static constexpr float kBelow = 1 - 1e-5f; ///< what rounding cannot undo
 
     const PointAttributes& mOf;
-    double mRadius; ///< of the ball about mCentre all of whose points are gathered
-    Vec3d mCentre = Vec3d::Zero();
-    float mBall = 0;                         ///< radius of the last ball
-    std::vector<std::uint32_t> mIndices;     ///< of the points gathered
-    std::vector<float> mX, mY, mZ, mSquared; ///< theirs
-    std::vector<std::uint32_t> mNear;        ///< places in mIndices
-    std::vector<float> mDistances, mSorted;  ///< of mNear, as they count
+    std::vector<Found> mFound;
+    float mReach = 0;       ///< squared
+    std::size_t mCrowd = 0; ///< found points that are worth a look at what is too far
+    std::array<float, kNeighbours> mNearest; ///< squared distances, ascending
+    std::vector<float> mSquared;
     std::vector<double> mSums;
 };
 
 PointAttributes::PointAttributes(const SortedPoints& points, const Vec3d& frame,
                                  const std::vector<std::string>& names)
-    : mPoints(points), mFrame(frame)
+    : mPoints(points.points()), mFrame(frame), mTree(points, kBucketPoints)
 {
     const auto& scalars = points.scalarNames();
     const std::size_t colors = points.hasColors() ? 3 : 0;
@@ -176,8 +191,15 @@ PointAttributes::PointAttributes(const SortedPoints& points, const Vec3d& frame,
                                          fmt::join(scalars, ", ")));
         }
     }
-    const PointBatch& at = points.points();
-    for (std::size_t n = 0; n < points.size(); ++n) mBox.extend(Vec3d(at.x[n], at.y[n], at.z[n]));
+    mNormals = mTree.perNode<Eigen::AlignedBox3f>(
+        [&](std::uint32_t bucket) {
+            Eigen::AlignedBox3f box;
+            for (std::uint32_t n = mTree.buckets()[bucket].begin; n < mTree.buckets()[bucket].end;
+                 ++n)
+                box.extend(Vec3f(mPoints.nx[n], mPoints.ny[n], mPoints.nz[n]));
+            return box;
+        },
+        [](const Eigen::AlignedBox3f& a, const Eigen::AlignedBox3f& b) { return a.merged(b); });
 }
 
 void PointAttributes::evaluate(const std::vector<SurfacePlace>& places,

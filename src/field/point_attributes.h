@@ -1,6 +1,6 @@
 // What points have beside their places, blended on the surface.
 #pragma once
-#include "sorted_points.h"
+#include "bucket_tree.h"
 
 #include <mpuvdb/surface_attributes.h>
 
@@ -24,12 +24,13 @@ public:
 private:
     class Neighbourhood;
 
-    const SortedPoints& mPoints;
+    const PointBatch& mPoints;
     Vec3d mFrame;
+    BucketTree mTree;
+    std::vector<Eigen::AlignedBox3f> mNormals; ///< boxes about the normals of the tree's nodes
     bool mHasColors = false;
     std::vector<std::string> mScalarNames;
     std::vector<const float*> mChannels;
-    Box3d mBox; ///< of the points, local coordinates
 };
 
 } // namespace mpuvdb

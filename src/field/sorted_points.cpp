@@ -293,19 +293,4 @@ std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const Oct
     return count;
 }
 
-void SortedPoints::appendAround(const Box3d& box, std::vector<std::uint32_t>& indices,
-                                const OctreeCell& cell) const
-{
-    const Range range = cellRange(cell);
-    if (range.begin == range.end) return;
-    const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), centre = mRoot.centre(cell);
-    const Box3d cube(centre - half, centre + half);
-    if (!box.intersects(cube)) return;
-    if (range.end - range.begin <= kScan || cell.level == kMaxLevel || box.contains(cube)) {
-        for (std::size_t n = range.begin; n < range.end; ++n) indices.push_back(std::uint32_t(n));
-        return;
-    }
-    for (int octant = 0; octant < 8; ++octant) appendAround(box, indices, cell.child(octant));
-}
-
 } // namespace mpuvdb

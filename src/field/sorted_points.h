@@ -86,9 +86,6 @@ public:
                 PointBatch& out) const;
     /// Number of points in @a box (local coordinates); stops counting beyond @a limit.
     std::size_t countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell = {}) const;
-    /// Append the points in @a box (local coordinates), and some near it, to @a indices: ascending.
-    void appendAround(const Box3d& box, std::vector<std::uint32_t>& indices,
-                      const OctreeCell& cell = {}) const;
     /// Call f(begin, end) for every occupied cell of @a level, in Morton order.
     template <typename F>
     void forEachCell(int level, F f) const

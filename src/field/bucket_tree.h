@@ -1,0 +1,80 @@
+// Points in small buckets under a tree of boxes, for searches among all of them.
+#pragma once
+#include "sorted_points.h"
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class BucketTree
+{
+public:
+    /// A run of points, few and near each other.
+    struct Bucket {
+        std::uint32_t begin, end;
+    };
+    /// A run of buckets. The first child of an inner node is the node after it.
+    struct Node {
+        Eigen::AlignedBox3f box;
+        std::uint32_t second; ///< second child; of a leaf, its bucket
+        bool leaf;
+    };
+
+    /// @param most  points in a bucket, unless copies of one are more.
+    BucketTree(const SortedPoints& points, std::size_t most);
+
+    const std::vector<Bucket>& buckets() const { return mBuckets; }
+    /// Children stand after their parents.
+    const std::vector<Node>& nodes() const { return mNodes; }
+    /// The bucket of a leaf.
+    const Bucket& bucketOf(std::uint32_t leaf) const { return mBuckets[mNodes[leaf].second]; }
+
+    /// fromLeaf(bucket) at the leaves, join(first, second) of the children above them, for all
+    /// nodes.
+    template <typename T, typename FromLeaf, typename Join>
+    std::vector<T> perNode(FromLeaf fromLeaf, Join join) const
+    {
+        std::vector<T> values(mNodes.size());
+        for (std::size_t n = mNodes.size(); n-- > 0;) {
+            const Node& node = mNodes[n];
+            values[n] =
+                node.leaf ? fromLeaf(node.second) : join(values[n + 1], values[node.second]);
+        }
+        return values;
+    }
+
+    /// Call atLeaf(node) for all leaves with distance(node) < reach(), those first that promise to
+    /// be near. What atLeaf() finds may lessen the reach.
+    /// @param distance  of a node's index: no more than that of any of its points.
+    template <typename Distance, typename Reach, typename AtLeaf>
+    void search(Distance distance, Reach reach, AtLeaf atLeaf) const
+    {
+        if (!mNodes.empty()) searchBelow(0, distance, reach, atLeaf);
+    }
+
+private:
+    std::uint32_t build(const PointBatch& points, std::size_t begin, std::size_t end);
+
+    template <typename Distance, typename Reach, typename AtLeaf>
+    void searchBelow(std::uint32_t at, Distance& distance, Reach& reach, AtLeaf& atLeaf) const
+    {
+        const Node& node = mNodes[at];
+        if (node.leaf) {
+            atLeaf(at);
+            return;
+        }
+        std::pair<float, std::uint32_t> nearer{distance(at + 1), at + 1},
+            farther{distance(node.second), node.second};
+        if (farther.first < nearer.first) std::swap(nearer, farther);
+        if (nearer.first < reach()) searchBelow(nearer.second, distance, reach, atLeaf);
+        if (farther.first < reach()) searchBelow(farther.second, distance, reach, atLeaf);
+    }
+
+    std::vector<Bucket> mBuckets;
+    std::vector<Node> mNodes;
+};
+
+} // namespace mpuvdb
