@@ -201,6 +201,35 @@ TEST_F(IoTest, PtxPlacesItsScansAndLooksAtTheScanner)
     EXPECT_EQ(*std::max_element(cloud.confidence.begin(), cloud.confidence.end()), 1);
 }
 
+TEST_F(IoTest, PcdWithRowsIsSeenFromItsViewpoint)
+{
+    const auto pcd = [](const char* fields, const char* rows, const char* viewpoint) {
+        return concat("VERSION .7\nFIELDS ", fields, "\nSIZE 4 4 4 4 4 4\nTYPE F F F F F F\n", rows,
+                      viewpoint,
+                      "POINTS 4\nDATA ascii\n0 0 5 0 0 1\n1 0 5 0 0 1\n0 1 5 0 0 1\n"
+                      "nan nan nan 0 0 1\n");
+    };
+    const char* const bare = "x y z a b c";
+    const char* const oriented = "x y z normal_x normal_y normal_z";
+    const char *const picture = "WIDTH 2\nHEIGHT 2\n", *const list = "WIDTH 4\nHEIGHT 1\n";
+    const PointCloud seen = read("a.pcd", pcd(bare, picture, "VIEWPOINT 1 -2 0.5 0 1 0 0\n")).cloud;
+    ASSERT_EQ(seen.viewpoints.size(), 1u);
+    EXPECT_EQ(seen.viewpoints[0].place, Vec3d(1, -2, 0.5));
+    EXPECT_FALSE(seen.viewpoints[0].distant);
+    EXPECT_EQ(seen.seenFrom, std::vector<std::uint32_t>(3, 0));
+    // The format's default.
+    EXPECT_EQ(read("b.pcd", pcd(bare, picture, "")).cloud.viewpoints.at(0).place, Vec3d(0, 0, 0));
+    // A list may have been put together, normals say more, and the user knows better.
+    EXPECT_TRUE(read("c.pcd", pcd(bare, list, "VIEWPOINT 1 2 3 1 0 0 0\n")).cloud.seenFrom.empty());
+    EXPECT_TRUE(read("d.pcd", pcd(oriented, picture, "")).cloud.seenFrom.empty());
+    Progress progress;
+    EXPECT_EQ(readPoints({path("a.pcd")}, BadPoints::Drop, progress, {Vec3d(0, 0, 9)})
+                  .cloud.viewpoints.at(0)
+                  .place,
+              Vec3d(0, 0, 9));
+    EXPECT_THROW(read("e.pcd", pcd(bare, picture, "VIEWPOINT 1 2\n")), InputError);
+}
+
 TEST_F(IoTest, RangeGridsLeaveOutJumpsAndFadeTowardsTheBorder)
 {
     const int n = 30;

@@ -37,7 +37,7 @@ struct PointInput {
 /// Read points: PLY, Stanford .conf scan sets, XYZ/PTS/PWN/TXT, PTX, OBJ, OFF, STL, PCD, LAS.
 /// A mesh gives its vertices with area-weighted normals, a range grid normals and confidences
 /// [Curless96]. Normals are kept only if every file has them; "-" is stdin (PLY or text).
-/// Range grids and PTX tell the viewpoints of their points.
+/// Range grids, PTX, and PCD with rows and without normals tell the viewpoints of their points.
 /// @param viewpoints  instead of those: none, one for all files, or one for each; world units.
 /// @param scalars  names of numbers to keep with the points, at most 8: properties of PLY and PCD,
 /// named columns of text, LAS's "intensity". What is not finite there becomes 0.

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -28,6 +29,7 @@ struct PcdHeader {
     std::uint64_t points = 0;
     std::string data; ///< "ascii", "binary", "binary_compressed"
     std::uint64_t dataOffset = 0, lines = 0;
+    std::optional<Vec3d> eye; ///< of a range image
 
     std::uint64_t stride() const
     {
@@ -99,7 +101,9 @@ private:
             integers(scan, mPoints);
         else if (keyword == "DATA")
             mHeader.data = lowerCase(scan.word());
-        else if (keyword != "VERSION" && keyword != "VIEWPOINT" && !keyword.empty())
+        else if (keyword == "VIEWPOINT")
+            viewpoint(scan);
+        else if (keyword != "VERSION" && !keyword.empty())
             throwBad("unknown keyword " + inQuotes(keyword));
     }
 
@@ -111,6 +115,13 @@ private:
                 throwBad("wants whole numbers");
             values.push_back(value);
         }
+    }
+
+    /// The place; the rotation that follows is for those who show the points.
+    void viewpoint(LineScanner& scan)
+    {
+        for (double& x : mEye)
+            if (!scan.number(x)) throwBad("VIEWPOINT wants numbers");
     }
 
     PcdHeader finish()
@@ -137,6 +148,9 @@ private:
             mPoints = {mWidth[0] * mHeight[0]};
         if (mPoints.size() != 1) throwBad("the number of points is missing");
         mHeader.points = std::uint64_t(mPoints[0]);
+        // Rows of a picture come from one place; a list has this line, too, whatever it was made
+        // of.
+        if (mHeight.size() == 1 && mHeight[0] > 1 && mEye.allFinite()) mHeader.eye = mEye;
         mHeader.dataOffset = mLines.offset();
         mHeader.lines = mLines.line();
         return std::move(mHeader);
@@ -148,6 +162,7 @@ private:
     PcdHeader mHeader;
     std::vector<std::string> mNames;
     std::string mTypes;
+    Vec3d mEye = Vec3d::Zero();
     std::vector<std::int64_t> mSizes, mCounts, mWidth, mHeight, mPoints;
 };
 
@@ -260,6 +275,11 @@ FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Progres
         throw InputError(fmt::format("{}: DATA {} is not known. Write it as ascii, binary or "
                                      "binary_compressed.",
                                      source.name(), inQuotes(header.data)));
+    if (header.eye && !result.hasNormals()) {
+        for (PointBlock& block : result.blocks) block.seenFrom = Viewpoint{*header.eye, false};
+        result.notes.push_back(fmt::format("a range image, seen from ({:g}, {:g}, {:g})",
+                                           (*header.eye)[0], (*header.eye)[1], (*header.eye)[2]));
+    }
     return result;
 }
 
