@@ -132,6 +132,23 @@ TEST(Handles, ThinWireStaysOnlyWithPointsOnIt)
     EXPECT_EQ(surfaceOf(KnownField(bridged, kOnLobe, ringOfPoints(3, 10))).eulerCharacteristic, 2);
 }
 
+TEST(Islands, OneWithinAnotherGoesWithIt)
+{
+    const KnownField field("union(difference(box(40,40,40), sphere(9)), sphere(4))", kOnLobe, {});
+    const MeshReport mesh = surfaceOf(field);
+    EXPECT_EQ(mesh.components, 1u);
+    EXPECT_EQ(mesh.eulerCharacteristic, 2);
+}
+
+TEST(Islands, VoxelOfNoDepthGoes)
+{
+    const KnownField field(
+        "difference(box(40,40,40), translate(sphere(0.000000001), 0.13, 0.21, 0.37))", kOnLobe, {});
+    const MeshReport mesh = surfaceOf(field);
+    EXPECT_EQ(mesh.components, 1u);
+    EXPECT_EQ(mesh.eulerCharacteristic, 2);
+}
+
 // A row of voxels that rounding puts inside, as along an edge of a box in the lattice's planes.
 TEST(Handles, HairIsNeitherWireNorObject)
 {

@@ -87,12 +87,12 @@ SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
 /// Say which voxels are inside, and which in the band; the rest gets the background. Values that
 /// are rounding become zero: where a face lies in a plane of voxels, these are on one side of it.
 MPUVDB_CLONES
-void sortVoxels(BlockValues& values, float background, SignWords& inside, SignWords& active)
+void sortVoxels(BlockValues& values, float background, float rounding, SignWords& inside,
+                SignWords& active)
 {
     using Row = float __attribute__((vector_size(sizeof(float) * kBlockDim)));
     // The clamp of the sampler and the background may differ by a rounding.
-    constexpr float kRounding = 1e-6f;
-    const float limit = background * (1 - kRounding), hair = background * kRounding;
+    const float limit = background * (1 - rounding), hair = background * rounding;
     const Row far = Row{} + background;
     for (std::size_t x = 0; x < kBlockDim; ++x) {
         inside[x] = active[x] = 0;
@@ -200,7 +200,7 @@ Band::Block Band::sample(BlockSampler& sampler, const Vec3i& at) const
     sampler.evaluate(at, values);
     Block block{at, nullptr, {}};
     SignWords activeWords;
-    sortVoxels(values, mBackground, block.inside, activeWords);
+    sortVoxels(values, mBackground, kRounding, block.inside, activeWords);
     Leaf::NodeMaskType active;
     for (std::size_t x = 0; x < kBlockDim; ++x)
         active.getWord<std::uint64_t>(openvdb::Index(x)) = activeWords[x];

@@ -99,6 +99,8 @@ private:
     /// Voxels. A part of data's surface that is less deep is none: where voxels lie in a plane of
     /// the data, rounding tells on which side.
     static constexpr double kHair = 0.02;
+    /// Of the band's half-width: values below are zero but for rounding.
+    static constexpr float kRounding = 1e-6f;
     static void goOn(const Block& block, std::vector<Vec3i>& blocks);
     void dropUncrossed(std::size_t known);
     void add(Block block);
@@ -111,6 +113,7 @@ private:
     bool isFromData() const;
     void turn(Block& block, const SignWords& voxels);
     Regions labelRegions() const;
+    std::size_t turnIslands();
     BlockMosaic mosaic() const;
     bool isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const;
     void checkMemory() const;

@@ -101,6 +101,14 @@ Band::Regions Band::labelRegions() const
 
 std::size_t Band::removeIslands()
 {
+    std::size_t removed = 0;
+    // One within another has changed sides with it, and is an island of the other sign now.
+    while (const std::size_t turned = turnIslands()) removed += turned;
+    return removed;
+}
+
+std::size_t Band::turnIslands()
+{
     const Regions regions = labelRegions();
     const std::vector<std::vector<Part>>& parts = regions.parts;
     const std::vector<std::uint32_t>&first = regions.first, &roots = regions.roots;
@@ -190,7 +198,7 @@ void Band::turn(Block& block, const SignWords& voxels)
     for (std::size_t x = 0; x < kBlockDim; ++x) {
         for (std::uint64_t rest = voxels[x]; rest; rest &= rest - 1) {
             float& v = block.leaf->buffer().data()[x * 64 + std::size_t(__builtin_ctzll(rest))];
-            v = -v;
+            v = v != 0 ? -v : -kRounding * mBackground; // zero is outside, whatever its sign
         }
         block.inside[x] ^= voxels[x];
     }
