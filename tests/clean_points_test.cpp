@@ -460,6 +460,39 @@ TEST(EstimateNormals, NoiseTakesMoreNeighbours)
     EXPECT_EQ(shareRight("torus(1,0.3)", 20000, Pattern::Random, 0.03), 1);
 }
 
+// A depth camera tells depths in steps, wider than its points are apart: each step is a flat sheet.
+TEST(EstimateNormals, StepsOfDepthsAreOneSheet)
+{
+    constexpr int kRays = 200;
+    constexpr double kStep = 0.02;
+    const auto depth = [](double u, double v) { return 3 + 1.2 * u + 0.1 * std::sin(5 * v); };
+    PointCloud cloud;
+    std::vector<Vec3d> truth;
+    for (int i = 0; i < kRays; ++i)
+        for (int j = 0; j < kRays; ++j) {
+            const double u = double(i) / kRays - 0.5, v = double(j) / kRays - 0.5;
+            const double z = kStep * std::round(depth(u, v) / kStep);
+            cloud.positions.push_back(Vec3d(u * z, v * z, z).cast<float>());
+            const double h = 1e-5;
+            const auto at = [&](double x, double y) { return Vec3d(depth(x, y) * Vec3d(x, y, 1)); };
+            truth.push_back(
+                (at(u + h, v) - at(u - h, v)).cross(at(u, v + h) - at(u, v - h)).normalized());
+        }
+    Progress progress;
+    estimateNormals(cloud, {}, progress);
+    double right = 0, sameWay = 0;
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+        const double cosine = truth[i].dot(cloud.normals[i].cast<double>());
+        right += std::abs(cosine) > std::cos(20 * M_PI / 180);
+        sameWay += cosine > 0;
+    }
+    const auto count = double(truth.size());
+    EXPECT_GT(right, 0.9 * count);
+    EXPECT_GT(std::max(sameWay, count - sameWay), 0.98 * count); // which side is not known
+    const double noise = kStep / std::sqrt(12.0);                // of rounding
+    EXPECT_NEAR(measure(cloud, progress).noise, noise, 0.4 * noise);
+}
+
 TEST(EstimateNormals, LookTowardsTheViewpoint)
 {
     // An open plane has no outside; seen from below it looks down.

@@ -1,4 +1,5 @@
 // Normals of bare points: least-squares planes, then one orientation for all of a part.
+#include "chosen_neighbors.h"
 #include "distinct_positions.h"
 #include "kd_tree.h"
 #include "local_plane.h"
@@ -10,6 +11,7 @@
 #include <mpuvdb/normals.h>
 #include <mpuvdb/progress.h>
 
+#include <Eigen/Dense>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -183,6 +185,44 @@ bool areOnOneLine(const std::vector<Vec3f>& positions)
     });
 }
 
+/// How much of the heights of a point's neighbours, along its normal, a slope explains.
+double explainedBySlope(const Neighborhood& n)
+{
+    const auto count = Eigen::Index(n.neighbors.size());
+    const Vec3d up = n.normal.cast<double>(), e1 = up.unitOrthogonal(), e2 = up.cross(e1);
+    Eigen::MatrixX3d across(count, 3);
+    Eigen::VectorXd heights(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const Vec3d p = (n.neighbors[std::size_t(i)].position - n.center).cast<double>();
+        across.row(i) << 1, p.dot(e1), p.dot(e2);
+        heights[i] = p.dot(up);
+    }
+    const Eigen::VectorXd slope = across.colPivHouseholderQr().solve(heights);
+    const double all = (heights.array() - heights.mean()).matrix().squaredNorm();
+    return all > 0 ? 1 - (heights - across * slope).squaredNorm() / all : 1;
+}
+
+/// Whether what passes for sheets that look opposite ways are the steps of a single one, as depth
+/// cameras make them: nearly everywhere, and not over each other, as the sides of a wall are, but
+/// beside, so that a slope explains a good part of their heights.
+bool areSteps(const PointCloud& cloud, Progress& progress)
+{
+    constexpr std::size_t kSamples = 1000, kNeighbours = 40, kOpposite = 5;
+    constexpr double kExplained = 0.12; // by chance it is .05 of what has no slope
+    const std::vector<Vec3f> chosen = choosePositions(cloud.positions, kSamples, progress);
+    std::size_t layered = 0, steps = 0;
+    for (const Neighborhood& n : nearestOfChosen(cloud, chosen, kNeighbours, progress)) {
+        const auto isOpposite = [&](const Neighbor& other) {
+            return other.normal.dot(n.normal) < 0;
+        };
+        const auto opposite = std::count_if(n.neighbors.begin(), n.neighbors.end(), isOpposite);
+        if (std::size_t(opposite) < kOpposite) continue;
+        ++layered;
+        steps += std::size_t(explainedBySlope(n) > kExplained);
+    }
+    return 2 * layered > chosen.size() && 2 * steps > layered;
+}
+
 /// A ball of k neighbours is sqrt(k/pi) spacings wide: three times the noise and more.
 int neighborsFor(const PointStatistics& statistics)
 {
@@ -222,7 +262,12 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
     constexpr double kLittle = 0.1; // spacings
     int used = neighbours.value_or(int(kFewestChosen));
     pass(used, 0);
-    const PointStatistics statistics = measure(distinct, progress);
+    PointStatistics statistics = measure(distinct, progress);
+    if (statistics.noise <= kLittle * statistics.spacing && areSteps(distinct, progress)) {
+        PointCloud bare;
+        bare.positions = distinct.positions;
+        statistics = measure(bare, progress);
+    }
     if (statistics.noise > kLittle * statistics.spacing) {
         used = neighbours.value_or(neighborsFor(statistics));
         pass(used, statistics.noise);
