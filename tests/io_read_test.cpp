@@ -201,6 +201,29 @@ TEST_F(IoTest, PtxPlacesItsScansAndLooksAtTheScanner)
     EXPECT_EQ(*std::max_element(cloud.confidence.begin(), cloud.confidence.end()), 1);
 }
 
+TEST_F(IoTest, ObjFacesGoOnAfterABackslash)
+{
+    const std::string vertices = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+    const auto triangles = [&](const std::string& faces) {
+        Progress progress;
+        return readMesh(put("a.obj", vertices + faces), progress).triangles;
+    };
+    const auto whole = triangles("f 1/1 2/2 3/3 4/4\nf -4 -3 -2\n");
+    ASSERT_EQ(whole.size(), 3u);
+    EXPECT_EQ(triangles("f 1/1 2/2 \\\n3/3\\\r\n 4/4\nf -4 \\\n-3 -2\n"), whole);
+    EXPECT_EQ(triangles("7 8 9\nf 1/1 2/2 3/3 4/4\nf -4 -3 -2 \\\n"),
+              whole); // nothing to go on from
+    EXPECT_THROW(triangles("f 1 2 \\\nx 3\n"), InputError);
+    // More than is read at once.
+    std::string many, broken;
+    for (int n = 0; n < 400000; ++n) {
+        const std::string last = std::to_string(n % 2 + 3);
+        many += "f 1 2 " + last + "\n";
+        broken += "f 1 2 \\\n" + last + "\n";
+    }
+    EXPECT_EQ(triangles(broken), triangles(many));
+}
+
 TEST_F(IoTest, PcdWithRowsIsSeenFromItsViewpoint)
 {
     const auto pcd = [](const char* fields, const char* rows, const char* viewpoint) {

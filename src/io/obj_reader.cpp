@@ -10,6 +10,7 @@
 
 #include <charconv>
 #include <limits>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -24,10 +25,14 @@ struct ObjRows {
     std::vector<std::int64_t> corners;
     struct Face {
         std::size_t corners;        // how many
-        std::size_t verticesBefore; // of this batch
+        std::size_t verticesBefore; // of this batch; then of the file
         std::uint64_t line;
     };
     std::vector<Face> faces;
+    /// A backslash lets a face go on in the next line, which may be the first of the next batch.
+    bool goesOn = false;
+    std::vector<std::int64_t> cornersBefore; ///< of first lines that are nothing by themselves
+    bool begun = false;                      ///< with other lines than those
 };
 
 [[noreturn]] void throwBadLine(const ByteSource& source, std::uint64_t number,
@@ -56,24 +61,58 @@ bool parseVertex(LineScanner& scan, ObjRows& rows)
     return true;
 }
 
-// f v v/t v//n v/t/n ...
-bool parseFace(LineScanner& scan, std::uint64_t line, ObjRows& rows)
+// v v/t v//n v/t/n ..., and a backslash if the face goes on
+bool parseCorners(LineScanner& scan, std::vector<std::int64_t>& corners, bool& goesOn)
 {
-    const std::size_t first = rows.corners.size();
+    goesOn = false;
     while (!scan.atEndOrComment()) {
-        const std::string_view word = scan.word();
+        std::string_view word = scan.word();
+        if (word.back() == '\\' && scan.atEnd()) {
+            goesOn = true;
+            word.remove_suffix(1);
+            if (word.empty()) break;
+        }
         std::int64_t corner = 0;
         const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), corner);
         if (error != std::errc() || corner == 0) return false;
         if (end != word.data() + word.size() && *end != '/') return false;
-        rows.corners.push_back(corner);
+        corners.push_back(corner);
     }
-    rows.faces.push_back({rows.corners.size() - first, rows.positions.size(), line});
     return true;
+}
+
+// Whether the line goes on with what the line before began.
+bool parseContinuation(std::string_view line, ObjRows& rows)
+{
+    LineScanner scan(line);
+    if (!rows.begun) { // the batch before knows, if any
+        if (line.find_first_of("0123456789-") != line.find_first_not_of(" \t")) return false;
+        const std::size_t before = rows.cornersBefore.size();
+        if (parseCorners(scan, rows.cornersBefore, rows.goesOn)) return true;
+        rows.cornersBefore.resize(before);
+        rows.goesOn = false;
+        return false;
+    }
+    if (!rows.goesOn) return false;
+    const std::size_t before = rows.corners.size();
+    const bool good = parseCorners(scan, rows.corners, rows.goesOn);
+    rows.faces.back().corners += rows.corners.size() - before;
+    return good;
+}
+
+bool parseFace(LineScanner& scan, std::uint64_t line, ObjRows& rows)
+{
+    const std::size_t first = rows.corners.size();
+    const bool good = parseCorners(scan, rows.corners, rows.goesOn);
+    rows.faces.push_back({rows.corners.size() - first, rows.positions.size(), line});
+    return good;
 }
 
 void parseLine(const ByteSource& source, std::string_view line, std::uint64_t number, ObjRows& rows)
 {
+    if (parseContinuation(line, rows)) return;
+    rows.begun = true;
+    if (rows.goesOn) throwBadLine(source, number, line);
     LineScanner scan(line);
     const std::string_view keyword = scan.word();
     bool good = true;
@@ -92,32 +131,43 @@ void parseLine(const ByteSource& source, std::string_view line, std::uint64_t nu
 struct ObjFile {
     PointBlock points;
     std::vector<Vec3f> normals;
-    std::vector<std::int64_t> corners; // zero-based, each face's after its length
+    std::vector<std::int64_t> corners; // zero-based
     std::vector<ObjRows::Face> faces;
 
     void merge(const ByteSource& source, ObjRows&& rows)
     {
-        const std::size_t before = points.size();
+        if (goesOn)
+            for (const std::int64_t corner : rows.cornersBefore)
+                append(source, corner, faces.back());
         auto corner = rows.corners.begin();
-        for (const ObjRows::Face& face : rows.faces) {
-            for (std::size_t i = 0; i < face.corners; ++i, ++corner) {
-                const auto known = std::int64_t(before + face.verticesBefore);
-                const std::int64_t index = *corner > 0 ? *corner - 1 : known + *corner;
-                if (index < 0 || index > std::int64_t(std::numeric_limits<std::uint32_t>::max()))
-                    throw InputError(
-                        fmt::format("{}: line {}: vertex {} does not exist. Export the "
-                                    "file again.",
-                                    source.name(), face.line, *corner));
-                corners.push_back(index);
-            }
+        for (ObjRows::Face face : rows.faces) {
+            const auto end = corner + std::ptrdiff_t(std::exchange(face.corners, 0));
+            face.verticesBefore += points.size();
             faces.push_back(face);
+            for (; corner != end; ++corner) append(source, *corner, faces.back());
         }
+        goesOn = rows.goesOn && (goesOn || rows.begun);
         PointBlock block;
         block.positions = std::move(rows.positions);
         block.colors = std::move(rows.colors);
         points.append(std::move(block));
         normals.insert(normals.end(), rows.normals.begin(), rows.normals.end());
     }
+
+private:
+    void append(const ByteSource& source, std::int64_t corner, ObjRows::Face& face)
+    {
+        const std::int64_t index =
+            corner > 0 ? corner - 1 : std::int64_t(face.verticesBefore) + corner;
+        if (index < 0 || index > std::int64_t(std::numeric_limits<std::uint32_t>::max()))
+            throw InputError(
+                fmt::format("{}: line {}: vertex {} does not exist. Export the file again.",
+                            source.name(), face.line, corner));
+        corners.push_back(index);
+        ++face.corners;
+    }
+
+    bool goesOn = false; ///< the last face, in the next batch
 };
 
 } // namespace
