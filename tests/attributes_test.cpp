@@ -212,6 +212,26 @@ TEST(AttributesTest, BlendTheNearestPointsWhereverTheyAre)
         ASSERT_NEAR(values[n], blendedByRule(cloud, places[n]), 2e-3) << n;
 }
 
+TEST(AttributesTest, ManyPointsInOnePlaceSpeakForIt)
+{
+    Progress progress;
+    PointCloud cloud = sphere(500, Vec3d::Zero());
+    for (int n = 0; n < 100; ++n) {
+        cloud.positions.emplace_back(1.f, 0.f, 0.f);
+        cloud.normals.emplace_back(1.f, 0.f, 0.f);
+        cloud.colors.push_back({});
+        cloud.scalars[0].values.push_back(n % 2 ? 7.f : 5.f);
+    }
+    MpuSettings fit;
+    fit.tolerance = 0.01;
+    fit.voxelSize = 0.05;
+    const MpuField field(std::move(cloud), fit, progress);
+    const SurfacePlace there{Vec3d::UnitX(), Vec3d::UnitX()};
+    std::vector<float> values;
+    field.attributes({"heat"})->evaluate({there, there}, values);
+    for (const float value : values) EXPECT_FLOAT_EQ(value, 6);
+}
+
 TEST(AttributesTest, SheetsDoNotShineThrough)
 {
     // Two sides of a thin wall: red above, blue below; a point on each side above the other.

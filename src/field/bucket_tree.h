@@ -46,7 +46,7 @@ public:
         return values;
     }
 
-    /// Call atLeaf(node) for all leaves with distance(node) < reach(), those first that promise to
+    /// Call atLeaf(node) for all leaves with distance(node) <= reach(), those first that promise to
     /// be near. What atLeaf() finds may lessen the reach.
     /// @param distance  of a node's index: no more than that of any of its points.
     template <typename Distance, typename Reach, typename AtLeaf>
@@ -69,8 +69,8 @@ private:
         std::pair<float, std::uint32_t> nearer{distance(at + 1), at + 1},
             farther{distance(node.second), node.second};
         if (farther.first < nearer.first) std::swap(nearer, farther);
-        if (nearer.first < reach()) searchBelow(nearer.second, distance, reach, atLeaf);
-        if (farther.first < reach()) searchBelow(farther.second, distance, reach, atLeaf);
+        if (nearer.first <= reach()) searchBelow(nearer.second, distance, reach, atLeaf);
+        if (farther.first <= reach()) searchBelow(farther.second, distance, reach, atLeaf);
     }
 
     std::vector<Bucket> mBuckets;
