@@ -208,7 +208,9 @@ double explainedBySlope(const Neighborhood& n)
 bool areSteps(const PointCloud& cloud, Progress& progress)
 {
     constexpr std::size_t kSamples = 1000, kNeighbours = 40, kOpposite = 5;
-    constexpr double kExplained = 0.12; // by chance it is .05 of what has no slope
+    constexpr std::size_t kFewest = 1000; // points: with fewer, forty are a good part of the shape
+    constexpr double kExplained = 0.12;   // by chance it is .05 of what has no slope
+    if (cloud.size() < kFewest) return false;
     const std::vector<Vec3f> chosen = choosePositions(cloud.positions, kSamples, progress);
     std::size_t layered = 0, steps = 0;
     for (const Neighborhood& n : nearestOfChosen(cloud, chosen, kNeighbours, progress)) {
