@@ -77,6 +77,16 @@ std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const Node
     return spread;
 }
 
+/// Whether there are data at the node @a other, and not of a sheet that faces the one at @a n
+/// across a gap: where two walls look at each other their normals say nothing of how they bend.
+bool saysAsOneSheet(const NodeData& data, std::size_t n, std::size_t other)
+{
+    constexpr float kFacing = -0.3f; // cosine
+    float cosine = 0;
+    for (const auto& normal : data.normal) cosine += normal[n] * normal[other];
+    return data.weight[other] > 0 && cosine >= kFacing;
+}
+
 /// How much concave data bend, spread beyond them: the sum of principal curvatures, at most 0.
 /// It spreads through the air that the data face; all nodes behind data hold it at 0, or dents
 /// would open a cavity in the solid beneath them.
@@ -88,7 +98,8 @@ std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Pro
         if (!(data.weight[n] > 0)) return;
         const bool inAir = data.distance[n] > 0;
         for (const std::size_t s : stride)
-            if (inAir && !(data.weight[n - s] > 0 && data.weight[n + s] > 0)) return;
+            if (inAir && !(saysAsOneSheet(data, n, n - s) && saysAsOneSheet(data, n, n + s)))
+                return;
         weight[n] = data.weight[n];
         if (!inAir) return;
         const float bend = divergence(data.normal, n, stride);
