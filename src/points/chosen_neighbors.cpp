@@ -50,7 +50,8 @@ std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
     constexpr std::size_t kMany = 32768, kThinning = 40, kThinningOfFew = 4;
     const std::size_t size =
         std::max(std::min(kMany, positions.size() / kThinningOfFew), positions.size() / kThinning);
-    const std::vector<Vec3f> thinned = choosePositions(positions, size, progress);
+    std::vector<Vec3f> thinned = choosePositions(positions, size, progress);
+    if (thinned.empty()) thinned = chosen; // many copies of a few positions
     const double expected =
         double(k) * std::min(1.0, double(thinned.size()) / double(positions.size()));
     const auto wanted = std::size_t(expected + 2 * std::sqrt(expected) + 3);
