@@ -1,10 +1,10 @@
-// Outliers, flipped normals, orientation of estimated normals: against the virtual scanner's truth.
+// Outliers and flipped normals: against the virtual scanner's truth.
+#include "scanned_cloud.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/normals.h>
 #include <mpuvdb/outliers.h>
-#include <mpuvdb/progress.h>
-#include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -22,22 +22,6 @@ namespace mpuvdb
 {
 namespace
 {
-
-using Pattern = ScanSettings::Pattern;
-constexpr std::uint32_t kSeed = 5;
-
-PointCloud scanned(const std::string& solid, std::uint64_t points, Pattern pattern,
-                   double noise = 0, double outliers = 0)
-{
-    ScanSettings s;
-    s.points = points;
-    s.pattern = pattern;
-    s.noise = noise;
-    s.outliers = outliers;
-    s.seed = kSeed;
-    Progress progress;
-    return scan(*parseSolid(solid), s, progress);
-}
 
 std::vector<std::uint32_t> outliersOf(const PointCloud& cloud)
 {
@@ -362,156 +346,6 @@ TEST(FlippedNormals, ThreeFacesOfACube)
     for (std::size_t i = 0; i < cloud.size(); ++i)
         inward += cloud.normals[i].dot(cloud.positions[i]) < 0;
     EXPECT_LT(inward, 90u);
-}
-
-/// Share of estimated normals that look to the true side.
-double shareRight(const std::string& solid, std::uint64_t points, Pattern pattern, double noise = 0)
-{
-    PointCloud cloud = scanned(solid, points, pattern, noise);
-    const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
-    Progress progress;
-    estimateNormals(cloud, {}, progress);
-    double right = 0;
-    for (std::size_t i = 0; i < truth.size(); ++i) right += truth[i].dot(cloud.normals[i]) > 0;
-    return right / double(truth.size());
-}
-
-TEST(EstimateNormals, ThinWallsAndCloseSheets)
-{
-    EXPECT_GT(shareRight("slab(1,1,0.02)", 50000, Pattern::Random), 0.998) << "seed " << kSeed;
-    EXPECT_GT(shareRight("sheets(1,1,0.3)", 30000, Pattern::Even), 0.998);
-    EXPECT_GT(
-        shareRight("union(translate(box(1,1,0.2),0,0,0.11),translate(box(1,1,0.2),0,0,-0.11))",
-                   40000, Pattern::Even),
-        0.995);
-}
-
-/// Share of estimated normals that look to the true side, of two slabs 1.6 spacings thick that
-/// are a seventh of their width apart; only points away from the rims.
-double shareRightOnSheets(double noise)
-{
-    PointCloud cloud = scanned("sheets(0.7,0.7,0.1)", 50000, Pattern::Even, noise);
-    const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
-    cloud.seenFrom.clear();
-    Progress progress;
-    estimateNormals(cloud, {}, progress);
-    double right = 0, all = 0;
-    for (std::size_t i = 0; i < truth.size(); ++i) {
-        if (cloud.positions[i].head<2>().cwiseAbs().maxCoeff() > 0.33f) continue;
-        all += 1;
-        right += truth[i].dot(cloud.normals[i]) > 0;
-    }
-    return right / all;
-}
-
-TEST(EstimateNormals, SheetsThinnerThanTheirNeighborhoods)
-{
-    EXPECT_EQ(shareRightOnSheets(0), 1);
-    EXPECT_GT(shareRightOnSheets(0.0005), 0.998);
-    EXPECT_GT(shareRight("slab(1,1,0.01)", 30000, Pattern::Random), 0.997) << "seed " << kSeed;
-}
-
-TEST(EstimateNormals, CavitiesLookInward)
-{
-    for (const char* solid :
-         {"difference(sphere(1),sphere(0.7))",
-          "difference(box(2,2,2),translate(sphere(0.3),0.4,0,0),translate(sphere(0.2),-0.5,0,0))",
-          "union(difference(sphere(1),sphere(0.9)),sphere(0.5))"})
-        EXPECT_EQ(shareRight(solid, 15000, Pattern::Even), 1) << solid << " seed " << kSeed;
-}
-
-TEST(EstimateNormals, SmoothSolidsAreRightEverywhere)
-{
-    for (const Pattern pattern : {Pattern::Random, Pattern::Scan})
-        for (const double noise : {0.0, 0.004})
-            for (const char* solid : {"blob(1,8,0.05)", "torus(1,0.2)"})
-                EXPECT_EQ(shareRight(solid, 10000, pattern, noise), 1)
-                    << solid << ' ' << noise << " seed " << kSeed;
-}
-
-TEST(EstimateNormals, OfRealPointsAgreeWithTheirTriangles)
-{
-    const char* folder = std::getenv("MPUVDB_DATA_DIR");
-    if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
-    for (const char* file : {"clouds/igea.ply", "bunny/bun_zipper.ply", "cad/rocker-arm.obj",
-                             "dragon_stand/dragonStandRight.conf"}) {
-        Progress progress;
-        PointCloud cloud =
-            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, progress).cloud;
-        const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
-        cloud.seenFrom.clear();
-        estimateNormals(cloud, {}, progress);
-        double wrong = 0;
-        for (std::size_t i = 0; i < truth.size(); ++i) wrong += truth[i].dot(cloud.normals[i]) < 0;
-        const double most = cloud.viewpoints.empty() ? 0.0001 : 0.006; // rims of scans say little
-        EXPECT_LE(wrong, most * double(truth.size())) << file;
-    }
-}
-
-TEST(EstimateNormals, NoiseTakesMoreNeighbours)
-{
-    Progress progress;
-    PointCloud clean = scanned("torus(1,0.3)", 20000, Pattern::Random);
-    PointCloud noisy = scanned("torus(1,0.3)", 20000, Pattern::Random, 0.03);
-    clean.normals.clear();
-    noisy.normals.clear();
-    EXPECT_EQ(estimateNormals(clean, {}, progress), 12);
-    EXPECT_GT(estimateNormals(noisy, {}, progress), 30);
-    EXPECT_EQ(shareRight("torus(1,0.3)", 20000, Pattern::Random, 0.03), 1);
-}
-
-// A depth camera tells depths in steps, wider than its points are apart: each step is a flat sheet.
-TEST(EstimateNormals, StepsOfDepthsAreOneSheet)
-{
-    constexpr int kRays = 200;
-    constexpr double kStep = 0.02;
-    const auto depth = [](double u, double v) { return 3 + 1.2 * u + 0.1 * std::sin(5 * v); };
-    PointCloud cloud;
-    std::vector<Vec3d> truth;
-    for (int i = 0; i < kRays; ++i)
-        for (int j = 0; j < kRays; ++j) {
-            const double u = double(i) / kRays - 0.5, v = double(j) / kRays - 0.5;
-            const double z = kStep * std::round(depth(u, v) / kStep);
-            cloud.positions.push_back(Vec3d(u * z, v * z, z).cast<float>());
-            const double h = 1e-5;
-            const auto at = [&](double x, double y) { return Vec3d(depth(x, y) * Vec3d(x, y, 1)); };
-            truth.push_back(
-                (at(u + h, v) - at(u - h, v)).cross(at(u, v + h) - at(u, v - h)).normalized());
-        }
-    Progress progress;
-    estimateNormals(cloud, {}, progress);
-    double right = 0, sameWay = 0;
-    for (std::size_t i = 0; i < truth.size(); ++i) {
-        const double cosine = truth[i].dot(cloud.normals[i].cast<double>());
-        right += std::abs(cosine) > std::cos(20 * M_PI / 180);
-        sameWay += cosine > 0;
-    }
-    const auto count = double(truth.size());
-    EXPECT_GT(right, 0.9 * count);
-    EXPECT_GT(std::max(sameWay, count - sameWay), 0.98 * count); // which side is not known
-    const double noise = kStep / std::sqrt(12.0);                // of rounding
-    EXPECT_NEAR(measure(cloud, progress).noise, noise, 0.4 * noise);
-}
-
-TEST(EstimateNormals, LookTowardsTheViewpoint)
-{
-    // An open plane has no outside; seen from below it looks down.
-    PointCloud cloud;
-    for (int x = 0; x < 30; ++x)
-        for (int y = 0; y < 30; ++y) cloud.positions.emplace_back(float(x), float(y), 0.f);
-    cloud.frame = Vec3d(5e6, 0, 0);
-    cloud.seenFrom.assign(cloud.size(), 0);
-    for (const double z : {-50.0, 50.0})
-        for (const bool distant : {false, true}) {
-            cloud.viewpoints = {{distant ? Vec3d(0, 0, z) : Vec3d(5e6, 10, z), distant}};
-            Progress progress;
-            estimateNormals(cloud, {}, progress);
-            for (const Vec3f& n : cloud.normals) ASSERT_GT(double(n.z()) * z, 0);
-        }
-    std::vector<std::uint8_t> keep(cloud.size(), 0);
-    keep[7] = 1;
-    cloud.compact(keep);
-    EXPECT_EQ(cloud.seenFrom.size(), 1u);
 }
 
 } // namespace
