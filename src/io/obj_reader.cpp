@@ -81,23 +81,17 @@ bool parseCorners(LineScanner& scan, std::vector<std::int64_t>& corners, bool& g
     return true;
 }
 
-// Whether the line goes on with what the line before began.
-bool parseContinuation(std::string_view line, ObjRows& rows)
+// Whether the line, of numbers, may go on with what the batch before began: that one knows.
+bool parseFirstLine(std::string_view line, ObjRows& rows)
 {
+    const bool wanted = rows.cornersBefore.empty() || rows.goesOn;
+    if (!wanted || line.find_first_of("0123456789-") != line.find_first_not_of(" \t")) return false;
+    const std::size_t before = rows.cornersBefore.size();
     LineScanner scan(line);
-    if (!rows.begun) { // the batch before knows, if any
-        if (line.find_first_of("0123456789-") != line.find_first_not_of(" \t")) return false;
-        const std::size_t before = rows.cornersBefore.size();
-        if (parseCorners(scan, rows.cornersBefore, rows.goesOn)) return true;
-        rows.cornersBefore.resize(before);
-        rows.goesOn = false;
-        return false;
-    }
-    if (!rows.goesOn) return false;
-    const std::size_t before = rows.corners.size();
-    const bool good = parseCorners(scan, rows.corners, rows.goesOn);
-    rows.faces.back().corners += rows.corners.size() - before;
-    return good;
+    if (parseCorners(scan, rows.cornersBefore, rows.goesOn)) return true;
+    rows.cornersBefore.resize(before);
+    rows.goesOn = false;
+    return false;
 }
 
 bool parseFace(LineScanner& scan, std::uint64_t line, ObjRows& rows)
@@ -110,10 +104,16 @@ bool parseFace(LineScanner& scan, std::uint64_t line, ObjRows& rows)
 
 void parseLine(const ByteSource& source, std::string_view line, std::uint64_t number, ObjRows& rows)
 {
-    if (parseContinuation(line, rows)) return;
+    if (!rows.begun && parseFirstLine(line, rows)) return;
     rows.begun = true;
-    if (rows.goesOn) throwBadLine(source, number, line);
     LineScanner scan(line);
+    if (rows.goesOn) {
+        const std::size_t before = rows.corners.size();
+        if (rows.faces.empty() || !parseCorners(scan, rows.corners, rows.goesOn))
+            throwBadLine(source, number, line);
+        rows.faces.back().corners += rows.corners.size() - before;
+        return;
+    }
     const std::string_view keyword = scan.word();
     bool good = true;
     if (keyword == "v") {
