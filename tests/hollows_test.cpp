@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <string>
@@ -100,6 +101,21 @@ TEST(Hollows, OpenOnlyWhereDataFaceThem)
 
 // --- What nobody saw
 
+/// Call f(triangle, its corners, its area) for those farther than three spacings from the points.
+template <typename F>
+void forEachUnseen(const Mesh& mesh, const PointCloud& cloud, F f)
+{
+    const double far = 3 * std::sqrt(measure(mesh).area / double(cloud.size()));
+    const KdTree points(cloud.positions);
+    std::vector<std::uint32_t> nearest(1);
+    std::vector<float> squared(1);
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        const std::array<Vec3d, 3> p{mesh.world(t[0]), mesh.world(t[1]), mesh.world(t[2])};
+        points.nearest(((p[0] + p[1] + p[2]) / 3 - cloud.frame).cast<float>(), nearest, squared);
+        if (double(squared[0]) >= far * far) f(t, p, (p[1] - p[0]).cross(p[2] - p[0]).norm() / 2);
+    }
+}
+
 /// The part of a mesh that is farther than three spacings from the points.
 struct Unseen {
     double share = 0;             ///< of the area
@@ -108,26 +124,16 @@ struct Unseen {
 
 Unseen unseenPart(const Mesh& mesh, const Solid& solid, const PointCloud& cloud)
 {
-    const double area = measure(mesh).area;
-    const double far = 3 * std::sqrt(area / double(cloud.size()));
-    const KdTree points(cloud.positions);
-    std::vector<std::uint32_t> nearest(1);
-    std::vector<float> squared(1);
     Unseen result;
     double unseen = 0;
-    for (const Mesh::Triangle& t : mesh.triangles) {
-        const Vec3d p[3] = {mesh.world(t[0]), mesh.world(t[1]), mesh.world(t[2])};
-        const Vec3d middle = (p[0] + p[1] + p[2]) / 3;
-        points.nearest((middle - cloud.frame).cast<float>(), nearest, squared);
-        if (double(squared[0]) < far * far) continue;
-        const double size = (p[1] - p[0]).cross(p[2] - p[0]).norm() / 2;
-        const double distance = std::abs(solid.distance(middle));
-        unseen += size;
-        result.mean += size * distance;
+    forEachUnseen(mesh, cloud, [&](const auto&, const std::array<Vec3d, 3>& p, double area) {
+        const double distance = std::abs(solid.distance((p[0] + p[1] + p[2]) / 3));
+        unseen += area;
+        result.mean += area * distance;
         result.largest = std::max(result.largest, distance);
-    }
+    });
     result.mean /= unseen;
-    result.share = unseen / area;
+    result.share = unseen / measure(mesh).area;
     return result;
 }
 
@@ -168,27 +174,21 @@ TEST(UnseenParts, AreNearTheSolid)
 /// triangles, times the length of their edge; a ball of radius r has 2 / r.
 double bendOfUnseen(const Mesh& mesh, const PointCloud& cloud)
 {
-    const double far = 3 * std::sqrt(measure(mesh).area / double(cloud.size()));
-    const KdTree points(cloud.positions);
-    std::vector<std::uint32_t> nearest(1);
-    std::vector<float> squared(1);
     std::map<std::pair<std::uint32_t, std::uint32_t>, Vec3d> normals; // of one triangle per edge
-    double area = 0, bend = 0;
-    for (const Mesh::Triangle& t : mesh.triangles) {
-        const Vec3d p[3] = {mesh.world(t[0]), mesh.world(t[1]), mesh.world(t[2])};
-        points.nearest(((p[0] + p[1] + p[2]) / 3 - cloud.frame).cast<float>(), nearest, squared);
-        if (double(squared[0]) < far * far) continue;
-        const Vec3d across = (p[1] - p[0]).cross(p[2] - p[0]);
-        area += across.norm() / 2;
-        for (std::size_t k = 0; k < 3; ++k) {
-            const std::uint32_t a = t[k], b = t[(k + 1) % 3];
-            const auto [at, isNew] = normals.emplace(std::minmax(a, b), across.normalized());
-            if (isNew) continue;
-            const double cosine = std::clamp(at->second.dot(across.normalized()), -1.0, 1.0);
-            bend += std::acos(cosine) * (mesh.world(a) - mesh.world(b)).norm();
-        }
-    }
-    return bend / area;
+    double unseen = 0, bend = 0;
+    forEachUnseen(
+        mesh, cloud, [&](const Mesh::Triangle& t, const std::array<Vec3d, 3>& p, double area) {
+            const Vec3d normal = (p[1] - p[0]).cross(p[2] - p[0]).normalized();
+            unseen += area;
+            for (std::size_t k = 0; k < 3; ++k) {
+                const std::size_t next = (k + 1) % 3;
+                const auto [at, isNew] = normals.emplace(std::minmax(t[k], t[next]), normal);
+                if (isNew) continue;
+                const double cosine = std::clamp(at->second.dot(normal), -1.0, 1.0);
+                bend += std::acos(cosine) * (p[k] - p[next]).norm();
+            }
+        });
+    return bend / unseen;
 }
 
 TEST(UnseenParts, CloseSmoothly)
