@@ -45,12 +45,20 @@ private:
     std::filesystem::path mFolder;
 };
 
-/// OpenVDB's module: "openvdb" from version 11 on, "pyopenvdb" before.
+/// OpenVDB's module: "openvdb" from version 11 on, "pyopenvdb" before. It is not looked for but
+/// imported: an import that Ctrl-C met leaves a module without a specification, which can be had
+/// but not found.
 py::module_ openvdbModule()
 {
-    const auto find = py::module_::import("importlib.util").attr("find_spec");
-    for (const char* name : {"openvdb", "pyopenvdb"})
-        if (!find(name).is_none()) return py::module_::import(name);
+    for (const char* name : {"openvdb", "pyopenvdb"}) {
+        try {
+            return py::module_::import(name);
+        } catch (const py::error_already_set& error) {
+            const bool isAbsent = error.matches(PyExc_ModuleNotFoundError) &&
+                                  py::str(name).equal(error.value().attr("name"));
+            if (!isAbsent) throw;
+        }
+    }
     throw py::import_error("OpenVDB's Python module is not installed (Debian: apt-get install "
                            "python3-openvdb)");
 }

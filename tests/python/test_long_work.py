@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import signal
+import sys
 import tempfile
 import threading
 import time
@@ -158,6 +159,16 @@ class Interrupts(FolderTest):
             for k in range(12):
                 self.interrupt(exchange, after=0.1 + 0.0037 * k)
                 self.assertEqual(list(self.folder.iterdir()), [])
+
+    @unittest.skipIf(OPENVDB is None, "OpenVDB's Python module is not installed")
+    def test_exchange_works_after_an_import_that_was_interrupted(self):
+        """Python keeps such a module, whose specification it had not come to."""
+        ball = mv.sphere().level_set(0.1)
+        ball.to_pyopenvdb()
+        module = sys.modules[OPENVDB.name]
+        with unittest.mock.patch.object(module, "__spec__", None):
+            again = mv.LevelSet.from_pyopenvdb(ball.to_pyopenvdb())
+        self.assertEqual(again.active_voxels, ball.active_voxels)
 
     def test_the_next_call_works(self):
         self.interrupt(lambda: long_shape().level_set(0.003), after=0.2)
