@@ -203,6 +203,67 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values("rotate(box(2,1.5,1),1,2,3,33)",
                     "rotate(difference(box(2,2,1),cylinder(0.6,3)),1,2,3,33)"));
 
+/// A prism of @a sides about the z axis, of radius 1 and height 1.
+Mesh prism(unsigned sides)
+{
+    Mesh mesh;
+    for (const float z : {-0.5f, 0.5f}) {
+        mesh.positions.emplace_back(0, 0, z);
+        for (unsigned n = 0; n < sides; ++n) {
+            const double angle = 2 * kPi * n / sides;
+            mesh.positions.emplace_back(std::cos(angle), std::sin(angle), z);
+        }
+    }
+    const unsigned top = sides + 1;
+    for (unsigned n = 0; n < sides; ++n) {
+        const unsigned a = 1 + n, b = 1 + (n + 1) % sides;
+        mesh.triangles.push_back({0, b, a});
+        mesh.triangles.push_back({top, top + a, top + b});
+        mesh.triangles.push_back({a, b, top + b});
+        mesh.triangles.push_back({a, top + b, top + a});
+    }
+    return mesh;
+}
+
+/// How far the triangles on a prism's sides face from the sides that they lie on: mean by area,
+/// degrees. @param toPrism  from the mesh's directions to the prism's.
+double sideNormalError(const Mesh& mesh, unsigned sides, const Eigen::Quaterniond& toPrism)
+{
+    double error = 0, area = 0;
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        const Vec3d a = toPrism * mesh.world(t[0]), b = toPrism * mesh.world(t[1]),
+                    c = toPrism * mesh.world(t[2]);
+        const Vec3d cross = (b - a).cross(c - a), middle = (a + b + c) / 3;
+        if (std::abs(middle.z()) > 0.4) continue;
+        const double turn = std::atan2(middle.y(), middle.x()) / (2 * kPi) * sides;
+        const double angle = 2 * kPi * (std::floor(turn) + 0.5) / sides;
+        const double cosine = cross.dot(Vec3d(std::cos(angle), std::sin(angle), 0)) / cross.norm();
+        error += cross.norm() * std::acos(std::clamp(cosine, -1., 1.)) * 180 / kPi;
+        area += cross.norm();
+    }
+    return error / area;
+}
+
+/// Between flat faces a fold of a few degrees is a crease, too: the surface lies on both.
+TEST(FlatFaces, KeepTheirDullFolds)
+{
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.6, Vec3d(1, 2, 3).normalized()));
+    for (const unsigned sides : {24u, 40u, 60u}) {
+        Mesh part = prism(sides);
+        for (Vec3f& p : part.positions) p = (turn * p.cast<double>()).cast<float>();
+        SampleSettings settings;
+        settings.lattice.voxelSize = 1.0 / 40; // a side is 4 voxels wide and more
+        Progress progress;
+        const LevelSet levelSet = voxelize(part, settings, progress);
+        const auto error = [&](const Mesh& mesh) {
+            return sideNormalError(mesh, sides, turn.conjugate());
+        };
+        const double kept = error(extractMesh(levelSet, progress));
+        EXPECT_LT(kept, 0.01 * 360 / sides) << "degrees, " << sides << " sides";
+        EXPECT_LT(5 * kept, error(yardstick(levelSet))) << sides << " sides";
+    }
+}
+
 /// The largest distance of a vertex from a sphere of radius 1, voxels of edge @a h, and the
 /// smallest angle that 99 % of the triangles keep.
 TEST(SmoothMeshes, ConvergeWithSecondOrderAndHaveGoodAngles)

@@ -189,8 +189,8 @@ const std::array<std::uint8_t, 256> kBitCounts = [] {
 void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
 {
     const Access access(tree);
-    // Per axis: from the block below one voxel, from the block all eight, from the next two.
-    constexpr std::array<int, 3> kFrom = {7, 0, 0}, kTo = {-1, 0, 8}, kCount = {1, 8, 2};
+    // Per axis: from the block below two voxels, from the block all eight, from the next three.
+    constexpr std::array<int, 3> kFrom = {6, 0, 0}, kTo = {-2, 0, 8}, kCount = {2, 8, 3};
     for (std::size_t bx = 0; bx < 3; ++bx)
         for (std::size_t by = 0; by < 3; ++by)
             for (std::size_t bz = 0; bz < 3; ++bz) {

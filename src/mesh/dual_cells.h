@@ -15,19 +15,20 @@ namespace mpuvdb
 
 class Progress;
 
-/// Values of a block's voxels and those around: from one below the block on each axis to two above.
+/// Values of a block's voxels and those around: from two below the block on each axis to three
+/// above.
 class BlockHalo
 {
 public:
-    static constexpr int kDim = 11;
+    static constexpr int kDim = 13;
     /// Steps to the next voxel along x, y, z.
     static constexpr std::array<int, 3> kStride = {kDim * kDim, kDim, 1};
 
     void load(const openvdb::FloatTree& tree, const openvdb::Coord& origin);
-    /// Index of the voxel at (x,y,z) in the block, each in [-1, 9].
+    /// Index of the voxel at (x,y,z) in the block, each in [-2, 10].
     static constexpr int index(int x, int y, int z)
     {
-        return (x + 1) * kStride[0] + (y + 1) * kStride[1] + z + 1;
+        return (x + 2) * kStride[0] + (y + 2) * kStride[1] + z + 2;
     }
     float operator[](int index) const { return mValues[std::size_t(index)]; }
 

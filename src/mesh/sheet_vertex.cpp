@@ -16,8 +16,17 @@ constexpr float kSmooth = 0.985f;
 constexpr float kSteepness = 0.05f;
 
 /// Two planes of equal weight and angle t between their normals have eigenvalues in the ratio
-/// tan^2(t/2): folds of less than about 20 degrees are smoothed over.
+/// tan^2(t/2): folds of less than about 20 degrees are smoothed over,
 constexpr double kLeastEigenvalue = 0.03;
+
+/// but for those of flat faces: from this angle on, and where the faces' values are straight to
+/// this share of it.
+constexpr float kUnturned = 0.99996f; // cosine to their mean, half a degree
+constexpr float kStraight = 0.125f;
+constexpr double kLeastOfFaces = 1e-4; // eigenvalue
+
+/// Steeper than this along an axis, values say nothing of bends: those of a surface lie across.
+constexpr float kAcross = 0.9f;
 
 /// Where an edge crosses a plane that it misses.
 constexpr float kNowhere = 1e6f;
@@ -68,21 +77,22 @@ public:
         mRight += weight * normal * normal.dot(point - mMean);
     }
 
-    /// @param beyond  how far outside the cube it may lie.
-    Minimum minimum(double beyond) const
+    /// @param beyond  how far outside the cube it may lie. @param least  eigenvalue, by the
+    /// largest, of a direction that the planes decide.
+    Minimum minimum(double beyond, double least) const
     {
         const auto nearest = [&](const Vec3d& place) -> Vec3d {
             return place.cwiseMax(-beyond).cwiseMin(1 + beyond);
         };
         Eigen::Array3i open = Eigen::Array3i::Ones();
-        Minimum found = solve(open, mMean);
+        Minimum found = solve(open, mMean, least);
         // A minimum outside is held at the wall it passes farthest, and sought along it.
         for (int round = 0; round < 2; ++round) {
             const Vec3d held = nearest(found.place);
             Eigen::Index axis = 0;
             if ((held - found.place).cwiseAbs().maxCoeff(&axis) <= 0) break;
             open[axis] = 0;
-            found.place = solve(open, held).place;
+            found.place = solve(open, held, least).place;
         }
         found.place = nearest(found.place);
         return found;
@@ -90,14 +100,14 @@ public:
 
 private:
     /// The minimum over the open coordinates, the others held where @a at has them.
-    Minimum solve(const Eigen::Array3i& open, const Vec3d& at) const
+    Minimum solve(const Eigen::Array3i& open, const Vec3d& at, double least) const
     {
         const Vec3d mask = open.cast<double>().matrix();
         const Vec3d held = (Vec3d::Ones() - mask).cwiseProduct(at - mMean);
         const Eigen::Matrix3d squares = mask.asDiagonal() * mSquares * mask.asDiagonal();
         const Vec3d right = mask.asDiagonal() * (mRight - mSquares * held);
         Minimum found{mMean + held, Eigen::Matrix3d::Zero(), 0};
-        if (Vec3d only; decidesOne(squares, only)) {
+        if (Vec3d only; decidesOne(squares, least, only)) {
             const double value = only.dot(squares * only);
             found.place += mask.asDiagonal() * only * (only.dot(right) / value);
             found.free = Eigen::Matrix3d::Identity() - only * only.transpose();
@@ -109,7 +119,7 @@ private:
         for (int n = 0; n < 3; ++n) {
             const double value = solver.eigenvalues()[n];
             const Vec3d direction = solver.eigenvectors().col(n);
-            if (value > kLeastEigenvalue * solver.eigenvalues()[2]) {
+            if (value > least * solver.eigenvalues()[2]) {
                 found.place += mask.asDiagonal() * direction * (direction.dot(right) / value);
                 ++found.rank;
             } else {
@@ -121,9 +131,9 @@ private:
 
     /// Whether planes decide one @a direction alone, as most do: the eigenvector that powers of
     /// their squares lead to, if what else they hold is too little to count.
-    static bool decidesOne(const Eigen::Matrix3d& squares, Vec3d& direction)
+    static bool decidesOne(const Eigen::Matrix3d& squares, double least, Vec3d& direction)
     {
-        // Each step leaves kLeastEigenvalue of what is off.
+        // Each step leaves of what is off no more than the other eigenvalues' share.
         constexpr int kSteps = 4;
         Eigen::Index most = 0;
         if (!(squares.diagonal().maxCoeff(&most) > 0)) return false;
@@ -132,8 +142,7 @@ private:
         direction = at.normalized();
         const double value = direction.dot(squares * direction);
         // The squares of all eigenvalues but this.
-        return squares.squaredNorm() - value * value <=
-               kLeastEigenvalue * kLeastEigenvalue * value * value;
+        return squares.squaredNorm() - value * value <= least * least * value * value;
     }
 
     Vec3d mMean;
@@ -149,7 +158,10 @@ struct SheetPlacer::Crossings {
     std::array<int, 12> edge;
     std::array<Vec3f, 12> point;
     Vec3f mean = Vec3f::Zero();
-    bool smooth = true;
+    bool areSteep = true; ///< as distances
+    float cosine = 1;     ///< least, of their normals to the mean of these
+
+    bool areSmooth() const { return areSteep && cosine > kSmooth; }
 };
 
 Vec3f SheetPlacer::centralGradient(int index) const
@@ -193,13 +205,13 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
         found.point[n] = low;
         found.point[n][e / 4] = crossing[n]->at;
         found.mean += found.point[n];
-        found.smooth &= crossing[n]->isSteep;
+        found.areSteep &= crossing[n]->isSteep;
         mean += crossing[n]->normal;
     }
     found.mean *= 1 / float(found.count);
     mean *= 1 / std::max(mean.norm(), 1e-6f);
     for (std::size_t n = 0; n < std::size_t(found.count); ++n)
-        found.smooth &= crossing[n]->normal.dot(mean) > kSmooth;
+        found.cosine = std::min(found.cosine, crossing[n]->normal.dot(mean));
     return found;
 }
 
@@ -402,15 +414,53 @@ Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
     return p.cwiseMax(-kInset).cwiseMin(1 + kInset);
 }
 
+/// Whether the values go on straight from a voxel along each axis, one way or the other: along it
+/// is at most one fold of flat faces. @param most  bend, as a part of the voxel size.
+bool SheetPlacer::isStraight(int index, float most) const
+{
+    const auto h = float(mLattice.voxelSize);
+    const float here = mValues[index];
+    for (const int step : BlockHalo::kStride) {
+        const float up = mValues[index + step], down = mValues[index - step];
+        if (std::abs(up - down) > 2 * kAcross * h) continue;
+        const float bendUp = mValues[index + 2 * step] - 2 * up + here;
+        const float bendDown = mValues[index - 2 * step] - 2 * down + here;
+        if (std::min(std::abs(bendUp), std::abs(bendDown)) > most * h) return false;
+    }
+    return true;
+}
+
+/// Whether a smooth sheet lies on a dull fold of flat faces: each crossed edge has an end from
+/// which the values are flat, and the planes of these decide more than one direction.
+bool SheetPlacer::liesOnFold(const Vec3i& at, const Crossings& crossings)
+{
+    if (crossings.cosine > kUnturned) return false;
+    // The angle to the mean, radians.
+    const float most = kStraight * std::sqrt(2 * (1 - crossings.cosine));
+    const auto isFlat = [&](const Vec3f& corner) {
+        const Vec3i voxel = at + corner.cast<int>();
+        return isStraight(BlockHalo::index(voxel.x(), voxel.y(), voxel.z()), most) &&
+               planeAt(voxel).error <= most;
+    };
+    for (int n = 0; n < crossings.count; ++n) {
+        const CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
+        if (!isFlat(cornerOf(ends.low)) && !isFlat(cornerOf(ends.high))) return false;
+    }
+    Planes planes(crossings.mean);
+    addGridPlanes(at, crossings, planes);
+    return planes.quadric().minimum(kBeyond, kLeastOfFaces).rank > 1;
+}
+
 SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom)
 {
     const Crossings crossings = crossingsOf(at, cell, sheet);
     SheetVertex vertex;
     Vec3f inCell = crossings.mean;
+    const bool areSmooth = crossings.areSmooth();
     if (freedom == Freedom::None) {
         // Whatever the planes say, this is inside.
         inCell = inset(inCell);
-    } else if (crossings.smooth) {
+    } else if (areSmooth && !liesOnFold(at, crossings)) {
         if (cell.sheets().count == 1) inCell = ontoSurface(at, inCell);
     } else {
         Planes planes(crossings.mean);
@@ -418,7 +468,8 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
         if (planes.count() < crossings.count) addGridPlanes(at, crossings, planes);
         if (planes.count() > 0) {
             const Quadric::Minimum minimum =
-                planes.quadric().minimum(freedom == Freedom::Near ? kBeyond : 0);
+                planes.quadric().minimum(freedom == Freedom::Near ? kBeyond : 0,
+                                         areSmooth ? kLeastOfFaces : kLeastEigenvalue);
             inCell = minimum.place.cast<float>();
             inCell += minimum.free.cast<float>() * (inset(inCell) - inCell);
             if (freedom == Freedom::Half) inCell = 0.5f * (inCell + crossings.mean);

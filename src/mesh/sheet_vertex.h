@@ -87,6 +87,8 @@ private:
     void addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
     const FieldCrossing& fieldCrossing(const Vec3i& at, int edge, float start);
     void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
+    bool isStraight(int index, float most) const;
+    bool liesOnFold(const Vec3i& at, const Crossings& crossings);
     Vec3f ontoSurface(const Vec3i& at, Vec3f inCell) const;
 
     std::unique_ptr<PointEvaluator> mField; ///< null: none
