@@ -338,17 +338,38 @@ TEST(FitSharp, LeavesCornersOfFourFacesThatAreNeitherToOthers)
     EXPECT_LT(result.error, taubinError(*sharp, points, 1));
 }
 
-TEST(FitSharp, SeesNoFeatureWhereNormalsAreWithinTheAngle)
+TEST(FitSharp, SeesNoFeatureWhereTheSurfaceBendsWithinTheAngle)
 {
     // Test (14) of the paper: cosine of the widest pair below 0.9.
-    for (const double degrees : {10.0, 25.0, 27.0}) {
-        Random random(3);
-        const double angle = degrees * M_PI / 180;
-        Planes planes;
-        planes.normals = {Vec3d(0, 0, 1), Vec3d(std::sin(angle), 0, std::cos(angle))};
+    for (const double degrees : {3.0, 10.0, 25.0, 27.0}) {
+        const double angle = degrees * M_PI / 180, radius = 1.6 / angle;
+        std::vector<Vec3d> positions, normals;
+        for (const double z : {-0.4, 0.0, 0.4})
+            for (int n = 0; n < 9; ++n) {
+                const double at = angle * (n / 8.0 - 0.5);
+                const Vec3d normal(std::sin(at), std::cos(at), 0);
+                positions.push_back(radius * (normal - Vec3d(0, 1, 0)) + Vec3d(0, 0, z));
+                normals.push_back(normal);
+            }
         CellPoints scratch;
-        const CellPoints points = cornerPoints(planes, intersect, 10, random);
+        const CellPoints points = cellOf(positions, normals, 1);
         EXPECT_EQ(fitSharp(points, scratch).has_value(), std::cos(angle) < 0.9) << degrees;
+    }
+}
+
+TEST(FitSharp, ReproducesDullFoldsOfFlatFaces)
+{
+    for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+        SCOPED_TRACE(seed);
+        Random random(seed);
+        const Eigen::Matrix3d axes = randomRotation(random);
+        const double angle = random.uniform(2.5, 25) * M_PI / 180;
+        Planes planes;
+        planes.normals = {axes.col(0),
+                          std::cos(angle) * axes.col(0) + std::sin(angle) * axes.col(1)};
+        planes.apex = random.inBall(0.15);
+        expectReproduced(planes, intersect, 10, random);
+        expectReproduced(planes, unite, 10, random);
     }
 }
 

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <random>
 
 namespace mpuvdb::test
 {
@@ -262,6 +263,47 @@ TEST(FlatFaces, KeepTheirDullFolds)
         EXPECT_LT(kept, 0.01 * 360 / sides) << "degrees, " << sides << " sides";
         EXPECT_LT(5 * kept, error(yardstick(levelSet))) << sides << " sides";
     }
+}
+
+/// Exact points at random places of a mesh, with the normals of its triangles.
+PointCloud pointsOn(const Mesh& mesh, std::size_t count)
+{
+    std::vector<double> area;
+    const auto crossOf = [&](const Mesh::Triangle& t) -> Vec3d {
+        return (mesh.world(t[1]) - mesh.world(t[0])).cross(mesh.world(t[2]) - mesh.world(t[0]));
+    };
+    for (const Mesh::Triangle& t : mesh.triangles) area.push_back(crossOf(t).norm());
+    std::mt19937_64 random(7);
+    std::discrete_distribution<std::size_t> pick(area.begin(), area.end());
+    std::uniform_real_distribution<double> share;
+    PointCloud cloud;
+    for (std::size_t n = 0; n < count; ++n) {
+        const Mesh::Triangle& t = mesh.triangles[pick(random)];
+        const double s = std::sqrt(share(random)), u = share(random);
+        const Vec3d p =
+            (1 - s) * mesh.world(t[0]) + s * (1 - u) * mesh.world(t[1]) + s * u * mesh.world(t[2]);
+        cloud.positions.push_back(p.cast<float>());
+        cloud.normals.push_back(crossOf(t).normalized().cast<float>());
+    }
+    return cloud;
+}
+
+/// A smooth fit may round dull folds off within the tolerance, but exact normals know of them.
+TEST(FlatFaces, OfExactPointsKeepTheirDullFolds)
+{
+    const unsigned sides = 40;
+    const double h = 1.0 / 60; // a side is nine voxels wide
+    ReconstructSettings settings;
+    settings.voxelSize = Length{h};
+    Progress progress;
+    const Reconstruction made =
+        reconstruct(pointsOn(prism(sides), std::size_t(2 * 13 / (h * h))), settings, progress);
+    const auto error = [&](const Mesh& mesh) {
+        return sideNormalError(mesh, sides, Eigen::Quaterniond::Identity());
+    };
+    const double kept = error(extractMesh(made.levelSet, progress, {made.field.get()}));
+    EXPECT_LT(3 * kept, error(yardstick(made.levelSet)));
+    EXPECT_LT(kept, 0.03 * 360 / sides) << "degrees";
 }
 
 /// The largest distance of a vertex from a sphere of radius 1, voxels of edge @a h, and the

@@ -133,7 +133,8 @@ public:
             const double grown = grow(ball, cell, path);
             decision = decideOn(grown > radius ? mGrown : ball, cell, grown, grown, spacing);
         }
-        if (!decision.split && !decision.result.accepted && mSettings.sharp &&
+        const bool isPoor = !decision.result.accepted || decision.result.turnsAway;
+        if (!decision.split && isPoor && mSettings.sharp &&
             mCell.count <= 8 * std::size_t(mFit.minPoints)) {
             // The level limit stops the descent to few points: look for a feature all the same.
             FitSettings last = mFit;
@@ -249,7 +250,7 @@ private:
         Decision decision;
         decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
         const bool mayBe = mayBeSplit(cell, decision.result, spacing);
-        if (decision.result.needsSplit || !decision.result.accepted) {
+        if (decision.result.needsSplit || decision.result.turnsAway || !decision.result.accepted) {
             decision.split = mayBe;
             if (mayBe) return decision;
         }

@@ -419,6 +419,16 @@ double meanTurn(const Quadric& q, const CellPoints& points)
     return weight > 0 ? sum(turned) / weight : 0;
 }
 
+/// Whether the points are exact, and their normals say more than a fit that is near them: that they
+/// are of several flat faces, which its zero set rounds off.
+bool normalsTurnAway(const Quadric& q, const CellPoints& points, const FitSettings& settings)
+{
+    constexpr double kExact = 0.003;  // noise of normals, radians
+    constexpr double kTurned = 0.017; // root mean square, radians
+    return settings.noise <= 0 && settings.normalNoise < kExact &&
+           2 * meanTurn(q, points) > kTurned * kTurned;
+}
+
 /// Fit again to the points over their feet on @a result's zero set, as long as they are on one
 /// smooth sheet: beside an edge they have no feet, since noise throws none off it.
 void refitOverFeet(FitResult& result, const CellPoints& points, const Vec3d& normal,
@@ -463,8 +473,13 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     result.accepted = isAccepted(result, points, testRadius, settings);
     if (settings.reach > 0 && !general)
         refitOverFeet(result, points, normal, testRadius, settings, scratch);
-    const bool mayBeSharp = result.spreadNormals && result.error > kFarthest * settings.noise;
-    if (points.count <= settings.maxSharpPoints && (!result.accepted || mayBeSharp)) {
+    const bool turnsAway =
+        !general && result.accepted && normalsTurnAway(result.fit.pieces[0], points, settings);
+    const bool isSmall = points.count <= settings.maxSharpPoints;
+    result.turnsAway = turnsAway && !isSmall;
+    const bool mayBeSharp =
+        (result.spreadNormals || turnsAway) && result.error > kFarthest * settings.noise;
+    if (isSmall && (!result.accepted || mayBeSharp)) {
         trySharp(result, points, cellSize, testRadius, scratch);
         result.accepted = isAccepted(result, points, testRadius, settings);
     }

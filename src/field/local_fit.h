@@ -32,6 +32,9 @@ struct FitResult {
     bool accepted = false;       ///< within tolerance, or all that is left is noise
     bool opposedNormals = false; ///< some normal turns by pi/2 or more from the mean
     bool spreadNormals = false;  ///< the normals turn enough for a feature
+    /// Accepted, but exact normals turn away from it, and there are too many for a feature: split
+    /// if possible.
+    bool turnsAway = false;
     bool needsSplit = false; ///< no auxiliary point was usable [Ohtake03 §4a]: split if possible
 };
 

@@ -31,6 +31,9 @@ WidestPair widestNormals(const CellPoints& points, const std::vector<std::uint32
 
 constexpr double kFeatureCosine = 0.9; // [Ohtake03 eq. 14]
 constexpr double kCornerCosine = 0.7;  // [Ohtake03 eq. 15]
+// A dull fold turns normals by two degrees or more; its faces by an eighth of that.
+constexpr double kDullestCosine = 0.9994;
+constexpr double kFlat = 1.0 / 64; // 1 - cosine grows with the square of the angle
 // Points that a face needs for curvature: with fewer a quadric swings out between them.
 constexpr std::size_t kQuadraticFace = 12;
 
@@ -59,14 +62,27 @@ Clusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_
     return clusters;
 }
 
+/// The two clusters of a dull fold, if it is one of flat faces: then normals turn at it alone.
+Clusters flatFaces(const CellPoints& points, const std::vector<std::uint32_t>& members,
+                   const WidestPair& widest)
+{
+    if (widest.cosine > kDullestCosine) return {};
+    Clusters faces = clusterNormals(points, members,
+                                    {points.normal(widest.first), points.normal(widest.second)});
+    const auto isFlat = [&](const std::vector<std::uint32_t>& face) {
+        return 1 - widestNormals(points, face).cosine <= kFlat * (1 - widest.cosine);
+    };
+    return std::all_of(faces.begin(), faces.end(), isFlat) ? std::move(faces) : Clusters();
+}
+
 /// The paper's clusters: two for an edge, three or four for a corner; fewer than two: no feature.
 Clusters featureClusters(const CellPoints& points)
 {
     std::vector<std::uint32_t> all(points.count);
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
     const WidestPair widest = widestNormals(points, all);
-    if (!(widest.cosine < kFeatureCosine)) return {};
     const Vec3d n1 = points.normal(widest.first), n2 = points.normal(widest.second);
+    if (!(widest.cosine < kFeatureCosine)) return flatFaces(points, all, widest);
     const Vec3d axis = n1.cross(n2);
     if (axis.norm() < 1e-6) return clusterNormals(points, all, {n1, n2});
     const Vec3d n3 = axis.normalized();
