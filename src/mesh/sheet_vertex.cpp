@@ -430,8 +430,8 @@ bool SheetPlacer::isStraight(int index, float most) const
     return true;
 }
 
-/// Whether a smooth sheet lies on a dull fold of flat faces: each crossed edge has an end from
-/// which the values are flat, and the planes of these decide more than one direction.
+/// Whether a dull fold of flat faces passes through the cell of a smooth sheet: each crossed edge
+/// has an end from which the values are flat, and the planes of these meet in the cell.
 bool SheetPlacer::liesOnFold(const Vec3i& at, const Crossings& crossings)
 {
     if (crossings.cosine > kUnturned) return false;
@@ -448,7 +448,10 @@ bool SheetPlacer::liesOnFold(const Vec3i& at, const Crossings& crossings)
     }
     Planes planes(crossings.mean);
     addGridPlanes(at, crossings, planes);
-    return planes.quadric().minimum(kBeyond, kLeastOfFaces).rank > 1;
+    const Quadric::Minimum fold = planes.quadric().minimum(kBeyond, kLeastOfFaces);
+    const Vec3d middle = Vec3d::Constant(0.5);
+    const Vec3d nearest = fold.place + fold.free * (middle - fold.place);
+    return fold.rank > 1 && (nearest - middle).cwiseAbs().maxCoeff() <= 0.5;
 }
 
 SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet, Freedom freedom)
@@ -467,13 +470,15 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
         if (mField) addFieldPlanes(at, crossings, planes);
         if (planes.count() < crossings.count) addGridPlanes(at, crossings, planes);
         if (planes.count() > 0) {
+            // Folds may wait for the cell that they pass through: triangles stay well shaped.
+            const double beyond =
+                areSmooth ? -double(kInset) : (freedom == Freedom::Near ? kBeyond : 0);
             const Quadric::Minimum minimum =
-                planes.quadric().minimum(freedom == Freedom::Near ? kBeyond : 0,
-                                         areSmooth ? kLeastOfFaces : kLeastEigenvalue);
+                planes.quadric().minimum(beyond, areSmooth ? kLeastOfFaces : kLeastEigenvalue);
             inCell = minimum.place.cast<float>();
             inCell += minimum.free.cast<float>() * (inset(inCell) - inCell);
             if (freedom == Freedom::Half) inCell = 0.5f * (inCell + crossings.mean);
-            vertex.feature = minimum.rank > 1;
+            vertex.feature = !areSmooth && minimum.rank > 1;
         }
     }
     vertex.position = at.cast<float>() + inCell;
