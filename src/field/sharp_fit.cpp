@@ -76,6 +76,7 @@ Clusters flatFaces(const CellPoints& points, const std::vector<std::uint32_t>& m
 }
 
 /// The paper's clusters: two for an edge, three or four for a corner; fewer than two: no feature.
+/// Below the paper's angle those of flat faces.
 Clusters featureClusters(const CellPoints& points)
 {
     std::vector<std::uint32_t> all(points.count);

@@ -16,14 +16,16 @@ constexpr float kSmooth = 0.985f;
 constexpr float kSteepness = 0.05f;
 
 /// Two planes of equal weight and angle t between their normals have eigenvalues in the ratio
-/// tan^2(t/2): folds of less than about 20 degrees are smoothed over,
+/// tan^2(t/2): folds of less than about 20 degrees are smoothed over.
 constexpr double kLeastEigenvalue = 0.03;
 
-/// but for those of flat faces: from this angle on, and where the faces' values are straight to
-/// this share of it.
-constexpr float kUnturned = 0.99996f; // cosine to their mean, half a degree
-constexpr float kStraight = 0.125f;
+/// Folds of flat faces are kept down to this: less turns the normals of a sheet by half a degree
+/// (cosine to their mean) at most.
 constexpr double kLeastOfFaces = 1e-4; // eigenvalue
+constexpr float kUnturned = 0.99996f;
+
+/// Faces are flat where their values bend by no more than this share of the normals' turn.
+constexpr float kStraight = 0.125f;
 
 /// Steeper than this along an axis, values say nothing of bends: those of a surface lie across.
 constexpr float kAcross = 0.9f;
