@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
 
@@ -157,22 +158,39 @@ Origins leafOrigins(const openvdb::FloatTree& tree)
     return origins;
 }
 
-/// The blocks around @a blocks, from @a low steps below them to @a high above, that are no leaves
-/// and not in @a known; sorted.
-Origins around(const Origins& blocks, int low, int high, const openvdb::FloatTree& tree,
+/// Which blocks around a block: so many steps on each axis.
+struct Steps {
+    int low, high;
+};
+
+/// Adds the blocks around @a block that are no leaves and not in @a known, which is sorted.
+void addAround(const Coord& block, Steps steps, const Access& access, const Origins& known,
+               Origins& found)
+{
+    for (int x = steps.low; x <= steps.high; ++x)
+        for (int y = steps.low; y <= steps.high; ++y)
+            for (int z = steps.low; z <= steps.high; ++z) {
+                const Coord at = block.offsetBy(8 * x, 8 * y, 8 * z);
+                if (!access.probeConstLeaf(at) &&
+                    !std::binary_search(known.begin(), known.end(), at))
+                    found.push_back(at);
+            }
+}
+
+/// Those around @a blocks, sorted.
+Origins around(const Origins& blocks, Steps steps, const openvdb::FloatTree& tree,
                const Origins& known)
 {
+    tbb::enumerable_thread_specific<Origins> parts;
+    using Range = tbb::blocked_range<std::size_t>;
+    tbb::parallel_for(Range(0, blocks.size(), 256), [&](const Range& range) {
+        const Access access(tree);
+        Origins& found = parts.local();
+        for (std::size_t n = range.begin(); n < range.end(); ++n)
+            addAround(blocks[n], steps, access, known, found);
+    });
     Origins found;
-    const Access access(tree);
-    for (const Coord& block : blocks)
-        for (int x = low; x <= high; ++x)
-            for (int y = low; y <= high; ++y)
-                for (int z = low; z <= high; ++z) {
-                    const Coord at = block.offsetBy(8 * x, 8 * y, 8 * z);
-                    if (!access.probeConstLeaf(at) &&
-                        !std::binary_search(known.begin(), known.end(), at))
-                        found.push_back(at);
-                }
+    for (const Origins& part : parts) found.insert(found.end(), part.begin(), part.end());
     std::sort(found.begin(), found.end());
     found.erase(std::unique(found.begin(), found.end()), found.end());
     return found;
@@ -216,14 +234,14 @@ DualCells::DualCells(const openvdb::FloatTree& tree, Progress& progress)
     // A cell belongs to its lowest voxel, which may lie below the leaves. Where it has no leaf
     // about it at all (two tiles of different sign meet), the surface is followed on.
     Origins known;
-    for (Origins next = around(leaves, -1, 0, tree, known); !next.empty();) {
+    for (Origins next = around(leaves, {-1, 0}, tree, known); !next.empty();) {
         const std::size_t before = mBlocks.size();
         add(tree, next, progress);
         known.insert(known.end(), next.begin(), next.end());
         std::sort(known.begin(), known.end());
         Origins passed;
         for (std::size_t n = before; n < mBlocks.size(); ++n) passed.push_back(mBlocks[n].origin);
-        next = around(passed, -1, 1, tree, known);
+        next = around(passed, {-1, 1}, tree, known);
     }
     number();
 }

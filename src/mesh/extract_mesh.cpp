@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -173,9 +174,12 @@ public:
         mMesh.frame =
             mLattice.origin + mLattice.voxelSize * Vec3d(mFrame.x(), mFrame.y(), mFrame.z());
         mMesh.positions.resize(mCells.vertices());
-        mVertices = std::vector<State>(mCells.vertices());
-        mMesh.triangles.resize(2 * mCells.quads());
-        mOutwards.resize(mCells.quads());
+        // The system clears new memory as it is first written: half of it on another thread.
+        tbb::parallel_invoke([&] { mMesh.triangles.resize(2 * mCells.quads()); },
+                             [&] {
+                                 mVertices = std::vector<State>(mCells.vertices());
+                                 mOutwards.resize(mCells.quads());
+                             });
         const Selection all(mCells.blocks().size(), 1);
         place(all);
         mProgress.advance();
