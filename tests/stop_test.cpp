@@ -1,4 +1,4 @@
-// Every operation on level sets stops soon after it is asked to.
+// Every operation on level sets stops soon after it is asked to, and frees what it held.
 #include "modelling_fixture.h"
 
 #include <mpuvdb/error.h>
@@ -8,6 +8,7 @@
 
 #include <condition_variable>
 #include <cstdlib>
+#include <malloc.h>
 #include <thread>
 
 namespace mpuvdb::test
@@ -57,6 +58,16 @@ private:
     std::thread mThread; ///< last: it uses the others
 };
 
+/// A tree that nobody frees has a node larger than this; threads keep buffers of their own.
+constexpr long kKept = 100000; // bytes
+
+/// Of the heap.
+std::size_t bytesInUse()
+{
+    const struct mallinfo2 heap = mallinfo2();
+    return heap.uordblks + heap.hblkhd;
+}
+
 /// Stop @a work after each of some parts of its duration. @return the longest it took to end.
 Seconds latency(const Work& work)
 {
@@ -65,6 +76,7 @@ Seconds latency(const Work& work)
     work(whole);
     const Seconds duration = Clock::now() - start;
 
+    const std::size_t before = bytesInUse();
     Seconds longest{0};
     for (const double part : {0.1, 0.4, 0.8}) {
         Progress progress;
@@ -79,6 +91,7 @@ Seconds latency(const Work& work)
         EXPECT_TRUE(stopped || took < kLatest) << "done in spite of the stop";
         longest = std::max(longest, took);
     }
+    EXPECT_LT(long(bytesInUse()) - long(before), kKept) << "memory that a stop did not free";
     return longest;
 }
 

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
+#include <tbb/task_group.h>
 
 #include <algorithm>
 #include <numeric>
@@ -34,15 +35,26 @@ std::vector<std::uint32_t> byVolume(const std::vector<ComponentMeasures>& parts)
     return order;
 }
 
+/// Calls @a work where nobody else's exception cancels it. OpenVDB frees a tree's nodes in parallel
+/// loops, which do nothing within a loop that is cancelled: the nodes would be lost.
+template <typename Work>
+void uncancelled(const Work& work)
+{
+    tbb::task_group_context alone(tbb::task_group_context::isolated);
+    tbb::task_group(alone).run_and_wait(work);
+}
+
 /// Calls @a give with each part's number, level set and measures, in any order.
 template <typename Give>
 void forEachPart(const SolidParts& parts, Progress& progress, const Give& give)
 {
     tbb::parallel_for(std::size_t(0), parts.parts().size(), [&](std::size_t n) {
         progress.check();
-        LevelSet alone = parts.extract({std::uint32_t(n)}, progress);
-        const ComponentMeasures measures = measuresOf(alone, progress);
-        give(n, std::move(alone), measures);
+        uncancelled([&] {
+            LevelSet alone = parts.extract({std::uint32_t(n)}, progress);
+            const ComponentMeasures measures = measuresOf(alone, progress);
+            give(n, std::move(alone), measures);
+        });
     });
 }
 
