@@ -20,10 +20,10 @@ constexpr float kBorder = 0.7f;
 constexpr float kDistanceShare = 0.05f;
 /// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
 /// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
-/// data do bulge without.
-constexpr float kConcaveShare = 5;
+/// data do bulge without. More than this dents what is convex beside a fold.
+constexpr float kConcaveShare = 3.5f;
 /// Node steps on which normals and bends of data fade.
-constexpr float kFade = 3;
+constexpr float kFade = 10;
 /// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.
 constexpr float kMostCurved = 0.3f;
 

@@ -1,0 +1,155 @@
+// What nobody saw: virtual scans from a few viewpoints are reconstructed, and the part of the mesh
+// that is farther than three spacings from the points is held against the solid:
+//     unseen_bench [POISSON_RECON [DEPTH]]
+// Prints JSON: the share of the area, mean and largest distance, and beside them PoissonRecon's,
+// where a path to it is given.
+#include "kd_tree.h"
+
+#include <mpuvdb/io.h>
+#include <mpuvdb/mesh.h>
+#include <mpuvdb/progress.h>
+#include <mpuvdb/reconstruct.h>
+#include <mpuvdb/scan_sampler.h>
+
+#include <fmt/format.h>
+#include <openvdb/openvdb.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+using namespace mpuvdb;
+namespace fs = std::filesystem;
+
+namespace
+{
+
+constexpr int kPoints = 60000, kVoxels = 200;
+
+struct Case {
+    const char* solid;
+    int views;
+    int holes = 0;
+    double noise = 0; ///< parts of the diagonal
+};
+
+constexpr Case kCases[] = {
+    {"blob(1, 20, 0.05)", 3},
+    {"blob(1, 8, 0.12)", 4},
+    {"blob(1, 12, 0.1)", 2},
+    {"blob(1, 16, 0.12)", 6, 4},
+    {"blob(1, 4, 0.05)", 3, 0, 0.002},
+    {"torus(1, 0.4)", 3},
+    {"torus(1, 0.25)", 4, 2, 0.002},
+    {"torus(1, 0.4)", 2},
+    {"union(sphere(1), translate(sphere(0.8), 1.2, 0, 0))", 3},
+    {"difference(sphere(1), cylinder(0.35, 3))", 4},
+    {"difference(box(2, 2, 1), cylinder(0.4, 3))", 4},
+    {"fandisk(1)", 5},
+    {"gear(12, 1, 0.5)", 5},
+    {"gear(20, 1, 0.3)", 4},
+};
+
+/// The part of a mesh that is far from the points.
+struct Unseen {
+    double share = 0;             ///< of the area
+    double mean = 0, largest = 0; ///< distance from the solid, world units
+};
+
+Unseen unseenPart(const Mesh& mesh, const Solid& solid, const PointCloud& cloud, double far)
+{
+    const KdTree points(cloud.positions);
+    std::vector<std::uint32_t> nearest(1);
+    std::vector<float> squared(1);
+    Unseen result;
+    double area = 0, unseen = 0;
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
+        const double size = (b - a).cross(c - a).norm() / 2;
+        area += size;
+        const Vec3d middle = (a + b + c) / 3;
+        points.nearest((middle - cloud.frame).cast<float>(), nearest, squared);
+        if (double(squared[0]) < far * far) continue;
+        const double distance = std::abs(solid.distance(middle));
+        unseen += size;
+        result.mean += size * distance;
+        result.largest = std::max(result.largest, distance);
+    }
+    result.mean /= unseen;
+    result.share = unseen / area;
+    return result;
+}
+
+std::string json(const char* name, const Unseen& part)
+{
+    return fmt::format(R"("{}": {{"share": {:.4f}, "mean": {:.5f}, "largest": {:.4f}}})", name,
+                       part.share, part.mean, part.largest);
+}
+
+/// PoissonRecon's mesh of the same points.
+Mesh peer(const std::string& program, const std::string& depth, const PointCloud& cloud,
+          Progress& progress)
+{
+    const fs::path folder = fs::temp_directory_path() / fmt::format("unseen_bench.{}", ::getpid());
+    fs::create_directory(folder);
+    const fs::path points = folder / "points.ply", made = folder / "mesh.ply";
+    writePoints(points, cloud, progress);
+    const std::string command = fmt::format("'{}' --in '{}' --out '{}' --depth {} > /dev/null 2>&1",
+                                            program, points.string(), made.string(), depth);
+    const int status = std::system(command.c_str());
+    if (status != 0) throw std::runtime_error(command + ": failed");
+    Mesh mesh = readMesh(made, progress);
+    fs::remove_all(folder);
+    return mesh;
+}
+
+std::string measured(const Case& chosen, const std::string& program, const std::string& depth)
+{
+    Progress progress;
+    const auto solid = parseSolid(chosen.solid);
+    ScanSettings scanned;
+    scanned.points = kPoints;
+    scanned.pattern = ScanSettings::Pattern::Scan;
+    scanned.views = chosen.views;
+    scanned.holes = chosen.holes;
+    scanned.noise = chosen.noise * solid->bounds().diagonal().norm();
+    const PointCloud cloud = scan(*solid, scanned, progress);
+    ReconstructSettings settings;
+    settings.voxels = kVoxels;
+    const Reconstruction made = reconstruct(PointCloud(cloud), settings, progress);
+    const Mesh mesh = extractMesh(made.levelSet, progress);
+    const double far = 3 * std::sqrt(measure(mesh).area / double(cloud.size()));
+
+    std::string line = fmt::format(R"({{"solid": "{}", "views": {}, "holes": {}, "noise": {}, )",
+                                   chosen.solid, chosen.views, chosen.holes, chosen.noise);
+    line += json("mpuvdb", unseenPart(mesh, *solid, cloud, far));
+    if (!program.empty())
+        line += ", " + json("PoissonRecon",
+                            unseenPart(peer(program, depth, cloud, progress), *solid, cloud, far));
+    return line + "}";
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+    openvdb::initialize();
+    try {
+        const std::string program = argc > 1 ? argv[1] : "", depth = argc > 2 ? argv[2] : "8";
+        const char* separator = "[\n";
+        for (const Case& chosen : kCases) {
+            fmt::print("{}  {}", separator, measured(chosen, program, depth));
+            std::fflush(stdout);
+            separator = ",\n";
+        }
+        fmt::print("\n]\n");
+    } catch (const std::exception& error) {
+        fmt::print(stderr, "unseen_bench: {}\n", error.what());
+        return 1;
+    }
+}
