@@ -348,6 +348,29 @@ TEST(Noise, IsTakenOutOfTheGrid)
     }
 }
 
+// The points of the two sides lie among each other; only their normals tell them apart.
+TEST(Noise, LeavesThinWallsWhole)
+{
+    constexpr double kNoise = 0.02;
+    const char* const wall = "ellipsoid(1, 0.8, 0.03)";
+    Progress progress;
+    const Reconstruction made = reconstruct(noisyScan(wall, 60000, kNoise, 5), {}, progress);
+    const CheckReport checked = check(made.levelSet.grid(), progress);
+    EXPECT_TRUE(checked.sound()) << test::texts(checked);
+    const MeshReport report = measure(extractMesh(made.levelSet, progress));
+    EXPECT_EQ(report.eulerCharacteristic, 2 * std::int64_t(report.components)) << "has handles";
+    EXPECT_LT(errorFrom(wall, made.levelSet), kNoise / 4);
+}
+
+TEST(Noise, LeavesThinGapsOpen)
+{
+    constexpr double kNoise = 0.02;
+    const char* const gap = "difference(box(2, 2, 1), box(3, 3, 0.05))";
+    Progress progress;
+    const Reconstruction made = reconstruct(noisyScan(gap, 60000, kNoise, 5), {}, progress);
+    EXPECT_LT(errorFrom(gap, made.levelSet), 0.4 * kNoise);
+}
+
 TEST(Noise, BelowAVoxelBlursNoEdges)
 {
     Progress progress;

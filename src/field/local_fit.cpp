@@ -460,6 +460,14 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     result.opposedNormals = areOpposed(points, normal, lowest, settings.noise);
     result.spreadNormals = lowest < kSpreadCosine;
 
+    if (result.opposedNormals && settings.noise > 0) {
+        if (const auto sheets = fitOpposedSheets(points, testRadius, settings, scratch)) {
+            result.fit = *sheets;
+            result.error = taubinError(result.fit, points, testRadius);
+            result.accepted = true;
+            return result;
+        }
+    }
     const bool general =
         result.opposedNormals && points.count > 2 * std::size_t(settings.minPoints);
     if (general) {

@@ -60,4 +60,10 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
 /// (c) Edge or corner of up to four faces [Ohtake03 §4c]; nothing if the normals show none.
 std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch);
 
+/// The two sides of a wall or gap so thin that noise mixes their points: one sheet (b) between
+/// them, and how far each is from it. Nothing if the normals are not about one axis, if more than
+/// noise is left, or if noise hides which side is above.
+std::optional<LocalFit> fitOpposedSheets(const CellPoints& points, double testRadius,
+                                         const FitSettings& settings, CellPoints& scratch);
+
 } // namespace mpuvdb
