@@ -371,6 +371,16 @@ TEST(Noise, LeavesThinGapsOpen)
     EXPECT_LT(errorFrom(gap, made.levelSet), 0.4 * kNoise);
 }
 
+// Fits of rods as thin as the noise disagree with each other.
+TEST(Noise, LeavesDistancesBesideThinRods)
+{
+    Progress progress;
+    const Reconstruction made =
+        reconstruct(noisyScan("torus(1, 0.05)", 30000, 0.04, 5), {}, progress);
+    const CheckReport checked = check(made.levelSet.grid(), progress);
+    EXPECT_TRUE(checked.sound()) << test::texts(checked);
+}
+
 TEST(Noise, BelowAVoxelBlursNoEdges)
 {
     Progress progress;

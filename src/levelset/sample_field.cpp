@@ -59,6 +59,16 @@ BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
     return zone;
 }
 
+/// Whether values are distances, as check() asks, after @a restored of them were made anew: noise
+/// as thick as what was scanned can leave few that are, and then all are made anew. Of a region
+/// they are not: its values are those of the whole.
+bool areDistances(const openvdb::FloatGrid& grid, std::uint64_t restored, Progress& progress)
+{
+    constexpr double kMuch = 0.1; // share of the band; with less of it nobody need ask
+    return double(restored) < kMuch * double(grid.activeVoxelCount()) ||
+           check(grid, progress).sound();
+}
+
 /// Only what is in @a region; the rest is outside.
 LevelSet cropped(const LevelSet& whole, const openvdb::CoordBBox& region)
 {
@@ -109,20 +119,22 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     band.close();
     progress.beginStage("assemble");
     const openvdb::FloatTree::Ptr tree = band.assemble();
+    std::uint64_t restored = 0; // voxels
     if (isDistance) {
         progress.beginStage("restore");
         if (field.isDistanceFar())
             completeBand(*tree, lattice.voxelSize, progress);
         else
-            restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress);
+            restored = restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress);
     }
     auto grid = openvdb::FloatGrid::create(tree);
     setLattice(*grid, lattice);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
     progress.endStage();
+    const bool areLengths = isDistance && (zone || areDistances(*grid, restored, progress));
     const LevelSet levelSet =
-        isDistance ? LevelSet(grid) : redistance(*grid, settings.halfWidth, progress);
+        areLengths ? LevelSet(grid) : redistance(*grid, settings.halfWidth, progress);
     return zone ? cropped(levelSet, region) : levelSet;
 }
 
