@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <vector>
 
 namespace mpuvdb
 {
@@ -33,48 +32,63 @@ std::optional<Vec3d> commonAxis(const CellPoints& points)
     return Vec3d(solver.eigenvectors().col(2));
 }
 
-/// The sides of a wall or gap, as one sheet: their points, all with normals to one side.
-struct Sides {
-    std::array<double, 2> height{}; ///< of each above the sheet between them, along its normal
-    std::array<std::size_t, 2> count{};
-    std::vector<int> of; ///< each point's
-};
-
-/// Make the normals of @a points look along @a axis.
-Sides turnAlong(const Vec3d& axis, CellPoints& points)
+/// The two sides of a wall or gap; which of them a point is of, its own normal tells.
+class Sides
 {
-    Sides sides;
-    for (std::size_t i = 0; i < points.paddedCount(); ++i) {
-        const int side = points.normal(i).dot(axis) > 0 ? 0 : 1;
-        if (side == 1) {
-            points.nx[i] = -points.nx[i];
-            points.ny[i] = -points.ny[i];
-            points.nz[i] = -points.nz[i];
+public:
+    Sides(const CellPoints& points, const Vec3d& axis) : mPoints(points), mAxis(axis)
+    {
+        for (std::size_t i = 0; i < points.count; ++i) ++mCount[sideOf(i)];
+    }
+    std::size_t fewer() const { return std::min(mCount[0], mCount[1]); }
+    /// Of the distance between the sides, for a noise of 1.
+    double standardError() const
+    {
+        return std::sqrt(1 / double(mCount[0]) + 1 / double(mCount[1]));
+    }
+    /// Of a side above the sheet between both, along its plane's normal.
+    double height(std::size_t side) const { return mHeight[side]; }
+
+    /// Make the normals of @a sheet, a copy of the points, look along the axis.
+    void turnAlong(CellPoints& sheet) const
+    {
+        for (std::size_t i = 0; i < sheet.paddedCount(); ++i) {
+            if (sideOf(i) == 0) continue;
+            sheet.nx[i] = -sheet.nx[i];
+            sheet.ny[i] = -sheet.ny[i];
+            sheet.nz[i] = -sheet.nz[i];
         }
-        sides.of.push_back(side);
-        if (i < points.count) ++sides.count[std::size_t(side)];
     }
-    return sides;
-}
 
-/// Bring both sides' points, in the mean, onto the zero set of @a q along its plane's @a normal.
-void moveOnto(const Quadric& q, const Vec3d& normal, CellPoints& points, Sides& sides)
-{
-    std::array<double, 2> sum{}, weight{};
-    for (std::size_t i = 0; i < points.count; ++i) {
-        const auto side = std::size_t(sides.of[i]);
-        sum[side] += points.weight[i] * q.value(points.position(i));
-        weight[side] += points.weight[i];
+    /// Bring both sides of @a sheet, in the mean, onto the zero set of @a q along its plane's
+    /// @a normal.
+    void moveOnto(const Quadric& q, const Vec3d& normal, CellPoints& sheet)
+    {
+        std::array<double, 2> sum{}, weight{};
+        for (std::size_t i = 0; i < sheet.count; ++i) {
+            sum[sideOf(i)] += sheet.weight[i] * q.value(sheet.position(i));
+            weight[sideOf(i)] += sheet.weight[i];
+        }
+        for (std::size_t side = 0; side < 2; ++side) {
+            sum[side] = weight[side] > 0 ? sum[side] / weight[side] : 0;
+            mHeight[side] += sum[side];
+        }
+        for (std::size_t i = 0; i < sheet.paddedCount(); ++i) {
+            const Vec3d step = -sum[sideOf(i)] * normal;
+            sheet.x[i] += step[0];
+            sheet.y[i] += step[1];
+            sheet.z[i] += step[2];
+        }
     }
-    for (std::size_t s = 0; s < 2; ++s) sum[s] = weight[s] > 0 ? sum[s] / weight[s] : 0;
-    for (std::size_t s = 0; s < 2; ++s) sides.height[s] += sum[s];
-    for (std::size_t i = 0; i < points.paddedCount(); ++i) {
-        const Vec3d step = -sum[std::size_t(sides.of[i])] * normal;
-        points.x[i] += step[0];
-        points.y[i] += step[1];
-        points.z[i] += step[2];
-    }
-}
+
+private:
+    std::size_t sideOf(std::size_t i) const { return mPoints.normal(i).dot(mAxis) > 0 ? 0 : 1; }
+
+    const CellPoints& mPoints;
+    Vec3d mAxis;
+    std::array<std::size_t, 2> mCount{};
+    std::array<double, 2> mHeight{};
+};
 
 } // namespace
 
@@ -84,26 +98,26 @@ std::optional<LocalFit> fitOpposedSheets(const CellPoints& points, double testRa
     constexpr int kRounds = 3;
     const std::optional<Vec3d> axis = commonAxis(points);
     if (!axis) return std::nullopt;
+    Sides sides(points, *axis);
+    if (sides.fewer() < kFewest) return std::nullopt;
     scratch = points;
-    Sides sides = turnAlong(*axis, scratch);
-    const auto n0 = double(sides.count[0]), n1 = double(sides.count[1]);
-    if (std::min(n0, n1) < kFewest) return std::nullopt;
+    sides.turnAlong(scratch);
     scratch.weighAcross(*axis, settings.reach > 0 ? settings.reach : points.radius);
     const Vec3d normal = meanNormal(scratch);
     LocalFit sheet;
     Quadric& q = sheet.pieces[0];
     for (int round = 0; round < kRounds; ++round) {
         q = fitBivariate(scratch, normal, kFewest, settings.lever);
-        moveOnto(q, normal, scratch, sides);
+        sides.moveOnto(q, normal, scratch);
     }
     if (!residualsAreNoise(sheet, scratch, testRadius, kQuiet * settings.noise))
         return std::nullopt;
-    const double apart = sides.height[0] - sides.height[1];
-    if (std::abs(apart) < kApart * settings.noise * std::sqrt(1 / n0 + 1 / n1)) return std::nullopt;
+    const double apart = sides.height(0) - sides.height(1);
+    if (std::abs(apart) < kApart * settings.noise * sides.standardError()) return std::nullopt;
     LocalFit fit;
     fit.count = 2;
-    fit.pieces[0] = {q.A, q.b, q.c - sides.height[0]};
-    fit.pieces[1] = {-q.A, -q.b, sides.height[1] - q.c};
+    fit.pieces[0] = {q.A, q.b, q.c - sides.height(0)};
+    fit.pieces[1] = {-q.A, -q.b, sides.height(1) - q.c};
     fit.maxBits = apart > 0 ? ~0u : 0u; // a wall or a gap
     return fit;
 }
