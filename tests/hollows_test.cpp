@@ -1,7 +1,7 @@
 // Solids with dents, bores and gaps: what their data leave open closes without cavities inside, and
 // near to where they are.
 #include "field_fixture.h"
-#include "kd_tree.h"
+#include "unseen_part.h"
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/reconstruct.h>
@@ -101,42 +101,6 @@ TEST(Hollows, OpenOnlyWhereDataFaceThem)
 
 // --- What nobody saw
 
-/// Call f(triangle, its corners, its area) for those farther than three spacings from the points.
-template <typename F>
-void forEachUnseen(const Mesh& mesh, const PointCloud& cloud, F f)
-{
-    const double far = 3 * std::sqrt(measure(mesh).area / double(cloud.size()));
-    const KdTree points(cloud.positions);
-    std::vector<std::uint32_t> nearest(1);
-    std::vector<float> squared(1);
-    for (const Mesh::Triangle& t : mesh.triangles) {
-        const std::array<Vec3d, 3> p{mesh.world(t[0]), mesh.world(t[1]), mesh.world(t[2])};
-        points.nearest(((p[0] + p[1] + p[2]) / 3 - cloud.frame).cast<float>(), nearest, squared);
-        if (double(squared[0]) >= far * far) f(t, p, (p[1] - p[0]).cross(p[2] - p[0]).norm() / 2);
-    }
-}
-
-/// The part of a mesh that is farther than three spacings from the points.
-struct Unseen {
-    double share = 0;             ///< of the area
-    double mean = 0, largest = 0; ///< distance from the solid, world units
-};
-
-Unseen unseenPart(const Mesh& mesh, const Solid& solid, const PointCloud& cloud)
-{
-    Unseen result;
-    double unseen = 0;
-    forEachUnseen(mesh, cloud, [&](const auto&, const std::array<Vec3d, 3>& p, double area) {
-        const double distance = std::abs(solid.distance((p[0] + p[1] + p[2]) / 3));
-        unseen += area;
-        result.mean += area * distance;
-        result.largest = std::max(result.largest, distance);
-    });
-    result.mean /= unseen;
-    result.share = unseen / measure(mesh).area;
-    return result;
-}
-
 TEST(UnseenParts, AreNearTheSolid)
 {
     struct Limit {
@@ -163,7 +127,9 @@ TEST(UnseenParts, AreNearTheSolid)
         ReconstructSettings settings;
         settings.voxels = 200;
         const Reconstruction made = reconstruct(PointCloud(cloud), settings, progress);
-        const Unseen unseen = unseenPart(extractMesh(made.levelSet, progress), *solid, cloud);
+        const Mesh mesh = extractMesh(made.levelSet, progress);
+        const test::Unseen unseen =
+            test::unseenPart(mesh, *solid, cloud, test::farFrom(cloud, mesh));
         EXPECT_GT(unseen.share, 0.01);
         EXPECT_LT(unseen.mean, limit.mean);
         EXPECT_LT(unseen.largest, limit.largest);
@@ -176,18 +142,19 @@ double bendOfUnseen(const Mesh& mesh, const PointCloud& cloud)
 {
     std::map<std::pair<std::uint32_t, std::uint32_t>, Vec3d> normals; // of one triangle per edge
     double unseen = 0, bend = 0;
-    forEachUnseen(
-        mesh, cloud, [&](const Mesh::Triangle& t, const std::array<Vec3d, 3>& p, double area) {
-            const Vec3d normal = (p[1] - p[0]).cross(p[2] - p[0]).normalized();
-            unseen += area;
-            for (std::size_t k = 0; k < 3; ++k) {
-                const std::size_t next = (k + 1) % 3;
-                const auto [at, isNew] = normals.emplace(std::minmax(t[k], t[next]), normal);
-                if (isNew) continue;
-                const double cosine = std::clamp(at->second.dot(normal), -1.0, 1.0);
-                bend += std::acos(cosine) * (p[k] - p[next]).norm();
-            }
-        });
+    test::forEachUnseen(mesh, cloud, test::farFrom(cloud, mesh),
+                        [&](const Mesh::Triangle& t, const std::array<Vec3d, 3>& p, double area) {
+                            const Vec3d normal = (p[1] - p[0]).cross(p[2] - p[0]).normalized();
+                            unseen += area;
+                            for (std::size_t k = 0; k < 3; ++k) {
+                                const std::size_t next = (k + 1) % 3;
+                                const auto [at, isNew] =
+                                    normals.emplace(std::minmax(t[k], t[next]), normal);
+                                if (isNew) continue;
+                                const double cosine = std::clamp(at->second.dot(normal), -1.0, 1.0);
+                                bend += std::acos(cosine) * (p[k] - p[next]).norm();
+                            }
+                        });
     return bend / unseen;
 }
 

@@ -53,8 +53,9 @@ struct SampleSettings {
     /// those that are active in the box without it, with the same values; everything outside the
     /// box is inactive, and counts as outside. That holds where nothing that the steps after
     /// sampling take for a flaw reaches from the box beyond the margin: an island or a handle they
-    /// remove, a jump of the field they close. A region without a surface is an empty level set.
-    /// The cost is that of the region, but for what the field itself does.
+    /// remove, a jump of the field they close; or where the whole is so noisy that all distances
+    /// are made anew. A region without a surface is an empty level set. The cost is that of the
+    /// region, but for what the field itself does.
     std::optional<Box3d> region;
 };
 

@@ -60,8 +60,8 @@ BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
 }
 
 /// Whether values are distances, as check() asks, after @a restored of them were made anew: noise
-/// as thick as what was scanned can leave few that are, and then all are made anew. Of a region
-/// they are not: its values are those of the whole.
+/// as thick as what was scanned can leave few that are, and then all are made anew. A region cannot
+/// know that of the whole: its values stay.
 bool areDistances(const openvdb::FloatGrid& grid, std::uint64_t restored, Progress& progress)
 {
     constexpr double kMuch = 0.1; // share of the band; with less of it nobody need ask

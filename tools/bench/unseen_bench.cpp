@@ -3,7 +3,7 @@
 //     unseen_bench [POISSON_RECON [DEPTH]]
 // Prints JSON: the share of the area, mean and largest distance, and beside them PoissonRecon's,
 // where a path to it is given.
-#include "kd_tree.h"
+#include "unseen_part.h"
 
 #include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
@@ -15,13 +15,12 @@
 #include <openvdb/openvdb.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
-#include <vector>
+#include <system_error>
 
 using namespace mpuvdb;
 namespace fs = std::filesystem;
@@ -55,57 +54,38 @@ constexpr Case kCases[] = {
     {"gear(20, 1, 0.3)", 4},
 };
 
-/// The part of a mesh that is far from the points.
-struct Unseen {
-    double share = 0;             ///< of the area
-    double mean = 0, largest = 0; ///< distance from the solid, world units
-};
-
-Unseen unseenPart(const Mesh& mesh, const Solid& solid, const PointCloud& cloud, double far)
-{
-    const KdTree points(cloud.positions);
-    std::vector<std::uint32_t> nearest(1);
-    std::vector<float> squared(1);
-    Unseen result;
-    double area = 0, unseen = 0;
-    for (const Mesh::Triangle& t : mesh.triangles) {
-        const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
-        const double size = (b - a).cross(c - a).norm() / 2;
-        area += size;
-        const Vec3d middle = (a + b + c) / 3;
-        points.nearest((middle - cloud.frame).cast<float>(), nearest, squared);
-        if (double(squared[0]) < far * far) continue;
-        const double distance = std::abs(solid.distance(middle));
-        unseen += size;
-        result.mean += size * distance;
-        result.largest = std::max(result.largest, distance);
-    }
-    result.mean /= unseen;
-    result.share = unseen / area;
-    return result;
-}
-
-std::string json(const char* name, const Unseen& part)
+std::string json(const char* name, const test::Unseen& part)
 {
     return fmt::format(R"("{}": {{"share": {:.4f}, "mean": {:.5f}, "largest": {:.4f}}})", name,
                        part.share, part.mean, part.largest);
 }
 
+/// A folder that goes with it.
+struct Folder {
+    fs::path path = fs::temp_directory_path() / fmt::format("unseen_bench.{}", ::getpid());
+
+    Folder() { fs::create_directory(path); }
+    ~Folder()
+    {
+        std::error_code ignored;
+        fs::remove_all(path, ignored);
+    }
+    Folder(const Folder&) = delete;
+    Folder& operator=(const Folder&) = delete;
+};
+
 /// PoissonRecon's mesh of the same points.
 Mesh peer(const std::string& program, const std::string& depth, const PointCloud& cloud,
           Progress& progress)
 {
-    const fs::path folder = fs::temp_directory_path() / fmt::format("unseen_bench.{}", ::getpid());
-    fs::create_directory(folder);
-    const fs::path points = folder / "points.ply", made = folder / "mesh.ply";
+    const Folder folder;
+    const fs::path points = folder.path / "points.ply", made = folder.path / "mesh.ply";
     writePoints(points, cloud, progress);
     const std::string command = fmt::format("'{}' --in '{}' --out '{}' --depth {} > /dev/null 2>&1",
                                             program, points.string(), made.string(), depth);
     const int status = std::system(command.c_str());
     if (status != 0) throw std::runtime_error(command + ": failed");
-    Mesh mesh = readMesh(made, progress);
-    fs::remove_all(folder);
-    return mesh;
+    return readMesh(made, progress);
 }
 
 std::string measured(const Case& chosen, const std::string& program, const std::string& depth)
@@ -123,14 +103,14 @@ std::string measured(const Case& chosen, const std::string& program, const std::
     settings.voxels = kVoxels;
     const Reconstruction made = reconstruct(PointCloud(cloud), settings, progress);
     const Mesh mesh = extractMesh(made.levelSet, progress);
-    const double far = 3 * std::sqrt(measure(mesh).area / double(cloud.size()));
+    const double far = test::farFrom(cloud, mesh);
 
     std::string line = fmt::format(R"({{"solid": "{}", "views": {}, "holes": {}, "noise": {}, )",
                                    chosen.solid, chosen.views, chosen.holes, chosen.noise);
-    line += json("mpuvdb", unseenPart(mesh, *solid, cloud, far));
+    line += json("mpuvdb", test::unseenPart(mesh, *solid, cloud, far));
     if (!program.empty())
-        line += ", " + json("PoissonRecon",
-                            unseenPart(peer(program, depth, cloud, progress), *solid, cloud, far));
+        line += ", " + json("PoissonRecon", test::unseenPart(peer(program, depth, cloud, progress),
+                                                             *solid, cloud, far));
     return line + "}";
 }
 
