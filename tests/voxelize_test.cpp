@@ -5,6 +5,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 
+#include <fmt/format.h>
 #include <tbb/global_control.h>
 
 #include <algorithm>
@@ -174,6 +175,42 @@ TEST(Voxelize, GivesTheDistanceAndTheSideOfSharpCorners)
             }
         }
     }
+}
+
+/// Errors in voxels, sorted, of a level set's values in one voxel of @a stride.
+std::vector<double> sortedErrors(const LevelSet& levelSet, int stride,
+                                 const std::function<double(const Vec3d&)>& distance)
+{
+    const Lattice lattice = levelSet.lattice();
+    std::vector<double> errors;
+    int n = 0;
+    for (auto on = levelSet.grid().cbeginValueOn(); on; ++on) {
+        if (n++ % stride != 0) continue;
+        const double exact = distance(test::worldOf(lattice, on.getCoord()));
+        errors.push_back(std::abs(double(*on) - exact) / lattice.voxelSize);
+    }
+    std::sort(errors.begin(), errors.end());
+    return errors;
+}
+
+// Far from a ridge as blunt as between these facets, a plane that goes on beyond it is too near.
+TEST(Voxelize, OffsetsOfBluntRidgesAreTheirDistance)
+{
+    Progress progress;
+    for (const std::uint32_t tube : {16u, 24u})
+        for (const double shift : {8.0, 20.0}) {
+            SCOPED_TRACE(fmt::format("{} facets around the tube, offset {}", tube, shift));
+            const Mesh mesh = torusMesh(60, 24, 2 * tube, tube);
+            const LevelSet grown = offset(voxelized(mesh, 1), shift, progress);
+            const auto errors = sortedErrors(
+                grown, 80, [&](const Vec3d& p) { return distanceTo(mesh, p) - shift; });
+            const auto quantile = [&](double q) {
+                return errors[std::size_t(q * double(errors.size() - 1))];
+            };
+            EXPECT_LE(quantile(0.5), 0.01);
+            EXPECT_LE(quantile(0.99), 0.1);
+            EXPECT_LE(errors.back(), 0.2);
+        }
 }
 
 TEST(Voxelize, GivesSoundGridsOfCadParts)

@@ -110,9 +110,7 @@ private:
         }
         mCells.number();
         supersedeZeros();
-        if (std::uint64_t(mCells.count()) + mPatches.patches.size() >= VoxelIndex::kNone)
-            throw LimitError("the surface crosses more voxels than can be numbered (4e9): use "
-                             "larger voxels");
+        demandNumbers(std::uint64_t(mCells.count()) + mPatches.patches.size());
         mCellAt = mCells.voxels();
     }
 
@@ -162,11 +160,7 @@ private:
         });
         mPatches.patches.reserve(mPatches.patches.size() + places.size());
         for (std::size_t n = 0; n < places.size(); ++n)
-            mPatches.patches.push_back({mCellAt[n],
-                                        places[n],
-                                        Vec3f::UnitX(),
-                                        Vec3f::UnitY(),
-                                        {kPointCurvature, kPointCurvature}});
+            mPatches.patches.push_back(SurfacePatch::point(mCellAt[n], places[n]));
     }
 
     /// The place in a cell that is nearest to the planes of the faces which cross its edges.

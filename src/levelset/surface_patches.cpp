@@ -29,7 +29,9 @@ constexpr float kCrease = 0.22f;
 /// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
 /// slope (other values than distances may bend more); a distance's slope is 1 to so much there.
 constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f, kPlaneImplicit = 0.06f;
-constexpr float kExtent = 0.9f; ///< a patch's radius, voxels
+/// A patch's radius, voxels: where the next begins. Planes beside creases too blunt for facets end
+/// at these, and what they add beyond counts most from far off.
+constexpr float kExtent = 0.9f, kPlaneExtent = 0.2f;
 /// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
 constexpr float kOffSurface = 0.2f;
 
@@ -86,6 +88,7 @@ public:
         const int in = LeafHalo::index(x + 1, y + 1, z + 1);
         SurfacePatch patch;
         patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
+        patch.extent = kExtent;
         Quadratic model = modelAt(in);
         kind = PatchKind::Smooth;
         const float slope = model.gradient.norm(), change = model.hessian.cwiseAbs().maxCoeff();
@@ -98,9 +101,7 @@ public:
         }
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
-        SurfacePatch crossing{};
-        crossing.voxel = patch.voxel;
-        nearestCrossing(in, crossing);
+        const SurfacePatch crossing = nearestCrossing(patch.voxel, in);
         // No place on the surface is nearer than the nearest: a foot beyond a crossing is none.
         if (found && patch.foot.norm() <= crossing.foot.norm() + kBeyondCrossing) return patch;
         kind = PatchKind::Rough;
@@ -269,12 +270,11 @@ private:
 
     /// A point where the values, linear between voxels, cross zero: what is left where they tell no
     /// direction.
-    void nearestCrossing(int in, SurfacePatch& patch) const
+    SurfacePatch nearestCrossing(const openvdb::Coord& voxel, int in) const
     {
         const auto& v = mHalo.value;
         // On the surface itself, unless a neighbour has the other sign.
-        patch.foot = Vec3f::Zero();
-        patch.normal = Vec3f::UnitX();
+        SurfacePatch patch = SurfacePatch::point(voxel, Vec3f::Zero());
         float best = std::numeric_limits<float>::infinity();
         for (int axis = 0; axis < 3; ++axis) {
             for (const int side : {-1, 1}) {
@@ -288,7 +288,7 @@ private:
             }
         }
         patch.tangent = patch.normal.unitOrthogonal();
-        patch.curvature[0] = patch.curvature[1] = kPointCurvature;
+        return patch;
     }
 
     LeafHalo::Accessor mAccess;
@@ -309,6 +309,8 @@ float bent(float height, float along, float k)
     return (height * (1 + a) + b * along) / (std::sqrt(a * a + b * b) + 1);
 }
 
+} // namespace
+
 void demandNumbers(std::uint64_t patches)
 {
     if (patches >= std::numeric_limits<std::uint32_t>::max())
@@ -316,7 +318,10 @@ void demandNumbers(std::uint64_t patches)
                          "voxels");
 }
 
-} // namespace
+SurfacePatch SurfacePatch::point(const openvdb::Coord& voxel, const Vec3f& foot)
+{
+    return {voxel, foot, Vec3f::UnitX(), Vec3f::UnitY(), {kPointCurvature, kPointCurvature}, 0};
+}
 
 void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
 {
@@ -343,11 +348,11 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
     const float reached = std::hypot(shift[0], shift[1]);
-    if (reached <= kExtent)
+    if (reached <= extent)
         return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                      side * curvature[0]));
     // From the place nearest to where it should be, as far as the patch goes.
-    const float share = kExtent / reached;
+    const float share = extent / reached;
     float square = 0, drop = 0; // of the place below the foot's plane
     for (int n = 0; n < 2; ++n) {
         const float to = share * shift[n], beside = along[n] - to;
@@ -415,6 +420,9 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, std::vector<const 
         });
     });
     addCreaseFacets(result, zone, progress);
+    for (std::uint32_t n = 0; n < result.voxelPatches(); ++n)
+        if (result.kinds[n] == PatchKind::Plane && !zone.isBeside(n))
+            result.patches[n].extent = kPlaneExtent;
     return result;
 }
 

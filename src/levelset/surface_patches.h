@@ -24,7 +24,10 @@ struct SurfacePatch {
     Vec3f normal;         ///< unit, outward
     Vec3f tangent;        ///< unit, along the first principal direction
     float curvature[2];   ///< along the tangent and across, positive where convex
+    float extent;         ///< how far around the place it goes
 
+    /// A patch that is but a place, @a foot from @a voxel.
+    static SurfacePatch point(const openvdb::Coord& voxel, const Vec3f& foot);
     /// From the place to @a at.
     Vec3f to(const openvdb::Coord& at) const
     {
@@ -82,6 +85,9 @@ struct SurfacePatches {
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree,
                               std::vector<const SurfacePatches::Leaf*> leaves, double voxelSize,
                               Values values, Progress& progress);
+
+/// @throws LimitError if there are more @a patches than can be numbered.
+void demandNumbers(std::uint64_t patches);
 
 /// The patches of @a tree. @param voxelSize  world units. @throws LimitError, Interrupted.
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
