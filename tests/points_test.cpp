@@ -84,6 +84,19 @@ TEST(Measure, SpacingIsTheRootOfTheAreaPerPoint)
     EXPECT_NEAR(s.spacing, std::sqrt(4 * M_PI / 20000), 0.05 * s.spacing);
 }
 
+// However few of so many points are asked, their noise fills the ball that holds them.
+TEST(Measure, EndsWherePointsShowNoSurface)
+{
+    PointCloud cloud;
+    std::mt19937 engine(11);
+    std::uniform_real_distribution<float> coordinate(-1, 1);
+    while (cloud.size() < 60000)
+        cloud.positions.emplace_back(coordinate(engine), coordinate(engine), coordinate(engine));
+    const PointStatistics s = measured(cloud);
+    EXPECT_GT(s.noise, 0.1);
+    EXPECT_LT(s.noise, 1);
+}
+
 TEST(Measure, NoiseIsThatOfTheSurface)
 {
     for (const char* solid : {"sphere(1)", "torus(1,0.3)", "box(2,2,1)", "blob(1,8,0.05)"}) {

@@ -222,7 +222,8 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
             k *= kFactor;
         } else {
             if (among->size() < kFactor * kFactor * kMost) break;
-            sparse = thinned(*among, among->size() / kFactor, progress);
+            // Of the whole: among those chosen already a choice of fewer would be all of them.
+            sparse = thinned(cloud, among->size() / kFactor, progress);
             among = &sparse;
         }
     }
