@@ -3,6 +3,7 @@
 #include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
+#include <openvdb/io/Archive.h>
 #include <openvdb/io/File.h>
 #include <openvdb/io/Stream.h>
 #include <openvdb/tools/LevelSetSphere.h>
@@ -12,6 +13,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <limits>
+#include <sstream>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -181,6 +183,43 @@ TEST_F(VdbFile, OfTheSameGridHasTheSameBytes)
     EXPECT_EQ(a, bytesOf(mFolder / "b.vdb"));
     EXPECT_NE(a.substr(21, 36), bytesOf(mFolder / "c.vdb").substr(21, 36));
     EXPECT_EQ(a[8], char(224));
+}
+
+/// The bytes of @a grids as OpenVDB's own archive writes them onto a stream, without an identifier.
+std::string writtenByOpenVdb(const openvdb::GridCPtrVec& grids)
+{
+    struct Archive : openvdb::io::Archive {
+        void writeTo(std::ostream& out, const openvdb::GridCPtrVec& all) const
+        {
+            write(out, all, /*seekable=*/true, {});
+        }
+    } archive;
+    archive.setCompression(openvdb::io::COMPRESS_ACTIVE_MASK | openvdb::io::COMPRESS_BLOSC);
+    std::ostringstream out;
+    archive.writeTo(out, grids);
+    return out.str().replace(21, 36, 36, '0');
+}
+
+// Leaves are compressed on all threads: several rounds of them here, and the last one is not full.
+TEST_F(VdbFile, HasTheBytesThatOpenVdbWrites)
+{
+    openvdb::initialize();
+    const FloatGrid::Ptr large =
+        openvdb::tools::createLevelSetSphere<FloatGrid>(16, openvdb::Vec3f(0.5f, 0, -3), 0.1f);
+    large->setName("large");
+    large->setGridClass(openvdb::GRID_LEVEL_SET);
+    ASSERT_GT(large->tree().leafCount(), 4096u);
+    const FloatGrid::Ptr half = large->deepCopy();
+    half->setName("half");
+    half->setSaveFloatAsHalf(true);
+    const auto colors = openvdb::Vec3SGrid::create(openvdb::Vec3f(0, 0.5f, 1));
+    colors->setName("Cd");
+    for (int i = 0; i < 100; ++i)
+        colors->tree().setValue(openvdb::Coord(i, 3 * i, -i), openvdb::Vec3f(float(i), 0, 1));
+    const openvdb::GridCPtrVec grids = {large, half, colors, FloatGrid::create(2)};
+    Progress progress;
+    writeGrids(mFolder / "a.vdb", grids, progress);
+    EXPECT_TRUE(bytesOf(mFolder / "a.vdb").replace(21, 36, 36, '0') == writtenByOpenVdb(grids));
 }
 
 TEST_F(VdbFile, GivesTheLevelSetThatIsMeant)

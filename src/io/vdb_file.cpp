@@ -194,8 +194,9 @@ public:
             openvdb::io::COMPRESS_ACTIVE_MASK |
             (hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC : openvdb::io::COMPRESS_ZIP));
     }
-    void writeTo(std::ostream& out, const openvdb::GridCPtrVec& grids) const
+    void writeTo(std::ostream& out, openvdb::GridCPtrVec grids, const Progress& progress) const
     {
+        for (GridBase::ConstPtr& grid : grids) grid = compressingInParallel(grid, progress);
         Archive::write(out, grids, /*seekable=*/true, {});
     }
 };
@@ -249,7 +250,7 @@ void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids, const 
             fmt::format("{}: cannot be opened for writing. Write elsewhere", file.string()));
     std::ostream out(&buffer);
     out.exceptions(std::ios::failbit | std::ios::badbit);
-    Writer().writeTo(out, grids);
+    Writer().writeTo(out, grids, progress);
     if (!buffer.close()) out.setstate(std::ios::badbit);
 }
 
