@@ -160,7 +160,7 @@ CoarseSign coarseSignOf(PointCloud cloud)
     const double side = 1.6 * bounds.sizes().maxCoeff();
     const RootCube root{bounds.center() - Vec3d::Constant(side / 2), side};
     const SortedPoints points(std::move(cloud), root, progress);
-    return CoarseSign(points, bounds, root, progress);
+    return CoarseSign(points, bounds, root, 0, progress);
 }
 
 /// @a cloud without its points for which @a drop(world position) holds.
@@ -360,7 +360,7 @@ TEST(CoarseSign, IsFiniteOnDegenerateClouds)
         const Box3d bounds = cloud.localBounds();
         const double side = 1.5 * bounds.sizes().maxCoeff() + 1;
         const RootCube root{bounds.center() - Vec3d::Constant(side / 2), side};
-        const CoarseSign sign(SortedPoints(std::move(cloud), root, progress), bounds, root,
+        const CoarseSign sign(SortedPoints(std::move(cloud), root, progress), bounds, root, 0,
                               progress);
         for (int i = 0; i < 200; ++i) {
             const FieldSample sample = sign.evaluate(bounds.center() + random.inCube(side));

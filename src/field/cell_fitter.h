@@ -48,6 +48,9 @@ constexpr double kThickRadius = 8;
 /// Normals are trusted no farther, radians: a quadratic has not all of a shape's slopes.
 constexpr double kLeastNormalNoise = 0.04;
 
+/// Of the noise: a pattern in the residuals that says more than that their points are many.
+constexpr double kTellingPattern = 0.4;
+
 constexpr double kFading = 0.3; ///< part of the gap of full support over which support falls
 
 constexpr double kHeirError =
@@ -66,6 +69,8 @@ struct Decision {
     bool fitted = true; ///< false: split without a fit
     FitResult result;   ///< accepted, or rejected and split
     double gap = 0;     ///< zeroSetGap of the fit, world units
+    /// The points show something else than the fit, and noise hides what.
+    bool lostInNoise = false;
 };
 
 /// A gap that leaves the support at 1.
@@ -144,6 +149,7 @@ public:
                 decision.result = sharp;
                 decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius,
                                           fullSupportGap(spacing, radius));
+                decision.lostInNoise = isLost(sharp, cell, spacing);
             }
         }
         return decision;
@@ -217,6 +223,18 @@ private:
         return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
     }
 
+    /// Whether @a result, of the smallest ball that tells anything from the noise, is not what the
+    /// points show: they turn all round in it, or leave a pattern.
+    bool isLost(const FitResult& result, const OctreeCell& cell, double spacing) const
+    {
+        if (!(mSettings.noise > 0) || !isLostInNoise(supportRadius(cell.level + 1), spacing))
+            return false;
+        if (result.opposedNormals && !result.fit.isSharp()) return true;
+        if (result.accepted) return false;
+        return residualPattern(result.fit, mCell, supportRadius(cell.level), mSettings.noise) >
+               kTellingPattern * mSettings.noise;
+    }
+
     /// Whether points show details that are hardly larger than voxels.
     bool noiseTells() const
     {
@@ -256,6 +274,7 @@ private:
         }
         decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
                                   fullSupportGap(spacing, radius));
+        decision.lostInNoise = isLost(decision.result, cell, spacing);
         // A fit of few points at the data's rim is within tolerance and knows nothing of the ball.
         decision.split = mayBe && decision.gap > heldUpGap(radius, ballRadius, spacing) &&
                          (ballRadius <= 1.5 * radius || radius > 3 * spacing);

@@ -23,7 +23,11 @@ namespace
 constexpr double kPad = 0.2;    ///< of the extent, on each side
 constexpr int kMaxNodes = 96;   ///< along the longest side
 constexpr double kKernel = 1.5; ///< radius of the splats, node steps
-constexpr float kWeight = 16;   ///< of data at a node, against the equation between them
+/// Points nearer than about this, squared node steps, count alike in a splat; with noise, about as
+/// many of its standard deviations: nearer ones say no more, and would draw the surface to where
+/// noise has thrown them.
+constexpr double kSoftness = 0.1, kSoftNoises = 2;
+constexpr float kWeight = 16; ///< of data at a node, against the equation between them
 /// Steps across the cubes whose points stand for all of them as one dipole.
 constexpr double kDipoleSteps = 0.55;
 /// Steps by which data may lie beside the line through a node along their normal.
@@ -120,8 +124,9 @@ struct NodeSums {
 class PlaneSums
 {
 public:
-    PlaneSums(const NodeGrid& grid, const Vec3d& corner, double step)
-        : mGrid(grid), mCorner(corner), mStep(step)
+    PlaneSums(const NodeGrid& grid, const Vec3d& corner, double step, double noise)
+        : mGrid(grid), mCorner(corner), mStep(step),
+          mSoftness(kSoftness + std::pow(kSoftNoises * noise / step, 2))
     {
         for (auto& sum : mSums) sum.assign(std::size_t(grid.n[1]) * std::size_t(grid.n[2]), 0.0);
     }
@@ -151,6 +156,7 @@ private:
     NodeGrid mGrid;
     Vec3d mCorner;
     double mStep;
+    double mSoftness; ///< square of a distance, node steps
     std::array<std::vector<double>, kSums> mSums;
 };
 
@@ -172,7 +178,7 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
         for (int j = j0; j < j0 + kLanes; ++j) {
             const double ry = mCorner[1] + mStep * j - p[1];
             const Group d2 = (rx2 + ry * ry + rz2) / step2, cut = 1 - d2 / (kKernel * kKernel);
-            const Group w = cut > 0 ? cut * cut / ((d2 + 0.1) * (d2 + 0.1)) : Group{};
+            const Group w = cut > 0 ? cut * cut / ((d2 + mSoftness) * (d2 + mSoftness)) : Group{};
             const Group side = n[0] * rx + n[1] * ry + n[2] * rz;
             const Group heavy = w * double(d->weight);
             const Group terms[kSums] = {heavy,      w * side,   w * (side < 0 ? -side : side),
@@ -191,12 +197,12 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
 }
 
 NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec3d& corner,
-               double step, bool withNormals, Progress& progress)
+               double step, double noise, bool withNormals, Progress& progress)
 {
     const Bins bins = binDipoles(dipoles, grid, corner, step);
     NodeData data(grid, withNormals);
     tbb::enumerable_thread_specific<PlaneSums> scratch(
-        [&] { return PlaneSums(grid, corner, step); });
+        [&] { return PlaneSums(grid, corner, step, noise); });
     tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
         progress.check();
         PlaneSums& plane = scratch.local();
@@ -349,7 +355,7 @@ std::uint64_t CoarseSign::makingBytes(const SortedPoints& some, const Box3d& bou
 }
 
 CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root,
-                       Progress& progress)
+                       double noise, Progress& progress)
 {
     const NodeBox box(bounds, meanSpacing(points, root));
     mStep = box.step;
@@ -361,8 +367,8 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
         return makeDipoles(points, levelOf(root, steps * mStep));
     };
     const auto dataAt = [&](const NodeGrid& grid, int steps, bool withNormals) {
-        return splat(dipoles(steps * kDipoleSteps), grid, mCorner, steps * mStep, withNormals,
-                     progress);
+        return splat(dipoles(steps * kDipoleSteps), grid, mCorner, steps * mStep, noise,
+                     withNormals, progress);
     };
     // Bends are smooth, and not worth every node.
     const NodeGrid half = halved(mGrid);

@@ -18,7 +18,8 @@ namespace mpuvdb
 class CoarseSign
 {
 public:
-    CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root,
+    /// @param noise  standard deviation of the points, world units.
+    CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root, double noise,
                Progress& progress);
 
     /// The most memory that making one takes, of points with @a bounds that are as dense as @a some

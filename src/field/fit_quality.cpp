@@ -216,26 +216,52 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
 
 } // namespace
 
+namespace
+{
+
+/// What residuals are made of: scatter within the parts, and what differs from part to part.
+struct ResidualShares {
+    double within, between; ///< mean square within; sum of squares between
+    std::size_t parts, count;
+};
+
+ResidualShares shareResiduals(const LocalFit& fit, const CellPoints& points, double testRadius)
+{
+    ResidualSums residuals;
+    sumResiduals(fit, points, testRadius, residuals);
+    ResidualShares shares{residuals.squares, 0, 0, residuals.count};
+    for (std::size_t k = 0; k < ResidualSums::kParts; ++k) {
+        if (residuals.counts[k] == 0) continue;
+        shares.between += residuals.sums[k] * residuals.sums[k] / double(residuals.counts[k]);
+        ++shares.parts;
+    }
+    if (shares.count > shares.parts)
+        shares.within = (residuals.squares - shares.between) / double(shares.count - shares.parts);
+    return shares;
+}
+
+constexpr double kLoud = 2; ///< of the noise: scatter that is none
+
+} // namespace
+
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise)
 {
-    constexpr double kLoud = 2, kSignificant = 2.5;
-    ResidualSums residuals;
-    sumResiduals(fit, points, testRadius, residuals);
-    double between = 0;
-    std::size_t parts = 0;
-    for (std::size_t k = 0; k < ResidualSums::kParts; ++k) {
-        if (residuals.counts[k] == 0) continue;
-        between += residuals.sums[k] * residuals.sums[k] / double(residuals.counts[k]);
-        ++parts;
-    }
+    constexpr double kSignificant = 2.5;
+    const auto [within, between, parts, count] = shareResiduals(fit, points, testRadius);
     const double least = noise * noise, most = kLoud * kLoud * least;
-    const double squares = residuals.squares;
-    const double within =
-        residuals.count > parts ? (squares - between) / double(residuals.count - parts) : squares;
     if (!(within <= most)) return false;
     const double expected = double(parts) + kSignificant * std::sqrt(2 * double(parts));
     return between <= std::max(within, least) * expected;
+}
+
+double residualPattern(const LocalFit& fit, const CellPoints& points, double testRadius,
+                       double noise)
+{
+    const auto [within, between, parts, count] = shareResiduals(fit, points, testRadius);
+    if (count == 0) return 0;
+    const double loud = std::max(within - kLoud * kLoud * noise * noise, 0.0);
+    return std::sqrt(loud + std::max(between - double(parts) * within, 0.0) / double(count));
 }
 
 namespace

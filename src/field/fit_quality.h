@@ -15,6 +15,11 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise);
 
+/// Root mean square of what the residuals are beside noise: what they have in common in parts of
+/// the ball, and scatter far louder than the noise.
+double residualPattern(const LocalFit& fit, const CellPoints& points, double testRadius,
+                       double noise);
+
 /// How far from the points the zero set of @a fit ventures where it rules the ball of @a radius
 /// about @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it;
 /// of those that land within 0.85 radius the largest distance to the nearest point. If none lands,

@@ -131,7 +131,7 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Progr
     tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
         if (!parts.isIn(root.centre(cell))) return;
         ++leaves;
-        complete &= node.support >= 1;
+        complete &= node.support >= 1 && !tree.fits[node.index].lostInNoise;
     });
     progress.endStage();
 

@@ -46,7 +46,19 @@ double disagreement(double value, double other, const CoarseSign& coarse)
     return (own + believed) / step - kVetoSteps;
 }
 
-/// Take support from leaves whose distance at the centre is clearly not the whole model's.
+/// Radii, in steps of the coarse field, over which it takes over from leaves that are lost in
+/// noise: it averages as they should. For smaller ones it is too coarse.
+constexpr double kSmallLost = 1, kLargeLost = 1.5;
+
+/// 1 up to t = 0, 0 from t = 1 on, smooth.
+double falling(double t)
+{
+    const double x = std::clamp(t, 0.0, 1.0);
+    return 1 - x * x * (3 - 2 * x);
+}
+
+/// Take support from leaves that noise has left without a fit, and from those whose distance at the
+/// centre is clearly not the whole model's.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
     tree.forEachLeafParallel([&](OctreeNode& node, const OctreeCell& cell) {
@@ -54,13 +66,17 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         const Vec3d centre = tree.root.centre(cell);
         const StoredFit& stored = tree.fits[node.index];
         if (tree.holdsItsPoint(cell, stored)) return;
+        if (stored.lostInNoise) {
+            const double steps = tree.supportRadius(cell.level) / coarse.step();
+            node.support *= float(falling((steps - kSmallLost) / (kLargeLost - kSmallLost)));
+            if (node.support <= 0) return;
+        }
         const Vec3d y = centre - stored.origin.cast<double>();
         const LocalFit fit = tree.fitAbout(stored, stored.origin.cast<double>());
         const Quadric& q = fit.ruling(y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
         const double other = coarse.evaluate(centre).value;
-        const double t = std::clamp(disagreement(value, other, coarse), 0.0, 1.0);
-        node.support *= float(1 - t * t * (3 - 2 * t));
+        node.support *= float(falling(disagreement(value, other, coarse)));
     });
 }
 
@@ -102,8 +118,8 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Progress& progr
         removeNoiseBias(impl->tree, *impl->points, settings.noise);
     if (!impl->tree.complete) {
         progress.beginStage("sign");
-        impl->coarse =
-            std::make_unique<CoarseSign>(*impl->points, impl->localBounds, root, progress);
+        impl->coarse = std::make_unique<CoarseSign>(*impl->points, impl->localBounds, root,
+                                                    settings.noise, progress);
         vetoLeaves(impl->tree, *impl->coarse);
     }
     impl->tree.statistics.bytes =

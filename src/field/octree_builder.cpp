@@ -44,6 +44,16 @@ void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision
         statistics.maxError = std::max(statistics.maxError, decision.result.error);
 }
 
+/// Make @a node a leaf with what was decided about @a cell.
+void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const Decision& decision,
+               double spacing)
+{
+    const std::uint32_t fit = tree.addFit(decision.result.fit, tree.root.centre(cell));
+    tree.fits[fit].lostInNoise = decision.lostInNoise;
+    tree.setLeaf(node, fit, supportOf(decision.gap, spacing, tree.supportRadius(cell.level)));
+    countLeaf(tree.statistics, cell, decision);
+}
+
 /// Builds one subtree depth first.
 class SubtreeBuilder
 {
@@ -131,9 +141,7 @@ private:
             split(node, cell, ball, decision, spacing, depth);
             return;
         }
-        mTree.setLeaf(node, mTree.addFit(decision.result.fit, mRoot.centre(cell)),
-                      supportOf(decision.gap, spacing, mFitter.supportRadius(cell.level)));
-        countLeaf(mTree.statistics, cell, decision);
+        storeLeaf(mTree, node, cell, decision, spacing);
     }
 
     /// As above where a leaf may hold one point at most, through which its fit has to go.
@@ -306,10 +314,7 @@ private:
             if (upper.subtree) {
                 subtrees.push_back(std::move(upper));
             } else if (!upper.decision.split) {
-                const Decision& d = upper.decision;
-                tree.setLeaf(upper.node, tree.addFit(d.result.fit, mRoot.centre(upper.cell)),
-                             supportOf(d.gap, upper.spacing, tree.supportRadius(upper.cell.level)));
-                countLeaf(tree.statistics, upper.cell, d);
+                storeLeaf(tree, upper.node, upper.cell, upper.decision, upper.spacing);
             } else {
                 const auto first = std::uint32_t(tree.nodes.size());
                 tree.nodes.resize(first + 8);

@@ -64,7 +64,7 @@ BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
 /// know that of the whole: its values stay.
 bool areDistances(const openvdb::FloatGrid& grid, std::uint64_t restored, Progress& progress)
 {
-    constexpr double kMuch = 0.1; // share of the band; with less of it nobody need ask
+    constexpr double kMuch = 0.05; // share of the band; with less of it nobody need ask
     return double(restored) < kMuch * double(grid.activeVoxelCount()) ||
            check(grid, progress).sound();
 }
