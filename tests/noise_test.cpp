@@ -139,6 +139,29 @@ void addWaves(CellPoints& points, double height)
         points.z[i] += height * std::sin(4 * points.x[i]);
 }
 
+TEST(Noise, PatternOfResidualsIsTheShapeThatAFitMisses)
+{
+    Random random(kSeed);
+    constexpr double kNoise = 0.05;
+    for (const double bend : {0.0, 0.2, 0.4}) {
+        const CellPoints points = sheetOf(2000, 0, bend, kNoise, random);
+        LocalFit plane;
+        plane.pieces[0] = fitBivariate(points, Vec3d::UnitZ(), points.count + 1);
+        double missed = 0, sum = 0;
+        for (std::size_t i = 0; i < points.count; ++i) {
+            const double z = bend * (points.x[i] * points.x[i] - points.y[i] * points.y[i] / 2);
+            sum += z;
+            missed += z * z;
+        }
+        const auto n = double(points.count);
+        missed = std::sqrt(missed / n - sum / n * sum / n);
+        const double pattern = residualPattern(plane, points, 1, kNoise);
+        // Parts are coarse: they show most of it, not all; noise alone shows next to none.
+        EXPECT_LT(pattern, missed + 0.3 * kNoise) << bend << ", seed " << kSeed;
+        EXPECT_GE(pattern, 0.6 * missed) << bend << ", seed " << kSeed;
+    }
+}
+
 TEST(Noise, OfFewPointsIsToldFromShape)
 {
     Random random(kSeed);
