@@ -214,11 +214,6 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
     result.squares = sum(squares);
 }
 
-} // namespace
-
-namespace
-{
-
 /// What residuals are made of: scatter within the parts, and what differs from part to part.
 struct ResidualShares {
     double within, between; ///< mean square within; sum of squares between
