@@ -193,11 +193,12 @@ std::vector<double> sortedErrors(const LevelSet& levelSet, int stride,
     return errors;
 }
 
-// Far from a ridge as blunt as between these facets, a plane that goes on beyond it is too near.
+// Far from a ridge as blunt as between these facets, down to two voxels wide, a plane that goes on
+// beyond it is too near; the values a voxel or two off tell where it ends.
 TEST(Voxelize, OffsetsOfBluntRidgesAreTheirDistance)
 {
     Progress progress;
-    for (const std::uint32_t tube : {16u, 24u})
+    for (const std::uint32_t tube : {16u, 24u, 60u})
         for (const double shift : {8.0, 20.0}) {
             SCOPED_TRACE(fmt::format("{} facets around the tube, offset {}", tube, shift));
             const Mesh mesh = torusMesh(60, 24, 2 * tube, tube);
@@ -208,8 +209,8 @@ TEST(Voxelize, OffsetsOfBluntRidgesAreTheirDistance)
                 return errors[std::size_t(q * double(errors.size() - 1))];
             };
             EXPECT_LE(quantile(0.5), 0.01);
-            EXPECT_LE(quantile(0.99), 0.1);
-            EXPECT_LE(errors.back(), 0.2);
+            EXPECT_LE(quantile(0.99), 0.05);
+            EXPECT_LE(errors.back(), 0.12);
         }
 }
 

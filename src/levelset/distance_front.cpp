@@ -157,12 +157,13 @@ private:
             prepare(node);
             const std::size_t leaf = leafOf[at];
             for (std::uint32_t n = patches.first[leaf]; n < patches.first[leaf + 1]; ++n) {
-                if (!patches.superseded.empty() && patches.superseded[n]) continue;
+                if (patches.isSuperseded(n)) continue;
                 const int voxel = int(Leaf::coordToOffset(mPatches[n].voxel));
                 node.known->take(voxel, n, mPatches[n].foot.squaredNorm());
             }
         });
         for (std::uint32_t n = patches.voxelPatches(); n < mPatches.size(); ++n) {
+            if (patches.isSuperseded(n)) continue;
             Node& node = *mNodes[addNode(mPatches[n].voxel & ~7)];
             if (!node.known) prepare(node);
             spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), n);

@@ -14,6 +14,8 @@ struct Reach {
     float outside = 0, inside = 0;
 };
 
+constexpr std::uint32_t kNoPatch = ~std::uint32_t(0);
+
 /// Signed distances of a leaf's voxels, in voxels; +-infinity beyond the reach. They are found as
 /// they are asked for, by one thread.
 class LeafDistances
@@ -23,6 +25,8 @@ public:
     virtual float at(int voxel) const = 0;
     /// No nearer to zero, and found at once.
     virtual float atMost(int voxel) const = 0;
+    /// The patch with the nearest foot, by its number; kNoPatch beyond the reach.
+    virtual std::uint32_t patch(int voxel) const = 0;
 };
 
 /// What becomes of a leaf: voxels, or one value throughout.

@@ -10,7 +10,7 @@ namespace mpuvdb
 /// What the voxels of a leaf that is not settled know.
 struct Knowledge {
     static constexpr int kDim = 8, kVoxels = kDim * kDim * kDim;
-    static constexpr std::uint32_t kNone = ~std::uint32_t(0);
+    static constexpr std::uint32_t kNone = kNoPatch;
 
     std::array<std::uint32_t, kVoxels> patch;
     std::array<float, kVoxels> distance2; ///< to the patch's foot; of none, what is beyond reach
@@ -43,6 +43,7 @@ public:
 
     float at(int voxel) const override;
     float atMost(int voxel) const override;
+    std::uint32_t patch(int voxel) const override { return mKnown.patch[std::size_t(voxel)]; }
 
 private:
     class Nearest;

@@ -3,6 +3,7 @@
 #include "band_limits.h"
 #include "prune.h"
 #include "restore_distance.h"
+#include "shell_patches.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/operations.h>
@@ -60,6 +61,7 @@ public:
         return v < 0 ? -kInfinity : kInfinity;
     }
     float atMost(int n) const override { return at(n); }
+    std::uint32_t patch(int) const override { return kNoPatch; }
 
 private:
     const Leaf* mLeaf = nullptr;
@@ -151,14 +153,34 @@ FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
     return tree;
 }
 
+/// On which side alone @a reach goes beyond the values that @a grid has: 1 outside, -1 inside, 0 if
+/// there is no such side.
+float sideBeyond(const FloatGrid& grid, const Reach& reach)
+{
+    constexpr float kRounding = 1e-4f;
+    const float own = float(grid.background() / grid.voxelSize()[0]) * (1 + kRounding);
+    return float(reach.outside > own) - float(reach.inside > own);
+}
+
+/// What distances to the zero set of @a grid spread from. @param reach  becomes 0 where its own
+/// values will do.
+SurfacePatches sourcesOf(const FloatGrid& grid, Values values, Reach& reach, Progress& progress)
+{
+    const double voxelSize = grid.voxelSize()[0];
+    const float side = values == Values::Distances ? sideBeyond(grid, reach) : 0;
+    SurfacePatches patches = surfacePatches(grid.tree(), voxelSize, values, progress);
+    if (side != 0 && amendBySight(patches, grid.tree(), voxelSize, side, progress))
+        (side > 0 ? reach.inside : reach.outside) = 0;
+    return patches;
+}
+
 /// A level set on the lattice of @a grid with the new values that the distances to its zero set
 /// make, as far as @a reach. @param units  by which the running stage advances.
-FloatGrid::Ptr remade(const FloatGrid& grid, Values values, const Reach& reach,
-                      const BandMaker& maker, Progress& progress, double units = 0)
+FloatGrid::Ptr remade(const FloatGrid& grid, Values values, Reach reach, const BandMaker& maker,
+                      Progress& progress, double units = 0)
 {
     constexpr double kPatches = 0.2; // of the time
-    const SurfacePatches patches =
-        surfacePatches(grid.tree(), grid.voxelSize()[0], values, progress);
+    const SurfacePatches patches = sourcesOf(grid, values, reach, progress);
     progress.advance(kPatches * units);
     std::vector<FinishedLeaf> reached = spreadDistances(
         grid.tree(), patches, reach,
@@ -268,12 +290,12 @@ LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
         throw UsageError(fmt::format("offset: distance is {}; it must be finite", distance));
     demandTellable("offset: distance", distance, levelSet.voxelSize());
     const double halfWidth = levelSet.halfWidth();
-    const auto reach = float(halfWidth), shift = float(distance / levelSet.voxelSize());
+    const auto shift = float(distance / levelSet.voxelSize());
+    const Reach reach{float(halfWidth) + shift, float(halfWidth) - shift};
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
                           shifted(float(distance), float(halfWidth * levelSet.voxelSize())));
     const FloatGrid::Ptr moved =
-        remade(levelSet.grid(), Values::Distances, {reach + shift, reach - shift}, maker, progress,
-               1 - kWedgesShare);
+        remade(levelSet.grid(), Values::Distances, reach, maker, progress, 1 - kWedgesShare);
     return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
 }
 

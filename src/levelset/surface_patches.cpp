@@ -323,7 +323,7 @@ SurfacePatch SurfacePatch::point(const openvdb::Coord& voxel, const Vec3f& foot)
     return {voxel, foot, Vec3f::UnitX(), Vec3f::UnitY(), {kPointCurvature, kPointCurvature}, 0};
 }
 
-void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
+std::array<float, 2> SurfacePatch::turnTangent(const Eigen::Matrix3f& hessian)
 {
     const Vec3f a = normal.unitOrthogonal(), b = normal.cross(a);
     const Vec3f ha = hessian * a, hb = hessian * b;
@@ -331,9 +331,14 @@ void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
     const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
     tangent = std::cos(angle) * a + std::sin(angle) * b;
     const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
-    const float w[2] = {mean + half, mean - half};
+    return {mean + half, mean - half};
+}
+
+void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
+{
+    const std::array<float, 2> w = turnTangent(hessian);
     // Parallel surfaces: the radius shrinks by the height.
-    for (int k = 0; k < 2; ++k)
+    for (std::size_t k = 0; k < 2; ++k)
         curvature[k] = w[k] / std::max(1 - height * w[k], 1 / kPointCurvature);
 }
 

@@ -34,6 +34,9 @@ struct SurfacePatch {
         return Vec3f(float(at[0] - voxel[0]), float(at[1] - voxel[1]), float(at[2] - voxel[2])) -
                foot;
     }
+    /// Lay the tangent along the direction across the normal in which @a hessian bends most;
+    /// @returns its second derivatives there and across.
+    std::array<float, 2> turnTangent(const Eigen::Matrix3f& hessian);
     /// Find the principal curvatures from the Hessian of the distance at @a height above the foot.
     void bend(const Eigen::Matrix3f& hessian, float height);
     /// Distance to the patch, never more than to the place. @param from  see to(). @param side
@@ -65,6 +68,7 @@ struct SurfaceFacet {
 
 /// Patches of all voxels with a neighbour of the other sign, by leaf and voxel. Those beside
 /// creases are superseded by the vertices of facets, which follow: patches that are but their foot.
+/// After these there may be others, of voxels farther off; see shellPatches().
 struct SurfacePatches {
     using Leaf = openvdb::FloatTree::LeafNodeType;
 
@@ -72,13 +76,20 @@ struct SurfacePatches {
     std::vector<std::uint32_t> first; ///< patches of leaf n: [first[n], first[n + 1])
     std::vector<SurfacePatch> patches;
     std::vector<PatchKind> kinds;      ///< of the patches of voxels
-    std::vector<char> superseded;      ///< of the patches of voxels; none: no patch is
+    std::vector<char> superseded;      ///< by patch, at least those of voxels; others are not
     std::vector<SurfaceFacet> facets;  ///< together with the patches beside them, the zero set
     std::vector<std::uint32_t> fans;   ///< facets by vertex
     std::vector<std::uint32_t> fanEnd; ///< those of vertex n end here in fans
 
     std::uint32_t voxelPatches() const { return first.back(); }
-    bool isVertex(std::uint32_t patch) const { return patch >= voxelPatches(); }
+    bool isVertex(std::uint32_t patch) const
+    {
+        return patch >= voxelPatches() && patch - voxelPatches() < fanEnd.size();
+    }
+    bool isSuperseded(std::uint32_t patch) const
+    {
+        return patch < superseded.size() && superseded[patch];
+    }
 };
 
 /// The same of some of a tree's leaves.

@@ -3,9 +3,9 @@
 //     unseen_bench [POISSON_RECON [DEPTH]]
 // Prints JSON: the share of the area, mean and largest distance, and beside them PoissonRecon's,
 // where a path to it is given.
+#include "peer.h"
 #include "unseen_part.h"
 
-#include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/reconstruct.h>
@@ -13,17 +13,13 @@
 
 #include <fmt/format.h>
 #include <openvdb/openvdb.h>
-#include <unistd.h>
 
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
-#include <stdexcept>
+#include <exception>
 #include <string>
-#include <system_error>
 
 using namespace mpuvdb;
-namespace fs = std::filesystem;
 
 namespace
 {
@@ -60,35 +56,7 @@ std::string json(const char* name, const test::Unseen& part)
                        part.share, part.mean, part.largest);
 }
 
-/// A folder that goes with it.
-struct Folder {
-    fs::path path = fs::temp_directory_path() / fmt::format("unseen_bench.{}", ::getpid());
-
-    Folder() { fs::create_directory(path); }
-    ~Folder()
-    {
-        std::error_code ignored;
-        fs::remove_all(path, ignored);
-    }
-    Folder(const Folder&) = delete;
-    Folder& operator=(const Folder&) = delete;
-};
-
-/// PoissonRecon's mesh of the same points.
-Mesh peer(const std::string& program, const std::string& depth, const PointCloud& cloud,
-          Progress& progress)
-{
-    const Folder folder;
-    const fs::path points = folder.path / "points.ply", made = folder.path / "mesh.ply";
-    writePoints(points, cloud, progress);
-    const std::string command = fmt::format("'{}' --in '{}' --out '{}' --depth {} > /dev/null 2>&1",
-                                            program, points.string(), made.string(), depth);
-    const int status = std::system(command.c_str());
-    if (status != 0) throw std::runtime_error(command + ": failed");
-    return readMesh(made, progress);
-}
-
-std::string measured(const Case& chosen, const std::string& program, const std::string& depth)
+std::string measured(const Case& chosen, const std::string& program, int depth)
 {
     Progress progress;
     const auto solid = parseSolid(chosen.solid);
@@ -109,8 +77,9 @@ std::string measured(const Case& chosen, const std::string& program, const std::
                                    chosen.solid, chosen.views, chosen.holes, chosen.noise);
     line += json("mpuvdb", test::unseenPart(mesh, *solid, cloud, far));
     if (!program.empty())
-        line += ", " + json("PoissonRecon", test::unseenPart(peer(program, depth, cloud, progress),
-                                                             *solid, cloud, far));
+        line += ", " + json("PoissonRecon",
+                            test::unseenPart(bench::poissonMesh(program, depth, cloud, progress),
+                                             *solid, cloud, far));
     return line + "}";
 }
 
@@ -120,7 +89,8 @@ int main(int argc, char** argv)
 {
     openvdb::initialize();
     try {
-        const std::string program = argc > 1 ? argv[1] : "", depth = argc > 2 ? argv[2] : "8";
+        const std::string program = argc > 1 ? argv[1] : "";
+        const int depth = argc > 2 ? std::atoi(argv[2]) : 8;
         const char* separator = "[\n";
         for (const Case& chosen : kCases) {
             fmt::print("{}  {}", separator, measured(chosen, program, depth));
