@@ -1,6 +1,7 @@
 // Noise: virtual scans and random samples of solids, noisy in position and normal, are
 // reconstructed and held against the solid:
-//     noise_bench [POISSON_RECON]
+//     noise_bench [POISSON_RECON [NOISE]...]
+// of 0.005 and 0.01 of the diagonal, or as much as is told.
 // Prints JSON: the rms distance from the mesh to the solid and from the solid to the mesh, in parts
 // of the noise, components and genus, and beside them PoissonRecon's at the best of depths 5 to 8,
 // where a path to it is given.
@@ -16,8 +17,10 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <string>
+#include <vector>
 
 using namespace mpuvdb;
 
@@ -126,7 +129,10 @@ int main(int argc, char** argv)
     try {
         const std::string program = argc > 1 ? argv[1] : "";
         const char* separator = "[\n";
-        for (const double noise : {0.0025, 0.005, 0.01, 0.02})
+        std::vector<double> noises{0.005, 0.01};
+        if (argc > 2) noises.clear();
+        for (int n = 2; n < argc; ++n) noises.push_back(std::atof(argv[n]));
+        for (const double noise : noises)
             for (const auto pattern : {ScanSettings::Pattern::Random, ScanSettings::Pattern::Scan})
                 for (const char* const solid : kSolids) {
                     fmt::print("{}  {}", separator, measured({solid, pattern, noise}, program));

@@ -180,7 +180,7 @@ void compare(const std::string& path, double voxels, double across, bool alone)
         });
         std::printf(",\n");
         run("LevelSetFilter::offset", exact, voxels, [&] {
-            const FloatGrid::Ptr moved = grid.deepCopy();
+            FloatGrid::Ptr moved = grid.deepCopy();
             openvdb::tools::LevelSetFilter<FloatGrid>(*moved).offset(float(-distance));
             return moved;
         });
