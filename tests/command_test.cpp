@@ -87,6 +87,7 @@ TEST_F(CommandTest, UnknownWordsAreUsageErrorsThatSayWhatWasMeant)
         // No prefixes: a script that leans on one breaks when an option is added.
         {{"reconstruct", "a.ply", "-o", "a.vdb", "--tol", "1"}, "did you mean --tolerance?"},
         {{"render", "a.vdb", "b.vdb", "-o", "c.png"}, "'b.vdb' is one word too many"},
+        {{"offset", "a.vdb", "20vx", "-o", "c.vdb"}, "'20vx' is one word too many"},
         {{"reconstruct", "a.ply"}, "--output is required"},
         {{"reconstruct", "a.ply", "-o", "a.vdb", "--tolerance", "3mm"}, "--tolerance: '3mm'"},
         {{"reconstruct", "a.ply", "-o", "a.vdb", "--max-memory", "lots"}, "'lots' is not a size"},

@@ -89,6 +89,7 @@ void LevelSetVerb::addOptions(CLI::App& app)
     app.add_option("input", mInputs, what)
         ->required()
         ->expected(count.least, count.most ? count.most : CLI::detail::expected_max_vector_size)
+        ->allow_extra_args(!count.most) // a word too many is said to be one
         ->type_name("IN.vdb");
     app.add_option("-o,--output", mOutput, "The level set; - is standard output")
         ->required()
