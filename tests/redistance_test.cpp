@@ -196,6 +196,23 @@ TEST(Redistancing, IsExactBesideTheCreasesOfBooleans)
         0.004, 0.2);
 }
 
+// Fields of points, and of planes, are the larger of two distances beside an edge: a band of such
+// values does not tell where the nearest place is.
+TEST(Offset, GoesByTheZeroSetWhereValuesAreNoDistances)
+{
+    Progress progress;
+    const auto box = parseSolid("box(1.6,1.2,1.4)");
+    const LevelSet start = sampled("box(1.6,1.2,1.4)");
+    const FloatGrid::Ptr grid = start.grid().deepCopy();
+    for (auto it = grid->beginValueOn(); it; ++it) {
+        const Vec3d p = test::worldOf(start.lattice(), it.getCoord()).cwiseAbs();
+        it.setValue(float((p - Vec3d(0.8, 0.6, 0.7)).maxCoeff()));
+    }
+    const LevelSet grown = offset(LevelSet(grid), 7 * kVoxel, progress);
+    expectErrors(
+        grown, [&](const Vec3d& p) { return box->distance(p) - 7 * kVoxel; }, 0.0005, 0.01);
+}
+
 TEST(Offset, InwardReachesIntoTheFullInside)
 {
     Progress progress;
