@@ -95,7 +95,7 @@ void expectSigns(const LevelSet& levelSet, const Distance& distance, int reach)
 /// The same zero set, but values up to three times the distance.
 FloatGrid::Ptr distorted(const LevelSet& levelSet)
 {
-    const FloatGrid::Ptr grid = levelSet.grid().deepCopy();
+    FloatGrid::Ptr grid = levelSet.grid().deepCopy();
     for (auto it = grid->beginValueOn(); it; ++it) {
         const Vec3d p = test::worldOf(levelSet.lattice(), it.getCoord());
         it.setValue(float(*it * (1.8 + 0.9 * std::sin(3 * p[0] + 2 * p[1]))));

@@ -101,7 +101,7 @@ public:
         }
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
-        const SurfacePatch crossing = nearestCrossing(patch.voxel, in);
+        SurfacePatch crossing = nearestCrossing(patch.voxel, in);
         // No place on the surface is nearer than the nearest: a foot beyond a crossing is none.
         if (found && patch.foot.norm() <= crossing.foot.norm() + kBeyondCrossing) return patch;
         kind = PatchKind::Rough;
