@@ -68,7 +68,7 @@ struct SurfaceFacet {
 
 /// Patches of all voxels with a neighbour of the other sign, by leaf and voxel. Those beside
 /// creases are superseded by the vertices of facets, which follow: patches that are but their foot.
-/// After these there may be others, of voxels farther off; see shellPatches().
+/// After these there may be others, of voxels farther off; see amendBySight().
 struct SurfacePatches {
     using Leaf = openvdb::FloatTree::LeafNodeType;
 

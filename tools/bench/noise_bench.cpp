@@ -9,7 +9,6 @@
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
-#include <mpuvdb/reconstruct.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>
@@ -97,10 +96,8 @@ std::string measured(const Case& chosen, const std::string& program)
     scanned.normalNoise = kNormalNoise;
     const PointCloud cloud = scan(*solid, scanned, progress);
 
-    ReconstructSettings settings;
-    settings.voxels = kVoxels;
-    const Reconstruction made = reconstruct(PointCloud(cloud), settings, progress);
-    const Result ours = held(extractMesh(made.levelSet, progress), *solid, truth, noise, progress);
+    const Result ours =
+        held(bench::ourMesh(cloud, kVoxels, progress), *solid, truth, noise, progress);
     std::string line = fmt::format(
         R"({{"solid": "{}", "pattern": "{}", "noise": {}, )", chosen.solid,
         chosen.pattern == ScanSettings::Pattern::Scan ? "scan" : "random", chosen.noise);

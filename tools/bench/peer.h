@@ -1,9 +1,10 @@
-// PoissonRecon, run on the same points as we.
+// Meshes of the same points: ours, and PoissonRecon's.
 #pragma once
 #include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/point_cloud.h>
 #include <mpuvdb/progress.h>
+#include <mpuvdb/reconstruct.h>
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -31,6 +32,15 @@ struct Folder {
     Folder(const Folder&) = delete;
     Folder& operator=(const Folder&) = delete;
 };
+
+/// Ours, by default settings but for the @a voxels along the longest side.
+inline mpuvdb::Mesh ourMesh(const mpuvdb::PointCloud& cloud, int voxels, mpuvdb::Progress& progress)
+{
+    mpuvdb::ReconstructSettings settings;
+    settings.voxels = voxels;
+    return mpuvdb::extractMesh(
+        mpuvdb::reconstruct(mpuvdb::PointCloud(cloud), settings, progress).levelSet, progress);
+}
 
 /// PoissonRecon's mesh of @a cloud. @param program  its path.
 inline mpuvdb::Mesh poissonMesh(const std::string& program, int depth,

@@ -8,7 +8,6 @@
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
-#include <mpuvdb/reconstruct.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>
@@ -67,10 +66,7 @@ std::string measured(const Case& chosen, const std::string& program, int depth)
     scanned.holes = chosen.holes;
     scanned.noise = chosen.noise * solid->bounds().diagonal().norm();
     const PointCloud cloud = scan(*solid, scanned, progress);
-    ReconstructSettings settings;
-    settings.voxels = kVoxels;
-    const Reconstruction made = reconstruct(PointCloud(cloud), settings, progress);
-    const Mesh mesh = extractMesh(made.levelSet, progress);
+    const Mesh mesh = bench::ourMesh(cloud, kVoxels, progress);
     const double far = test::farFrom(cloud, mesh);
 
     std::string line = fmt::format(R"({{"solid": "{}", "views": {}, "holes": {}, "noise": {}, )",
