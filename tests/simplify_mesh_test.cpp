@@ -105,6 +105,34 @@ TEST(SimplifiedMesh, OfAPartNeedsATenthOfTheTriangles)
     }
 }
 
+TEST(SimplifiedMesh, OfALargeOneIsMadeInPartsThatLeaveNoSeams)
+{
+    const double h = 0.008, tolerance = 0.1 * h;
+    const struct {
+        const char* text;
+        std::size_t share; ///< of the triangles at most
+    } solids[] = {{"rotate(box(1,1,1),1,2,3,33)", 2000}, {"torus(0.5,0.2)", 25}};
+    for (const auto& [text, share] : solids) {
+        const Mesh mesh = meshOf(text, h).mesh;
+        ASSERT_GT(mesh.triangles.size(), 2u << 16) << text; // three parts
+        Mesh one, four;
+        for (const std::size_t threads : {1, 4}) {
+            const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+            (threads == 1 ? one : four) = simplified(mesh, tolerance);
+        }
+        EXPECT_EQ(one.positions, four.positions) << text;
+        EXPECT_EQ(one.triangles, four.triangles) << text;
+        // Seams of three parts would be some four hundred edges of the original long.
+        const MeshReport before = measure(mesh), after = measure(one);
+        EXPECT_EQ(after.eulerCharacteristic, before.eulerCharacteristic) << text;
+        EXPECT_EQ(after.nonManifoldEdges + after.boundaryEdges, 0u) << text;
+        EXPECT_LT(after.triangles, before.triangles / share) << text;
+        Progress progress;
+        const TwoWayDistances apart = distances(one, mesh, progress);
+        EXPECT_LT(std::max(apart.there.max, apart.back.max), 1.2 * tolerance) << text;
+    }
+}
+
 TEST(SimplifiedMesh, KeepsColours)
 {
     // A box, red above a slanted line and green below: the line stays, each side is one colour.

@@ -1,9 +1,11 @@
 // Edge collapse in the order of quadric errors [Garland97], within a distance that is kept both
 // ways: every vertex of the original stays with a triangle that is near to it, and no collapse may
 // take it farther away than the tolerance; and what a collapse makes stays near the original.
+// Large meshes are simplified in parts, all at once, and then along the borders of these.
+#include "slab.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/point_triangle.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/triangle_tree.h>
 
@@ -13,7 +15,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <queue>
+#include <tbb/parallel_for.h>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -31,6 +36,9 @@ constexpr double kLeastEigenvalue = 1e-3;
 
 /// The least shape of a triangle (see shapeOf) that a collapse may make, unless it mends a worse.
 constexpr double kLeastShape = 0.02;
+
+/// Triangles of the original in a part, which fits into the caches.
+constexpr std::size_t kPartTriangles = 1 << 16;
 
 /// The cosine between a triangle's normals before and after a collapse.
 constexpr double kLeastTurn = 0.3;
@@ -86,53 +94,6 @@ double shapeOf(const Vec3d& a, const Vec3d& b, const Vec3d& c)
     return longest > 0 ? (b - a).cross(c - a).norm() / longest : 0;
 }
 
-/// By how much a colour may change, of 1.
-constexpr float kColorReach = 0.06f;
-
-/// The space above and below a triangle, and the colours on it.
-class Slab
-{
-public:
-    Slab(const std::array<Vec3d, 3>& corners, const std::array<Vec3f, 3>& colors)
-        : mCorners(corners), mColors(colors),
-          mNormal((corners[1] - corners[0]).cross(corners[2] - corners[0]))
-    {
-        mNormal.normalize();
-        for (std::size_t side = 0; side < 3; ++side)
-            mInward[side] = mNormal.cross(corners[(side + 1) % 3] - corners[side]);
-    }
-
-    bool holds(const Vec3d& p, double reach) const
-    {
-        return std::abs(mNormal.dot(p - mCorners[0])) <= reach &&
-               mInward[0].dot(p - mCorners[0]) >= 0 && mInward[1].dot(p - mCorners[1]) >= 0 &&
-               mInward[2].dot(p - mCorners[2]) >= 0;
-    }
-    bool isNear(const Vec3d& p, double reach) const
-    {
-        return std::abs(mNormal.dot(p - mCorners[0])) <= reach &&
-               squaredDistance(p, mCorners) <= reach * reach;
-    }
-    /// Whether the triangle has about @a color below @a p.
-    bool isColored(const Vec3d& p, const Vec3f& color) const
-    {
-        const double whole = mInward[0].dot(mCorners[2] - mCorners[0]);
-        if (!(whole > 0)) return true;
-        Vec3f blended = Vec3f::Zero();
-        for (std::size_t side = 0; side < 3; ++side) {
-            const double share = mInward[side].dot(p - mCorners[side]) / whole;
-            blended += float(share) * mColors[(side + 2) % 3];
-        }
-        return (blended - color).cwiseAbs().maxCoeff() <= kColorReach;
-    }
-
-private:
-    std::array<Vec3d, 3> mCorners;
-    std::array<Vec3f, 3> mColors;
-    Vec3d mNormal;
-    std::array<Vec3d, 3> mInward; ///< across each side
-};
-
 struct Collapse {
     double cost;
     Index kept, gone; ///< kept < gone
@@ -157,7 +118,7 @@ public:
         : mMesh(std::move(mesh)), mOriginal(original), mTolerance(tolerance),
           mReach(kVertexShare * tolerance), mPositions(mMesh.positions.size()),
           mQuadrics(mMesh.positions.size()), mFaces(mMesh.positions.size()),
-          mAge(mMesh.positions.size(), 0), mHeld(std::move(held)),
+          mAge(mMesh.positions.size(), 0), mHeld(std::move(held)), mAtBorder(mHeld.size(), 0),
           mFirstPoint(mMesh.triangles.size(), kNone), mNextPoint(mMesh.positions.size(), kNone)
     {
         for (std::size_t v = 0; v < mPositions.size(); ++v)
@@ -184,23 +145,18 @@ public:
     void run(Progress& progress)
     {
         progress.beginStage("simplify", double(mPositions.size()));
-        for (Index v = 0; v < mPositions.size(); ++v) {
-            progress.check();
-            for (const Index w : ring(v))
-                if (v < w) propose(v, w);
-        }
-        while (!mQueue.empty()) {
-            const Collapse next = mQueue.top();
-            mQueue.pop();
-            progress.check();
-            if (next.age != mAge[next.kept] + mAge[next.gone] || mFaces[next.kept].empty() ||
-                mFaces[next.gone].empty())
-                continue;
-            if (!tryCollapse(next)) continue;
-            progress.advance();
-            for (const Index w : ring(next.kept))
-                propose(std::min(next.kept, w), std::max(next.kept, w));
-        }
+        const std::vector<Part> parts = divide(progress);
+        tbb::parallel_for(std::size_t(0), parts.size(), [&](std::size_t n) {
+            simplifyAmong(
+                parts[n], [](Index v, Index w) { return v < w; }, progress);
+        });
+        Part borders;
+        for (Index v = 0; v < mAtBorder.size(); ++v)
+            if (mAtBorder[v]) borders.push_back(v);
+        const std::vector<char> wasAtBorder =
+            std::exchange(mAtBorder, std::vector<char>(mAtBorder.size(), 0));
+        simplifyAmong(
+            borders, [&](Index v, Index w) { return v < w || !wasAtBorder[w]; }, progress);
         progress.endStage();
     }
 
@@ -246,6 +202,60 @@ public:
     }
 
 private:
+    /// Vertices.
+    using Part = std::vector<Index>;
+    using Queue = std::priority_queue<Collapse>;
+
+    /// The vertices in parts, along the order of the original's tree. Vertices beside those of
+    /// other parts are held: what is done to the others of a part touches and sees no other.
+    std::vector<Part> divide(const Progress& progress)
+    {
+        std::vector<Part> parts(1 + (mOriginal.size() - 1) / kPartTriangles);
+        if (parts.size() == 1) {
+            parts[0].resize(mPositions.size());
+            std::iota(parts[0].begin(), parts[0].end(), Index(0));
+            return parts;
+        }
+        std::vector<Index> partOf(mPositions.size(), kNone);
+        for (std::size_t slot = 0; slot < mOriginal.size(); ++slot)
+            for (const Index v : mMesh.triangles[mOriginal.triangle(slot)])
+                if (partOf[v] == kNone) {
+                    partOf[v] = Index(slot / kPartTriangles);
+                    parts[partOf[v]].push_back(v);
+                }
+        progress.check();
+        for (const Mesh::Triangle& t : mMesh.triangles)
+            if (partOf[t[0]] != partOf[t[1]] || partOf[t[1]] != partOf[t[2]])
+                for (const Index v : t) mAtBorder[v] = 1;
+        return parts;
+    }
+
+    /// Every collapse of an edge of @a part that can be made, and of the edges that come of it.
+    /// @param isTaken  of the vertices of an edge, the first of the part.
+    template <typename IsTaken>
+    void simplifyAmong(const Part& part, const IsTaken& isTaken, Progress& progress)
+    {
+        Queue queue;
+        std::size_t nearest = 0; // of the original's triangles, one near the last place asked for
+        for (const Index v : part) {
+            progress.check();
+            for (const Index w : ring(v))
+                if (isTaken(v, w)) propose(std::min(v, w), std::max(v, w), queue);
+        }
+        while (!queue.empty()) {
+            const Collapse next = queue.top();
+            queue.pop();
+            progress.check();
+            if (next.age != mAge[next.kept] + mAge[next.gone] || mFaces[next.kept].empty() ||
+                mFaces[next.gone].empty())
+                continue;
+            if (!tryCollapse(next, nearest)) continue;
+            progress.advance();
+            for (const Index w : ring(next.kept))
+                propose(std::min(next.kept, w), std::max(next.kept, w), queue);
+        }
+    }
+
     void addPoint(Index face, Index point)
     {
         mNextPoint[point] = mFirstPoint[face];
@@ -274,16 +284,18 @@ private:
         }
     }
 
-    void propose(Index kept, Index gone)
+    bool isHeld(Index v) const { return mHeld[v] || mAtBorder[v]; }
+
+    void propose(Index kept, Index gone, Queue& queue) const
     {
-        if (mHeld[kept] || mHeld[gone]) return;
+        if (isHeld(kept) || isHeld(gone)) return;
         Quadric sum = mQuadrics[kept];
         sum += mQuadrics[gone];
         const Vec3d middle = 0.5 * (mPositions[kept] + mPositions[gone]);
         const Vec3d place = sum.minimum(middle);
         const double cost = sum.at(place);
         if (!(cost <= mReach * mReach * sum.weight)) return;
-        mQueue.push({cost, kept, gone, mAge[kept] + mAge[gone], place});
+        queue.push({cost, kept, gone, mAge[kept] + mAge[gone], place});
     }
 
     /// The triangle with @a v moved to @a place.
@@ -386,10 +398,10 @@ private:
     /// Whether what a collapse makes of @a faces is near the original: its vertex, and the middles
     /// of its edges. Vertices of the original do not tell: none of them is near a fin, nor near a
     /// corner that planes meet in beyond the surface.
-    bool staysNear(const std::vector<Index>& faces, const Collapse& c)
+    bool staysNear(const std::vector<Index>& faces, const Collapse& c, std::size_t& nearest) const
     {
         const auto isNear = [&](const Vec3d& p) {
-            return mOriginal.isWithin(p, mTolerance, mNearest);
+            return mOriginal.isWithin(p, mTolerance, nearest);
         };
         if (!isNear(c.place)) return false;
         for (const Index t : faces) {
@@ -402,7 +414,7 @@ private:
         return true;
     }
 
-    bool tryCollapse(const Collapse& c)
+    bool tryCollapse(const Collapse& c, std::size_t& nearest)
     {
         if (!keepsManifold(c.kept, c.gone)) return false;
         std::vector<Index> staying, going;
@@ -414,7 +426,7 @@ private:
         for (const auto* faces : {&staying, &going})
             for (const Index t : *faces)
                 for (Index p = mFirstPoint[t]; p != kNone; p = mNextPoint[p]) points.push_back(p);
-        if (!assign(points, staying, c, homes) || !staysNear(staying, c)) return false;
+        if (!assign(points, staying, c, homes) || !staysNear(staying, c, nearest)) return false;
 
         for (const auto* faces : {&staying, &going})
             for (const Index t : *faces) mFirstPoint[t] = kNone;
@@ -448,7 +460,6 @@ private:
 
     Mesh mMesh;
     const TriangleTree& mOriginal;
-    std::size_t mNearest = 0; ///< of the original's triangles, one near the place last asked for
     double mTolerance, mReach;
     std::vector<Vec3d> mPositions, mPoints; ///< of what is left; of the original
     std::vector<Vec3f> mPointColors;        ///< of the original; or empty
@@ -456,8 +467,8 @@ private:
     std::vector<std::vector<Index>> mFaces; ///< of each vertex
     std::vector<Index> mAge;                ///< of each vertex, grows when it changes
     std::vector<char> mHeld;
+    std::vector<char> mAtBorder;                ///< of a part: held as long as parts are simplified
     std::vector<Index> mFirstPoint, mNextPoint; ///< a list of points for each triangle
-    std::priority_queue<Collapse> mQueue;
 };
 
 } // namespace
