@@ -48,6 +48,9 @@ constexpr double kThickRadius = 8;
 /// Normals are trusted no farther, radians: a quadratic has not all of a shape's slopes.
 constexpr double kLeastNormalNoise = 0.04;
 
+/// Noise of normals up to which they tell the faces of an edge apart, radians.
+constexpr double kClearNormals = 0.3;
+
 /// Of the noise: a pattern in the residuals that says more than that their points are many.
 constexpr double kTellingPattern = 0.4;
 
@@ -152,6 +155,15 @@ public:
                 decision.lostInNoise = isLost(sharp, cell, spacing);
             }
         }
+        if (!decision.split && radius >= kNoiseRadius * mSettings.noise && mayHaveNoisyEdge(decision.result)) {
+            if (const auto edge = fitNoisyEdge(mCell, decision.result.fit, mFit, mScratch)) {
+                decision.result.fit = *edge;
+                decision.result.error = taubinError(*edge, mCell, radius);
+                decision.result.accepted = true;
+                decision.gap = zeroSetGap(*edge, mCell, Vec3d::Zero(), radius,
+                                          fullSupportGap(spacing, radius));
+            }
+        }
         return decision;
     }
 
@@ -213,6 +225,14 @@ private:
         const double gap =
             zeroSetGapBeyond(fit, mCell, centre, radius, fullSupportGap(spacing, radius));
         return supportOf(gap, spacing, radius);
+    }
+
+    /// Whether noise may hide an edge of which normals tell.
+    bool mayHaveNoisyEdge(const FitResult& result) const
+    {
+        return mSettings.sharp && mSettings.noise >= kBlurringNoise * mSettings.voxelSize &&
+               mSettings.normalNoise > 0 && mSettings.normalNoise < kClearNormals &&
+               result.spreadNormals && !result.fit.isSharp();
     }
 
     /// Whether a ball of @a radius is too small to tell the surface from the noise.

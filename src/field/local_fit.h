@@ -60,6 +60,11 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
 /// (c) Edge or corner of up to four faces [Ohtake03 §4c]; nothing if the normals show none.
 std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch);
 
+/// The same among noise, where normals tell the faces apart: an edge or corner that is much nearer
+/// to the points and their normals than @a smooth; else nothing.
+std::optional<LocalFit> fitNoisyEdge(const CellPoints& points, const LocalFit& smooth,
+                                     const FitSettings& settings, CellPoints& scratch);
+
 /// The two sides of a wall or gap so thin that noise mixes their points: one sheet (b) between
 /// them, and how far each is from it. Nothing if the normals are not about one axis, if more than
 /// noise is left, or if noise hides which side is above.

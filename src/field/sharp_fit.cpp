@@ -1,9 +1,9 @@
 // Edges and corners [Ohtake03 §4c].
 #include "fit_quality.h"
 #include "local_fit.h"
+#include "sharp_faces.h"
 
 #include <algorithm>
-#include <limits>
 
 namespace mpuvdb
 {
@@ -37,13 +37,12 @@ constexpr double kFlat = 1.0 / 64; // 1 - cosine grows with the square of the an
 // Points that a face needs for curvature: with fewer a quadric swings out between them.
 constexpr std::size_t kQuadraticFace = 12;
 
-using Clusters = std::vector<std::vector<std::uint32_t>>;
+} // namespace
 
-/// Spherical Voronoi cells of the members' normals about the axes; empty ones left out.
-Clusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_t>& members,
-                        const std::vector<Vec3d>& axes)
+NormalClusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_t>& members,
+                              const std::vector<Vec3d>& axes)
 {
-    Clusters clusters(axes.size());
+    NormalClusters clusters(axes.size());
     for (const std::uint32_t i : members) {
         std::size_t best = 0;
         double bestCosine = -2;
@@ -62,22 +61,25 @@ Clusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_
     return clusters;
 }
 
+namespace
+{
+
 /// The two clusters of a dull fold, if it is one of flat faces: then normals turn at it alone.
-Clusters flatFaces(const CellPoints& points, const std::vector<std::uint32_t>& members,
-                   const WidestPair& widest)
+NormalClusters flatFaces(const CellPoints& points, const std::vector<std::uint32_t>& members,
+                         const WidestPair& widest)
 {
     if (widest.cosine > kDullestCosine) return {};
-    Clusters faces = clusterNormals(points, members,
-                                    {points.normal(widest.first), points.normal(widest.second)});
+    NormalClusters faces = clusterNormals(
+        points, members, {points.normal(widest.first), points.normal(widest.second)});
     const auto isFlat = [&](const std::vector<std::uint32_t>& face) {
         return 1 - widestNormals(points, face).cosine <= kFlat * (1 - widest.cosine);
     };
-    return std::all_of(faces.begin(), faces.end(), isFlat) ? std::move(faces) : Clusters();
+    return std::all_of(faces.begin(), faces.end(), isFlat) ? std::move(faces) : NormalClusters();
 }
 
-/// The paper's clusters: two for an edge, three or four for a corner; fewer than two: no feature.
-/// Below the paper's angle those of flat faces.
-Clusters featureClusters(const CellPoints& points)
+} // namespace
+
+NormalClusters featureClusters(const CellPoints& points)
 {
     std::vector<std::uint32_t> all(points.count);
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
@@ -93,7 +95,7 @@ Clusters featureClusters(const CellPoints& points)
         if (std::abs(cosine) > std::abs(extreme)) extreme = cosine;
     }
     if (!(std::abs(extreme) > kCornerCosine)) return clusterNormals(points, all, {n1, n2});
-    Clusters clusters = clusterNormals(points, all, {n1, n2, extreme > 0 ? n3 : Vec3d(-n3)});
+    NormalClusters clusters = clusterNormals(points, all, {n1, n2, extreme > 0 ? n3 : Vec3d(-n3)});
     if (clusters.size() < 3) return clusters;
     const WidestPair inThird = widestNormals(points, clusters[2]);
     if (inThird.cosine < kFeatureCosine) {
@@ -106,35 +108,9 @@ Clusters featureClusters(const CellPoints& points)
     return clusters;
 }
 
-/// Keep of all ways to combine the faces [Ohtake03 §4c: convex, concave, or one face apart] the one
-/// nearest to the points.
-void combineFaces(LocalFit& fit, const CellPoints& points)
-{
-    const LocalFit faces = fit;
-    double best = std::numeric_limits<double>::infinity();
-    const auto attempt = [&](int alone, unsigned maxBits) {
-        LocalFit candidate = faces;
-        std::swap(candidate.pieces[0], candidate.pieces[std::size_t(alone)]);
-        candidate.maxBits = maxBits;
-        const double error = taubinError(candidate, points, points.radius);
-        if (error < best) {
-            best = error;
-            fit = candidate;
-        }
-    };
-    attempt(0, ~0u);
-    attempt(0, 0u);
-    for (int alone = 0; fit.count == 3 && alone < 3; ++alone) {
-        attempt(alone, 1u); // max(p0, min(p1, p2))
-        attempt(alone, 2u); // min(p0, max(p1, p2))
-    }
-}
-
-} // namespace
-
 std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch)
 {
-    const Clusters clusters = featureClusters(points);
+    const NormalClusters clusters = featureClusters(points);
     if (clusters.size() < 2) return std::nullopt;
     LocalFit fit;
     fit.count = int(clusters.size());
@@ -142,7 +118,9 @@ std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch)
         scratch.assignSubset(points, clusters[a]);
         fit.pieces[a] = fitBivariate(scratch, meanNormal(scratch), kQuadraticFace);
     }
-    combineFaces(fit, points);
+    combineFaces(fit, [&](const LocalFit& candidate) {
+        return taubinError(candidate, points, points.radius);
+    });
     return fit;
 }
 
