@@ -192,12 +192,20 @@ OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& a
     link.vote = normalA.dot(normalB);
     const float length = apart.norm();
     if (!(length > 0)) return link;
-    // Heights that noise can make say nothing.
-    const auto slope = [&](const Vec3f& normal) {
+    const auto slope = [&](const Vec3f& normal, float unsure) {
         const float height = normal.dot(apart);
-        return std::copysign(std::max(std::abs(height) - 2 * noise, 0.f), height) / length;
+        return std::copysign(std::max(std::abs(height) - unsure, 0.f), height) / length;
     };
-    const float mirrored = link.vote - 2 * slope(normalA) * slope(normalB);
+    const auto mirroredBy = [&](float unsure) {
+        return link.vote - 2 * slope(normalA, unsure) * slope(normalB, unsure);
+    };
+    // Heights that noise can make say nothing; nor does an edge whose faces turn away by more than
+    // a right angle, if without its heights it would say the opposite.
+    const float mirrored = mirroredBy(2 * noise);
+    if (mirrored * mirroredBy(0) < 0) {
+        link.vote = 0;
+        return link;
+    }
     const bool across = mirrored * link.vote < 0 && std::abs(link.vote) > std::abs(mirrored) / 4;
     link.unsure = across || std::abs(link.vote) < kParallel;
     link.vote = across ? kAcrossSheets * mirrored : mirrored;
