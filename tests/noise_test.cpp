@@ -257,6 +257,108 @@ TEST(Noise, StraysAmongNormalsAreNoSecondSheet)
     EXPECT_FALSE(fitCell(points, 1, 1, settings, scratch).opposedNormals);
 }
 
+/// A ball's points on planes through the origin with these normals, where they are convex: noise
+/// any way, on positions and normals.
+CellPoints facesOf(const std::vector<Vec3d>& normals, std::size_t count, double noise,
+                   double normalNoise, Random& random)
+{
+    PointBatch batch;
+    const auto drawn = [&] {
+        return Vec3d(normalDraw(random), normalDraw(random), normalDraw(random));
+    };
+    while (batch.size() < count) {
+        const Vec3d& face = normals[batch.size() % normals.size()];
+        Vec3d p(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
+        p -= face.dot(p) * face;
+        if (std::any_of(normals.begin(), normals.end(),
+                        [&](const Vec3d& n) { return n.dot(p) > 1e-9; }))
+            continue;
+        p += noise * drawn();
+        if (p.norm() >= 1) continue;
+        const Vec3d n = (face + normalNoise * drawn()).normalized();
+        const std::size_t i = batch.size();
+        batch.resize(i + 1);
+        batch.x[i] = float(p[0]), batch.y[i] = float(p[1]), batch.z[i] = float(p[2]);
+        batch.nx[i] = float(n[0]), batch.ny[i] = float(n[1]), batch.nz[i] = float(n[2]);
+        batch.confidence[i] = 1;
+    }
+    CellPoints points;
+    points.assign(batch, Vec3d::Zero(), 1);
+    return points;
+}
+
+FitSettings noisySettings()
+{
+    FitSettings settings;
+    settings.tolerance = 0.001;
+    settings.noise = 0.2;
+    settings.normalNoise = 0.15;
+    settings.lever = settings.noise / settings.normalNoise;
+    return settings;
+}
+
+// A third of a ball's radius is noise: a smooth fit is as near to the points as it tells, and off
+// the edge by half of that.
+TEST(Noise, LeavesEdgesThatNormalsTell)
+{
+    Random random(kSeed);
+    const FitSettings settings = noisySettings();
+    CellPoints scratch;
+    for (const double degrees : {50.0, 70.0, 90.0, 110.0}) {
+        const double turn = degrees * 3.14159265358979 / 180;
+        const CellPoints points =
+            facesOf({Vec3d::UnitX(), Vec3d(std::cos(turn), 0, std::sin(turn))}, 120, settings.noise,
+                    settings.normalNoise, random);
+        const Vec3d normal = meanNormal(points);
+        LocalFit smooth;
+        smooth.pieces[0] = fitBivariate(points, normal, 6, settings.lever);
+        const auto edge = fitNoisyEdge(points, smooth, settings, scratch);
+        ASSERT_TRUE(edge) << degrees;
+        EXPECT_EQ(edge->count, 2) << degrees;
+        // The edge passes through the origin.
+        const auto offAt = [](const LocalFit& fit) {
+            const Quadric& q = fit.ruling(Vec3d::Zero());
+            return std::abs(q.c) / q.b.norm();
+        };
+        EXPECT_LT(offAt(*edge), 0.3 * settings.noise) << degrees;
+    }
+}
+
+TEST(Noise, MakesNoEdgesOfBends)
+{
+    Random random(kSeed);
+    FitSettings settings = noisySettings();
+    settings.noise = 0.05;
+    CellPoints scratch;
+    for (const double bend : {0.0, 0.2, 0.4}) {
+        CellPoints points = sheetOf(200, 0, bend, settings.noise, random);
+        for (std::size_t i = 0; i < points.count; ++i) {
+            const Vec3d n = (points.normal(i) + settings.normalNoise * Vec3d(normalDraw(random),
+                                                                             normalDraw(random),
+                                                                             normalDraw(random)))
+                                .normalized();
+            points.nx[i] = n[0], points.ny[i] = n[1], points.nz[i] = n[2];
+        }
+        LocalFit smooth;
+        smooth.pieces[0] = fitBivariate(points, meanNormal(points), 6, settings.lever);
+        EXPECT_FALSE(fitNoisyEdge(points, smooth, settings, scratch)) << bend;
+    }
+}
+
+// Of a face beside, noise alone tells which way along the axis its normals look.
+TEST(Noise, AFaceBesideIsNoSecondSheet)
+{
+    Random random(kSeed);
+    const FitSettings settings = noisySettings();
+    CellPoints scratch;
+    for (int n = 0; n < 20; ++n) {
+        const CellPoints points = facesOf({Vec3d::UnitX(), Vec3d::UnitX(), Vec3d::UnitX(),
+                                           Vec3d::UnitX(), Vec3d::UnitX(), Vec3d::UnitY()},
+                                          300, settings.noise, settings.normalNoise, random);
+        EXPECT_FALSE(fitOpposedSheets(points, 1, settings, scratch)) << n;
+    }
+}
+
 PointCloud noisyScan(const std::string& solid, double points, double noise, double degrees,
                      std::uint64_t seed = 1)
 {

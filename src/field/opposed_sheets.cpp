@@ -16,6 +16,9 @@ namespace
 /// Share of the normals' squares along one axis: sides of a wall, and no rim of it between them.
 constexpr double kOneAxis = 0.8;
 constexpr std::size_t kFewest = 12; ///< points of a side
+/// Cosine to the axis of normals that are of a side: others are of a rim or of a face beside, and
+/// noise alone tells which way along the axis they look.
+constexpr double kClear = 0.5;
 /// Of the noise: what of it is asked whether it is alone there. Three sheets for two are louder.
 constexpr double kQuiet = 0.65;
 /// Standard errors by which the sides are apart, or it cannot be told which is above.
@@ -38,7 +41,8 @@ class Sides
 public:
     Sides(const CellPoints& points, const Vec3d& axis) : mPoints(points), mAxis(axis)
     {
-        for (std::size_t i = 0; i < points.count; ++i) ++mCount[sideOf(i)];
+        for (std::size_t i = 0; i < points.count; ++i)
+            if (isClear(i)) ++mCount[sideOf(i)];
     }
     std::size_t fewer() const { return std::min(mCount[0], mCount[1]); }
     /// Of the distance between the sides, for a noise of 1.
@@ -82,6 +86,7 @@ public:
     }
 
 private:
+    bool isClear(std::size_t i) const { return std::abs(mPoints.normal(i).dot(mAxis)) >= kClear; }
     std::size_t sideOf(std::size_t i) const { return mPoints.normal(i).dot(mAxis) > 0 ? 0 : 1; }
 
     const CellPoints& mPoints;
