@@ -36,6 +36,9 @@ constexpr double kLeastCell = 2;
 /// other.
 constexpr double kLeastBetweenWalls = 0.5;
 
+/// The same among noise, where a ball holds all sides of a limb.
+constexpr double kLeastInLimbs = 1;
+
 /// From the tolerance up to this noise, in voxels, points show details of about a voxel: cells go
 /// down to kTellingCell, and kTellingPoints of them tell a shape from noise. Less noise is within
 /// the tolerance, more hides such details.
@@ -155,7 +158,8 @@ public:
                 decision.lostInNoise = isLost(sharp, cell, spacing);
             }
         }
-        if (!decision.split && radius >= kNoiseRadius * mSettings.noise && mayHaveNoisyEdge(decision.result)) {
+        if (!decision.split && radius >= kNoiseRadius * mSettings.noise &&
+            mayHaveNoisyEdge(decision.result)) {
             if (const auto edge = fitNoisyEdge(mCell, decision.result.fit, mFit, mScratch)) {
                 decision.result.fit = *edge;
                 decision.result.error = taubinError(*edge, mCell, radius);
@@ -270,7 +274,9 @@ private:
         if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
         const bool isBetweenWalls = result.opposedNormals && !result.accepted;
         const double least = fine ? (isBetweenWalls ? kLeastBetweenWalls : 1)
-                                  : (noiseTells() ? kTellingCell : kLeastCell);
+                                  : (isBetweenWalls ? kLeastInLimbs
+                                     : noiseTells() ? kTellingCell
+                                                    : kLeastCell);
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
     }
