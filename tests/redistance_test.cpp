@@ -1,10 +1,13 @@
 // Re-distancing, widening, offsets and shells beside exact distances.
 #include "field_fixture.h"
+#include "scanned_cloud.h"
 
+#include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>
+#include <mpuvdb/mesh.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/scan_sampler.h>
+#include <mpuvdb/reconstruct.h>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -211,6 +214,72 @@ TEST(Offset, GoesByTheZeroSetWhereValuesAreNoDistances)
     const LevelSet grown = offset(LevelSet(grid), 7 * kVoxel, progress);
     expectErrors(
         grown, [&](const Vec3d& p) { return box->distance(p) - 7 * kVoxel; }, 0.0005, 0.01);
+}
+
+/// What noisy points on @a solid, some of them wrong, are reconstructed as.
+LevelSet reconstructed(const std::string& solid, double noise, double outliers)
+{
+    Progress progress;
+    PointCloud cloud = scanned(solid, 30000, Pattern::Random, noise, outliers);
+    clean(cloud, {}, progress);
+    return reconstruct(std::move(cloud), {}, progress).levelSet;
+}
+
+/// The same surface with distances to the triangles of its mesh.
+LevelSet measuredAnew(const LevelSet& levelSet)
+{
+    Progress progress;
+    SampleSettings settings;
+    settings.lattice = levelSet.lattice();
+    settings.halfWidth = levelSet.halfWidth();
+    return voxelize(extractMesh(levelSet, progress), settings, progress);
+}
+
+struct Deviation {
+    double mean = 0, rms = 0; ///< voxels
+};
+
+/// How far the values within a voxel of the zero set are from those of @a truth.
+Deviation deviation(const LevelSet& levelSet, const LevelSet& truth)
+{
+    const auto at = truth.grid().getConstAccessor();
+    const double h = levelSet.voxelSize();
+    Deviation d;
+    double count = 0;
+    for (auto it = levelSet.grid().cbeginValueOn(); it; ++it) {
+        if (std::abs(*it) > h) continue;
+        const double off = double(*it - at.getValue(it.getCoord())) / h;
+        d.mean += off;
+        d.rms += off * off;
+        ++count;
+    }
+    return {d.mean / count, std::sqrt(d.rms / count)};
+}
+
+// At the rim of the band, values that few points speak for are up to voxels from the distance.
+TEST(Offset, OfNoisyPointsIsOneSmoothBody)
+{
+    struct Input {
+        const char* solid;
+        double noise, outliers;
+    };
+    constexpr const char* kCross =
+        "rotate(union(union(box(2,0.4,0.4),box(0.4,2,0.4)),box(0.4,0.4,2)),1,2,3,30)";
+    Progress progress;
+    for (const Input& input : {Input{kCross, 0.008, 0.01}, Input{"gear(12,1,0.5)", 0.01, 0}}) {
+        const LevelSet body = reconstructed(input.solid, input.noise, input.outliers);
+        const LevelSet exact = measuredAnew(body);
+        ASSERT_EQ(components(body, progress).size(), 1u) << input.solid;
+        for (const double voxels : {2.0, 2.5, 2.8, 3.0, 3.5, 4.0}) {
+            SCOPED_TRACE(fmt::format("{}, offset by {} voxels", input.solid, voxels));
+            const double shift = voxels * body.voxelSize();
+            const LevelSet grown = offset(body, shift, progress);
+            EXPECT_EQ(components(grown, progress).size(), 1u);
+            const Deviation d = deviation(grown, offset(exact, shift, progress));
+            EXPECT_LE(std::abs(d.mean), 0.03);
+            EXPECT_LE(d.rms, 0.1);
+        }
+    }
 }
 
 TEST(Offset, InwardReachesIntoTheFullInside)

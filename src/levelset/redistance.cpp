@@ -29,6 +29,9 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr double kFarthest = 1e5;
 /// An offset's values this much below the distance to its surface are none, voxels.
 constexpr float kWedge = 0.1f;
+/// Where a grid's values are no distances, those up to so far from its zero set, voxels, make it
+/// what it is, and stay; over another voxel they give way to the distances to it.
+constexpr float kOwn = 1;
 /// The part of an offset's progress that goes to its creases.
 constexpr double kWedgesShare = 0.4;
 
@@ -36,16 +39,26 @@ constexpr double kWedgesShare = 0.4;
 class Distances
 {
 public:
-    Distances(const LeafDistances& inVoxels, float voxelSize)
-        : mInVoxels(inVoxels), mVoxelSize(voxelSize)
+    Distances(const LeafDistances& inVoxels, float voxelSize, bool ownAreDistances)
+        : mInVoxels(inVoxels), mVoxelSize(voxelSize), mOwnAreDistances(ownAreDistances)
     {
     }
     float at(int voxel) const { return mVoxelSize * mInVoxels.at(voxel); }
     float atMost(int voxel) const { return mVoxelSize * mInVoxels.atMost(voxel); }
+    /// Whether the grid's own values are, in all its band.
+    bool ownAreDistances() const { return mOwnAreDistances; }
+    /// That of an active voxel, by its @a own value as far as that can be trusted.
+    float by(float own, int voxel) const
+    {
+        if (mOwnAreDistances) return own;
+        const float found = at(voxel), fading = std::abs(found) / mVoxelSize - kOwn;
+        return fading >= 1 ? found : own + std::max(fading, 0.0f) * (found - own);
+    }
 
 private:
     const LeafDistances& mInVoxels;
     float mVoxelSize;
+    bool mOwnAreDistances;
 };
 
 /// Distances beyond reach, with a leaf's signs, or one.
@@ -81,14 +94,15 @@ public:
     {
     }
 
-    FinishedLeaf finish(const Coord& origin, const Leaf* signs, const LeafDistances& d) const
+    FinishedLeaf finish(const Coord& origin, const Leaf* signs, const LeafDistances& d,
+                        bool ownAreDistances) const
     {
         FinishedLeaf finished;
         finished.origin = origin;
         auto leaf = std::make_unique<Leaf>(origin, mBackground);
         unsigned negative = 0;
         const float rim = mBackground * (1 - 1e-6f);
-        const Distances distances(d, mVoxelSize);
+        const Distances distances(d, mVoxelSize, ownAreDistances);
         for (int n = 0; n < int(Leaf::SIZE); ++n) {
             const float v = mNewValue(signs, n, distances);
             negative += v < 0;
@@ -108,7 +122,7 @@ public:
     /// What a tile becomes that is beyond all reach.
     float farValue(bool inside) const
     {
-        const float v = mNewValue(nullptr, 0, Distances(Beyond(inside), mVoxelSize));
+        const float v = mNewValue(nullptr, 0, Distances(Beyond(inside), mVoxelSize, true));
         return v < 0 ? -mBackground : mBackground;
     }
 
@@ -117,9 +131,16 @@ private:
     NewValue mNewValue;
 };
 
+/// What distances to a grid's zero set are made of.
+struct Sources {
+    SurfacePatches patches;      ///< they spread from these
+    Reach reach;                 ///< as far as this; 0 where the grid's own values will do
+    bool ownAreDistances = true; ///< those, in all its band
+};
+
 /// The tree of new values: those of @a reached leaves, of all others of @a old by their own values
 /// and signs.
-FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
+FloatTree::Ptr assemble(const FloatTree& old, const Sources& sources,
                         std::vector<FinishedLeaf>&& reached, const BandMaker& maker,
                         Progress& progress)
 {
@@ -139,10 +160,11 @@ FloatTree::Ptr assemble(const FloatTree& old, const SurfacePatches& patches,
     origins.reserve(reached.size());
     for (const FinishedLeaf& leaf : reached) origins.push_back(leaf.origin);
     std::sort(origins.begin(), origins.end());
-    for (const Leaf* leaf : patches.leaves) {
+    for (const Leaf* leaf : sources.patches.leaves) {
         if (std::binary_search(origins.begin(), origins.end(), leaf->origin())) continue;
         progress.check();
-        FinishedLeaf finished = maker.finish(leaf->origin(), leaf, Beyond(*leaf));
+        FinishedLeaf finished =
+            maker.finish(leaf->origin(), leaf, Beyond(*leaf), sources.ownAreDistances);
         add(finished);
     }
     for (FinishedLeaf& leaf : reached) {
@@ -162,46 +184,76 @@ float sideBeyond(const FloatGrid& grid, const Reach& reach)
     return float(reach.outside > own) - float(reach.inside > own);
 }
 
-/// What distances to the zero set of @a grid spread from. @param reach  becomes 0 where its own
-/// values will do.
-SurfacePatches sourcesOf(const FloatGrid& grid, Values values, Reach& reach, Progress& progress)
+/// How the values of a grid are taken.
+enum class Own {
+    Implicit, ///< as Values::Implicit
+    Kept,     ///< as distances
+    Judged    ///< as distances where they are
+};
+
+/// The worse of what the two sides' values are.
+Sight sightFromBothSides(const FloatGrid& grid, Progress& progress)
 {
     const double voxelSize = grid.voxelSize()[0];
-    const float side = values == Values::Distances ? sideBeyond(grid, reach) : 0;
-    SurfacePatches patches = surfacePatches(grid.tree(), voxelSize, values, progress);
-    if (side != 0 && amendBySight(patches, grid.tree(), voxelSize, side, progress))
-        (side > 0 ? reach.inside : reach.outside) = 0;
-    return patches;
+    const Sight outside = sightFrom(grid.tree(), voxelSize, 1, progress);
+    return outside == Sight::NoDistances ? outside
+                                         : sightFrom(grid.tree(), voxelSize, -1, progress);
+}
+
+/// @param reach  how far distances to the zero set of @a grid are wanted.
+Sources sourcesOf(const FloatGrid& grid, Own own, const Reach& reach, Progress& progress)
+{
+    const double voxelSize = grid.voxelSize()[0];
+    if (own == Own::Implicit)
+        return {surfacePatches(grid.tree(), voxelSize, Values::Implicit, progress), reach};
+    Sources sources{surfacePatches(grid.tree(), voxelSize, Values::Distances, progress), reach};
+    Sight sight = Sight::TooNarrow;
+    if (const float side = sideBeyond(grid, reach); side != 0) {
+        sight = amendBySight(sources.patches, grid.tree(), voxelSize, side, progress);
+        if (sight == Sight::Distances)
+            (side > 0 ? sources.reach.inside : sources.reach.outside) = 0;
+    } else if (own == Own::Judged) {
+        sight = sightFromBothSides(grid, progress);
+    }
+    sources.ownAreDistances = own == Own::Kept || sight != Sight::NoDistances;
+    return sources;
 }
 
 /// A level set on the lattice of @a grid with the new values that the distances to its zero set
 /// make, as far as @a reach. @param units  by which the running stage advances.
-FloatGrid::Ptr remade(const FloatGrid& grid, Values values, Reach reach, const BandMaker& maker,
+FloatGrid::Ptr remade(const FloatGrid& grid, Own own, const Reach& reach, const BandMaker& maker,
                       Progress& progress, double units = 0)
 {
     constexpr double kPatches = 0.2; // of the time
-    const SurfacePatches patches = sourcesOf(grid, values, reach, progress);
+    const Sources sources = sourcesOf(grid, own, reach, progress);
     progress.advance(kPatches * units);
     std::vector<FinishedLeaf> reached = spreadDistances(
-        grid.tree(), patches, reach,
+        grid.tree(), sources.patches, sources.reach,
         [&](const Coord& origin, const Leaf* signs, const LeafDistances& d) {
-            return maker.finish(origin, signs, d);
+            return maker.finish(origin, signs, d, sources.ownAreDistances);
         },
         progress, (1 - kPatches) * units);
     auto result =
-        FloatGrid::create(assemble(grid.tree(), patches, std::move(reached), maker, progress));
+        FloatGrid::create(assemble(grid.tree(), sources, std::move(reached), maker, progress));
     result->insertMeta(grid);
     result->setTransform(grid.transform().copy());
     result->setGridClass(openvdb::GRID_LEVEL_SET);
     return result;
 }
 
-/// What to @a change the distance to that the grid has itself in a voxel, or else the one found.
-NewValue ownOrFound(const std::function<float(float)>& change)
+/// The distance that the grid has itself in a voxel, as far as that can be trusted, or else the one
+/// found.
+float ownOrFound(const Leaf* leaf, int n, const Distances& distances)
+{
+    const bool own = leaf && leaf->isValueOn(openvdb::Index(n));
+    return own ? distances.by(leaf->getValue(openvdb::Index(n)), n) : distances.at(n);
+}
+
+/// What to @a change that distance to.
+NewValue changed(const std::function<float(float)>& change)
 {
     return [change](const Leaf* leaf, int n, const Distances& distances) {
-        const bool own = leaf && leaf->isValueOn(openvdb::Index(n));
-        return change(own ? leaf->getValue(openvdb::Index(n)) : distances.at(n));
+        return change(ownOrFound(leaf, n, distances));
     };
 }
 
@@ -209,12 +261,13 @@ NewValue ownOrFound(const std::function<float(float)>& change)
 NewValue shifted(float shift, float background)
 {
     return [=](const Leaf* leaf, int n, const Distances& distances) {
-        if (leaf && leaf->isValueOn(openvdb::Index(n)))
-            return leaf->getValue(openvdb::Index(n)) - shift;
-        const float most = distances.atMost(n), v = most - shift;
-        // All from zero to there ends up beyond the band.
-        if ((most < 0) != (v < 0) && std::abs(v) >= background) return v;
-        return distances.at(n) - shift;
+        const bool own = leaf && leaf->isValueOn(openvdb::Index(n)) && distances.ownAreDistances();
+        if (!own) {
+            const float most = distances.atMost(n), v = most - shift;
+            // All from zero to there ends up beyond the band.
+            if ((most < 0) != (v < 0) && std::abs(v) >= background) return v;
+        }
+        return ownOrFound(leaf, n, distances) - shift;
     };
 }
 
@@ -235,9 +288,8 @@ FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth
         return std::abs(distance) > least ? distance : v;
     };
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
-    FloatGrid::Ptr made =
-        remade(grid, Values::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach}, maker,
-               progress, kWedgesShare);
+    FloatGrid::Ptr made = remade(grid, Own::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach},
+                                 maker, progress, kWedgesShare);
     restoreDistance(made->tree(), made->voxelSize()[0], ValuesFrom::Distances, progress);
     return made;
 }
@@ -258,9 +310,8 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& pro
 {
     demandHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
-    const BandMaker maker(halfWidth, levelSet.voxelSize(), ownOrFound([](float d) { return d; }));
-    const FloatGrid::Ptr made =
-        remade(levelSet.grid(), Values::Distances, {reach, reach}, maker, progress);
+    const BandMaker maker(halfWidth, levelSet.voxelSize(), changed([](float d) { return d; }));
+    const FloatGrid::Ptr made = remade(levelSet.grid(), Own::Kept, {reach, reach}, maker, progress);
     if (halfWidth < levelSet.halfWidth())
         completeBand(made->tree(), levelSet.voxelSize(), progress);
     return LevelSet(made);
@@ -269,8 +320,8 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& pro
 FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach, Progress& progress)
 {
     const float widest = std::max(reach.outside, reach.inside);
-    const BandMaker maker(widest, levelSet.voxelSize(), ownOrFound([](float d) { return d; }));
-    return remade(levelSet.grid(), Values::Distances, reach, maker, progress)->constTreePtr();
+    const BandMaker maker(widest, levelSet.voxelSize(), changed([](float d) { return d; }));
+    return remade(levelSet.grid(), Own::Kept, reach, maker, progress)->constTreePtr();
 }
 
 LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
@@ -279,7 +330,7 @@ LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
                           [](const Leaf*, int n, const Distances& d) { return d.at(n); });
-    const FloatGrid::Ptr made = remade(grid, Values::Implicit, {reach, reach}, maker, progress);
+    const FloatGrid::Ptr made = remade(grid, Own::Implicit, {reach, reach}, maker, progress);
     restoreDistance(made->tree(), made->voxelSize()[0], ValuesFrom::Distances, progress);
     return LevelSet(made);
 }
@@ -295,7 +346,7 @@ LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
                           shifted(float(distance), float(halfWidth * levelSet.voxelSize())));
     const FloatGrid::Ptr moved =
-        remade(levelSet.grid(), Values::Distances, reach, maker, progress, 1 - kWedgesShare);
+        remade(levelSet.grid(), Own::Judged, reach, maker, progress, 1 - kWedgesShare);
     return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
 }
 
@@ -316,10 +367,10 @@ LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& 
     const float middle = wall == Wall::Inward ? -half : wall == Wall::Outward ? half : 0;
     const auto h = float(levelSet.voxelSize());
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
-                          ownOrFound([=](float d) { return std::abs(d - middle * h) - half * h; }));
+                          changed([=](float d) { return std::abs(d - middle * h) - half * h; }));
     const FloatGrid::Ptr hollow =
-        remade(levelSet.grid(), Values::Distances, {reach + middle + half, reach + half - middle},
-               maker, progress, 1 - kWedgesShare);
+        remade(levelSet.grid(), Own::Judged, {reach + middle + half, reach + half - middle}, maker,
+               progress, 1 - kWedgesShare);
     return LevelSet(withoutWedges(*hollow, -1, halfWidth, progress));
 }
 

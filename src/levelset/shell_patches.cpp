@@ -60,12 +60,20 @@ struct Square {
 
 /// What a shell's voxels are.
 struct Shell {
-    std::uint64_t voxels = 0, patches = 0, bent = 0;
+    std::uint64_t voxels = 0, known = 0, patches = 0, bent = 0;
 
-    bool ofDistances() const
+    void add(const Shell& part)
     {
-        return double(patches) >= kLeastShare * double(voxels) &&
-               double(bent) <= kMostShare * double(voxels);
+        voxels += part.voxels;
+        known += part.known;
+        patches += part.patches;
+        bent += part.bent;
+    }
+    Sight sight() const
+    {
+        if (double(bent) > kMostShare * double(known)) return Sight::NoDistances;
+        const bool leadToSurface = double(patches) >= kLeastShare * double(voxels);
+        return leadToSurface && patches > 0 ? Sight::Distances : Sight::TooNarrow;
     }
 };
 
@@ -92,6 +100,7 @@ public:
             const int in = inHalo(int(value.pos()));
             Square square;
             if (!squareAt(in, square)) continue;
+            ++shell.known;
             shell.bent += square.hessian.diagonal().maxCoeff() > kMostBent;
             if (std::abs(square.gradient.norm() - height) < kMostOff)
                 patches.push_back(patch(value.getCoord(), height, square));
@@ -175,32 +184,43 @@ private:
     float mScale, mBeyond, mSide;
 };
 
+/// Let the shell's voxels of each of @a leaves have patches: f(number, patches).
+template <typename F>
+Shell forEachShellLeaf(const openvdb::FloatTree& tree, const std::vector<const Leaf*>& leaves,
+                       double voxelSize, float side, Progress& progress, F f)
+{
+    tbb::combinable<Shell> shells;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves.size(), 16),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
+                          ShellLeaf shell(tree, voxelSize, side);
+                          for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                              std::vector<SurfacePatch> patches;
+                              shell.addPatches(*leaves[n], patches, shells.local());
+                              f(n, std::move(patches));
+                          }
+                      });
+    Shell sum;
+    shells.combine_each([&](const Shell& part) { sum.add(part); });
+    return sum;
+}
+
 /// The patches that the voxels of the shell are nearest to, about one for each voxel that the
-/// surface passes; none at all if the values are no distances.
+/// surface passes; none at all unless @a sight becomes that of distances.
 SurfacePatches shellPatches(const openvdb::FloatTree& tree, double voxelSize, float side,
-                            Progress& progress)
+                            Sight& sight, Progress& progress)
 {
     SurfacePatches result;
     tree.getNodes(result.leaves);
     const std::size_t leaves = result.leaves.size();
     result.first.assign(leaves + 1, 0);
     std::vector<std::vector<SurfacePatch>> found(leaves);
-    tbb::combinable<Shell> shells;
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves, 16),
-                      [&](const tbb::blocked_range<std::size_t>& range) {
-                          progress.check();
-                          ShellLeaf shell(tree, voxelSize, side);
-                          for (std::size_t n = range.begin(); n < range.end(); ++n)
-                              shell.addPatches(*result.leaves[n], found[n], shells.local());
-                      });
-    Shell shell;
-    shells.combine_each([&](const Shell& part) {
-        shell.voxels += part.voxels;
-        shell.patches += part.patches;
-        shell.bent += part.bent;
-    });
+    const Shell shell = forEachShellLeaf(
+        tree, result.leaves, voxelSize, side, progress,
+        [&](std::size_t n, std::vector<SurfacePatch>&& patches) { found[n] = std::move(patches); });
     demandNumbers(shell.patches);
-    if (!shell.ofDistances()) return result;
+    sight = shell.sight();
+    if (sight != Sight::Distances) return result;
     result.patches.reserve(shell.patches);
     for (std::size_t n = 0; n < leaves; ++n) {
         result.patches.insert(result.patches.end(), found[n].begin(), found[n].end());
@@ -255,11 +275,21 @@ private:
 
 } // namespace
 
-bool amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, double voxelSize,
-                  float side, Progress& progress)
+Sight sightFrom(const openvdb::FloatTree& tree, double voxelSize, float side, Progress& progress)
 {
-    const SurfacePatches shell = shellPatches(tree, voxelSize, side, progress);
-    if (shell.patches.empty()) return false;
+    std::vector<const Leaf*> leaves;
+    tree.getNodes(leaves);
+    return forEachShellLeaf(tree, leaves, voxelSize, side, progress,
+                            [](std::size_t, const std::vector<SurfacePatch>&) {})
+        .sight();
+}
+
+Sight amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, double voxelSize,
+                   float side, Progress& progress)
+{
+    Sight sight = Sight::TooNarrow;
+    const SurfacePatches shell = shellPatches(tree, voxelSize, side, sight, progress);
+    if (sight != Sight::Distances) return sight;
     Comparison comparison(patches, shell, voxelSize, side);
     spreadDistances(
         tree, patches, side > 0 ? Reach{kCompared, 0} : Reach{0, kCompared},
@@ -275,7 +305,7 @@ bool amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, doubl
     for (std::uint32_t n = 0; n < shell.patches.size(); ++n)
         if (comparison.isMissing(n)) patches.patches.push_back(shell.patches[n]);
     demandNumbers(patches.patches.size());
-    return true;
+    return sight;
 }
 
 } // namespace mpuvdb
