@@ -259,6 +259,29 @@ double residualPattern(const LocalFit& fit, const CellPoints& points, double tes
     return std::sqrt(loud + std::max(between - double(parts) * within, 0.0) / double(count));
 }
 
+MPUVDB_CLONES
+double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise)
+{
+    const Group most = Group{} + 9, flat = Group{} + kFlat;
+    const double noise2 = noise * noise, normalNoise2 = normalNoise * normalNoise;
+    Group misfit{}, total{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Samples s = sampleFit(fit, load(points.x, i), load(points.y, i), load(points.z, i));
+        const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
+        const Group steep2 = slope2 > flat ? slope2 : flat;
+        const Group along =
+            (load(points.nx, i) * s.gx + load(points.ny, i) * s.gy + load(points.nz, i) * s.gz) /
+            squareRoot(steep2);
+        const Group off = s.value * s.value / (noise2 * steep2);
+        const Group turn = 2 * (1 - along) / normalNoise2;
+        const Group weight = load(points.weight, i);
+        misfit += weight * ((off < most ? off : most) + (turn < most ? turn : most));
+        total += weight;
+    }
+    const double weight = sum(total);
+    return weight > 0 ? sum(misfit) / weight : 0;
+}
+
 namespace
 {
 

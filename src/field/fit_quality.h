@@ -20,6 +20,11 @@ bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double tes
 double residualPattern(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise);
 
+/// Weighted mean over the points of the squares of residuals, and of the turns of normals, both in
+/// standard deviations and of each no more than 9 (it may be no point of the surface): about 3 for
+/// a fit that is right. @param normalNoise  radians, about each of two axes; above 0, as @a noise.
+double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise);
+
 /// How far from the points the zero set of @a fit ventures where it rules the ball of @a radius
 /// about @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it;
 /// of those that land within 0.85 radius the largest distance to the nearest point. If none lands,

@@ -4,6 +4,7 @@
 #include "sharp_faces.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace mpuvdb
@@ -20,10 +21,10 @@ constexpr double kLeastTurn = 0.45; // radians
 /// deviations, and a curved face than a flat one.
 constexpr double kNearer = 10, kNearerPerPoint = 0.8, kCurvedNearer = 8;
 
-constexpr std::size_t kFewestOfFace = 8, kMostFaces = 3;
+/// What noisyMisfit() is of most fits that are right, at most.
+constexpr double kRight = 3.6;
 
-/// What a point may count at most, squared standard deviations: it may be no point of the surface.
-constexpr double kMost = 9;
+constexpr std::size_t kFewestOfFace = 8;
 
 /// How many points the weights leave.
 double effectiveCount(const CellPoints& points)
@@ -36,40 +37,69 @@ double effectiveCount(const CellPoints& points)
     return squares > 0 ? total * total / squares : 0;
 }
 
-/// Mean over the points of the squares of residuals and of turns of normals, in standard
-/// deviations: about 3 for a fit that is right.
 double misfit(const LocalFit& fit, const CellPoints& points, const FitSettings& settings)
 {
-    double sum = 0, total = 0;
-    for (std::size_t i = 0; i < points.count; ++i) {
-        const double weight = points.weight[i];
-        if (!(weight > 0)) continue;
-        const Vec3d p = points.position(i);
-        const Quadric& q = fit.ruling(p);
-        const Vec3d gradient = q.gradient(p);
-        const double slope = std::max(gradient.norm(), 1e-12);
-        const double off = q.value(p) / slope / settings.noise;
-        const double turn = 2 * (1 - gradient.dot(points.normal(i)) / slope) /
-                            (settings.normalNoise * settings.normalNoise);
-        sum += weight * (std::min(off * off, kMost) + std::min(turn, kMost));
-        total += weight;
-    }
-    return total > 0 ? sum / total : 0;
+    return noisyMisfit(fit, points, settings.noise, settings.normalNoise);
 }
 
-/// Move each axis to the mean of the normals nearest to it, a few times.
-NormalClusters settled(const CellPoints& points, NormalClusters clusters, CellPoints& scratch)
+Vec3d farthestFrom(const Vec3d& axis, const CellPoints& points)
 {
-    constexpr int kRounds = 3;
+    Vec3d farthest = axis;
+    double least = 1;
+    for (std::size_t i = 0; i < points.count; ++i) {
+        const double cosine = axis.dot(points.normal(i));
+        if (cosine >= least) continue;
+        least = cosine;
+        farthest = points.normal(i);
+    }
+    return farthest;
+}
+
+/// The points nearest to each axis, after the axes have gone to the means of theirs a few times.
+NormalClusters settle(const CellPoints& points, std::vector<Vec3d>& axes, CellPoints& scratch)
+{
+    constexpr int kRounds = 2;
     std::vector<std::uint32_t> all(points.count);
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
+    NormalClusters clusters;
     for (int round = 0; round < kRounds; ++round) {
-        std::vector<Vec3d> axes;
+        clusters = clusterNormals(points, all, axes);
+        axes.clear();
         for (const auto& cluster : clusters) {
             scratch.assignSubset(points, cluster);
             axes.push_back(meanNormal(scratch));
         }
-        clusters = clusterNormals(points, all, axes);
+    }
+    return clusters;
+}
+
+/// Where enough normals are across both axes [Ohtake03 eq. 15], the mean of these; else zero.
+Vec3d thirdFace(const CellPoints& points, const std::vector<Vec3d>& axes)
+{
+    constexpr double kCornerCosine = 0.7;
+    const Vec3d across = axes[0].cross(axes[1]).normalized();
+    std::array<Vec3d, 2> sums = {Vec3d::Zero(), Vec3d::Zero()};
+    std::array<std::size_t, 2> counts{};
+    for (std::size_t i = 0; i < points.count; ++i) {
+        const double cosine = across.dot(points.normal(i));
+        if (std::abs(cosine) < kCornerCosine) continue;
+        sums[cosine < 0] += points.normal(i);
+        ++counts[cosine < 0];
+    }
+    const std::size_t side = counts[1] > counts[0];
+    return counts[side] >= kFewestOfFace ? Vec3d(sums[side].normalized()) : Vec3d(Vec3d::Zero());
+}
+
+/// The points of two faces or three.
+NormalClusters facesOf(const CellPoints& points, CellPoints& scratch)
+{
+    const Vec3d first = farthestFrom(meanNormal(points), points);
+    std::vector<Vec3d> axes = {first, farthestFrom(first, points)};
+    NormalClusters clusters = settle(points, axes, scratch);
+    if (clusters.size() < 2) return clusters;
+    if (const Vec3d third = thirdFace(points, axes); third != Vec3d::Zero()) {
+        axes.push_back(third);
+        clusters = settle(points, axes, scratch);
     }
     return clusters;
 }
@@ -79,9 +109,9 @@ NormalClusters settled(const CellPoints& points, NormalClusters clusters, CellPo
 std::optional<LocalFit> fitNoisyEdge(const CellPoints& points, const LocalFit& smooth,
                                      const FitSettings& settings, CellPoints& scratch)
 {
-    NormalClusters clusters = featureClusters(points);
-    if (clusters.size() < 2 || clusters.size() > kMostFaces) return std::nullopt;
-    clusters = settled(points, std::move(clusters), scratch);
+    const double smoothMisfit = misfit(smooth, points, settings);
+    if (smoothMisfit < kRight + kNearerPerPoint) return std::nullopt;
+    const NormalClusters clusters = facesOf(points, scratch);
     if (clusters.size() < 2) return std::nullopt;
     const double apart = std::cos(std::max(kLeastTurn, kTellingTurn * settings.normalNoise));
     LocalFit fit;
@@ -102,7 +132,7 @@ std::optional<LocalFit> fitNoisyEdge(const CellPoints& points, const LocalFit& s
     }
     combineFaces(fit,
                  [&](const LocalFit& candidate) { return misfit(candidate, points, settings); });
-    const double gain = misfit(smooth, points, settings) - misfit(fit, points, settings);
+    const double gain = smoothMisfit - misfit(fit, points, settings);
     if (!(gain > std::max(kNearerPerPoint, kNearer / effectiveCount(points)))) return std::nullopt;
     return fit;
 }

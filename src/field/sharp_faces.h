@@ -13,10 +13,6 @@ namespace mpuvdb
 /// Points, by their indices, whose normals are alike.
 using NormalClusters = std::vector<std::vector<std::uint32_t>>;
 
-/// The paper's clusters: two for an edge, three or four for a corner; fewer than two: no feature.
-/// Below the paper's angle those of flat faces.
-NormalClusters featureClusters(const CellPoints& points);
-
 /// Spherical Voronoi cells of the members' normals about the axes; empty ones left out.
 NormalClusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_t>& members,
                               const std::vector<Vec3d>& axes);

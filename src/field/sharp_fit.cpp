@@ -77,8 +77,8 @@ NormalClusters flatFaces(const CellPoints& points, const std::vector<std::uint32
     return std::all_of(faces.begin(), faces.end(), isFlat) ? std::move(faces) : NormalClusters();
 }
 
-} // namespace
-
+/// The paper's clusters: two for an edge, three or four for a corner; fewer than two: no feature.
+/// Below the paper's angle those of flat faces.
 NormalClusters featureClusters(const CellPoints& points)
 {
     std::vector<std::uint32_t> all(points.count);
@@ -107,6 +107,8 @@ NormalClusters featureClusters(const CellPoints& points)
     }
     return clusters;
 }
+
+} // namespace
 
 std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch)
 {
