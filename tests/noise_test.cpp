@@ -28,6 +28,15 @@ double normalDraw(Random& random)
     return sum;
 }
 
+void append(PointBatch& batch, const Vec3d& p, const Vec3d& n)
+{
+    const std::size_t i = batch.size();
+    batch.resize(i + 1);
+    batch.x[i] = float(p[0]), batch.y[i] = float(p[1]), batch.z[i] = float(p[2]);
+    batch.nx[i] = float(n[0]), batch.ny[i] = float(n[1]), batch.nz[i] = float(n[2]);
+    batch.confidence[i] = 1;
+}
+
 /// Points of the ball of radius 1 about the origin, on z = height + bend (x^2 - y^2 / 2) with
 /// noise along z and the surface's own normals.
 CellPoints sheetOf(std::size_t count, double height, double bend, double noise, Random& random)
@@ -38,11 +47,7 @@ CellPoints sheetOf(std::size_t count, double height, double bend, double noise, 
         const double z = height + bend * (x * x - y * y / 2) + noise * normalDraw(random);
         if (x * x + y * y + z * z >= 1) continue;
         const Vec3d n = Vec3d(-2 * bend * x, bend * y, 1).normalized();
-        const std::size_t i = batch.size();
-        batch.resize(i + 1);
-        batch.x[i] = float(x), batch.y[i] = float(y), batch.z[i] = float(z);
-        batch.nx[i] = float(n[0]), batch.ny[i] = float(n[1]), batch.nz[i] = float(n[2]);
-        batch.confidence[i] = 1;
+        append(batch, {x, y, z}, n);
     }
     CellPoints points;
     points.assign(batch, Vec3d::Zero(), 1);
@@ -211,11 +216,7 @@ CellPoints thrownOffSphere(std::size_t count, double noise, double reach, Random
         const Vec3d n = random.direction();
         const Vec3d p = (1 + noise * normalDraw(random)) * n - Vec3d::UnitZ();
         if (n[2] < 0 || p.norm() >= reach + 3 * noise) continue;
-        const std::size_t i = batch.size();
-        batch.resize(i + 1);
-        batch.x[i] = float(p[0]), batch.y[i] = float(p[1]), batch.z[i] = float(p[2]);
-        batch.nx[i] = float(n[0]), batch.ny[i] = float(n[1]), batch.nz[i] = float(n[2]);
-        batch.confidence[i] = 1;
+        append(batch, p, n);
     }
     CellPoints points;
     points.assign(batch, Vec3d::Zero(), reach + 3 * noise);
@@ -276,11 +277,7 @@ CellPoints facesOf(const std::vector<Vec3d>& normals, std::size_t count, double 
         p += noise * drawn();
         if (p.norm() >= 1) continue;
         const Vec3d n = (face + normalNoise * drawn()).normalized();
-        const std::size_t i = batch.size();
-        batch.resize(i + 1);
-        batch.x[i] = float(p[0]), batch.y[i] = float(p[1]), batch.z[i] = float(p[2]);
-        batch.nx[i] = float(n[0]), batch.ny[i] = float(n[1]), batch.nz[i] = float(n[2]);
-        batch.confidence[i] = 1;
+        append(batch, p, n);
     }
     CellPoints points;
     points.assign(batch, Vec3d::Zero(), 1);
