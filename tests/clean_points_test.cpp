@@ -42,15 +42,15 @@ void append(PointCloud& to, const PointCloud& from, const Vec3f& offset)
     to.normals.insert(to.normals.end(), from.normals.begin(), from.normals.end());
 }
 
-/// @a count points at random in a cube of edge @a size about @a middle.
-void appendClump(PointCloud& cloud, int count, const Vec3f& middle, float size)
+/// @a count points at random in a box of edges @a size about @a middle.
+void appendClump(PointCloud& cloud, int count, const Vec3f& middle, const Vec3f& size)
 {
     SCOPED_TRACE(kSeed);
     std::mt19937 engine(kSeed);
     const auto uniform = [&] { return float(engine()) / 4294967296.f - 0.5f; };
     for (int i = 0; i < count; ++i) {
         const float x = uniform(), y = uniform(), z = uniform();
-        cloud.positions.push_back(middle + size * Vec3f(x, y, z));
+        cloud.positions.push_back(middle + size.cwiseProduct(Vec3f(x, y, z)));
         cloud.normals.push_back(Vec3f(x, y, z).normalized());
     }
 }
@@ -118,6 +118,35 @@ TEST(Outliers, EveryTenthAndEveryFifthAreFound)
             }
 }
 
+/// However few or many they are, and though walls are as near to each other as cells are wide.
+TEST(Outliers, ThoseInBoresAndBetweenWallsAreFound)
+{
+    for (const char* solid :
+         {"difference(cylinder(1,2),cylinder(0.8,3))", "difference(box(2,2,1),cylinder(0.6,3))",
+          "difference(box(2,2,0.4),cylinder(0.3,3))"})
+        for (const int percent : {1, 3, 5}) {
+            const auto truth = parseSolid(solid);
+            PointCloud cloud = scanned(solid, 50000, Pattern::Random);
+            const std::size_t real = cloud.size();
+            Eigen::AlignedBox3f box;
+            for (const Vec3f& p : cloud.positions) box.extend(p);
+            appendClump(cloud, int(real) * percent / 100, box.center(), 1.2f * box.sizes());
+            Progress progress;
+            const double spacing = measure(cloud, progress).spacing;
+            const auto found = outliersOf(cloud);
+            std::size_t far = 0, farFound = 0;
+            for (std::size_t i = real; i < cloud.size(); ++i) {
+                if (std::abs(truth->distance(cloud.world(i))) < 4 * spacing) continue;
+                ++far;
+                farFound += std::binary_search(found.begin(), found.end(), std::uint32_t(i));
+            }
+            const std::string which = fmt::format("{}, {} %, seed {}", solid, percent, kSeed);
+            EXPECT_GT(far, real * std::size_t(percent) / 400) << which;
+            EXPECT_GT(double(farFound), 0.99 * double(far)) << which;
+            EXPECT_TRUE(found.empty() || found.front() >= real) << which;
+        }
+}
+
 TEST(Outliers, ClumpsGoAndDetachedObjectsStay)
 {
     PointCloud cloud = scanned("sphere(1)", 20000, Pattern::Even);
@@ -126,9 +155,9 @@ TEST(Outliers, ClumpsGoAndDetachedObjectsStay)
     append(cloud, scanned("sphere(0.3)", 150, Pattern::Even), Vec3f(0, 2, 0)); // sparser
     const auto real = std::uint32_t(cloud.size());
     ASSERT_GE(real, object + 230);
-    appendClump(cloud, 15, Vec3f(0, 0, 1.8f), 0.05f);
-    appendClump(cloud, 3, Vec3f(0, -1.5f, 0), 0.01f);
-    appendClump(cloud, 1, Vec3f(-1.2f, 0, 0), 0.01f);
+    appendClump(cloud, 15, Vec3f(0, 0, 1.8f), Vec3f::Constant(0.05f));
+    appendClump(cloud, 3, Vec3f(0, -1.5f, 0), Vec3f::Constant(0.01f));
+    appendClump(cloud, 1, Vec3f(-1.2f, 0, 0), Vec3f::Constant(0.01f));
     std::vector<std::uint32_t> expected;
     for (std::uint32_t i = real; i < cloud.size(); ++i) expected.push_back(i);
     EXPECT_EQ(outliersOf(cloud), expected);
@@ -177,7 +206,7 @@ TEST(Outliers, SparsePartsStayAmongManyOutliers)
 TEST(Outliers, FewPointsAreAllKept)
 {
     PointCloud cloud;
-    appendClump(cloud, 150, Vec3f::Zero(), 1);
+    appendClump(cloud, 150, Vec3f::Zero(), Vec3f::Ones());
     EXPECT_TRUE(outliersOf(cloud).empty());
     cloud.normals.clear();
     cloud.positions.assign(1000, Vec3f(1, 2, 3)); // one place

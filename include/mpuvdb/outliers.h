@@ -10,11 +10,11 @@ namespace mpuvdb
 
 /// Find points that lie away from every surface: alone or in clumps of fewer than 24, farther from
 /// others than these are from each other, or off the plane of their neighbours by many times their
-/// scatter. Distances are judged against the neighbourhood's own spacing, so that sparse surfaces,
-/// rims and detached parts of 100 points or more stay. Normals are not asked.
-/// Where they are more than one in fifty, points that stand much sparser than those about them go
-/// too, and the rest is judged again. Costs about 0.1 us of processor time per point where there is
-/// nothing to find, 10 us where there is much.
+/// scatter; beside surfaces, in bores and between walls too. Distances are judged against the
+/// neighbourhood's own spacing, so that sparse surfaces, rims and detached parts of 100 points or
+/// more stay. Normals are not asked.
+/// Where they are more than one in fifty, what is left is judged again. Costs about 0.1 us of
+/// processor time per point, and 10 to 30 us for each that has little company.
 /// @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none of fewer than 200 points. @throws Interrupted.
 std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,

@@ -3,6 +3,7 @@
 #include <mpuvdb/vec.h>
 
 #include <cstdint>
+#include <cstdlib>
 #include <vector>
 
 namespace mpuvdb
@@ -44,6 +45,21 @@ public:
     {
         for (int n = 0; n < 27; ++n)
             if (n != 13) visit(cell, n, f);
+    }
+    /// The same for those @a ring cells away, in the largest of the three directions.
+    template <class F>
+    void forEachOfRing(const Cell& cell, int ring, F&& f) const
+    {
+        for (int x = -ring; x <= ring; ++x)
+            for (int y = -ring; y <= ring; ++y) {
+                const bool side = std::abs(x) == ring || std::abs(y) == ring;
+                for (int z = -ring; z <= ring; z += side ? 1 : 2 * ring) {
+                    const Vec3i at = cell.at + Vec3i(x, y, z);
+                    if (at.minCoeff() < 0) continue; // no key
+                    const std::uint32_t found = find(at);
+                    if (found != kNone) f(found);
+                }
+            }
     }
     /// The same for the three that share a face and come after it: every such pair is visited once.
     template <class F>

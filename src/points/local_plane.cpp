@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace mpuvdb
@@ -102,6 +103,18 @@ LocalPlane planeOf(const std::vector<Vec3f>& positions, const std::vector<std::u
     plane.normal = axes.eigenvectors().col(0).normalized();
     plane.variances = axes.eigenvalues().cwiseMax(0) * (size / double(members.size()));
     return plane;
+}
+
+bool liesFlat(const std::vector<Vec3f>& positions, std::size_t point,
+              const std::vector<std::uint32_t>& neighbors, double reach)
+{
+    // Of ten points at random in a ball, one in a few hundred sets is as flat as this.
+    constexpr double kFlat = 0.3, kOffScatter = 3, kOffReach = 0.25;
+    const LocalPlane plane = planeOf(positions, neighbors);
+    const double height = std::abs(plane.height(positions[point]));
+    const double scatter = std::sqrt(plane.variances[0]);
+    return scatter < kFlat * std::sqrt((plane.variances[1] + plane.variances[2]) / 2) &&
+           height < std::max(kOffScatter * scatter, kOffReach * reach);
 }
 
 LocalPlane sheetPlaneOf(const std::vector<Vec3f>& positions,

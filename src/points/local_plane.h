@@ -23,6 +23,11 @@ struct LocalPlane {
 /// The plane of positions[members]; of less than two distinct ones any normal.
 LocalPlane planeOf(const std::vector<Vec3f>& positions, const std::vector<std::uint32_t>& members);
 
+/// Whether a position lies with its neighbours on a plane. @param reach  the distance of the
+/// farthest.
+bool liesFlat(const std::vector<Vec3f>& positions, std::size_t point,
+              const std::vector<std::uint32_t>& neighbors, double reach);
+
 /// The plane of those members that lie on the first one's sheet, where the rest lie on another:
 /// beyond an edge, or on the other side of a thin wall. It holds more than half of them and is
 /// much thinner than @a whole, the plane of all; else @a whole.

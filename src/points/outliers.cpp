@@ -1,18 +1,15 @@
 // Outliers. A screen on a grid of cells a few spacings wide settles nearly all points; what is left
-// in small groups of cells, or lies alone beside a surface, is compared with its neighbours.
+// in small groups of cells, or has little company, is compared with its neighbours.
 #include "cell_grid.h"
 #include "kd_tree.h"
 #include "local_plane.h"
+#include "lone_points.h"
 #include "parallel_each.h"
 #include "position_order.h"
-#include "sparser_points.h"
 
 #include <mpuvdb/outliers.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/union_find.h>
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -37,8 +34,6 @@ constexpr std::size_t kGrain = 256;        // cells or points
 class CellGroups
 {
 public:
-    enum class Place { Within, Beside, Apart }; ///< of a cell, and the surfaces
-
     CellGroups(const CellGrid& grid, Progress& progress) : mGrid(grid), mGroups(grid.cells().size())
     {
         const auto& cells = grid.cells();
@@ -56,14 +51,15 @@ public:
             mPoints[mGroups.find(c)] += cells[c].size();
     }
 
-    Place placeOf(std::uint32_t c)
+    /// Whether it is neither part of a surface nor, being nearly empty, beside one.
+    bool isApart(std::uint32_t c)
     {
-        if (isSurface(c)) return Place::Within;
+        if (isSurface(c)) return false;
         const CellGrid::Cell& cell = mGrid.cells()[c];
         bool beside = false;
         if (cell.size() <= kSparse)
             mGrid.forEachAround(cell, [&](std::uint32_t n) { beside = beside || isSurface(n); });
-        return beside ? Place::Beside : Place::Apart;
+        return !beside;
     }
     bool isSurface(std::uint32_t cell) { return mPoints[mGroups.find(cell)] >= kObject; }
 
@@ -71,84 +67,6 @@ private:
     const CellGrid& mGrid;
     UnionFind mGroups;
     std::vector<std::uint32_t> mPoints; // by root
-};
-
-/// Points beside a surface, or between its points.
-class BesideSurface
-{
-public:
-    /// @param known  flags of outliers, which are nobody's neighbours.
-    BesideSurface(const std::vector<Vec3f>& positions, const PointStatistics& statistics,
-                  const CellGrid& grid, const std::vector<char>& known)
-        : mPositions(positions), mStatistics(statistics), mGrid(grid), mKnown(known)
-    {
-    }
-
-    bool isOutlier(const CellGrid::Cell& cell, std::uint32_t point)
-    {
-        const Vec3f& p = mPositions[point];
-        const float near = float(kNear * mStatistics.spacing);
-        mAround.clear();
-        bool accompanied = false;
-        const auto gather = [&](const CellGrid::Cell& from) {
-            for (std::uint32_t k = from.begin; k < from.end && !accompanied; ++k) {
-                const std::uint32_t q = mGrid.order()[k];
-                if (q == point || mKnown[q]) continue;
-                const float squared = (mPositions[q] - p).squaredNorm();
-                accompanied = squared < near * near;
-                mAround.push_back({squared, q});
-            }
-        };
-        gather(cell);
-        mGrid.forEachAround(cell, [&](std::uint32_t c) {
-            if (!accompanied) gather(mGrid.cells()[c]);
-        });
-        return !accompanied && mAround.size() >= kNeighbors && standsOff(p);
-    }
-
-private:
-    struct Around {
-        float squared;
-        std::uint32_t point;
-    };
-    static constexpr std::size_t kNeighbors = 12, kOnPlane = 9;
-    static constexpr double kNear = 1.5; // spacings
-
-    /// Whether @a p is off the plane of its neighbours, which themselves are on it.
-    bool standsOff(const Vec3f& p)
-    {
-        constexpr double kOffSpacings = 2, kOffScatter = 5, kOffNoise = 5;
-        const auto before = [&](const Around& a, const Around& b) {
-            return a.squared != b.squared
-                       ? a.squared < b.squared
-                       : positionBefore(mPositions[a.point], mPositions[b.point]);
-        };
-        std::nth_element(mAround.begin(), mAround.begin() + kNeighbors - 1, mAround.end(), before);
-        std::sort(mAround.begin(), mAround.begin() + kNeighbors, before);
-        mMembers.clear();
-        for (std::size_t k = 0; k < kNeighbors; ++k) mMembers.push_back(mAround[k].point);
-        // Some of them may be outliers too.
-        const LocalPlane first = planeOf(mPositions, mMembers);
-        std::sort(mMembers.begin(), mMembers.end(), [&](std::uint32_t a, std::uint32_t b) {
-            return std::abs(first.height(mPositions[a])) < std::abs(first.height(mPositions[b]));
-        });
-        mMembers.resize(kOnPlane);
-        const LocalPlane plane = planeOf(mPositions, mMembers);
-        // A disc's variance along each axis is a quarter of its squared radius.
-        const double squaredRadius = 2 * (plane.variances[1] + plane.variances[2]);
-        const double spacing = std::sqrt(M_PI / double(kOnPlane) * squaredRadius);
-        const double height = std::abs(plane.height(p));
-        return height > kOffSpacings * spacing &&
-               height > kOffScatter * std::sqrt(plane.variances[0]) &&
-               height > kOffNoise * mStatistics.noise;
-    }
-
-    const std::vector<Vec3f>& mPositions;
-    const PointStatistics& mStatistics;
-    const CellGrid& mGrid;
-    const std::vector<char>& mKnown;
-    std::vector<Around> mAround;
-    std::vector<std::uint32_t> mMembers;
 };
 
 /// Points of groups too small to be surfaces at the cells' scale, among each other and points that
@@ -313,84 +231,42 @@ public:
     {
         CellGroups groups(mGrid, progress);
         for (std::uint32_t c = 0; c < mGrid.cells().size(); ++c) {
+            if (groups.isSurface(c)) mSurface.push_back(c);
+            if (!groups.isApart(c)) continue;
             const CellGrid::Cell& cell = mGrid.cells()[c];
-            const CellGroups::Place place = groups.placeOf(c);
-            if (place == CellGroups::Place::Beside) mBeside.push_back(c);
-            if (place == CellGroups::Place::Within) mWithin.push_back(c);
-            if (place != CellGroups::Place::Apart) continue;
             mApart.insert(mApart.end(), mGrid.order().begin() + cell.begin,
                           mGrid.order().begin() + cell.end);
         }
     }
 
-    /// Flags of those that the cells tell from surfaces.
-    void judgeStrays()
+    /// Flags of outliers.
+    const std::vector<char>& judge()
     {
-        judge(mBeside);
+        judgeApart();
+        flagLonePoints(mPositions, mGrid, mStatistics, mOutlier, mProgress);
+        return mOutlier;
+    }
+
+private:
+    void judgeApart()
+    {
         if (mApart.empty()) return;
         std::vector<Vec3f> positions;
         positions.reserve(mApart.size());
         for (const std::uint32_t i : mApart) positions.push_back(mPositions[i]);
-        for (const std::uint32_t c : mWithin)
+        for (const std::uint32_t c : mSurface)
             positions.push_back(representative(mPositions, mGrid, mGrid.cells()[c]));
         const std::vector<char> found =
             SparsePoints(positions, mApart.size(), mProgress).outliers();
         for (std::size_t n = 0; n < mApart.size(); ++n) mOutlier[mApart[n]] = found[n];
     }
 
-    /// Of those too that are left between the points of surfaces.
-    void judgeAll()
-    {
-        constexpr int kPasses = 3; // an outlier may hide another
-        for (int pass = 0; pass < kPasses && flagSparser(); ++pass) {
-        }
-        for (int pass = 0; pass < kPasses; ++pass) {
-            judge(mBeside);
-            judge(mWithin);
-        }
-    }
-
-    const std::vector<char>& outliers() const { return mOutlier; }
-
-private:
-    void judge(const std::vector<std::uint32_t>& cells)
-    {
-        const std::vector<char> known = mOutlier;
-        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, cells.size(), kGrain / 8),
-                          [&](const auto& range) {
-                              mProgress.check();
-                              BesideSurface surface(mPositions, mStatistics, mGrid, known);
-                              for (std::size_t n = range.begin(); n < range.end(); ++n) {
-                                  const CellGrid::Cell& cell = mGrid.cells()[cells[n]];
-                                  for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
-                                      const std::uint32_t p = mGrid.order()[k];
-                                      if (!known[p]) mOutlier[p] = surface.isOutlier(cell, p);
-                                  }
-                              }
-                          });
-    }
-
-    /// Flags of those that stand much sparser than others without a flag. @return if there are any.
-    bool flagSparser()
-    {
-        std::vector<std::uint32_t> left;
-        std::vector<Vec3f> positions;
-        for (std::uint32_t i = 0; i < mOutlier.size(); ++i)
-            if (!mOutlier[i]) {
-                left.push_back(i);
-                positions.push_back(mPositions[i]);
-            }
-        const std::vector<char> found = findSparserPoints(positions, mProgress);
-        for (std::size_t n = 0; n < left.size(); ++n) mOutlier[left[n]] = found[n];
-        return std::count(found.begin(), found.end(), char(1)) > 0;
-    }
-
     const std::vector<Vec3f>& mPositions;
     const PointStatistics& mStatistics;
     Progress& mProgress;
     CellGrid mGrid;
-    std::vector<std::uint32_t> mApart;           // points
-    std::vector<std::uint32_t> mBeside, mWithin; // cells
+    std::vector<std::uint32_t> mApart;   // points
+    std::vector<std::uint32_t> mSurface; // cells
     std::vector<char> mOutlier;
 };
 
@@ -399,26 +275,22 @@ private:
 std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,
                                         Progress& progress)
 {
-    constexpr double kMany = 0.02; // share from which on all points are judged, and once more
+    constexpr double kMany = 0.02; // share of outliers that may have passed for surfaces
     constexpr int kRounds = 3;
     std::vector<std::uint32_t> result, left(cloud.size());
     std::iota(left.begin(), left.end(), 0u);
     std::vector<Vec3f> positions; // of those left, from the second round on
     for (int round = 0; round < kRounds && left.size() >= kFewestPoints; ++round) {
         Screen screen(round == 0 ? cloud.positions : positions, statistics, progress);
-        screen.judgeStrays();
-        const std::vector<char>& outlier = screen.outliers();
-        const auto strays = std::count(outlier.begin(), outlier.end(), char(1));
-        const bool more = double(strays) > kMany * double(left.size());
-        if (more) screen.judgeAll();
+        const std::vector<char>& outlier = screen.judge();
         std::vector<std::uint32_t> staying;
-        positions.clear();
-        for (std::size_t n = 0; n < left.size(); ++n) {
+        for (std::size_t n = 0; n < left.size(); ++n)
             (outlier[n] ? result : staying).push_back(left[n]);
-            if (more && !outlier[n]) positions.push_back(cloud.positions[left[n]]);
-        }
+        const bool more = double(left.size() - staying.size()) > kMany * double(left.size());
         left = std::move(staying);
         if (!more) break;
+        positions.clear();
+        for (const std::uint32_t i : left) positions.push_back(cloud.positions[i]);
     }
     std::sort(result.begin(), result.end());
     return result;

@@ -1,0 +1,26 @@
+// Points that have less company than those about them, as outliers beside surfaces do.
+#pragma once
+#include <mpuvdb/normals.h>
+#include <mpuvdb/vec.h>
+
+#include <vector>
+
+namespace mpuvdb
+{
+
+class CellGrid;
+class Progress;
+
+/// Flag points that have no other near and are off the plane of their neighbours by many times
+/// their scatter; and those about which others are several times closer together, unless they lie
+/// on a plane with those that surround them, as the points of a sparser surface do.
+/// The same for any order of the positions and number of threads, where no two distances are equal.
+/// About 0.05 us of processor time per point, 10 to 30 us for each that has few others near.
+/// @param grid   of @a positions, its cells a few spacings wide.
+/// @param flags  of outliers: those known already are nobody's neighbours.
+/// @throws Interrupted.
+void flagLonePoints(const std::vector<Vec3f>& positions, const CellGrid& grid,
+                    const PointStatistics& statistics, std::vector<char>& flags,
+                    Progress& progress);
+
+} // namespace mpuvdb
