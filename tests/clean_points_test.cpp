@@ -147,6 +147,28 @@ TEST(Outliers, ThoseInBoresAndBetweenWallsAreFound)
         }
 }
 
+/// As a scanner sees the bottom of a fold: by one point far from others, whose normal tells that
+/// the surface passes there.
+TEST(Outliers, APointThatNormalsLeadToStays)
+{
+    PointCloud cloud = scanned("torus(1,0.1)", 20000, Pattern::Even);
+    const Vec3f lone(0, 1.1f, 0); // eight spacings from others
+    std::vector<std::uint32_t> beside;
+    for (std::uint32_t i = 0; i < cloud.size(); ++i)
+        if ((cloud.world(i).cast<float>() - lone).norm() < 0.11f) beside.push_back(i);
+    dropPoints(cloud, beside);
+    const auto index = std::uint32_t(cloud.size());
+    cloud.positions.push_back(lone - cloud.frame.cast<float>());
+    cloud.normals.push_back(Vec3f(0, 1, 0));
+    EXPECT_TRUE(outliersOf(cloud).empty());
+    for (const Vec3f& wrong : {Vec3f(0, -1, 0), Vec3f(0.8f, 0.6f, 0), Vec3f(0, 0.6f, 0.8f)}) {
+        cloud.normals.back() = wrong;
+        EXPECT_EQ(outliersOf(cloud), std::vector<std::uint32_t>{index});
+    }
+    cloud.normals.clear();
+    EXPECT_EQ(outliersOf(cloud), std::vector<std::uint32_t>{index});
+}
+
 TEST(Outliers, ClumpsGoAndDetachedObjectsStay)
 {
     PointCloud cloud = scanned("sphere(1)", 20000, Pattern::Even);

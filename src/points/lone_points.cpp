@@ -179,14 +179,36 @@ private:
     std::vector<double> mAngles;
 };
 
+/// Whether a surface goes on from a point to its neighbours as their normals and its own say: the
+/// way from one point of an arc to another is perpendicular to the mean of the normals there.
+bool agreesWithNormals(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
+                       std::uint32_t point, Surroundings& surroundings)
+{
+    constexpr std::size_t kNeighbors = 12, kAgreeing = 9;
+    constexpr float kSameSide = 0.3f;    // cosine of their normals
+    const float kOff = std::sin(0.262f); // 15 degrees
+    const auto& about = surroundings.about();
+    while (about.size() < kNeighbors)
+        if (!surroundings.lookFarther()) return false;
+    std::size_t agreeing = 0;
+    for (std::size_t k = 0; k < kNeighbors; ++k) {
+        const std::uint32_t q = about[k].point;
+        const Vec3f way = positions[q] - positions[point], sum = normals[q] + normals[point];
+        agreeing += normals[q].dot(normals[point]) > kSameSide &&
+                    std::abs(way.dot(sum)) < kOff * way.norm() * sum.norm();
+    }
+    return agreeing >= kAgreeing;
+}
+
 /// Judges the points of one cell after the other.
 class LonePoints
 {
 public:
-    LonePoints(const std::vector<Vec3f>& positions, const CellGrid& grid,
-               const PointStatistics& statistics, const std::vector<char>& flags)
-        : mGrid(grid), mStatistics(statistics), mSurroundings(positions, grid, flags),
-          mOffPlane(positions, statistics.noise),
+    LonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
+               const CellGrid& grid, const PointStatistics& statistics,
+               const std::vector<char>& flags)
+        : mPositions(positions), mNormals(normals), mGrid(grid), mStatistics(statistics),
+          mSurroundings(positions, grid, flags), mOffPlane(positions, statistics.noise),
           mSparser(positions, statistics.noise, mSurroundings)
     {
     }
@@ -203,12 +225,16 @@ public:
         for (std::size_t i = 0; i < mSurroundings.points().size(); ++i) {
             if (mSurroundings.hasCompany(i, int(kReach), far, close)) continue;
             const std::uint32_t p = mSurroundings.points()[i];
-            if (isOutlier(p, far, close)) found.push_back({p, cell});
+            if (!standsAlone(p, far, close)) continue;
+            if (!mNormals.empty() && agreesWithNormals(mPositions, mNormals, p, mSurroundings))
+                continue;
+            found.push_back({p, cell});
         }
     }
 
 private:
-    bool isOutlier(std::uint32_t point, double far, double close)
+    /// Whether its position is that of an outlier.
+    bool standsAlone(std::uint32_t point, double far, double close)
     {
         mSurroundings.lookAbout(point, far);
         const auto isNoneWithin = [&](std::size_t k, double radius) {
@@ -219,6 +245,8 @@ private:
         return mSparser.isSparser(point) && !mSparser.isOnSheet(point);
     }
 
+    const std::vector<Vec3f>& mPositions;
+    const std::vector<Vec3f>& mNormals;
     const CellGrid& mGrid;
     const PointStatistics& mStatistics;
     Surroundings mSurroundings;
@@ -228,8 +256,9 @@ private:
 
 } // namespace
 
-void flagLonePoints(const std::vector<Vec3f>& positions, const CellGrid& grid,
-                    const PointStatistics& statistics, std::vector<char>& flags, Progress& progress)
+void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
+                    const CellGrid& grid, const PointStatistics& statistics,
+                    std::vector<char>& flags, Progress& progress)
 {
     constexpr int kPasses = 3; // an outlier may hide another
     constexpr std::size_t kGrain = 64;
@@ -237,7 +266,7 @@ void flagLonePoints(const std::vector<Vec3f>& positions, const CellGrid& grid,
     std::iota(cells.begin(), cells.end(), 0u);
     for (int pass = 0; pass < kPasses && !cells.empty(); ++pass) {
         const auto judge = [&](std::size_t chunk, std::vector<LonePoint>& found) {
-            LonePoints points(positions, grid, statistics, flags);
+            LonePoints points(positions, normals, grid, statistics, flags);
             const std::size_t end = std::min((chunk + 1) * kGrain, cells.size());
             for (std::size_t n = chunk * kGrain; n < end; ++n) points.judge(cells[n], found);
         };

@@ -221,9 +221,10 @@ Vec3f representative(const std::vector<Vec3f>& positions, const CellGrid& grid,
 class Screen
 {
 public:
-    Screen(const std::vector<Vec3f>& positions, const PointStatistics& statistics,
-           Progress& progress)
-        : mPositions(positions), mStatistics(statistics), mProgress(progress),
+    /// @param normals  of the positions; or none.
+    Screen(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
+           const PointStatistics& statistics, Progress& progress)
+        : mPositions(positions), mNormals(normals), mStatistics(statistics), mProgress(progress),
           mGrid(positions,
                 std::max(kCellSpacings * statistics.spacing, kCellNoises * statistics.noise),
                 progress),
@@ -243,7 +244,7 @@ public:
     const std::vector<char>& judge()
     {
         judgeApart();
-        flagLonePoints(mPositions, mGrid, mStatistics, mOutlier, mProgress);
+        flagLonePoints(mPositions, mNormals, mGrid, mStatistics, mOutlier, mProgress);
         return mOutlier;
     }
 
@@ -262,6 +263,7 @@ private:
     }
 
     const std::vector<Vec3f>& mPositions;
+    const std::vector<Vec3f>& mNormals;
     const PointStatistics& mStatistics;
     Progress& mProgress;
     CellGrid mGrid;
@@ -279,9 +281,10 @@ std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStat
     constexpr int kRounds = 3;
     std::vector<std::uint32_t> result, left(cloud.size());
     std::iota(left.begin(), left.end(), 0u);
-    std::vector<Vec3f> positions; // of those left, from the second round on
+    std::vector<Vec3f> positions, normals; // of those left, from the second round on
     for (int round = 0; round < kRounds && left.size() >= kFewestPoints; ++round) {
-        Screen screen(round == 0 ? cloud.positions : positions, statistics, progress);
+        Screen screen(round == 0 ? cloud.positions : positions,
+                      round == 0 ? cloud.normals : normals, statistics, progress);
         const std::vector<char>& outlier = screen.judge();
         std::vector<std::uint32_t> staying;
         for (std::size_t n = 0; n < left.size(); ++n)
@@ -290,7 +293,10 @@ std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStat
         left = std::move(staying);
         if (!more) break;
         positions.clear();
+        normals.clear();
         for (const std::uint32_t i : left) positions.push_back(cloud.positions[i]);
+        if (cloud.hasNormals())
+            for (const std::uint32_t i : left) normals.push_back(cloud.normals[i]);
     }
     std::sort(result.begin(), result.end());
     return result;
