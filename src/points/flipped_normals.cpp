@@ -10,6 +10,7 @@
 #include <mpuvdb/union_find.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace mpuvdb
@@ -19,7 +20,9 @@ namespace
 
 constexpr double kCellSpacings = 5;
 constexpr double kReachSpacings = 3; // of a vote; no more than a cell
+constexpr double kNoises = 2;        // deviations that points of a plane may be off it
 constexpr std::size_t kGrain = 256;  // cells
+constexpr double kMany = 0.015;      // of all points
 
 /// The cloud's normals, some of them turned.
 class TurnedNormals
@@ -45,21 +48,37 @@ class Vote
 {
 public:
     Vote(const CellGrid& grid, const PointStatistics& statistics, TurnedNormals& normals)
-        : mGrid(grid), mNormals(normals), mReach(float(kReachSpacings * statistics.spacing))
+        : mGrid(grid), mNormals(normals), mReach(float(kReachSpacings * statistics.spacing)),
+          mScatter(float(std::pow(kNoises * statistics.noise, 2)))
     {
     }
 
-    /// Rounds until none is turned: where every fifth is flipped, some are not outvoted at first.
     /// @return how often one was turned.
     std::size_t run(Progress& progress)
     {
-        constexpr int kRounds = 8;
         const std::vector<std::uint32_t> mixed = mixedCells(progress);
+        std::size_t turned = turnOutvoted(mixed, kClear, progress);
+        // Where many are flipped, fewer voters are right.
+        if (double(turned) > kMany * double(mGrid.order().size()))
+            turned += turnOutvoted(mixed, kHardly, progress);
+        return turned;
+    }
+
+private:
+    /// The balance of votes, as a part of them, from which on a normal is turned. On a thin part
+    /// voters of the other side are in the majority now and then, but not clearly.
+    static constexpr float kClear = -0.5f, kHardly = -0.35f;
+
+    /// Rounds until none is turned: where every fifth is flipped, some are not outvoted at first.
+    std::size_t turnOutvoted(const std::vector<std::uint32_t>& cells, float against,
+                             Progress& progress)
+    {
+        constexpr int kRounds = 8;
         std::size_t turned = 0;
-        for (int round = 0; round < kRounds && !mixed.empty(); ++round) {
+        for (int round = 0; round < kRounds && !cells.empty(); ++round) {
             const auto outvoted = gatherParallel<std::uint32_t>(
-                mixed.size(), kGrain, progress,
-                [&](std::size_t m, auto& found) { ask(mGrid.cells()[mixed[m]], found); });
+                cells.size(), kGrain, progress,
+                [&](std::size_t c, auto& found) { ask(mGrid.cells()[cells[c]], against, found); });
             if (outvoted.empty()) break;
             for (const std::uint32_t point : outvoted) mNormals.turn(point);
             turned += outvoted.size();
@@ -67,24 +86,35 @@ public:
         return turned;
     }
 
-private:
     /// Cells with normals that look opposite ways.
     std::vector<std::uint32_t> mixedCells(Progress& progress) const
     {
-        constexpr float kOpposite = -0.5f;
         const auto findMixed = [&](std::size_t c, std::vector<std::uint32_t>& mixed) {
-            const CellGrid::Cell& cell = mGrid.cells()[c];
-            const auto points = mGrid.order().begin();
-            const Vec3f first = mNormals.normal(points[cell.begin]);
-            if (std::any_of(points + cell.begin, points + cell.end, [&](std::uint32_t point) {
-                    return first.dot(mNormals.normal(point)) < kOpposite;
-                }))
-                mixed.push_back(std::uint32_t(c));
+            if (isMixed(mGrid.cells()[c])) mixed.push_back(std::uint32_t(c));
         };
         return gatherParallel<std::uint32_t>(mGrid.cells().size(), kGrain, progress, findMixed);
     }
 
-    void ask(const CellGrid::Cell& cell, std::vector<std::uint32_t>& outvoted) const
+    bool isMixed(const CellGrid::Cell& cell) const
+    {
+        constexpr float kAlong = 0.5f; // cosine; others are across
+        constexpr std::size_t kFaces = 3;
+        std::array<Vec3f, kFaces> faces; // normals across each other, as at a corner
+        std::size_t known = 0;
+        for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
+            const Vec3f normal = mNormals.normal(mGrid.order()[k]);
+            std::size_t f = 0;
+            for (; f < known; ++f) {
+                const float cosine = faces[f].dot(normal);
+                if (cosine < -kAlong) return true;
+                if (cosine > kAlong) break;
+            }
+            if (f == known && known < kFaces) faces[known++] = normal;
+        }
+        return false;
+    }
+
+    void ask(const CellGrid::Cell& cell, float against, std::vector<std::uint32_t>& outvoted) const
     {
         std::vector<std::uint32_t> around(mGrid.order().begin() + cell.begin,
                                           mGrid.order().begin() + cell.end);
@@ -94,13 +124,14 @@ private:
                           mGrid.order().begin() + other.end);
         });
         for (std::uint32_t k = cell.begin; k < cell.end; ++k)
-            if (isOutvoted(mGrid.order()[k], around)) outvoted.push_back(mGrid.order()[k]);
+            if (isOutvoted(mGrid.order()[k], around, against)) outvoted.push_back(mGrid.order()[k]);
     }
 
-    bool isOutvoted(std::uint32_t point, const std::vector<std::uint32_t>& around) const
+    bool isOutvoted(std::uint32_t point, const std::vector<std::uint32_t>& around,
+                    float against) const
     {
         // Other sheets lie above and below a cone about the point's plane.
-        constexpr float kSlope = 0.3f, kClear = -0.5f;
+        constexpr float kSlope = 0.3f;
         constexpr float kFewest = 5;
         const Vec3f& p = mNormals.position(point);
         const Vec3f normal = mNormals.normal(point);
@@ -109,19 +140,21 @@ private:
             const Vec3f apart = mNormals.position(q) - p;
             const float squared = apart.squaredNorm();
             const float height = normal.dot(apart);
-            if (squared > mReach * mReach || height * height > kSlope * kSlope * squared) continue;
+            if (squared > mReach * mReach || height * height > kSlope * kSlope * squared + mScatter)
+                continue;
             if (q == point) continue;
             // One across an edge has nothing to say.
             const float vote = normal.dot(mNormals.normal(q));
             votes += vote;
             voters += std::abs(vote);
         }
-        return voters >= kFewest && votes < kClear * voters;
+        return voters >= kFewest && votes < against * voters;
     }
 
     const CellGrid& mGrid;
     TurnedNormals& mNormals;
     float mReach;
+    float mScatter; ///< squared height that noise gives points of a plane
 };
 
 /// The points of a cell that look to about the same side.
@@ -319,7 +352,6 @@ private:
     /// Keep only those groups of patchlets to turn that are flipped beyond doubt.
     void confirm(const std::vector<OrientationLink>& links, std::vector<char>& turn) const
     {
-        constexpr double kMany = 0.015; // of all points
         UnionFind sets(mPatchlets.size());
         for (const OrientationLink& l : links)
             if (turn[l.a] && turn[l.b]) sets.join(l.a, l.b);
