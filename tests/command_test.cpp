@@ -1,10 +1,12 @@
 // The command end to end: every verb, every exit status, what is said and what is reported.
 #include "command_process.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <random>
 #include <regex>
 #include <sstream>
 #include <unistd.h>
@@ -379,6 +381,28 @@ TEST_F(CommandTest, NormalsAreEstimatedAndInsideOutIsSaidAndCured)
     EXPECT_NEAR(readJson("b.json")["mesh"]["volume"], 4 * M_PI / 3, 0.1);
     const Ended spoilt = mpuvdb({"reconstruct", scan(), "-o", "c.vdb", "--flip-normals"});
     EXPECT_NE(spoilt.err.find("do without --flip-normals"), std::string::npos) << spoilt.err;
+}
+
+TEST_F(CommandTest, WarnsWhereManyNormalsAreTurned)
+{
+    const Words sphere{"sample", "sphere(1)", "--points", "5000", "-o", "sphere.xyz"};
+    ASSERT_EQ(mpuvdb(sphere).status, 0);
+    std::istringstream lines(readFile(mFolder / "sphere.xyz"));
+    std::string mixed;
+    std::mt19937 engine(3);
+    for (double x = 0, y = 0, z = 0, nx = 0, ny = 0, nz = 0;
+         lines >> x >> y >> z >> nx >> ny >> nz;) {
+        const double side = engine() % 5 < 2 ? -1 : 1;
+        mixed += fmt::format("{} {} {} {} {} {}\n", x, y, z, side * nx, side * ny, side * nz);
+    }
+    writeFile(mFolder / "mixed.xyz", mixed);
+    const Ended said = mpuvdb({"reconstruct", "mixed.xyz", "-o", "a.vdb"});
+    EXPECT_EQ(said.status, 0) << said.err;
+    EXPECT_NE(said.err.find("--normals estimate makes new ones"), std::string::npos) << said.err;
+    const Ended cured =
+        mpuvdb({"reconstruct", "mixed.xyz", "-o", "a.vdb", "--normals", "estimate"});
+    EXPECT_EQ(cured.status, 0) << cured.err;
+    EXPECT_EQ(cured.err.find("warning"), std::string::npos) << cured.err;
 }
 
 TEST_F(CommandTest, InfoKnowsPointsAndGrids)

@@ -319,6 +319,12 @@ private:
             session.note(fmt::format("normals     {} looked the wrong way and were turned; "
                                      "--normals keep leaves them",
                                      mFlipped));
+        constexpr double kDoubtful = 0.25; // of all normals
+        if (double(mFlipped) > kDoubtful * double(cloud.size()))
+            session.warn(
+                fmt::format("{} of {} normals looked the wrong way; of so many some are "
+                            "not found, and leave warts: --normals estimate makes new ones",
+                            mFlipped, cloud.size()));
         if (report.inward)
             session.warn(fmt::format("the normals point inward, so that inside and outside are "
                                      "exchanged; {}",
