@@ -75,6 +75,7 @@ Box3d boundsOf(const std::vector<Vec3f>& positions)
 /// A point on its way to its part.
 struct CellGrid::Record {
     std::uint64_t key;
+    Vec3f position;
     std::uint32_t point;
 };
 
@@ -114,14 +115,15 @@ CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Progress& p
         progress.check();
         for (std::size_t i = sliceStart(s); i < sliceStart(s + 1); ++i) {
             const std::uint64_t key = keyAt(positions[i]);
-            records[next[s][partOf(key, mPartBits)]++] = {key, std::uint32_t(i)};
+            records[next[s][partOf(key, mPartBits)]++] = {key, positions[i], std::uint32_t(i)};
         }
     });
     mParts.resize(parts);
     mOrder.resize(points);
+    mPositions.resize(points);
     tbb::parallel_for(std::size_t(0), parts, [&](std::size_t p) {
         progress.check();
-        sortPart(positions, records.get(), starts[p], starts[p + 1], mParts[p]);
+        sortPart(records.get(), starts[p], starts[p + 1], mParts[p]);
     });
     for (Part& part : mParts) {
         part.firstCell = std::uint32_t(mCells.size());
@@ -130,8 +132,7 @@ CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Progress& p
     }
 }
 
-void CellGrid::sortPart(const std::vector<Vec3f>& positions, const Record* records,
-                        std::size_t begin, std::size_t end, Part& part)
+void CellGrid::sortPart(const Record* records, std::size_t begin, std::size_t end, Part& part)
 {
     constexpr std::size_t kFewestSlots = 1024;
     part.slots.assign(kFewestSlots, kNone);
@@ -151,20 +152,32 @@ void CellGrid::sortPart(const std::vector<Vec3f>& positions, const Record* recor
         for (std::uint32_t c = 0; c < part.cells.size(); ++c)
             part.slots[findSlot(part.slots, part.cells, part.cells[c].at)] = c;
     }
-    auto start = std::uint32_t(begin);
+    std::uint32_t start = 0;
     for (Cell& cell : part.cells) {
         const std::uint32_t size = cell.end;
         cell.begin = cell.end = start;
         start += size;
     }
+    struct Sorted {
+        Vec3f position;
+        std::uint32_t point;
+    };
+    std::vector<Sorted> sorted(end - begin);
     for (std::size_t r = begin; r < end; ++r)
-        mOrder[part.cells[cellOfRecord[r - begin]].end++] = records[r].point;
-    // Whatever the order of the points was, theirs in the grid is the same.
-    const auto place = mOrder.begin();
-    for (const Cell& cell : part.cells)
-        std::sort(place + cell.begin, place + cell.end, [&](std::uint32_t a, std::uint32_t b) {
-            return positionBefore(positions[a], positions[b]);
-        });
+        sorted[part.cells[cellOfRecord[r - begin]].end++] = {records[r].position, records[r].point};
+    for (Cell& cell : part.cells) {
+        // Whatever the order of the points was, theirs in the grid is the same.
+        std::sort(sorted.begin() + cell.begin, sorted.begin() + cell.end,
+                  [](const Sorted& a, const Sorted& b) {
+                      return positionBefore(a.position, b.position);
+                  });
+        cell.begin += std::uint32_t(begin);
+        cell.end += std::uint32_t(begin);
+    }
+    for (std::size_t n = 0; n < sorted.size(); ++n) {
+        mOrder[begin + n] = sorted[n].point;
+        mPositions[begin + n] = sorted[n].position;
+    }
     std::sort(part.cells.begin(), part.cells.end(),
               [](const Cell& a, const Cell& b) { return keyOf(a.at) < keyOf(b.at); });
     std::fill(part.slots.begin(), part.slots.end(), kNone);

@@ -33,6 +33,8 @@ public:
     const std::vector<Cell>& cells() const { return mCells; }
     /// Indices of the points, cell by cell, by position in each.
     const std::vector<std::uint32_t>& order() const { return mOrder; }
+    /// Their positions, in that order.
+    const std::vector<Vec3f>& positions() const { return mPositions; }
     /// Index of the cell at @a at, or kNone.
     std::uint32_t find(const Vec3i& at) const;
     Vec3d centre(const Cell& cell) const
@@ -83,8 +85,7 @@ private:
         if (found != kNone) f(found);
     }
     std::uint64_t keyAt(const Vec3f& p) const;
-    void sortPart(const std::vector<Vec3f>& positions, const Record* records, std::size_t begin,
-                  std::size_t end, Part& part);
+    void sortPart(const Record* records, std::size_t begin, std::size_t end, Part& part);
 
     double mSide;
     Vec3d mCorner = Vec3d::Zero();
@@ -92,6 +93,7 @@ private:
     std::vector<Part> mParts;
     std::vector<Cell> mCells;
     std::vector<std::uint32_t> mOrder;
+    std::vector<Vec3f> mPositions;
 };
 
 } // namespace mpuvdb

@@ -30,7 +30,6 @@ class TurnedNormals
 public:
     explicit TurnedNormals(const PointCloud& cloud) : mCloud(cloud), mTurned(cloud.size(), 0) {}
 
-    const Vec3f& position(std::uint32_t i) const { return mCloud.positions[i]; }
     Vec3f normal(std::uint32_t i) const
     {
         return mTurned[i] ? -mCloud.normals[i] : mCloud.normals[i];
@@ -114,35 +113,38 @@ private:
         return false;
     }
 
+    struct Voter {
+        Vec3f position;
+        std::uint32_t point;
+    };
+
     void ask(const CellGrid::Cell& cell, float against, std::vector<std::uint32_t>& outvoted) const
     {
-        std::vector<std::uint32_t> around(mGrid.order().begin() + cell.begin,
-                                          mGrid.order().begin() + cell.end);
-        mGrid.forEachAround(cell, [&](std::uint32_t n) {
-            const CellGrid::Cell& other = mGrid.cells()[n];
-            around.insert(around.end(), mGrid.order().begin() + other.begin,
-                          mGrid.order().begin() + other.end);
-        });
-        for (std::uint32_t k = cell.begin; k < cell.end; ++k)
-            if (isOutvoted(mGrid.order()[k], around, against)) outvoted.push_back(mGrid.order()[k]);
+        std::vector<Voter> around;
+        const auto add = [&](const CellGrid::Cell& from) {
+            for (std::uint32_t k = from.begin; k < from.end; ++k)
+                around.push_back({mGrid.positions()[k], mGrid.order()[k]});
+        };
+        add(cell);
+        mGrid.forEachAround(cell, [&](std::uint32_t n) { add(mGrid.cells()[n]); });
+        for (std::size_t n = 0; n < cell.size(); ++n)
+            if (isOutvoted(around[n], around, against)) outvoted.push_back(around[n].point);
     }
 
-    bool isOutvoted(std::uint32_t point, const std::vector<std::uint32_t>& around,
-                    float against) const
+    bool isOutvoted(const Voter& judged, const std::vector<Voter>& around, float against) const
     {
         // Other sheets lie above and below a cone about the point's plane.
         constexpr float kSlope = 0.3f;
         constexpr float kFewest = 5;
-        const Vec3f& p = mNormals.position(point);
-        const Vec3f normal = mNormals.normal(point);
+        const Vec3f normal = mNormals.normal(judged.point);
         float votes = 0, voters = 0;
-        for (const std::uint32_t q : around) {
-            const Vec3f apart = mNormals.position(q) - p;
+        for (const auto& [position, q] : around) {
+            const Vec3f apart = position - judged.position;
             const float squared = apart.squaredNorm();
             const float height = normal.dot(apart);
             if (squared > mReach * mReach || height * height > kSlope * kSlope * squared + mScatter)
                 continue;
-            if (q == point) continue;
+            if (q == judged.point) continue;
             // One across an edge has nothing to say.
             const float vote = normal.dot(mNormals.normal(q));
             votes += vote;
@@ -218,7 +220,7 @@ private:
         for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
             const std::uint32_t point = mGrid.order()[k];
             Patchlet& patchlet = mPatchlets[2 * c + sideOf(cell, point)];
-            patchlet.position += mNormals.position(point) - base;
+            patchlet.position += mGrid.positions()[k] - base;
             patchlet.normal += mNormals.normal(point);
             ++patchlet.points;
         }

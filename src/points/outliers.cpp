@@ -5,7 +5,6 @@
 #include "local_plane.h"
 #include "lone_points.h"
 #include "parallel_each.h"
-#include "position_order.h"
 
 #include <mpuvdb/outliers.h>
 #include <mpuvdb/progress.h>
@@ -204,15 +203,13 @@ private:
 };
 
 /// The position of a cell's point nearest to its centre.
-Vec3f representative(const std::vector<Vec3f>& positions, const CellGrid& grid,
-                     const CellGrid::Cell& cell)
+Vec3f representative(const CellGrid& grid, const CellGrid::Cell& cell)
 {
     const Vec3f centre = grid.centre(cell).cast<float>();
-    Vec3f best = positions[grid.order()[cell.begin]];
+    Vec3f best = grid.positions()[cell.begin]; // the first of those equally near: they are sorted
     for (std::uint32_t k = cell.begin + 1; k < cell.end; ++k) {
-        const Vec3f& p = positions[grid.order()[k]];
-        const float now = (p - centre).squaredNorm(), until = (best - centre).squaredNorm();
-        if (now < until || (now == until && positionBefore(p, best))) best = p;
+        const Vec3f& p = grid.positions()[k];
+        if ((p - centre).squaredNorm() < (best - centre).squaredNorm()) best = p;
     }
     return best;
 }
@@ -252,11 +249,12 @@ private:
     void judgeApart()
     {
         if (mApart.empty()) return;
-        std::vector<Vec3f> positions;
-        positions.reserve(mApart.size());
-        for (const std::uint32_t i : mApart) positions.push_back(mPositions[i]);
-        for (const std::uint32_t c : mSurface)
-            positions.push_back(representative(mPositions, mGrid, mGrid.cells()[c]));
+        std::vector<Vec3f> positions(mApart.size() + mSurface.size());
+        std::transform(mApart.begin(), mApart.end(), positions.begin(),
+                       [&](std::uint32_t i) { return mPositions[i]; });
+        forEachParallel(mSurface.size(), kGrain, mProgress, [&](std::size_t n) {
+            positions[mApart.size() + n] = representative(mGrid, mGrid.cells()[mSurface[n]]);
+        });
         const std::vector<char> found =
             SparsePoints(positions, mApart.size(), mProgress).outliers();
         for (std::size_t n = 0; n < mApart.size(); ++n) mOutlier[mApart[n]] = found[n];

@@ -27,10 +27,11 @@ void Surroundings::enter(const CellGrid::Cell& cell)
     for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
         const std::uint32_t p = mGrid.order()[k];
         if (mFlags[p]) continue;
+        const Vec3f& position = mGrid.positions()[k];
         mPoints.push_back(p);
-        mX.push_back(mPositions[p].x());
-        mY.push_back(mPositions[p].y());
-        mZ.push_back(mPositions[p].z());
+        mX.push_back(position.x());
+        mY.push_back(position.y());
+        mZ.push_back(position.z());
     }
 }
 
@@ -60,13 +61,12 @@ bool Surroundings::hasCompany(std::size_t i, int few, double far, double close) 
     const auto squaredFar = float(far * far), squaredClose = float(close * close);
     Company company = companyInCell(i, few, squaredFar, squaredClose);
     if (company.isEnough(few)) return true;
-    const Vec3f& p = mPositions[mPoints[i]];
+    const Vec3f p(mX[i], mY[i], mZ[i]);
     for (const CellGrid::Cell* cell : mAround)
         for (std::uint32_t k = cell->begin; k < cell->end; ++k) {
-            const std::uint32_t q = mGrid.order()[k];
-            const float squared = (mPositions[q] - p).squaredNorm();
+            const float squared = (mGrid.positions()[k] - p).squaredNorm();
             if (squared >= squaredFar && squared >= squaredClose) continue;
-            if (mFlags[q]) continue;
+            if (mFlags[mGrid.order()[k]]) continue;
             company.far += squared < squaredFar;
             company.close += squared < squaredClose;
             if (company.isEnough(few)) return true;
@@ -112,14 +112,17 @@ void Surroundings::take(const CellGrid::Cell& cell)
 {
     const auto squaredRadius = float(mRadius * mRadius);
     const auto radius = float(mRadius);
-    const auto begin = mGrid.order().begin() + cell.begin, end = mGrid.order().begin() + cell.end;
+    const Vec3f* const positions = mGrid.positions().data();
     // The points of a cell are sorted by x.
-    const auto from = std::partition_point(
-        begin, end, [&](std::uint32_t q) { return mPositions[q].x() < mMiddle.x() - radius; });
-    for (auto k = from; k < end && mPositions[*k].x() <= mMiddle.x() + radius; ++k) {
-        const float squared = (mPositions[*k] - mMiddle).squaredNorm();
-        if (squared < squaredRadius && *k != mMiddlePoint && !mFlags[*k])
-            mAbout.push_back({squared, *k});
+    const Vec3f* const from =
+        std::partition_point(positions + cell.begin, positions + cell.end,
+                             [&](const Vec3f& q) { return q.x() < mMiddle.x() - radius; });
+    for (auto k = std::size_t(from - positions);
+         k < cell.end && positions[k].x() <= mMiddle.x() + radius; ++k) {
+        const float squared = (positions[k] - mMiddle).squaredNorm();
+        const std::uint32_t q = mGrid.order()[k];
+        if (squared < squaredRadius && q != mMiddlePoint && !mFlags[q])
+            mAbout.push_back({squared, q});
     }
 }
 
