@@ -169,6 +169,29 @@ TEST(Outliers, APointThatNormalsLeadToStays)
     EXPECT_EQ(outliersOf(cloud), std::vector<std::uint32_t>{index});
 }
 
+/// As a scanner sees two faces of a wedge: one of them hardly at all.
+TEST(Outliers, ASparseFaceBesideADenseOneStays)
+{
+    constexpr float kSparse = 0.03f, kDense = 0.006f; // between rows
+    PointCloud cloud;
+    const auto addFace = [&](float spacing, const Vec3f& across, const Vec3f& normal) {
+        const int rows = int(1 / spacing);
+        for (int i = 0; i < rows; ++i)
+            for (int j = 0; j < rows; ++j) {
+                const float along = i % 2 ? 0.5f : 0; // no two distances equal to the last bit
+                cloud.positions.push_back(Vec3f(spacing * (float(j) + along), 0, 0) +
+                                          spacing * (float(i) + 0.3f) * across);
+                cloud.normals.push_back(normal);
+            }
+    };
+    const float c = std::cos(0.96f), s = std::sin(0.96f); // 55 degrees
+    addFace(kSparse, Vec3f(0, 1, 0), Vec3f(0, 0, -1));
+    const std::size_t sparse = cloud.size();
+    addFace(kDense, Vec3f(0, c, s), Vec3f(0, -s, c));
+    const auto found = outliersOf(cloud);
+    EXPECT_LE(found.size(), 2u) << "of " << sparse; // at the corners
+}
+
 TEST(Outliers, ClumpsGoAndDetachedObjectsStay)
 {
     PointCloud cloud = scanned("sphere(1)", 20000, Pattern::Even);

@@ -12,6 +12,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -68,19 +70,35 @@ private:
     /// voters of the other side are in the majority now and then, but not clearly.
     static constexpr float kClear = -0.5f, kHardly = -0.35f;
 
+    struct Outvoted {
+        std::uint32_t point, cell;
+    };
+
     /// Rounds until none is turned: where every fifth is flipped, some are not outvoted at first.
     std::size_t turnOutvoted(const std::vector<std::uint32_t>& cells, float against,
                              Progress& progress)
     {
         constexpr int kRounds = 8;
         std::size_t turned = 0;
-        for (int round = 0; round < kRounds && !cells.empty(); ++round) {
-            const auto outvoted = gatherParallel<std::uint32_t>(
-                cells.size(), kGrain, progress,
-                [&](std::size_t c, auto& found) { ask(mGrid.cells()[cells[c]], against, found); });
-            if (outvoted.empty()) break;
-            for (const std::uint32_t point : outvoted) mNormals.turn(point);
+        std::vector<std::uint32_t> asked = cells;
+        for (int round = 0; round < kRounds && !asked.empty(); ++round) {
+            const auto outvoted = gatherParallel<Outvoted>(
+                asked.size(), kGrain, progress,
+                [&](std::size_t n, auto& found) { ask(asked[n], against, found); });
             turned += outvoted.size();
+            // Only about these a vote may end otherwise the next time.
+            constexpr char kAlone = 1, kWithAround = 2;
+            std::vector<char> isAbout(mGrid.cells().size(), 0);
+            for (const auto& [point, cell] : outvoted) {
+                mNormals.turn(point);
+                if (std::exchange(isAbout[cell], kWithAround) == kWithAround) continue;
+                mGrid.forEachAround(mGrid.cells()[cell], [&](std::uint32_t c) {
+                    if (!isAbout[c]) isAbout[c] = kAlone;
+                });
+            }
+            asked.clear();
+            std::copy_if(cells.begin(), cells.end(), std::back_inserter(asked),
+                         [&](std::uint32_t c) { return isAbout[c]; });
         }
         return turned;
     }
@@ -118,8 +136,9 @@ private:
         std::uint32_t point;
     };
 
-    void ask(const CellGrid::Cell& cell, float against, std::vector<std::uint32_t>& outvoted) const
+    void ask(std::uint32_t c, float against, std::vector<Outvoted>& outvoted) const
     {
+        const CellGrid::Cell& cell = mGrid.cells()[c];
         std::vector<Voter> around;
         const auto add = [&](const CellGrid::Cell& from) {
             for (std::uint32_t k = from.begin; k < from.end; ++k)
@@ -128,7 +147,7 @@ private:
         add(cell);
         mGrid.forEachAround(cell, [&](std::uint32_t n) { add(mGrid.cells()[n]); });
         for (std::size_t n = 0; n < cell.size(); ++n)
-            if (isOutvoted(around[n], around, against)) outvoted.push_back(around[n].point);
+            if (isOutvoted(around[n], around, against)) outvoted.push_back({around[n].point, c});
     }
 
     bool isOutvoted(const Voter& judged, const std::vector<Voter>& around, float against) const

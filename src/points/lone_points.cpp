@@ -179,26 +179,80 @@ private:
     std::vector<double> mAngles;
 };
 
-/// Whether a surface goes on from a point to its neighbours as their normals and its own say: the
-/// way from one point of an arc to another is perpendicular to the mean of the normals there.
-bool agreesWithNormals(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
-                       std::uint32_t point, Surroundings& surroundings)
+/// Whether a surface goes on from a point to its neighbours as their normals and its own say.
+class NormalsLead
 {
-    constexpr std::size_t kNeighbors = 12, kAgreeing = 9;
-    constexpr float kSameSide = 0.3f;    // cosine of their normals
-    const float kOff = std::sin(0.262f); // 15 degrees
-    const auto& about = surroundings.about();
-    while (about.size() < kNeighbors)
-        if (!surroundings.lookFarther()) return false;
-    std::size_t agreeing = 0;
-    for (std::size_t k = 0; k < kNeighbors; ++k) {
-        const std::uint32_t q = about[k].point;
-        const Vec3f way = positions[q] - positions[point], sum = normals[q] + normals[point];
-        agreeing += normals[q].dot(normals[point]) > kSameSide &&
-                    std::abs(way.dot(sum)) < kOff * way.norm() * sum.norm();
+public:
+    /// @param normals  unit length; or none, which lead nowhere.
+    NormalsLead(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
+                Surroundings& surroundings)
+        : mPositions(positions), mNormals(normals), mSurroundings(surroundings)
+    {
     }
-    return agreeing >= kAgreeing;
-}
+
+    bool leadTo(std::uint32_t point)
+    {
+        return !mNormals.empty() && (agreeAround(point) || agreeOnItsSide(point));
+    }
+
+private:
+    bool isOnItsSide(std::uint32_t point, std::uint32_t other) const
+    {
+        constexpr float kSameSide = 0.3f; // cosine of the normals
+        return mNormals[other].dot(mNormals[point]) > kSameSide;
+    }
+
+    /// The way from one point of an arc to another is perpendicular to the mean of the normals.
+    bool agree(std::uint32_t point, std::uint32_t other) const
+    {
+        const float kOff = std::sin(0.262f); // 15 degrees
+        const Vec3f way = mPositions[other] - mPositions[point];
+        const Vec3f sum = mNormals[other] + mNormals[point];
+        return std::abs(way.dot(sum)) < kOff * way.norm() * sum.norm();
+    }
+
+    /// Most of those around, as those do that see the bottom of a fold from its walls.
+    bool agreeAround(std::uint32_t point)
+    {
+        constexpr std::size_t kAsked = 12, kAgreeing = 9;
+        const auto& about = mSurroundings.about();
+        while (about.size() < kAsked)
+            if (!mSurroundings.lookFarther()) return false;
+        return kAgreeing <= std::size_t(std::count_if(about.begin(), about.begin() + kAsked,
+                                                      [&](const auto& near) {
+                                                          return isOnItsSide(point, near.point) &&
+                                                                 agree(point, near.point);
+                                                      }));
+    }
+
+    /// Those that look to its side, about as far apart as it is from them: a face with few points
+    /// beside one with many, which look elsewhere and have nothing to say.
+    bool agreeOnItsSide(std::uint32_t point)
+    {
+        constexpr std::size_t kAgreeing = 5;
+        constexpr double kFar = 1.5;              // reaches
+        constexpr std::size_t kMost = 6 * kReach; // within twice the distance of kReach: 4 are even
+        const auto& about = mSurroundings.about();
+        while (about.size() < kReach || mSurroundings.completeTo() < 2 * kFar * reach())
+            if (!mSurroundings.lookFarther()) return false;
+        double far = kFar * reach();
+        std::size_t asked = 0, agreeing = 0;
+        for (std::size_t k = 0; k < about.size() && mSurroundings.distance(k) < far; ++k) {
+            if (!isOnItsSide(point, about[k].point)) continue;
+            if (++asked > kMost) return false;
+            if (asked > kReach) continue;
+            agreeing += agree(point, about[k].point);
+            if (asked == kReach) far = 2 * mSurroundings.distance(k);
+        }
+        return agreeing >= kAgreeing;
+    }
+
+    double reach() const { return mSurroundings.distance(kReach - 1); }
+
+    const std::vector<Vec3f>& mPositions;
+    const std::vector<Vec3f>& mNormals;
+    Surroundings& mSurroundings;
+};
 
 /// Judges the points of one cell after the other.
 class LonePoints
@@ -207,9 +261,10 @@ public:
     LonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
                const CellGrid& grid, const PointStatistics& statistics,
                const std::vector<char>& flags)
-        : mPositions(positions), mNormals(normals), mGrid(grid), mStatistics(statistics),
-          mSurroundings(positions, grid, flags), mOffPlane(positions, statistics.noise),
-          mSparser(positions, statistics.noise, mSurroundings)
+        : mGrid(grid), mStatistics(statistics), mSurroundings(positions, grid, flags),
+          mOffPlane(positions, statistics.noise),
+          mSparser(positions, statistics.noise, mSurroundings),
+          mNormals(positions, normals, mSurroundings)
     {
     }
 
@@ -226,9 +281,7 @@ public:
             if (mSurroundings.hasCompany(i, int(kReach), far, close)) continue;
             const std::uint32_t p = mSurroundings.points()[i];
             if (!standsAlone(p, far, close)) continue;
-            if (!mNormals.empty() && agreesWithNormals(mPositions, mNormals, p, mSurroundings))
-                continue;
-            found.push_back({p, cell});
+            if (!mNormals.leadTo(p)) found.push_back({p, cell});
         }
     }
 
@@ -245,13 +298,12 @@ private:
         return mSparser.isSparser(point) && !mSparser.isOnSheet(point);
     }
 
-    const std::vector<Vec3f>& mPositions;
-    const std::vector<Vec3f>& mNormals;
     const CellGrid& mGrid;
     const PointStatistics& mStatistics;
     Surroundings mSurroundings;
     OffPlane mOffPlane;
     SparserPoint mSparser;
+    NormalsLead mNormals;
 };
 
 } // namespace
