@@ -230,8 +230,10 @@ private:
     bool agreeOnItsSide(std::uint32_t point)
     {
         constexpr std::size_t kAgreeing = 5;
-        constexpr double kFar = 1.5;              // reaches
-        constexpr std::size_t kMost = 6 * kReach; // within twice the distance of kReach: 4 are even
+        constexpr double kFar = 1.5; // reaches
+        // Within twice the distance of the farthest asked: of an even face it is four times as
+        // many.
+        constexpr std::size_t kMost = 6 * kReach;
         const auto& about = mSurroundings.about();
         while (about.size() < kReach || mSurroundings.completeTo() < 2 * kFar * reach())
             if (!mSurroundings.lookFarther()) return false;
