@@ -178,7 +178,7 @@ TEST(Outliers, ASparseFaceBesideADenseOneStays)
         const int rows = int(1 / spacing);
         for (int i = 0; i < rows; ++i)
             for (int j = 0; j < rows; ++j) {
-                const float along = i % 2 ? 0.5f : 0; // no two distances equal to the last bit
+                const float along = i % 2 ? 0.5f : 0; // rows are staggered
                 cloud.positions.push_back(Vec3f(spacing * (float(j) + along), 0, 0) +
                                           spacing * (float(i) + 0.3f) * across);
                 cloud.normals.push_back(normal);

@@ -194,4 +194,17 @@ std::uint32_t CellGrid::find(const Vec3i& at) const
     return found == kNone ? kNone : part.firstCell + found;
 }
 
+std::vector<char> cellsAbout(const CellGrid& grid, const std::vector<PointInCell>& found)
+{
+    constexpr char kAlone = 1, kWithAround = 2;
+    std::vector<char> isAbout(grid.cells().size(), 0);
+    for (const PointInCell& f : found) {
+        if (std::exchange(isAbout[f.cell], kWithAround) == kWithAround) continue;
+        grid.forEachAround(grid.cells()[f.cell], [&](std::uint32_t c) {
+            if (!isAbout[c]) isAbout[c] = kAlone;
+        });
+    }
+    return isAbout;
+}
+
 } // namespace mpuvdb

@@ -96,4 +96,13 @@ private:
     std::vector<Vec3f> mPositions;
 };
 
+/// A point that was found among those of a cell.
+struct PointInCell {
+    std::uint32_t point, cell;
+};
+
+/// Of each cell whether it or one around it holds one of @a found: only there a second look, which
+/// knows of these, may find something else.
+std::vector<char> cellsAbout(const CellGrid& grid, const std::vector<PointInCell>& found);
+
 } // namespace mpuvdb

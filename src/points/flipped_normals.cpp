@@ -13,7 +13,6 @@
 #include <array>
 #include <cmath>
 #include <iterator>
-#include <utility>
 
 namespace mpuvdb
 {
@@ -70,10 +69,6 @@ private:
     /// voters of the other side are in the majority now and then, but not clearly.
     static constexpr float kClear = -0.5f, kHardly = -0.35f;
 
-    struct Outvoted {
-        std::uint32_t point, cell;
-    };
-
     /// Rounds until none is turned: where every fifth is flipped, some are not outvoted at first.
     std::size_t turnOutvoted(const std::vector<std::uint32_t>& cells, float against,
                              Progress& progress)
@@ -82,20 +77,12 @@ private:
         std::size_t turned = 0;
         std::vector<std::uint32_t> asked = cells;
         for (int round = 0; round < kRounds && !asked.empty(); ++round) {
-            const auto outvoted = gatherParallel<Outvoted>(
+            const auto outvoted = gatherParallel<PointInCell>(
                 asked.size(), kGrain, progress,
                 [&](std::size_t n, auto& found) { ask(asked[n], against, found); });
             turned += outvoted.size();
-            // Only about these a vote may end otherwise the next time.
-            constexpr char kAlone = 1, kWithAround = 2;
-            std::vector<char> isAbout(mGrid.cells().size(), 0);
-            for (const auto& [point, cell] : outvoted) {
-                mNormals.turn(point);
-                if (std::exchange(isAbout[cell], kWithAround) == kWithAround) continue;
-                mGrid.forEachAround(mGrid.cells()[cell], [&](std::uint32_t c) {
-                    if (!isAbout[c]) isAbout[c] = kAlone;
-                });
-            }
+            for (const PointInCell& found : outvoted) mNormals.turn(found.point);
+            const std::vector<char> isAbout = cellsAbout(mGrid, outvoted);
             asked.clear();
             std::copy_if(cells.begin(), cells.end(), std::back_inserter(asked),
                          [&](std::uint32_t c) { return isAbout[c]; });
@@ -136,7 +123,7 @@ private:
         std::uint32_t point;
     };
 
-    void ask(std::uint32_t c, float against, std::vector<Outvoted>& outvoted) const
+    void ask(std::uint32_t c, float against, std::vector<PointInCell>& outvoted) const
     {
         const CellGrid::Cell& cell = mGrid.cells()[c];
         std::vector<Voter> around;

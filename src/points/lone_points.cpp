@@ -2,6 +2,7 @@
 // their neighbours, and with what lies about them at their own scale.
 #include "lone_points.h"
 
+#include "cell_grid.h"
 #include "local_plane.h"
 #include "parallel_each.h"
 #include "surroundings.h"
@@ -16,10 +17,6 @@ namespace
 {
 
 constexpr double kNoises = 5; // standard deviations that noise strews points
-
-struct LonePoint {
-    std::uint32_t point, cell;
-};
 
 /// Whether a point is off the plane of its neighbours, which themselves are on it.
 class OffPlane
@@ -63,6 +60,11 @@ private:
 
 constexpr std::size_t kReach = 6; // neighbours within a point's reach
 
+double reachIn(const Surroundings& surroundings)
+{
+    return surroundings.distance(kReach - 1);
+}
+
 /// Whether a point has its neighbours several times farther off than these have theirs.
 class SparserPoint
 {
@@ -77,10 +79,10 @@ public:
         const auto& about = mSurroundings.about();
         while (about.size() < kNeighbors ||
                mSurroundings.completeTo() <
-                   mSurroundings.distance(kNeighbors - 1) + reach() / kSparser)
+                   mSurroundings.distance(kNeighbors - 1) + reachIn(mSurroundings) / kSparser)
             if (!mSurroundings.lookFarther()) break;
         if (about.size() < kReach) return true;
-        if (reach() < kNoises * mNoise) return false;
+        if (reachIn(mSurroundings) < kNoises * mNoise) return false;
         mMembers.clear(); // those that are like it: what it would be a surface with
         std::size_t closer = 0;
         for (std::size_t k = 0; k < std::min(kNeighbors, about.size()); ++k)
@@ -90,7 +92,8 @@ public:
                 mMembers.push_back(about[k].point);
         if (closer <= kNeighbors / 4) return false;
         constexpr std::size_t kFew = 5;
-        return mMembers.size() < kFew || !liesFlat(mPositions, point, mMembers, reach());
+        return mMembers.size() < kFew ||
+               !liesFlat(mPositions, point, mMembers, reachIn(mSurroundings));
     }
 
     /// Whether it lies on a sheet with those that surround it. What is denser about it is looked at
@@ -99,7 +102,7 @@ public:
     {
         constexpr int kScales = 4;
         if (mSurroundings.about().size() < kReach) return false;
-        double apart = reach() / 2;
+        double apart = reachIn(mSurroundings) / 2;
         for (int scale = 0; scale < kScales; ++scale, apart *= 2) {
             thin(apart);
             while (mMembers.size() < kThinned || mFarthest > mSurroundings.completeTo()) {
@@ -116,13 +119,11 @@ private:
     static constexpr std::size_t kNeighbors = 16, kThinned = 12;
     static constexpr double kSparser = 2.5;
 
-    double reach() const { return mSurroundings.distance(kReach - 1); }
-
     /// Whether a neighbour has its own several times closer.
     bool isCloser(const Surroundings::Near& neighbor) const
     {
         const Vec3f& p = mPositions[neighbor.point];
-        const double close = reach() / kSparser;
+        const double close = reachIn(mSurroundings) / kSparser;
         const double farthest = std::sqrt(double(neighbor.squared)) + close;
         std::size_t near = 0;
         for (const Surroundings::Near& n : mSurroundings.about()) {
@@ -235,9 +236,10 @@ private:
         // many.
         constexpr std::size_t kMost = 6 * kReach;
         const auto& about = mSurroundings.about();
-        while (about.size() < kReach || mSurroundings.completeTo() < 2 * kFar * reach())
+        while (about.size() < kReach ||
+               mSurroundings.completeTo() < 2 * kFar * reachIn(mSurroundings))
             if (!mSurroundings.lookFarther()) return false;
-        double far = kFar * reach();
+        double far = kFar * reachIn(mSurroundings);
         std::size_t asked = 0, agreeing = 0;
         for (std::size_t k = 0; k < about.size() && mSurroundings.distance(k) < far; ++k) {
             if (!isOnItsSide(point, about[k].point)) continue;
@@ -248,8 +250,6 @@ private:
         }
         return agreeing >= kAgreeing;
     }
-
-    double reach() const { return mSurroundings.distance(kReach - 1); }
 
     const std::vector<Vec3f>& mPositions;
     const std::vector<Vec3f>& mNormals;
@@ -270,7 +270,7 @@ public:
     {
     }
 
-    void judge(std::uint32_t cell, std::vector<LonePoint>& found)
+    void judge(std::uint32_t cell, std::vector<PointInCell>& found)
     {
         // A disc of the larger radius holds thirty points of a surface, one of the smaller seven.
         constexpr double kFar = 3, kClose = 1.5;
@@ -319,19 +319,15 @@ void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f
     std::vector<std::uint32_t> cells(grid.cells().size());
     std::iota(cells.begin(), cells.end(), 0u);
     for (int pass = 0; pass < kPasses && !cells.empty(); ++pass) {
-        const auto judge = [&](std::size_t chunk, std::vector<LonePoint>& found) {
+        const auto judge = [&](std::size_t chunk, std::vector<PointInCell>& found) {
             LonePoints points(positions, normals, grid, statistics, flags);
             const std::size_t end = std::min((chunk + 1) * kGrain, cells.size());
             for (std::size_t n = chunk * kGrain; n < end; ++n) points.judge(cells[n], found);
         };
         const auto found =
-            gatherParallel<LonePoint>((cells.size() + kGrain - 1) / kGrain, 1, progress, judge);
-        // Only about them the next pass may find more.
-        std::vector<char> isAbout(grid.cells().size(), 0);
-        for (const LonePoint& lone : found) {
-            flags[lone.point] = isAbout[lone.cell] = 1;
-            grid.forEachAround(grid.cells()[lone.cell], [&](std::uint32_t c) { isAbout[c] = 1; });
-        }
+            gatherParallel<PointInCell>((cells.size() + kGrain - 1) / kGrain, 1, progress, judge);
+        for (const PointInCell& lone : found) flags[lone.point] = 1;
+        const std::vector<char> isAbout = cellsAbout(grid, found);
         cells.clear();
         for (std::uint32_t c = 0; c < isAbout.size(); ++c)
             if (isAbout[c]) cells.push_back(c);
