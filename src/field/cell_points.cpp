@@ -146,6 +146,7 @@ void CellPoints::assignSubset(const CellPoints& other, const std::vector<std::ui
     pad();
 }
 
+MPUVDB_CLONES
 Vec3d meanNormal(const CellPoints& points)
 {
     Group sx{}, sy{}, sz{};

@@ -177,6 +177,7 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
         const Group rz = mCorner[2] + mStep * (double(k0) + lanes) - p[2], rz2 = rz * rz;
         for (int j = j0; j < j0 + kLanes; ++j) {
             const double ry = mCorner[1] + mStep * j - p[1];
+            if (rx2 + ry * ry >= kKernel * kKernel * step2) continue; // more than half of the rows
             const Group d2 = (rx2 + ry * ry + rz2) / step2, cut = 1 - d2 / (kKernel * kKernel);
             const Group w = cut > 0 ? cut * cut / ((d2 + mSoftness) * (d2 + mSoftness)) : Group{};
             const Group side = n[0] * rx + n[1] * ry + n[2] * rz;

@@ -32,6 +32,9 @@ constexpr double kVetoSteps = 1.5;
 /// The same where they agree about the side, and the leaf finds the surface farther away.
 constexpr double kOverlookedSteps = 0.5;
 
+/// Steps from the surface up to which a leaf is believed whatever the coarse field says.
+constexpr double kNeverVetoed = std::min(kOverlookedSteps, (kVetoSteps - 1));
+
 /// How far @a value, a leaf's distance at its centre, is out of keeping with the coarse field's
 /// @a other there, in steps of that; above 0 it is not to be believed.
 double disagreement(double value, double other, const CoarseSign& coarse)
@@ -75,6 +78,7 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         const LocalFit fit = tree.fitAbout(stored, stored.origin.cast<double>());
         const Quadric& q = fit.ruling(y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
+        if (std::abs(value) <= kNeverVetoed * coarse.step()) return;
         const double other = coarse.evaluate(centre).value;
         node.support *= float(falling(disagreement(value, other, coarse)));
     });
