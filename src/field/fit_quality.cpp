@@ -67,7 +67,7 @@ double worstSquared(const LocalFit& fit, const CellPoints& points, double testRa
         const Group within = x * x + y * y + z * z < radius2 ? error2 : Group{};
         worst = within > worst ? within : worst;
     }
-    return std::max(std::max(worst[0], worst[1]), std::max(worst[2], worst[3]));
+    return largest(worst);
 }
 
 /// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough),
@@ -87,8 +87,7 @@ double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std:
             const Group d2 = dx * dx + dy * dy + dz * dz;
             nearest = d2 < nearest ? d2 : nearest;
         }
-        const double found =
-            std::min(std::min(nearest[0], nearest[1]), std::min(nearest[2], nearest[3]));
+        const double found = smallest(nearest);
         if (found < least) {
             least = found;
             start = run;
@@ -310,7 +309,7 @@ double overhang(const CellPoints& points, const Vec3d& y, double gap)
         const auto nearer = (dx * dx + dy * dy + dz * dz < within2) & (along < least);
         least = nearer ? along : least;
     }
-    return std::max(std::min(std::min(least[0], least[1]), std::min(least[2], least[3])), 0.0);
+    return std::max(smallest(least), 0.0);
 }
 
 /// The largest of what gapAt(foot, enough) tells of the feet on the zero set that zeroSetGap() is

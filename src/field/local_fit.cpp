@@ -384,7 +384,7 @@ double lowestCosine(const CellPoints& points, const Vec3d& normal)
                              load(points.nz, i) * normal[2];
         lowest = cosine < lowest ? cosine : lowest;
     }
-    return std::min(std::min(lowest[0], lowest[1]), std::min(lowest[2], lowest[3]));
+    return smallest(lowest);
 }
 
 /// Whether some normal turns by pi/2 or more from @a normal; with noise, more than strays do.

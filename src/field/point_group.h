@@ -1,5 +1,6 @@
 // Four points at a time; written so that every instruction set gives the same bits.
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -18,6 +19,16 @@ using Group = double __attribute__((vector_size(32)));
 [[gnu::always_inline]] inline double sum(const Group& g)
 {
     return (g[0] + g[1]) + (g[2] + g[3]);
+}
+
+[[gnu::always_inline]] inline double smallest(const Group& g)
+{
+    return std::min(std::min(g[0], g[1]), std::min(g[2], g[3]));
+}
+
+[[gnu::always_inline]] inline double largest(const Group& g)
+{
+    return std::max(std::max(g[0], g[1]), std::max(g[2], g[3]));
 }
 
 [[gnu::always_inline]] inline Group squareRoot(const Group& g)
