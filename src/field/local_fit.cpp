@@ -357,6 +357,9 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
     if (sharp->count == 4 && fitGeneralAbout(points, cellSize, general.pieces[0])) offer(general);
 }
 
+/// Part of the tolerance within which no feature is looked for: what it brings nearer nobody sees.
+constexpr double kLeastSharpError = 0.125;
+
 /// How far off the surface noise carries one of few points at most, in standard deviations.
 constexpr double kFarthest = 8;
 
@@ -486,8 +489,9 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     const bool isSmall = points.count <= settings.maxSharpPoints;
     result.turnsAway = turnsAway && !isSmall;
     const bool mayBeSharp =
-        (result.spreadNormals || turnsAway) && result.error > kFarthest * settings.noise;
-    if (isSmall && (!result.accepted || mayBeSharp)) {
+        turnsAway || (result.spreadNormals && result.error > kLeastSharpError * settings.tolerance);
+    const bool isClear = result.error > kFarthest * settings.noise; // of noise
+    if (isSmall && (!result.accepted || (mayBeSharp && isClear))) {
         trySharp(result, points, cellSize, testRadius, scratch);
         result.accepted = isAccepted(result, points, testRadius, settings);
     }
