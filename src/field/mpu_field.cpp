@@ -75,8 +75,7 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
             if (node.support <= 0) return;
         }
         const Vec3d y = centre - stored.origin.cast<double>();
-        const LocalFit fit = tree.fitAbout(stored, stored.origin.cast<double>());
-        const Quadric& q = fit.ruling(y);
+        const Quadric q = tree.rulingAt(stored, y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
         if (std::abs(value) <= kNeverVetoed * coarse.step()) return;
         const double other = coarse.evaluate(centre).value;

@@ -89,15 +89,6 @@ std::uint32_t Octree::addFitThrough(const Vec3f& point, const Quadric& fit)
     return index;
 }
 
-LocalFit Octree::fitAbout(const StoredFit& stored, const Vec3d& origin) const
-{
-    LocalFit fit;
-    fit.count = stored.count;
-    fit.maxBits = stored.maxBits;
-    for (std::size_t k = 0; k < stored.count; ++k) fit.pieces[k] = pieceAbout(stored, k, origin);
-    return fit;
-}
-
 Quadric Octree::rulingAt(const StoredFit& fit, const Vec3d& y) const
 {
     const auto piece = [&](int k) { return quadric(quadrics[fit.firstQuadric + std::size_t(k)]); };

@@ -74,11 +74,9 @@ struct Octree {
     std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin);
     /// Store a fit about the input point @a point, at which it is zero.
     std::uint32_t addFitThrough(const Vec3f& point, const Quadric& fit);
-    /// A stored fit about another origin, in double precision.
-    LocalFit fitAbout(const StoredFit& fit, const Vec3d& origin) const;
     /// The piece of a stored fit that rules at @a y from its origin; about the origin.
     Quadric rulingAt(const StoredFit& fit, const Vec3d& y) const;
-    /// One of its pieces alone.
+    /// One piece of a stored fit about another origin, in double precision.
     Quadric pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const;
     /// Append @a subtree, whose node 0 becomes node @a at.
     void graft(std::uint32_t at, const Octree& subtree);
