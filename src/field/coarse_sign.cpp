@@ -378,6 +378,12 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
                      borderDistance(dipoles(kFewSteps), mGrid, mCorner, mStep, progress), progress);
 }
 
+Box3d CoarseSign::bounds() const
+{
+    const Vec3d first = mCorner + Vec3d::Constant(mStep);
+    return {first, first + mStep * Vec3d(mGrid.n[0] - 3, mGrid.n[1] - 3, mGrid.n[2] - 3)};
+}
+
 /// Of one place (a double), or of a group.
 template <typename T>
 struct CoarseSign::Sample {

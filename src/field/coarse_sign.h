@@ -30,6 +30,8 @@ public:
     /// A farther distance is not told: it means nothing, and would outweigh what it is blended
     /// with.
     double farthest() const { return 4 * mStep; }
+    /// Where that holds: beyond, distances are added.
+    Box3d bounds() const;
     /// Approximate signed distance (world units) and its direction at @a p (local coordinates);
     /// beyond the grid's box that of the nearest point in it, plus the distance to it: all outside.
     FieldSample evaluate(const Vec3d& p) const;

@@ -1,6 +1,7 @@
 #include "mpu_block_sampler.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace mpuvdb
 {
@@ -35,7 +36,8 @@ MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, c
                                  double voxelSize, double band)
     : mTree(tree), mCoarse(coarse), mOrigin(origin), mVoxelSize(voxelSize),
       mLimit(float(band / voxelSize)),
-      mFarthest(coarse ? std::max(2 * mLimit, float(coarse->farthest() / voxelSize)) : mLimit),
+      mCoarseFarthest(coarse ? float(coarse->farthest() / voxelSize) : 0),
+      mFarthest(coarse ? std::max(2 * mLimit, mCoarseFarthest) : mLimit),
       mLeaves(tree, origin, voxelSize)
 {
 }
@@ -55,7 +57,11 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     addCells(mCells, wanted, mTree.interpolates(), mSums);
     // Blended with the coarse field a value may be beyond the band and still count.
     normalise(mSums, wanted, mFarthest, values);
-    if (mCoarse) blendCoarse(wanted, corner, values);
+    if (mCoarse) {
+        const bool isLimited = mCoarse->bounds().contains(box);
+        blendCoarse(wanted, corner,
+                    isLimited ? mCoarseFarthest : std::numeric_limits<float>::infinity(), values);
+    }
     for (float& v : values) v = std::clamp(v, -mLimit, mLimit) * float(mVoxelSize);
 }
 
@@ -75,21 +81,30 @@ CubeSet MpuBlockSampler::cubesToSum(const Box3d& box, BlockValues& values)
     return wanted;
 }
 
-void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin,
+void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float farthest,
                                   BlockValues& values) const
 {
     constexpr int kGroup = 4;
+    constexpr float kRoundings = 1e-3f; // voxels
+    // Support, or a value beyond the limit that the coarse field cannot bring back.
+    const auto isSettled = [&](float value, float support) {
+        return support >= 1 ||
+               support * std::abs(value) - (1 - support) * farthest > mLimit + kRoundings;
+    };
     for (CubeSet left = cubes; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);
         const BlockSums::Cube& sums = mSums.cubes[std::size_t(cube)];
         for (int first = 0; first < kCubeVoxels; first += kGroup) {
             std::array<float, kGroup> support;
+            bool areSettled = true;
             for (std::size_t n = 0; n < kGroup; ++n) {
                 const float weight = sums.weight[std::size_t(first) + n];
                 support[n] =
                     weight > 0 ? 1 - sums.unsupported[std::size_t(first) + n] / weight : 0.0f;
+                const float value = values[std::size_t(voxelOf(cube, first + int(n)))];
+                areSettled &= isSettled(value, support[n]);
             }
-            if (*std::min_element(support.begin(), support.end()) >= 1) continue;
+            if (areSettled) continue;
             std::array<std::array<double, kGroup>, 3> places;
             std::array<double, kGroup> coarse;
             for (int n = 0; n < kGroup; ++n) {

@@ -24,14 +24,17 @@ public:
 private:
     void gatherCell(const LeafAt& leaf, const Vec3d& blockOrigin);
     CubeSet cubesToSum(const Box3d& box, BlockValues& values);
-    void blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, BlockValues& values) const;
+    /// @param farthest  that the coarse field tells in this block, voxels.
+    void blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float farthest,
+                     BlockValues& values) const;
 
     const Octree& mTree;
     const CoarseSign* mCoarse;
     Vec3d mOrigin;
     double mVoxelSize;
-    float mLimit;    ///< voxels
-    float mFarthest; ///< what counts of a value that is blended with the coarse field, voxels
+    float mLimit;          ///< voxels
+    float mCoarseFarthest; ///< that the coarse field tells within its bounds, voxels
+    float mFarthest;       ///< what counts of a value that is blended with the coarse field, voxels
     LeafFinder mLeaves;
     KernelCells mCells; ///< that reach into the block
     BlockSums mSums;
