@@ -2,11 +2,11 @@
 #pragma once
 
 /// Before a function's definition. Without contraction to FMA every clone computes the same bits.
-/// MPUVDB_WIDE_CLONES: for loops that gain from 512-bit registers too.
+/// MPUVDB_WIDE_CLONES: for loops that gain from 32 registers, or from wider ones.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__) &&                   \
     !defined(__SANITIZE_ADDRESS__)
 #define MPUVDB_CLONES __attribute__((target_clones("avx2", "default")))
-#define MPUVDB_WIDE_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#define MPUVDB_WIDE_CLONES __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #else
 #define MPUVDB_CLONES
 #define MPUVDB_WIDE_CLONES

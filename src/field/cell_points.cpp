@@ -27,7 +27,7 @@ void CellPoints::pad()
     }
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double ballRadius)
 {
     setCount(batch.size());
@@ -53,7 +53,7 @@ void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double bal
     }
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void CellPoints::weighAcross(const Vec3d& normal, double reach)
 {
     const double scale = 1.5 / reach;
@@ -67,7 +67,7 @@ void CellPoints::weighAcross(const Vec3d& normal, double reach)
     }
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void CellPoints::moveOverFeet(const Quadric& q, const Vec3d& normal, double farthest)
 {
     constexpr int kSteps = 3;
@@ -146,7 +146,7 @@ void CellPoints::assignSubset(const CellPoints& other, const std::vector<std::ui
     pad();
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 Vec3d meanNormal(const CellPoints& points)
 {
     Group sx{}, sy{}, sz{};

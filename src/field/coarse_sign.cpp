@@ -160,7 +160,7 @@ private:
     std::array<std::vector<double>, kSums> mSums;
 };
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
 {
     const double step2 = mStep * mStep, x = mCorner[0] + mStep * i;
@@ -237,7 +237,7 @@ struct Places {
     }
 };
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 float nearestSquared(const Places& places, float x, float y, float z)
 {
     using Lanes = float __attribute__((vector_size(32)));
@@ -452,7 +452,7 @@ FieldSample CoarseSign::evaluate(const Vec3d& p) const
     return result;
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void CoarseSign::evaluateFour(const std::array<std::array<double, 4>, 3>& places,
                               std::array<double, 4>& values) const
 {

@@ -52,7 +52,7 @@ struct Samples {
 }
 
 /// Largest (confidence Q)^2 / |grad Q|^2 within the radius.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 double worstSquared(const LocalFit& fit, const CellPoints& points, double testRadius)
 {
     const double radius2 = testRadius * testRadius;
@@ -72,7 +72,7 @@ double worstSquared(const LocalFit& fit, const CellPoints& points, double testRa
 
 /// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough),
 /// looked for from @a start on, around to it; then @a start is where to look for one near y.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std::size_t& start)
 {
     constexpr std::size_t kRun = 4 * CellPoints::kGroup; // between looks at what was found
@@ -128,7 +128,7 @@ constexpr double kBeyond = 4;
 
 /// Take all probes from @a unit in the ball of @a radius about @a centre two steps towards the zero
 /// set; bit n of the result: probe n is within 0.85 radius.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& centre, double radius,
                          const Probes& unit, Probes& probes)
 {
@@ -180,7 +180,7 @@ struct ResidualSums {
     std::size_t count = 0;
 };
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadius,
                   ResidualSums& result)
 {
@@ -258,7 +258,7 @@ double residualPattern(const LocalFit& fit, const CellPoints& points, double tes
     return std::sqrt(loud + std::max(between - double(parts) * within, 0.0) / double(count));
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise)
 {
     const Group most = Group{} + 9, flat = Group{} + kFlat;
@@ -286,7 +286,7 @@ namespace
 
 /// How far @a y, whose nearest point is @a gap away, lies outside of the points around it, measured
 /// towards their mean: about 0 between points, the whole gap past the rim of a sheet of points.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 double overhang(const CellPoints& points, const Vec3d& y, double gap)
 {
     constexpr double kAround = 3; // gaps: as far as the other side of one between random samples

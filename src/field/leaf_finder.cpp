@@ -55,7 +55,7 @@ std::uint64_t firstBits(std::size_t count)
 }
 
 /// Of places and their reaches, those that reach into the block whose first voxel is @a first.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 std::size_t reaching(const float* x, const float* y, const float* z, const float* reach2,
                      std::size_t count, const std::array<float, 3>& first, std::uint32_t* found)
 {
@@ -108,7 +108,7 @@ void LeafFinder::makeRoom(std::size_t leaves)
     ++mCount;
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, float y, float z)
 {
     const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
@@ -200,7 +200,7 @@ void PointLeafFinder::Nodes::makeRoom(std::size_t nodes)
     ++count;
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void PointLeafFinder::descend()
 {
     const Step& above = mSteps[mLevel];
@@ -278,7 +278,7 @@ const PointLeafFinder::Nodes& PointLeafFinder::near(const Cube& cube)
 
 /// Of some nodes the leaves, and the leaves below them, whose balls hold @a p; @a at as a part of
 /// the root cube.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void PointLeafFinder::addHolding(const Nodes& nodes, const Vec3d& p, const std::array<float, 3>& at)
 {
     const auto keep = [&](OctreeNode leaf, const OctreeCell& cell) {

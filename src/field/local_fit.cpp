@@ -65,7 +65,7 @@ struct BivariateSystem {
     double scale = 0; ///< 1 / length; 0: the points have no extent
 };
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, const Vec3d& origin,
                                 double totalWeight)
 {
@@ -118,7 +118,7 @@ Quadric heightAbove(const Frame& frame, const Eigen::Matrix<double, 5, 1>& k, do
 
 /// Add to a system the slopes that the points' normals tell: each as good as a height at a lever's
 /// distance.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin,
                double totalWeight, double lever, BivariateSystem& system)
 {
@@ -163,7 +163,7 @@ constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about th
 
 constexpr std::size_t kNearest = 6; ///< points asked at an auxiliary point [Ohtake03 §4a]
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void squaredDistances(const CellPoints& points, const Vec3d& at, std::vector<double>& out)
 {
     out.resize(points.paddedCount());
@@ -271,7 +271,7 @@ std::array<T, kTerms> quadraticTerms(const T& x, const T& y, const T& z)
 }
 
 /// Weighted mean over the points of the products of the terms, in radii.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void meanProducts(const CellPoints& points, Eigen::Matrix<double, kTerms, kTerms>& M)
 {
     Group sums[kTerms * (kTerms + 1) / 2] = {}, total{};
@@ -378,7 +378,7 @@ namespace
 {
 
 /// Of the angles between @a normal and the points' normals; at most 1.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 double lowestCosine(const CellPoints& points, const Vec3d& normal)
 {
     Group lowest = Group{} + 1;
@@ -401,7 +401,7 @@ bool areOpposed(const CellPoints& points, const Vec3d& normal, double lowest, do
 }
 
 /// Weighted mean of 1 - cosine of the angles between the points' normals and those of @a q.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 double meanTurn(const Quadric& q, const CellPoints& points)
 {
     const auto& A = q.A;

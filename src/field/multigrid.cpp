@@ -42,7 +42,7 @@ struct Strides {
 };
 
 /// sums[k] of the 27 nodes about @a from[2 k], weighted 1 to 8, for 0 <= k < count.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void sumAround(const float* from, const Strides& fine, int count, float* sums)
 {
     std::fill_n(sums, count, 0.0f);
@@ -77,7 +77,7 @@ void restrictTo(const NodeGrid& fine, const std::vector<float>& from, const Node
 
 /// Trilinear interpolation between four rows of @a count + 1 coarse nodes, added to or assigned to
 /// the two fine nodes from each on.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void interpolateRows(const float* const (&rows)[4], int count, bool add, float* to)
 {
     const float *const r0 = rows[0], *const r1 = rows[1], *const r2 = rows[2], *const r3 = rows[3];
@@ -109,7 +109,7 @@ void prolong(const NodeGrid& coarse, const std::vector<float>& from, const NodeG
 
 /// Over-relax every other node of a row, from @a first on; those between are their neighbours and
 /// stay. All are computed: that is cheaper than to step over half of them.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void relaxRow(float* u, const float* b, const float* screening, const Strides& next, int count,
               int first)
 {
@@ -129,7 +129,7 @@ void relaxRow(float* u, const float* b, const float* screening, const Strides& n
 }
 
 /// What the equation misses at the nodes of a row.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void residualRow(const float* u, const float* b, const float* screening, const Strides& next,
                  int count, float* residual)
 {

@@ -14,7 +14,7 @@ namespace
 
 using Floats = PointBatch::Floats;
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void squaredDistances(const PointBatch& points, const Vec3f& c, Floats& out)
 {
     const std::size_t n = points.size();
@@ -29,7 +29,7 @@ void squaredDistances(const PointBatch& points, const Vec3f& c, Floats& out)
 }
 
 /// Bit o of mask[i]: point i is in the ball of octant o.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, float radius2,
                  std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>>& out)
 {
@@ -50,7 +50,7 @@ void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, 
     }
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void shellsOf(const Floats& squared, float radius, float perWidth, int count,
               std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>>& out)
 {
@@ -66,7 +66,7 @@ void shellsOf(const Floats& squared, float radius, float perWidth, int count,
     }
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 void findLeastAndMost(const Floats& values, float& least, float& most)
 {
     constexpr std::size_t kLanes = 8;
@@ -90,7 +90,7 @@ void findLeastAndMost(const Floats& values, float& least, float& most)
     }
 }
 
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 std::size_t countUpTo(const Floats& values, float limit)
 {
     std::uint32_t count = 0;

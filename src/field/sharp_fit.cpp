@@ -29,7 +29,7 @@ struct WidestPair {
 }
 
 /// The first such pair of several.
-MPUVDB_CLONES
+MPUVDB_WIDE_CLONES
 WidestPair widestNormals(const CellPoints& points)
 {
     constexpr std::size_t kGroup = CellPoints::kGroup;
