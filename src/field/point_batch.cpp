@@ -1,5 +1,7 @@
 #include "point_batch.h"
 
+#include "compress.h"
+
 #include <mpuvdb/clones.h>
 
 #include <algorithm>
@@ -28,10 +30,39 @@ void squaredDistances(const PointBatch& points, const Vec3f& c, Floats& out)
     }
 }
 
+using Marks = std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>>;
+
+/// 1 for the values below a limit, else 0.
+MPUVDB_WIDE_CLONES
+void markBelow(const Floats& values, float limit, Marks& out)
+{
+    const std::size_t n = values.size();
+    out.resize(n);
+    const float* const v = values.data();
+    std::uint32_t* const mark = out.data();
+    for (std::size_t i = 0; i < n; ++i) mark[i] = v[i] < limit ? 1u : 0u;
+}
+
+/// 1 for the points from the @a begin th to before the @a end th that are within a ball, else 0.
+MPUVDB_WIDE_CLONES
+void markBall(const PointBatch& points, std::size_t begin, std::size_t end, const Vec3f& c,
+              float radius2, Marks& out)
+{
+    out.resize(end - begin);
+    const float *const x = points.x.data() + begin, *const y = points.y.data() + begin,
+                       *const z = points.z.data() + begin;
+    std::uint32_t* const mark = out.data();
+    const float cx = c[0], cy = c[1], cz = c[2];
+    for (std::size_t i = 0; i < end - begin; ++i) {
+        const float dx = x[i] - cx, dy = y[i] - cy, dz = z[i] - cz;
+        mark[i] = dx * dx + dy * dy + dz * dz < radius2 ? 1u : 0u;
+    }
+}
+
 /// Bit o of mask[i]: point i is in the ball of octant o.
 MPUVDB_WIDE_CLONES
 void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, float radius2,
-                 std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>>& out)
+                 Marks& out)
 {
     const std::size_t n = points.size();
     out.resize(n);
@@ -51,8 +82,7 @@ void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, 
 }
 
 MPUVDB_WIDE_CLONES
-void shellsOf(const Floats& squared, float radius, float perWidth, int count,
-              std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>>& out)
+void shellsOf(const Floats& squared, float radius, float perWidth, int count, Marks& out)
 {
     const std::size_t n = squared.size();
     out.resize(n);
@@ -158,12 +188,27 @@ void BatchFilter::append(const PointBatch& from, PointBatch& out) const
         out.confidence[before + i] = from.confidence[mIndices[i]];
 }
 
+/// Append the points from the @a begin th on, as many as there are marks, whose mark has one of @a
+/// bits.
+void BatchFilter::appendMarked(const PointBatch& from, std::size_t begin, std::uint32_t bits,
+                               PointBatch& out) const
+{
+    const std::size_t before = out.size(), n = mMask.size();
+    if (n == 0) return;
+    out.resize(before + n + kCompressSlack);
+    const std::array<const float*, kPointFloats> sources = {
+        &from.x[begin],  &from.y[begin],  &from.z[begin],         &from.nx[begin],
+        &from.ny[begin], &from.nz[begin], &from.confidence[begin]};
+    const std::array<float*, kPointFloats> targets = {
+        &out.x[before],  &out.y[before],  &out.z[before],         &out.nx[before],
+        &out.ny[before], &out.nz[before], &out.confidence[before]};
+    out.resize(before + compress(sources, mMask.data(), n, bits, targets));
+}
+
 void BatchFilter::ball(const PointBatch& from, const Vec3d& centre, double radius, PointBatch& out)
 {
-    squaredDistances(from, centre.cast<float>(), mDistance2);
-    select(float(radius * radius));
     out.clear();
-    append(from, out);
+    appendBall(from, 0, from.size(), 1, centre, radius, out);
 }
 
 void BatchFilter::octants(const PointBatch& from, const Vec3d& centre, double half, double radius,
@@ -172,16 +217,9 @@ void BatchFilter::octants(const PointBatch& from, const Vec3d& centre, double ha
     const Vec3d offset = Vec3d::Constant(half);
     octantMasks(from, (centre - offset).cast<float>(), (centre + offset).cast<float>(),
                 float(radius * radius), mMask);
-    const std::size_t n = mMask.size();
-    mIndices.resize(n + 1);
     for (std::size_t octant = 0; octant < 8; ++octant) {
-        mSelected = 0;
-        for (std::size_t i = 0; i < n; ++i) {
-            mIndices[mSelected] = std::uint32_t(i);
-            mSelected += mMask[i] >> octant & 1u;
-        }
         out[octant].clear();
-        append(from, out[octant]);
+        appendMarked(from, 0, 1u << octant, out[octant]);
     }
 }
 
@@ -190,9 +228,9 @@ double BatchFilter::nearest(const PointBatch& from, const Vec3d& centre, std::si
 {
     squaredDistances(from, centre.cast<float>(), mDistance2);
     const float limit = leastOf(mDistance2, count).limit;
-    select(std::nextafter(limit, std::numeric_limits<float>::infinity()));
+    markBelow(mDistance2, std::nextafter(limit, std::numeric_limits<float>::infinity()), mMask);
     out.clear();
-    append(from, out);
+    appendMarked(from, 0, 1, out);
     return std::sqrt(double(limit));
 }
 
@@ -227,7 +265,12 @@ void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::siz
 {
     if (begin >= end) return;
     const Vec3f c = centre.cast<float>();
-    const float below = float(radius * radius);
+    const auto below = float(radius * radius);
+    if (stride == 1) {
+        markBall(from, begin, end, c, below, mMask);
+        appendMarked(from, begin, 1, out);
+        return;
+    }
     mIndices.resize((end - begin) / stride + 2);
     mSelected = 0;
     for (std::size_t n = begin; n < end; n += stride) {

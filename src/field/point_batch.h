@@ -93,6 +93,8 @@ private:
     void findShells(const PointBatch& from, const Vec3d& centre, double radius, double width,
                     int count);
     void append(const PointBatch& from, PointBatch& out) const;
+    void appendMarked(const PointBatch& from, std::size_t begin, std::uint32_t bits,
+                      PointBatch& out) const;
 
     PointBatch::Floats mDistance2;
     std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>> mMask, mIndices;
