@@ -30,7 +30,7 @@ void squaredDistances(const PointBatch& points, const Vec3f& c, Floats& out)
     }
 }
 
-using Marks = std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>>;
+using Marks = UnsetVector<std::uint32_t>;
 
 /// 1 for the values below a limit, else 0.
 MPUVDB_WIDE_CLONES
@@ -252,9 +252,9 @@ void BatchFilter::findShells(const PointBatch& from, const Vec3d& centre, double
 
 void BatchFilter::strided(const PointBatch& from, std::size_t stride, PointBatch& out)
 {
-    mIndices.clear();
-    for (std::size_t i = 0; i < from.size(); i += stride) mIndices.push_back(std::uint32_t(i));
-    mSelected = mIndices.size();
+    mSelected = (from.size() + stride - 1) / stride;
+    mIndices.resize(mSelected);
+    for (std::size_t i = 0; i < mSelected; ++i) mIndices[i] = std::uint32_t(i * stride);
     out.clear();
     append(from, out);
 }

@@ -2,6 +2,7 @@
 #pragma once
 #include <mpuvdb/vec.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -11,28 +12,59 @@
 namespace mpuvdb
 {
 
-/// Leaves new elements unset: arrays that are written whole right after they grow.
+/// Numbers one after the other: new ones are unset, and the size is changed at no cost up to the
+/// capacity.
 template <typename T>
-struct UnsetAllocator : std::allocator<T> {
-    template <typename U>
-    struct rebind {
-        using other = UnsetAllocator<U>;
-    };
-    template <typename U>
-    void construct(U* at) noexcept
+class UnsetVector
+{
+public:
+    UnsetVector() = default;
+    UnsetVector(UnsetVector&& other) noexcept { swap(other); }
+    UnsetVector& operator=(UnsetVector&& other) noexcept
     {
-        ::new (static_cast<void*>(at)) U;
+        UnsetVector(std::move(other)).swap(*this);
+        return *this;
     }
-    template <typename U, typename... Args>
-    void construct(U* at, Args&&... args)
+
+    std::size_t size() const { return mSize; }
+    std::size_t capacity() const { return mCapacity; }
+    T* data() { return mData.get(); }
+    const T* data() const { return mData.get(); }
+    T& operator[](std::size_t i) { return mData[i]; }
+    const T& operator[](std::size_t i) const { return mData[i]; }
+    T* begin() { return data(); }
+    T* end() { return data() + mSize; }
+    const T* begin() const { return data(); }
+    const T* end() const { return data() + mSize; }
+    void clear() { mSize = 0; }
+    void resize(std::size_t n)
     {
-        ::new (static_cast<void*>(at)) U(std::forward<Args>(args)...);
+        if (n > mCapacity) grow(n);
+        mSize = n;
     }
+
+private:
+    void swap(UnsetVector& other) noexcept
+    {
+        std::swap(mData, other.mData);
+        std::swap(mSize, other.mSize);
+        std::swap(mCapacity, other.mCapacity);
+    }
+    void grow(std::size_t n)
+    {
+        mCapacity = std::max(n, 2 * mCapacity);
+        std::unique_ptr<T[]> larger(new T[mCapacity]);
+        std::copy(begin(), end(), larger.get());
+        mData = std::move(larger);
+    }
+
+    std::unique_ptr<T[]> mData;
+    std::size_t mSize = 0, mCapacity = 0;
 };
 
 /// Some points near a cell, one contiguous array per coordinate, local coordinates.
 struct PointBatch {
-    using Floats = std::vector<float, UnsetAllocator<float>>;
+    using Floats = UnsetVector<float>;
 
     Floats x, y, z, nx, ny, nz, confidence;
 
@@ -97,7 +129,7 @@ private:
                       PointBatch& out) const;
 
     PointBatch::Floats mDistance2;
-    std::vector<std::uint32_t, UnsetAllocator<std::uint32_t>> mMask, mIndices;
+    UnsetVector<std::uint32_t> mMask, mIndices;
     std::size_t mSelected = 0; ///< indices in use
 };
 
