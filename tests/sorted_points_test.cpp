@@ -51,8 +51,11 @@ SortedPoints sorted(PointCloud cloud)
 
 bool same(const PointBatch& a, const PointBatch& b)
 {
-    return a.x == b.x && a.y == b.y && a.z == b.z && a.nx == b.nx && a.ny == b.ny && a.nz == b.nz &&
-           a.confidence == b.confidence;
+    const auto equal = [](const PointBatch::Floats& u, const PointBatch::Floats& v) {
+        return std::equal(u.begin(), u.end(), v.begin(), v.end());
+    };
+    return equal(a.x, b.x) && equal(a.y, b.y) && equal(a.z, b.z) && equal(a.nx, b.nx) &&
+           equal(a.ny, b.ny) && equal(a.nz, b.nz) && equal(a.confidence, b.confidence);
 }
 
 OctreeCell randomCell(Random& random)

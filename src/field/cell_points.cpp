@@ -32,7 +32,7 @@ void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double bal
 {
     setCount(batch.size());
     radius = ballRadius;
-    const auto copy = [n = count](const PointBatch::Floats& from, std::vector<double>& to,
+    const auto copy = [n = count](const PointBatch::Floats& from, UnsetVector<double>& to,
                                   double origin) {
         for (std::size_t i = 0; i < n; ++i) to[i] = double(from[i]) - origin;
     };

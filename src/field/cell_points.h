@@ -16,9 +16,9 @@ namespace mpuvdb
 struct CellPoints {
     static constexpr std::size_t kGroup = 4;
 
-    std::vector<double> x, y, z, nx, ny, nz;
-    std::vector<double> weight; ///< confidence * b(1.5 |y| / radius) [Ohtake03 eq. 3, §6]
-    std::vector<double> confidence;
+    UnsetVector<double> x, y, z, nx, ny, nz;
+    UnsetVector<double> weight; ///< confidence * b(1.5 |y| / radius) [Ohtake03 eq. 3, §6]
+    UnsetVector<double> confidence;
     std::size_t count = 0; ///< without the padding
     double radius = 0;     ///< of the (grown) ball
 

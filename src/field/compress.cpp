@@ -15,27 +15,6 @@ namespace
 using Sources = std::array<const float*, kPointFloats>;
 using Targets = std::array<float*, kPointFloats>;
 
-/// Chunk by chunk: first where they are, then array by array.
-std::size_t compressByIndex(const Sources& from, const std::uint32_t* marks, std::size_t n,
-                            std::uint32_t bits, const Targets& to)
-{
-    constexpr std::size_t kChunk = 256;
-    std::array<std::uint32_t, kChunk> picked;
-    std::size_t count = 0;
-    for (std::size_t begin = 0; begin < n; begin += kChunk) {
-        const std::size_t size = std::min(kChunk, n - begin);
-        std::size_t found = 0;
-        for (std::size_t i = 0; i < size; ++i) {
-            picked[found] = std::uint32_t(i);
-            found += (marks[begin + i] & bits) != 0;
-        }
-        for (std::size_t a = 0; a < kPointFloats; ++a)
-            for (std::size_t k = 0; k < found; ++k) to[a][count + k] = from[a][begin + picked[k]];
-        count += found;
-    }
-    return count;
-}
-
 #ifdef MPUVDB_HAS_COMPRESS
 
 __attribute__((target("avx512f"))) std::size_t compressWide(const Sources& from,
@@ -64,6 +43,27 @@ __attribute__((target("avx512f"))) std::size_t compressWide(const Sources& from,
 #endif
 
 } // namespace
+
+std::size_t compressByIndex(const Sources& from, const std::uint32_t* marks, std::size_t n,
+                            std::uint32_t bits, const Targets& to)
+{
+    // Chunk by chunk: first where they are, then array by array.
+    constexpr std::size_t kChunk = 256;
+    std::array<std::uint32_t, kChunk> picked;
+    std::size_t count = 0;
+    for (std::size_t begin = 0; begin < n; begin += kChunk) {
+        const std::size_t size = std::min(kChunk, n - begin);
+        std::size_t found = 0;
+        for (std::size_t i = 0; i < size; ++i) {
+            picked[found] = std::uint32_t(i);
+            found += (marks[begin + i] & bits) != 0;
+        }
+        for (std::size_t a = 0; a < kPointFloats; ++a)
+            for (std::size_t k = 0; k < found; ++k) to[a][count + k] = from[a][begin + picked[k]];
+        count += found;
+    }
+    return count;
+}
 
 std::size_t compress(const Sources& from, const std::uint32_t* marks, std::size_t n,
                      std::uint32_t bits, const Targets& to)

@@ -19,4 +19,9 @@ constexpr std::size_t kPointFloats = 7; ///< arrays of a PointBatch
 std::size_t compress(const std::array<const float*, kPointFloats>& from, const std::uint32_t* marks,
                      std::size_t n, std::uint32_t bits, const std::array<float*, kPointFloats>& to);
 
+/// The same where the processor has no instruction for it.
+std::size_t compressByIndex(const std::array<const float*, kPointFloats>& from,
+                            const std::uint32_t* marks, std::size_t n, std::uint32_t bits,
+                            const std::array<float*, kPointFloats>& to);
+
 } // namespace mpuvdb

@@ -1,66 +1,15 @@
 // Some points near a cell, copied together so that loops over them run straight through memory.
 #pragma once
+#include "unset_vector.h"
+
 #include <mpuvdb/vec.h>
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
-#include <memory>
-#include <utility>
 #include <vector>
 
 namespace mpuvdb
 {
-
-/// Numbers one after the other: new ones are unset, and the size is changed at no cost up to the
-/// capacity.
-template <typename T>
-class UnsetVector
-{
-public:
-    UnsetVector() = default;
-    UnsetVector(UnsetVector&& other) noexcept { swap(other); }
-    UnsetVector& operator=(UnsetVector&& other) noexcept
-    {
-        UnsetVector(std::move(other)).swap(*this);
-        return *this;
-    }
-
-    std::size_t size() const { return mSize; }
-    std::size_t capacity() const { return mCapacity; }
-    T* data() { return mData.get(); }
-    const T* data() const { return mData.get(); }
-    T& operator[](std::size_t i) { return mData[i]; }
-    const T& operator[](std::size_t i) const { return mData[i]; }
-    T* begin() { return data(); }
-    T* end() { return data() + mSize; }
-    const T* begin() const { return data(); }
-    const T* end() const { return data() + mSize; }
-    void clear() { mSize = 0; }
-    void resize(std::size_t n)
-    {
-        if (n > mCapacity) grow(n);
-        mSize = n;
-    }
-
-private:
-    void swap(UnsetVector& other) noexcept
-    {
-        std::swap(mData, other.mData);
-        std::swap(mSize, other.mSize);
-        std::swap(mCapacity, other.mCapacity);
-    }
-    void grow(std::size_t n)
-    {
-        mCapacity = std::max(n, 2 * mCapacity);
-        std::unique_ptr<T[]> larger(new T[mCapacity]);
-        std::copy(begin(), end(), larger.get());
-        mData = std::move(larger);
-    }
-
-    std::unique_ptr<T[]> mData;
-    std::size_t mSize = 0, mCapacity = 0;
-};
 
 /// Some points near a cell, one contiguous array per coordinate, local coordinates.
 struct PointBatch {

@@ -1,17 +1,18 @@
 // Four points at a time; written so that every instruction set gives the same bits.
 #pragma once
+#include "unset_vector.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
-#include <vector>
 
 namespace mpuvdb
 {
 
 using Group = double __attribute__((vector_size(32)));
 
-[[gnu::always_inline]] inline Group load(const std::vector<double>& a, std::size_t i)
+[[gnu::always_inline]] inline Group load(const UnsetVector<double>& a, std::size_t i)
 {
     return Group{a[i], a[i + 1], a[i + 2], a[i + 3]};
 }

@@ -144,12 +144,10 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& p
     permute(mPoints.ny, [&](std::uint32_t n) { return cloud.normals[n][1]; });
     permute(mPoints.nz, [&](std::uint32_t n) { return cloud.normals[n][2]; });
     release(cloud.normals);
-    if (cloud.confidence.empty()) {
-        mPoints.confidence.resize(count);
-        std::fill(mPoints.confidence.begin(), mPoints.confidence.end(), 1.0f);
-    } else {
+    if (cloud.confidence.empty())
+        mPoints.confidence.assign(count, 1.0f);
+    else
         permute(mPoints.confidence, [&](std::uint32_t n) { return cloud.confidence[n]; });
-    }
     release(cloud.confidence);
     for (int c = 0; c < 3 && !cloud.colors.empty(); ++c)
         permute(mChannels.emplace_back(),
