@@ -349,29 +349,19 @@ private:
             const double cover = path[up].radius - (path[up].centre - centre).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
             if (steps < 1) continue;
-            if (const int k = growthSteps(*path[up].batch, centre, radius, steps)) {
-                const double grown = radius * (1 + kGrowth * k);
-                mFilter.ball(*path[up].batch, centre, grown, mGrown);
-                return grown;
-            }
+            if (const int k = growIn(*path[up].batch, centre, radius, steps))
+                return radius * (1 + kGrowth * k);
         }
         return growAmongAll(cell);
     }
 
-    /// Smallest number of steps with which the ball of points in @a batch is large enough; 0: none
-    /// up to @a steps.
-    int growthSteps(const PointBatch& batch, const Vec3d& centre, double radius, int steps)
+    /// Put the points of @a batch in a ball that is large enough into mGrown. Returns the steps by
+    /// which it grew; 0: none up to @a steps is.
+    int growIn(const PointBatch& batch, const Vec3d& centre, double radius, int steps)
     {
-        if (!isEnough(batch)) return 0;
-        mStepCount.assign(std::size_t(steps) + 1, 0);
-        mFilter.forEachInShells(batch, centre, radius, kGrowth * radius, steps,
-                                [&](std::uint32_t, std::uint32_t shell) { ++mStepCount[shell]; });
-        std::size_t count = 0;
-        for (int k = 0; k <= steps; ++k) {
-            count += mStepCount[std::size_t(k)];
-            if (k > 0 && count >= std::size_t(mFit.minPoints)) return k;
-        }
-        return 0;
+        return isEnough(batch) ? mFilter.grownBall(batch, centre, radius, kGrowth, steps,
+                                                   std::size_t(mFit.minPoints), mGrown)
+                               : 0;
     }
 
     /// As grow(), for a cell whose ancestors' balls are not at hand: in a wide ball, kept for the
@@ -383,10 +373,10 @@ private:
         for (double wanted = 2.5 * radius;; wanted *= 2) {
             const double cover = mWideRadius - (mWideCentre - centre).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
-            int k = steps > 0 ? growthSteps(mWide, centre, radius, steps) : 0;
-            if (k == 0 && steps > 0 && mWide.size() == mPoints.size()) k = steps; // no more points
-            if (k > 0) {
-                const double grown = radius * (1 + kGrowth * k);
+            if (const int k = growIn(mWide, centre, radius, steps))
+                return radius * (1 + kGrowth * k);
+            if (steps > 0 && mWide.size() == mPoints.size()) { // no more points
+                const double grown = radius * (1 + kGrowth * steps);
                 mFilter.ball(mWide, centre, grown, mGrown);
                 return grown;
             }
@@ -405,7 +395,6 @@ private:
     PointBatch mGrown, mWide;
     Vec3d mWideCentre = Vec3d::Zero(); ///< of the ball whose points mWide holds
     double mWideRadius = 0;
-    std::vector<std::size_t> mStepCount;
 };
 
 } // namespace mpuvdb

@@ -82,21 +82,6 @@ void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, 
 }
 
 MPUVDB_WIDE_CLONES
-void shellsOf(const Floats& squared, float radius, float perWidth, int count, Marks& out)
-{
-    const std::size_t n = squared.size();
-    out.resize(n);
-    const float* const d2 = squared.data();
-    std::uint32_t* const shell = out.data();
-    const float last = float(count);
-    for (std::size_t i = 0; i < n; ++i) {
-        const float step = (std::sqrt(d2[i]) - radius) * perWidth + 1;
-        const float within = step > 0 ? step < last ? step : last : 0.0f;
-        shell[i] = std::uint32_t(int(within));
-    }
-}
-
-MPUVDB_WIDE_CLONES
 void findLeastAndMost(const Floats& values, float& least, float& most)
 {
     constexpr std::size_t kLanes = 8;
@@ -125,6 +110,14 @@ std::size_t countUpTo(const Floats& values, float limit)
 {
     std::uint32_t count = 0;
     for (const float v : values) count += v <= limit;
+    return count;
+}
+
+MPUVDB_WIDE_CLONES
+std::size_t countBelow(const Floats& values, float limit)
+{
+    std::uint32_t count = 0;
+    for (const float v : values) count += v < limit;
     return count;
 }
 
@@ -211,6 +204,27 @@ void BatchFilter::ball(const PointBatch& from, const Vec3d& centre, double radiu
     appendBall(from, 0, from.size(), 1, centre, radius, out);
 }
 
+int BatchFilter::grownBall(const PointBatch& from, const Vec3d& centre, double radius,
+                           double growth, int most, std::size_t wanted, PointBatch& out)
+{
+    const auto limit = [&](int steps) {
+        const double grown = radius * (1 + growth * steps);
+        return float(grown * grown);
+    };
+    squaredDistances(from, centre.cast<float>(), mDistance2);
+    const auto isEnough = [&](int steps) { return countBelow(mDistance2, limit(steps)) >= wanted; };
+    if (most < 1 || !isEnough(most)) return 0;
+    int enough = most;
+    for (int tooFew = 0; enough - tooFew > 1;) {
+        const int steps = (tooFew + enough) / 2;
+        (isEnough(steps) ? enough : tooFew) = steps;
+    }
+    markBelow(mDistance2, limit(enough), mMask);
+    out.clear();
+    appendMarked(from, 0, 1, out);
+    return enough;
+}
+
 void BatchFilter::octants(const PointBatch& from, const Vec3d& centre, double half, double radius,
                           std::array<PointBatch, 8>& out)
 {
@@ -238,16 +252,6 @@ std::size_t BatchFilter::nearestOf(const PointBatch& from, const Vec3d& centre)
 {
     squaredDistances(from, centre.cast<float>(), mDistance2);
     return std::size_t(std::min_element(mDistance2.begin(), mDistance2.end()) - mDistance2.begin());
-}
-
-/// Selects the points in the shells; mMask is then the shell of each.
-void BatchFilter::findShells(const PointBatch& from, const Vec3d& centre, double radius,
-                             double width, int count)
-{
-    const auto reach = float(radius + width * count);
-    squaredDistances(from, centre.cast<float>(), mDistance2);
-    shellsOf(mDistance2, float(radius), float(1 / width), count, mMask);
-    select(reach * reach);
 }
 
 void BatchFilter::strided(const PointBatch& from, std::size_t stride, PointBatch& out)

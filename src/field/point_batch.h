@@ -51,15 +51,10 @@ public:
     double nearest(const PointBatch& from, const Vec3d& centre, std::size_t count, PointBatch& out);
     /// Index of the point of @a from (not empty) nearest to @a centre; the first of several.
     std::size_t nearestOf(const PointBatch& from, const Vec3d& centre);
-    /// Call f(index, shell) for the points of @a from in shells about @a centre: 0 within @a
-    /// radius, then one per @a width up to @a count.
-    template <typename F>
-    void forEachInShells(const PointBatch& from, const Vec3d& centre, double radius, double width,
-                         int count, F f)
-    {
-        findShells(from, centre, radius, width, count);
-        for (std::size_t n = 0; n < mSelected; ++n) f(mIndices[n], mMask[mIndices[n]]);
-    }
+    /// Copy to @a out the points in the least ball of radius @a radius (1 + n @a growth), 0 < n <=
+    /// @a most, that holds @a wanted points. Returns n; 0, and leaves @a out, if there is none.
+    int grownBall(const PointBatch& from, const Vec3d& centre, double radius, double growth,
+                  int most, std::size_t wanted, PointBatch& out);
     /// Every @a stride th point.
     void strided(const PointBatch& from, std::size_t stride, PointBatch& out);
     /// Append to @a out the points begin, begin + stride, ... below @a end within the ball.
@@ -71,8 +66,6 @@ public:
 
 private:
     void select(float below);
-    void findShells(const PointBatch& from, const Vec3d& centre, double radius, double width,
-                    int count);
     void append(const PointBatch& from, PointBatch& out) const;
     void appendMarked(const PointBatch& from, std::size_t begin, std::uint32_t bits,
                       PointBatch& out) const;
