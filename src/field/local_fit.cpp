@@ -226,6 +226,20 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
 
 } // namespace
 
+namespace
+{
+
+/// solveRidged() as every instruction set compiles it.
+MPUVDB_WIDE_CLONES [[gnu::flatten]] Eigen::Matrix<double, 6, 1>
+solveBivariate(const BivariateSystem& system)
+{
+    Eigen::Matrix<double, 6, 1> ridge;
+    ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-14;
+    return solveRidged<6>(system.M, system.r, ridge);
+}
+
+} // namespace
+
 Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic,
                      double lever)
 {
@@ -236,9 +250,7 @@ Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t 
     BivariateSystem system = bivariateSystem(points, frame, origin, totalWeight);
     if (!(system.scale > 0)) return planeThrough(origin, normal);
     if (lever > 0) addSlopes(points, frame, origin, totalWeight, lever, system);
-    Eigen::Matrix<double, 6, 1> ridge;
-    ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-14;
-    const Eigen::Matrix<double, 6, 1> k = solveRidged<6>(system.M, system.r, ridge);
+    const Eigen::Matrix<double, 6, 1> k = solveBivariate(system);
     Quadric q = heightAbove(frame, k.head<5>(), system.scale);
     q.c = -k[5] / system.scale;
     return q.shifted(-origin); // from the centroid to the centre
