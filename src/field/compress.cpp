@@ -30,6 +30,7 @@ __attribute__((target("avx512f"))) std::size_t compressWide(const Sources& from,
         const auto inside = __mmask16(left < kLanes ? (1u << left) - 1 : 0xffffu);
         const __m512i mark = _mm512_maskz_loadu_epi32(inside, marks + begin);
         const __mmask16 keep = _mm512_test_epi32_mask(mark, wanted);
+        if (keep == 0) continue; // often many in a row: points are in Morton order
         for (std::size_t a = 0; a < kPointFloats; ++a) {
             const __m512 values = _mm512_maskz_loadu_ps(keep, from[a] + begin);
             // Not to memory directly, which some processors are slow at.
