@@ -133,7 +133,7 @@ TEST(SortedPoints, GathersTheBall)
             const OctreeCell cell = randomCell(random);
             const double radius = kRoot.size(cell.level) * random.uniform(0.3, 3);
             const Vec3d centre = kRoot.centre(cell);
-            points.gather(cell, radius, 1, filter, found);
+            points.gather(points.around(cell, radius), 1, filter, found);
             // Points on the ball's border by less than rounding may be in or out.
             std::size_t surely = 0, perhaps = 0;
             for (std::size_t i = 0; i < points.size(); ++i) {
@@ -145,7 +145,7 @@ TEST(SortedPoints, GathersTheBall)
             EXPECT_LE(found.size(), perhaps);
             for (std::size_t i = 0; i < found.size(); ++i)
                 EXPECT_LT((position(found, i) - centre).norm(), radius + 1e-5);
-            EXPECT_GE(points.countAround(cell, radius, points.size()), found.size());
+            EXPECT_GE(points.around(cell, radius).points, found.size());
         }
     }
 }
@@ -158,9 +158,9 @@ TEST(SortedPoints, GathersEveryNthOfTheSurroundings)
     PointBatch found;
     BatchFilter filter;
     for (const std::size_t stride : {1u, 2u, 7u, 100u}) {
-        points.gather({}, 100, stride, filter, found); // all of them are in the ball
+        points.gather(points.around({}, 100), stride, filter, found); // all of them are in the ball
         EXPECT_EQ(found.size(), (points.size() + stride - 1) / stride);
-        points.gather({1, 0, 0, 0}, 100, stride, filter, found);
+        points.gather(points.around({1, 0, 0, 0}, 100), stride, filter, found);
         EXPECT_EQ(found.size(), (points.size() + stride - 1) / stride);
     }
 }

@@ -210,8 +210,8 @@ public:
     {
         PointBatch near;
         for (double cover = 2 * supportRadius(cell.level); near.size() == 0; cover *= 2) {
-            const std::size_t around = mPoints.countAround(cell, cover, mPoints.size());
-            mPoints.gather(cell, cover, 1 + around / kSampleFrom, mFilter, near);
+            const SortedPoints::Around around = mPoints.around(cell, cover);
+            mPoints.gather(around, 1 + around.points / kSampleFrom, mFilter, near);
         }
         return fitEmpty(cell, near, spacing, support);
     }
@@ -325,7 +325,7 @@ private:
         if (mWideRadius - (mWideCentre - centre).norm() < wanted) {
             mWideRadius = 1.5 * wanted;
             mWideCentre = centre;
-            mPoints.gather(cell, mWideRadius, 1, mFilter, mWide);
+            mPoints.gather(mPoints.around(cell, mWideRadius), 1, mFilter, mWide);
         }
         mFilter.ball(mWide, centre, wanted, mGrown);
         return isEnough(mGrown);
@@ -380,7 +380,7 @@ private:
                 mFilter.ball(mWide, centre, grown, mGrown);
                 return grown;
             }
-            mPoints.gather(cell, wanted, 1, mFilter, mWide);
+            mPoints.gather(mPoints.around(cell, wanted), 1, mFilter, mWide);
             mWideCentre = centre;
             mWideRadius = wanted;
         }

@@ -78,7 +78,7 @@ public:
         mPath.clear();
         mFitter.forget();
         PointBatch& ball = batches(0)[0];
-        mPoints.gather(cell, mFitter.supportRadius(cell.level), 1, mFilter, ball);
+        mPoints.gather(mPoints.around(cell, mFitter.supportRadius(cell.level)), 1, mFilter, ball);
         if (ball.size() == 0)
             addEmpty(0, cell, nullptr, spacing > 0 ? spacing : mRoot.size(cell.level));
         else
@@ -277,15 +277,15 @@ private:
         const OctreeCell& cell = upper.cell;
         CellFitter fitter(mPoints, mRoot, mSettings);
         const double radius = fitter.supportRadius(cell.level);
-        const std::size_t around = mPoints.countAround(cell, radius, mPoints.size());
-        if (around <= kSubtreePoints) {
+        const SortedPoints::Around around = mPoints.around(cell, radius);
+        if (around.points <= kSubtreePoints) {
             upper.subtree = true;
             return;
         }
         BatchFilter filter;
         PointBatch sample;
-        const std::size_t stride = around / (2 * kSampleFrom);
-        mPoints.gather(cell, radius, stride, filter, sample);
+        const std::size_t stride = around.points / (2 * kSampleFrom);
+        mPoints.gather(around, stride, filter, sample);
         if (sample.size() > kSample) {
             const double spacing =
                 filter.spacing(sample, mRoot.centre(cell), radius); // of the sample
@@ -297,7 +297,7 @@ private:
             }
             upper.decision = fitter.decide(cell, sample, {}, spacing);
             if (!upper.decision.split) {
-                mPoints.gather(cell, radius, 1, filter, sample);
+                mPoints.gather(around, 1, filter, sample);
                 upper.decision = fitter.decide(cell, sample, {}, spacing);
             }
             return;

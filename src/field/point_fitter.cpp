@@ -57,7 +57,7 @@ double PointFitter::gatherNearest(const Vec3d& at, const OctreeCell& cell,
     }
     const Vec3d centre = mRoot.centre(cell);
     for (double radius = 2 * path.front().radius;; radius *= 2) {
-        mPoints.gather(cell, radius, 1, mFilter, mWide);
+        mPoints.gather(mPoints.around(cell, radius), 1, mFilter, mWide);
         const bool all = mWide.size() == mPoints.size();
         if (mWide.size() < mMinPoints && !all) continue;
         const double last = mFilter.nearest(mWide, at, mMinPoints, mNear);

@@ -230,10 +230,10 @@ OctreeCell SortedPoints::coveringCell(OctreeCell cell, double radius) const
     return cell;
 }
 
-template <typename F>
-void SortedPoints::forEachAround(const OctreeCell& centreCell, double radius, F f) const
+SortedPoints::Around SortedPoints::around(const OctreeCell& centre, double radius) const
 {
-    const OctreeCell cell = coveringCell(centreCell, radius);
+    Around around{centre, radius};
+    const OctreeCell cell = coveringCell(centre, radius);
     const std::int64_t edge = std::int64_t(1) << cell.level;
     for (int dk = -1; dk <= 1; ++dk) {
         for (int dj = -1; dj <= 1; ++dj) {
@@ -243,36 +243,28 @@ void SortedPoints::forEachAround(const OctreeCell& centreCell, double radius, F 
                 if (i < 0 || j < 0 || k < 0 || i >= edge || j >= edge || k >= edge) continue;
                 const Range range =
                     cellRange({cell.level, std::uint32_t(i), std::uint32_t(j), std::uint32_t(k)});
-                if (range.begin < range.end && !f(range)) return;
+                if (range.begin == range.end) continue;
+                around.ranges[around.count++] = range;
+                around.points += range.end - range.begin;
             }
         }
     }
+    return around;
 }
 
-std::size_t SortedPoints::countAround(const OctreeCell& cell, double radius,
-                                      std::size_t limit) const
-{
-    std::size_t count = 0;
-    forEachAround(cell, radius, [&](const Range& range) {
-        count += range.end - range.begin;
-        return count <= limit;
-    });
-    return count;
-}
-
-void SortedPoints::gather(const OctreeCell& cell, double radius, std::size_t stride,
-                          BatchFilter& filter, PointBatch& out) const
+void SortedPoints::gather(const Around& around, std::size_t stride, BatchFilter& filter,
+                          PointBatch& out) const
 {
     out.clear();
-    const Vec3d centre = mRoot.centre(cell);
+    const Vec3d centre = mRoot.centre(around.cell);
     std::size_t skip = 0;
-    forEachAround(cell, radius, [&](const Range& range) {
+    for (std::size_t n = 0; n < around.count; ++n) {
+        const Range& range = around.ranges[n];
         const std::size_t first = range.begin + skip;
-        filter.appendBall(mPoints, first, range.end, stride, centre, radius, out);
+        filter.appendBall(mPoints, first, range.end, stride, centre, around.radius, out);
         const std::size_t past = range.end + stride - 1 - first; // first may be beyond the end
         skip = first + past / stride * stride - range.end;
-        return true;
-    });
+    }
 }
 
 std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell) const

@@ -78,11 +78,20 @@ public:
                mChannels.size() * sizeof(float) * size();
     }
 
-    /// Number of points in the cubes that gather() looks at: an upper bound of the ball's.
-    /// Stops counting beyond @a limit.
-    std::size_t countAround(const OctreeCell& cell, double radius, std::size_t limit) const;
-    /// Points within @a radius of the cell's centre, every @a stride th of its surroundings.
-    void gather(const OctreeCell& cell, double radius, std::size_t stride, BatchFilter& filter,
+    struct Range {
+        std::size_t begin, end;
+    };
+    /// The points of the cubes that cover a ball.
+    struct Around {
+        OctreeCell cell; ///< about whose centre the ball is
+        double radius;
+        std::array<Range, 27> ranges{};
+        std::size_t count = 0;  ///< of the ranges
+        std::size_t points = 0; ///< in them all: an upper bound of the ball's
+    };
+    Around around(const OctreeCell& cell, double radius) const;
+    /// The points in the ball, every @a stride th of those around it.
+    void gather(const Around& around, std::size_t stride, BatchFilter& filter,
                 PointBatch& out) const;
     /// Number of points in @a box (local coordinates); stops counting beyond @a limit.
     std::size_t countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell = {}) const;
@@ -106,9 +115,6 @@ public:
         forEachBucketIn(0, 0, mKeys.size(), most, f);
     }
 
-    struct Range {
-        std::size_t begin, end;
-    };
     /// The points in @a cell.
     Range cellRange(const OctreeCell& cell) const;
 
@@ -136,8 +142,6 @@ private:
     }
 
     OctreeCell coveringCell(OctreeCell cell, double radius) const;
-    template <typename F>
-    void forEachAround(const OctreeCell& cell, double radius, F f) const;
 
     RootCube mRoot;
     PointBatch mPoints;
