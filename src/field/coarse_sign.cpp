@@ -53,11 +53,12 @@ double meanSpacing(const SortedPoints& points, const RootCube& root)
     return root.size(level) * std::sqrt(double(occupied) / (1.5 * double(points.size())));
 }
 
-std::vector<Dipole> makeDipoles(const SortedPoints& points, int level)
+/// Add those of the cubes whose first point is in @a among.
+void addDipoles(const SortedPoints& points, int level, const SortedPoints::Range& among,
+                std::vector<Dipole>& dipoles)
 {
-    std::vector<Dipole> dipoles;
     const PointBatch& p = points.points();
-    points.forEachCell(level, [&](std::size_t begin, std::size_t end) {
+    points.forEachCell(level, among, [&](std::size_t begin, std::size_t end) {
         Vec3d position = Vec3d::Zero(), normal = Vec3d::Zero();
         double weight = 0;
         for (std::size_t n = begin; n < end; ++n) {
@@ -72,10 +73,22 @@ std::vector<Dipole> makeDipoles(const SortedPoints& points, int level)
         dipoles.push_back({(position / weight).cast<float>(),
                            (mean * normal / weight).cast<float>(), float(mean)});
     });
+}
+
+std::vector<Dipole> makeDipoles(const SortedPoints& points, int level)
+{
+    constexpr std::size_t kChunk = 1 << 14; // points
+    std::vector<std::vector<Dipole>> chunks((points.size() + kChunk - 1) / kChunk);
+    tbb::parallel_for(std::size_t(0), chunks.size(), [&](std::size_t c) {
+        const std::size_t begin = c * kChunk;
+        addDipoles(points, level, {begin, std::min(begin + kChunk, points.size())}, chunks[c]);
+    });
+    std::vector<Dipole> dipoles;
+    for (const auto& chunk : chunks) dipoles.insert(dipoles.end(), chunk.begin(), chunk.end());
     return dipoles;
 }
 
-/// Dipoles by the plane of cells of the node grid that they lie in, and there by row and by cell.
+/// Dipoles by the plane of cells of the node grid that they lie in, and there by row.
 struct Bins {
     std::vector<std::uint32_t> start; ///< of each plane
     std::vector<Dipole> dipoles;
@@ -84,23 +97,21 @@ struct Bins {
 Bins binDipoles(const std::vector<Dipole>& dipoles, const NodeGrid& nodes, const Vec3d& corner,
                 double step)
 {
-    NodeGrid cells;
-    cells.n = {nodes.n[0] - 1, nodes.n[1] - 1, nodes.n[2] - 1};
-    std::vector<std::uint32_t> cellOf, next(cells.size() + 1, 0);
-    cellOf.reserve(dipoles.size());
+    const int planes = nodes.n[0] - 1, rows = nodes.n[1] - 1; // of cells
+    std::vector<std::uint32_t> rowOf, next(std::size_t(planes) * std::size_t(rows) + 1, 0);
+    rowOf.reserve(dipoles.size());
     for (const Dipole& d : dipoles) {
         const Vec3d c = (d.position.cast<double>() - corner) / step;
-        int at[3];
-        for (int k = 0; k < 3; ++k)
-            at[k] = std::clamp(int(std::floor(c[k])), 0, cells.n[std::size_t(k)] - 1);
-        cellOf.push_back(std::uint32_t(cells.index(at[0], at[1], at[2])));
-        ++next[cellOf.back() + 1];
+        const int plane = std::clamp(int(std::floor(c[0])), 0, planes - 1);
+        rowOf.push_back(
+            std::uint32_t(plane * rows + std::clamp(int(std::floor(c[1])), 0, rows - 1)));
+        ++next[rowOf.back() + 1];
     }
     for (std::size_t n = 1; n < next.size(); ++n) next[n] += next[n - 1];
     Bins bins;
-    for (int i = 0; i <= cells.n[0]; ++i) bins.start.push_back(next[cells.index(i, 0, 0)]);
+    for (int i = 0; i <= planes; ++i) bins.start.push_back(next[std::size_t(i * rows)]);
     bins.dipoles.resize(dipoles.size());
-    for (std::size_t d = 0; d < dipoles.size(); ++d) bins.dipoles[next[cellOf[d]]++] = dipoles[d];
+    for (std::size_t d = 0; d < dipoles.size(); ++d) bins.dipoles[next[rowOf[d]]++] = dipoles[d];
     return bins;
 }
 

@@ -159,7 +159,6 @@ ScreenedPoisson::ScreenedPoisson(const NodeGrid& grid, std::vector<float> screen
         restrictTo(mLevels.back().grid, mLevels.back().screening, coarse, level.screening);
         mLevels.push_back(std::move(level));
     }
-    for (Level& level : mLevels) level.u.assign(level.grid.size(), 0.0f);
 }
 
 void ScreenedPoisson::relax(Level& level, int sweeps) const
@@ -234,6 +233,7 @@ std::vector<float> ScreenedPoisson::solve(std::vector<float> b, const std::vecto
     for (std::size_t n = mLevels.size(); n-- > 0;) {
         mProgress.check();
         Level& level = mLevels[n];
+        level.u.resize(level.grid.size());
         if (n + 1 == mLevels.size()) {
             std::fill(level.u.begin(), level.u.end(), 0.0f);
             fillBorder(n, border);
@@ -246,7 +246,7 @@ std::vector<float> ScreenedPoisson::solve(std::vector<float> b, const std::vecto
         if (here == 0) relax(level, 2);
         for (int c = 0; c < here; ++c) cycle(n);
     }
-    return mLevels[0].u;
+    return std::exchange(mLevels[0].u, {});
 }
 
 } // namespace mpuvdb

@@ -95,16 +95,23 @@ public:
                 PointBatch& out) const;
     /// Number of points in @a box (local coordinates); stops counting beyond @a limit.
     std::size_t countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell = {}) const;
-    /// Call f(begin, end) for every occupied cell of @a level, in Morton order.
+    /// Call f(begin, end) for every occupied cell of @a level, in Morton order, whose first point
+    /// is in @a among.
+    template <typename F>
+    void forEachCell(int level, const Range& among, F f) const
+    {
+        const auto cellOf = [&](std::size_t n) { return mKeys[n] >> 3 * (kMaxLevel - level); };
+        std::size_t begin = among.begin;
+        while (begin > 0 && begin < among.end && cellOf(begin) == cellOf(begin - 1)) ++begin;
+        for (std::size_t end = begin; begin < among.end; begin = end) {
+            while (end < mKeys.size() && cellOf(end) == cellOf(begin)) ++end;
+            f(begin, end);
+        }
+    }
     template <typename F>
     void forEachCell(int level, F f) const
     {
-        const int below = 3 * (kMaxLevel - level);
-        for (std::size_t begin = 0, end = 0; begin < mKeys.size(); begin = end) {
-            const std::uint64_t cell = mKeys[begin] >> below;
-            while (end < mKeys.size() && mKeys[end] >> below == cell) ++end;
-            f(begin, end);
-        }
+        forEachCell(level, {0, size()}, f);
     }
 
     /// Call f(begin, end), in Morton order, for the largest cells of at most @a most points each
