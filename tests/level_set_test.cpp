@@ -243,6 +243,25 @@ TEST(Check, ReportsWhatIsNoDistance)
     }
 }
 
+TEST(Check, KnowsLittleOfTheMeanOverFewVoxels)
+{
+    // Slopes that are 0.2 off, and 0.8, all over the band; and where it grazes one leaf.
+    const openvdb::CoordBBox all = openvdb::CoordBBox::inf(),
+                             grazed(Coord(-1, -1, 23), Coord(8, 8, 32));
+    const auto isNoDistance = [](float factor, const openvdb::CoordBBox& within) {
+        const auto grid =
+            openvdb::tools::createLevelSetSphere<FloatGrid>(22.2f, openvdb::Vec3f(0), 1.f);
+        for (auto v = grid->beginValueOn(); v; ++v) v.setValue(*v * factor);
+        Progress progress;
+        const CheckReport report = check(*grid, progress, kGradientTolerance, within);
+        EXPECT_NEAR(report.meanGradientError, factor - 1, 0.05);
+        return find(report, "not a distance") != nullptr;
+    };
+    EXPECT_TRUE(isNoDistance(1.2f, all));
+    EXPECT_FALSE(isNoDistance(1.2f, grazed));
+    EXPECT_TRUE(isNoDistance(1.8f, grazed));
+}
+
 TEST(Check, ReportsClassTransformAndBackground)
 {
     auto grid = sphere();

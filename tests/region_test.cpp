@@ -68,7 +68,6 @@ void expectSameInRegions(const PointCloud& cloud, ReconstructSettings settings, 
     const LevelSet whole = reconstruct(PointCloud(cloud), settings, progress).levelSet;
     const CheckReport wholeReport = check(whole.grid(), progress);
     EXPECT_TRUE(wholeReport.sound()) << test::texts(wholeReport);
-    constexpr double kAnySlope = 1e3; // a mean over the few voxels of a small part says nothing
     test::Random random(seed);
     for (int n = 0; n < regions; ++n) {
         const Box3d box = randomBox(whole, random, voxels);
@@ -78,7 +77,8 @@ void expectSameInRegions(const PointCloud& cloud, ReconstructSettings settings, 
         EXPECT_EQ(differences(part.levelSet, whole, inside), 0u)
             << "seed " << seed << " " << inside;
         EXPECT_TRUE(inside.isInside(part.levelSet.grid().evalActiveVoxelBoundingBox()));
-        const CheckReport report = check(part.levelSet.grid(), progress, kAnySlope, inside);
+        const CheckReport report =
+            check(part.levelSet.grid(), progress, kGradientTolerance, inside);
         EXPECT_TRUE(report.sound()) << test::texts(report);
     }
 }

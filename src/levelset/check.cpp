@@ -25,6 +25,9 @@ using Tree = openvdb::FloatTree;
 constexpr double kHalfTolerance = 1.0 / 1024, kFloatTolerance = 1e-5;
 /// A distance changes by at most one voxel from voxel to voxel; beyond two, it is none.
 constexpr double kLargestStep = 2;
+/// What a mean ||grad| - 1| over n voxels may be off, times sqrt(n): two standard deviations of a
+/// voxel's at a crease. The few voxels at the border of a region are all at one.
+constexpr double kMeanUncertainty = 0.5;
 /// How much farther than its neighbour's distance allows a voxel may be before it is missed.
 constexpr double kBandMargin = 0.5;
 
@@ -200,16 +203,19 @@ CheckReport check(const openvdb::FloatGrid& grid, Progress& progress, double gra
     report.bandOutside = tallies.highest / voxelSize;
     report.maxGradientError = tallies.maxSteepness;
     // The better side counts: inside a wall thinner than the band there is no room for a slope.
-    double mean = std::numeric_limits<double>::infinity();
-    for (std::size_t side : {0, 1})
-        if (const std::uint64_t n = tallies.gradients[side])
-            mean = std::min(mean, steepness[side] / double(n));
+    double mean = std::numeric_limits<double>::infinity(), least = mean;
+    for (std::size_t side : {0, 1}) {
+        const auto n = double(tallies.gradients[side]);
+        if (!(n > 0)) continue;
+        mean = std::min(mean, steepness[side] / n);
+        least = std::min(least, steepness[side] / n - kMeanUncertainty / std::sqrt(n));
+    }
     if (std::isfinite(mean)) report.meanGradientError = mean;
     for (std::size_t n = 0; n < kFaults; ++n) {
         const auto fault = Fault(n);
         const FaultTally& tally = tallies[fault];
         if (tally.count == 0) continue;
-        if (fault == Fault::Steepness && report.meanGradientError <= gradientTolerance) continue;
+        if (fault == Fault::Steepness && least <= gradientTolerance) continue;
         report.findings.push_back({describe(fault, limits, report), tally.voxel, tally.count});
     }
     return report;
