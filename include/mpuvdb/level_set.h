@@ -121,9 +121,10 @@ struct CheckReport {
 /// = background elsewhere, a complete band on both sides (a voxel l voxels from one of distance d
 /// is active if d + l is less than the half-width by half a voxel), steps of at most two voxels
 /// between active neighbours, a mean ||grad| - 1| over n voxels of at most @a gradientTolerance and
-/// 0.5 / sqrt(n), no change of sign between neighbours of which one is inactive. An empty level set is sound. The report does
-/// not depend on the number of threads. @param within  judged are only leaves and tiles that lie in
-/// it with the voxels around them: of a region, which ends somewhere. @throws Interrupted.
+/// 0.5 / sqrt(n), no change of sign between neighbours of which one is inactive. An empty level set
+/// is sound. The report does not depend on the number of threads. @param within  judged are only
+/// leaves and tiles that lie in it with the voxels around them: of a region, which ends somewhere.
+/// @throws Interrupted.
 CheckReport check(const openvdb::FloatGrid& grid, Progress& progress,
                   double gradientTolerance = kGradientTolerance,
                   const openvdb::CoordBBox& within = openvdb::CoordBBox::inf());
