@@ -14,8 +14,6 @@ namespace mpuvdb
 namespace
 {
 
-constexpr int kTopLevel = 5;
-
 /// Spread the low 21 bits: bit b goes to bit 3b.
 std::uint64_t spreadBits(std::uint64_t v)
 {
@@ -162,10 +160,17 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& p
     mKeys.resize(count);
     for (std::size_t n = 0; n < count; ++n) mKeys[n] = order[n].key;
     if (copies == Copies::Merge) mergeCopies();
-    mTop.resize((std::size_t(1) << 3 * kTopLevel) + 1);
+    makeTop();
+}
+
+/// A table of about an entry for a point: below its level cells are searched for.
+void SortedPoints::makeTop()
+{
+    while (std::size_t(8) << 3 * mTopLevel <= size()) ++mTopLevel;
+    mTop.resize((std::size_t(1) << 3 * mTopLevel) + 1);
     std::size_t first = 0;
     for (std::size_t cell = 0; cell < mTop.size(); ++cell) {
-        while (first < mKeys.size() && mKeys[first] >> 3 * (kMaxLevel - kTopLevel) < cell) ++first;
+        while (first < size() && mKeys[first] >> 3 * (kMaxLevel - mTopLevel) < cell) ++first;
         mTop[cell] = std::uint32_t(first);
     }
 }
@@ -211,9 +216,9 @@ SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
     const int below = 3 * (kMaxLevel - cell.level);
     const std::uint64_t key = mortonKey(cell.i, cell.j, cell.k);
     const std::uint64_t firstKey = key << below, endKey = (key + 1) << below;
-    const int topShift = 3 * (kMaxLevel - kTopLevel);
+    const int topShift = 3 * (kMaxLevel - mTopLevel);
     const auto begin = mKeys.begin();
-    if (cell.level <= kTopLevel) return {mTop[firstKey >> topShift], mTop[endKey >> topShift]};
+    if (cell.level <= mTopLevel) return {mTop[firstKey >> topShift], mTop[endKey >> topShift]};
     const std::size_t top = std::size_t(firstKey >> topShift);
     const auto lo = begin + mTop[top], hi = begin + mTop[top + 1];
     const auto first = std::lower_bound(lo, hi, firstKey);

@@ -75,7 +75,7 @@ public:
     std::size_t bytes() const
     {
         return mPoints.bytes() + sizeof(mKeys[0]) * mKeys.capacity() +
-               mChannels.size() * sizeof(float) * size();
+               sizeof(mTop[0]) * mTop.capacity() + mChannels.size() * sizeof(float) * size();
     }
 
     struct Range {
@@ -130,6 +130,7 @@ private:
     static constexpr std::size_t kScan = 32;
 
     void mergeCopies();
+    void makeTop();
     template <typename F>
     void forEachBucketIn(int level, std::size_t begin, std::size_t end, std::size_t most,
                          F& f) const
@@ -155,7 +156,8 @@ private:
     std::vector<PointBatch::Floats> mChannels;
     std::vector<std::string> mScalarNames;
     std::vector<std::uint64_t> mKeys;
-    std::vector<std::uint32_t> mTop; ///< first point of each cell of level kTopLevel
+    int mTopLevel = 0;
+    std::vector<std::uint32_t> mTop; ///< first point of each cell of level mTopLevel
 };
 
 } // namespace mpuvdb
