@@ -109,7 +109,8 @@ Bins binDipoles(const std::vector<Dipole>& dipoles, const NodeGrid& nodes, const
     }
     for (std::size_t n = 1; n < next.size(); ++n) next[n] += next[n - 1];
     Bins bins;
-    for (int i = 0; i <= planes; ++i) bins.start.push_back(next[std::size_t(i * rows)]);
+    for (int i = 0; i <= planes; ++i)
+        bins.start.push_back(next[std::size_t(i) * std::size_t(rows)]);
     bins.dipoles.resize(dipoles.size());
     for (std::size_t d = 0; d < dipoles.size(); ++d) bins.dipoles[next[rowOf[d]]++] = dipoles[d];
     return bins;

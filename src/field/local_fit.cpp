@@ -230,8 +230,8 @@ namespace
 {
 
 /// solveRidged() as every instruction set compiles it.
-MPUVDB_WIDE_CLONES [[gnu::flatten]] Eigen::Matrix<double, 6, 1>
-solveBivariate(const BivariateSystem& system)
+MPUVDB_WIDE_CLONES
+Eigen::Matrix<double, 6, 1> solveBivariate(const BivariateSystem& system)
 {
     Eigen::Matrix<double, 6, 1> ridge;
     ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-14;

@@ -11,7 +11,7 @@ template <int N>
 class SmallCholesky
 {
 public:
-    explicit SmallCholesky(const Eigen::Matrix<double, N, N>& M)
+    [[gnu::always_inline]] explicit SmallCholesky(const Eigen::Matrix<double, N, N>& M)
     {
         double scaled[N][N]; // L D
         for (int j = 0; j < N; ++j) {
@@ -26,7 +26,8 @@ public:
             }
         }
     }
-    Eigen::Matrix<double, N, 1> solve(const Eigen::Matrix<double, N, 1>& r) const
+    [[gnu::always_inline]] Eigen::Matrix<double, N, 1>
+    solve(const Eigen::Matrix<double, N, 1>& r) const
     {
         Eigen::Matrix<double, N, 1> x = r;
         for (int i = 1; i < N; ++i)
@@ -43,11 +44,12 @@ private:
 
 /// Solve the normal equations M x = r, M symmetric semi-definite of O(1) entries, with the ridge
 /// @a ridge. Refined against M itself: directions that the points determine lose the ridge's bias
-/// (factor ridge / eigenvalue per step), others stay damped.
+/// (factor ridge / eigenvalue per step), others stay damped. Inline, so that what calls it may be
+/// compiled for several instruction sets.
 template <int N>
-Eigen::Matrix<double, N, 1> solveRidged(const Eigen::Matrix<double, N, N>& M,
-                                        const Eigen::Matrix<double, N, 1>& r,
-                                        const Eigen::Matrix<double, N, 1>& ridge)
+[[gnu::always_inline]] inline Eigen::Matrix<double, N, 1>
+solveRidged(const Eigen::Matrix<double, N, N>& M, const Eigen::Matrix<double, N, 1>& r,
+            const Eigen::Matrix<double, N, 1>& ridge)
 {
     Eigen::Matrix<double, N, N> damped = M;
     damped.diagonal() += ridge;
