@@ -106,19 +106,16 @@ void findLeastAndMost(const Floats& values, float& least, float& most)
 }
 
 MPUVDB_WIDE_CLONES
-std::size_t countUpTo(const Floats& values, float limit)
-{
-    std::uint32_t count = 0;
-    for (const float v : values) count += v <= limit;
-    return count;
-}
-
-MPUVDB_WIDE_CLONES
 std::size_t countBelow(const Floats& values, float limit)
 {
     std::uint32_t count = 0;
     for (const float v : values) count += v < limit;
     return count;
+}
+
+float justAbove(float value)
+{
+    return std::nextafter(value, std::numeric_limits<float>::infinity());
 }
 
 /// Values up to a limit.
@@ -140,7 +137,7 @@ Least leastOf(const Floats& values, std::size_t k)
     for (int step = 0; step < 16 && 2 * least.count > 3 * k; ++step) {
         const float share = (1.25f * float(k) - float(below)) / float(least.count - below);
         const float middle = low + (least.limit - low) * (step % 3 == 2 ? 0.5f : share);
-        const std::size_t count = countUpTo(values, middle);
+        const std::size_t count = countBelow(values, justAbove(middle));
         if (count < k)
             low = middle, below = count;
         else
@@ -242,7 +239,7 @@ double BatchFilter::nearest(const PointBatch& from, const Vec3d& centre, std::si
 {
     squaredDistances(from, centre.cast<float>(), mDistance2);
     const float limit = leastOf(mDistance2, count).limit;
-    markBelow(mDistance2, std::nextafter(limit, std::numeric_limits<float>::infinity()), mMask);
+    markBelow(mDistance2, justAbove(limit), mMask);
     out.clear();
     appendMarked(from, 0, 1, out);
     return std::sqrt(double(limit));
