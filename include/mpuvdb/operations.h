@@ -66,11 +66,14 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& pro
 /// what LevelSet demands of it. @param halfWidth  voxels, in [1.5, 1000].
 LevelSet redistance(const openvdb::FloatGrid& grid, double halfWidth, Progress& progress);
 
-/// A closed triangle mesh as a level set, settings as for a field: in the whole band the values are
-/// the distance to the nearest triangle, to rounding. What is inside is what
-/// openvdb::tools::meshToVolume says, but for voxels that no triangle parts from neighbours of the
-/// other side; gaps of less than a voxel do not matter. @throws InputError (no triangles, indices
-/// out of range, not finite, open), LimitError, Interrupted.
+/// The solid of closed triangle meshes as a level set, settings as for a field: all places around
+/// which @a mesh winds at least once, so that parts that overlap, touch or are there twice are one
+/// solid, and a part that faces inward is a cavity of those that it lies in. A mesh of which all
+/// parts face inward is turned; triangles that contradict their neighbors are, too. In the whole
+/// band the values are the distance to the nearest place on the solid's boundary, to rounding;
+/// triangles within the solid do not count. Gaps of less than a voxel do not matter.
+/// @throws InputError (no triangles, indices out of range, not finite, open), LimitError,
+/// Interrupted.
 LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress);
 
 /// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the

@@ -61,33 +61,42 @@ public:
     }
 
     /// Call f(a, b) for the pairs of nodes a <= b of one level whose boxes meet, and for each node
-    /// with itself. @param levels  below the root, at most levels().
+    /// with itself. @param levels  below the root, at most levels(). @param apart  world units:
+    /// boxes meet that are no farther from each other.
     template <class F>
-    void forEachPair(std::size_t levels, const F& f) const
+    void forEachPair(std::size_t levels, const F& f, float apart = 0) const
     {
-        descend(1, 1, std::size_t(1) << levels, f);
+        descend(1, 1, std::size_t(1) << levels, f, apart);
     }
     /// The same for the pairs of leaves below two nodes of one level: f takes leaves.
     template <class F>
-    void forEachLeafPair(std::size_t a, std::size_t b, const F& f) const
+    void forEachLeafPair(std::size_t a, std::size_t b, const F& f, float apart = 0) const
     {
-        descend(a, b, mLeaves, [&](std::size_t c, std::size_t d) { f(c - mLeaves, d - mLeaves); });
+        descend(
+            a, b, mLeaves, [&](std::size_t c, std::size_t d) { f(c - mLeaves, d - mLeaves); },
+            apart);
     }
 
 private:
     /// @param first  node of the level to stop at.
     template <class F>
-    void descend(std::size_t a, std::size_t b, std::size_t first, const F& f) const
+    void descend(std::size_t a, std::size_t b, std::size_t first, const F& f, float apart) const
     {
-        if (a != b && !mBoxes[a].intersects(mBoxes[b])) return;
+        if (a != b && !meet(mBoxes[a], mBoxes[b], apart)) return;
         if (a >= first) {
             f(a, b);
             return;
         }
-        descend(2 * a, 2 * b, first, f);
-        descend(2 * a, 2 * b + 1, first, f);
-        if (a != b) descend(2 * a + 1, 2 * b, first, f);
-        descend(2 * a + 1, 2 * b + 1, first, f);
+        descend(2 * a, 2 * b, first, f, apart);
+        descend(2 * a, 2 * b + 1, first, f, apart);
+        if (a != b) descend(2 * a + 1, 2 * b, first, f, apart);
+        descend(2 * a + 1, 2 * b + 1, first, f, apart);
+    }
+
+    static bool meet(const Box& a, const Box& b, float apart)
+    {
+        return (a.min().array() <= b.max().array() + apart).all() &&
+               (b.min().array() <= a.max().array() + apart).all();
     }
 
     void sortTriangles(const Mesh& mesh);

@@ -1,12 +1,12 @@
 #include "mesh_signs.h"
 
-#include <mpuvdb/point_triangle.h>
-#include <mpuvdb/union_find.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
 
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <unordered_map>
 
@@ -16,202 +16,136 @@ namespace
 {
 
 using Tree = openvdb::FloatTree;
+using Leaf = Tree::LeafNodeType;
 using LeafManager = openvdb::tree::LeafManager<Tree>;
 
-/// Gives the voxels of @a band the signs that those of @a signs have.
-void takeSigns(LeafManager& band, const Tree& signs)
-{
-    band.foreach ([&](Tree::LeafNodeType& leaf, std::size_t) {
-        const openvdb::tree::ValueAccessor<const Tree> at(signs);
-        for (auto on = leaf.beginValueOn(); on; ++on)
-            if (at.getValue(on.getCoord()) < 0) on.setValue(-*on);
-    });
-}
+/// Voxels that two neighbors can be from a surface together that passes between them, and from the
+/// rim of a hole as wide as a voxel. [derived: the first is the length of the edge between them; a
+/// hole's rim is half a voxel from where the edge passes through it, as seen from either end]
+constexpr double kAcross = 1, kThroughHole = 2;
+constexpr double kRoundings = 1 + 1e-4; // of the distances
 
-/// Signs of voxels that cannot be told apart by the mesh: no triangle passes between neighbours of
-/// which the distances, in voxels, are more than one together.
-class SignVote
+/// A voxel of the band, and the next one along an axis, of which only one is inside though they are
+/// farther from the surface than neighbors of two sides are.
+struct Dispute {
+    std::size_t leaf;
+    openvdb::Coord voxel;
+    int axis;
+    double apart; ///< voxels: their distances together
+};
+
+/// Finds disputes, and has them settled by winding numbers.
+class Settlement
 {
 public:
-    SignVote(LeafManager& band, double voxelSize)
-        : mBand(band), mFarthest(float(kRoundings * voxelSize))
+    Settlement(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid)
+        : mBand(tree), mTriangles(triangles), mSolid(solid), mAsked(mBand.leafCount())
     {
-        for (std::size_t n = 0; n < band.leafCount(); ++n) mNumbers[band.leaf(n).origin()] = n;
+        for (std::size_t n = 0; n < mBand.leafCount(); ++n) mNumbers[mBand.leaf(n).origin()] = n;
     }
 
-    /// Whether neighbours differ that cannot.
-    bool isDisputed() const
+    void run(Progress& progress)
     {
-        std::atomic<bool> found{false};
-        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, mBand.leafCount()),
-                          [&](const tbb::blocked_range<std::size_t>& range) {
-                              for (std::size_t n = range.begin(); n < range.end() && !found; ++n)
-                                  forEachPair(n, [&](float a, float b, std::size_t, std::size_t) {
-                                      if ((a < 0) != (b < 0)) found = true;
-                                  });
-                          });
-        return found;
-    }
-
-    /// Gives every set of such voxels the sign that nearly all of them have. Where they do not
-    /// agree, the mesh has a hole, and they keep theirs.
-    void settle()
-    {
-        constexpr std::size_t kAgree = 8; // so many times as many as the others
-        UnionFind sets(mBand.leafCount() * kVoxels);
-        for (std::size_t n = 0; n < mBand.leafCount(); ++n)
-            forEachPair(n, [&](float, float, std::size_t i, std::size_t j) {
-                sets.join(std::uint32_t(i), std::uint32_t(j));
-            });
-        std::unordered_map<std::uint32_t, std::array<std::size_t, 2>> votes; // outside, inside
-        const auto forEachVoxel = [&](const auto& visit) {
-            for (std::size_t n = 0; n < mBand.leafCount(); ++n)
-                for (auto on = mBand.leaf(n).beginValueOn(); on; ++on)
-                    visit(on, sets.find(std::uint32_t(n * kVoxels + on.pos())));
-        };
-        forEachVoxel([&](const auto& on, std::uint32_t set) { ++votes[set][*on < 0]; });
-        forEachVoxel([&](const auto& on, std::uint32_t set) {
-            const auto& [outside, inside] = votes[set];
-            if (inside > kAgree * outside) on.setValue(-std::abs(*on));
-            if (outside > kAgree * inside) on.setValue(std::abs(*on));
-        });
+        std::vector<Dispute> disputes = find();
+        while (askAbout(disputes, progress)) disputes = find();
+        demandNoHole(disputes);
     }
 
 private:
-    static constexpr std::size_t kVoxels = Tree::LeafNodeType::SIZE;
-
-    /// Calls f(value, value of the next, number, number of the next) for all pairs of a voxel of
-    /// leaf @a n and the next one along an axis between which nothing passes.
-    template <typename F>
-    void forEachPair(std::size_t n, const F& f) const
+    std::vector<Dispute> find() const
     {
-        const Tree::LeafNodeType& leaf = mBand.leaf(n);
-        std::array<std::size_t, 3> beside;
+        std::vector<std::vector<Dispute>> found(mBand.leafCount());
+        tbb::parallel_for(std::size_t(0), mBand.leafCount(),
+                          [&](std::size_t n) { look(n, found[n]); });
+        std::vector<Dispute> all;
+        for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());
+        return all;
+    }
+
+    void look(std::size_t n, std::vector<Dispute>& found) const
+    {
+        const Leaf& leaf = mBand.leaf(n);
+        std::array<const Leaf*, 3> beside;
         for (int axis = 0; axis < 3; ++axis) {
             openvdb::Coord origin = leaf.origin();
             origin[axis] += kDim;
-            const auto found = mNumbers.find(origin);
-            beside[std::size_t(axis)] = found != mNumbers.end() ? found->second : kNoLeaf;
+            const auto at = mNumbers.find(origin);
+            beside[std::size_t(axis)] = at != mNumbers.end() ? &mBand.leaf(at->second) : nullptr;
         }
         for (auto on = leaf.cbeginValueOn(); on; ++on) {
             const openvdb::Coord at = on.getCoord();
-            for (std::size_t axis = 0; axis < 3; ++axis) {
+            for (int axis = 0; axis < 3; ++axis) {
                 openvdb::Coord next = at;
-                ++next[int(axis)];
-                const bool isHere = next[int(axis)] & (kDim - 1);
-                const std::size_t m = isHere ? n : beside[axis];
-                if (m == kNoLeaf) continue;
-                const auto offset = Tree::LeafNodeType::coordToOffset(next);
-                const Tree::LeafNodeType& other = mBand.leaf(m);
-                const float there = other.getValue(offset);
-                if (other.isValueOn(offset) && std::abs(*on) + std::abs(there) > mFarthest)
-                    f(*on, there, n * kVoxels + on.pos(), m * kVoxels + offset);
+                ++next[axis];
+                const bool isHere = next[axis] & (kDim - 1);
+                const Leaf* const other = isHere ? &leaf : beside[std::size_t(axis)];
+                float there = 0;
+                if (!other || !other->probeValue(next, there) || (*on < 0) == (there < 0)) continue;
+                const double apart = double(std::abs(*on) + std::abs(there)) / mTriangles.voxelSize;
+                if (apart > kAcross * kRoundings) found.push_back({n, at, axis, apart});
             }
         }
     }
 
-    static constexpr int kDim = Tree::LeafNodeType::DIM;
-    static constexpr std::size_t kNoLeaf = ~std::size_t(0);
-    LeafManager& mBand;
-    static constexpr double kRoundings = 1 + 1e-4; // of the distances
-    float mFarthest; ///< that neighbours of two sides can be from the mesh together
-    std::unordered_map<openvdb::Coord, std::size_t> mNumbers; ///< of leaves, by origin
-};
-
-/// Signs of voxels so near to the mesh that their neighbours do not tell: by the triangle that they
-/// see most squarely among those nearest to them.
-class FacingSigns
-{
-public:
-    FacingSigns(LeafManager& band, const PlacedTriangles& triangles)
-        : mBand(band), mTriangles(triangles), mFlips(band.leafCount())
+    /// Give the voxels of disputes the signs that winding numbers tell, each once. @return whether
+    /// there were any that had not been asked about.
+    bool askAbout(const std::vector<Dispute>& disputes, Progress& progress)
     {
-        tbb::parallel_for(std::size_t(0), band.leafCount(), [&](std::size_t n) { look(n); });
-    }
-
-    /// Flips those that face the other way, if the mesh's triangles as a rule face outwards, or as
-    /// a rule inwards.
-    void settle()
-    {
-        constexpr std::size_t kRule = 8; // so many times as many as the others
-        const std::size_t right = mRight, wrong = mWrong;
-        const bool outwards = right > kRule * wrong, inwards = wrong > kRule * right;
-        if (!outwards && !inwards) return;
-        mBand.foreach ([&](Tree::LeafNodeType& leaf, std::size_t n) {
-            for (const Seen& seen : mFlips[n])
-                if (seen.isWrong == outwards)
-                    leaf.setValueOnly(seen.voxel, -leaf.getValue(seen.voxel));
-        });
-    }
-
-private:
-    struct Seen {
-        openvdb::Index voxel;
-        bool isWrong; ///< if triangles face outwards
-    };
-
-    void look(std::size_t n)
-    {
-        constexpr double kNear = 0.25; // voxels: others are sure
-        const openvdb::tree::ValueAccessor<const Tree> at(mBand.tree());
-        for (auto on = mBand.leaf(n).cbeginValueOn(); on; ++on) {
-            const double distance = std::abs(double(*on));
-            if (distance >= kNear * mTriangles.voxelSize || !isBetween(at, on.getCoord())) continue;
-            const openvdb::Coord voxel = on.getCoord();
-            const double side = sideOf(Vec3d(voxel.x(), voxel.y(), voxel.z()), distance);
-            if (side == 0) continue;
-            const bool isWrong = (side < 0) != (*on < 0);
-            ++(isWrong ? mWrong : mRight);
-            mFlips[n].push_back({on.pos(), isWrong});
-        }
-    }
-
-    /// Whether it has neighbours of both sides: beside faces within the solid it has not.
-    static bool isBetween(const openvdb::tree::ValueAccessor<const Tree>& at,
-                          const openvdb::Coord& voxel)
-    {
-        bool inside = false, outside = false;
-        for (int axis = 0; axis < 3; ++axis)
-            for (const int step : {-1, 1}) {
-                openvdb::Coord next = voxel;
-                next[axis] += step;
-                (at.getValue(next) < 0 ? inside : outside) = true;
+        std::vector<openvdb::Coord> voxels;
+        for (const Dispute& d : disputes)
+            for (const int step : {0, 1}) {
+                openvdb::Coord voxel = d.voxel;
+                voxel[d.axis] += step;
+                auto& asked = mAsked[mNumbers.at(voxel & ~(kDim - 1))];
+                const auto offset = Leaf::coordToOffset(voxel);
+                if (asked.isOn(offset)) continue;
+                asked.setOn(offset);
+                voxels.push_back(voxel);
             }
-        return inside && outside;
-    }
-
-    /// Below 0 behind the triangle, 0 if that cannot be told. @param distance  to the mesh.
-    double sideOf(const Vec3d& voxel, double distance) const
-    {
-        constexpr double kRounding = 1e-6; // voxels
-        const Vec3d p = mTriangles.place(voxel);
-        const double farthest = distance + kRounding * mTriangles.voxelSize;
-        double side = 0;
-        mTriangles.tree.forEachNear(p, farthest, [&](std::size_t slot) {
-            const TriangleTree::Corners& t = mTriangles.tree.corners(slot);
-            const Vec3d a = t[0].cast<double>(), b = t[1].cast<double>(), c = t[2].cast<double>();
-            if (squaredDistance<double>(p, {a, b, c}) > farthest * farthest) return;
-            const double height = (b - a).cross(c - a).normalized().dot(p - a);
-            if (std::abs(height) > std::abs(side)) side = height;
+        std::vector<std::uint8_t> inside(voxels.size());
+        tbb::parallel_for(std::size_t(0), voxels.size(), [&](std::size_t n) {
+            if (n % 64 == 0) progress.check();
+            inside[n] = mSolid.isInside(
+                mTriangles.place(Vec3d(voxels[n].x(), voxels[n].y(), voxels[n].z())));
         });
-        return side;
+        for (std::size_t n = 0; n < voxels.size(); ++n) {
+            Leaf& leaf = mBand.leaf(mNumbers.at(voxels[n] & ~(kDim - 1)));
+            const float distance = std::abs(leaf.getValue(voxels[n]));
+            leaf.setValueOnly(voxels[n], inside[n] ? -distance : distance);
+        }
+        return !voxels.empty();
     }
 
-    LeafManager& mBand;
+    void demandNoHole(const std::vector<Dispute>& disputes) const
+    {
+        const Dispute* widest = nullptr;
+        for (const Dispute& d : disputes)
+            if (d.apart > kThroughHole * kRoundings && (!widest || d.apart > widest->apart))
+                widest = &d;
+        if (!widest) return;
+        const openvdb::Coord& v = widest->voxel;
+        const Vec3d at = mTriangles.place(Vec3d(v.x(), v.y(), v.z())) + mTriangles.frame;
+        throw InputError(fmt::format(
+            "mesh: is open: near ({:.6g}, {:.6g}, {:.6g}) a hole wider than a voxel leads inside "
+            "({} of its edges bound holes). Close its holes, use larger voxels, or reconstruct a "
+            "surface from its points",
+            at[0], at[1], at[2], mSolid.report().openEdges));
+    }
+
+    static constexpr int kDim = Leaf::DIM;
+    LeafManager mBand;
     const PlacedTriangles& mTriangles;
-    std::vector<std::vector<Seen>> mFlips; ///< of each leaf
-    std::atomic<std::size_t> mRight{0}, mWrong{0};
+    const SolidBoundary& mSolid;
+    std::unordered_map<openvdb::Coord, std::size_t> mNumbers; ///< of leaves, by origin
+    std::vector<Leaf::NodeMaskType> mAsked;                   ///< of each leaf, voxels
 };
 
 } // namespace
 
-void signDistances(Tree& tree, const Tree& guess, const PlacedTriangles& triangles)
+void settleSigns(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid,
+                 Progress& progress)
 {
-    LeafManager band(tree);
-    takeSigns(band, guess);
-    SignVote vote(band, triangles.voxelSize);
-    if (vote.isDisputed()) vote.settle();
-    FacingSigns(band, triangles).settle();
+    Settlement(tree, triangles, solid).run(progress);
 }
 
 } // namespace mpuvdb

@@ -1,15 +1,17 @@
 // Which voxels near a mesh are inside.
 #pragma once
+#include "solid_boundary.h"
 #include "triangle_band.h"
 
 namespace mpuvdb
 {
 
-/// Turns distances to a mesh into signed ones, negative inside.
-/// @param band  active: the exact distances. @param guess  has the right sign nearly everywhere;
-/// what is wrong is found where neighbours of two signs have no triangle between them, and beside
-/// the mesh by the way that it faces.
-void signDistances(openvdb::FloatTree& band, const openvdb::FloatTree& guess,
-                   const PlacedTriangles& triangles);
+/// Puts signs right that contradict each other: no triangle of the boundary passes between two
+/// neighbors whose distances are more than a voxel together, and of a mesh with holes none that is
+/// seen from both sides. Winding numbers decide.
+/// @param band  active: the distances, signed.
+/// @throws InputError where a hole wider than a voxel leaves no inside to tell, Interrupted.
+void settleSigns(openvdb::FloatTree& band, const PlacedTriangles& triangles,
+                 const SolidBoundary& solid, Progress& progress);
 
 } // namespace mpuvdb

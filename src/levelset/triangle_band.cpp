@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 namespace mpuvdb
 {
@@ -43,6 +44,54 @@ struct Cube {
     }
 };
 
+/// Voxels: places nearer to each other are one. Corners of triangles that meet where they were cut
+/// are rounded to floats each for itself.
+double tieFor(const PlacedTriangles& triangles)
+{
+    constexpr double kLeast = 1e-6;  // [derived: roundings of doubles at 2^23 voxels, thousandfold]
+    constexpr double kRoundings = 4; // [derived: two corners along the axes, two distances]
+    const TriangleTree::Box& box = triangles.tree.box();
+    const float largest = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
+    return kLeast + kRoundings * double(std::numeric_limits<float>::epsilon() * largest) /
+                        triangles.voxelSize;
+}
+
+/// The place of a triangle that is nearest to another place, and how much of a small circle about
+/// it the triangle fills, radians: 2 pi within it, pi on an edge, the corner's angle at a corner.
+struct NearestPlace {
+    Vec3d place;
+    double angle;
+
+    NearestPlace(const Vec3d& p, const std::array<Vec3d, 3>& t)
+    {
+        const Vec3d normal = (t[1] - t[0]).cross(t[2] - t[0]);
+        int outside = 0;
+        double least = HUGE_VAL;
+        for (std::size_t k = 0; k < 3; ++k) {
+            const Vec3d &a = t[k], &b = t[(k + 1) % 3];
+            if (normal.cross(b - a).dot(p - a) > 0) continue; // to the left of the edge
+            ++outside;
+            const double square = (b - a).squaredNorm();
+            const double share = square > 0 ? std::clamp((p - a).dot(b - a) / square, 0.0, 1.0) : 0;
+            const Vec3d at = a + share * (b - a);
+            if (!((p - at).squaredNorm() < least)) continue;
+            least = (p - at).squaredNorm();
+            place = at;
+            angle = share == 0 ? angleAt(t, k) : share == 1 ? angleAt(t, (k + 1) % 3) : M_PI;
+        }
+        if (outside > 0) return;
+        place = p - normal.dot(p - t[0]) / normal.squaredNorm() * normal;
+        angle = 2 * M_PI;
+    }
+
+private:
+    static double angleAt(const std::array<Vec3d, 3>& t, std::size_t k)
+    {
+        const Vec3d a = t[(k + 1) % 3] - t[k], b = t[(k + 2) % 3] - t[k];
+        return std::atan2(a.cross(b).norm(), a.dot(b));
+    }
+};
+
 /// Measures the voxels of one leaf after the other, for one thread: cube by cube, halved with those
 /// triangles that may be nearest to one of its voxels.
 class LeafMeasure
@@ -50,7 +99,7 @@ class LeafMeasure
 public:
     /// @param reach  voxels.
     LeafMeasure(const PlacedTriangles& triangles, double reach)
-        : mTriangles(triangles), mReach(reach)
+        : mTriangles(triangles), mReach(reach), mTie(tieFor(triangles))
     {
     }
 
@@ -75,6 +124,7 @@ private:
     /// A triangle in voxels, and a ball that holds it.
     struct Held {
         std::array<Vec3d, 3> corners;
+        Vec3d normal; ///< of length 1, or 0
         Vec3d middle;
         double radius;
     };
@@ -83,6 +133,8 @@ private:
     {
         Held t;
         for (std::size_t k = 0; k < 3; ++k) t.corners[k] = mTriangles.voxels(corners[k]);
+        const auto& [a, b, c] = t.corners;
+        t.normal = (b - a).cross(c - a).normalized();
         t.middle = (t.corners[0] + t.corners[1] + t.corners[2]) / 3;
         double square = 0;
         for (const Vec3d& corner : t.corners)
@@ -91,11 +143,11 @@ private:
         return t;
     }
 
-    /// How far from the centre of a ball the nearest triangle of a place in it can be, if it is
+    /// How far from the centre of a ball the nearest triangles of a place in it can be, if they are
     /// within reach. @param least  of the distances to the centre, or more.
     double bound(double least, double radius) const
     {
-        return std::min(least + 2 * radius, mReach + radius);
+        return std::min(least + 2 * radius, mReach + radius) + mTie;
     }
 
     /// @param atMost  as far as the nearest triangle is from the centre, or farther.
@@ -123,11 +175,13 @@ private:
             std::swap(mDistances.front(), mDistances.back());
         }
         if (kept.empty()) return;
+        keepUpTo(bound(least, radius), kept);
         if (cube.size == 1) {
-            if (least < mReach) mLeaf->setValueOn(cube.first, float(least * mTriangles.voxelSize));
+            if (!(least < mReach)) return;
+            const auto value = float(least * mTriangles.voxelSize);
+            mLeaf->setValueOn(cube.first, isBehind(kept, centre) ? -value : value);
             return;
         }
-        keepUpTo(bound(least, radius), kept);
         const double step = std::sqrt(3.0) / 4 * cube.size; // to the centre of a child
         for (int octant = 0; octant < 8; ++octant)
             refine(cube.child(octant), depth + 1, least + step);
@@ -141,8 +195,27 @@ private:
         kept.resize(count);
     }
 
+    /// @param nearest  triangles, all as far from @a p.
+    bool isBehind(const std::vector<std::uint32_t>& nearest, const Vec3d& p) const
+    {
+        const auto height = [&](const Held& t, const Vec3d& from) {
+            return t.normal.dot(p - from);
+        };
+        if (nearest.size() == 1) {
+            const Held& only = mHeld[nearest.front()];
+            return height(only, only.corners[0]) < 0;
+        }
+        double sum = 0;
+        for (const std::uint32_t n : nearest) {
+            const NearestPlace near(p, mHeld[n].corners);
+            sum += near.angle * height(mHeld[n], near.place);
+        }
+        return sum < 0;
+    }
+
     const PlacedTriangles& mTriangles;
     double mReach;
+    double mTie; ///< voxels: triangles are as near whose distances differ by less
     std::vector<Held> mHeld;
     std::array<std::vector<std::uint32_t>, 5> mKept; ///< by depth
     std::vector<double> mDistances;                  ///< of those kept last

@@ -14,8 +14,9 @@ class Progress;
 
 /// The triangles of a mesh, and where voxels are among them.
 struct PlacedTriangles {
-    TriangleTree tree;
-    Vec3d shift; ///< of voxel (0,0,0) from what the tree's corners count from
+    const TriangleTree& tree;
+    Vec3d frame; ///< world position that the tree's corners count from
+    Vec3d shift; ///< of voxel (0,0,0) from the frame
     double voxelSize;
 
     /// A place in voxels, as the tree has it.
@@ -25,8 +26,10 @@ struct PlacedTriangles {
 };
 
 /// Leaves of all voxels nearer than @a reach (voxels) to any triangle, sorted by origin: these are
-/// active and hold their distance, unsigned and exact, in world units; the others hold reach.
-/// @throws Interrupted
+/// active and hold their distance, exact, in world units, negative behind the triangles; the others
+/// hold reach. Behind is what the mean of the nearest triangles' normals says, each by the angle
+/// that it has at the nearest place: where the triangles bound a solid and face outward, that is
+/// inside [Baerentzen05]. @throws Interrupted
 std::vector<std::unique_ptr<openvdb::FloatTree::LeafNodeType>>
 leavesNear(const PlacedTriangles& triangles, double reach, Progress& progress);
 

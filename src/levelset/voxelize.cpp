@@ -7,7 +7,6 @@
 #include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
-#include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/SignedFloodFill.h>
 
 #include <cmath>
@@ -17,14 +16,7 @@ namespace mpuvdb
 namespace
 {
 
-/// Renormalising would move the surface of sound meshes to smooth bumps of unsound ones.
-constexpr int kFlags = openvdb::tools::DISABLE_RENORMALIZATION;
-
-/// Voxels: of the band in which meshToVolume knows what is inside. A wider one it makes by looking
-/// at the triangles that neighbours know.
-constexpr float kWidth = 1.5f;
-
-/// OpenVDB's view of a mesh: corners in voxels of the lattice.
+/// Corners of a mesh in voxels of the lattice.
 class IndexMesh
 {
 public:
@@ -32,14 +24,6 @@ public:
         : mMesh(mesh), mShift((mesh.frame - lattice.origin) / lattice.voxelSize),
           mScale(1 / lattice.voxelSize)
     {
-    }
-    std::size_t polygonCount() const { return mMesh.triangles.size(); }
-    std::size_t pointCount() const { return mMesh.positions.size(); }
-    std::size_t vertexCount(std::size_t /*polygon*/) const { return 3; }
-    void getIndexSpacePoint(std::size_t polygon, std::size_t corner, openvdb::Vec3d& p) const
-    {
-        const Vec3d q = at(mMesh.triangles[polygon][corner]);
-        p = {q[0], q[1], q[2]};
     }
     Vec3d at(std::size_t vertex) const
     {
@@ -73,7 +57,7 @@ void demandMesh(const Mesh& mesh)
 /// Voxels squared, of all triangles. @throws LimitError beyond the index range.
 double areaOf(const IndexMesh& mesh, const Mesh& triangles, double voxelSize)
 {
-    constexpr double kFar = 1 << 23; // meshToVolume's own steps are floats
+    constexpr double kFar = 1 << 23; // steps along edges are floats
     double area = 0;
     for (const Mesh::Triangle& t : triangles.triangles) {
         const Vec3d a = mesh.at(t[0]), b = mesh.at(t[1]), c = mesh.at(t[2]);
@@ -101,20 +85,16 @@ void demandMemory(double area, std::size_t triangles, const SampleSettings& sett
                                      double(settings.maxBytes) / 1e6));
 }
 
-/// Whether there is an inside next to the mesh, and more than drops behind a hole's rim.
-bool hasInside(const openvdb::FloatGrid& grid)
+std::string emptyText(const SolidBoundary::Report& report)
 {
-    constexpr std::size_t kShare = 100;
-    constexpr double kNear = 1.5; // voxels: more than one, for faces that lie on voxels
-    const double h = grid.voxelSize()[0];
-    std::size_t near = 0, inside = 0;
-    for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
-        for (auto on = leaf->cbeginValueOn(); on; ++on)
-            if (std::abs(double(*on)) < kNear * h) {
-                ++near;
-                inside += *on < 0;
-            }
-    return inside > near / kShare;
+    if (report.openEdges > 0)
+        return fmt::format(
+            "mesh: encloses nothing: it is open ({} of its edges bound holes). Close "
+            "its holes, or reconstruct a surface from its points",
+            report.openEdges);
+    return "mesh: encloses nothing: its faces cancel, since each is there for both sides, or lie "
+           "in "
+           "one plane. Export one side of each face, turned outward, or thicken it";
 }
 
 } // namespace
@@ -132,22 +112,16 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
     demandMemory(areaOf(indexMesh, mesh, lattice.voxelSize), mesh.triangles.size(), settings);
     progress.check();
     const double h = lattice.voxelSize;
-    const auto transform = openvdb::math::Transform::createLinearTransform(h);
-    const openvdb::FloatGrid::Ptr signs = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
-        progress, indexMesh, *transform, kWidth, kWidth, kFlags);
-    progress.check();
-    const PlacedTriangles triangles{{mesh, progress}, lattice.origin - mesh.frame, h};
+    const SolidBoundary solid(mesh, h, progress);
+    if (solid.isEmpty()) throw InputError(emptyText(solid.report()));
+    const PlacedTriangles triangles{solid.tree(), mesh.frame, lattice.origin - mesh.frame, h};
     const auto grid = openvdb::FloatGrid::create(float(settings.halfWidth * h));
     for (auto& leaf : leavesNear(triangles, settings.halfWidth, progress))
         grid->tree().addLeaf(leaf.release());
-    signDistances(grid->tree(), signs->tree(), triangles);
+    settleSigns(grid->tree(), triangles, solid, progress);
     progress.check();
     openvdb::tools::signedFloodFill(grid->tree());
     setLattice(*grid, lattice);
-    if (!hasInside(*grid))
-        throw InputError("mesh: encloses nothing at this voxel size: it is open, or thinner than a "
-                         "voxel. Close its holes, use smaller voxels, or reconstruct a surface "
-                         "from its points");
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
     progress.endStage();

@@ -1,0 +1,349 @@
+// Meshes of many closed parts as one solid: overlapping, touching, nested, facing inward, doubled.
+#include "case_files.h"
+#include "closed_parts.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+
+#include <fmt/format.h>
+
+#include <numeric>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using test::Random;
+
+/// Voxels: two faces that touch are no farther apart, and what is thinner is nothing.
+constexpr double kTouch = 1e-3;
+
+Eigen::Matrix3d rotation(Random& random)
+{
+    const Vec3d axis = random.inCube(1).normalized();
+    return Eigen::AngleAxisd(random.uniform() * 2 * M_PI, axis).toRotationMatrix();
+}
+
+/// A part of some 5 to 12 voxels, about the origin.
+Mesh randomPart(Random& random)
+{
+    const double size = 5 + 7 * random.uniform();
+    switch (int(5 * random.uniform())) {
+    case 0:
+        return test::boxPart(-size * Vec3d(.5, .4, .3), size * Vec3d(.5, .4, .3));
+    case 1:
+        return test::ballPart(.5 * size, 5);
+    case 2:
+        return test::torusPart(.4 * size, .2 * size, 17, 9);
+    case 3:
+        return test::pipePart(.45 * size, .25 * size, size, 13);
+    default:
+        return test::knotPart(.6 * size, .12 * size, 48, 7);
+    }
+}
+
+/// 2 to 30 parts: anywhere, on planes of the lattice, beside each other, within each other; some
+/// face inward, some are there twice.
+Mesh randomParts(Random& random)
+{
+    const int count = 2 + int(28 * random.uniform() * random.uniform());
+    const double room = 6 * std::cbrt(count);
+    std::vector<Mesh> parts;
+    for (int n = 0; n < count; ++n) {
+        Mesh part = randomPart(random);
+        const double kind = random.uniform();
+        if (kind < 0.25 && !parts.empty()) { // within another, as its cavity or for nothing
+            part = parts[std::size_t(random.uniform() * double(parts.size()))];
+            Vec3d middle = Vec3d::Zero();
+            for (const Vec3f& p : part.positions)
+                middle += p.cast<double>() / double(part.positions.size());
+            test::move(part, 0.6 * Eigen::Matrix3d::Identity(), 0.4 * middle);
+            if (random.uniform() < 0.5) test::turnInward(part);
+        } else if (kind < 0.55) { // a box on planes of the lattice; many share some
+            const auto corner = [&] { return Vec3d((room * random.inCube(1)).array().round()); };
+            const Vec3d a = corner(), b = a + Vec3d(2, 2, 2) +
+                                          Vec3d((8 * (random.inCube(0.5).array() + 0.5)).round());
+            part = test::boxPart(a, b);
+            if (kind < 0.35) { // another on top of it
+                parts.push_back(part);
+                part = test::boxPart({a[0] + 1, a[1], b[2]}, {b[0] - 1, b[1] + 1, b[2] + 3});
+            }
+        } else {
+            test::move(part, rotation(random), room * random.inCube(1));
+            if (n > 0 && random.uniform() < 0.15) test::turnInward(part);
+        }
+        parts.push_back(part);
+        if (random.uniform() < 0.1) parts.push_back(part);
+    }
+    return test::soupOf(parts);
+}
+
+LevelSet voxelized(const Mesh& mesh, double voxelSize = 1)
+{
+    SampleSettings settings;
+    settings.lattice = {Vec3d::Zero(), voxelSize};
+    Progress progress;
+    return voxelize(mesh, settings, progress);
+}
+
+/// What lies nearest to a place among all triangles.
+struct Nearest {
+    double distance;
+    bool bounds; ///< the solid is on one side of it
+};
+
+Nearest nearestTo(const Mesh& mesh, const Vec3d& p)
+{
+    Nearest nearest{HUGE_VAL, false};
+    Vec3d place = Vec3d::Zero(), normal = Vec3d::Zero();
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        const std::array<Vec3d, 3> corners = {mesh.world(t[0]), mesh.world(t[1]), mesh.world(t[2])};
+        const Vec3d at = test::nearestOn(corners, p);
+        if (!((at - p).norm() < nearest.distance)) continue;
+        nearest.distance = (at - p).norm();
+        place = at;
+        normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
+    }
+    const Vec3d step = 5 * kTouch * normal;
+    nearest.bounds =
+        (test::windingOf(mesh, place + step) > 0.5) != (test::windingOf(mesh, place - step) > 0.5);
+    return nearest;
+}
+
+double valueAt(const LevelSet& levelSet, const openvdb::Coord& voxel)
+{
+    return double(levelSet.grid().tree().getValue(voxel));
+}
+
+openvdb::Coord randomVoxel(const openvdb::CoordBBox& box, Random& random)
+{
+    const auto along = [&](int axis) {
+        return box.min()[axis] + int(random.uniform() * double(box.dim()[axis]));
+    };
+    return {along(0), along(1), along(2)};
+}
+
+TEST(VoxelizeParts, OfThisTestFaceOutward)
+{
+    for (const Mesh& part :
+         {test::boxPart({1, 2, 3}, {4, 6, 8}), test::ballPart(3, 5), test::torusPart(4, 2, 17, 9),
+          test::pipePart(5, 3, 6, 13), test::knotPart(6, 1, 48, 7)})
+        EXPECT_GT(measure(part).volume, 0);
+}
+
+TEST(VoxelizeParts, AgreeWithTheirWindingNumbers)
+{
+    constexpr int kUnions = 200, kPlaces = 60;
+    std::uint64_t compared = 0;
+    for (int n = 0; n < kUnions; ++n) {
+        SCOPED_TRACE(fmt::format("seed {}", n));
+        Random random{std::uint64_t(n)};
+        const Mesh mesh = randomParts(random);
+        const LevelSet levelSet = voxelized(mesh);
+        openvdb::CoordBBox box = levelSet.grid().evalActiveVoxelBoundingBox();
+        for (int k = 0; k < kPlaces; ++k) {
+            const openvdb::Coord voxel = randomVoxel(box, random);
+            const Vec3d p(voxel.x(), voxel.y(), voxel.z());
+            const double value = valueAt(levelSet, voxel);
+            const Nearest nearest = nearestTo(mesh, p);
+            EXPECT_GE(std::abs(value), std::min(nearest.distance, 3.0) - 0.01) << voxel;
+            if (nearest.distance > 0.01) {
+                EXPECT_EQ(value<0, test::windingOf(mesh, p)> 0.5) << voxel << ' ' << value;
+            }
+            if (!nearest.bounds) continue;
+            EXPECT_NEAR(std::abs(value), std::min(nearest.distance, 3.0), 0.01) << voxel;
+            ++compared;
+        }
+        if (HasFailure()) return;
+    }
+    EXPECT_GT(compared, kUnions * kPlaces / 2);
+}
+
+/// Places spread evenly over those triangles that bound the solid.
+std::vector<Vec3d> boundaryPlaces(const Mesh& mesh, Random& random, double perArea)
+{
+    std::vector<Vec3d> places;
+    for (const Mesh::Triangle& t : mesh.triangles) {
+        const Vec3d a = mesh.world(t[0]), u = mesh.world(t[1]) - a, v = mesh.world(t[2]) - a;
+        const Vec3d area = u.cross(v) / 2;
+        const double expected = perArea * area.norm();
+        for (int n = int(expected + random.uniform()); n > 0; --n) {
+            double s = random.uniform(), r = random.uniform();
+            if (s + r > 1) s = 1 - s, r = 1 - r;
+            const Vec3d p = a + s * u + r * v, step = 5 * kTouch * area.normalized();
+            if ((test::windingOf(mesh, p + step) > 0.5) != (test::windingOf(mesh, p - step) > 0.5))
+                places.push_back(p);
+        }
+    }
+    return places;
+}
+
+/// The solid's distance, to the accuracy of places on its boundary: from above.
+double distanceTo(const Mesh& mesh, const std::vector<Vec3d>& boundary, const Vec3d& p)
+{
+    double least = HUGE_VAL;
+    for (const Vec3d& q : boundary) least = std::min(least, (q - p).squaredNorm());
+    return (test::windingOf(mesh, p) > 0.5 ? -1 : 1) * std::sqrt(least);
+}
+
+// What was buried must not come back as a surface.
+TEST(VoxelizeParts, MayBeOffsetAndHollowed)
+{
+    constexpr int kUnions = 12, kPlaces = 150;
+    constexpr double kPerArea = 4, kSure = 1.2; // places; voxels: a few distances between places
+    for (int n = 0; n < kUnions; ++n) {
+        SCOPED_TRACE(fmt::format("seed {}", 1000 + n));
+        Random random{std::uint64_t(1000 + n)};
+        std::vector<Mesh> parts;
+        for (int k = 0; k < 4; ++k) {
+            parts.push_back(randomPart(random));
+            test::move(parts.back(), rotation(random), 5 * random.inCube(1));
+        }
+        const Mesh mesh = test::soupOf(parts);
+        const std::vector<Vec3d> boundary = boundaryPlaces(mesh, random, kPerArea);
+        const LevelSet solid = voxelized(mesh);
+        Progress progress;
+        const LevelSet grown = offset(solid, 2, progress), shrunk = offset(solid, -1.2, progress),
+                       hollow = shell(solid, 2.2, Wall::Inward, progress);
+        const openvdb::CoordBBox box = grown.grid().evalActiveVoxelBoundingBox();
+        for (int k = 0; k < kPlaces; ++k) {
+            const openvdb::Coord voxel = randomVoxel(box, random);
+            const double d = distanceTo(mesh, boundary, Vec3d(voxel.x(), voxel.y(), voxel.z()));
+            const auto expectSide = [&](const LevelSet& made, double expected, const char* what) {
+                if (std::abs(expected) > kSure) {
+                    EXPECT_EQ(valueAt(made, voxel) < 0, expected < 0)
+                        << what << ' ' << voxel << ' ' << valueAt(made, voxel) << ' ' << d;
+                }
+            };
+            expectSide(solid, d, "solid");
+            expectSide(grown, d - 2, "grown");
+            expectSide(shrunk, d + 1.2, "shrunk");
+            expectSide(hollow, std::max(d, -2.2 - d), "hollow");
+        }
+        if (HasFailure()) return;
+    }
+}
+
+struct Expected {
+    double volume;
+    std::size_t parts = 1;
+};
+
+void expectParts(const LevelSet& levelSet, const Expected& expected, double tolerance)
+{
+    Progress progress;
+    const SolidComponents found(levelSet, progress);
+    double volume = 0;
+    std::size_t parts = 0; // a voxel in a corner that no axis enters may be alone
+    for (const ComponentMeasures& part : found.measures()) {
+        volume += part.volume;
+        parts += part.volume > std::pow(levelSet.voxelSize(), 3);
+    }
+    EXPECT_EQ(parts, expected.parts);
+    EXPECT_NEAR(volume, expected.volume, tolerance);
+    test::expectSound(levelSet);
+}
+
+// Trilinear values cut off an edge of 90 degrees by up to a fifth of a voxel squared.
+constexpr double kOfEdges = 0.2;
+
+TEST(VoxelizeParts, OverlappingBoxesAreOneSolid)
+{
+    Progress progress;
+    for (const Vec3d& shift : {Vec3d(0, 0, 0), Vec3d(0.013, 0.007, 0.031)})
+        for (const double h : {0.1, 0.11, 0.125}) {
+            SCOPED_TRACE(h);
+            std::vector<Mesh> parts = {test::boxPart({0, 0, 0}, {4, 4, 4}),
+                                       test::boxPart({2, 1, 1}, {6, 3, 3})};
+            for (Mesh& part : parts) test::move(part, Eigen::Matrix3d::Identity(), shift);
+            const LevelSet solid = voxelized(test::soupOf(parts), h);
+            const double edges = 12 * 4 + 8 * 2 + 4 * 2;
+            expectParts(solid, {72}, kOfEdges * edges * h * h);
+            expectParts(offset(solid, -0.4, progress), {3.2 * 3.2 * 3.2 + 2 * 1.2 * 1.2 + 0.128},
+                        kOfEdges * edges * h * h);
+        }
+}
+
+TEST(VoxelizeParts, CasesOfPeople)
+{
+    Progress progress;
+    struct Case {
+        const char* name;
+        double voxelSize, shift;
+        Expected whole, moved;
+        double tolerance; ///< of volumes, relative
+    };
+    for (const Case& c : {Case{"T01-overlapping-boxes.obj", 0.11, -0.4, {72}, {36.1}, 0.015},
+                          Case{"T01-overlapping-boxes.obj", 0.1, -0.4, {72}, {36.1}, 0.015},
+                          Case{"T01-two-spheres.obj", 0.25, -2, {40250}, {29568}, 0.005},
+                          Case{"T02-cube-with-cavity.obj", 20 / 77.0, 0.5, {6272}, {7927}, 0.005},
+                          Case{"T03-touching-boxes.obj", 0.1, -0.4, {72}, {35.65}, 0.01},
+                          Case{"T03-touching-boxes.obj", 0.09, -0.4, {72}, {35.65}, 0.01}}) {
+        SCOPED_TRACE(fmt::format("{} at {}", c.name, c.voxelSize));
+        MPUVDB_CASE(file, c.name);
+        const LevelSet solid = voxelized(readMesh(file, progress), c.voxelSize);
+        expectParts(solid, c.whole, c.tolerance * c.whole.volume);
+        expectParts(offset(solid, c.shift, progress), c.moved, c.tolerance * c.moved.volume);
+    }
+}
+
+// A face that two parts share at an angle is not the same to the bit in both.
+TEST(VoxelizeParts, PartsThatTouchAtAnAngleAreOneSolid)
+{
+    Random random(7);
+    for (int n = 0; n < 20; ++n) {
+        SCOPED_TRACE(fmt::format("seed 7, {}", n));
+        const Eigen::Matrix3d turn = rotation(random);
+        const Vec3d by = 100 * random.inCube(1);
+        std::vector<Mesh> parts = {test::boxPart({-9, -8, -7}, {0, 8, 7}),
+                                   test::boxPart({0, -3, -4}, {11, 5, 2}),
+                                   test::boxPart({0, 5, -4}, {11, 7, 2})};
+        for (Mesh& part : parts) test::move(part, turn, by);
+        const double volume = 9 * 16 * 14 + 11 * 8 * 6 + 11 * 2 * 6;
+        const double edges = 4 * (9 + 16 + 14) + 4 * 11 + 4 * (10 + 6);
+        expectParts(voxelized(test::soupOf(parts)), {volume}, kOfEdges * edges);
+    }
+}
+
+// A ball in a ball, in a ball: what faces inward is taken away, what faces outward in it stays.
+TEST(VoxelizeParts, NestedPartsAreCavitiesAndWhatLiesInThem)
+{
+    std::vector<Mesh> parts = {test::ballPart(20, 12), test::ballPart(14, 12),
+                               test::ballPart(8, 9)};
+    const double outer = measure(parts[0]).volume, middle = measure(parts[1]).volume,
+                 inner = measure(parts[2]).volume;
+    expectParts(voxelized(test::soupOf(parts)), {outer}, 0.01 * outer);
+    test::turnInward(parts[1]);
+    expectParts(voxelized(test::soupOf(parts)), {outer - middle + inner, 2}, 0.01 * outer);
+    test::turnInward(parts[2]);
+    expectParts(voxelized(test::soupOf(parts)), {outer - middle}, 0.01 * outer);
+}
+
+TEST(VoxelizeParts, CopiesCountOnce)
+{
+    const Mesh ring = test::torusPart(12, 5, 40, 20);
+    Mesh back = ring;
+    test::turnInward(back);
+    const double volume = measure(ring).volume;
+    const LevelSet once = voxelized(ring);
+    EXPECT_EQ(test::treeBytes(voxelized(test::soupOf({ring, ring, ring})).grid()),
+              test::treeBytes(once.grid()));
+    EXPECT_EQ(test::treeBytes(voxelized(back).grid()), test::treeBytes(once.grid()));
+    expectParts(once, {volume}, 0.01 * volume);
+    EXPECT_THROW(voxelized(test::soupOf({ring, back})), InputError);
+}
+
+// Some exporters turn single faces; all others tell the right side.
+TEST(VoxelizeParts, FacesThatContradictTheirNeighborsAreTurned)
+{
+    Mesh ring = test::torusPart(12, 5, 40, 20);
+    const LevelSet right = voxelized(ring);
+    Random random(3);
+    for (Mesh::Triangle& t : ring.triangles)
+        if (random.uniform() < 0.3) std::swap(t[1], t[2]);
+    EXPECT_EQ(test::treeBytes(voxelized(ring).grid()), test::treeBytes(right.grid()));
+}
+
+} // namespace
+} // namespace mpuvdb
