@@ -23,6 +23,12 @@ Vec3d areaVector(const TriangleTree::Corners& t)
     return 0.5 * (t[1].cast<double>() - a).cross(t[2].cast<double>() - a);
 }
 
+/// Distance from @a p to the farthest corner of a box.
+float farthest(const TriangleTree::Box& box, const Vec3f& p)
+{
+    return (box.max() - p).cwiseMax(p - box.min()).norm();
+}
+
 Vec3d middleOf(const TriangleTree::Corners& t)
 {
     return (t[0].cast<double>() + t[1].cast<double>() + t[2].cast<double>()) / 3;
@@ -33,12 +39,13 @@ Vec3d middleOf(const TriangleTree::Corners& t)
 WindingNumber::WindingNumber(const TriangleTree& tree,
                              const std::vector<std::int32_t>& multiplicity, bool closed)
     : mTree(tree), mMultiplicity(multiplicity), mClosed(closed), mNodes(2 * tree.leaves()),
-      mSizes(2 * tree.leaves(), 0)
+      mSizes(2 * tree.leaves(), 0), mBoxes(2 * tree.leaves())
 {
     tbb::parallel_for(std::size_t(0), tree.leaves(), [&](std::size_t leaf) { sumLeaf(leaf); });
     for (std::size_t level = tree.leaves() / 2; level > 0; level /= 2)
         tbb::parallel_for(level, 2 * level, [&](std::size_t node) { sumChildren(node); });
     mSizes = {};
+    mBoxes = {};
 }
 
 double WindingNumber::timesOf(std::size_t slot) const
@@ -66,10 +73,10 @@ void WindingNumber::sumLeaf(std::size_t leaf)
         const TriangleTree::Corners& t = mTree.corners(slot);
         moment +=
             timesOf(slot) * areaVector(t) * (middleOf(t) - node.center.cast<double>()).transpose();
-        for (const Vec3f& corner : t)
-            node.radius = std::max(node.radius, (corner - node.center).norm());
     }
     node.moment = moment.cast<float>();
+    mBoxes[mTree.leaves() + leaf] = mTree.leafBox(leaf);
+    node.radius = farthest(mBoxes[mTree.leaves() + leaf], node.center);
     mSizes[mTree.leaves() + leaf] = size;
 }
 
@@ -83,7 +90,9 @@ void WindingNumber::sumChildren(std::size_t n)
     node.area = a.area + b.area;
     const Vec3f toA = a.center - node.center, toB = b.center - node.center;
     node.moment = a.moment + a.area * toA.transpose() + b.moment + b.area * toB.transpose();
-    node.radius = std::max(a.radius + toA.norm(), b.radius + toB.norm());
+    mBoxes[n] = mBoxes[2 * n].merged(mBoxes[2 * n + 1]);
+    node.radius = std::min(farthest(mBoxes[n], node.center),
+                           std::max(a.radius + toA.norm(), b.radius + toB.norm()));
     mSizes[n] = size;
 }
 

@@ -42,8 +42,9 @@ private:
     const TriangleTree& mTree;
     const std::vector<std::int32_t>& mMultiplicity;
     bool mClosed;
-    std::vector<Node> mNodes;   ///< as the tree numbers them
-    std::vector<double> mSizes; ///< of the nodes: sum of the triangles' areas
+    std::vector<Node> mNodes;              ///< as the tree numbers them
+    std::vector<double> mSizes;            ///< of the nodes: sum of the triangles' areas
+    std::vector<TriangleTree::Box> mBoxes; ///< of the nodes, while they are summed up
 };
 
 } // namespace mpuvdb
