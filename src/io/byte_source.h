@@ -1,5 +1,8 @@
 // The bytes of one input: a regular file read piecewise, or a pipe read to its end.
 #pragma once
+#include "decimal_commas.h"
+
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -30,6 +33,9 @@ public:
     void read(std::uint64_t offset, char* to, std::size_t bytes) const;
     /// The first @a bytes, or all there are.
     std::string head(std::size_t bytes) const;
+    /// What commas are in its text: the first reader of lines that can tell tells all of them.
+    Commas commas() const { return mCommas.load(std::memory_order_relaxed); }
+    void setCommas(Commas commas) const { mCommas.store(commas, std::memory_order_relaxed); }
 
 private:
     void readPipe(Progress& progress);
@@ -39,6 +45,7 @@ private:
     std::uint64_t mSize = 0;
     int mFile = -1;
     bool mIsPipe = false;
+    mutable std::atomic<Commas> mCommas{Commas::Unknown};
 };
 
 /// Walks through binary data that has no fixed stride.

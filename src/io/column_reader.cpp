@@ -168,8 +168,13 @@ private:
         if (column < mBegin.layout.columns.size())
             throwBad(number, line,
                      fmt::format("has {} numbers where others have {}: the file is truncated or "
-                                 "damaged",
+                                 "damaged, or its commas are decimal commas",
                                  column, mBegin.layout.columns.size()));
+        if (!scan.atEndOrComment())
+            throwBad(number, line,
+                     fmt::format("has more numbers than the {} of others: the file is damaged, or "
+                                 "its commas are decimal commas",
+                                 column));
         rows.points.append(row, mBegin.has);
     }
 

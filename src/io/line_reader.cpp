@@ -1,5 +1,11 @@
 #include "line_reader.h"
 
+#include "text_scan.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace mpuvdb
@@ -9,6 +15,10 @@ namespace
 
 constexpr std::size_t kPiece = std::size_t(4) << 20;
 constexpr std::size_t kBatchBytes = std::size_t(256) << 10;
+/// Rows with commas that are asked what commas are, at most. [derived: what is hardest to see are
+/// decimal commas without another separator, which a fraction's leading zero gives away; that a row
+/// of three numbers has none has the probability 0.9^3, that as many rows have none 1e-137]
+constexpr std::size_t kTellingRows = 1000;
 
 bool isBlank(const char* begin, const char* end)
 {
@@ -27,6 +37,44 @@ LineReader::LineReader(const ByteSource& source, std::uint64_t offset, std::uint
         mAt = kByteOrderMark.size();
     const auto begin = mBuffer.begin(), end = begin + std::ptrdiff_t(mEnd);
     if (std::find(begin, end, '\n') == end && std::find(begin, end, '\r') != end) mNewline = '\r';
+    learnCommas();
+}
+
+// Until the first rows with commas have told, each piece is searched for them: what had none reads
+// the same either way.
+void LineReader::learnCommas()
+{
+    mDecimalCommas = mSource.commas() == Commas::Decimal;
+    if (mSource.commas() != Commas::Unknown) return;
+    const std::string_view piece(mBuffer.data() + mAt, mEnd - mAt);
+    const bool isLast = mBase + mEnd >= mSource.size();
+    const std::size_t end = isLast ? piece.size() : piece.rfind(mNewline) + 1; // none: 0
+    CommaEvidence evidence;
+    std::string_view telling;
+    for (std::size_t at = piece.find(','); at < end && evidence.rows() < kTellingRows;) {
+        const std::size_t begin = at == 0 ? 0 : piece.rfind(mNewline, at - 1) + 1;
+        const std::size_t after = std::min(piece.find(mNewline, at), end);
+        const std::size_t before = evidence.rows();
+        evidence.add(piece.substr(begin, after - begin));
+        if (before == 0 && evidence.rows() > 0) telling = piece.substr(begin, after - begin);
+        at = piece.find(',', after);
+    }
+    const auto commas = evidence.decide();
+    if (!commas) throwUnclearCommas(telling);
+    const bool areOuter = *commas == Commas::Unknown && evidence.rows() == kTellingRows;
+    mSource.setCommas(areOuter ? Commas::Separate : *commas);
+    mDecimalCommas = *commas == Commas::Decimal;
+}
+
+void LineReader::throwUnclearCommas(std::string_view row) const
+{
+    const char* const first = mBuffer.data() + mAt;
+    const auto number = mLine + 1 + std::uint64_t(std::count(first, row.data(), mNewline));
+    throw InputError(fmt::format(
+        "{}: line {}: {}: whether a comma is a decimal comma, parts thousands or stands "
+        "between two numbers, the file does not tell. Export it with decimal points and "
+        "without separators of thousands, or with ';' between the columns.",
+        mSource.name(), number, inQuotes(row)));
 }
 
 bool LineReader::refill()
@@ -46,7 +94,17 @@ bool LineReader::refill()
     return got > 0;
 }
 
-bool LineReader::nextLine(const char*& begin, const char*& end)
+void LineReader::takeLine(std::size_t bytes, const char*& begin, const char*& end)
+{
+    char* const line = mBuffer.data() + mAt;
+    if (mDecimalCommas) commasToPoints(line, line + bytes);
+    begin = line;
+    end = line + bytes;
+    mAt = std::min(mAt + bytes + 1, mEnd);
+    ++mLine;
+}
+
+bool LineReader::nextLine(const char*& begin, const char*& end, bool whole)
 {
     std::size_t searched = 0;
     for (;;) {
@@ -55,19 +113,17 @@ bool LineReader::nextLine(const char*& begin, const char*& end)
         const void* found =
             left > searched ? std::memchr(start + searched, mNewline, left - searched) : nullptr;
         if (found) {
-            begin = start;
-            end = static_cast<const char*>(found);
-            mAt += std::size_t(end - begin) + 1;
-            ++mLine;
+            takeLine(std::size_t(static_cast<const char*>(found) - start), begin, end);
             return true;
         }
+        if (whole) return false;
         searched = left;
-        if (refill()) continue;
+        if (refill()) {
+            learnCommas();
+            continue;
+        }
         if (left == 0) return false;
-        begin = mBuffer.data() + mAt;
-        end = begin + left;
-        mAt = mEnd;
-        ++mLine;
+        takeLine(left, begin, end);
         return true;
     }
 }
@@ -98,8 +154,7 @@ std::vector<LineBatch> LineReader::nextBatches(std::uint64_t maxLines)
             ++batches.back().lines;
             if (++taken == maxLines) break;
         }
-        const char* start = mBuffer.data() + mAt;
-        more = std::memchr(start, mNewline, mEnd - mAt) != nullptr && nextLine(begin, end);
+        more = nextLine(begin, end, /*whole=*/true);
     }
     return batches;
 }

@@ -24,9 +24,11 @@ struct LineBatch {
 };
 
 /// Reads lines that end in LF, CRLF or, in files that have no LF, CR. Holds one piece of the input.
+/// Decimal commas become points, so that the readers of all formats see the same numbers.
 class LineReader
 {
 public:
+    /// @throws InputError, as all that reads on, where commas may be decimal or may not.
     explicit LineReader(const ByteSource& source, std::uint64_t offset = 0,
                         std::uint64_t linesBefore = 0);
     /// The next line that is not blank, without its end; valid until the next call.
@@ -41,8 +43,12 @@ public:
     std::vector<LineBatch> nextBatches(std::uint64_t maxLines);
 
 private:
-    bool nextLine(const char*& begin, const char*& end);
+    /// @param whole  only if it lies in the buffer whole, which then does not move.
+    bool nextLine(const char*& begin, const char*& end, bool whole = false);
     bool refill();
+    void learnCommas();
+    [[noreturn]] void throwUnclearCommas(std::string_view row) const;
+    void takeLine(std::size_t bytes, const char*& begin, const char*& end);
 
     const ByteSource& mSource;
     std::vector<char> mBuffer;
@@ -50,6 +56,7 @@ private:
     std::size_t mAt = 0, mEnd = 0;
     std::uint64_t mLine;
     char mNewline = '\n';
+    bool mDecimalCommas = false;
 };
 
 /// Call f(line, number) for every line of @a batch that is not blank.

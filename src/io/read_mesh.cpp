@@ -37,6 +37,7 @@ Mesh readMesh(const std::filesystem::path& file, Progress& progress)
         throw InputError(fmt::format("{}: has no triangles. Name a mesh (.ply, .obj, .off, .stl), "
                                      "or reconstruct a surface from its points.",
                                      points.name));
+    for (const std::string& note : points.notes) progress.note(points.name + ": " + note);
     PointBlock& vertices = points.joined();
     const std::vector<Vec3d> positions = std::move(vertices.positions);
     const std::vector<Rgb> colors = std::move(vertices.colors);

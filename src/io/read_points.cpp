@@ -72,6 +72,8 @@ FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scal
                         source.name()));
     FilePoints points = reader(source, scalars, progress);
     points.name = source.name();
+    if (source.commas() == Commas::Decimal)
+        points.notes.insert(points.notes.begin(), "its numbers have decimal commas");
     return points;
 }
 

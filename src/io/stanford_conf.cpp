@@ -70,6 +70,7 @@ std::vector<PlacedScan> readScanSet(const std::filesystem::path& file,
         scans.push_back(std::move(placed));
     }
     if (scans.empty()) throwBad(source, lines.line(), "the set lists no scans that are there");
+    if (source.commas() == Commas::Decimal) notes.push_back("its numbers have decimal commas");
     return scans;
 }
 

@@ -14,11 +14,6 @@ constexpr std::array<double, 23> kPowersOfTen = {1e0,  1e1,  1e2,  1e3,  1e4,  1
                                                  1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
                                                  1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
 
-bool isDigit(char c)
-{
-    return c >= '0' && c <= '9';
-}
-
 // [Clinger90]: digits of at most 2^53 times or over a power of ten of at most 10^22 are two exact
 // doubles, so that one operation rounds correctly. @return the end, or null where it does not
 // apply.
@@ -80,11 +75,6 @@ bool parseAnyNumber(std::string_view word, double& value)
 }
 
 } // namespace
-
-bool LineScanner::atEndOrComment()
-{
-    return atEnd() || *mAt == '#' || (*mAt == '/' && mAt + 1 != mEnd && mAt[1] == '/');
-}
 
 bool LineScanner::number(double& value)
 {

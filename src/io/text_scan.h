@@ -13,6 +13,11 @@ inline bool isSeparator(char c)
     return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r' || c == '\v' || c == '\f';
 }
 
+inline bool isDigit(char c)
+{
+    return c >= '0' && c <= '9';
+}
+
 /// Walks over one line's values.
 class LineScanner
 {
@@ -27,7 +32,10 @@ public:
         return mAt == mEnd;
     }
     /// Whether nothing but separators or a comment ("#", "//") is left.
-    bool atEndOrComment();
+    bool atEndOrComment()
+    {
+        return atEnd() || *mAt == '#' || (*mAt == '/' && mAt + 1 != mEnd && mAt[1] == '/');
+    }
     /// The next value as a number, correctly rounded; NaN and infinities as text count as numbers,
     /// what is too large for a double becomes infinite. @return false if it is none (or missing).
     bool number(double& value);

@@ -250,6 +250,7 @@ public:
         settings.maxBytes = session.options().maxBytes;
         settings.lattice = latticeFor(box, voxelSize(box));
         const LevelSet made = voxelize(mesh, settings, session.progress());
+        for (const std::string& note : session.progress().notes()) session.warn(note);
         const double h = settings.lattice.voxelSize;
         session.report()["settings"] = {{"voxel_size", h}, {"half_width", mHalfWidth}};
         session.report()["input"] = {{"vertices", mesh.positions.size()},
