@@ -1,7 +1,5 @@
 #include "column_layout.h"
 
-#include "text_scan.h"
-
 #include <algorithm>
 #include <cmath>
 
@@ -55,20 +53,6 @@ void assign(ColumnLayout& layout, std::size_t first, Attribute attribute)
 }
 
 } // namespace
-
-ColumnLayout layoutFromNames(std::string_view line, const ScalarNames& scalars)
-{
-    ColumnLayout layout;
-    while (!line.empty() && (line.front() == '#' || line.front() == '/')) line.remove_prefix(1);
-    LineScanner scan(line);
-    while (!scan.atEnd()) {
-        std::string_view name = scan.word();
-        if (name.size() > 2 && name.front() == '"') name = name.substr(1, name.size() - 2);
-        layout.columns.push_back(attributeOf(name, scalars));
-    }
-    if (!AttributeSet(layout.columns).position) layout.columns.clear();
-    return layout;
-}
 
 ColumnLayout layoutFromValues(const Rows& rows)
 {

@@ -11,10 +11,6 @@ struct ColumnLayout {
     bool unitColors = false; ///< colours are in [0,1], not [0,255]
 };
 
-/// From a line of names ("x y z nx ny nz"), which may have some of the @a scalars. @return no
-/// columns if x, y or z is not among them.
-ColumnLayout layoutFromNames(std::string_view line, const ScalarNames& scalars);
-
 /// From the values of some rows, all of the same length of at least three: positions first; then
 /// triples of unit length are normals, triples of whole numbers in [0,255] colours.
 ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows);

@@ -1,5 +1,5 @@
 // XYZ, PTS, PWN, TXT, CSV: one point per line, and the few things that stand before and between.
-#include "column_layout.h"
+#include "column_names.h"
 #include "line_reader.h"
 #include "readers.h"
 #include "text_scan.h"
@@ -26,6 +26,9 @@ struct Preamble {
     bool hasCount = false; ///< the first line is the number of points
     std::uint64_t count = 0;
     std::uint64_t nameLine = 0; ///< number of the line of names; 0: none
+    ColumnNames comment;        ///< before the first row, the last one of words
+    ColumnNames words;          ///< a first line of words, none of them a position
+    std::string wordLine, firstRow;
 };
 
 struct Rows {
@@ -85,8 +88,7 @@ private:
         while (sample.size() < kSampleRows && lines.next(line)) {
             LineScanner scan(line);
             if (scan.atEndOrComment()) {
-                // Some programs write their names as a comment.
-                if (first && sample.empty()) mBegin.layout = layoutFromNames(line, mScalars);
+                if (sample.empty()) readComment(line, lines.line());
                 continue;
             }
             LineScanner ahead = scan;
@@ -102,6 +104,17 @@ private:
         chooseLayout(sample);
     }
 
+    // Some programs write their names as a comment.
+    void readComment(std::string_view line, std::uint64_t number)
+    {
+        const ColumnLayout named = layoutFromNames(line, mScalars);
+        if (!named.columns.empty()) mBegin.layout = named;
+        const bool saysSomething = std::any_of(line.begin(), line.end(), [](char c) {
+            return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+        });
+        if (saysSomething) mBegin.comment = columnNames(line, number);
+    }
+
     // A line of names, or of the number of points.
     bool readFirstLine(std::string_view line, std::uint64_t number)
     {
@@ -111,6 +124,10 @@ private:
             mBegin.nameLine = number;
             return true;
         }
+        mBegin.words = columnNames(line, number);
+        mBegin.wordLine = line;
+        if (mBegin.words.areWords()) return true;
+        mBegin.words = {};
         LineScanner scan(line);
         std::int64_t count = 0;
         mBegin.hasCount = scan.integer(count) && count >= 0 && scan.atEndOrComment();
@@ -119,7 +136,7 @@ private:
     }
 
     void takeSample(std::string_view line, std::uint64_t number,
-                    std::vector<std::vector<double>>& sample) const
+                    std::vector<std::vector<double>>& sample)
     {
         LineScanner scan(line);
         if (mBegin.tagged && scan.word() != "p") return;
@@ -131,19 +148,49 @@ private:
         }
         if (row.size() == 1 && mBegin.hasCount) return;
         if (row.size() < 3) throwBad(number, line, "has fewer than three numbers");
+        if (sample.empty()) mBegin.firstRow = line;
         if (sample.empty() || row.size() == sample.front().size()) sample.push_back(std::move(row));
     }
 
     void chooseLayout(const std::vector<std::vector<double>>& sample)
     {
+        const std::size_t columns = sample.empty() ? 0 : sample.front().size();
+        if (!mBegin.words.names.empty()) {
+            if (mBegin.words.names.size() == columns)
+                throwNoPositions(mSource.name(), mBegin.words);
+            throwBad(mBegin.words.line, mBegin.wordLine, "is not a row of numbers");
+        }
         if (sample.empty())
             throw InputError(
                 fmt::format("{}: holds no points. Check what was exported.", mSource.name()));
-        if (mBegin.layout.columns.empty() || mBegin.layout.columns.size() != sample.front().size())
+        if (mBegin.layout.columns.size() != columns) {
+            refuseOtherColumns(columns);
             mBegin.layout = layoutFromValues(sample);
+        }
         mBegin.has = AttributeSet(mBegin.layout.columns);
         mBegin.has.colors = mBegin.has.colors && !mBegin.has.packedRgb;
         mBegin.has.packedRgb = false;
+    }
+
+    // What names columns, but not those that are there.
+    void refuseOtherColumns(std::size_t columns) const
+    {
+        const std::size_t named = mBegin.layout.columns.size();
+        if (commentNamesColumns(mBegin.comment, mBegin.firstRow, columns))
+            throwNoPositions(mSource.name(), mBegin.comment);
+        const std::vector<Attribute>& layout = mBegin.layout.columns;
+        const bool namesFirst = named >= 3 && layout[0] == Attribute::X &&
+                                layout[1] == Attribute::Y && layout[2] == Attribute::Z;
+        if (mBegin.nameLine > 0 && !namesFirst)
+            throw InputError(fmt::format("{}: line {} names {} columns, x, y and z not the first, "
+                                         "and rows have {} numbers. Export it with a name for "
+                                         "every column.",
+                                         mSource.name(), mBegin.nameLine, named, columns));
+        if (mBegin.nameLine > 0 && columns == 2 * named && mSource.commas() == Commas::Separate)
+            throw InputError(fmt::format("{}: line {} names {} columns, and rows have twice as "
+                                         "many numbers: their commas seem to be decimal commas. "
+                                         "Export it with decimal points.",
+                                         mSource.name(), mBegin.nameLine, named));
     }
 
     void parseLine(std::string_view line, std::uint64_t number, Rows& rows) const

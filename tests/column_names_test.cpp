@@ -1,0 +1,124 @@
+// Headers: what they name is taken, or refused where it is no position; prose is neither.
+#include "case_files.h"
+#include "io_fixture.h"
+
+namespace mpuvdb::test
+{
+namespace
+{
+
+class ColumnNamesTest : public IoTest
+{
+protected:
+    /// Rows of @a columns numbers, the last three of which are a position.
+    static std::string rows(std::size_t columns, const std::string& separator)
+    {
+        std::string text;
+        for (int i = 0; i < 9; ++i) {
+            for (std::size_t c = 0; c + 3 < columns; ++c)
+                text += concat(std::to_string(1000 * i + int(c)), separator);
+            text += concat(std::to_string(i % 3), ".5", separator, std::to_string(i / 3), separator,
+                           "7.25\n");
+        }
+        return text;
+    }
+    void expectRefused(const std::string& text, const std::string& listed, bool degrees = false)
+    {
+        SCOPED_TRACE(text.substr(0, text.find('\n')));
+        const std::string message = error("a.txt", text);
+        EXPECT_NE(message.find("names the columns"), std::string::npos) << message;
+        EXPECT_NE(message.find("'" + listed + "'"), std::string::npos) << message;
+        EXPECT_NE(message.find("x, y and z"), std::string::npos) << message;
+        EXPECT_EQ(message.find("degrees") != std::string::npos, degrees) << message;
+    }
+    void expectPosition(const std::string& text, const Vec3d& first = Vec3d(0.5, 0, 7.25))
+    {
+        SCOPED_TRACE(text.substr(0, text.find('\n')));
+        const PointCloud cloud = read("a.txt", text).cloud;
+        ASSERT_EQ(cloud.size(), 9u);
+        EXPECT_LT((cloud.world(0) - first).norm(), 1e-6);
+    }
+};
+
+TEST_F(ColumnNamesTest, WithoutAPositionAreRefused)
+{
+    expectRefused("# ID TIME RANGE AZIMUTH\n" + rows(4, " "), "RANGE");
+    expectRefused("#id;time;amplitude;range;phase\n" + rows(5, ";"), "phase");
+    expectRefused("// shot_id, gps time, amplitude, range\n" + rows(4, ","), "gps time");
+    expectRefused("% range azimuth elevation\n" + rows(3, " "), "azimuth");
+    expectRefused("; time range intensity angle\n" + rows(4, "\t"), "intensity");
+    expectRefused("\xef\xbb\xbf\"time\",\"range\",\"angle\"\n" + rows(3, ","), "range");
+    expectRefused("foo\tbar\tquux\n" + rows(3, "\t"), "quux");
+    expectRefused("X Y intensity range\n" + rows(4, " "), "intensity");
+    expectRefused("# scanned by A\n# x y range intensity\n" + rows(4, " "), "range");
+    expectRefused("# u v w\n" + rows(3, " "), "w");
+}
+
+TEST_F(ColumnNamesTest, OfDegreesAreRefusedWithTheCure)
+{
+    expectRefused("longitude,latitude,elevation\n" + rows(3, ","), "latitude", true);
+    expectRefused("Lon;Lat;Height;Code\n" + rows(4, ";"), "Lat", true);
+    expectRefused("# lat lon alt\n" + rows(3, " "), "lon", true);
+    expectRefused("# LFID TIME LONGITUDE_LOW LATITUDE_LOW Z_LOW\n" + rows(5, " "), "TIME", true);
+    expectRefused("x (deg)\ty (deg)\tz (m)\n" + rows(3, "\t"), "y (deg)", true);
+    EXPECT_NE(error("a.csv", "lon,lat,h\n" + rows(3, ",")).find("reprojection"), std::string::npos);
+    // Whoever has both, has lengths.
+    expectPosition("lon lat x y z\n" + rows(5, " "));
+}
+
+TEST_F(ColumnNamesTest, OfPositionsAreFoundWhereTheyAre)
+{
+    expectPosition("id,x,y,z\n" + rows(4, ","));
+    expectPosition(",x,y,z\n" + rows(4, ",")); // an index without a name
+    expectPosition("//Original cloud index,Scalar field #1,X,Y,Z\n" + rows(5, ","));
+    expectPosition("# x y z are what the last columns hold\n# time X(m) Y(m) Z(m)\n" +
+                   rows(4, " "));
+    expectPosition("Point;Easting;Northing;Elevation\n" + rows(4, ";"));
+    expectPosition("\"Code\"\t\"E (m)\"\t\"N (m)\"\t\"H (m)\"\n" + rows(4, "\t"));
+    expectPosition("% intensity x y z\n" + rows(4, " "));
+    expectPosition("# intensity x y z\n# made by a scanner of mine\n" + rows(4, " "));
+    EXPECT_NE(error("a.txt", "id x y z\n" + rows(5, " ")).find("names 4 columns"),
+              std::string::npos);
+    EXPECT_NE(error("a.csv", "x,y,z\n1,5,2,5,3,5\n1,5,3,5,3,5\n").find("decimal comma"),
+              std::string::npos);
+}
+
+// The same number of words as of columns makes no header of a sentence.
+TEST_F(ColumnNamesTest, AreNoneInProse)
+{
+    for (const char* prose :
+         {"# exported by CloudCompare 2.13", "# 12 points from scanner A", "# made by me",
+          "# Scan of bunny", "# Stanford bunny scan", "# Scanner B raw data",
+          "# Terrain map near Zurich", "// created in the lab", "# http://example.org/x.zip", "#",
+          "#---", "# Time of flight camera", "# bunny, scanned in May, by me",
+          "# Column meanings: as usual.", "# VERSION 1.0 FINAL", "# Units: m", "# points"})
+        for (const std::size_t columns : {3, 4, 5, 6}) {
+            std::string text = prose + std::string("\n");
+            for (int i = 0; i < 9; ++i) {
+                text += concat(std::to_string(i % 3), ".5 ", std::to_string(i / 3), " 7.25");
+                for (std::size_t c = 3; c < columns; ++c) text += " 1234.5";
+                text += "\n";
+            }
+            expectPosition(text);
+        }
+}
+
+TEST_F(ColumnNamesTest, OfTheCasesAreRefusedOrTaken)
+{
+    MPUVDB_CASE(lvis, "T16-lvis-header.txt");
+    MPUVDB_CASE(survey, "T17-easting-northing.csv");
+    MPUVDB_CASE(compare, "T10-cloudcompare-commas.txt");
+    Progress progress;
+    try {
+        readPoints({lvis}, BadPoints::Drop, progress);
+        ADD_FAILURE() << "shot number and time are no coordinates";
+    } catch (const InputError& e) {
+        EXPECT_NE(std::string(e.what()).find("'SHOTNUMBER'"), std::string::npos) << e.what();
+        EXPECT_NE(std::string(e.what()).find("degrees"), std::string::npos) << e.what();
+    }
+    EXPECT_EQ(readPoints({survey}, BadPoints::Drop, progress).cloud.size(), 1500u);
+    EXPECT_TRUE(readPoints({compare}, BadPoints::Drop, progress).cloud.hasNormals());
+}
+
+} // namespace
+} // namespace mpuvdb::test
