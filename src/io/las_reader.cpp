@@ -1,4 +1,5 @@
 // LAS 1.0 to 1.4, uncompressed.
+#include "las_reference.h"
 #include "readers.h"
 #include "records.h"
 
@@ -101,6 +102,7 @@ bool hasByteColors(const ByteSource& source, const LasHeader& header)
 FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
 {
     const LasHeader header = parseHeader(source);
+    refuseDegrees(source);
     requireRecords(source, header.offset, header.points, header.stride, "point");
     RecordLayout layout = layoutOf(header, scalars);
     if (hasByteColors(source, header))
