@@ -1,4 +1,5 @@
 // Outliers and flipped normals: against the virtual scanner's truth.
+#include "case_files.h"
 #include "scanned_cloud.h"
 
 #include <mpuvdb/error.h>
@@ -246,6 +247,48 @@ TEST(Outliers, SparsePartsStayAmongManyOutliers)
         found.end() - std::lower_bound(found.begin(), found.end(), std::uint32_t(real));
     EXPECT_LT(double(lost), 0.03 * double(sparse)) << "seed " << kSeed;
     EXPECT_GT(double(right), 0.9 * double(uneven.size() - real)) << "seed " << kSeed;
+}
+
+/// @a from, scaled about its middle.
+PointCloud scaled(PointCloud from, float factor)
+{
+    for (Vec3f& p : from.positions) p *= factor;
+    return from;
+}
+
+/// Perfect and noisy parts whose spacings differ by far more than a cell of the screen is wide, and
+/// what lies about them.
+TEST(Outliers, PartsOfAnySpacingStay)
+{
+    for (const float ratio : {3.f, 30.f, 1000.f})
+        for (const double noise : {0.0, 0.02}) {
+            PointCloud cloud = scanned("sphere(1)", 12000, Pattern::Random, noise / 3);
+            float at = 0;
+            for (const char* solid :
+                 {"torus(1,0.4)", "box(2,1,1.5)", "sphere(1)", "cylinder(0.4,3)"})
+                append(cloud, scaled(scanned(solid, 900, Pattern::Random, noise), 0.3f * ratio),
+                       Vec3f(at += 3 * ratio, 0, 0));
+            const std::size_t real = cloud.size();
+            appendClump(cloud, 120, Vec3f::Zero(), Vec3f::Constant(6)); // about the dense one
+            appendClump(cloud, 36, Vec3f(at, 0, 0), Vec3f::Constant(1.8f * ratio));
+            for (const bool normals : {true, false}) {
+                if (!normals) cloud.normals.clear();
+                const auto found = outliersOf(cloud);
+                const auto first = std::lower_bound(found.begin(), found.end(), real);
+                const std::string which = fmt::format("1 to {}, noise {}, normals {}, seed {}",
+                                                      ratio, noise, normals, kSeed);
+                EXPECT_LE(double(first - found.begin()), noise > 0 ? 0.01 * 3600 : 0) << which;
+                EXPECT_GT(double(found.end() - first), 0.9 * 156) << which;
+            }
+        }
+}
+
+TEST(Outliers, FiveBallsOfAnySpacingStay)
+{
+    const std::filesystem::path file = test::caseFile("T19-five-balls.ply");
+    if (file.empty()) GTEST_SKIP() << "no cases beside MPUVDB_DATA_DIR";
+    Progress progress;
+    EXPECT_TRUE(outliersOf(readPoints({file}, BadPoints::Drop, progress).cloud).empty());
 }
 
 TEST(Outliers, FewPointsAreAllKept)

@@ -9,7 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <iterator>
 
 namespace mpuvdb
 {
@@ -311,13 +311,12 @@ private:
 } // namespace
 
 void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
-                    const CellGrid& grid, const PointStatistics& statistics,
-                    std::vector<char>& flags, Progress& progress)
+                    const CellGrid& grid, const std::vector<std::uint32_t>& asked,
+                    const PointStatistics& statistics, std::vector<char>& flags, Progress& progress)
 {
     constexpr int kPasses = 3; // an outlier may hide another
     constexpr std::size_t kGrain = 64;
-    std::vector<std::uint32_t> cells(grid.cells().size());
-    std::iota(cells.begin(), cells.end(), 0u);
+    std::vector<std::uint32_t> cells = asked;
     for (int pass = 0; pass < kPasses && !cells.empty(); ++pass) {
         const auto judge = [&](std::size_t chunk, std::vector<PointInCell>& found) {
             LonePoints points(positions, normals, grid, statistics, flags);
@@ -329,8 +328,8 @@ void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f
         for (const PointInCell& lone : found) flags[lone.point] = 1;
         const std::vector<char> isAbout = cellsAbout(grid, found);
         cells.clear();
-        for (std::uint32_t c = 0; c < isAbout.size(); ++c)
-            if (isAbout[c]) cells.push_back(c);
+        std::copy_if(asked.begin(), asked.end(), std::back_inserter(cells),
+                     [&](std::uint32_t c) { return isAbout[c]; });
     }
 }
 

@@ -20,10 +20,12 @@ class Progress;
 /// About 0.05 us of processor time per point, 10 to 30 us for each that has few others near.
 /// @param normals  of @a positions, unit length; or none.
 /// @param grid     of @a positions, its cells a few spacings wide.
+/// @param asked    cells whose points are judged.
 /// @param flags    of outliers: those known already are nobody's neighbours.
 /// @throws Interrupted.
 void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
-                    const CellGrid& grid, const PointStatistics& statistics,
-                    std::vector<char>& flags, Progress& progress);
+                    const CellGrid& grid, const std::vector<std::uint32_t>& asked,
+                    const PointStatistics& statistics, std::vector<char>& flags,
+                    Progress& progress);
 
 } // namespace mpuvdb

@@ -1,5 +1,6 @@
 // Outliers. A screen on a grid of cells a few spacings wide settles nearly all points; what is left
-// in small groups of cells, or has little company, is compared with its neighbours.
+// in small groups of cells, or has little company, is compared with its neighbours. What is sparser
+// than the cells are wide is screened again, by its own spacing.
 #include "cell_grid.h"
 #include "kd_tree.h"
 #include "local_plane.h"
@@ -12,6 +13,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -28,44 +30,59 @@ constexpr double kCellSpacings = 5;        // a gap that a surface may have
 constexpr double kCellNoises = 4;          // standard deviations that a cell's width is at least
 constexpr std::size_t kGrain = 256;        // cells or points
 
+/// Edge of the cells in which points of this spacing and noise are looked at, world units.
+double cellSide(const PointStatistics& statistics)
+{
+    return std::max(kCellSpacings * statistics.spacing, kCellNoises * statistics.noise);
+}
+
 /// The grid's cells, joined where they share a face. A nearly empty cell joins no others: outliers
 /// would hang together, and on surfaces.
 class CellGroups
 {
 public:
-    CellGroups(const CellGrid& grid, Progress& progress) : mGrid(grid), mGroups(grid.cells().size())
+    /// @param weights  of the cells: how many points count in each.
+    CellGroups(const CellGrid& grid, std::vector<std::uint32_t>&& weights, Progress& progress)
+        : mGrid(grid), mWeights(std::move(weights)), mGroups(grid.cells().size())
     {
         const auto& cells = grid.cells();
         using Pair = std::pair<std::uint32_t, std::uint32_t>;
         const auto findPairs = [&](std::size_t c, std::vector<Pair>& pairs) {
-            if (cells[c].size() <= kSparse) return;
+            if (mWeights[c] <= kSparse) return;
             grid.forFacesAfter(cells[c], [&](std::uint32_t other) {
-                if (cells[other].size() > kSparse) pairs.push_back({std::uint32_t(c), other});
+                if (mWeights[other] > kSparse) pairs.push_back({std::uint32_t(c), other});
             });
         };
         for (const auto& [a, b] : gatherParallel<Pair>(cells.size(), kGrain, progress, findPairs))
             mGroups.join(a, b);
         mPoints.assign(cells.size(), 0);
-        for (std::uint32_t c = 0; c < cells.size(); ++c)
-            mPoints[mGroups.find(c)] += cells[c].size();
+        for (std::uint32_t c = 0; c < cells.size(); ++c) mPoints[mGroups.find(c)] += mWeights[c];
     }
 
     /// Whether it is neither part of a surface nor, being nearly empty, beside one.
     bool isApart(std::uint32_t c)
     {
         if (isSurface(c)) return false;
-        const CellGrid::Cell& cell = mGrid.cells()[c];
         bool beside = false;
-        if (cell.size() <= kSparse)
-            mGrid.forEachAround(cell, [&](std::uint32_t n) { beside = beside || isSurface(n); });
+        if (mWeights[c] <= kSparse)
+            mGrid.forEachAround(mGrid.cells()[c],
+                                [&](std::uint32_t n) { beside = beside || isSurface(n); });
         return !beside;
     }
     bool isSurface(std::uint32_t cell) { return mPoints[mGroups.find(cell)] >= kObject; }
 
 private:
     const CellGrid& mGrid;
+    const std::vector<std::uint32_t> mWeights;
     UnionFind mGroups;
     std::vector<std::uint32_t> mPoints; // by root
+};
+
+/// What a point's neighbours alone say of it.
+struct SparsePoint {
+    bool outlying = false;
+    bool amongLike = false; ///< its neighbours are about as far from theirs as it is from them
+    double spacing = 0;     ///< of a surface on which its neighbours would lie around it
 };
 
 /// Points of groups too small to be surfaces at the cells' scale, among each other and points that
@@ -81,12 +98,17 @@ public:
         findPlanar();
     }
 
-    /// Whether each of the doubtful is an outlier.
-    std::vector<char> outliers() const
+    /// What each of the doubtful is by its neighbours.
+    std::vector<SparsePoint> judge() const
     {
-        std::vector<char> result(mDoubtful, 0);
-        for (std::size_t i = 0; i < mDoubtful; ++i) result[i] = !isSupported(i);
-        dropClumps(result);
+        std::vector<char> outlier(mDoubtful, 0);
+        for (std::size_t i = 0; i < mDoubtful; ++i) outlier[i] = !isSupported(i);
+        dropClumps(outlier);
+        std::vector<SparsePoint> result(mDoubtful);
+        // A disc that holds j neighbours has an area of j cells, each a spacing squared.
+        for (std::size_t i = 0; i < mDoubtful; ++i)
+            result[i] = {outlier[i] != 0, isAmongLike(i),
+                         std::sqrt(M_PI / double(reachable())) * double(reach(i))};
         return result;
     }
 
@@ -202,17 +224,132 @@ private:
     std::vector<char> mPlanar;
 };
 
-/// The position of a cell's point nearest to its centre.
-Vec3f representative(const CellGrid& grid, const CellGrid::Cell& cell)
+/// The cell's point nearest to its centre.
+std::uint32_t representative(const CellGrid& grid, const CellGrid::Cell& cell)
 {
     const Vec3f centre = grid.centre(cell).cast<float>();
-    Vec3f best = grid.positions()[cell.begin]; // the first of those equally near: they are sorted
-    for (std::uint32_t k = cell.begin + 1; k < cell.end; ++k) {
-        const Vec3f& p = grid.positions()[k];
-        if ((p - centre).squaredNorm() < (best - centre).squaredNorm()) best = p;
+    std::uint32_t best = cell.begin; // the first of those equally near: they are sorted
+    float least = std::numeric_limits<float>::max();
+    for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
+        const float squared = (grid.positions()[k] - centre).squaredNorm();
+        if (!(squared < least)) continue;
+        least = squared;
+        best = k;
     }
-    return best;
+    return grid.order()[best];
 }
+
+/// Points too sparse for a grid, judged on coarser ones: a part of any spacing meets one whose
+/// cells are a few of its own spacings wide. There it is seen as every part of the cloud's own
+/// spacing is.
+class SparseParts
+{
+public:
+    /// @param cloud  the sparse points, then those that stand for denser surfaces.
+    SparseParts(const PointCloud& cloud, const std::vector<SparsePoint>& points, Progress& progress)
+        : mCloud(cloud), mPoints(points), mProgress(progress), mVerdicts(points.size(), kNone)
+    {
+    }
+
+    enum Verdict : char { kNone, kStays, kGoes }; ///< none of what is part of no surface
+
+    /// @param statistics  of the grid that they were too sparse for.
+    const std::vector<char>& judge(PointStatistics statistics)
+    {
+        const double size = mCloud.localBounds().sizes().maxCoeff();
+        // What is left beside a part belongs to it by the next grid.
+        for (bool again = false; statistics.spacing < size;) {
+            statistics.spacing *= 2; // [derived: cells are then 2.5 to 5 spacings of some part]
+            const std::size_t left = planarLeft(statistics.spacing);
+            if (left == 0 || (left < kObject && !again)) break;
+            again = judgeAt(statistics) >= kObject;
+        }
+        return mVerdicts;
+    }
+
+private:
+    /// Whether a point waits for its grid, and this one or a coarser one may be it.
+    bool waits(std::uint32_t i, double spacing) const
+    {
+        // [derived: half a part's spacing is the first that may be its own, the next is for what is
+        // left beside; a factor 2 for how uneven the points of a part are]
+        constexpr double kFinest = 0.25;
+        return i < mVerdicts.size() && mVerdicts[i] == kNone && mPoints[i].amongLike &&
+               mPoints[i].spacing > kFinest * spacing;
+    }
+
+    /// How many that lie on planes with their neighbours wait for their grid.
+    std::size_t planarLeft(double spacing) const
+    {
+        std::size_t count = 0;
+        for (std::uint32_t i = 0; i < mVerdicts.size(); ++i)
+            count += waits(i, spacing) && !mPoints[i].outlying;
+        return count;
+    }
+
+    /// @return how many that lie on planes were judged.
+    std::size_t judgeAt(const PointStatistics& statistics)
+    {
+        const CellGrid grid(mCloud.positions, cellSide(statistics), mProgress);
+        const std::vector<Tally> tallies = tally(grid, statistics.spacing);
+        std::vector<std::uint32_t> weights;
+        for (const Tally& t : tallies) weights.push_back(t.weight());
+        CellGroups groups(grid, std::move(weights), mProgress);
+        std::vector<std::uint32_t> asked;
+        for (std::uint32_t c = 0; c < tallies.size(); ++c) {
+            const bool isCrowd = !groups.isSurface(c) && tallies[c].waiting() > kSparse;
+            if (tallies[c].waiting() > 0 && !isCrowd && !groups.isApart(c)) asked.push_back(c);
+        }
+        if (asked.empty()) return 0;
+        std::vector<char> flags(mCloud.size(), 0);
+        std::size_t judged = 0;
+        flagLonePoints(mCloud.positions, mCloud.normals, grid, asked, statistics, flags, mProgress);
+        for (const std::uint32_t c : asked)
+            for (std::uint32_t k = grid.cells()[c].begin; k < grid.cells()[c].end; ++k) {
+                const std::uint32_t i = grid.order()[k];
+                const bool inSurface = groups.isSurface(c);
+                if (!waits(i, statistics.spacing) || (mPoints[i].outlying && !inSurface)) continue;
+                judged += !mPoints[i].outlying;
+                mVerdicts[i] = flags[i] ? kGoes : kStays;
+            }
+        return judged;
+    }
+
+    /// How many points of a cell are known to stay, lie on planes, and do not.
+    struct Tally {
+        std::uint32_t stays = 0, planar = 0, outlying = 0;
+
+        std::uint32_t waiting() const { return planar + outlying; }
+        /// How many speak for a surface. None do where most that wait lie on no planes: that is a
+        /// crowd of outliers; nor where these are so many that the grid is not theirs.
+        std::uint32_t weight() const
+        {
+            // [derived: a plane along the diagonal of a cell of 5 spacings holds 5 * 5 * sqrt(3)
+            // points; three deviations more where they lie at random]
+            constexpr std::uint32_t kMost = 63;
+            return stays + planar > outlying && waiting() <= kMost ? stays + waiting() : 0;
+        }
+    };
+
+    std::vector<Tally> tally(const CellGrid& grid, double spacing) const
+    {
+        std::vector<Tally> tallies(grid.cells().size());
+        for (std::size_t c = 0; c < tallies.size(); ++c)
+            for (std::uint32_t k = grid.cells()[c].begin; k < grid.cells()[c].end; ++k) {
+                const std::uint32_t i = grid.order()[k];
+                if (waits(i, spacing))
+                    ++(mPoints[i].outlying ? tallies[c].outlying : tallies[c].planar);
+                else if (i < mVerdicts.size() && mVerdicts[i] == kStays)
+                    ++tallies[c].stays;
+            }
+        return tallies;
+    }
+
+    const PointCloud& mCloud;
+    const std::vector<SparsePoint>& mPoints;
+    Progress& mProgress;
+    std::vector<char> mVerdicts;
+};
 
 /// One look at all positions.
 class Screen
@@ -222,12 +359,11 @@ public:
     Screen(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
            const PointStatistics& statistics, Progress& progress)
         : mPositions(positions), mNormals(normals), mStatistics(statistics), mProgress(progress),
-          mGrid(positions,
-                std::max(kCellSpacings * statistics.spacing, kCellNoises * statistics.noise),
-                progress),
-          mOutlier(positions.size(), 0)
+          mGrid(positions, cellSide(statistics), progress), mOutlier(positions.size(), 0)
     {
-        CellGroups groups(mGrid, progress);
+        std::vector<std::uint32_t> sizes;
+        for (const CellGrid::Cell& cell : mGrid.cells()) sizes.push_back(cell.size());
+        CellGroups groups(mGrid, std::move(sizes), progress);
         for (std::uint32_t c = 0; c < mGrid.cells().size(); ++c) {
             if (groups.isSurface(c)) mSurface.push_back(c);
             if (!groups.isApart(c)) continue;
@@ -240,24 +376,35 @@ public:
     /// Flags of outliers.
     const std::vector<char>& judge()
     {
-        judgeApart();
-        flagLonePoints(mPositions, mNormals, mGrid, mStatistics, mOutlier, mProgress);
+        const PointCloud sparse = sparsePoints();
+        std::vector<SparsePoint> alone;
+        if (!mApart.empty())
+            alone = SparsePoints(sparse.positions, mApart.size(), mProgress).judge();
+        for (std::size_t n = 0; n < mApart.size(); ++n) mOutlier[mApart[n]] = alone[n].outlying;
+        std::vector<std::uint32_t> all(mGrid.cells().size());
+        std::iota(all.begin(), all.end(), 0u);
+        flagLonePoints(mPositions, mNormals, mGrid, all, mStatistics, mOutlier, mProgress);
+        const std::vector<char> verdicts = SparseParts(sparse, alone, mProgress).judge(mStatistics);
+        for (std::size_t n = 0; n < mApart.size(); ++n)
+            if (verdicts[n] != SparseParts::kNone)
+                mOutlier[mApart[n]] = verdicts[n] == SparseParts::kGoes;
         return mOutlier;
     }
 
 private:
-    void judgeApart()
+    /// Those apart, and one for each of the surfaces' cells.
+    PointCloud sparsePoints()
     {
-        if (mApart.empty()) return;
-        std::vector<Vec3f> positions(mApart.size() + mSurface.size());
-        std::transform(mApart.begin(), mApart.end(), positions.begin(),
-                       [&](std::uint32_t i) { return mPositions[i]; });
-        forEachParallel(mSurface.size(), kGrain, mProgress, [&](std::size_t n) {
-            positions[mApart.size() + n] = representative(mGrid, mGrid.cells()[mSurface[n]]);
+        std::vector<std::uint32_t> chosen(mApart.empty() ? 0 : mApart.size() + mSurface.size());
+        std::copy(mApart.begin(), mApart.end(), chosen.begin());
+        forEachParallel(chosen.size() - mApart.size(), kGrain, mProgress, [&](std::size_t n) {
+            chosen[mApart.size() + n] = representative(mGrid, mGrid.cells()[mSurface[n]]);
         });
-        const std::vector<char> found =
-            SparsePoints(positions, mApart.size(), mProgress).outliers();
-        for (std::size_t n = 0; n < mApart.size(); ++n) mOutlier[mApart[n]] = found[n];
+        PointCloud sparse;
+        for (const std::uint32_t i : chosen) sparse.positions.push_back(mPositions[i]);
+        if (!mNormals.empty())
+            for (const std::uint32_t i : chosen) sparse.normals.push_back(mNormals[i]);
+        return sparse;
     }
 
     const std::vector<Vec3f>& mPositions;
