@@ -1,8 +1,8 @@
 #include "thickness.h"
 
+#include "place_tree.h"
 #include "surface_cells.h"
 
-#include <mpuvdb/kd_tree.h>
 #include <mpuvdb/progress.h>
 
 #include <tbb/parallel_for.h>
@@ -26,12 +26,15 @@ constexpr double kLeastGradient = 0.85;
 /// Cosines: of normals that face each other; of places on a ball that are neighbours, which tell
 /// of its radius no more than their noise.
 constexpr float kFacing = -0.5f, kNeighbours = 0.7f;
-constexpr float kTouching = 1e-3f; ///< of the radius
-
-/// Places on a surface, voxels.
-struct Places {
-    std::vector<Vec3f> positions, normals;
-};
+/// Of the radius: how far places may reach into a ball that counts as empty. Where all of a surface
+/// is about as far from the centre, no node of the tree is looked into that is flat to this; which
+/// patches sqrt(4 * kTolerance) radii wide are, so that a ball meets some 4 pi / (4 * kTolerance)
+/// of them, however many places there are. [derived: half of two, the least that "a few percent"
+/// are]
+constexpr float kTolerance = 1e-2f;
+/// Places in a run, each of which begins with the contact of the one before: where runs begin may
+/// not depend on the threads. [derived: long beside the one place that begins without]
+constexpr std::size_t kRun = 256;
 
 /// The one of every @a stride crossings that belongs to a voxel and an axis.
 bool isChosen(const Coord& at, int axis, std::uint64_t stride)
@@ -100,94 +103,106 @@ class BallFinder
 {
 public:
     /// @param spacing  of the places, voxels.
-    BallFinder(const Places& places, const KdTree& tree, float largest, float spacing)
+    BallFinder(const Places& places, const PlaceTree& tree, float largest, float spacing)
         : mPlaces(places), mTree(tree), mLargest(largest), mSpacing(spacing)
     {
     }
 
-    Ball find(std::size_t place)
+    /// Soonest after a place nearby.
+    Ball find(std::uint32_t place)
     {
         const Vec3f &p = mPlaces.positions[place], &n = mPlaces.normals[place];
-        float radius = mLargest;
-        std::size_t contact = place;
-        for (int step = 0; step < kSteps; ++step) {
-            const Vec3f centre = p - radius * n;
-            if (isKnownEmpty(centre, radius * (1 - kTouching))) break;
-            const std::size_t nearest = nearestTo(centre);
-            const Vec3f toPlace = mPlaces.positions[nearest] - centre;
-            const float distance = toPlace.norm();
-            if (nearest == place || distance >= radius * (1 - kTouching)) {
-                mEmptyCentre = centre;
-                mEmptyRadius = distance;
-                break;
-            }
-            const Vec3f back = p - mPlaces.positions[nearest];
-            const float height = n.dot(back);
-            if (!(height > 0)) break;
-            const float next = back.squaredNorm() / (2 * height);
-            const Vec3f there = (mPlaces.positions[nearest] - (p - next * n)) / next;
-            if (n.dot(there) > kNeighbours || !(next < radius)) break;
-            radius = next;
-            contact = nearest;
-        }
-        if (contact == place) return {radius, isFacing(place, radius)};
-        const Vec3f& facing = mPlaces.normals[contact];
-        radius = touchingPlane(p, n, mPlaces.positions[contact], facing, radius);
+        const std::uint32_t before = mContact;
+        mContact = kNone;
+        setRadius(mLargest, p, n);
+        if (before != kNone) touch(p, n, before);
+        mTree.search([&](const PlaceTree::Node& node) { return orderOf(node, p, n); },
+                     [&](std::uint32_t other) { touch(p, n, other); });
+        if (mContact == kNone) return {mRadius, isFacing(place, mRadius)};
+        const Vec3f& facing = mPlaces.normals[mContact];
+        const float radius = touchingPlane(p, n, mPlaces.positions[mContact], facing);
         return {radius, n.dot(facing) <= kFacing || isFacing(place, radius)};
     }
 
 private:
-    static constexpr int kSteps = 40;
+    static constexpr std::uint32_t kNone = 0xffffffff;
     /// Of the radius: how far beside a ball's end, and beyond it, the surface there may lie.
     static constexpr float kNearby = 0.1f, kLevel = 0.02f;
 
-    /// Whether the last ball that was found empty says so. Where many places share one ball, all of
-    /// them are about as near to its centre, and a search there would visit each.
-    bool isKnownEmpty(const Vec3f& centre, float radius) const
+    /// The squared distance to the centre of the ball at @a p; never where it is empty of @a node.
+    float orderOf(const PlaceTree::Node& node, const Vec3f& p, const Vec3f& n) const
     {
-        constexpr float kRounding = 1e-5f;
-        return (centre - mEmptyCentre).norm() + radius <= mEmptyRadius * (1 - kRounding);
+        const float order = node.squaredDistance(mCentre, mReach);
+        if (order == PlaceTree::kNever) return order;
+        const float height = n.dot(p) + node.farthest(-n);
+        return isBelow(height, node.squaredBoxDistance(p)) ? order : PlaceTree::kNever;
     }
 
-    std::size_t nearestTo(const Vec3f& p)
+    /// Whether a place that is @a height below a tangent plane, at a distance from where that
+    /// touches, is none of the neighbours there.
+    static bool isBelow(float height, float squaredDistance)
     {
-        mIndex.resize(1);
-        mSquared.resize(1);
-        mTree.nearest(p, mIndex, mSquared);
-        return mIndex[0];
+        constexpr float kSquaredSine = (1 - kNeighbours) / 2;
+        return height > 0 && height * height > kSquaredSine * squaredDistance;
+    }
+
+    void setRadius(float radius, const Vec3f& p, const Vec3f& n)
+    {
+        mRadius = radius;
+        mReach = radius * (1 - kTolerance);
+        mCentre = p - radius * n;
+    }
+
+    /// Shrink the ball at @a p until it has @a other on its surface.
+    void touch(const Vec3f& p, const Vec3f& n, std::uint32_t other)
+    {
+        const Vec3f back = p - mPlaces.positions[other];
+        const float height = n.dot(back), squared = back.squaredNorm();
+        if (!isBelow(height, squared) || !(squared < 2 * height * mRadius)) return;
+        setRadius(squared / (2 * height), p, n);
+        mContact = other;
     }
 
     /// The radius of the ball that touches the plane of the contact: the surface touches the ball
     /// between places. It may differ by what lies between places.
-    float touchingPlane(const Vec3f& p, const Vec3f& n, const Vec3f& contact, const Vec3f& facing,
-                        float radius) const
+    float touchingPlane(const Vec3f& p, const Vec3f& n, const Vec3f& contact,
+                        const Vec3f& facing) const
     {
         const float opening = 1 - facing.dot(n);
-        if (opening < 1 - kNeighbours) return radius;
+        if (opening < 1 - kNeighbours) return mRadius;
         const float touching = facing.dot(contact - p) / opening;
-        const float most = std::max(0.1f * radius, mSpacing * mSpacing / radius);
-        return touching > 0 && std::abs(touching - radius) <= most ? touching : radius;
+        const float most = std::max(0.1f * mRadius, mSpacing * mSpacing / mRadius);
+        return touching > 0 && std::abs(touching - mRadius) <= most ? touching : mRadius;
     }
 
     /// Whether the ball touches the surface where it is farthest from the place, too.
-    bool isFacing(std::size_t place, float radius)
+    bool isFacing(std::uint32_t place, float radius) const
     {
         const Vec3f& n = mPlaces.normals[place];
         const Vec3f opposite = mPlaces.positions[place] - 2 * radius * n;
-        const std::size_t nearest = nearestTo(opposite);
-        const Vec3f apart = mPlaces.positions[nearest] - opposite;
+        float distance = kNearby * radius + mSpacing;
+        std::uint32_t nearest = kNone;
+        mTree.search(
+            [&](const PlaceTree::Node& node) { return node.squaredDistance(opposite, distance); },
+            [&](std::uint32_t other) {
+                const float d = (mPlaces.positions[other] - opposite).norm();
+                if (!(d < distance)) return;
+                distance = d;
+                nearest = other;
+            });
+        if (nearest == kNone) return false;
         const Vec3f& facing = mPlaces.normals[nearest];
-        return n.dot(facing) <= kFacing && apart.norm() <= kNearby * radius + mSpacing &&
-               std::abs(apart.dot(facing)) <= kLevel * radius;
+        return n.dot(facing) <= kFacing &&
+               std::abs((mPlaces.positions[nearest] - opposite).dot(facing)) <= kLevel * radius;
     }
 
     const Places& mPlaces;
-    const KdTree& mTree;
+    const PlaceTree& mTree;
     float mLargest, mSpacing;
-    Vec3f mEmptyCentre = Vec3f::Zero();
-    float mEmptyRadius = 0; ///< no place is nearer to that centre
-    std::vector<std::uint32_t> mIndex;
-    std::vector<float> mSquared;
+    float mRadius = 0; ///< of the ball that is being found
+    float mReach = 0;  ///< of places in it that count
+    Vec3f mCentre = Vec3f::Zero();
+    std::uint32_t mContact = kNone;
 };
 
 } // namespace
@@ -195,22 +210,19 @@ private:
 Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings, Progress& progress)
 {
     const std::uint64_t stride = crossings / kMostPlaces + 1;
-    const Places places = findPlaces(levelSet, stride, progress);
-    if (places.positions.empty()) return {};
+    Places places = findPlaces(levelSet, stride, progress);
+    if (places.size() == 0) return {};
     Eigen::AlignedBox3f bounds;
     for (const Vec3f& p : places.positions) bounds.extend(p);
-    const KdTree tree(places.positions);
+    const PlaceTree tree(places);
     progress.check();
-    std::vector<Ball> balls(places.positions.size());
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, balls.size(), 256),
-                      [&](const tbb::blocked_range<std::size_t>& range) {
-                          BallFinder finder(places, tree, bounds.diagonal().norm(),
-                                            std::sqrt(float(stride)));
-                          for (std::size_t n = range.begin(); n < range.end(); ++n) {
-                              if (n % 32 == 0) progress.check();
-                              balls[n] = finder.find(n);
-                          }
-                      });
+    std::vector<Ball> balls(places.size());
+    tbb::parallel_for(std::size_t(0), (balls.size() + kRun - 1) / kRun, [&](std::size_t run) {
+        progress.check();
+        BallFinder finder(places, tree, bounds.diagonal().norm(), std::sqrt(float(stride)));
+        const std::size_t end = std::min((run + 1) * kRun, balls.size());
+        for (std::size_t n = run * kRun; n < end; ++n) balls[n] = finder.find(std::uint32_t(n));
+    });
     const bool anyHeld =
         std::any_of(balls.begin(), balls.end(), [](const Ball& b) { return b.held; });
     double sum = 0, weights = 0;

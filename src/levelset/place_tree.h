@@ -1,0 +1,90 @@
+// Places on a surface under a tree of boxes and slabs, for searches along balls that touch it.
+#pragma once
+#include <mpuvdb/vec.h>
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// Places on a surface, voxels.
+struct Places {
+    std::vector<Vec3f> positions, normals;
+
+    std::size_t size() const { return positions.size(); }
+};
+
+class PlaceTree
+{
+public:
+    static constexpr float kNever = std::numeric_limits<float>::infinity();
+
+    /// What is known of a run of places. Where a ball touches much of a surface, a box tells that
+    /// from it only once it is as small as the gap between them; a slab across the mean normal,
+    /// once the places are as flat as that.
+    struct Node {
+        Vec3f middle, half;       ///< of the box
+        Vec3f axis;               ///< mean normal
+        float low, high;          ///< of the places along it
+        std::uint32_t begin, end; ///< in the tree's order
+        std::uint32_t second = 0; ///< second child, 0 for a leaf; the first is the next node
+
+        /// No more than the squared distance from @a p to any of the places; never where none is
+        /// within @a reach.
+        float squaredDistance(const Vec3f& p, float reach) const
+        {
+            const float along = axis.dot(p);
+            if (low - along >= reach || along - high >= reach) return kNever;
+            const float squared = squaredBoxDistance(p);
+            return squared < reach * reach ? squared : kNever;
+        }
+        float squaredBoxDistance(const Vec3f& p) const
+        {
+            return ((p - middle).cwiseAbs() - half).cwiseMax(0.0f).squaredNorm();
+        }
+        /// No less than that of any of the places along @a direction.
+        float farthest(const Vec3f& direction) const
+        {
+            return direction.dot(middle) + direction.cwiseAbs().dot(half);
+        }
+    };
+
+    /// Brings @a places into the tree's order. They have to outlive it.
+    explicit PlaceTree(Places& places);
+
+    /// Call atPlace(n) for the places of all leaves with order(node) < kNever, those of lower order
+    /// first. What it finds may raise the order of others.
+    template <typename Order, typename AtPlace>
+    void search(Order order, AtPlace atPlace) const
+    {
+        if (!mNodes.empty()) searchBelow(0, order, atPlace);
+    }
+
+private:
+    std::uint32_t build(const Places& places, std::uint32_t* begin, std::uint32_t* end,
+                        const std::uint32_t* first);
+
+    template <typename Order, typename AtPlace>
+    void searchBelow(std::uint32_t at, Order& order, AtPlace& atPlace) const
+    {
+        const Node& node = mNodes[at];
+        if (node.second == 0) {
+            for (std::uint32_t n = node.begin; n < node.end; ++n) atPlace(n);
+            return;
+        }
+        std::uint32_t sooner = at + 1, later = node.second;
+        float soon = order(mNodes[sooner]), late = order(mNodes[later]);
+        if (late < soon) {
+            std::swap(sooner, later);
+            std::swap(soon, late);
+        }
+        if (soon < kNever) searchBelow(sooner, order, atPlace);
+        if (late < kNever && order(mNodes[later]) < kNever) searchBelow(later, order, atPlace);
+    }
+
+    std::vector<Node> mNodes;
+};
+
+} // namespace mpuvdb
