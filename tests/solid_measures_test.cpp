@@ -214,10 +214,9 @@ TEST(Measure, TakesTimeInProportionToTheBand)
 
 TEST(Measure, OfAFacettedBallTakesTimeInProportionToTheBand)
 {
-    const auto file = caseFile("T28-facetted-ball.obj");
-    if (!file) GTEST_SKIP() << kNoCases;
+    MPUVDB_CASE(file, "T28-facetted-ball.obj");
     Progress progress;
-    const Mesh ball = readMesh(*file, progress);
+    const Mesh ball = readMesh(file, progress);
     expectLinear([&](double h) { return meshLevelSet(ball, h); });
 }
 
