@@ -158,6 +158,14 @@ private:
         return {mWinding.at(place + step), mWinding.at(place - step)};
     }
 
+    /// The same for a place near which no other triangle is parallel: behind the face the mesh
+    /// winds around once more.
+    Sides sidesOfSingle(std::uint32_t n, const Vec3d& place, const Vec3d& normal) const
+    {
+        const double front = mWinding.at(place + 2 * mLengths.touch * normal);
+        return {front, front + (mTriangles.multiplicity.empty() ? 1 : mTriangles.multiplicity[n])};
+    }
+
     void cut(const std::vector<Contact>& contacts, Progress& progress)
     {
         std::vector<std::uint32_t> touched;
@@ -179,15 +187,20 @@ private:
             return Vec2d(u.dot(p - origin), v.dot(p - origin));
         };
         std::vector<PlaneSegment> segments;
-        for (std::size_t c = mFirst[n]; c < mFirst[n + 1]; ++c)
+        bool isSingle = true;
+        for (std::size_t c = mFirst[n]; c < mFirst[n + 1]; ++c) {
+            isSingle = isSingle && !contacts[c].inPlane;
             if (contacts[c].cuts)
                 segments.push_back({flat(contacts[c].segment[0]), flat(contacts[c].segment[1])});
+        }
         const auto place = [&](const Vec2d& p) { return Vec3d(origin + p[0] * u + p[1] * v); };
         std::vector<Piece> pieces;
         for (const PlanePolygon& polygon :
              cutAlong({flat(corner(n, 0)), flat(corner(n, 1)), flat(corner(n, 2))},
                       std::move(segments), mLengths.point)) {
-            const Sides sides = sidesAt(place(middleOf(polygon)), normal);
+            const Vec3d middle = place(middleOf(polygon));
+            const Sides sides =
+                isSingle ? sidesOfSingle(n, middle, normal) : sidesAt(middle, normal);
             for (std::size_t k = 2; k < polygon.size(); ++k)
                 pieces.push_back(
                     {{place(polygon[0]).cast<float>(), place(polygon[k - 1]).cast<float>(),
