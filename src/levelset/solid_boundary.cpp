@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -54,13 +55,48 @@ struct Piece {
     Sides sides;
 };
 
+/// Goes from face to face, and tells the winding numbers on their sides.
+class Walk
+{
+public:
+    Walk(const WindingNumber& winding, const ContactLengths& lengths)
+        : mWinding(winding), mStep(2 * lengths.touch)
+    {
+    }
+
+    /// @param area  along the face's normal; of length 0 there is no face.
+    Sides sidesAt(const Vec3d& place, const Vec3d& area)
+    {
+        const double size = area.norm();
+        if (!(size > 0)) return {};
+        const Vec3d step = mStep / size * area;
+        Sides sides;
+        sides.front = numberAt(place + step);
+        sides.back = numberAt(place - step);
+        return sides;
+    }
+
+private:
+    double numberAt(const Vec3d& p)
+    {
+        mNumber = mLast ? mWinding.from(*mLast, mNumber, p) : mWinding.at(p);
+        mLast = p;
+        return mNumber;
+    }
+
+    const WindingNumber& mWinding;
+    double mStep; ///< world units: beyond what touches
+    std::optional<Vec3d> mLast;
+    double mNumber = 0; ///< there
+};
+
 /// Tells the sides of triangles and of their pieces.
 class Faces
 {
 public:
-    Faces(const OrientedTriangles& triangles, const WindingNumber& winding,
-          const ContactLengths& lengths)
-        : mTriangles(triangles), mWinding(winding), mLengths(lengths)
+    Faces(const OrientedTriangles& triangles, const TriangleTree& tree,
+          const WindingNumber& winding, const ContactLengths& lengths)
+        : mTriangles(triangles), mTree(tree), mWinding(winding), mLengths(lengths)
     {
     }
 
@@ -146,40 +182,32 @@ private:
         mSides.resize(mLargest.size());
         tbb::parallel_for(std::size_t(0), mSides.size(), [&](std::size_t f) {
             const std::uint32_t n = mLargest[f];
-            mSides[f] = sidesAt((corner(n, 0) + corner(n, 1) + corner(n, 2)) / 3, areaVector(n));
+            mSides[f] =
+                Walk(mWinding, mLengths)
+                    .sidesAt((corner(n, 0) + corner(n, 1) + corner(n, 2)) / 3, areaVector(n));
         });
-    }
-
-    Sides sidesAt(const Vec3d& place, const Vec3d& area) const
-    {
-        const double size = area.norm();
-        if (!(size > 0)) return {};
-        const Vec3d step = 2 * mLengths.touch / size * area;
-        return {mWinding.at(place + step), mWinding.at(place - step)};
-    }
-
-    /// The same for a place near which no other triangle is parallel: behind the face the mesh
-    /// winds around once more.
-    Sides sidesOfSingle(std::uint32_t n, const Vec3d& place, const Vec3d& normal) const
-    {
-        const double front = mWinding.at(place + 2 * mLengths.touch * normal);
-        return {front, front + (mTriangles.multiplicity.empty() ? 1 : mTriangles.multiplicity[n])};
     }
 
     void cut(const std::vector<Contact>& contacts, Progress& progress)
     {
+        constexpr std::size_t kTogether = 64; // triangles, near each other as a rule
         std::vector<std::uint32_t> touched;
-        for (std::uint32_t n = 0; n < mTriangles.mesh.triangles.size(); ++n)
-            if (isTouched(n)) touched.push_back(n);
-        std::vector<std::vector<Piece>> pieces(touched.size());
-        tbb::parallel_for(std::size_t(0), touched.size(), [&](std::size_t t) {
-            progress.check();
-            pieces[t] = piecesOf(touched[t], contacts);
+        for (std::size_t slot = 0; slot < mTree.size(); ++slot)
+            if (isTouched(mTree.triangle(slot))) touched.push_back(mTree.triangle(slot));
+        std::vector<std::vector<Piece>> pieces((touched.size() + kTogether - 1) / kTogether);
+        tbb::parallel_for(std::size_t(0), pieces.size(), [&](std::size_t some) {
+            Walk walk(mWinding, mLengths);
+            const std::size_t end = std::min((some + 1) * kTogether, touched.size());
+            for (std::size_t t = some * kTogether; t < end; ++t) {
+                progress.check();
+                addPieces(touched[t], contacts, walk, pieces[some]);
+            }
         });
         for (const auto& some : pieces) mPieces.insert(mPieces.end(), some.begin(), some.end());
     }
 
-    std::vector<Piece> piecesOf(std::uint32_t n, const std::vector<Contact>& contacts) const
+    void addPieces(std::uint32_t n, const std::vector<Contact>& contacts, Walk& walk,
+                   std::vector<Piece>& pieces) const
     {
         const Vec3d origin = corner(n, 0), normal = areaVector(n).normalized();
         const Vec3d u = (corner(n, 1) - origin).normalized(), v = normal.cross(u);
@@ -187,20 +215,14 @@ private:
             return Vec2d(u.dot(p - origin), v.dot(p - origin));
         };
         std::vector<PlaneSegment> segments;
-        bool isSingle = true;
-        for (std::size_t c = mFirst[n]; c < mFirst[n + 1]; ++c) {
-            isSingle = isSingle && !contacts[c].inPlane;
+        for (std::size_t c = mFirst[n]; c < mFirst[n + 1]; ++c)
             if (contacts[c].cuts)
                 segments.push_back({flat(contacts[c].segment[0]), flat(contacts[c].segment[1])});
-        }
         const auto place = [&](const Vec2d& p) { return Vec3d(origin + p[0] * u + p[1] * v); };
-        std::vector<Piece> pieces;
         for (const PlanePolygon& polygon :
              cutAlong({flat(corner(n, 0)), flat(corner(n, 1)), flat(corner(n, 2))},
                       std::move(segments), mLengths.point)) {
-            const Vec3d middle = place(middleOf(polygon));
-            const Sides sides =
-                isSingle ? sidesOfSingle(n, middle, normal) : sidesAt(middle, normal);
+            const Sides sides = walk.sidesAt(place(middleOf(polygon)), normal);
             for (std::size_t k = 2; k < polygon.size(); ++k)
                 pieces.push_back(
                     {{place(polygon[0]).cast<float>(), place(polygon[k - 1]).cast<float>(),
@@ -208,7 +230,6 @@ private:
                      n,
                      sides});
         }
-        return pieces;
     }
 
     /// The centroid of a polygon.
@@ -226,6 +247,7 @@ private:
     }
 
     const OrientedTriangles& mTriangles;
+    const TriangleTree& mTree;
     const WindingNumber& mWinding;
     const ContactLengths& mLengths;
     std::vector<std::uint32_t> mFirst;   ///< of each triangle its first contact
@@ -306,7 +328,7 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, double voxelSize, Progress& progr
     progress.check();
     const ContactLengths lengths = lengthsFor(mTriangles.mesh, voxelSize);
     const std::vector<Contact> contacts = findContacts(mTriangles, *mWhole, lengths, progress);
-    Faces faces(mTriangles, *mWinding, lengths);
+    Faces faces(mTriangles, *mWhole, *mWinding, lengths);
     faces.find(contacts, progress);
     const auto isSolid = [&](double sign) {
         return faces.any([&](const Sides& s) { return s.bounds(sign); });

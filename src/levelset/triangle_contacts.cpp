@@ -130,7 +130,7 @@ private:
         for (std::size_t k = 0; k < 3; ++k) {
             Segment edge = {by.corners[k], by.corners[(k + 1) % 3]};
             for (Vec3d& p : edge) p -= of.height(p) * of.normal;
-            mContacts.push_back({of.number, by.number, true, true, edge});
+            mContacts.push_back({of.number, by.number, true, edge});
         }
     }
 
@@ -153,8 +153,8 @@ private:
         if (high - low < (sharing ? mLengths.point : -mLengths.touch)) return;
         const bool cuts = high - low > mLengths.point;
         const Segment segment = {origin + low * along, origin + high * along};
-        mContacts.push_back({t.number, u.number, false, cuts, segment});
-        mContacts.push_back({u.number, t.number, false, cuts, segment});
+        mContacts.push_back({t.number, u.number, cuts, segment});
+        mContacts.push_back({u.number, t.number, cuts, segment});
     }
 
     const ContactLengths& mLengths;

@@ -20,7 +20,6 @@ struct ContactLengths {
 /// What a triangle has to do with another that it meets.
 struct Contact {
     std::uint32_t triangle, other; ///< of the mesh
-    bool inPlane;                  ///< both lie in one plane
     bool cuts;                     ///< along the segment; else the two only touch
     std::array<Vec3d, 2> segment;  ///< relative to the frame; in the triangle's plane
 };

@@ -147,4 +147,46 @@ double WindingNumber::at(const Vec3d& p) const
     return mClosed ? std::round(number) : number;
 }
 
+/// How the number changes where the segment from @a a to @a b passes through a triangle: by +1 from
+/// its front to its back; nothing where rounding leaves that open.
+std::optional<int> WindingNumber::crossing(std::size_t slot, const Vec3d& a, const Vec3d& b) const
+{
+    constexpr double kRounding = 1e-12; // [derived: of products of three lengths, thousandfold]
+    const TriangleTree::Corners& t = mTree.corners(slot);
+    const std::array<Vec3d, 3> toCorner = {t[0].cast<double>() - a, t[1].cast<double>() - a,
+                                           t[2].cast<double>() - a};
+    const Vec3d along = b - a;
+    double reach = along.norm();
+    for (const Vec3d& to : toCorner) reach = std::max(reach, to.norm());
+    const Vec3d normal = (toCorner[1] - toCorner[0]).cross(toCorner[2] - toCorner[0]);
+    const double sure = kRounding * reach * reach * reach;
+    const double heightA = -normal.dot(toCorner[0]), heightB = heightA + normal.dot(along);
+    if ((heightA > sure && heightB > sure) || (heightA < -sure && heightB < -sure)) return 0;
+    int left = 0, right = 0; // edges that it passes on this side
+    for (std::size_t k = 0; k < 3; ++k) {
+        const double volume = along.dot(toCorner[k].cross(toCorner[(k + 1) % 3]));
+        left += volume > sure;
+        right += volume < -sure;
+    }
+    if (left > 0 && right > 0) return 0;
+    if (left + right < 3 || std::abs(heightA) <= sure || std::abs(heightB) <= sure)
+        return std::nullopt;
+    return heightA > 0 ? 1 : -1;
+}
+
+double WindingNumber::from(const Vec3d& known, double number, const Vec3d& p) const
+{
+    if (!mClosed) return at(p);
+    bool sure = true;
+    double change = 0;
+    mTree.forEachNear((known + p) / 2, (p - known).norm() / 2, [&](std::size_t slot) {
+        const std::optional<int> crossed = crossing(slot, known, p);
+        if (crossed)
+            change += *crossed * timesOf(slot);
+        else
+            sure = false;
+    });
+    return sure ? number + change : at(p);
+}
+
 } // namespace mpuvdb

@@ -3,6 +3,7 @@
 #include <mpuvdb/triangle_tree.h>
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace mpuvdb
@@ -23,6 +24,10 @@ public:
     /// is on no triangle: then the number is whole, and is computed with more of the nodes opened
     /// until it is near to one.
     double at(const Vec3d& p) const;
+    /// At @a p, from the @a number at @a known: of a closed mesh it differs by what the segment
+    /// between them crosses, which is looked up faster where they are near each other. What passes
+    /// too near to an edge to be told is not relied upon.
+    double from(const Vec3d& known, double number, const Vec3d& p) const;
 
 private:
     /// Terms of a node's expansion about its center.
@@ -34,6 +39,7 @@ private:
     };
 
     double sum(const Vec3d& p, double openness) const;
+    std::optional<int> crossing(std::size_t slot, const Vec3d& a, const Vec3d& b) const;
     double solidAngle(std::size_t slot, const Vec3d& p) const;
     void sumLeaf(std::size_t leaf);
     void sumChildren(std::size_t node);
