@@ -156,8 +156,8 @@ std::optional<int> WindingNumber::crossing(std::size_t slot, const Vec3d& a, con
     const std::array<Vec3d, 3> toCorner = {t[0].cast<double>() - a, t[1].cast<double>() - a,
                                            t[2].cast<double>() - a};
     const Vec3d along = b - a;
-    double reach = along.norm();
-    for (const Vec3d& to : toCorner) reach = std::max(reach, to.norm());
+    double reach = along.cwiseAbs().maxCoeff();
+    for (const Vec3d& to : toCorner) reach = std::max(reach, to.cwiseAbs().maxCoeff());
     const Vec3d normal = (toCorner[1] - toCorner[0]).cross(toCorner[2] - toCorner[0]);
     const double sure = kRounding * reach * reach * reach;
     const double heightA = -normal.dot(toCorner[0]), heightB = heightA + normal.dot(along);
