@@ -3,6 +3,7 @@
 #include "closed_parts.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/explained.h>
 #include <mpuvdb/io.h>
 
 #include <fmt/format.h>
@@ -343,6 +344,105 @@ TEST(VoxelizeParts, FacesThatContradictTheirNeighborsAreTurned)
     for (Mesh::Triangle& t : ring.triangles)
         if (random.uniform() < 0.3) std::swap(t[1], t[2]);
     EXPECT_EQ(test::treeBytes(voxelized(ring).grid()), test::treeBytes(right.grid()));
+}
+
+// --- What came out, held against what came in
+
+MeshExplained explained(const Mesh& mesh, double voxelSize)
+{
+    SampleSettings settings;
+    settings.lattice = {Vec3d(0.01, 0.02, 0.03), voxelSize};
+    Progress progress;
+    MeshExplained result;
+    voxelize(mesh, settings, result, progress);
+    return result;
+}
+
+double longestSide(const Mesh& mesh)
+{
+    Box3d box;
+    for (std::size_t v = 0; v < mesh.positions.size(); ++v) box.extend(mesh.world(v));
+    return box.sizes().maxCoeff();
+}
+
+TEST(MeshExplained, KnowsTheSolidOfItsParts)
+{
+    std::vector<Mesh> parts = {
+        test::boxPart({0, 0, 0}, {40, 40, 40}), test::boxPart({20, 10, 10}, {60, 30, 30}),
+        test::boxPart({5, 5, 5}, {15, 35, 35}), test::boxPart({40, 10, 10}, {50, 30, 40})};
+    test::turnInward(parts[2]);
+    const MeshExplained e = explained(test::soupOf(parts), 1);
+    EXPECT_NEAR(e.volumeIn, 72000 - 9000 + 10 * 20 * 10, 1);
+    EXPECT_NEAR(e.volumeOut, e.volumeIn, e.volumeExplained);
+    EXPECT_NEAR(e.areaIn, 9600 - 400 - 200 + 2000 - 200 + 600 + 2 * (300 + 300 + 900), 1);
+    EXPECT_NEAR(e.areaOut, e.areaIn, 0.05 * e.areaIn);
+    EXPECT_EQ(e.partsIn, 1u);
+    EXPECT_EQ(e.partsOut, 1u);
+    EXPECT_EQ(e.cavitiesIn, 1u);
+    EXPECT_TRUE(e.isSound());
+}
+
+TEST(MeshExplained, WallsThinnerThanAVoxelAreTold)
+{
+    MPUVDB_CASE(file, "T08-thin-tube.stl");
+    Progress progress;
+    const Mesh tube = readMesh(file, progress);
+    for (const double voxels : {20.0, 60.0, 100.0})
+        EXPECT_EQ(explained(tube, longestSide(tube) / voxels).findings.size(), 1u) << voxels;
+    EXPECT_TRUE(explained(tube, 0.1).isSound());
+}
+
+// Rods and plates, alone and beside what is thick enough, at any angle; the voxel size that is
+// named would do.
+TEST(MeshExplained, ThinRodsAndPlatesAreTold)
+{
+    Random random(11);
+    const std::vector<std::pair<const char*, Mesh>> thin = {
+        {"rod", test::pipePart(0.4, 0.1, 40, 12)},
+        {"plate", test::boxPart({-20, -15, -0.2}, {20, 15, 0.2})},
+        {"hollow", test::soupOf({test::ballPart(15, 12), [] {
+                                     Mesh inner = test::ballPart(14.6, 12);
+                                     test::turnInward(inner);
+                                     return inner;
+                                 }()})}};
+    for (const auto& [name, part] : thin) {
+        SCOPED_TRACE(name);
+        std::vector<Mesh> parts = {part, test::boxPart({-12, -12, 30}, {12, 12, 50})};
+        const Eigen::Matrix3d turn = rotation(random);
+        for (Mesh& p : parts) test::move(p, turn, Vec3d(0.1, 0.2, 0.3));
+        EXPECT_EQ(explained(parts[0], 1).findings.size(), 1u);
+        EXPECT_EQ(explained(test::soupOf(parts), 1).findings.size(), 1u);
+        EXPECT_TRUE(explained(test::soupOf(parts), 0.1).isSound());
+    }
+}
+
+TEST(MeshExplained, PartsThatFaceInwardInNoOtherAreTold)
+{
+    std::vector<Mesh> parts = {test::ballPart(10, 8), test::ballPart(6, 8)};
+    test::move(parts[1], Eigen::Matrix3d::Identity(), Vec3d(30, 0, 0));
+    EXPECT_TRUE(explained(test::soupOf(parts), 1).isSound());
+    test::turnInward(parts[1]);
+    EXPECT_EQ(explained(test::soupOf(parts), 1).findings.size(), 1u);
+}
+
+TEST(MeshExplained, NothingIsToldOfSoundMeshes)
+{
+    for (const double h : {0.5, 1.0})
+        for (const Mesh& mesh :
+             {test::ballPart(10, 9), test::torusPart(16, 6, 40, 20), test::pipePart(14, 9, 20, 40),
+              test::knotPart(30, 4, 120, 16), test::boxPart({0, 0, 0}, {20, 20, 20}),
+              test::boxPart({0.3, 0.2, 0.1}, {20, 15, 10})})
+            EXPECT_TRUE(explained(mesh, h).isSound());
+    const char* const data = std::getenv("MPUVDB_DATA_DIR");
+    if (!data) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
+    Progress progress;
+    for (const char* name :
+         {"cad/472042.stl", "cad/58011.stl", "cad/908460.stl", "cad/fandisk_large.off",
+          "cad/joint.off", "cad/rocker-arm.obj", "berger/anchor.off", "berger/dc.off"})
+        for (const double voxels : {60.0, 128.0}) {
+            const Mesh mesh = readMesh(std::string(data) + "/" + name, progress);
+            EXPECT_TRUE(explained(mesh, longestSide(mesh) / voxels).isSound()) << name << voxels;
+        }
 }
 
 } // namespace

@@ -280,7 +280,8 @@ UnionFind surfacesOf(const OrientedTriangles& triangles, const std::vector<Conta
 }
 
 /// Adds up what the pieces are to the solid.
-void measure(const Faces& faces, double sign, UnionFind surfaces, SolidBoundary::Report& report)
+void measure(const OrientedTriangles& triangles, const Faces& faces, double sign,
+             UnionFind surfaces, SolidBoundary::Report& report)
 {
     std::unordered_map<std::uint32_t, double> volumes; // of surfaces
     faces.forEach([&](const Corners& corners, const Sides& sides, std::uint32_t triangle) {
@@ -289,12 +290,42 @@ void measure(const Faces& faces, double sign, UnionFind surfaces, SolidBoundary:
             (sides.isWithin(sign) ? report.areaWithin : report.areaOfNothing) += area;
             return;
         }
-        const double volume = volumeOf(corners) * (sides.facesInward(sign) ? -1 : 1);
-        report.area += area;
+        // Faces that lie on each other bound it together.
+        const double layers = sign * (sides.back - sides.front);
+        const double times = triangles.multiplicity.empty() ? 1 : triangles.multiplicity[triangle];
+        const double share = times * layers / std::max(1.0, layers * layers);
+        const double volume = sign * volumeOf(corners) * std::abs(share);
+        report.area += area * share;
         report.volume += volume;
         volumes[surfaces.find(triangle)] += volume;
     });
     for (const auto& [surface, volume] : volumes) ++(volume > 0 ? report.parts : report.cavities);
+}
+
+/// SolidBoundary::Report::bending of @a triangles.
+double bendingOf(const OrientedTriangles& triangles, const std::vector<Contact>& contacts)
+{
+    const auto at = [&](std::uint32_t vertex) {
+        return Vec3d(triangles.mesh.positions[vertex].cast<double>());
+    };
+    const auto normalOf = [&](const Mesh::Triangle& t) {
+        return Vec3d((at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0])));
+    };
+    double sum = 0;
+    for (std::uint32_t n = 0; n < triangles.neighbors.size(); ++n) {
+        const Mesh::Triangle& t = triangles.mesh.triangles[n];
+        const Vec3d normal = normalOf(t);
+        for (std::size_t k = 0; k < 3; ++k) {
+            const std::uint32_t m = triangles.neighbors[n][k];
+            if (m == kNone || m < n) continue;
+            const Vec3d other = normalOf(triangles.mesh.triangles[m]);
+            const double angle = std::atan2(normal.cross(other).norm(), normal.dot(other));
+            sum += angle * (at(t[(k + 1) % 3]) - at(t[k])).norm();
+        }
+    }
+    for (const Contact& c : contacts) // each is there for both triangles
+        if (c.cuts) sum += M_PI / 4 * (c.segment[1] - c.segment[0]).norm();
+    return sum;
 }
 
 /// The pieces that bound the solid, facing outward.
@@ -335,7 +366,9 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, double voxelSize, Progress& progr
     };
     mReport.insideOut = !isSolid(1) && isSolid(-1);
     const double sign = mReport.insideOut ? -1 : 1;
-    measure(faces, sign, surfacesOf(mTriangles, contacts), mReport);
+    mReport.isCut = !contacts.empty();
+    mReport.bending = bendingOf(mTriangles, contacts);
+    measure(mTriangles, faces, sign, surfacesOf(mTriangles, contacts), mReport);
     if (!isSolid(sign)) return;
     const bool isWhole = contacts.empty() && !mReport.insideOut && !faces.any([](const Sides& s) {
         return !s.bounds(1) || s.facesInward(1);

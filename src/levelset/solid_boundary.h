@@ -24,11 +24,16 @@ public:
         double volume = 0, area = 0; ///< of the solid, world units cubed, squared
         std::uint64_t parts = 0;     ///< surfaces of the boundary that enclose some of the solid
         std::uint64_t cavities = 0;  ///< surfaces that enclose what is none of it
+        bool isCut = false;          ///< triangles of the mesh meet that are no neighbors
         std::uint64_t openEdges = 0; ///< edges of the mesh whose triangles do not cancel
         std::uint64_t turned = 0;    ///< triangles whose neighbors contradicted them
         bool insideOut = false;      ///< all parts faced inward, and were turned
-        double areaWithin = 0;       ///< of triangles inside the solid
-        double areaOfNothing = 0;    ///< of parts that face inward and lie in no other
+        /// Over the mesh's edges the sum of length times the angle between normals, and where its
+        /// parts cross at most pi / 2: the integral of the principal curvatures' magnitudes, world
+        /// units.
+        double bending = 0;
+        double areaWithin = 0;    ///< of triangles inside the solid
+        double areaOfNothing = 0; ///< of parts that face inward and lie in no other
     };
 
     /// @param mesh  has triangles whose indices are valid. @param voxelSize  world units: gaps and

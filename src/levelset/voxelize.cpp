@@ -1,3 +1,4 @@
+#include "explain_mesh.h"
 #include "mesh_signs.h"
 #include "transform_lattice.h"
 #include "triangle_band.h"
@@ -99,7 +100,8 @@ std::string emptyText(const SolidBoundary::Report& report)
 
 } // namespace
 
-LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress)
+LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, MeshExplained& explained,
+                  Progress& progress)
 {
     const Lattice& lattice = settings.lattice;
     demandVoxelSize(lattice.voxelSize);
@@ -124,8 +126,19 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
     setLattice(*grid, lattice);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
+    const LevelSet made(grid);
+    progress.beginStage("explain");
+    explained = explainMesh(solid, triangles, made, progress);
     progress.endStage();
-    return LevelSet(grid);
+    return made;
+}
+
+LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress)
+{
+    MeshExplained explained;
+    LevelSet made = voxelize(mesh, settings, explained, progress);
+    for (const std::string& finding : explained.findings) progress.note(finding);
+    return made;
 }
 
 } // namespace mpuvdb

@@ -31,6 +31,36 @@ Json toJson(const Distances& distances)
     return {{"mean", distances.mean}, {"rms", distances.rms}, {"max", distances.max}};
 }
 
+Json toJson(const MeshExplained& explained)
+{
+    const MeshExplained& e = explained;
+    return {{"volume_in", e.volumeIn},
+            {"volume_out", e.volumeOut},
+            {"volume_explained", e.volumeExplained},
+            {"area_in", e.areaIn},
+            {"area_out", e.areaOut},
+            {"parts_in", e.partsIn},
+            {"parts_out", e.partsOut},
+            {"cavities_in", e.cavitiesIn},
+            {"missed", e.missed},
+            {"area_within", e.areaWithin},
+            {"area_of_nothing", e.areaOfNothing},
+            {"open_edges", e.openEdges},
+            {"turned", e.turned},
+            {"inside_out", e.insideOut},
+            {"findings", e.findings},
+            {"sound", e.isSound()}};
+}
+
+std::string explainedText(const MeshExplained& explained)
+{
+    const MeshExplained& e = explained;
+    return fmt::format(
+        "volume {:.6g} of {:.6g} (voxels explain {:.2g}), parts {} of {}, {:.2g} % of "
+        "the surface missed",
+        e.volumeOut, e.volumeIn, e.volumeExplained, e.partsOut, e.partsIn, 100 * e.missed);
+}
+
 Json toJson(const LevelSet& levelSet)
 {
     const openvdb::FloatGrid& grid = levelSet.grid();

@@ -1,5 +1,6 @@
 // Library values as JSON with the report's keys.
 #pragma once
+#include <mpuvdb/explained.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/vec.h>
@@ -10,6 +11,12 @@ namespace mpuvdb::command
 {
 
 using Json = nlohmann::ordered_json;
+
+/// What voxelize() found when it held the level set against the mesh.
+Json toJson(const MeshExplained& explained);
+
+/// The same in a line.
+std::string explainedText(const MeshExplained& explained);
 
 Json toJson(const Vec3d& v);
 Json toJson(const MeshReport& mesh);

@@ -249,7 +249,8 @@ public:
         settings.halfWidth = mHalfWidth;
         settings.maxBytes = session.options().maxBytes;
         settings.lattice = latticeFor(box, voxelSize(box));
-        const LevelSet made = voxelize(mesh, settings, session.progress());
+        MeshExplained explained;
+        const LevelSet made = voxelize(mesh, settings, explained, session.progress());
         for (const std::string& note : session.progress().notes()) session.warn(note);
         const double h = settings.lattice.voxelSize;
         session.report()["settings"] = {{"voxel_size", h}, {"half_width", mHalfWidth}};
@@ -262,9 +263,18 @@ public:
                                                {"mpuvdb:operation", "voxelize"},
                                                {"mpuvdb:voxel_size", fmt::format("{}", h)}},
                                               {}, session);
+        session.report()["explained"] = toJson(explained);
+        session.note("explained   " + explainedText(explained));
+        if (explained.insideOut) session.note("mesh        all parts face inward, and were turned");
+        if (explained.turned > 0)
+            session.note(fmt::format("mesh        {} triangles faced another way than their "
+                                     "neighbors, and were turned",
+                                     explained.turned));
+        for (const std::string& finding : explained.findings)
+            session.warn(fmt::format("{}: {}", mInput, finding));
         session.progress().endStage();
         session.note("time        " + session.timesText());
-        return code;
+        return code == ExitCode::Ok && !explained.isSound() ? ExitCode::CheckFailed : code;
     }
 
 private:
