@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <fstream>
 #include <random>
 #include <regex>
 #include <sstream>
@@ -116,6 +117,39 @@ TEST_F(CommandTest, UnknownWordsAreUsageErrorsThatSayWhatWasMeant)
     EXPECT_TRUE(mFolder.names().empty());
 }
 
+// A crowd of points is told of, by word, report and status; a mesh that its vertices do not show is
+// refused, and leaves nothing.
+TEST_F(CommandTest, WhatPointsDoNotExplainIsTold)
+{
+    std::ofstream crowd(mFolder / "crowd.xyz");
+    for (int v = 0; v < 17 * 17 * 17; ++v)
+        crowd << v / 289 << ' ' << v / 17 % 17 << ' ' << v % 17 << '\n';
+    crowd.close();
+    const Ended told =
+        mpuvdb({"reconstruct", "crowd.xyz", "-o", "crowd.vdb", "--report", "crowd.json"});
+    EXPECT_EQ(told.status, 4) << told.err;
+    EXPECT_NE(told.err.find("the points fill a solid"), std::string::npos) << told.err;
+    const json explained = readJson("crowd.json")["explained"];
+    EXPECT_FALSE(explained["sound"]);
+    EXPECT_EQ(explained["findings"].size(), 1u);
+    EXPECT_EQ(explained["points"], 17 * 17 * 17);
+
+    std::ofstream bar(mFolder / "bar.obj");
+    for (const int end : {0, 100})
+        for (int k = 0; k < 40; ++k)
+            bar << "v " << std::cos(k * M_PI / 20) << ' ' << std::sin(k * M_PI / 20) << ' ' << end
+                << '\n';
+    for (int k = 0; k < 40; ++k) {
+        const int next = (k + 1) % 40;
+        bar << "f " << k + 1 << ' ' << next + 1 << ' ' << next + 41 << ' ' << k + 41 << '\n';
+    }
+    bar.close();
+    const Ended refused = mpuvdb({"reconstruct", "bar.obj", "-o", "bar.vdb"});
+    EXPECT_EQ(refused.status, 3) << refused.err;
+    EXPECT_NE(refused.err.find("mpuvdb voxelize"), std::string::npos) << refused.err;
+    EXPECT_FALSE(std::filesystem::exists(mFolder / "bar.vdb"));
+}
+
 TEST_F(CommandTest, ReconstructEchoesAndReportsWhatItResolved)
 {
     const Ended ended =
@@ -126,8 +160,8 @@ TEST_F(CommandTest, ReconstructEchoesAndReportsWhatItResolved)
     for (const char* said : {"spacing", "noise", "voxel size", "tolerance", "active voxels"})
         EXPECT_NE(ended.err.find(said), std::string::npos) << said << "\n" << ended.err;
     const json report = readJson("a.json");
-    EXPECT_EQ(keysOf(report),
-              (Words{"check", "field", "grid", "input", "mesh", "settings", "stages"}));
+    EXPECT_EQ(keysOf(report), (Words{"check", "explained", "field", "grid", "input", "mesh",
+                                     "settings", "stages"}));
     EXPECT_EQ(keysOf(report["grid"]),
               (Words{"active_voxels", "bytes", "half_width", "name", "voxel_size"}));
     EXPECT_EQ(report["grid"]["name"], "surface");

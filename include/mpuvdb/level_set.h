@@ -9,6 +9,7 @@
 
 #include <openvdb/openvdb.h>
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,6 +18,7 @@ namespace mpuvdb
 {
 
 class Progress;
+struct Explained;
 
 /// An immutable narrow-band level set.
 class LevelSet
@@ -25,6 +27,8 @@ public:
     /// @throws InputError unless @a grid has uniform voxels along the axes, the class level set and
     /// a positive background.
     explicit LevelSet(openvdb::FloatGrid::ConstPtr grid);
+    /// The same, made of points or of a mesh and held against them.
+    LevelSet(openvdb::FloatGrid::ConstPtr grid, std::shared_ptr<const Explained> explained);
 
     const openvdb::FloatGrid& grid() const { return *mGrid; }
     openvdb::FloatGrid::ConstPtr gridPtr() const { return mGrid; }
@@ -32,9 +36,13 @@ public:
     /// Background in voxels.
     double halfWidth() const;
     Lattice lattice() const;
+    /// How it compares with what it was made of (explained.h); null for what operations make, and
+    /// for what comes from files.
+    const std::shared_ptr<const Explained>& explained() const { return mExplained; }
 
 private:
     openvdb::FloatGrid::ConstPtr mGrid;
+    std::shared_ptr<const Explained> mExplained;
 };
 
 /// @throws InputError if a value of @a grid is not finite: operations would carry it on, or take it

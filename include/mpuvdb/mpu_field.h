@@ -31,6 +31,17 @@ struct MpuSettings {
     /// tolerance rules cells that are large beside the spacing of their points. Copies of a point
     /// count as one. Smooth everywhere, whatever sharp says; alpha in [1.05, 2].
     bool interpolate = false;
+    /// What the points say about themselves, if that is known. Fits do not ask for it.
+    PointStatistics points;
+};
+
+/// The points of a field, as it keeps them: in Morton order, one array per coordinate.
+struct FieldPoints {
+    Vec3d frame = Vec3d::Zero(); ///< world position that x, y and z count from
+    const float *x = nullptr, *y = nullptr, *z = nullptr;    ///< world units
+    const float *nx = nullptr, *ny = nullptr, *nz = nullptr; ///< their normals
+    std::size_t count = 0;
+    std::shared_ptr<const VertexMesh> mesh; ///< whose vertices they are; or null
 };
 
 /// What the fit came to.
@@ -77,6 +88,9 @@ public:
     std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override;
 
     const MpuStatistics& statistics() const;
+    /// As given, and what the points come to in it; they live as long as the field.
+    const MpuSettings& settings() const;
+    FieldPoints points() const;
 
     /// Where the points support the surface. With r the least of |x - p| / (s a) over all points p:
     /// 1 up to r = 2.5, 0 from r = 5 on, smooth (cubic) between. s is the spacing of the points

@@ -71,7 +71,8 @@ LevelSet redistance(const openvdb::FloatGrid& grid, double halfWidth, Progress& 
 /// solid, and a part that faces inward is a cavity of those that it lies in. A mesh of which all
 /// parts face inward is turned; triangles that contradict their neighbors are, too. In the whole
 /// band the values are the distance to the nearest place on the solid's boundary, to rounding;
-/// triangles within the solid do not count. Gaps of less than a voxel do not matter.
+/// triangles within the solid do not count. Gaps of less than a voxel do not matter. The result is
+/// held against the mesh: LevelSet::explained().
 /// @throws InputError (no triangles, indices out of range, not finite, open), LimitError,
 /// Interrupted.
 LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress);

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 namespace mpuvdb
@@ -22,6 +23,17 @@ struct Viewpoint {
     Vec3d towards(const Vec3d& p) const { return distant ? place : Vec3d(place - p); }
 };
 
+/// A mesh whose vertices are points, in numbers: what comes of them can be held against it.
+struct VertexMesh {
+    double area = 0;            ///< world units squared
+    double volume = 0;          ///< signed, world units cubed; 0 if it is open
+    bool isClosed = false;      ///< each edge has as many triangles one way as the other
+    std::uint64_t parts = 0;    ///< connected by vertices, and not cavities
+    std::uint64_t cavities = 0; ///< parts that are closed and face inward
+    double edge = 0;            ///< world units: half the area has triangles with a longer one
+    std::vector<Vec3d> places;  ///< spread evenly over the triangles, world units
+};
+
 /// Oriented points about a frame: doubles at the door, floats near the origin inside.
 /// A point's world position is frame + position. Optional attributes are empty, or one per point.
 struct PointCloud {
@@ -36,7 +48,8 @@ struct PointCloud {
 
     static constexpr std::uint32_t kUnseen = 0xffffffffu;
     std::vector<Viewpoint> viewpoints;
-    std::vector<std::uint32_t> seenFrom; ///< index into viewpoints, or kUnseen; or empty
+    std::vector<std::uint32_t> seenFrom;    ///< index into viewpoints, or kUnseen; or empty
+    std::shared_ptr<const VertexMesh> mesh; ///< all points were vertices of it; or null
 
     std::size_t size() const { return positions.size(); }
     bool empty() const { return positions.empty(); }
@@ -57,6 +70,8 @@ struct PointStatistics {
     /// Standard deviation of normals about each of two axes across them, radians; 0 without
     /// normals.
     double normalNoise = 0;
+    /// Whether the points lie about no surface at any scale, but throughout a solid.
+    bool fillSolid = false;
 };
 
 /// Measure spacing and noise: each of about 1000 evenly chosen points is compared with its nearest

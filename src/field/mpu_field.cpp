@@ -86,6 +86,8 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 } // namespace
 
 struct MpuField::Impl {
+    MpuSettings settings;
+    std::shared_ptr<const VertexMesh> mesh;
     Vec3d frame;
     Box3d localBounds;
     std::unique_ptr<SortedPoints> points;
@@ -108,6 +110,8 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Progress& progr
     MpuSettings settings = given;
     settings.sharp &= !settings.interpolate;
     auto impl = std::make_unique<Impl>();
+    impl->settings = settings;
+    impl->mesh = cloud.mesh;
     impl->frame = cloud.frame;
     impl->localBounds = cloud.localBounds();
     const RootCube root = rootCube(impl->localBounds, settings.voxelSize);
@@ -259,6 +263,18 @@ std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const
 std::size_t MpuField::countData(const Box3d& box, std::size_t limit) const
 {
     return mImpl->points->countIn(box.translated(-mImpl->frame), limit);
+}
+
+const MpuSettings& MpuField::settings() const
+{
+    return mImpl->settings;
+}
+
+FieldPoints MpuField::points() const
+{
+    const PointBatch& p = mImpl->points->points();
+    return {mImpl->frame, p.x.data(),  p.y.data(),  p.z.data(),
+            p.nx.data(),  p.ny.data(), p.nz.data(), p.size(), mImpl->mesh};
 }
 
 std::unique_ptr<const Coverage> MpuField::coverage(Progress& progress) const

@@ -268,6 +268,7 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
         progress.check();
         placeSlice(kept[s], cloud);
     });
+    if (inputs.size() == 1) cloud.mesh = std::move(inputs.front().mesh);
     inputs.clear();
 #ifdef __GLIBC__
     // The blocks lay scattered in the heap, which would keep their pages.

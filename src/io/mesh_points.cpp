@@ -2,6 +2,7 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/normals.h>
+#include <mpuvdb/vertex_mesh.h>
 
 #include <fmt/format.h>
 
@@ -66,21 +67,22 @@ void addMeshNormals(FilePoints& points)
 {
     const Triangles triangles = std::exchange(points.triangles, {});
     points.meshTriangles = triangles.size();
-    if (triangles.empty() || points.size() == 0 || points.hasNormals()) return;
+    if (triangles.empty() || points.size() == 0) return;
     PointBlock& block = points.joined();
-    const std::vector<Vec3f> local = localPositions(block.positions);
     Triangles usable;
     usable.reserve(triangles.size());
-    std::vector<std::uint8_t> used(local.size(), 0);
+    std::vector<std::uint8_t> used(block.size(), 0);
     for (const auto& triangle : triangles) {
         bool finite = true; // one bad vertex would spoil its neighbours' normals
         for (const std::uint32_t corner : triangle) {
-            finite = finite && local[corner].allFinite();
+            finite = finite && block.positions[corner].allFinite();
             used[corner] = 1;
         }
         if (finite) usable.push_back(triangle);
     }
-    block.normals = vertexNormals(local, usable);
+    points.mesh = vertexMesh(block.positions, usable);
+    if (points.hasNormals()) return;
+    block.normals = vertexNormals(localPositions(block.positions), usable);
     std::uint64_t unused = 0;
     for (const std::uint8_t u : used) unused += u == 0;
     if (unused > 0) {

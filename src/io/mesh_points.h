@@ -18,7 +18,8 @@ const std::int64_t* findBadCorner(const std::vector<std::int64_t>& corners, std:
                                  const std::string& where);
 
 /// Give vertices area-weighted normals and leave out those that no triangle uses, and let go of the
-/// triangles. Vertices with normals of their own, and files without triangles, stay as they are.
+/// triangles, but for their numbers. Vertices with normals of their own, and files without
+/// triangles, stay as they are.
 void addMeshNormals(FilePoints& points);
 
 } // namespace mpuvdb

@@ -108,8 +108,9 @@ struct FilePoints {
     std::string name;           ///< of the file, for messages
     const char* unit = "point"; ///< what the file calls a point, for messages
     std::vector<PointBlock> blocks;
-    Triangles triangles;             ///< of all blocks' points, in order; corners are valid
-    std::uint64_t meshTriangles = 0; ///< that there were when vertices became points
+    Triangles triangles;                    ///< of all blocks' points, in order; corners are valid
+    std::uint64_t meshTriangles = 0;        ///< that there were when vertices became points
+    std::shared_ptr<const VertexMesh> mesh; ///< that they made; or null
     std::map<std::string, std::uint64_t> dropped;
     std::vector<std::string> notes; ///< without the file's name
 

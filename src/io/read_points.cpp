@@ -121,6 +121,7 @@ std::vector<Part> listParts(const std::vector<std::filesystem::path>& files,
 void place(FilePoints& points, const PlacedScan& scan)
 {
     for (PointBlock& block : points.blocks) movePoints(block, scan.rotation, scan.translation);
+    points.mesh.reset(); // it stayed where it was
 }
 
 // What all scans of a set say is said once, of the set.

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 namespace mpuvdb
@@ -11,6 +12,22 @@ namespace mpuvdb
 
 /// Signs (1: inside) of a block's voxels: word x, bit 8 y + z, as in an OpenVDB leaf's mask.
 using SignWords = std::array<std::uint64_t, kBlockDim>;
+
+/// Those of a block's values, in the order of an OpenVDB leaf, for which @a holds.
+template <class Holds>
+SignWords wordsWhere(const float* values, const Holds& holds)
+{
+    std::uint8_t bytes[kBlockVoxels]; // a loop that compilers make wide
+    for (int n = 0; n < kBlockVoxels; ++n) bytes[n] = std::uint8_t(holds(values[n]));
+    SignWords words{};
+    for (std::size_t row = 0; row < std::size_t(kBlockVoxels / 8); ++row) {
+        std::uint64_t eight;
+        std::memcpy(&eight, bytes + 8 * row, sizeof eight);
+        // Byte z, which is 0 or 1, to bit z of the uppermost byte.
+        words[row / 8] |= (eight * 0x0102040810204080u >> 56) << 8 * (row % 8);
+    }
+    return words;
+}
 
 /// The parts of @a voxels that are connected by faces, by their first voxels.
 std::vector<SignWords> connectedParts(const SignWords& voxels);

@@ -1,8 +1,9 @@
 #include "explain_mesh.h"
 
-#include "solid_parts.h"
+#include "count_parts.h"
 #include "solid_sums.h"
 
+#include <mpuvdb/even_places.h>
 #include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
@@ -30,41 +31,10 @@ constexpr double kOn = 1e-3;
 /// [derived: (|k| + |l|) h^2 / 8 over its surface, by its volume, at a radius of 2 h]
 constexpr double kOfSmallBall = 3.0 / 16;
 
-/// A place on the boundary, with its normal; relative to the frame.
-struct Place {
-    Vec3d position, normal;
-};
-
-/// Places spread evenly over all triangles, in their order.
-std::vector<Place> placesOn(const TriangleTree& tree)
-{
-    std::vector<double> upTo(tree.size());
-    double area = 0;
-    const auto areaVector = [&](std::size_t slot) {
-        const TriangleTree::Corners& t = tree.corners(slot);
-        const Vec3d a = t[0].cast<double>();
-        return Vec3d((t[1].cast<double>() - a).cross(t[2].cast<double>() - a));
-    };
-    for (std::size_t slot = 0; slot < tree.size(); ++slot)
-        upTo[slot] = area += areaVector(slot).norm();
-    std::vector<Place> places;
-    std::size_t slot = 0;
-    for (std::size_t n = 0; n < kPlaces; ++n) {
-        while (slot + 1 < tree.size() && upTo[slot] < area * (double(n) + 0.5) / kPlaces) ++slot;
-        // Evenly over the triangle, too [Cranley76: multiples of two irrational numbers].
-        double s = std::fmod(0.7548776662466927 * double(n), 1),
-               r = std::fmod(0.5698402909980532 * double(n), 1);
-        if (s + r > 1) s = 1 - s, r = 1 - r;
-        const TriangleTree::Corners& t = tree.corners(slot);
-        const Vec3d a = t[0].cast<double>(), b = t[1].cast<double>(), c = t[2].cast<double>();
-        places.push_back({a + s * (b - a) + r * (c - a), areaVector(slot).normalized()});
-    }
-    return places;
-}
-
 /// Those of @a places around which all voxels are on one side; voxels on the surface are on both.
-std::vector<Place> missed(const std::vector<Place>& places, const PlacedTriangles& triangles,
-                          const LevelSet& levelSet, Progress& progress)
+std::vector<TrianglePlace> missed(const std::vector<TrianglePlace>& places,
+                                  const PlacedTriangles& triangles, const LevelSet& levelSet,
+                                  Progress& progress)
 {
     const auto on = float(kOn * levelSet.voxelSize());
     std::vector<std::uint8_t> isMissed(places.size());
@@ -85,7 +55,7 @@ std::vector<Place> missed(const std::vector<Place>& places, const PlacedTriangle
                 isMissed[n] = !(inside && outside);
             }
         });
-    std::vector<Place> result;
+    std::vector<TrianglePlace> result;
     for (std::size_t n = 0; n < places.size(); ++n)
         if (isMissed[n]) result.push_back(places[n]);
     return result;
@@ -93,7 +63,8 @@ std::vector<Place> missed(const std::vector<Place>& places, const PlacedTriangle
 
 /// World units: the thickness of the wall that most of @a places are on, to a factor of two; up to
 /// two voxels.
-double thicknessAt(const std::vector<Place>& places, const SolidBoundary& solid, double voxelSize)
+double thicknessAt(const std::vector<TrianglePlace>& places, const SolidBoundary& solid,
+                   double voxelSize)
 {
     constexpr std::size_t kAsked = 32;
     constexpr int kHalvings = 8;
@@ -111,23 +82,9 @@ double thicknessAt(const std::vector<Place>& places, const SolidBoundary& solid,
     return *middle;
 }
 
-/// Parts of at least two voxels along each axis' worth: a corner may hold one that is alone.
-std::uint64_t countParts(const LevelSet& levelSet, Progress& progress)
-{
-    constexpr int kSpeck = 8; // voxels
-    const SolidParts found(levelSet, progress);
-    return std::uint64_t(
-        std::count_if(found.parts().begin(), found.parts().end(), [](const SolidParts::Part& part) {
-            int voxels = 0;
-            for (const SolidParts::Piece& piece : part.pieces)
-                for (const std::uint64_t word : piece.voxels) voxels += __builtin_popcountll(word);
-            return !part.tiles.empty() || voxels >= kSpeck;
-        }));
-}
-
 /// @param lost  those of @a places that are missed.
-void judge(MeshExplained& e, const std::vector<Place>& places, const std::vector<Place>& lost,
-           const SolidBoundary& solid, double h)
+void judge(MeshExplained& e, const std::vector<TrianglePlace>& places,
+           const std::vector<TrianglePlace>& lost, const SolidBoundary& solid, double h)
 {
     const bool volumeDiffers = std::abs(e.volumeOut - e.volumeIn) > e.volumeExplained;
     // How many parts those that meet make depends on how they do.
@@ -166,10 +123,16 @@ MeshExplained explainMesh(const SolidBoundary& solid, const PlacedTriangles& tri
     e.areaOfNothing = in.areaOfNothing;
     e.volumeOut = out.volume;
     e.areaOut = out.area;
-    e.partsOut = countParts(levelSet, progress);
+    const PartCounts counts = countParts(levelSet, progress);
+    e.partsOut = counts.parts;
+    e.cavitiesOut = counts.cavities;
     e.volumeExplained = std::min(h * h / 4 * in.bending, kOfSmallBall * in.volume);
-    const std::vector<Place> places = placesOn(solid.tree()),
-                             lost = missed(places, triangles, levelSet, progress);
+    const auto corners = [&](std::size_t slot) {
+        const TriangleTree::Corners& t = solid.tree().corners(slot);
+        return std::array<Vec3d, 3>{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>()};
+    };
+    const std::vector<TrianglePlace> places = placesOn(solid.tree().size(), kPlaces, corners),
+                                     lost = missed(places, triangles, levelSet, progress);
     e.missed = double(lost.size()) / double(kPlaces);
     judge(e, places, lost, solid, h);
     return e;

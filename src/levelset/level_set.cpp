@@ -117,6 +117,12 @@ void demandFinite(const openvdb::FloatGrid& grid)
                                  grid.getName(), count, at.x(), at.y(), at.z()));
 }
 
+LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid, std::shared_ptr<const Explained> explained)
+    : LevelSet(std::move(grid))
+{
+    mExplained = std::move(explained);
+}
+
 double LevelSet::voxelSize() const
 {
     return lattice().voxelSize;

@@ -1,4 +1,5 @@
 #include <mpuvdb/error.h>
+#include <mpuvdb/explained.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <mpuvdb/progress.h>
@@ -35,6 +36,20 @@ double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSetti
     return resolved.points.spacing;
 }
 
+/// @throws InputError if the vertices of a mesh are too far from most of its surface to show it.
+void demandSupport(const VertexMesh& mesh, double spacing)
+{
+    // [derived: twice the distance from points up to which MpuField::coverage() has support]
+    constexpr double kSpanned = 10; // spacings
+    if (mesh.edge <= kSpanned * spacing) return;
+    throw InputError(fmt::format(
+        "mesh: half of its surface is in triangles with edges longer than {:.4g}, {:.0f} times the "
+        "spacing of its vertices: points at the vertices do not show it. Make a level set of the "
+        "triangles themselves with mpuvdb voxelize (Python: mpuvdb.mesh), or divide them until "
+        "their edges are at most {:.4g}",
+        mesh.edge, mesh.edge / spacing, kSpanned * spacing));
+}
+
 Box3d resolveRegion(const std::array<Length, 6>& region, const ResolvedSettings& resolved)
 {
     Box3d box;
@@ -61,6 +76,7 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
     if (!settings.points) progress.beginStage("measure");
     resolved.points = settings.points ? *settings.points : measure(cloud, progress);
     progress.endStage();
+    if (cloud.mesh) demandSupport(*cloud.mesh, resolved.points.spacing);
     const Box3d box = cloud.localBounds();
     resolved.boxSize = box.sizes();
     resolved.diagonal = resolved.boxSize.norm();
@@ -78,6 +94,7 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
 
     MpuSettings& fit = resolved.fit;
     fit.voxelSize = h;
+    fit.points = resolved.points;
     fit.interpolate = settings.interpolate;
     fit.alpha = settings.alpha.value_or(fit.interpolate ? kInterpolationAlpha : fit.alpha);
     fit.sharp = settings.sharp && !fit.interpolate;
@@ -98,7 +115,11 @@ Reconstruction reconstruct(PointCloud&& cloud, const ReconstructSettings& settin
     const ResolvedSettings resolved = resolve(cloud, settings, progress);
     auto field = std::make_shared<const MpuField>(std::move(cloud), resolved.fit, progress);
     LevelSet levelSet = sampleField(*field, resolved.grid, progress);
-    return {std::move(levelSet), std::move(field), resolved};
+    progress.beginStage("explain");
+    auto explained = std::make_shared<Explained>();
+    explained->by = explain(levelSet, *field, resolved.grid.region, progress);
+    progress.endStage();
+    return {LevelSet(levelSet.gridPtr(), std::move(explained)), std::move(field), resolved};
 }
 
 } // namespace mpuvdb

@@ -3,7 +3,9 @@
 #include "transform_lattice.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/explained.h>
 #include <mpuvdb/point_field.h>
+#include <mpuvdb/progress.h>
 
 #include <algorithm>
 #include <cmath>
@@ -25,6 +27,15 @@ constexpr double kBlocksPerArea = 1.7;
 Box3d clipBox(const Demand& own)
 {
     return grown(own.region, own.band() + 2 * own.lattice.voxelSize);
+}
+
+/// @a made, which is held against what it was made of; what that finds becomes a note.
+LevelSet told(const LevelSet& made, const std::shared_ptr<const Explained>& explained,
+              Progress& progress)
+{
+    if (!explained) return made;
+    for (const std::string& finding : explained->findings()) progress.note(finding);
+    return LevelSet(made.gridPtr(), explained);
 }
 
 class FieldNode final : public Shape::Node
@@ -75,7 +86,9 @@ public:
             std::min(own.halfWidth, field->isDistanceFar() ? kSampledBand : kNearBand);
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
-        return inBand(sampleField(*field, settings, progress), own.halfWidth, progress);
+        const LevelSet made = sampleField(*field, settings, progress);
+        return told(inBand(made, own.halfWidth, progress),
+                    field == mField ? explainedOf(made, progress) : nullptr, progress);
     }
 
 protected:
@@ -90,6 +103,16 @@ protected:
     }
 
 private:
+    /// Points are what a field may be held against.
+    std::shared_ptr<const Explained> explainedOf(const LevelSet& made, Progress& progress) const
+    {
+        const auto* const points = dynamic_cast<const MpuField*>(mField.get());
+        if (!points) return nullptr;
+        auto explained = std::make_shared<Explained>();
+        explained->by = explain(made, *points, std::nullopt, progress);
+        return explained;
+    }
+
     FieldPtr mField;
 };
 
@@ -176,7 +199,8 @@ public:
         settings.lattice = own.lattice;
         settings.halfWidth = std::min(own.halfWidth, kSampledBand);
         settings.maxBytes = maxBytes;
-        return inBand(voxelize(*mMesh, settings, progress), own.halfWidth, progress);
+        const LevelSet made = voxelize(*mMesh, settings, progress);
+        return told(inBand(made, own.halfWidth, progress), made.explained(), progress);
     }
 
 protected:

@@ -27,11 +27,7 @@ constexpr std::uint32_t kNone = ~0u;
 
 SignWords insideOf(const Leaf& leaf)
 {
-    SignWords words{};
-    const float* const values = leaf.buffer().data();
-    for (std::size_t n = 0; n < std::size_t(kBlockVoxels); ++n)
-        words[n / 64] |= std::uint64_t(values[n] < 0) << n % 64;
-    return words;
+    return wordsWhere(leaf.buffer().data(), [](float value) { return value < 0; });
 }
 
 SignWords regionOf(const Leaf& leaf)

@@ -10,6 +10,9 @@ namespace
 {
 
 constexpr std::size_t kJudgedFrom = 1000; ///< fewer points say little of each other
+/// Spacings: noise of sheets that normals tell apart is less. [derived: what measure() takes for
+/// thin, 0.22 of the radius of a disc with its fewest neighbors, 40]
+constexpr double kOfSheet = 0.8;
 
 /// Estimate normals, or turn those that are flipped if they can be @a judged. @return whether so
 /// much changed that it had spoilt what was measured.
@@ -36,6 +39,7 @@ CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Progress& pr
     CleanReport report;
     report.hadNormals = cloud.hasNormals();
     report.statistics = measure(cloud, progress);
+    const bool fillSolid = report.statistics.fillSolid;
     const bool judged = cloud.size() >= kJudgedFrom;
     if (judged && settings.dropOutliers) {
         const auto outliers = findOutliers(cloud, report.statistics, progress);
@@ -44,8 +48,13 @@ CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Progress& pr
     }
     if (seeToNormals(cloud, judged, settings.normals, report, progress))
         report.statistics = measure(cloud, progress); // noise is told by normals
-    // Normals that come from the positions know nothing that these do not say.
-    if (report.estimateNeighbors) report.statistics.normalNoise = 0;
+    if (report.estimateNeighbors) {
+        // Normals that come from the positions know nothing that these do not say; but two sheets
+        // that they are of are no solid.
+        PointStatistics& s = report.statistics;
+        s.normalNoise = 0;
+        s.fillSolid = fillSolid && s.noise > kOfSheet * s.spacing;
+    }
     if (settings.flipNormals) flipNormals(cloud);
     report.inward = pointsInward(cloud);
     return report;

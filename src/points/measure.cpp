@@ -120,20 +120,25 @@ Residual normalResidual(const Sheet& sheet)
     return {std::sqrt((normals - a * fit).squaredNorm() / double(freedom)), freedom};
 }
 
-/// Lower quartile of a residual of noise whose standard deviation is 1: of chi-square over its
+/// A quantile, and where the normal distribution has it.
+struct Quantile {
+    double share, deviations;
+};
+/// Edges, outliers and second sheets only add to residuals: they can spoil three quarters of them.
+constexpr Quantile kLowerQuartile{0.25, -0.6745}, kMedian{0.5, 0};
+
+/// A quantile of a residual of noise whose standard deviation is 1: of chi-square over its
 /// freedom [Wilson31].
-double expectedQuartile(std::size_t freedom)
+double expected(const Quantile& of, std::size_t freedom)
 {
-    constexpr double kNormalQuartile = -0.6745;
     const double spread = 2 / (9 * double(freedom));
-    return std::pow(1 - spread + kNormalQuartile * std::sqrt(spread), 1.5);
+    return std::pow(1 - spread + of.deviations * std::sqrt(spread), 1.5);
 }
 
-/// The lower quartile of the residuals of sheets of @a k neighbors, scaled to the standard
-/// deviation that it stands for. Edges, outliers and second sheets only add to residuals: they can
-/// spoil three quarters of the samples. 0 if no sheet has enough points.
+/// A quantile of the residuals of sheets of @a k neighbors, scaled to the standard deviation that
+/// it stands for. 0 if no sheet has enough points.
 double residualAmong(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
-                     Residual (*residualOf)(const Sheet&), Progress& progress)
+                     Residual (*residualOf)(const Sheet&), const Quantile& of, Progress& progress)
 {
     std::vector<double> noise(neighborhoods.size(), -1);
     tbb::parallel_for(std::size_t(0), noise.size(), [&](std::size_t i) {
@@ -141,10 +146,10 @@ double residualAmong(const std::vector<Neighborhood>& neighborhoods, std::size_t
         const Sheet sheet = sheetOf(neighborhoods[i], k);
         if (std::size_t(sheet.positions.cols()) <= 2 * kUnknowns) return;
         const Residual residual = residualOf(sheet);
-        noise[i] = residual.deviation / expectedQuartile(residual.freedom);
+        noise[i] = residual.deviation / expected(of, residual.freedom);
     });
     noise.erase(std::remove(noise.begin(), noise.end(), -1.0), noise.end());
-    return noise.empty() ? 0 : quantile(std::move(noise), 0.25);
+    return noise.empty() ? 0 : quantile(std::move(noise), of.share);
 }
 
 /// Residuals are noise and what the fit lacks of the shape. The latter grows with a power of the
@@ -153,8 +158,8 @@ double residualAmong(const std::vector<Neighborhood>& neighborhoods, std::size_t
 double robustNoise(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
                    Residual (*residualOf)(const Sheet&), double growth, Progress& progress)
 {
-    const double whole = residualAmong(neighborhoods, k, residualOf, progress);
-    const double half = residualAmong(neighborhoods, k / 2, residualOf, progress);
+    const double whole = residualAmong(neighborhoods, k, residualOf, kLowerQuartile, progress);
+    const double half = residualAmong(neighborhoods, k / 2, residualOf, kLowerQuartile, progress);
     if (!(half > 0)) return whole;
     return std::sqrt(std::max(0.0, (growth * half * half - whole * whole) / (growth - 1)));
 }
@@ -166,6 +171,17 @@ double medianReach(const std::vector<Neighborhood>& neighborhoods)
     for (const Neighborhood& n : neighborhoods)
         reach.push_back(std::sqrt(n.neighbors.back().squaredDistance));
     return quantile(std::move(reach), 0.5);
+}
+
+/// Whether the points lie throughout their neighborhoods, as those of a solid do, and are no
+/// sheets: most have residuals as large as they are in a ball that is filled.
+bool fillBalls(const std::vector<Neighborhood>& neighborhoods, std::size_t k, Progress& progress)
+{
+    // [derived: points of a ball have a standard deviation of 0.45 of its radius along an axis, in
+    // halves, about those at a solid's sides, 0.22; noise that is thin against its balls has less]
+    constexpr double kFilled = 0.25;
+    return residualAmong(neighborhoods, k, heightResidual, kMedian, progress) >
+           kFilled * medianReach(neighborhoods);
 }
 
 /// About @a count points of a cloud, positions and normals alone, for balls that reach far with few
@@ -199,6 +215,8 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
     // a ball that lies within the noise shows its own size instead.
     constexpr std::size_t kFewest = 40, kMost = 640, kFactor = 4;
     constexpr double kThin = 0.22;
+    // Larger parts of the points are thick for the solid's own shape.
+    constexpr std::size_t kOfWhole = 16;
     PointStatistics result;
     const PointCloud* among = &cloud;
     PointCloud sparse;
@@ -217,7 +235,10 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
         result.noise = robustNoise(neighborhoods, used, heightResidual, 8, progress);
         if (k == kFewest && cloud.hasNormals()) // known however thick the noise of the positions
             result.normalNoise = robustNoise(neighborhoods, used, normalResidual, 4, progress);
-        if (found < k || result.noise < kThin * medianReach(neighborhoods)) break;
+        const bool isThin = result.noise < kThin * medianReach(neighborhoods);
+        if (found == k && k * kOfWhole <= among->size())
+            result.fillSolid = !isThin && fillBalls(neighborhoods, k, progress);
+        if (found < k || isThin) break;
         if (k < kMost) {
             k *= kFactor;
         } else {

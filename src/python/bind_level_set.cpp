@@ -7,6 +7,7 @@
 #include "run.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/explained.h>
 #include <mpuvdb/given_level_set.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/operations.h>
@@ -52,6 +53,14 @@ void bindProperties(LevelSetClass& levelSets)
             "Number of voxels in the band.")
         .def_property_readonly(
             "memory", [](const LevelSet& s) { return s.grid().memUsage(); }, "Bytes it takes.")
+        .def_property_readonly(
+            "explained",
+            [](const LevelSet& s) -> py::object {
+                if (!s.explained()) return py::none();
+                return std::visit([](const auto& e) { return py::cast(e); }, s.explained()->by);
+            },
+            "How it compares with the points or the mesh it was made of: PointsExplained or "
+            "MeshExplained; None for what operations make and files hold.")
         .def("__repr__", [](const LevelSet& s) {
             return fmt::format("<mpuvdb.LevelSet: voxel size {:.6g}, half-width {:.3g}, {} active "
                                "voxels>",

@@ -2,6 +2,8 @@
 #include "arguments.h"
 #include "bindings.h"
 
+#include <mpuvdb/explained.h>
+
 #include <fmt/format.h>
 
 #include <pybind11/stl.h>
@@ -92,6 +94,87 @@ void bindMeshReport(py::module_& module)
         });
 }
 
+void bindMeshExplained(py::module_& module)
+{
+    using E = MeshExplained;
+    py::class_<E>(module, "MeshExplained",
+                  "A mesh and the level set of its solid, compared: LevelSet.explained.")
+        .def_property_readonly(
+            "sound", [](const E& e) { return e.findings.empty(); },
+            "Whether the voxel size explains all that differs.")
+        .def_readonly("findings", &E::findings, "What it does not explain, with the cure.")
+        .def_readonly("volume_in", &E::volumeIn, "Of the mesh's solid, world units cubed.")
+        .def_readonly("volume_out", &E::volumeOut, "Of the level set's, world units cubed.")
+        .def_readonly("volume_explained", &E::volumeExplained,
+                      "Their difference that the voxel size explains, world units cubed.")
+        .def_readonly("area_in", &E::areaIn, "Of the solid's boundary, world units squared.")
+        .def_readonly("area_out", &E::areaOut, "Of the level set's, world units squared.")
+        .def_readonly("parts_in", &E::partsIn, "Surfaces that enclose some of the mesh's solid.")
+        .def_readonly("parts_out", &E::partsOut, "Connected parts of the level set's solid.")
+        .def_readonly("cavities_in", &E::cavitiesIn, "Surfaces that enclose none of the solid.")
+        .def_readonly("cavities_out", &E::cavitiesOut, "Connected parts of what is enclosed.")
+        .def_readonly("missed", &E::missed, "Share of the boundary that no voxels show.")
+        .def_readonly("open_edges", &E::openEdges, "Edges whose triangles do not cancel.")
+        .def_readonly("turned", &E::turned,
+                      "Triangles that faced another way than their neighbors.")
+        .def_readonly("inside_out", &E::insideOut, "Whether all faced inward, and were turned.")
+        .def_readonly("area_within", &E::areaWithin,
+                      "Of triangles inside the solid, world units squared.")
+        .def_readonly("area_of_nothing", &E::areaOfNothing,
+                      "Of parts that face inward and lie in no other, world units squared.")
+        .def("__repr__", [](const E& e) {
+            return fmt::format("<mpuvdb.MeshExplained: volume {:.6g} of {:.6g}, {}>", e.volumeOut,
+                               e.volumeIn, e.findings.empty() ? "sound" : e.findings.front());
+        });
+}
+
+void bindPointsExplained(py::module_& module)
+{
+    using E = PointsExplained;
+    const auto ofMesh = [](auto number) {
+        return [number](const E& e) {
+            return e.mesh ? py::cast((*e.mesh).*number) : py::object(py::none());
+        };
+    };
+    py::class_<E>(module, "PointsExplained",
+                  "Points and the level set made of them, compared: LevelSet.explained.")
+        .def_property_readonly(
+            "sound", [](const E& e) { return e.findings.empty(); },
+            "Whether noise, spacing and voxel size explain all that differs.")
+        .def_readonly("findings", &E::findings, "What they do not explain, with the cure.")
+        .def_readonly("points", &E::points, "Number of points.")
+        .def_readonly("limit", &E::limit,
+                      "Points so near to the surface are explained by it, world units: half a "
+                      "voxel, the tolerance, and three standard deviations of the noise.")
+        .def_readonly("within", &E::within, "Share of the points that are explained.")
+        .def_readonly("largest", &E::largest,
+                      "Largest distance, world units, up to the band's width.")
+        .def_readonly("against", &E::against,
+                      "Share of the points whose normals look against the surface's.")
+        .def_readonly("unsupported", &E::unsupported,
+                      "Share of the surface without a point within five spacings.")
+        .def_readonly("volume", &E::volume, "Of the level set's solid, world units cubed.")
+        .def_readonly("area", &E::area, "Of its surface, world units squared.")
+        .def_readonly("parts", &E::parts, "Connected parts of the solid.")
+        .def_readonly("cavities", &E::cavities, "Connected parts of what it encloses.")
+        .def_property_readonly("mesh_volume", ofMesh(&VertexMesh::volume),
+                               "Of the mesh whose vertices the points are, world units cubed, 0 if "
+                               "it is open; None without one.")
+        .def_property_readonly("mesh_area", ofMesh(&VertexMesh::area),
+                               "Of that mesh, world units squared; None without one.")
+        .def_property_readonly("mesh_parts", ofMesh(&VertexMesh::parts),
+                               "Connected parts of that mesh; None without one.")
+        .def_property_readonly("mesh_cavities", ofMesh(&VertexMesh::cavities),
+                               "Its closed parts that face inward; None without one.")
+        .def_readonly("mesh_within", &E::meshWithin,
+                      "Share of that mesh's area that the surface follows.")
+        .def("__repr__", [](const E& e) {
+            return fmt::format("<mpuvdb.PointsExplained: {:.4g} % of {} points within {:.3g}, {}>",
+                               100 * e.within, e.points, e.limit,
+                               e.findings.empty() ? "sound" : e.findings.front());
+        });
+}
+
 } // namespace
 
 void bindReports(py::module_& module)
@@ -99,6 +182,8 @@ void bindReports(py::module_& module)
     bindChecks(module);
     bindSolidMeasures(module);
     bindMeshReport(module);
+    bindMeshExplained(module);
+    bindPointsExplained(module);
 }
 
 } // namespace mpuvdb::python

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 import mpuvdb as mv
-from fixture import CENTRE, ShapeTest, octahedron, radii
+from fixture import CENTRE, ShapeTest, octahedron, radii, sphere_points
 
 PI = math.pi
 
@@ -443,6 +443,51 @@ class Meshes(ShapeTest):
         for source in (np.zeros((3, 3)), 3):
             with self.assertRaisesRegex(mv.UsageError, "with them faces"):
                 mv.mesh(source)
+
+
+class Explained(ShapeTest):
+    """What was made, held against what it was made of."""
+
+    def test_points(self):
+        points, normals = sphere_points(5000)
+        made = mv.points(points, normals).level_set(0.05)
+        report = made.explained
+        self.assertIsInstance(report, mv.PointsExplained)
+        self.assertTrue(report.sound, report.findings)
+        self.assertEqual(report.points, 5000)
+        self.assertEqual(report.within, 1)
+        self.assertEqual((report.parts, report.cavities), (1, 0))
+        self.assertAlmostEqual(report.volume, 4 / 3 * PI, delta=0.05)
+        self.assertIsNone(report.mesh_volume)
+        self.assertIn("PointsExplained", repr(report))
+
+    def test_points_that_fill_a_solid(self):
+        grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 21)] * 3), axis=-1).reshape(-1, 3)
+        filled = grid[np.linalg.norm(grid, axis=1) < 1]
+        with self.assertWarnsRegex(UserWarning, "fill a solid"):
+            made = mv.points(filled).level_set(0.1)
+        self.assertFalse(made.explained.sound)
+
+    def test_meshes(self):
+        made = mv.mesh(*octahedron()).level_set(0.04)
+        report = made.explained
+        self.assertIsInstance(report, mv.MeshExplained)
+        self.assertTrue(report.sound, report.findings)
+        self.assertAlmostEqual(report.volume_in, 4 / 3, places=5)
+        self.assertLess(abs(report.volume_out - report.volume_in), report.volume_explained)
+        self.assertEqual((report.parts_in, report.parts_out), (1, 1))
+        self.assertEqual((report.cavities_in, report.cavities_out), (0, 0))
+
+    def test_thin_walls(self):
+        vertices, faces = octahedron()
+        with self.assertWarnsRegex(UserWarning, "too thin for voxels"):
+            made = mv.mesh(vertices * (1, 1, 0.02), faces).level_set(0.1)
+        self.assertFalse(made.explained.sound)
+
+    def test_operations_have_nothing_to_hold_against(self):
+        made = mv.mesh(*octahedron()).level_set(0.1)
+        self.assertIsNone(made.offset(0.1).explained)
+        self.assertIsNone(mv.sphere(radius=1).level_set(0.1).explained)
 
 
 if __name__ == "__main__":

@@ -21,8 +21,8 @@ const char* const kIntroduction = "mpuvdb: scattered points to correct OpenVDB l
 const char* const kConventions =
     "Lengths are world units (0.002), voxels (1.5vx) or a part of the diagonal of the input's box "
     "(0.1%).\n"
-    "Exit status: 0 ok, 1 internal error, 2 wrong usage, 3 bad input, 4 check failed,\n"
-    "             5 out of memory or voxels, 130 interrupted.";
+    "Exit status: 0 ok, 1 internal error, 2 wrong usage, 3 bad input, 4 check failed or the input\n"
+    "             not explained, 5 out of memory or voxels, 130 interrupted.";
 
 void addCommonOptions(CLI::App& app, CommonOptions& options)
 {

@@ -42,6 +42,7 @@ Json toJson(const MeshExplained& explained)
             {"parts_in", e.partsIn},
             {"parts_out", e.partsOut},
             {"cavities_in", e.cavitiesIn},
+            {"cavities_out", e.cavitiesOut},
             {"missed", e.missed},
             {"area_within", e.areaWithin},
             {"area_of_nothing", e.areaOfNothing},
@@ -49,7 +50,7 @@ Json toJson(const MeshExplained& explained)
             {"turned", e.turned},
             {"inside_out", e.insideOut},
             {"findings", e.findings},
-            {"sound", e.isSound()}};
+            {"sound", e.findings.empty()}};
 }
 
 std::string explainedText(const MeshExplained& explained)
@@ -59,6 +60,33 @@ std::string explainedText(const MeshExplained& explained)
         "volume {:.6g} of {:.6g} (voxels explain {:.2g}), parts {} of {}, {:.2g} % of "
         "the surface missed",
         e.volumeOut, e.volumeIn, e.volumeExplained, e.partsOut, e.partsIn, 100 * e.missed);
+}
+
+Json toJson(const PointsExplained& explained)
+{
+    const PointsExplained& e = explained;
+    Json json = {{"points", e.points},    {"limit", e.limit},     {"within", e.within},
+                 {"largest", e.largest},  {"against", e.against}, {"unsupported", e.unsupported},
+                 {"volume", e.volume},    {"area", e.area},       {"parts", e.parts},
+                 {"cavities", e.cavities}};
+    if (e.mesh)
+        json["mesh"] = {{"area", e.mesh->area},         {"volume", e.mesh->volume},
+                        {"closed", e.mesh->isClosed},   {"parts", e.mesh->parts},
+                        {"cavities", e.mesh->cavities}, {"within", e.meshWithin}};
+    json["findings"] = e.findings;
+    json["sound"] = e.findings.empty();
+    return json;
+}
+
+std::string explainedText(const PointsExplained& explained)
+{
+    const PointsExplained& e = explained;
+    const std::string ofMesh =
+        e.mesh ? fmt::format(", {:.4g} % of the mesh", 100 * e.meshWithin) : "";
+    return fmt::format(
+        "{:.4g} % of the points{} within {:.3g} of the surface, the farthest {:.3g}; "
+        "{:.2g} % look against it; {:.2g} % of it is far from any; parts {}",
+        100 * e.within, ofMesh, e.limit, e.largest, 100 * e.against, 100 * e.unsupported, e.parts);
 }
 
 Json toJson(const LevelSet& levelSet)

@@ -18,6 +18,12 @@ Json toJson(const MeshExplained& explained);
 /// The same in a line.
 std::string explainedText(const MeshExplained& explained);
 
+/// What reconstruct() found when it held the level set against the points.
+Json toJson(const PointsExplained& explained);
+
+/// The same in a line.
+std::string explainedText(const PointsExplained& explained);
+
 Json toJson(const Vec3d& v);
 Json toJson(const MeshReport& mesh);
 Json toJson(const Distances& distances);

@@ -9,6 +9,7 @@
 #include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
+#include <mpuvdb/explained.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <algorithm>
@@ -105,6 +106,8 @@ public:
             reconstruct(std::move(input.cloud), mSettings, session.progress());
         describeSettings(session, made.settings);
         describeFit(session, made);
+        const PointsExplained& explained = std::get<PointsExplained>(made.levelSet.explained()->by);
+        session.report()["explained"] = toJson(explained);
         const CheckReport checked = checkOf(made, session);
         const openvdb::FloatGrid::ConstPtr coverage = coverageOf(made, session);
         openvdb::GridCPtrVec beside = attributeGrids(made, session);
@@ -124,9 +127,12 @@ public:
         }
         session.progress().endStage();
         summarise(session, made);
+        session.note("explained   " + explainedText(explained));
         for (const CheckFinding& finding : checked.findings)
             session.warn(fmt::format("{}: {}", mOutput, findingText(finding)));
-        return checked.sound() ? meshCode : ExitCode::CheckFailed;
+        for (const std::string& finding : explained.findings)
+            session.warn(fmt::format("{}: {}", mOutput, finding));
+        return checked.sound() && explained.findings.empty() ? meshCode : ExitCode::CheckFailed;
     }
 
 private:

@@ -249,8 +249,8 @@ public:
         settings.halfWidth = mHalfWidth;
         settings.maxBytes = session.options().maxBytes;
         settings.lattice = latticeFor(box, voxelSize(box));
-        MeshExplained explained;
-        const LevelSet made = voxelize(mesh, settings, explained, session.progress());
+        const LevelSet made = voxelize(mesh, settings, session.progress());
+        const MeshExplained& explained = std::get<MeshExplained>(made.explained()->by);
         for (const std::string& note : session.progress().notes()) session.warn(note);
         const double h = settings.lattice.voxelSize;
         session.report()["settings"] = {{"voxel_size", h}, {"half_width", mHalfWidth}};
@@ -274,7 +274,7 @@ public:
             session.warn(fmt::format("{}: {}", mInput, finding));
         session.progress().endStage();
         session.note("time        " + session.timesText());
-        return code == ExitCode::Ok && !explained.isSound() ? ExitCode::CheckFailed : code;
+        return code == ExitCode::Ok && !explained.findings.empty() ? ExitCode::CheckFailed : code;
     }
 
 private:

@@ -1,0 +1,199 @@
+// A level set held against the points that it was made of.
+#include "count_parts.h"
+#include "solid_sums.h"
+
+#include <mpuvdb/explained.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+#include <openvdb/tree/LeafManager.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Tree = openvdb::FloatTree;
+using Leaf = Tree::LeafNodeType;
+using Accessor = openvdb::tree::ValueAccessor<const Tree>;
+
+/// Standard deviations of noise that a point may be off. [derived: 0.3 % of normal noise is beyond]
+constexpr double kDeviations = 3;
+/// Voxels: a surface is shown no farther off, even beside edges. [derived: half the edge between
+/// two]
+constexpr double kShown = 0.5;
+/// Share of the points that may be farther off. [derived: erfc(1.5 / sqrt 2), what is beyond three
+/// deviations if they are twice as large as measured]
+constexpr double kUnexplained = 0.1336;
+/// Spacings from which on points support nothing, as MpuField::coverage() has it.
+constexpr double kSupport = 5;
+
+/// The value between eight voxels, and the direction in which it grows.
+struct Sample {
+    double value = 0;
+    Vec3d gradient = Vec3d::Zero();
+};
+
+Sample sampleAt(const Accessor& band, const Vec3d& x)
+{
+    const auto base = openvdb::Coord::floor(openvdb::Vec3d(x[0], x[1], x[2]));
+    const double t[3] = {x[0] - base[0], x[1] - base[1], x[2] - base[2]};
+    Sample sample;
+    for (int corner = 0; corner < 8; ++corner) {
+        const int bit[3] = {corner & 1, corner >> 1 & 1, corner >> 2 & 1};
+        const double v = double(band.getValue(base.offsetBy(bit[0], bit[1], bit[2])));
+        double w[3];
+        for (int k = 0; k < 3; ++k) w[k] = bit[k] ? t[k] : 1 - t[k];
+        sample.value += w[0] * w[1] * w[2] * v;
+        sample.gradient += v * Vec3d((2 * bit[0] - 1) * w[1] * w[2], (2 * bit[1] - 1) * w[0] * w[2],
+                                     (2 * bit[2] - 1) * w[0] * w[1]);
+    }
+    return sample;
+}
+
+/// Counts over some of the points.
+struct Counts {
+    std::uint64_t points = 0, within = 0, against = 0;
+    double largest = 0;
+
+    void add(const Counts& other)
+    {
+        points += other.points;
+        within += other.within;
+        against += other.against;
+        largest = std::max(largest, other.largest);
+    }
+};
+
+Counts countPoints(const LevelSet& levelSet, const FieldPoints& points, double limit,
+                   const std::optional<Box3d>& region, Progress& progress)
+{
+    constexpr std::size_t kTogether = 4096;
+    const Lattice lattice = levelSet.lattice();
+    const Vec3d shift = points.frame - lattice.origin;
+    std::vector<Counts> counts((points.count + kTogether - 1) / kTogether);
+    tbb::parallel_for(std::size_t(0), counts.size(), [&](std::size_t n) {
+        progress.check();
+        const Accessor band(levelSet.grid().tree());
+        const std::size_t end = std::min((n + 1) * kTogether, points.count);
+        for (std::size_t i = n * kTogether; i < end; ++i) {
+            const Vec3d p(points.x[i], points.y[i], points.z[i]);
+            if (region && !region->contains(Vec3d(p + points.frame))) continue;
+            const Sample s = sampleAt(band, (p + shift) / lattice.voxelSize);
+            const double distance = std::abs(s.value);
+            ++counts[n].points;
+            counts[n].within += distance <= limit;
+            counts[n].largest = std::max(counts[n].largest, distance);
+            const Vec3d normal(points.nx[i], points.ny[i], points.nz[i]);
+            counts[n].against += s.gradient.dot(normal) < 0;
+        }
+    });
+    Counts all;
+    for (const Counts& some : counts) all.add(some);
+    return all;
+}
+
+/// The share of the band's voxels that are in leaves without points nearby.
+double unsupportedShare(const LevelSet& levelSet, const MpuField& field, Progress& progress)
+{
+    const Lattice lattice = levelSet.lattice();
+    openvdb::tree::LeafManager<const Tree> leaves(levelSet.grid().tree());
+    const double reach = kSupport * field.settings().points.spacing;
+    std::vector<std::array<std::uint64_t, 2>> voxels(leaves.leafCount()); // of all, unsupported
+    leaves.foreach (
+        [&](const Leaf& leaf, std::size_t n) {
+            progress.check();
+            const openvdb::Coord& o = leaf.origin();
+            const Vec3d low = lattice.origin + lattice.voxelSize * Vec3d(o.x(), o.y(), o.z()) -
+                              Vec3d::Constant(reach);
+            const Box3d box(low, low + Vec3d::Constant(2 * reach + Leaf::DIM * lattice.voxelSize));
+            voxels[n][0] = leaf.onVoxelCount();
+            if (field.countData(box, 1) == 0) voxels[n][1] = voxels[n][0];
+        },
+        /*threaded=*/true, /*grainsize=*/16);
+    std::uint64_t all = 0, unsupported = 0;
+    for (const auto& [some, bare] : voxels) {
+        all += some;
+        unsupported += bare;
+    }
+    return all ? double(unsupported) / double(all) : 0;
+}
+
+/// Share of @a places that are at most @a limit from the surface.
+double shareWithin(const LevelSet& levelSet, const std::vector<Vec3d>& places, double limit)
+{
+    const Lattice lattice = levelSet.lattice();
+    const Accessor band(levelSet.grid().tree());
+    std::size_t within = 0;
+    for (const Vec3d& place : places)
+        within +=
+            std::abs(sampleAt(band, (place - lattice.origin) / lattice.voxelSize).value) <= limit;
+    return double(within) / double(places.size());
+}
+
+/// Hold the surface against the mesh whose vertices the points are, if they are. @param limit
+/// world units: how far off places between the points may be.
+void compareWithMesh(PointsExplained& e, const LevelSet& levelSet, const VertexMesh& mesh,
+                     double limit)
+{
+    e.mesh = mesh;
+    e.mesh->places.clear();
+    const bool isKnown = limit < levelSet.halfWidth() * levelSet.voxelSize(); // that far
+    e.meshWithin = isKnown ? shareWithin(levelSet, mesh.places, limit) : 1;
+    const bool volumeDiffers =
+        mesh.isClosed && std::abs(e.volume - mesh.volume) > limit * std::max(mesh.area, e.area);
+    if (1 - e.meshWithin <= kUnexplained && !volumeDiffers) return;
+    e.findings.push_back(fmt::format(
+        "the surface through the mesh's vertices is not the mesh: {:.1f} % of its area is farther "
+        "than {:.3g} from it, and its volume{} of {:.6g} became {:.6g}. Make a level set of its "
+        "triangles with mpuvdb voxelize (Python: mpuvdb.mesh), or divide them",
+        100 * (1 - e.meshWithin), limit, mesh.isClosed ? "" : " (open)", mesh.volume, e.volume));
+}
+
+void judgePoints(PointsExplained& e, const LevelSet& levelSet, const PointStatistics& points)
+{
+    if (points.fillSolid)
+        e.findings.push_back(
+            "the points fill a solid: there is no surface that they lie about, at any scale, and "
+            "the one that was made runs through their midst. Give points on the solid's surface");
+    else if (1 - e.within > kUnexplained)
+        e.findings.push_back(fmt::format(
+            "{:.1f} % of the points are farther than {:.3g} from the surface (half a voxel, the "
+            "tolerance, and three times the noise of {:.2g}): it does not show what they do. Look "
+            "at their normals and noise; smaller voxels than {:.4g} show thinner parts",
+            100 * (1 - e.within), e.limit, points.noise, levelSet.voxelSize()));
+}
+
+} // namespace
+
+PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
+                        const std::optional<Box3d>& region, Progress& progress)
+{
+    const MpuSettings& fit = field.settings();
+    const FieldPoints points = field.points();
+    PointsExplained e;
+    e.limit = kShown * levelSet.voxelSize() + fit.tolerance + kDeviations * fit.points.noise;
+    const Counts counts = countPoints(levelSet, points, e.limit, region, progress);
+    e.points = counts.points;
+    const double each = 1 / double(std::max<std::uint64_t>(counts.points, 1));
+    e.within = counts.points ? double(counts.within) * each : 1;
+    e.against = double(counts.against) * each;
+    e.largest = counts.largest;
+    e.unsupported = unsupportedShare(levelSet, field, progress);
+    judgePoints(e, levelSet, fit.points);
+    if (region) return e; // the rest is of the whole
+    const SolidSums sums = sumSolid(levelSet, progress);
+    const PartCounts parts = countParts(levelSet, progress);
+    e.volume = sums.volume;
+    e.area = sums.area;
+    e.parts = parts.parts;
+    e.cavities = parts.cavities;
+    if (points.mesh) compareWithMesh(e, levelSet, *points.mesh, e.limit + fit.points.spacing / 2);
+    return e;
+}
+
+} // namespace mpuvdb
