@@ -440,7 +440,8 @@ TEST(MeshExplained, NothingIsToldOfSoundMeshes)
           "cad/joint.off", "cad/rocker-arm.obj", "berger/anchor.off", "berger/dc.off"})
         for (const double voxels : {60.0, 128.0}) {
             const Mesh mesh = readMesh(std::string(data) + "/" + name, progress);
-            EXPECT_TRUE(explained(mesh, longestSide(mesh) / voxels).findings.empty()) << name << voxels;
+            EXPECT_TRUE(explained(mesh, longestSide(mesh) / voxels).findings.empty())
+                << name << voxels;
         }
 }
 

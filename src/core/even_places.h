@@ -20,7 +20,7 @@ struct TrianglePlace {
 /// None where there is no area. @param corners  corners(n) gives those of triangle n, three Vec3d.
 template <class Corners>
 std::vector<TrianglePlace> placesOn(std::size_t triangles, std::size_t places,
-                                   const Corners& corners)
+                                    const Corners& corners)
 {
     const auto areaVector = [&](std::size_t n) { // twice the area
         const std::array<Vec3d, 3> t = corners(n);

@@ -273,8 +273,8 @@ const MpuSettings& MpuField::settings() const
 FieldPoints MpuField::points() const
 {
     const PointBatch& p = mImpl->points->points();
-    return {mImpl->frame, p.x.data(),  p.y.data(),  p.z.data(),
-            p.nx.data(),  p.ny.data(), p.nz.data(), p.size(), mImpl->mesh};
+    return {mImpl->frame, p.x.data(),  p.y.data(), p.z.data(), p.nx.data(),
+            p.ny.data(),  p.nz.data(), p.size(),   mImpl->mesh};
 }
 
 std::unique_ptr<const Coverage> MpuField::coverage(Progress& progress) const

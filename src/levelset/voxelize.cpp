@@ -76,8 +76,8 @@ double areaOf(const IndexMesh& mesh, const Mesh& triangles, double voxelSize)
 void demandMemory(double area, std::size_t triangles, const SampleSettings& settings)
 {
     // Of the blocks that the bands meet; of the trees, neighbors and windings of the triangles.
-    // [measured: 20 thousand to 1.1 million triangles, 100 to 800 voxels, bands of 3 to 30; within a
-    // quarter]
+    // [measured: 20 thousand to 1.1 million triangles, 100 to 800 voxels, bands of 3 to 30; within
+    // a quarter]
     constexpr double kBytesPerVoxel = 4.8, kBlocksReach = 12, kBytesPerTriangle = 185;
     const double bytes = area * (2 * settings.halfWidth + kBlocksReach) * kBytesPerVoxel +
                          double(triangles) * kBytesPerTriangle;

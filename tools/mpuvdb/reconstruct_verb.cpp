@@ -8,8 +8,8 @@
 
 #include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
-#include <mpuvdb/io.h>
 #include <mpuvdb/explained.h>
+#include <mpuvdb/io.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <algorithm>
