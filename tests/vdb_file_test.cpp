@@ -185,7 +185,13 @@ TEST_F(VdbFile, OfTheSameGridHasTheSameBytes)
     EXPECT_EQ(a[8], char(224));
 }
 
-/// The bytes of @a grids as OpenVDB's own archive writes them onto a stream, without an identifier.
+/// The bytes of a file without its version and its identifier.
+std::string withoutHead(std::string bytes)
+{
+    return bytes.replace(8, 4, 4, '0').replace(21, 36, 36, '0');
+}
+
+/// The bytes of @a grids as OpenVDB's own archive writes them onto a stream.
 std::string writtenByOpenVdb(const openvdb::GridCPtrVec& grids)
 {
     struct Archive : openvdb::io::Archive {
@@ -197,7 +203,7 @@ std::string writtenByOpenVdb(const openvdb::GridCPtrVec& grids)
     archive.setCompression(openvdb::io::COMPRESS_ACTIVE_MASK | openvdb::io::COMPRESS_BLOSC);
     std::ostringstream out;
     archive.writeTo(out, grids);
-    return out.str().replace(21, 36, 36, '0');
+    return out.str();
 }
 
 // Leaves are compressed on all threads: several rounds of them here, and the last one is not full.
@@ -219,7 +225,7 @@ TEST_F(VdbFile, HasTheBytesThatOpenVdbWrites)
     const openvdb::GridCPtrVec grids = {large, half, colors, FloatGrid::create(2)};
     Progress progress;
     writeGrids(mFolder / "a.vdb", grids, progress);
-    EXPECT_TRUE(bytesOf(mFolder / "a.vdb").replace(21, 36, 36, '0') == writtenByOpenVdb(grids));
+    EXPECT_TRUE(withoutHead(bytesOf(mFolder / "a.vdb")) == withoutHead(writtenByOpenVdb(grids)));
 }
 
 TEST_F(VdbFile, GivesTheLevelSetThatIsMeant)
@@ -288,6 +294,115 @@ TEST_F(VdbFile, OfOtherProgramsCanBeRead)
     }
     const fs::path sphereFile = fs::path(folder) / "vdb" / "sphere.vdb";
     EXPECT_EQ(readLevelSet(sphereFile).grid().activeVoxelCount(), 270638u);
+}
+
+/// The file @a from with another version of the format.
+void setVersion(const fs::path& from, const fs::path& to, std::uint32_t version)
+{
+    std::string bytes = bytesOf(from);
+    bytes.replace(8, sizeof version, reinterpret_cast<const char*>(&version), sizeof version);
+    write(to, bytes);
+}
+
+/// All that is in @a grids, as text and bytes; but for points, which cannot be written alone.
+std::string contentOf(const openvdb::GridPtrVec& grids)
+{
+    std::ostringstream out;
+    for (const auto& grid : grids) {
+        grid->print(out, 3);
+        if (grid->valueType().rfind("ptdataidx", 0) != 0) grid->baseTree().writeBuffers(out);
+    }
+    return out.str();
+}
+
+// OpenVDB 13 writes 225 whatever the grids are; nothing but its half grids differs.
+TEST_F(VdbFile, OfFormat225IsReadAsTheOneOf224)
+{
+    openvdb::initialize();
+    const FloatGrid::Ptr grid = sphere().grid().deepCopy(), half = grid->deepCopy();
+    half->setSaveFloatAsHalf(true);
+    const auto counts = openvdb::Int32Grid::create(-1);
+    counts->tree().setValue(openvdb::Coord(1, 2, 3), 4);
+    const auto mask = openvdb::MaskGrid::create();
+    mask->tree().setValueOn(openvdb::Coord(5, 6, 7));
+    const auto colors = openvdb::Vec3SGrid::create(openvdb::Vec3f(0, 0.5f, 1));
+    colors->tree().setValue(openvdb::Coord(7, 8, 9), openvdb::Vec3f(1, 2, 3));
+    const openvdb::GridCPtrVec grids{grid, half, counts, mask, colors};
+    const fs::path known = mFolder / "224.vdb", newer = mFolder / "225.vdb";
+    openvdb::io::File(known.string()).write(grids);
+    setVersion(known, newer, 225);
+    testing::internal::CaptureStderr();
+    testing::internal::CaptureStdout();
+    EXPECT_TRUE(contentOf(readGrids(known)) == contentOf(readGrids(newer)));
+    expectSameWithProgress(newer);
+    {
+        std::ofstream out(known, std::ios::binary);
+        openvdb::io::Stream(out).write(grids); // tells no places of its grids
+    }
+    setVersion(known, newer, 225);
+    EXPECT_TRUE(contentOf(readGrids(known)) == contentOf(readGrids(newer)));
+    EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << "OpenVDB warns of it";
+}
+
+TEST_F(VdbFile, OfFormat225IsReadByEveryReaderAndWrittenAs224)
+{
+    const fs::path known = mFolder / "224.vdb", newer = mFolder / "225.vdb";
+    const auto coverage = FloatGrid::create(0);
+    coverage->setName("coverage");
+    Progress progress;
+    writeLevelSet(known, sphere(), {}, progress, {coverage});
+    setVersion(known, newer, 225);
+    EXPECT_EQ(readLevelSet(newer).grid().getName(), "surface");
+    EXPECT_EQ(readLevelSetFile(newer).others.size(), 1u);
+    EXPECT_EQ(readFloatGridFile(newer, "surface").grid->getName(), "surface");
+    EXPECT_TRUE(readCoverage(newer));
+    EXPECT_TRUE(readAttributeGrids(newer, {"coverage"})[0]);
+    const LevelSetFile read = readLevelSetFile(newer);
+    writeLevelSet(mFolder / "again.vdb", read.levelSet, {}, progress, read.others);
+    const std::uint32_t written = 224;
+    EXPECT_EQ(bytesOf(mFolder / "again.vdb").substr(8, 4),
+              std::string(reinterpret_cast<const char*>(&written), 4));
+    setVersion(known, mFolder / "226.vdb", 226);
+    expectRefused<InputError>(mFolder / "226.vdb", "file format 226, and 222 to 225 can be read");
+}
+
+TEST_F(VdbFile, OfOtherProgramsIsReadAsFormat225)
+{
+    const char* folder = std::getenv("MPUVDB_DATA_DIR");
+    if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set";
+    for (const auto& entry : fs::directory_iterator(fs::path(folder) / "vdb")) {
+        // From 223 on: 222 has another default of compression.
+        if (bytesOf(entry.path())[8] < char(223)) continue;
+        setVersion(entry.path(), mFolder / "225.vdb", 225);
+        EXPECT_TRUE(contentOf(readGrids(entry.path())) ==
+                    contentOf(readGrids(mFolder / "225.vdb")));
+    }
+}
+
+// What OpenVDB 13 writes of a half grid, as far as any reader without such grids comes.
+TEST_F(VdbFile, WithAHalfGridIsRefusedByItsName)
+{
+    openvdb::initialize();
+    const FloatGrid::Ptr density = FloatGrid::create(0);
+    density->setName("density");
+    for (const bool hasPlaces : {true, false}) {
+        const fs::path file = mFolder / (hasPlaces ? "places.vdb" : "stream.vdb");
+        const openvdb::GridCPtrVec grids{sphere().gridPtr(), density};
+        std::ofstream out(file, std::ios::binary);
+        if (hasPlaces)
+            out << writtenByOpenVdb(grids);
+        else
+            openvdb::io::Stream(out).write(grids);
+        out.close();
+        std::string bytes = bytesOf(file);
+        const std::string was = "Tree_float_5_4_3";
+        bytes.replace(bytes.rfind(was), was.size(), "Tree_half_5_4_3 ");
+        write(file, bytes);
+        setVersion(file, file, 225);
+        expectRefused<InputError>(file, "grid 'density' is a half grid");
+        expectRefused<InputError>(file, "Convert it to a grid of floats");
+    }
 }
 
 TEST_F(VdbFile, IsRefusedWhereItIsNone)

@@ -7,8 +7,6 @@
 #include "vdb_stream.h"
 
 #include <fmt/format.h>
-#include <openvdb/io/Archive.h>
-#include <openvdb/io/File.h>
 
 #include <algorithm>
 #include <array>
@@ -31,22 +29,26 @@ void initializeOpenVdb()
     std::call_once(once, [] { openvdb::initialize(); });
 }
 
-/// Run @a read on the opened file; what OpenVDB throws becomes ours. Grids are read whole: delayed
-/// loading maps the file, and a file that changes under it ends the process.
+/// Run @a read on the opened file; what OpenVDB throws becomes ours.
+/// @param progress  may stop it; or null.
 template <typename Read>
-auto withVdbFile(const fs::path& file, const Read& read)
+auto withVdbFile(const fs::path& file, const Progress* progress, const Read& read)
 {
     initializeOpenVdb();
     checkVdbLayout(file);
     try {
-        openvdb::io::File archive(file.string());
-        archive.open(/*delayLoad=*/false);
+        const Progress unstoppable;
+        VdbReader archive(file, progress ? *progress : unstoppable);
         return read(archive);
     } catch (const Error&) {
         throw;
     } catch (const std::bad_alloc&) {
         throw LimitError(fmt::format("{}: needs more memory than it may take. Raise --max-memory, "
                                      "or read it on a larger machine",
+                                     file.string()));
+    } catch (const std::ios::failure&) {
+        throw InputError(fmt::format("{}: ends, or cannot be read on, within a grid. Copy or write "
+                                     "it again",
                                      file.string()));
     } catch (const std::exception& e) {
         throw InputError(fmt::format("{}: OpenVDB cannot read it: {}. Copy or write it again",
@@ -65,22 +67,22 @@ std::string join(const std::vector<std::string>& texts)
 }
 
 /// How a file without a level set comes to one.
-std::string wayToLevelSet(openvdb::io::File& archive)
+std::string wayToLevelSet(VdbReader& archive)
 {
     bool hasPoints = false;
     std::string uneven; // a grid of floats that isosurface() refuses
-    for (auto name = archive.beginName(); name != archive.endName(); ++name) {
-        const auto grid = archive.readGridMetadata(*name);
+    for (const std::string& name : archive.names()) {
+        const auto grid = archive.metadata(name);
         hasPoints |= grid->valueType().rfind("ptdataidx", 0) == 0;
         if (!grid->isType<FloatGrid>()) continue;
         if (!grid->transform().isLinear() || !grid->hasUniformVoxels()) {
-            uneven = *name;
+            uneven = name;
             continue;
         }
         const bool isFog = grid->getGridClass() == openvdb::GRID_FOG_VOLUME;
         return fmt::format("Make one where '{}' has a value: mpuvdb isosurface {} --grid '{}' "
                            "--value 0.5 -o surface.vdb{}",
-                           *name, archive.filename(), *name,
+                           name, archive.filename(), name,
                            isFog ? ""
                                  : "; or with --value 0 --inside below, if it holds distances");
     }
@@ -97,15 +99,15 @@ std::string wayToLevelSet(openvdb::io::File& archive)
 }
 
 /// The name in the file of the level set that is meant.
-std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted)
+std::string chooseLevelSet(VdbReader& archive, const std::string& wanted)
 {
     std::vector<std::string> there, levelSets;
-    for (auto name = archive.beginName(); name != archive.endName(); ++name) {
-        const auto grid = archive.readGridMetadata(*name);
-        there.push_back(fmt::format("'{}' ({}, {})", *name,
+    for (const std::string& name : archive.names()) {
+        const auto grid = archive.metadata(name);
+        there.push_back(fmt::format("'{}' ({}, {})", name,
                                     GridBase::gridClassToString(grid->getGridClass()),
                                     grid->valueType()));
-        if (isLevelSet(*grid)) levelSets.push_back(*name);
+        if (isLevelSet(*grid)) levelSets.push_back(name);
     }
     const auto has = [&](const std::string& name) {
         return std::find(levelSets.begin(), levelSets.end(), name) != levelSets.end();
@@ -130,10 +132,8 @@ std::string chooseLevelSet(openvdb::io::File& archive, const std::string& wanted
 class GridReader
 {
 public:
-    /// @param maxBytes  for all of them; 0: no limit. @param progress  may stop it; or null.
-    GridReader(openvdb::io::File& archive, std::uint64_t maxBytes,
-               const Progress* progress = nullptr)
-        : mArchive(archive), mMaxBytes(maxBytes), mProgress(progress)
+    /// @param maxBytes  for all of them; 0: no limit.
+    GridReader(VdbReader& archive, std::uint64_t maxBytes) : mArchive(archive), mMaxBytes(maxBytes)
     {
     }
 
@@ -141,7 +141,7 @@ public:
     GridBase::Ptr read(const std::string& name)
     {
         constexpr double kOverhead = 1.1; // of reading
-        const auto said = mArchive.readGridMetadata(name)->getMetadata<openvdb::Int64Metadata>(
+        const auto said = mArchive.metadata(name)->getMetadata<openvdb::Int64Metadata>(
             GridBase::META_FILE_MEM_BYTES);
         mBytes += said ? kOverhead * double(std::max<std::int64_t>(said->value(), 0)) : 0;
         if (mMaxBytes > 0 && mBytes > double(mMaxBytes))
@@ -150,15 +150,12 @@ public:
                                          "it with larger voxels",
                                          mArchive.filename(), name, mBytes / 1e6,
                                          double(mMaxBytes) / 1e6));
-        const GridBase::Ptr grid =
-            mProgress ? readVdbGrid(mArchive.filename(), name, *mProgress) : nullptr;
-        return grid ? grid : mArchive.readGrid(name);
+        return mArchive.read(name);
     }
 
 private:
-    openvdb::io::File& mArchive;
+    VdbReader& mArchive;
     std::uint64_t mMaxBytes;
-    const Progress* mProgress;
     double mBytes = 0;
 };
 
@@ -214,6 +211,21 @@ FloatGrid::ConstPtr described(const LevelSet& levelSet,
     return openvdb::gridConstPtrCast<FloatGrid>(grid.copyReplacingMetadata(items));
 }
 
+/// Say format 224, which more programs read, where nothing differs from it: newer OpenVDBs write
+/// 225 whatever they write, and mean a type of grids (half) that it allows.
+void sayOldestFormat(const fs::path& file, const openvdb::GridCPtrVec& grids)
+{
+    constexpr std::uint32_t kFormat = 224;
+    const auto isHalf = [](const auto& grid) { return grid->valueType() == "half"; };
+    if (openvdb::OPENVDB_FILE_VERSION <= kFormat || std::any_of(grids.begin(), grids.end(), isHalf))
+        return;
+    std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
+    stream.exceptions(std::ios::failbit | std::ios::badbit);
+    stream.seekp(kVdbVersionOffset);
+    stream.write(reinterpret_cast<const char*>(&kFormat), sizeof kFormat);
+    stream.close();
+}
+
 /// Replace the random identifier by one that the content gives: same grid, same bytes.
 void identifyByContent(const fs::path& file)
 {
@@ -261,9 +273,9 @@ void verify(const fs::path& temporary, const fs::path& file, const openvdb::Grid
     std::vector<std::int64_t> written, there;
     for (const GridBase::ConstPtr& grid : grids)
         written.push_back(std::int64_t(grid->activeVoxelCount()));
-    withVdbFile(temporary, [&](openvdb::io::File& archive) {
-        for (auto name = archive.beginName(); name != archive.endName(); ++name) {
-            const auto read = archive.readGridMetadata(*name);
+    withVdbFile(temporary, nullptr, [&](VdbReader& archive) {
+        for (const std::string& name : archive.names()) {
+            const auto read = archive.metadata(name);
             const auto voxels =
                 read->getMetadata<openvdb::Int64Metadata>(GridBase::META_FILE_VOXEL_COUNT);
             there.push_back(voxels ? voxels->value() : -1);
@@ -281,8 +293,8 @@ void verify(const fs::path& temporary, const fs::path& file, const openvdb::Grid
 LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64_t maxBytes,
                       Purpose purpose, Progress* progress)
 {
-    const auto grid = withVdbFile(file, [&](openvdb::io::File& archive) {
-        return GridReader(archive, maxBytes, progress).read(chooseLevelSet(archive, name));
+    const auto grid = withVdbFile(file, progress, [&](VdbReader& archive) {
+        return GridReader(archive, maxBytes).read(chooseLevelSet(archive, name));
     });
     std::vector<std::string> notes;
     LevelSet levelSet = toLevelSet(file, grid, purpose, notes, progress);
@@ -293,14 +305,14 @@ LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64
 
 LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std::uint64_t maxBytes)
 {
-    return withVdbFile(file, [&](openvdb::io::File& archive) {
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
         const std::string chosen = chooseLevelSet(archive, name);
         GridReader reader(archive, maxBytes);
         GridBase::Ptr levelSet;
         openvdb::GridCPtrVec others;
-        for (auto item = archive.beginName(); item != archive.endName(); ++item) {
-            const GridBase::Ptr grid = reader.read(*item);
-            if (*item == chosen)
+        for (const std::string& item : archive.names()) {
+            const GridBase::Ptr grid = reader.read(item);
+            if (item == chosen)
                 levelSet = grid;
             else
                 others.push_back(grid);
@@ -314,14 +326,14 @@ LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std
 FloatGridFile readFloatGridFile(const fs::path& file, const std::string& name,
                                 std::uint64_t maxBytes)
 {
-    return withVdbFile(file, [&](openvdb::io::File& archive) {
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
         GridReader reader(archive, maxBytes);
         FloatGridFile result;
         std::vector<std::string> there;
-        for (auto item = archive.beginName(); item != archive.endName(); ++item) {
-            const GridBase::Ptr grid = reader.read(*item);
-            there.push_back(fmt::format("'{}' ({})", *item, grid->valueType()));
-            if (!result.grid && grid->isType<FloatGrid>() && (name.empty() || *item == name))
+        for (const std::string& item : archive.names()) {
+            const GridBase::Ptr grid = reader.read(item);
+            there.push_back(fmt::format("'{}' ({})", item, grid->valueType()));
+            if (!result.grid && grid->isType<FloatGrid>() && (name.empty() || item == name))
                 result.grid = openvdb::gridPtrCast<FloatGrid>(grid);
             else
                 result.others.push_back(grid);
@@ -337,13 +349,13 @@ FloatGridFile readFloatGridFile(const fs::path& file, const std::string& name,
 
 FloatGrid::Ptr readCoverage(const fs::path& file, std::uint64_t maxBytes)
 {
-    return withVdbFile(file, [&](openvdb::io::File& archive) {
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
         std::vector<std::string> there;
-        for (auto name = archive.beginName(); name != archive.endName(); ++name) {
-            const auto grid = archive.readGridMetadata(*name);
-            if (*name == kCoverageName && grid->isType<FloatGrid>() && grid->transform().isLinear())
-                return openvdb::gridPtrCast<FloatGrid>(GridReader(archive, maxBytes).read(*name));
-            there.push_back("'" + *name + "'");
+        for (const std::string& name : archive.names()) {
+            const auto grid = archive.metadata(name);
+            if (name == kCoverageName && grid->isType<FloatGrid>() && grid->transform().isLinear())
+                return openvdb::gridPtrCast<FloatGrid>(GridReader(archive, maxBytes).read(name));
+            there.push_back("'" + name + "'");
         }
         throw InputError(fmt::format("{}: has no float grid '{}' that says where data support the "
                                      "surface, but {}. Write one beside it with mpuvdb reconstruct "
@@ -359,14 +371,14 @@ std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
 {
     std::vector<GridBase::Ptr> grids(names.size());
     if (names.empty()) return grids;
-    return withVdbFile(file, [&](openvdb::io::File& archive) {
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
         GridReader reader(archive, maxBytes);
-        for (auto there = archive.beginName(); there != archive.endName(); ++there) {
-            const auto found = std::find(names.begin(), names.end(), *there);
+        for (const std::string& there : archive.names()) {
+            const auto found = std::find(names.begin(), names.end(), there);
             if (found == names.end()) continue;
-            const auto grid = archive.readGridMetadata(*there);
+            const auto grid = archive.metadata(there);
             if (grid->isType<FloatGrid>() || grid->isType<openvdb::Vec3SGrid>())
-                grids[std::size_t(found - names.begin())] = reader.read(*there);
+                grids[std::size_t(found - names.begin())] = reader.read(there);
         }
         return grids;
     });
@@ -375,11 +387,10 @@ std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
 openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes,
                               const Progress* progress)
 {
-    return withVdbFile(file, [&](openvdb::io::File& archive) {
-        GridReader reader(archive, maxBytes, progress);
+    return withVdbFile(file, progress, [&](VdbReader& archive) {
+        GridReader reader(archive, maxBytes);
         openvdb::GridPtrVec grids;
-        for (auto item = archive.beginName(); item != archive.endName(); ++item)
-            grids.push_back(reader.read(*item));
+        for (const std::string& item : archive.names()) grids.push_back(reader.read(item));
         return grids;
     });
 }
@@ -400,6 +411,7 @@ void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids, Progres
     writeAtomically(file, [&](const fs::path& temporary) {
         try {
             writeStream(temporary, grids, progress);
+            sayOldestFormat(temporary, grids);
             identifyByContent(temporary);
         } catch (const std::ios::failure& e) {
             throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to "

@@ -6,6 +6,7 @@
 #include <openvdb/Metadata.h>
 #include <openvdb/version.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -21,6 +22,7 @@ namespace
 constexpr std::int64_t kMagic = 0x56444220;
 constexpr std::uint32_t kOldestVersion = 222; // node masks, of OpenVDB 3 (2014)
 constexpr std::size_t kLongestName = 1 << 16;
+constexpr std::uint32_t kNewestVersion = std::max(225u, openvdb::OPENVDB_FILE_VERSION);
 const char* const kHalfSuffix = "_HalfFloat";
 
 class Walk
@@ -94,10 +96,10 @@ private:
     void version()
     {
         const auto format = number<std::uint32_t>();
-        if (format < kOldestVersion || format > openvdb::OPENVDB_FILE_VERSION)
+        if (format < kOldestVersion || format > kNewestVersion)
             throw InputError(fmt::format(
                 "{}: has file format {}, and {} to {} can be read. Convert it with vdb_tool",
-                mFile.string(), format, kOldestVersion, openvdb::OPENVDB_FILE_VERSION));
+                mFile.string(), format, kOldestVersion, kNewestVersion));
         skip(2 * sizeof(std::uint32_t)); // the writing library's version
     }
 

@@ -1,15 +1,17 @@
 #include "vdb_stream.h"
 
-#include <openvdb/io/Archive.h>
-#include <openvdb/io/GridDescriptor.h>
+#include "vdb_layout.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
 #include <openvdb/io/io.h>
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <map>
+#include <cstring>
 #include <sstream>
-#include <vector>
 
 namespace mpuvdb
 {
@@ -17,72 +19,19 @@ namespace
 {
 
 using openvdb::GridBase;
-using openvdb::io::GridDescriptor;
 
-/// What openvdb::io::File does, on a stream of ours.
-class Reader : public openvdb::io::Archive
+/// Why a grid cannot be read, and what to do about it.
+std::string unknownType(const std::string& file, const std::string& grid, const std::string& type)
 {
-public:
-    Reader(const std::filesystem::path& file, const Progress& progress)
-        : mMetadata(new openvdb::io::StreamMetadata), mBuffer(progress), mStream(&mBuffer)
-    {
-        if (!mBuffer.open(file, std::ios::in | std::ios::binary))
-            OPENVDB_THROW(openvdb::IoError, "it cannot be opened");
-        mStream.exceptions(std::ios::badbit); // what the buffer throws goes on
-        readHeader(mStream);
-        mMetadata->setSeekable(true);
-        openvdb::io::setStreamMetadataPtr(mStream, mMetadata, /*transfer=*/false);
-        setFormatVersion(mStream);
-        setLibraryVersion(mStream);
-        setDataCompression(mStream);
-        openvdb::MetaMap().readMeta(mStream);
-        if (inputHasGridOffsets()) readDescriptors();
-    }
-
-    GridBase::Ptr read(const std::string& name)
-    {
-        if (!inputHasGridOffsets()) return nullptr;
-        const GridDescriptor& descriptor = find(name);
-        GridBase::Ptr grid = read(descriptor);
-        if (descriptor.isInstance()) {
-            const std::string parent =
-                GridDescriptor::nameAsString(descriptor.instanceParentName());
-            grid->setTree(read(find(parent))->baseTreePtr());
-        }
-        return grid;
-    }
-
-private:
-    void readDescriptors()
-    {
-        for (auto left = readGridCount(mStream); left > 0; --left) {
-            GridDescriptor descriptor;
-            descriptor.read(mStream);
-            descriptor.seekToEnd(mStream);
-            mDescriptors.emplace(GridDescriptor::nameAsString(descriptor.uniqueName()), descriptor);
-        }
-    }
-    const GridDescriptor& find(const std::string& name) const
-    {
-        const auto found = mDescriptors.find(name);
-        if (found == mDescriptors.end())
-            OPENVDB_THROW(openvdb::KeyError, "it has no grid '" << name << "'");
-        return found->second;
-    }
-    GridBase::Ptr read(const GridDescriptor& descriptor)
-    {
-        GridBase::Ptr grid = GridBase::createGrid(descriptor.gridType());
-        grid->setSaveFloatAsHalf(descriptor.saveFloatAsHalf());
-        descriptor.seekToGrid(mStream);
-        readGrid(grid, descriptor, mStream);
-        return grid;
-    }
-
-    openvdb::io::StreamMetadata::Ptr mMetadata; ///< the stream points to it
-    StoppableBuffer mBuffer;
-    std::istream mStream;
-    std::map<std::string, GridDescriptor> mDescriptors; ///< by the names of File
-};
+    const bool isHalf = type.rfind("Tree_half_", 0) == 0;
+    return fmt::format(
+        "{}: grid '{}' is {}, which OpenVDB {} cannot read. {}", file, grid,
+        isHalf ? "a half grid, of 16 bits a value in memory" : "of the type " + type,
+        openvdb::getLibraryVersionString(),
+        isHalf ? "Convert it to a grid of floats where it comes from (one of floats may be saved "
+                 "as half: that can be read)"
+               : "Leave it out of the file, or convert it to floats where it comes from");
+}
 
 /// Writes its leaves in their order, part by part, several parts at once.
 template <typename GridT>
@@ -129,10 +78,120 @@ GridBase::ConstPtr inParallel(const GridBase& grid, const Progress& progress)
 
 } // namespace
 
-GridBase::Ptr readVdbGrid(const std::filesystem::path& file, const std::string& name,
-                          const Progress& progress)
+VdbReader::VdbReader(const std::filesystem::path& file, const Progress& progress)
+    : mFile(file.string()), mMetadata(new openvdb::io::StreamMetadata), mBuffer(progress),
+      mStream(&mBuffer)
 {
-    return Reader(file, progress).read(name);
+    if (!mBuffer.open(file, std::ios::in | std::ios::binary))
+        OPENVDB_THROW(openvdb::IoError, "it cannot be opened");
+    mStream.exceptions(std::ios::badbit | std::ios::failbit); // what the buffer throws goes on
+    readHead();
+    openvdb::MetaMap().readMeta(mStream);
+    if (inputHasGridOffsets())
+        readDescriptors();
+    else
+        readAll(readGridCount(mStream));
+}
+
+/// OpenVDB warns of a format newer than its own on standard error. Formats that the layout's check
+/// lets through differ from that in nothing but types of grids, so that it is shown its own.
+void VdbReader::readHead()
+{
+    std::string head(kVdbUuidOffset + kVdbUuidSize, '\0');
+    mStream.read(head.data(), std::streamsize(head.size()));
+    std::uint32_t version = 0;
+    std::memcpy(&version, &head[kVdbVersionOffset], sizeof version);
+    version = std::min(version, openvdb::OPENVDB_FILE_VERSION);
+    std::memcpy(&head[kVdbVersionOffset], &version, sizeof version);
+    std::istringstream known(head);
+    readHeader(known);
+    mMetadata->setSeekable(true);
+    openvdb::io::setStreamMetadataPtr(mStream, mMetadata, /*transfer=*/false);
+    setFormatVersion(mStream);
+    setLibraryVersion(mStream);
+    setDataCompression(mStream);
+}
+
+VdbReader::GridDescriptor VdbReader::readDescriptor()
+{
+    GridDescriptor descriptor;
+    try {
+        descriptor.read(mStream);
+    } catch (const openvdb::LookupError&) {
+        throw InputError(unknownType(mFile, GridDescriptor::nameAsString(descriptor.uniqueName()),
+                                     descriptor.gridType()));
+    }
+    return descriptor;
+}
+
+void VdbReader::readDescriptors()
+{
+    for (auto left = readGridCount(mStream); left > 0; --left) {
+        const GridDescriptor descriptor = readDescriptor();
+        descriptor.seekToEnd(mStream);
+        mDescriptors.emplace(descriptor.gridName(), descriptor);
+    }
+}
+
+void VdbReader::readAll(std::int32_t grids)
+{
+    for (std::int32_t grid = 0; grid < grids; ++grid) {
+        const GridDescriptor descriptor = readDescriptor();
+        const GridBase::Ptr created = GridBase::createGrid(descriptor.gridType());
+        created->setSaveFloatAsHalf(descriptor.saveFloatAsHalf());
+        readGrid(created, descriptor, mStream);
+        mDescriptors.emplace(descriptor.gridName(), descriptor);
+        mGrids.emplace(descriptor.uniqueName(), created);
+    }
+    for (const auto& [name, descriptor] : mDescriptors) connectInstance(descriptor, mGrids);
+}
+
+std::vector<std::string> VdbReader::names() const
+{
+    std::vector<std::string> all;
+    for (const auto& [name, descriptor] : mDescriptors)
+        all.push_back(GridDescriptor::nameAsString(descriptor.uniqueName()));
+    return all;
+}
+
+const VdbReader::GridDescriptor& VdbReader::find(const std::string& name) const
+{
+    for (const auto& [there, descriptor] : mDescriptors)
+        if (GridDescriptor::nameAsString(descriptor.uniqueName()) == name) return descriptor;
+    OPENVDB_THROW(openvdb::KeyError, "it has no grid '" << name << "'");
+}
+
+GridBase::ConstPtr VdbReader::metadata(const std::string& name)
+{
+    const GridDescriptor& descriptor = find(name);
+    if (!inputHasGridOffsets()) return mGrids.at(descriptor.uniqueName())->copyGridWithNewTree();
+    const GridBase::Ptr grid = GridBase::createGrid(descriptor.gridType());
+    descriptor.seekToGrid(mStream);
+    readGridCompression(mStream);
+    grid->readMeta(mStream);
+    grid->readTransform(mStream);
+    return grid;
+}
+
+GridBase::Ptr VdbReader::read(const std::string& name)
+{
+    const GridDescriptor& descriptor = find(name);
+    if (!inputHasGridOffsets()) return mGrids.at(descriptor.uniqueName());
+    GridBase::Ptr grid = read(descriptor);
+    if (descriptor.isInstance()) {
+        const std::string parent = GridDescriptor::nameAsString(descriptor.instanceParentName());
+        grid->setTree(read(find(parent))->baseTreePtr());
+    }
+    return grid;
+}
+
+GridBase::Ptr VdbReader::read(const GridDescriptor& descriptor)
+{
+    GridBase::Ptr grid = GridBase::createGrid(descriptor.gridType());
+    grid->setSaveFloatAsHalf(descriptor.saveFloatAsHalf());
+    descriptor.seekToGrid(mStream);
+    readGrid(grid, descriptor, mStream);
+    return grid;
 }
 
 GridBase::ConstPtr compressingInParallel(const GridBase::ConstPtr& grid, const Progress& progress)

@@ -1,12 +1,18 @@
-// What OpenVDB's files lack: streams that can be stopped, and leaves compressed on all threads.
+// What OpenVDB's files lack: streams that can be stopped, formats of newer ones that differ in
+// nothing that is read, and leaves compressed on all threads.
 #pragma once
 #include <mpuvdb/progress.h>
 
+#include <openvdb/io/Archive.h>
+#include <openvdb/io/GridDescriptor.h>
 #include <openvdb/openvdb.h>
 
 #include <filesystem>
 #include <fstream>
+#include <istream>
+#include <map>
 #include <string>
+#include <vector>
 
 namespace mpuvdb
 {
@@ -33,10 +39,41 @@ private:
     const Progress& mProgress;
 };
 
-/// The grid that openvdb::io::File calls @a name; null if the file tells no places of its grids:
-/// File has read them all then. @throws what OpenVDB throws, Interrupted.
-openvdb::GridBase::Ptr readVdbGrid(const std::filesystem::path& file, const std::string& name,
-                                   const Progress& progress);
+/// What openvdb::io::File does, under the same names. Grids are read whole: delayed loading maps
+/// the file, and a file that changes under it ends the process.
+class VdbReader : public openvdb::io::Archive
+{
+public:
+    /// Reads all grids of a file that tells no places of them, else none. @param progress  may stop
+    /// whatever is read; has to outlive the reader.
+    /// @throws InputError (a grid of a type that this OpenVDB does not have), Interrupted, and what
+    /// OpenVDB throws.
+    VdbReader(const std::filesystem::path& file, const Progress& progress);
+
+    const std::string& filename() const { return mFile; }
+    /// In File's order; of several grids with one name the file has names with numbers.
+    std::vector<std::string> names() const;
+    /// A grid with its metadata and transform, without its tree.
+    openvdb::GridBase::ConstPtr metadata(const std::string& name);
+    openvdb::GridBase::Ptr read(const std::string& name);
+
+private:
+    using GridDescriptor = openvdb::io::GridDescriptor;
+
+    void readHead();
+    void readDescriptors();
+    void readAll(std::int32_t grids);
+    GridDescriptor readDescriptor();
+    const GridDescriptor& find(const std::string& name) const;
+    openvdb::GridBase::Ptr read(const GridDescriptor& descriptor);
+
+    std::string mFile;
+    openvdb::io::StreamMetadata::Ptr mMetadata; ///< the stream points to it
+    StoppableBuffer mBuffer;
+    std::istream mStream;
+    std::multimap<std::string, GridDescriptor> mDescriptors; ///< by the names of grids
+    NamedGridMap mGrids; ///< of a file without places, by unique names
+};
 
 /// A grid that shares @a grid's tree, whose leaves are compressed on all threads when an archive
 /// writes it: the same bytes, in less time. Grids of other values than floats and vectors of them
