@@ -234,8 +234,13 @@ private:
                                          "truncated. Copy or export it again.",
                                          mSource.name(), counted, found));
         if (mBegin.layout.columns.size() != 3 || counted == 0 || counted != mBegin.count ||
-            found != 2 * counted)
+            found != 2 * counted) {
+            if (found > counted)
+                result.notes.push_back(
+                    fmt::format("its header says {} points, and {} are there, which all were read",
+                                counted, found));
             return;
+        }
         PointBlock& block = result.joined();
         block.normals.reserve(counted);
         for (std::size_t i = counted; i < found; ++i)

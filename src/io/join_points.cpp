@@ -1,5 +1,6 @@
 // All inputs about one frame.
 #include "raw_points.h"
+#include "surplus.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -220,8 +221,9 @@ void requirePoints(const Inputs& inputs, std::uint64_t points,
     std::string why;
     for (const auto& [reason, count] : dropped)
         why += fmt::format(", {} left out: {}", count, reason);
-    throw InputError(fmt::format("{}: no points to use{}. Check what was exported.",
-                                 inputs.empty() ? "input" : inputs.front().name, why));
+    throw InputError(fmt::format("{}: no points to use{}{}. Check what was exported.",
+                                 inputs.empty() ? "input" : inputs.front().name, why,
+                                 inputs.empty() ? "" : butNotes(inputs.front())));
 }
 
 } // namespace

@@ -2,6 +2,7 @@
 #include "las_reference.h"
 #include "readers.h"
 #include "records.h"
+#include "surplus.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -17,7 +18,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kHeaderBytes = 227, kHeaderBytes14 = 375;
+constexpr std::size_t kHeaderBytes = 227, kHeaderBytes13 = 235, kHeaderBytes14 = 375;
 constexpr int kFormats = 11;
 constexpr std::uint64_t kSmallest[kFormats] = {20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
 constexpr std::uint64_t kIntensityOffset = 12;
@@ -25,6 +26,7 @@ constexpr std::uint64_t kColorOffset[kFormats] = {0, 0, 20, 28, 0, 28, 0, 30, 30
 
 struct LasHeader {
     std::uint64_t offset = 0, stride = 0, points = 0;
+    std::uint64_t end = ~std::uint64_t(0); ///< where other records may begin that follow the points
     int format = 0;
     Vec3d scale, shift;
 };
@@ -53,6 +55,14 @@ LasHeader parseHeader(const ByteSource& source)
                         source.name()));
     if (minor >= 4 && head.size() >= kHeaderBytes14 && integer(ScalarType::UInt64, 247) > 0)
         header.points = integer(ScalarType::UInt64, 247);
+    // Waveforms from 1.3 on, and extended records of 1.4; 0 where there are none.
+    const auto endAt = [&](std::size_t at) {
+        const std::uint64_t begin = integer(ScalarType::UInt64, at);
+        if (begin > header.offset) header.end = std::min(header.end, begin);
+    };
+    const std::uint64_t size = std::min<std::uint64_t>(head.size(), header.offset);
+    if (minor >= 3 && size >= kHeaderBytes13) endAt(227);
+    if (minor >= 4 && size >= kHeaderBytes14) endAt(235);
     if (header.format >= kFormats || header.stride < kSmallest[header.format] ||
         header.offset < kHeaderBytes)
         throw InputError(fmt::format("{}: point format {} with {} bytes per point at byte {} is no "
@@ -111,6 +121,10 @@ FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progres
     FilePoints result;
     result.blocks.push_back(
         readRecords(source, header.offset, header.points, layout, "point", progress));
+    noteSurplus(result,
+                recordsLeft(source, header.offset + header.points * header.stride, header.stride,
+                            progress, header.end),
+                fmt::format("{} points", header.points));
     std::vector<Vec3d>& positions = result.blocks.front().positions;
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, positions.size(), 1 << 14),
                       [&](const auto& range) {

@@ -2,6 +2,7 @@
 #include "line_reader.h"
 #include "mesh_points.h"
 #include "readers.h"
+#include "surplus.h"
 #include "text_scan.h"
 
 #include <mpuvdb/error.h>
@@ -28,6 +29,8 @@ public:
         result.unit = "vertex";
         result.blocks.push_back(readVertices());
         result.triangles = readFaces();
+        noteSurplus(result, rowsLeft(mLines, mProgress),
+                    fmt::format("{} vertices and {} faces", mVertices, mFaces));
         return result;
     }
 

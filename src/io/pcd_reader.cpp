@@ -3,6 +3,7 @@
 #include "lzf.h"
 #include "readers.h"
 #include "records.h"
+#include "surplus.h"
 #include "text_scan.h"
 
 #include <mpuvdb/error.h>
@@ -235,12 +236,16 @@ void parseRow(const ByteSource& source, const PcdHeader& header, const Attribute
     block.append(row, has);
 }
 
-std::vector<PointBlock> readText(const ByteSource& source, const PcdHeader& header,
-                                 Progress& progress)
+std::string countsOf(const PcdHeader& header)
+{
+    return fmt::format("{} points", header.points);
+}
+
+void readText(const ByteSource& source, const PcdHeader& header, FilePoints& result,
+              Progress& progress)
 {
     const AttributeSet has = layoutOf(header, false).attributes();
     LineReader lines(source, header.dataOffset, header.lines);
-    std::vector<PointBlock> blocks;
     const std::uint64_t found = parseLines<PointBlock>(
         lines, header.points, progress,
         [&](const LineBatch& batch, PointBlock& block) {
@@ -249,13 +254,22 @@ std::vector<PointBlock> readText(const ByteSource& source, const PcdHeader& head
                 parseRow(source, header, has, line, number, block);
             });
         },
-        [&](PointBlock&& block) { blocks.push_back(std::move(block)); });
+        [&](PointBlock&& block) { result.blocks.push_back(std::move(block)); });
     if (found < header.points)
         throw InputError(
             fmt::format("{}: the header promises {} points, but {} follow: the file is "
                         "truncated. Copy or export it again.",
                         source.name(), header.points, found));
-    return blocks;
+    noteSurplus(result, rowsLeft(lines, progress), countsOf(header));
+}
+
+void readBinary(const ByteSource& source, const PcdHeader& header, FilePoints& result,
+                Progress& progress)
+{
+    result.blocks.push_back(readRecords(source, header.dataOffset, header.points,
+                                        layoutOf(header, false), "point", progress));
+    const std::uint64_t end = header.dataOffset + header.points * header.stride();
+    noteSurplus(result, recordsLeft(source, end, header.stride(), progress), countsOf(header));
 }
 
 } // namespace
@@ -265,10 +279,9 @@ FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Progres
     const PcdHeader header = PcdHeaderParser(source, scalars).parse();
     FilePoints result;
     if (header.data == "ascii")
-        result.blocks = readText(source, header, progress);
+        readText(source, header, result, progress);
     else if (header.data == "binary")
-        result.blocks.push_back(readRecords(source, header.dataOffset, header.points,
-                                            layoutOf(header, false), "point", progress));
+        readBinary(source, header, result, progress);
     else if (header.data == "binary_compressed")
         result.blocks.push_back(readCompressed(source, header));
     else

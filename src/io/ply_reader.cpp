@@ -4,6 +4,7 @@
 #include "ply_header.h"
 #include "range_grid.h"
 #include "readers.h"
+#include "surplus.h"
 #include "text_scan.h"
 
 #include <mpuvdb/error.h>
@@ -185,10 +186,7 @@ public:
         : mSource(source), mScalars(scalars), mProgress(progress), mHeader(readPlyHeader(source))
     {
         mResult.unit = "vertex";
-        const PlyElement* vertices = mHeader.find("vertex");
-        if (!vertices || vertices->count == 0)
-            throw InputError(
-                fmt::format("{}: has no vertices. Check what was exported.", source.name()));
+        if (!mHeader.find("vertex")) throwNoVertices();
     }
 
     FilePoints read()
@@ -197,6 +195,7 @@ public:
             readAscii();
         else
             readBinary();
+        if (mHeader.find("vertex")->count == 0) throwNoVertices();
         addGridNormals();
         return std::move(mResult);
     }
@@ -214,6 +213,7 @@ private:
             const std::uint64_t found = readAsciiElement(lines, plan);
             if (found < element.count) throwMissing(element, found);
         }
+        noteSurplus(mResult, rowsLeft(lines, mProgress), counts());
     }
 
     std::uint64_t readAsciiElement(LineReader& lines, const Plan& plan)
@@ -247,6 +247,19 @@ private:
                                                      layoutOf(plan, swap), "vertex", mProgress));
             offset += element.count * element.stride();
         }
+        std::uint64_t row = 0; // of the vertices; at least, if it has lists
+        for (const PlyProperty& property : mHeader.find("vertex")->properties)
+            row += sizeOf(property.isList ? property.countType : property.type);
+        noteSurplus(mResult, recordsLeft(mSource, offset, row, mProgress), counts());
+    }
+
+    /// What the header counts, in its words.
+    std::string counts() const
+    {
+        std::vector<std::string> elements;
+        for (const PlyElement& element : mHeader.elements)
+            elements.push_back(fmt::format("'element {} {}'", element.name, element.count));
+        return fmt::format("{}", fmt::join(elements, ", "));
     }
 
     static RecordLayout layoutOf(const Plan& plan, bool swap)
@@ -303,6 +316,12 @@ private:
         }
         grid.points = std::move(mGrid);
         addRangeNormals(mResult, grid);
+    }
+
+    [[noreturn]] void throwNoVertices() const
+    {
+        throw InputError(fmt::format("{}: has no vertices{}. Check what was exported.",
+                                     mSource.name(), butNotes(mResult)));
     }
 
     [[noreturn]] void throwMissing(const PlyElement& element, std::uint64_t found) const

@@ -2,6 +2,7 @@
 #include "line_reader.h"
 #include "range_grid.h"
 #include "readers.h"
+#include "surplus.h"
 #include "text_scan.h"
 
 #include <mpuvdb/error.h>
@@ -29,7 +30,12 @@ public:
         FilePoints all;
         std::string_view line;
         bool normals = true;
+        std::uint64_t surplus = 0;
         while (mLines.next(line)) {
+            if (mRays > 0 && isRay(line)) {
+                ++surplus;
+                continue;
+            }
             FilePoints scan = readScan(line);
             normals = normals && (scan.hasNormals() || scan.size() == 0);
             for (PointBlock& block : scan.blocks)
@@ -40,6 +46,7 @@ public:
                     all.notes.push_back(note);
         }
         makeUniform(all, normals);
+        noteSurplus(all, surplus, fmt::format("{} points (columns times rows)", mRays));
         return all;
     }
 
@@ -66,6 +73,13 @@ private:
         if (!scan.integer(value) || value < 0 || !scan.atEnd())
             throwBad("a scan begins with its number of columns, then of rows");
         return std::size_t(value);
+    }
+
+    static bool isRay(std::string_view line)
+    {
+        LineScanner scan(line);
+        Vec3d p;
+        return scan.number(p[0]) && scan.number(p[1]) && scan.number(p[2]);
     }
 
     FilePoints readScan(std::string_view line)
@@ -97,6 +111,7 @@ private:
     FilePoints readRays(RangeGrid& grid)
     {
         const std::size_t rays = grid.columns * grid.rows;
+        mRays += rays;
         struct Rows {
             PointBlock points;
             std::vector<std::uint8_t> met;
@@ -166,6 +181,7 @@ private:
     const ByteSource& mSource;
     Progress& mProgress;
     LineReader mLines;
+    std::uint64_t mRays = 0; ///< of all scans so far
 };
 
 } // namespace

@@ -1,5 +1,6 @@
 // Meshes by the readers of points, which read the faces too.
 #include "readers.h"
+#include "surplus.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -34,9 +35,10 @@ Mesh readMesh(const std::filesystem::path& file, Progress& progress)
     progress.beginStage("read", error ? 1 : double(bytes));
     FilePoints points = readFormat(file, {}, progress);
     if (points.triangles.empty())
-        throw InputError(fmt::format("{}: has no triangles. Name a mesh (.ply, .obj, .off, .stl), "
-                                     "or reconstruct a surface from its points.",
-                                     points.name));
+        throw InputError(
+            fmt::format("{}: has no triangles{}. Name a mesh (.ply, .obj, .off, .stl), "
+                        "or reconstruct a surface from its points.",
+                        points.name, butNotes(points)));
     for (const std::string& note : points.notes) progress.note(points.name + ": " + note);
     PointBlock& vertices = points.joined();
     const std::vector<Vec3d> positions = std::move(vertices.positions);

@@ -2,6 +2,7 @@
 #include "line_reader.h"
 #include "readers.h"
 #include "records.h"
+#include "surplus.h"
 #include "text_scan.h"
 
 #include <mpuvdb/error.h>
@@ -73,7 +74,10 @@ FilePoints readBinary(const ByteSource& source, std::uint32_t triangles, Progres
                        loadScalar(ScalarType::Float32, at + 8, false));
         if ((t & 0xfff) == 0xfff) progress.advance(double(0x1000 * kTriangleBytes));
     }
-    return welder.finish();
+    FilePoints result = welder.finish();
+    noteSurplus(result, recordsLeft(source, cursor.offset(), kTriangleBytes, progress),
+                fmt::format("{} triangles", triangles));
+    return result;
 }
 
 FilePoints readText(const ByteSource& source, Progress& progress)
