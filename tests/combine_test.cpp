@@ -2,6 +2,7 @@
 #include "combine_fixture.h"
 
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/shape.h>
 
 #include <random>
 
@@ -427,6 +428,62 @@ TEST(Combine, TakesTheFinestLatticeAndTheWidestBand)
     EXPECT_NEAR(both.halfWidth(), 4, 1e-5);
     EXPECT_EQ(both.grid().getName(), coarse.grid().getName());
     expectSound(both);
+}
+
+/// Volumes of two balls apart, and their level sets with voxels 40 times as large for one as for
+/// the other.
+struct UnlikeBalls {
+    LevelSet coarse = solidLevelSet("sphere(1)", 0.1);
+    LevelSet fine = solidLevelSet("translate(sphere(0.025), 1.2, 0, 0)", 0.0025);
+    double volume = 4.0 / 3 * M_PI * (1 + 0.025 * 0.025 * 0.025);
+};
+
+TEST(Combine, MultipliesNoVoxelsUnasked)
+{
+    const UnlikeBalls balls;
+    Progress progress;
+    const auto expectRefused = [&](const auto& work) {
+        try {
+            work();
+            ADD_FAILURE() << "done";
+        } catch (const LimitError& e) {
+            for (const char* said : {"0.0025 to 0.1", "64 times", "--voxel-size", "million voxels"})
+                EXPECT_NE(std::string(e.what()).find(said), std::string::npos) << e.what();
+        }
+    };
+    expectRefused([&] { onOneLattice({balls.coarse, balls.fine}, progress); });
+    expectRefused([&] { combine(Boolean::Union, {balls.fine, balls.coarse}, 0, progress); });
+    expectRefused([&] { morph(balls.fine, balls.coarse, 0.5, Morphing::Linear, progress); });
+    const Shape both(Shape::combine(Boolean::Union, {Shape(balls.coarse), Shape(balls.fine)}));
+    ShapeSettings settings;
+    settings.voxelSize = both.voxelSize();
+    expectRefused([&] { both.demandFewVoxels(settings); });
+    settings.voxelSize = 0.02;
+    both.demandFewVoxels(settings);
+}
+
+TEST(Combine, TakesTheVoxelsThatAreAskedFor)
+{
+    const UnlikeBalls balls;
+    Progress progress;
+    for (const double h : {0.1, 0.03, 0.01}) {
+        const OneLattice shared = onOneLattice({balls.coarse, balls.fine}, progress, h);
+        EXPECT_EQ(shared.model.has_value(), h == 0.1);
+        EXPECT_EQ(shared.resampled.size(), h == 0.1 ? 1u : 2u);
+        const LevelSet both = combined(Boolean::Union, shared.levelSets);
+        EXPECT_DOUBLE_EQ(both.voxelSize(), h);
+        expectSound(both);
+        // Second order in the voxels that each ball has, and what is as small as one may be lost.
+        EXPECT_NEAR(measure(both, progress).volume, balls.volume, 0.02 * balls.volume) << h;
+    }
+    // What was asked for is made, however many voxels.
+    const LevelSet coarse = solidLevelSet("sphere(1)", 0.2);
+    const LevelSet fine = solidLevelSet("translate(sphere(0.1), 1.2, 0, 0)", 0.01);
+    EXPECT_THROW(onOneLattice({coarse, fine}, progress), LimitError);
+    const OneLattice asked = onOneLattice({coarse, fine}, progress, 0.01);
+    EXPECT_EQ(asked.model, 1u);
+    EXPECT_NEAR(measure(combined(Boolean::Union, asked.levelSets), progress).volume,
+                4.0 / 3 * M_PI * 1.001, 0.1);
 }
 
 TEST(Combine, DoesNotDependOnThreads)

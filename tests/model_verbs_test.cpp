@@ -70,6 +70,46 @@ protected:
     const double tolerance = 15 * kVoxel * kVoxel;
 };
 
+// Grids whose voxels differ 40 times.
+TEST_F(ModelVerbs, AskBeforeTheyMultiplyVoxels)
+{
+    write(folder / "large.vdb", solid("sphere(1)", 0.1));
+    write(folder / "small.vdb", solid("translate(sphere(0.025), 1.2, 0, 0)", 0.0025));
+    for (const char* verb : {"union", "difference", "intersection", "morph"}) {
+        const Ended refused = command({verb, "small.vdb", "large.vdb", "-o", "a.vdb"}, 5);
+        for (const char* said : {"64 times", "million voxels", "GB", "--voxel-size"})
+            EXPECT_NE(refused.err.find(said), std::string::npos) << refused.err;
+        EXPECT_FALSE(fs::exists(folder / "a.vdb"));
+    }
+    const Ended made = command({"union", "small.vdb", "large.vdb", "-o", "both.vdb", "--voxel-size",
+                                "0.02", "--report", "report.json"});
+    const auto estimate = made.err.find("estimate"), resampled = made.err.find("resampled");
+    EXPECT_LT(estimate, resampled) << "what it takes is said before: " << made.err;
+    EXPECT_NE(resampled, std::string::npos) << made.err;
+    const json report = json::parse(readFile(folder / "report.json"));
+    const double voxels = report["grid"]["active_voxels"];
+    EXPECT_NEAR(double(report["estimate"]["active_voxels"]), voxels, 0.3 * voxels);
+    EXPECT_EQ(report["settings"]["voxel_size"], 0.02);
+    EXPECT_NEAR(volumeOf(folder / "both.vdb"), ballVolume, 0.02 * ballVolume);
+    command(
+        {"morph", "small.vdb", "large.vdb", "-o", "way.vdb", "--at", "1", "--voxel-size", "0.05"});
+    EXPECT_NEAR(volumeOf(folder / "way.vdb"), ballVolume, 0.02 * ballVolume);
+    command({"union", "small.vdb", "large.vdb", "-o", "a.vdb", "--voxel-size", "0"}, 2);
+}
+
+TEST_F(ModelVerbs, SayWhatResamplingTakesBeforeIt)
+{
+    const Ended ended = command({"union", "ball.vdb", "coarse.vdb", "-o", "a.vdb"});
+    EXPECT_LT(ended.err.find("estimate"), ended.err.find("resampled")) << ended.err;
+    EXPECT_EQ(command({"union", "ball.vdb", "box.vdb", "-o", "a.vdb"}).err.find("estimate"),
+              std::string::npos)
+        << "nothing is resampled";
+    const Ended refused = command({"union", "ball.vdb", "coarse.vdb", "-o", "b.vdb", "--voxel-size",
+                                   "0.01", "--max-memory", "30M"},
+                                  5);
+    EXPECT_NE(refused.err.find("voxels of size"), std::string::npos) << refused.err;
+}
+
 TEST_F(ModelVerbs, BooleansKeepTheBalanceOfVolumes)
 {
     command({"union", "ball.vdb", "box.vdb", "-o", "both.vdb"});

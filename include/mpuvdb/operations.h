@@ -33,21 +33,26 @@ enum class Boolean {
 /// intersection or difference; where it has none beside one of the solids, creases stay sharp. The
 /// progress gets a note of either.
 /// @throws UsageError (no input, negative or infinite radius), LimitError (a radius for which bands
-/// of 1000 voxels are too narrow, or larger than all solids together and than 100 voxels),
-/// Interrupted.
+/// of 1000 voxels are too narrow, or larger than all solids together and than 100 voxels; voxels as
+/// of onOneLattice()), Interrupted.
 LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
                  Progress& progress);
 
 /// Level sets that share a lattice, and how they came to.
 struct OneLattice {
     std::vector<LevelSet> levelSets;
-    std::size_t model = 0;              ///< the input whose lattice it is
+    std::optional<std::size_t> model;   ///< the input whose lattice it is
     std::vector<std::size_t> resampled; ///< the inputs that were
 };
 
-/// The inputs on the lattice of the one with the smallest voxels (of equals the first): those that
-/// lie on it already as they are, all others resampled.
-OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress);
+/// The inputs on one lattice, with voxels of @a voxelSize: that of the first input with such
+/// voxels, or, where none has, one aligned to the world. 0: on that of the input with the smallest
+/// voxels (of equals the first). Those that lie on it already stay as they are, all others are
+/// resampled.
+/// @throws LimitError where @a voxelSize is 0 and the inputs together would take more than 64 times
+/// the voxels that they have, which is to be asked for; Interrupted.
+OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress,
+                        double voxelSize = 0);
 
 /// @a levelSet as a field: cubic interpolation of its values, exact at its voxels; deep inside and
 /// outside only the sign counts.

@@ -81,6 +81,11 @@ public:
     std::vector<PlanStep> plan(const ShapeSettings& settings) const;
     /// The plan as text, one line per step; and the memory of the grids that there are at once.
     std::string explain(const ShapeSettings& settings) const;
+    /// Memory of all grids that evaluate() has at the same time, at most, bytes; estimated.
+    std::uint64_t peakBytes(const ShapeSettings& settings) const;
+    /// @throws LimitError where the level sets that it is made of would take more than 64 times the
+    /// voxels that they have: for voxel sizes that nobody chose, see onOneLattice().
+    void demandFewVoxels(const ShapeSettings& settings) const;
     /// @throws LimitError if evaluate() would take more memory than @a settings allow, and as
     /// plan().
     void demandMemory(const ShapeSettings& settings) const;

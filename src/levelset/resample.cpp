@@ -1,3 +1,5 @@
+#include "resample.h"
+
 #include "band_limits.h"
 #include "transform_lattice.h"
 
@@ -35,6 +37,12 @@ bool isPartOf(const Lattice& to, const Lattice& from)
            isWhole(shift[2]);
 }
 
+/// Voxels of @a from about the band that interpolation reads.
+double beyond(const Lattice& from, const Lattice& to)
+{
+    return isPartOf(to, from) ? 0 : kStencil;
+}
+
 LevelSet emptyOn(const Lattice& lattice, double halfWidth, const std::string& name)
 {
     auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
@@ -45,6 +53,15 @@ LevelSet emptyOn(const Lattice& lattice, double halfWidth, const std::string& na
 }
 
 } // namespace
+
+double widthToResample(const Lattice& from, const Lattice& to, double halfWidth)
+{
+    // Larger voxels need a band that is wide in the source's: only as wide as the surface needs,
+    // and the rest is added to the result.
+    const double ratio = to.voxelSize / from.voxelSize;
+    const double crossing = std::min(kCrossingWidth, halfWidth);
+    return (ratio > 1 ? crossing : halfWidth) * ratio + beyond(from, to);
+}
 
 LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
                   Progress& progress)
@@ -59,20 +76,17 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
     const std::string name = levelSet.grid().getName();
     if (levelSet.grid().tree().activeVoxelCount() == 0) return emptyOn(lattice, halfWidth, name);
 
-    // Larger voxels need a band that is wide in the source's: only as wide as the surface needs,
-    // and the rest is added to the result.
-    const double ratio = lattice.voxelSize / from.voxelSize;
-    const double beyond = isPartOf(lattice, from) ? 0 : kStencil;
+    const double ratio = lattice.voxelSize / from.voxelSize, outer = beyond(from, lattice);
     const double crossing = std::min(kCrossingWidth, halfWidth);
-    const double least = (ratio > 1 ? crossing : halfWidth) * ratio + beyond;
-    if (const double most = (kWidestBand - beyond) / crossing; ratio > most)
+    const double least = widthToResample(from, lattice, halfWidth);
+    if (const double most = (kWidestBand - outer) / crossing; ratio > most)
         throw LimitError(fmt::format("voxels of {:g} are {:.4g} times those of the level "
                                      "set, and may be {:.3g} times: take voxels of at most {:.4g}",
                                      lattice.voxelSize, ratio, most, most * from.voxelSize));
     const LevelSet source = levelSet.halfWidth() < least * (1 - kRounding)
                                 ? withHalfWidth(levelSet, least, progress)
                                 : levelSet;
-    const double known = std::max((source.halfWidth() - beyond) / ratio, crossing);
+    const double known = std::max((source.halfWidth() - outer) / ratio, crossing);
     SampleSettings settings;
     settings.lattice = lattice;
     settings.halfWidth = std::min(known < halfWidth * (1 - kRounding) ? known : halfWidth, 100.0);

@@ -121,6 +121,16 @@ std::string Shape::explain(const ShapeSettings& settings) const
     return text;
 }
 
+std::uint64_t Shape::peakBytes(const ShapeSettings& settings) const
+{
+    return ShapePlan(*mNode, settings).peakBytes();
+}
+
+void Shape::demandFewVoxels(const ShapeSettings& settings) const
+{
+    ShapePlan(*mNode, settings).demandFewVoxels();
+}
+
 void Shape::demandMemory(const ShapeSettings& settings) const
 {
     ShapePlan(*mNode, settings).demandMemory();

@@ -1,4 +1,6 @@
 // Leaves of shapes: fields, level sets, meshes.
+#include "band_limits.h"
+#include "resample.h"
 #include "shape_node.h"
 #include "transform_lattice.h"
 
@@ -148,25 +150,40 @@ public:
 
     double workingBytes(const Demand& own) const override
     {
-        const bool wider = own.halfWidth > mLevelSet.halfWidth();
-        const double h = mLattice.voxelSize;
-        return wider ? distanceBytes(offsetArea(area(own.region), own.halfWidth * h), h) : 0;
+        const double h = mLattice.voxelSize, surface = area(own.region);
+        if (isThere(own.lattice))
+            return own.halfWidth > mLevelSet.halfWidth() ? widerBytes(surface, own.halfWidth) : 0;
+        const double wanted = widthToResample(mLattice, own.lattice, own.halfWidth);
+        if (wanted > kWidestBand) return 0; // is refused
+        double bytes = kResamplingGrids * gridBytes(surface, own.lattice.voxelSize, own.halfWidth);
+        if (wanted > mLevelSet.halfWidth())
+            bytes += widerBytes(surface, wanted) + gridBytes(surface, h, wanted);
+        return bytes;
     }
 
     LevelSet make(const Inputs&, const Demand& own, std::uint64_t,
                   Progress& progress) const override
     {
-        const bool there =
-            mLattice.origin == own.lattice.origin && mLattice.voxelSize == own.lattice.voxelSize;
-        return there ? inBand(mLevelSet, own.halfWidth, progress)
-                     : resample(mLevelSet, own.lattice, own.halfWidth, progress);
+        return isThere(own.lattice) ? inBand(mLevelSet, own.halfWidth, progress)
+                                    : resample(mLevelSet, own.lattice, own.halfWidth, progress);
     }
 
     double voxelSize() const override { return mLattice.voxelSize; }
 
-    const Lattice& lattice() const { return mLattice; }
+    const LevelSet& levelSet() const { return mLevelSet; }
 
 private:
+    /// To widen the band to @a halfWidth voxels about a surface of an area.
+    double widerBytes(double surface, double halfWidth) const
+    {
+        const double h = mLattice.voxelSize;
+        return distanceBytes(offsetArea(surface, halfWidth * h), h);
+    }
+    bool isThere(const Lattice& lattice) const
+    {
+        return mLattice.origin == lattice.origin && mLattice.voxelSize == lattice.voxelSize;
+    }
+
     LevelSet mLevelSet;
     Lattice mLattice;
 };
@@ -251,10 +268,10 @@ Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh, std::string name)
     return std::make_shared<MeshNode>(std::move(mesh), std::move(name));
 }
 
-const Lattice* latticeIn(const Shape::Node& node)
+const LevelSet* levelSetIn(const Shape::Node& node)
 {
     const auto* grid = dynamic_cast<const GridNode*>(&node);
-    return grid ? &grid->lattice() : nullptr;
+    return grid ? &grid->levelSet() : nullptr;
 }
 
 } // namespace mpuvdb

@@ -111,8 +111,8 @@ double gridBytes(double area, double voxelSize, double halfWidth);
 /// bytes; measured, to a quarter: the surface's patches and the front that goes out from them.
 double distanceBytes(double area, double voxelSize);
 
-/// The lattice of the level set in @a node, if it holds one.
-const Lattice* latticeIn(const Shape::Node& node);
+/// The level set in @a node, if it holds one.
+const LevelSet* levelSetIn(const Shape::Node& node);
 
 /// @{ Boxes that may be empty or infinite.
 Box3d grown(const Box3d& box, double by);

@@ -1,6 +1,7 @@
 #include "shape_plan.h"
 
 #include "band_limits.h"
+#include "one_lattice.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -41,10 +42,10 @@ Lattice latticeOfResult(const Shape::Node& root, double voxelSize)
     while (!open.empty()) {
         const Shape::Node& node = *open.back();
         open.pop_back();
-        const Lattice* lattice = latticeIn(node);
-        if (lattice && std::abs(lattice->voxelSize - voxelSize) <= 1e-6 * voxelSize &&
-            isNear(*lattice, root.bounds()))
-            return *lattice;
+        const LevelSet* const grid = levelSetIn(node);
+        if (grid && std::abs(grid->voxelSize() - voxelSize) <= 1e-6 * voxelSize &&
+            isNear(grid->lattice(), root.bounds()))
+            return grid->lattice();
         for (auto input = node.inputs().rbegin(); input != node.inputs().rend(); ++input)
             open.push_back(input->get());
     }
@@ -170,6 +171,16 @@ void ShapePlan::demandMemory() const
                                  double(peak) / 1e6, mSettings.voxelSize,
                                  double(mSettings.maxBytes) / 1e6,
                                  1.05 * larger * mSettings.voxelSize));
+}
+
+void ShapePlan::demandFewVoxels() const
+{
+    std::vector<Resampled> grids;
+    for (const Task& task : mTasks)
+        if (const LevelSet* const grid = levelSetIn(*task.node); grid && task.wanted())
+            grids.push_back({double(grid->grid().activeVoxelCount()), grid->voxelSize(),
+                             task.demand.lattice.voxelSize, grid->halfWidth()});
+    mpuvdb::demandFewVoxels(grids);
 }
 
 LevelSet ShapePlan::evaluate(Progress& progress) const

@@ -19,6 +19,8 @@ public:
     std::uint64_t peakBytes() const;
     /// @throws LimitError if that is above the limit.
     void demandMemory() const;
+    /// As Shape::demandFewVoxels().
+    void demandFewVoxels() const;
     LevelSet evaluate(Progress& progress) const;
 
 private:

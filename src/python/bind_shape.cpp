@@ -24,7 +24,8 @@ namespace
 
 #define MPUVDB_SAMPLING_DOC                                                                        \
     " voxel_size: world units, or '1%' of the diagonal of the bounds; None: that of the finest "   \
-    "level set it is made of. half_width: voxels, in "                                             \
+    "level set it is made of, where that makes at most 64 times the voxels of all (else a "        \
+    "LimitError names one that does). half_width: voxels, in "                                     \
     "[1.5, 1000]. max_bytes: memory that all grids together may take, 0 for any; None: "           \
     "nine tenths of the machine's, or of the control group's. More is a LimitError before it is "  \
     "taken. A level set without any voxels is a UserWarning."
@@ -45,6 +46,15 @@ ShapeSettings settingsFor(const Shape& shape, const VoxelSize& voxelSize, double
     return settings;
 }
 
+/// To evaluate @a shape: the finest grid's voxels are not taken where that multiplies the others'.
+ShapeSettings settingsToWork(const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
+                             const MaxBytes& maxBytes)
+{
+    const ShapeSettings settings = settingsFor(shape, voxelSize, halfWidth, maxBytes);
+    if (!voxelSize) shape.demandFewVoxels(settings);
+    return settings;
+}
+
 /// As Shape::evaluate(), with a note where nothing is left of a solid.
 LevelSet evaluated(const Shape& shape, const ShapeSettings& settings, Progress& progress)
 {
@@ -60,7 +70,7 @@ void bindEvaluation(ShapeClass& shapes)
             "level_set",
             [](const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
                const MaxBytes& maxBytes, const py::object& progress) {
-                const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
+                const ShapeSettings s = settingsToWork(shape, voxelSize, halfWidth, maxBytes);
                 return run(progress, [&](Progress& p) { return evaluated(shape, s, p); });
             },
             "voxel_size"_a = py::none(), "half_width"_a = 3.0, "max_bytes"_a = py::none(),
@@ -70,7 +80,7 @@ void bindEvaluation(ShapeClass& shapes)
             "to_mesh",
             [](const Shape& shape, const VoxelSize& voxelSize, const MaxBytes& maxBytes,
                const py::object& progress) {
-                const ShapeSettings s = settingsFor(shape, voxelSize, 3, maxBytes);
+                const ShapeSettings s = settingsToWork(shape, voxelSize, 3, maxBytes);
                 return run(progress, [&](Progress& p) {
                     const FieldPtr field = shape.field();
                     return std::make_shared<Mesh>(
@@ -87,7 +97,7 @@ void bindEvaluation(ShapeClass& shapes)
                double halfWidth, const std::map<std::string, std::string>& metadata,
                const MaxBytes& maxBytes, const py::object& progress) {
                 demandWritable(file);
-                const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, maxBytes);
+                const ShapeSettings s = settingsToWork(shape, voxelSize, halfWidth, maxBytes);
                 runWork(progress, [&](Progress& p) {
                     const FieldPtr field = shape.field();
                     writeAny(file, evaluated(shape, s, p), field.get(), metadata, p);

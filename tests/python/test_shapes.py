@@ -306,6 +306,15 @@ class Operators(ShapeTest):
         off = np.abs(np.maximum(low - at_home, at_home - high).max(axis=1))
         self.assertLess(off.max(), 0.02 * h)
 
+    def test_voxels_are_not_multiplied_unasked(self):
+        fine = mv.sphere((1.2, 0, 0), 0.025).level_set(0.0025)
+        both = mv.union(fine, mv.sphere((0, 0, 0), 1).level_set(0.1))
+        for make in (both.level_set, both.to_mesh):
+            with self.assertRaisesRegex(mv.LimitError, "64 times .* voxel_size"):
+                make()
+        self.assertIn("union", both.explain())
+        self.assert_volume(both, 4 / 3 * PI, voxel_size=0.03)
+
 
 class Surfaces(ShapeTest):
     def test_offset(self):

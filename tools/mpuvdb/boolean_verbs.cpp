@@ -23,6 +23,7 @@ protected:
         addLength(app, "--blend", mBlend,
                   "Fillet the creases that come about, as a ball of this radius would that\n"
                   "rolls along them; farther away nothing changes. Default: sharp");
+        addSharedVoxelSize(app, mVoxelSize);
     }
 
     LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
@@ -33,19 +34,20 @@ protected:
             if (!(radius >= 0))
                 throw UsageError(fmt::format("--blend {}: must be from 0 on", mBlend->text()));
         }
-        const std::vector<LevelSet> solids = onOneLattice(inputs, settings(), session);
+        std::vector<Shape> shapes;
+        for (const GridInput& input : inputs) shapes.emplace_back(input.levelSet);
+        const std::vector<LevelSet> solids = onOneLattice(
+            inputs, Shape::combine(mKind, shapes, radius), mVoxelSize, settings(), session);
         settings()["blend"] = radius;
         settings()["inputs"] = inputs.size();
         if (mBlend) session.note("blend       " + lengthText(radius, solids.front().voxelSize()));
-        const std::vector<Shape> shapes(solids.begin(), solids.end());
-        Shape::combine(mKind, shapes, radius).demandMemory(settingsLike(solids.front(), session));
         return combine(mKind, solids, radius, session.progress());
     }
 
 private:
     Boolean mKind;
     VerbText mText;
-    std::optional<Length> mBlend;
+    std::optional<Length> mBlend, mVoxelSize;
 };
 
 } // namespace
@@ -57,7 +59,8 @@ std::unique_ptr<Verb> makeUnion()
         VerbText{"union", "Solids joined, with their creases sharp or filleted",
                  "  mpuvdb union body.vdb arm.vdb -o both.vdb\n"
                  "  mpuvdb union body.vdb arm.vdb leg.vdb -o statue.vdb --blend 0.02\n"
-                 "      The creases between them become fillets of radius 0.02.\n"});
+                 "      The creases between them become fillets of radius 0.02.\n"
+                 "  mpuvdb union fine.vdb coarse.vdb -o both.vdb --voxel-size 0.01\n"});
 }
 
 std::unique_ptr<Verb> makeIntersection()

@@ -1,5 +1,6 @@
 #include "level_set_verb.h"
 
+#include "memory_limit.h"
 #include "standard_output.h"
 
 #include <mpuvdb/io.h>
@@ -117,9 +118,63 @@ ExitCode LevelSetVerb::run(Session& session)
     return code;
 }
 
-std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& settings,
+void addSharedVoxelSize(CLI::App& app, std::optional<Length>& voxelSize)
+{
+    addLength(app, "--voxel-size", voxelSize,
+              "Edge of the result's voxels; all inputs are resampled to them; vx means those of\n"
+              "the finest input. Default: the finest input's, as long as that makes no more than\n"
+              "64 times the voxels of all inputs");
+}
+
+namespace
+{
+
+/// World units; 0 if none was asked for.
+double chosenVoxelSize(const std::vector<GridInput>& inputs, const std::optional<Length>& voxelSize)
+{
+    if (!voxelSize) return 0;
+    double finest = inputs.front().levelSet.voxelSize(), largest = 0;
+    for (const GridInput& input : inputs) {
+        finest = std::min(finest, input.levelSet.voxelSize());
+        largest = std::max(largest, input.diagonal);
+    }
+    const double chosen = voxelSize->resolve(finest, largest);
+    if (!(chosen > 0))
+        throw UsageError(fmt::format("--voxel-size {}: must be above 0", voxelSize->text()));
+    return chosen;
+}
+
+/// Say what @a result takes where inputs are to be resampled, and refuse it where it is too much.
+void sayBefore(const std::vector<GridInput>& inputs, const Shape& result, double voxelSize,
+               Session& session)
+{
+    ShapeSettings wanted = settingsLike(inputs.front().levelSet, session);
+    wanted.voxelSize = voxelSize > 0 ? voxelSize : result.voxelSize();
+    bool resamples = false;
+    for (const GridInput& input : inputs) {
+        wanted.halfWidth = std::max(wanted.halfWidth, input.levelSet.halfWidth());
+        resamples |= input.levelSet.voxelSize() != wanted.voxelSize;
+    }
+    if (!(voxelSize > 0)) result.demandFewVoxels(wanted);
+    result.demandMemory(wanted);
+    if (!resamples) return;
+    const std::uint64_t voxels = result.plan(wanted).front().voxels,
+                        bytes = result.peakBytes(wanted);
+    session.report()["estimate"] = {
+        {"voxel_size", wanted.voxelSize}, {"active_voxels", voxels}, {"peak_bytes", bytes}};
+    session.note(fmt::format("estimate    {:.3g} million voxels of {:g}, {} of memory",
+                             double(voxels) / 1e6, wanted.voxelSize, sizeText(bytes)));
+}
+
+} // namespace
+
+std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, const Shape& result,
+                                   const std::optional<Length>& voxelSize, Json& settings,
                                    Session& session)
 {
+    const double chosen = chosenVoxelSize(inputs, voxelSize);
+    sayBefore(inputs, result, chosen, session);
+    if (chosen > 0) settings["voxel_size"] = chosen;
     const auto nameOf = [](const GridInput& input) {
         return fmt::format("{} (grid '{}', voxel size {:g})",
                            input.file == "-" ? "standard input" : input.file,
@@ -129,10 +184,11 @@ std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& s
     std::vector<LevelSet> levelSets;
     levelSets.reserve(inputs.size());
     for (const GridInput& input : inputs) levelSets.push_back(input.levelSet);
-    OneLattice shared = onOneLattice(levelSets, session.progress());
+    OneLattice shared = onOneLattice(levelSets, session.progress(), chosen);
+    const std::string model = shared.model ? "the lattice of " + nameOf(inputs[*shared.model])
+                                           : fmt::format("voxels of {:g}", chosen);
     for (const std::size_t n : shared.resampled) {
-        const std::string note = fmt::format("{} was resampled to the lattice of {}",
-                                             nameOf(inputs[n]), nameOf(inputs[shared.model]));
+        const std::string note = fmt::format("{} was resampled to {}", nameOf(inputs[n]), model);
         session.note("resampled   " + note);
         settings["resampled"].push_back(note);
     }

@@ -61,9 +61,15 @@ private:
     Json mSettings = Json::object();
 };
 
-/// The level sets of @a inputs on the lattice of the finest. What had to be resampled is noted, and
-/// stands in @a settings as "resampled".
-std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, Json& settings,
+/// Declare --voxel-size, of the result of several level sets.
+void addSharedVoxelSize(CLI::App& app, std::optional<Length>& voxelSize);
+
+/// The level sets of @a inputs on one lattice, of the finest or of @a voxelSize. Before the work
+/// what it and @a result, which is made of them, take is said, and refused where it is too much.
+/// What had to be resampled is noted, and stands in @a settings as "resampled".
+/// @throws LimitError.
+std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, const Shape& result,
+                                   const std::optional<Length>& voxelSize, Json& settings,
                                    Session& session);
 
 /// To evaluate a shape on voxels like those of @a levelSet, in as wide a band.

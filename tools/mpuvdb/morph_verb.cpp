@@ -53,6 +53,7 @@ public:
             ->type_name("linear|advection")
             ->check(oneOf({"linear", "advection"}))
             ->capture_default_str();
+        addSharedVoxelSize(app, mVoxelSize);
     }
 
     ExitCode run(Session& session) override
@@ -66,7 +67,10 @@ public:
         for (const std::string& file : mFiles)
             inputs.push_back(readGridInput(file, mGrid, session));
         Json settings = {{"method", mMethod}};
-        const std::vector<LevelSet> ends = onOneLattice(inputs, settings, session);
+        const Shape halfway =
+            Shape::morph(Shape(inputs[0].levelSet), Shape(inputs[1].levelSet), 0.5, how());
+        const std::vector<LevelSet> ends =
+            onOneLattice(inputs, halfway, mVoxelSize, settings, session);
         session.report()["settings"] = settings;
         ExitCode worst = ExitCode::Ok;
         for (const Step& step : steps) {
@@ -83,6 +87,8 @@ private:
         double t;
         std::string file;
     };
+
+    Morphing how() const { return mMethod == "linear" ? Morphing::Linear : Morphing::Advection; }
 
     std::vector<Step> plan() const
     {
@@ -112,12 +118,11 @@ private:
     ExitCode makeStep(const std::vector<LevelSet>& ends, const Step& step,
                       const openvdb::GridCPtrVec& others, Session& session) const
     {
-        const Morphing how = mMethod == "linear" ? Morphing::Linear : Morphing::Advection;
         session.progress().beginStage("morph");
         session.note(fmt::format("morph       at {:.4g}", step.t));
-        Shape::morph(Shape(ends[0]), Shape(ends[1]), step.t, how)
+        Shape::morph(Shape(ends[0]), Shape(ends[1]), step.t, how())
             .demandMemory(settingsLike(ends[0], session));
-        const LevelSet made = morph(ends[0], ends[1], step.t, how, session.progress());
+        const LevelSet made = morph(ends[0], ends[1], step.t, how(), session.progress());
         return writeGridOutput(made, step.file,
                                {{"mpuvdb:version", MPUVDB_VERSION},
                                 {"mpuvdb:operation", "morph"},
@@ -130,6 +135,7 @@ private:
     std::string mOutput, mGrid, mFrames, mMethod = "linear";
     double mAt = 0.5;
     std::optional<int> mOnly;
+    std::optional<Length> mVoxelSize;
     bool mSkipExisting = false;
 };
 
