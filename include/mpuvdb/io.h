@@ -32,6 +32,8 @@ struct PointInput {
     std::uint64_t triangles = 0; ///< of the files that are meshes; their vertices are the points
     /// What a user should know ("bunny.ply: normals computed from its 69451 faces").
     std::vector<std::string> notes;
+    /// What a user has to know: that positions were rounded far above the points' spacing.
+    std::vector<std::string> warnings;
 };
 
 /// Read points: PLY, Stanford .conf scan sets, XYZ/PTS/PWN/TXT, PTX, OBJ, OFF, STL, PCD, LAS.

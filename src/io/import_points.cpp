@@ -1,4 +1,4 @@
-#include "raw_points.h"
+#include "rounded_positions.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -27,6 +27,7 @@ PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints
     block.confidence = std::move(points.confidence);
     if (points.viewpoint) block.seenFrom = Viewpoint{*points.viewpoint, false};
     cleanPoints(input, badPoints, progress);
+    input.warnings = findRounding(input, progress);
     std::vector<FilePoints> inputs;
     inputs.push_back(std::move(input));
     PointInput result = joinPoints(std::move(inputs), badPoints, {}, progress);

@@ -244,6 +244,8 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
         for (const auto& [reason, count] : input.dropped) result.dropped[reason] += count;
         for (const std::string& note : input.notes)
             result.notes.push_back(input.name + ": " + note);
+        for (const std::string& warning : input.warnings)
+            result.warnings.push_back(input.name + ": " + warning);
     }
     requirePoints(inputs, points, result.dropped);
     unifyAttributes(inputs, result.notes);

@@ -112,7 +112,7 @@ struct FilePoints {
     std::uint64_t meshTriangles = 0;        ///< that there were when vertices became points
     std::shared_ptr<const VertexMesh> mesh; ///< that they made; or null
     std::map<std::string, std::uint64_t> dropped;
-    std::vector<std::string> notes; ///< without the file's name
+    std::vector<std::string> notes, warnings; ///< without the file's name
 
     std::uint64_t size() const;
     /// The attributes of the blocks, which all have the same.

@@ -1,6 +1,7 @@
 // Which reader a file wants, and all files as one cloud.
 #include "mesh_points.h"
 #include "readers.h"
+#include "rounded_positions.h"
 #include "text_scan.h"
 
 #include <mpuvdb/error.h>
@@ -86,6 +87,7 @@ FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints,
     FilePoints points = readFormat(file, scalars, progress);
     addMeshNormals(points);
     cleanPoints(points, badPoints, progress);
+    points.warnings = findRounding(points, progress);
     return points;
 }
 

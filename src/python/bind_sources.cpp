@@ -34,7 +34,7 @@ struct PointsRequest {
 /// What came of them.
 struct FittedPoints {
     FieldPtr field;
-    std::vector<std::string> notes;
+    std::vector<std::string> notes, warnings;
     CleanReport cleaned;
 };
 
@@ -42,6 +42,7 @@ FittedPoints fit(PointInput input, PointsRequest request, Progress& progress)
 {
     FittedPoints made;
     made.notes = std::move(input.notes);
+    made.warnings = std::move(input.warnings);
     for (const auto& [reason, count] : input.dropped)
         made.notes.push_back(fmt::format("{} points left out: {}", count, reason));
     made.cleaned = clean(input.cloud, request.clean, progress);
@@ -63,6 +64,8 @@ void tell(const FittedPoints& made)
         note(fmt::format("normals estimated from {} neighbours each", *cleaned.estimateNeighbors));
     if (cleaned.flipped > 0)
         note(fmt::format("{} normals looked the wrong way and were turned", cleaned.flipped));
+    for (const std::string& warning : made.warnings)
+        if (PyErr_WarnEx(PyExc_UserWarning, warning.c_str(), 1) != 0) throw py::error_already_set();
     if (cleaned.inward &&
         PyErr_WarnEx(PyExc_UserWarning,
                      "the normals point inward, so that inside and outside are exchanged; "

@@ -2,6 +2,7 @@
 
 import math
 import unittest
+import warnings
 
 import numpy as np
 
@@ -126,6 +127,16 @@ class Points(ShapeTest):
         points, _ = sphere_points(5000)
         with self.assertWarnsRegex(UserWarning, "inward"):
             mv.points(points, viewpoint=(0, 0, 0))
+
+    def test_positions_rounded_far_from_the_origin(self):
+        points = np.random.default_rng(1).normal(size=(20000, 3))
+        points *= 4 / np.linalg.norm(points, axis=1)[:, None]
+        far = points + (412345.678, 5412345.678, 210.5)
+        with self.assertWarnsRegex(UserWarning, "0.5 in y.*subtract an offset"):
+            mv.points(far.astype(np.float32))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            mv.points(far)
 
     def test_inward_normals(self):
         points, normals = sphere_points(5000)

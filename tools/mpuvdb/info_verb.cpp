@@ -69,6 +69,7 @@ Json describePoints(const PointInput& input, Progress& progress)
     json["noise"] = statistics.noise;
     if (cloud.hasNormals()) json["normal_noise"] = statistics.normalNoise * 180 / M_PI;
     json["notes"] = input.notes;
+    json["warnings"] = input.warnings;
     return json;
 }
 

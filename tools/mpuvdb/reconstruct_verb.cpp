@@ -301,6 +301,7 @@ private:
                                       mBadPoints == "fail" ? BadPoints::Fail : BadPoints::Drop,
                                       session.progress(), viewpoints, mAttributes.scalars());
         for (const std::string& note : input.notes) session.note(note);
+        for (const std::string& warning : input.warnings) session.warn(warning);
         return input;
     }
 
