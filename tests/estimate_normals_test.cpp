@@ -109,8 +109,8 @@ TEST(EstimateNormals, NoiseTakesMoreNeighbours)
     PointCloud noisy = scanned("torus(1,0.3)", 20000, Pattern::Random, 0.03);
     clean.normals.clear();
     noisy.normals.clear();
-    EXPECT_EQ(estimateNormals(clean, {}, progress), 12);
-    EXPECT_GT(estimateNormals(noisy, {}, progress), 30);
+    EXPECT_EQ(estimateNormals(clean, {}, progress).neighbors, 12);
+    EXPECT_GT(estimateNormals(noisy, {}, progress).neighbors, 30);
     EXPECT_EQ(shareRight("torus(1,0.3)", 20000, Pattern::Random, 0.03), 1);
 }
 

@@ -28,7 +28,16 @@ struct CleanReport {
     std::uint64_t flipped = 0;            ///< normals turned
     bool hadNormals = false;              ///< before
     std::optional<int> estimateNeighbors; ///< points per plane where normals were estimated
+    double onLines = 0;  ///< share of the points whose neighbors all lie on a line, if estimated
     bool inward = false; ///< normals point inward, so that inside and outside are exchanged
+
+    /// Whether so many normals have no plane to go by that surfaces will be wrong: more than wires
+    /// and twigs beside a surface have.
+    bool guessesNormals() const
+    {
+        constexpr double kMany = 0.05;
+        return onLines > kMany;
+    }
 };
 
 /// Leave out outliers, and see to the normals. Fewer than 1000 points say little of each other:

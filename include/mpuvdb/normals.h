@@ -8,14 +8,23 @@
 namespace mpuvdb
 {
 
+/// What estimateNormals() went by.
+struct EstimatedNormals {
+    int neighbors = 0;         ///< points per plane, at least
+    std::uint64_t onLines = 0; ///< points whose neighbors, hundreds of them, lie on one line, so
+                               ///< that their planes are arbitrary
+};
+
 /// Fill cloud.normals by local least-squares planes, of the point's own sheet where another is
 /// close, oriented consistently over neighbours, also across edges and between the sides of walls
 /// and gaps from some 1.5 spacings; towards the viewpoints where the cloud has some, else each
 /// connected part outward as seen from all sides, and the walls of cavities inward.
 /// Costs 2 to 3 us of processor time per point, and 8 to 12 where there is noise.
+/// Where neighbours lie on one line, as on contours and scan lines, more are taken.
 /// @param neighbours  points per plane, in [4, 1000]; without a value 12, and up to 200 where the
-/// points are noisy. @return points per plane. @throws InputError for fewer than 4, or on a line.
-int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& progress);
+/// points are noisy. @throws InputError for fewer than 4, or on a line.
+EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbours,
+                                 Progress& progress);
 
 /// Area-weighted normals of a triangle mesh's vertices. Unused and degenerate vertices get zero.
 /// @param triangles  three indices below positions.size() each.

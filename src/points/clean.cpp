@@ -14,20 +14,25 @@ constexpr std::size_t kJudgedFrom = 1000; ///< fewer points say little of each o
 /// thin, 0.22 of the radius of a disc with its fewest neighbors, 40]
 constexpr double kOfSheet = 0.8;
 
-/// Estimate normals, or turn those that are flipped if they can be @a judged. @return whether so
-/// much changed that it had spoilt what was measured.
-bool seeToNormals(PointCloud& cloud, bool judged, NormalsFrom from, CleanReport& report,
-                  Progress& progress)
+/// Estimate normals, or turn those that are flipped if they can be @a judged, and those of solids
+/// that are inside out. @return whether so much changed that it had spoilt what was measured.
+bool seeToNormals(PointCloud& cloud, bool judged, const CleanSettings& settings,
+                  CleanReport& report, Progress& progress)
 {
+    const NormalsFrom from = settings.normals;
     if (from == NormalsFrom::Estimate || !cloud.hasNormals()) {
-        report.estimateNeighbors = estimateNormals(cloud, {}, progress);
+        const EstimatedNormals estimated = estimateNormals(cloud, {}, progress);
+        report.estimateNeighbors = estimated.neighbors;
+        report.onLines = double(estimated.onLines) / double(cloud.size());
         return true;
     }
     // A range image knows its outside.
-    if (!judged || from == NormalsFrom::Keep || !cloud.seenFrom.empty()) return false;
-    const auto flipped = findFlippedNormals(cloud, report.statistics, progress);
-    flipNormals(cloud, flipped);
-    report.flipped = flipped.size();
+    if (from == NormalsFrom::Keep || !cloud.seenFrom.empty()) return false;
+    if (judged) {
+        const auto flipped = findFlippedNormals(cloud, report.statistics, progress);
+        flipNormals(cloud, flipped);
+        report.flipped = flipped.size();
+    }
     return report.flipped > cloud.size() / 100;
 }
 
@@ -46,7 +51,7 @@ CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Progress& pr
         dropPoints(cloud, outliers);
         report.outliers = outliers.size();
     }
-    if (seeToNormals(cloud, judged, settings.normals, report, progress))
+    if (seeToNormals(cloud, judged, settings, report, progress))
         report.statistics = measure(cloud, progress); // noise is told by normals
     if (report.estimateNeighbors) {
         // Normals that come from the positions know nothing that these do not say; but two sheets

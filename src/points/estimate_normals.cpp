@@ -1,11 +1,11 @@
 // Normals of bare points: least-squares planes, then one orientation for all of a part.
 #include "chosen_neighbors.h"
 #include "distinct_positions.h"
-#include "kd_tree.h"
 #include "local_plane.h"
 #include "orientation.h"
 #include "outward.h"
 #include "parallel_each.h"
+#include "spanning_neighbors.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/normals.h>
@@ -18,6 +18,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <utility>
 
 namespace mpuvdb
@@ -32,6 +33,7 @@ constexpr double kFewestChosen = 12; // neighbours per plane where there is no n
 struct PlaneGraph {
     std::vector<Vec3f> normals;
     std::vector<OrientationLink> links;
+    std::uint64_t onLines = 0; ///< positions that have no plane
 };
 
 /// At an edge, the neighbours' plane averages its sides: the plane of a neighbour that lies wholly
@@ -80,23 +82,24 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
     const std::size_t links = std::min({kLinks, neighbors, count - 1});
     std::vector<std::uint32_t> linked(count * links);
     std::vector<LocalPlane> planes(count);
-    const KdTree tree(positions);
+    const SpanningNeighbors neighborhoods(positions, std::min(neighbors, count - 1), noise);
+    std::atomic<std::uint64_t> onLines{0};
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& range) {
         progress.advance(double(range.size()) / double(count));
-        std::vector<std::uint32_t> indices;
-        std::vector<float> squared;
+        std::vector<std::uint32_t> members;
+        std::uint64_t withoutPlane = 0;
         for (std::size_t i = range.begin(); i < range.end(); ++i) {
-            indices.resize(neighbors + 1);
-            squared.resize(neighbors + 1);
-            tree.nearest(positions[i], indices, squared);
-            planes[i] = sheetPlaneOf(positions, indices, planeOf(positions, indices), noise);
+            withoutPlane += neighborhoods.about(i, members) ? 0 : 1;
+            planes[i] = sheetPlaneOf(positions, members, planeOf(positions, members), noise);
             // The point is its own nearest; distinct positions can round to the same distance.
-            const auto self = std::find(indices.begin(), indices.end(), std::uint32_t(i));
-            if (self != indices.end()) indices.erase(self);
-            std::copy_n(indices.begin(), links, linked.begin() + std::ptrdiff_t(i * links));
+            const auto self = std::find(members.begin(), members.end(), std::uint32_t(i));
+            if (self != members.end()) members.erase(self);
+            std::copy_n(members.begin(), links, linked.begin() + std::ptrdiff_t(i * links));
         }
+        onLines += withoutPlane;
     });
     PlaneGraph graph;
+    graph.onLines = onLines;
     graph.normals.resize(count);
     forEachParallel(count, kGrain, progress, [&](std::size_t i) {
         graph.normals[i] =
@@ -235,7 +238,8 @@ int neighborsFor(const PointStatistics& statistics)
 
 } // namespace
 
-int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& progress)
+EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbours,
+                                 Progress& progress)
 {
     constexpr int kFewest = 4, kMost = 1000;
     if (neighbours && (*neighbours < kFewest || *neighbours > kMost))
@@ -254,26 +258,25 @@ int estimateNormals(PointCloud& cloud, std::optional<int> neighbours, Progress& 
     const std::vector<Vec3f> towardsScanner = sights(cloud, sorted);
     PointCloud distinct;
     distinct.positions = std::move(sorted.positions);
+    EstimatedNormals used;
     const auto pass = [&](int count, double noise) {
         PlaneGraph graph = fitPlanes(distinct.positions, std::size_t(count), noise, progress);
         orient(distinct.positions, towardsScanner, graph, progress);
         distinct.normals = std::move(graph.normals);
+        used = {count, graph.onLines};
     };
     // Without normals, two close sheets are one noisy one. With some, they are told apart; where it
     // then is noise, a second round knows how much.
     constexpr double kLittle = 0.1; // spacings
-    int used = neighbours.value_or(int(kFewestChosen));
-    pass(used, 0);
+    pass(neighbours.value_or(int(kFewestChosen)), 0);
     PointStatistics statistics = measure(distinct, progress);
     if (statistics.noise <= kLittle * statistics.spacing && areSteps(distinct, progress)) {
         PointCloud bare;
         bare.positions = distinct.positions;
         statistics = measure(bare, progress);
     }
-    if (statistics.noise > kLittle * statistics.spacing) {
-        used = neighbours.value_or(neighborsFor(statistics));
-        pass(used, statistics.noise);
-    }
+    if (statistics.noise > kLittle * statistics.spacing)
+        pass(neighbours.value_or(neighborsFor(statistics)), statistics.noise);
     cloud.normals.resize(cloud.size());
     forEachParallel(cloud.size(), kGrain, progress,
                     [&](std::size_t i) { cloud.normals[i] = distinct.normals[sorted.placeOf[i]]; });

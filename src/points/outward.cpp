@@ -4,150 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
+#include <utility>
 
 namespace mpuvdb
 {
 namespace
 {
-
-/// The points of a part and the box about them.
-struct Part {
-    std::vector<std::uint32_t> points;
-    Eigen::AlignedBox3f box;
-};
-
-/// What is seen from one side of a part: the foremost point of each pixel.
-class View
-{
-public:
-    View(const Eigen::AlignedBox3f& box, std::size_t points, int axis, float side)
-        : mBox(box), mAxis(axis), mSide(side)
-    {
-        // Pixels of several points, so that one does not see through a surface.
-        constexpr double kPointsPerPixel = 12;
-        constexpr int kMost = 32;
-        mWidth = std::clamp(int(std::sqrt(double(points) / kPointsPerPixel)), 1, kMost);
-        mForemost.resize(std::size_t(mWidth * mWidth));
-    }
-
-    void add(const Vec3f& position, const Vec3f& normal)
-    {
-        const float depth = mSide * position[mAxis];
-        Seen& seen = mForemost[std::size_t(column(position, 1) * mWidth + column(position, 2))];
-        if (!(depth > seen.depth)) return;
-        seen.depth = depth;
-        seen.facing = mSide * normal[mAxis];
-    }
-
-    /// Sum over the pixels of how much what is seen faces the viewer: from -1 each to 1.
-    double vote() const
-    {
-        double sum = 0;
-        for (const Seen& seen : mForemost) sum += double(seen.facing);
-        return sum;
-    }
-
-private:
-    struct Seen {
-        float depth = -std::numeric_limits<float>::infinity();
-        float facing = 0;
-    };
-
-    int column(const Vec3f& p, int turn) const
-    {
-        const int axis = (mAxis + turn) % 3;
-        const float size = std::max(mBox.sizes()[axis], std::numeric_limits<float>::min());
-        return std::min(int((p[axis] - mBox.min()[axis]) / size * float(mWidth)), mWidth - 1);
-    }
-
-    Eigen::AlignedBox3f mBox;
-    int mAxis, mWidth = 1;
-    float mSide;
-    std::vector<Seen> mForemost;
-};
-
-bool seenInward(const Part& part, const OrientedParts& points)
-{
-    double vote = 0;
-    for (int axis = 0; axis < 3; ++axis)
-        for (const float side : {-1.f, 1.f}) {
-            View view(part.box, part.points.size(), axis, side);
-            for (const std::uint32_t i : part.points)
-                view.add(points.positions[i], points.normals[i]);
-            vote += view.vote();
-        }
-    return vote < 0;
-}
-
-/// A part's surface as one dipole for each cell of a coarse grid.
-class Winding
-{
-public:
-    Winding(const Part& part, const OrientedParts& points, bool turned)
-    {
-        constexpr int kCells = 24;
-        const float cell =
-            std::max(part.box.sizes().maxCoeff() / kCells, std::numeric_limits<float>::min());
-        std::vector<std::uint32_t> dipoleOf(kCells * kCells * kCells, ~0u);
-        for (const std::uint32_t i : part.points) {
-            const Vec3i at =
-                ((points.positions[i] - part.box.min()) / cell).cast<int>().cwiseMin(kCells - 1);
-            std::uint32_t& d = dipoleOf[std::size_t((at.x() * kCells + at.y()) * kCells + at.z())];
-            if (d == ~0u) {
-                d = std::uint32_t(mDipoles.size());
-                mDipoles.emplace_back();
-            }
-            mDipoles[d].position += points.positions[i].cast<double>();
-            mDipoles[d].normal += points.normals[i].cast<double>();
-            mDipoles[d].points += 1;
-        }
-        // A surface covers about the same area in every cell that it meets; a plane of any
-        // direction two thirds of a face on average.
-        const double area = 2.0 / 3 * double(cell) * double(cell);
-        for (Dipole& d : mDipoles) {
-            d.position /= d.points;
-            d.normal *= (turned ? -area : area) / d.points;
-        }
-        mSoftening = area / (2 * M_PI);
-        mCell = double(cell);
-    }
-
-    /// About 1 or -1 within a closed part, 0 without.
-    double at(const Vec3d& p) const
-    {
-        double sum = 0;
-        for (const Dipole& d : mDipoles) {
-            const Vec3d apart = d.position - p;
-            const double squared = apart.squaredNorm() + mSoftening; // a disc, not a point
-            sum += apart.dot(d.normal) / (squared * std::sqrt(squared));
-        }
-        return sum / (4 * M_PI);
-    }
-
-    double cell() const { return mCell; }
-
-private:
-    struct Dipole {
-        Vec3d position = Vec3d::Zero(), normal = Vec3d::Zero();
-        double points = 0;
-    };
-    std::vector<Dipole> mDipoles;
-    double mSoftening = 0, mCell = 0;
-};
-
-/// Calls f(position, normal) for a few points of a part.
-template <class F>
-void forAFew(const Part& part, const OrientedParts& points, F&& f)
-{
-    constexpr std::size_t kAsked = 64;
-    const std::size_t asked = std::min(kAsked, part.points.size());
-    for (std::size_t k = 0; k < asked; ++k) {
-        const std::uint32_t i = part.points[k * part.points.size() / asked];
-        f(points.positions[i].cast<double>(), points.normals[i].cast<double>());
-    }
-}
 
 /// Decides part after part, the largest first; smaller ones see what is decided.
 class PartTurner
@@ -160,42 +23,118 @@ public:
 
     bool isInward(std::size_t part)
     {
-        bool nested = false;
-        double drop = 0;
-        for (const Decided& d : mDecided) {
-            const Part& other = mParts[d.part];
-            if (other.box.intersection(mParts[part].box).isEmpty()) continue;
-            nested ^= other.box.contains(mParts[part].box) && liesWithin(part, d.winding);
-            drop += dropAcross(part, d.winding);
-        }
-        constexpr double kClearly = 0.25; // of the 1 that a closed surface's number drops by
-        const bool inward =
-            std::abs(drop) > kClearly ? drop < 0 : seenInward(mParts[part], mPoints) != nested;
-        constexpr std::size_t kFewestPoints = 100, kMost = 64; // few are soon asked
+        const bool inward = looksInward(part);
+        constexpr std::size_t kMost = 64; // are soon asked
         if (mParts[part].points.size() >= kFewestPoints && mDecided.size() < kMost)
-            mDecided.push_back({part, Winding(mParts[part], mPoints, inward)});
+            decide(part, inward);
         return inward;
     }
 
 private:
+    /// A part that is decided, and the sums of the winding numbers of all such at a few points.
     struct Decided {
         std::size_t part;
-        Winding winding;
+        PartWinding winding;
+        std::vector<double> sums;
     };
 
-    /// Whether most of a few points of a part lie within a closed one.
-    bool liesWithin(std::size_t inner, const Winding& outer) const
+    bool looksInward(std::size_t part) const
     {
-        int votes = 0;
-        forAFew(mParts[inner], mPoints, [&](const Vec3d& p, const Vec3d&) {
-            votes += std::abs(outer.at(p)) > 0.5 ? 1 : -1;
-        });
-        return votes > 0;
+        bool nested = false;
+        double drop = 0;
+        for (const Decided& d : mDecided) {
+            if (!meet(d, part)) continue;
+            nested ^= mParts[d.part].box.contains(mParts[part].box) &&
+                      liesWithin(mParts[part], d.winding, mPoints);
+            drop += dropAcross(part, d.winding);
+        }
+        constexpr double kClearly = 0.25; // of the 1 that a closed surface's number drops by
+        if (std::abs(drop) > kClearly) return drop < 0;
+        constexpr double kTells = 0.01; // a twentieth of what a closed part does
+        const double closing = closingOf(part);
+        if (std::abs(closing) > kTells) return closing < 0;
+        // A flat part, as the last contour below a top, is seen from behind as well.
+        constexpr double kFlat = 0.02;
+        constexpr double kPerPixel = 12; // points
+        const double facing = sightOf(mParts[part], mPoints, kPerPixel).facing;
+        return std::abs(facing) > kFlat ? (facing < 0) != nested : drop < 0;
+    }
+
+    /// What a part, as it is, does to the winding number on the surfaces of all that it meets. On
+    /// those of solids it is a half.
+    struct Closing {
+        double area = 0;   ///< of all
+        double before = 0; ///< mean number, without the part
+        double added = 0;  ///< by the part
+        double gain = 0; ///< mean of (1/2 - number) * added: a fourth of what the square falls by,
+                         ///< against the part turned
+
+        void take(double of, const std::vector<double>& numbers, const std::vector<double>& own)
+        {
+            area += of;
+            const double share = of / double(own.size());
+            for (std::size_t i = 0; i < own.size(); ++i) {
+                before += share * numbers[i];
+                added += share * own[i];
+                gain += share * (0.5 - numbers[i]) * own[i];
+            }
+        }
+        /// Whether the parts then enclose something: sheets do not tell of each other.
+        bool encloses() const
+        {
+            constexpr double kOpen = 0.18; // a scan from one side comes to a sixth, a ball to 0.4
+            return before + (gain < 0 ? -added : added) > kOpen * area;
+        }
+    };
+
+    /// The walls of a bore are told so from a part of their own, though of the faces between them
+    /// and the outer ones nothing is there. @return 0 if nothing is told, else below 0 for inward.
+    double closingOf(std::size_t part) const
+    {
+        if (mParts[part].points.size() < kFewestPoints) return 0;
+        const PartWinding own(mParts[part], mPoints, false);
+        const std::vector<double> owns = own.on(mParts[part], mPoints);
+        std::vector<double> numbers(owns.size(), 0);
+        Closing closing;
+        for (const Decided& d : mDecided) {
+            if (!meet(d, part)) continue;
+            add(d.winding.on(mParts[part], mPoints), numbers);
+            closing.take(d.winding.area(), d.sums, own.on(mParts[d.part], mPoints));
+        }
+        closing.take(own.area(), numbers, owns);
+        return closing.encloses() ? closing.gain / own.area() : 0;
+    }
+
+    static void add(const std::vector<double>& values, std::vector<double>& sums)
+    {
+        for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += values[i];
+    }
+
+    void decide(std::size_t part, bool inward)
+    {
+        Decided decided{part, PartWinding(mParts[part], mPoints, inward), {}};
+        decided.sums = decided.winding.on(mParts[part], mPoints);
+        for (Decided& d : mDecided) {
+            if (!meet(d, part)) continue;
+            add(decided.winding.on(mParts[d.part], mPoints), d.sums);
+            add(d.winding.on(mParts[part], mPoints), decided.sums);
+        }
+        mDecided.push_back(std::move(decided));
+    }
+
+    /// Whether what is decided and a part may tell of each other: they meet, or nearly.
+    bool meet(const Decided& d, std::size_t part) const
+    {
+        Eigen::AlignedBox3f box = mParts[d.part].box;
+        constexpr double kNear = 2; // cells, a twelfth of its size
+        box.min().array() -= float(kNear * d.winding.cell());
+        box.max().array() += float(kNear * d.winding.cell());
+        return box.intersects(mParts[part].box);
     }
 
     /// How much the winding number of another part drops from behind a part's points to before
     /// them: where the part fills a gap of the other, or lies on it, positive if it looks outward.
-    double dropAcross(std::size_t part, const Winding& other) const
+    double dropAcross(std::size_t part, const PartWinding& other) const
     {
         double drop = 0, count = 0;
         forAFew(mParts[part], mPoints, [&](const Vec3d& p, const Vec3d& normal) {
@@ -206,33 +145,12 @@ private:
         return drop / count;
     }
 
+    static constexpr std::size_t kFewestPoints = 100;
+
     const std::vector<Part>& mParts;
     const OrientedParts& mPoints;
     std::vector<Decided> mDecided;
 };
-
-/// One more than the last part.
-std::size_t partEnd(const OrientedParts& points)
-{
-    const auto last = std::max_element(points.parts.begin(), points.parts.end());
-    return last == points.parts.end() ? 0 : std::size_t(*last) + 1;
-}
-
-std::vector<Part> collectParts(const OrientedParts& points)
-{
-    std::vector<Part> parts;
-    std::vector<std::uint32_t> placeOf(partEnd(points), ~0u);
-    for (std::uint32_t i = 0; i < points.positions.size(); ++i) {
-        std::uint32_t& place = placeOf[points.parts[i]];
-        if (place == ~0u) {
-            place = std::uint32_t(parts.size());
-            parts.emplace_back();
-        }
-        parts[place].points.push_back(i);
-        parts[place].box.extend(points.positions[i]);
-    }
-    return parts;
-}
 
 } // namespace
 

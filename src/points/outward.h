@@ -1,6 +1,6 @@
 // Which side of a surface is its outside.
 #pragma once
-#include <mpuvdb/vec.h>
+#include "oriented_parts.h"
 
 #include <cstdint>
 #include <vector>
@@ -10,17 +10,12 @@ namespace mpuvdb
 
 class Progress;
 
-/// Oriented points of parts that hang together.
-struct OrientedParts {
-    const std::vector<Vec3f>& positions;
-    const std::vector<Vec3f>& normals;
-    const std::vector<std::uint32_t>& parts; ///< of each point
-};
-
 /// Which parts look inward, by part up to the last, the largest decided first. One that fills a gap
-/// of those decided, or lies on them, looks to where their winding number [Barill18] drops. Another
-/// is looked at from six sides, along the axes, and what is seen of it votes; unless it lies within
-/// an odd number of others: then it is the wall of a cavity, and looks the other way.
+/// of those decided, or lies on them, looks to where their winding number [Barill18] drops. One
+/// that closes a solid with others, however wide the gaps are, looks so that the numbers on their
+/// surfaces come nearest to a half. Another is looked at from six sides, along the axes, and what
+/// is seen of it votes; unless it lies within an odd number of others: then it is the wall of a
+/// cavity, and looks the other way.
 /// @throws Interrupted.
 std::vector<char> findInwardParts(const OrientedParts& points, Progress& progress);
 

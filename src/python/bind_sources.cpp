@@ -52,6 +52,11 @@ FittedPoints fit(PointInput input, PointsRequest request, Progress& progress)
     return made;
 }
 
+void warn(const std::string& text)
+{
+    if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw py::error_already_set();
+}
+
 /// Notes go where Python's programs expect them; what is likely wrong is a warning.
 void tell(const FittedPoints& made)
 {
@@ -64,14 +69,14 @@ void tell(const FittedPoints& made)
         note(fmt::format("normals estimated from {} neighbours each", *cleaned.estimateNeighbors));
     if (cleaned.flipped > 0)
         note(fmt::format("{} normals looked the wrong way and were turned", cleaned.flipped));
-    for (const std::string& warning : made.warnings)
-        if (PyErr_WarnEx(PyExc_UserWarning, warning.c_str(), 1) != 0) throw py::error_already_set();
-    if (cleaned.inward &&
-        PyErr_WarnEx(PyExc_UserWarning,
-                     "the normals point inward, so that inside and outside are exchanged; "
-                     "flip_normals=True turns them, unless it did so already",
-                     1) != 0)
-        throw py::error_already_set();
+    for (const std::string& warning : made.warnings) warn(warning);
+    if (cleaned.guessesNormals())
+        warn(fmt::format("{:.0f} % of the points have neighbors on one line only, which tell no "
+                         "plane: their normals are guessed; give normals, or lines that lie closer",
+                         100 * cleaned.onLines));
+    if (cleaned.inward)
+        warn("the normals point inward, so that inside and outside are exchanged; "
+             "flip_normals=True turns them, unless it did so already");
 }
 
 PointArrays arraysOf(const py::object& points, const py::object& normals,
@@ -167,7 +172,8 @@ void bindPoints(py::module_& module)
         "voxel_size: the finest that the fit is for; None: the measured spacing.\n"
         "viewpoint: where the scanner stood, (3,), or (n, 3) for n files, world units.\n"
         "orient: 'auto' turns normals that are flipped among the others, and estimates where there "
-        "are none; 'keep' leaves them; 'estimate' always estimates.\n"
+        "are none; 'keep' leaves them; 'estimate' always "
+        "estimates.\n"
         "outliers: 'drop' or 'keep'. bad_points: 'drop' or 'fail' at the first that is not finite "
         "or has no normal. flip_normals: they point inward.\n"
         "alpha, min_points, sharp, interpolate: as the command's options of reconstruct.\n\n"

@@ -327,11 +327,16 @@ private:
                                      "--normals keep leaves them",
                                      mFlipped));
         constexpr double kDoubtful = 0.25; // of all normals
-        if (double(mFlipped) > kDoubtful * double(cloud.size()))
+        if (double(report.flipped) > kDoubtful * double(cloud.size()))
             session.warn(
                 fmt::format("{} of {} normals looked the wrong way; of so many some are "
                             "not found, and leave warts: --normals estimate makes new ones",
-                            mFlipped, cloud.size()));
+                            report.flipped, cloud.size()));
+        if (report.guessesNormals())
+            session.warn(fmt::format("{:.0f} % of the points have neighbours on one line only, "
+                                     "which tell no plane: their normals are guessed. Give "
+                                     "normals, or lines that lie closer",
+                                     100 * report.onLines));
         if (report.inward)
             session.warn(fmt::format("the normals point inward, so that inside and outside are "
                                      "exchanged; {}",
