@@ -389,7 +389,7 @@ TEST_F(CommandTest, PresetsSetWhatIsNotGiven)
     EXPECT_EQ(mpuvdb({"reconstruct", scan(), "-o", "p.vdb", "--preset", "film"}).status, 2);
 }
 
-TEST_F(CommandTest, NormalsAreEstimatedAndInsideOutIsSaidAndCured)
+TEST_F(CommandTest, NormalsAreEstimatedAndInsideOutIsCuredAndSaid)
 {
     const Words sphere{"sample", "sphere(1)", "--points", "5000", "-o", "bare.xyz", "--no-normals"};
     ASSERT_EQ(mpuvdb(sphere).status, 0);
@@ -397,7 +397,7 @@ TEST_F(CommandTest, NormalsAreEstimatedAndInsideOutIsSaidAndCured)
     ASSERT_EQ(bare.status, 0) << bare.err;
     EXPECT_NE(bare.err.find("normals     estimated"), std::string::npos) << bare.err;
 
-    // Flipping good normals makes an inside-out model; flipping that one cures it.
+    // A solid that is inside out is turned, unless its normals are kept, or turned by the user.
     const std::string points = readFile(mFolder / "bare.xyz");
     std::istringstream lines(points);
     std::string inward;
@@ -406,13 +406,24 @@ TEST_F(CommandTest, NormalsAreEstimatedAndInsideOutIsSaidAndCured)
         inward += "\n";
     }
     writeFile(mFolder / "inward.xyz", inward);
-    const Ended said = mpuvdb({"reconstruct", "inward.xyz", "-o", "b.vdb"});
-    EXPECT_NE(said.err.find("--flip-normals"), std::string::npos) << said.err;
-    const Ended cured = mpuvdb({"reconstruct", "inward.xyz", "-o", "b.vdb", "--flip-normals",
-                                "--mesh", "b.ply", "--report", "b.json"});
-    ASSERT_EQ(cured.status, 0) << cured.err;
-    EXPECT_EQ(cured.err.find("warning"), std::string::npos) << cured.err;
-    EXPECT_NEAR(readJson("b.json")["mesh"]["volume"], 4 * M_PI / 3, 0.1);
+    const Ended kept = mpuvdb({"reconstruct", "inward.xyz", "-o", "b.vdb", "--normals", "keep"});
+    EXPECT_NE(kept.err.find("turn them with --flip-normals"), std::string::npos) << kept.err;
+    const auto cured = [&](const Words& options) {
+        Words words{"reconstruct", "inward.xyz", "-o",       "b.vdb",
+                    "--mesh",      "b.ply",      "--report", "b.json"};
+        words.insert(words.end(), options.begin(), options.end());
+        const Ended ended = mpuvdb(words);
+        EXPECT_EQ(ended.status, 0) << ended.err;
+        EXPECT_EQ(ended.err.find("warning"), std::string::npos) << ended.err;
+        EXPECT_NEAR(readJson("b.json")["mesh"]["volume"], 4 * M_PI / 3, 0.1);
+        return ended.err;
+    };
+    const std::string said = cured({});
+    EXPECT_NE(said.find("looked inward and were turned; --normals keep leaves them"),
+              std::string::npos)
+        << said;
+    EXPECT_GT(readJson("b.json")["input"]["normals_turned"], 4000);
+    EXPECT_EQ(cured({"--flip-normals"}).find("looked inward"), std::string::npos);
     const Ended spoilt = mpuvdb({"reconstruct", scan(), "-o", "c.vdb", "--flip-normals"});
     EXPECT_NE(spoilt.err.find("do without --flip-normals"), std::string::npos) << spoilt.err;
 }

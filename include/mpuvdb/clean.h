@@ -28,8 +28,10 @@ struct CleanReport {
     std::uint64_t flipped = 0;            ///< normals turned
     bool hadNormals = false;              ///< before
     std::optional<int> estimateNeighbors; ///< points per plane where normals were estimated
-    double onLines = 0;  ///< share of the points whose neighbors all lie on a line, if estimated
-    bool inward = false; ///< normals point inward, so that inside and outside are exchanged
+    double onLines = 0; ///< share of the points whose neighbors all lie on a line, if estimated
+    std::uint64_t turned = 0; ///< normals of closed parts that looked inward as a whole, and were
+                              ///< turned
+    bool inward = false;      ///< normals point inward, so that inside and outside are exchanged
 
     /// Whether so many normals have no plane to go by that surfaces will be wrong: more than wires
     /// and twigs beside a surface have.
@@ -41,7 +43,9 @@ struct CleanReport {
 };
 
 /// Leave out outliers, and see to the normals. Fewer than 1000 points say little of each other:
-/// they all stay, and so do their normals. Normals of points whose viewpoints are known, too.
+/// they all stay, and so do their normals, but for those of closed parts that look inward: turned
+/// are all of these together, see findInwardSolids(), unless flipNormals decides. Normals of points
+/// whose viewpoints are known stay, too.
 /// @throws InputError for too few points, Interrupted.
 CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Progress& progress);
 

@@ -49,6 +49,16 @@ void flipNormals(PointCloud& cloud);
 std::vector<std::uint32_t>
 findFlippedNormals(const PointCloud& cloud, const PointStatistics& statistics, Progress& progress);
 
+/// Find the normals of solids that are inside out: of connected parts that, from whatever side they
+/// are seen, show their backs, and with each the parts that lie in it, so that cavities stay what
+/// they are. A part that looks inward and lies in one that looks outward is the wall of a cavity,
+/// and stays. So does what is open, as rooms are that were scanned from within, with things in
+/// them, their doors and the shadows of what stands before their walls. Costs about 0.1 us of
+/// processor time per point. @param statistics  of this cloud, from measure().
+/// @return indices, ascending; none without normals. @throws Interrupted.
+std::vector<std::uint32_t> findInwardSolids(const PointCloud& cloud,
+                                            const PointStatistics& statistics, Progress& progress);
+
 /// Reverse the normals of the points @a indices.
 void flipNormals(PointCloud& cloud, const std::vector<std::uint32_t>& indices);
 

@@ -26,8 +26,9 @@ struct Viewpoint {
 /// A mesh whose vertices are points, in numbers: what comes of them can be held against it.
 struct VertexMesh {
     double area = 0;            ///< world units squared
-    double volume = 0;          ///< signed, world units cubed; 0 if it is open
+    double volume = 0;          ///< world units cubed; 0 if it is open
     bool isClosed = false;      ///< each edge has as many triangles one way as the other
+    bool insideOut = false;     ///< it is closed, and all of it faces inward
     std::uint64_t parts = 0;    ///< connected by vertices, and not cavities
     std::uint64_t cavities = 0; ///< parts that are closed and face inward
     double edge = 0;            ///< world units: half the area has triangles with a longer one

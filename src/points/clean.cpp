@@ -33,6 +33,11 @@ bool seeToNormals(PointCloud& cloud, bool judged, const CleanSettings& settings,
         flipNormals(cloud, flipped);
         report.flipped = flipped.size();
     }
+    if (!settings.flipNormals) { // who turns all knows which way they look
+        const auto inward = findInwardSolids(cloud, report.statistics, progress);
+        flipNormals(cloud, inward);
+        report.turned = inward.size();
+    }
     return report.flipped > cloud.size() / 100;
 }
 

@@ -102,7 +102,8 @@ std::shared_ptr<const VertexMesh> vertexMesh(const std::vector<Vec3d>& positions
         mesh->cavities += isCavity;
         mesh->parts += !isCavity;
     }
-    if (mesh->volume < 0) { // all of it faces inward
+    if (mesh->volume < 0) {
+        mesh->insideOut = true;
         mesh->volume = -mesh->volume;
         std::swap(mesh->parts, mesh->cavities);
     }

@@ -70,6 +70,9 @@ void tell(const FittedPoints& made)
     if (cleaned.flipped > 0)
         note(fmt::format("{} normals looked the wrong way and were turned", cleaned.flipped));
     for (const std::string& warning : made.warnings) warn(warning);
+    if (cleaned.turned > 0)
+        note(fmt::format("{} normals looked inward and were turned; orient='keep' leaves them",
+                         cleaned.turned));
     if (cleaned.guessesNormals())
         warn(fmt::format("{:.0f} % of the points have neighbors on one line only, which tell no "
                          "plane: their normals are guessed; give normals, or lines that lie closer",
@@ -171,8 +174,8 @@ void bindPoints(py::module_& module)
         "points' diagonal or '0.2vx'; None: from their spacing and measured noise.\n"
         "voxel_size: the finest that the fit is for; None: the measured spacing.\n"
         "viewpoint: where the scanner stood, (3,), or (n, 3) for n files, world units.\n"
-        "orient: 'auto' turns normals that are flipped among the others, and estimates where there "
-        "are none; 'keep' leaves them; 'estimate' always "
+        "orient: 'auto' turns normals that are flipped among the others, or all those of a closed "
+        "solid, and estimates where there are none; 'keep' leaves them; 'estimate' always "
         "estimates.\n"
         "outliers: 'drop' or 'keep'. bad_points: 'drop' or 'fail' at the first that is not finite "
         "or has no normal. flip_normals: they point inward.\n"

@@ -141,7 +141,11 @@ class Points(ShapeTest):
     def test_inward_normals(self):
         points, normals = sphere_points(5000)
         with self.assertWarnsRegex(UserWarning, "flip_normals=True"):
-            mv.points(points, -normals)
+            mv.points(points, -normals, orient="keep")
+        with self.assertLogs("mpuvdb", "INFO") as logs:
+            shape = mv.points(points, -normals)
+        self.assertIn("5000 normals looked inward", "\n".join(logs.output))
+        self.assertGreater(shape.to_mesh(0.1).measure().volume, 4)
         shape = mv.points(points, -normals, flip_normals=True)
         self.assertGreater(shape.to_mesh(0.1).measure().volume, 4)
 

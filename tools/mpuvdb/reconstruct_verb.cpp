@@ -262,8 +262,8 @@ private:
         const char* const group = "Points";
         app.add_option(
                "--normals", mNormals,
-               "auto: those of the files, what is flipped among them turned, estimated where\n"
-               "there are none; keep: as they are; estimate: always")
+               "auto: those of the files, what is flipped among them or all about a closed solid\n"
+               "turned, estimated where there are none; keep: as they are; estimate: always")
             ->type_name("auto|keep|estimate")
             ->check(oneOf({"auto", "keep", "estimate"}))
             ->capture_default_str()
@@ -326,6 +326,11 @@ private:
             session.note(fmt::format("normals     {} looked the wrong way and were turned; "
                                      "--normals keep leaves them",
                                      mFlipped));
+        if (report.turned > 0)
+            session.note(fmt::format("normals     {} looked inward and were turned; --normals keep "
+                                     "leaves them",
+                                     report.turned));
+        mFlipped += report.turned;
         constexpr double kDoubtful = 0.25; // of all normals
         if (double(report.flipped) > kDoubtful * double(cloud.size()))
             session.warn(
