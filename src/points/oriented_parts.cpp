@@ -16,13 +16,13 @@ public:
     View(const Eigen::AlignedBox3f& box, float pixel, int axis, float side)
         : mBox(box), mAxis(axis), mSide(side), mPixel(pixel), mWidth(pixels(1)), mHeight(pixels(2))
     {
-        mForemost.resize(std::size_t(mWidth * mHeight));
+        mForemost.resize(std::size_t(mWidth) * std::size_t(mHeight));
     }
 
     void add(const Vec3f& position, const Vec3f& normal)
     {
         const float depth = mSide * position[mAxis];
-        Seen& seen = mForemost[std::size_t(column(position, 1) * mHeight + column(position, 2))];
+        Seen& seen = mForemost[place(column(position, 1), column(position, 2))];
         if (!(depth > seen.depth)) return;
         seen.depth = depth;
         seen.facing = mSide * normal[mAxis];
@@ -51,7 +51,11 @@ private:
         float facing = 0;
     };
 
-    const Seen& at(int x, int y) const { return mForemost[std::size_t(x * mHeight + y)]; }
+    std::size_t place(int x, int y) const
+    {
+        return std::size_t(x) * std::size_t(mHeight) + std::size_t(y);
+    }
+    const Seen& at(int x, int y) const { return mForemost[place(x, y)]; }
 
     /// Whether one of the four squares of four pixels that a pixel is in shows one side. Of few
     /// pixels each counts.
@@ -151,11 +155,12 @@ PartWinding::PartWinding(const Part& part, const OrientedParts& points, bool tur
                                  kFewestCells, kMostCells);
     const float cell =
         std::max(part.box.sizes().maxCoeff() / float(cells), std::numeric_limits<float>::min());
-    std::vector<std::uint32_t> dipoleOf(std::size_t(cells * cells * cells), ~0u);
+    std::vector<std::uint32_t> dipoleOf(std::size_t(std::pow(cells, 3)), ~0u);
     for (const std::uint32_t i : part.points) {
         const Vec3i at =
             ((points.positions[i] - part.box.min()) / cell).cast<int>().cwiseMin(cells - 1);
-        std::uint32_t& d = dipoleOf[std::size_t((at.x() * cells + at.y()) * cells + at.z())];
+        const int place = (at.x() * cells + at.y()) * cells + at.z();
+        std::uint32_t& d = dipoleOf[std::size_t(place)];
         if (d == ~0u) {
             d = std::uint32_t(mDipoles.size());
             mDipoles.emplace_back();
