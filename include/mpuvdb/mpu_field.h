@@ -101,12 +101,14 @@ public:
     std::unique_ptr<const Coverage> coverage(Progress& progress) const;
 
     /// The points' attributes @a names on the surface: kColorName, "confidence", or scalars of the
-    /// cloud. A place has what the points about it have, blended by confidence and the weight of
-    /// the fits' balls, in a ball of its own that holds a dozen points: so that colours are as fine
-    /// as the points, where fits are as coarse as the shape allows; of 64 at most where all are
-    /// about as far away. Points that face another way count as up to four times as far away. The
-    /// result refers to this field, which has to outlive it. @throws UsageError for a name that the
-    /// cloud had not.
+    /// cloud. A place has the mean, by confidence, of what the points about it have: of about a
+    /// dozen, so that colours are as fine as the points, where fits are as coarse as the shape
+    /// allows. The mean is taken on lattices, from the spacing of the points about a place on each
+    /// with twice as large cells' faces as the one before, of which the finest count that have
+    /// enough points there: far from all points, where the surface is invented, values change as
+    /// slowly as the points are far, at no more cost. Points that face the other way count as up to
+    /// four times as far away. The result refers to this field, which has to outlive it.
+    /// @throws UsageError for a name that the cloud had not.
     std::unique_ptr<const SurfaceAttributes>
     attributes(const std::vector<std::string>& names) const;
 

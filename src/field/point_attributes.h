@@ -1,6 +1,6 @@
 // What points have beside their places, blended on the surface.
 #pragma once
-#include "bucket_tree.h"
+#include "moment_tree.h"
 
 #include <mpuvdb/surface_attributes.h>
 
@@ -16,21 +16,24 @@ public:
     PointAttributes(const SortedPoints& points, const Vec3d& frame,
                     const std::vector<std::string>& names);
 
-    bool hasColors() const override { return mHasColors; }
-    const std::vector<std::string>& scalarNames() const override { return mScalarNames; }
+    bool hasColors() const override { return mNamed.hasColors; }
+    const std::vector<std::string>& scalarNames() const override { return mNamed.scalarNames; }
     void evaluate(const std::vector<SurfacePlace>& places,
                   std::vector<float>& values) const override;
 
 private:
-    class Neighbourhood;
+    class Blender;
+    struct Named {
+        bool hasColors = false;
+        std::vector<std::string> scalarNames;
+        MomentTree::Channels channels;
+    };
+    static Named find(const SortedPoints& points, const std::vector<std::string>& names);
+    Vec3f local(const Vec3d& position) const { return (position - mFrame).cast<float>(); }
 
-    const PointBatch& mPoints;
     Vec3d mFrame;
-    BucketTree mTree;
-    std::vector<Eigen::AlignedBox3f> mNormals; ///< boxes about the normals of the tree's nodes
-    bool mHasColors = false;
-    std::vector<std::string> mScalarNames;
-    std::vector<const float*> mChannels;
+    Named mNamed;
+    MomentTree mPoints;
 };
 
 } // namespace mpuvdb

@@ -8,7 +8,10 @@
 #include <fmt/format.h>
 #include <openvdb/tree/LeafManager.h>
 
+#include <map>
+#include <numeric>
 #include <set>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
@@ -17,6 +20,7 @@ namespace
 
 using openvdb::FloatTree;
 using openvdb::Vec3STree;
+using Leaf = FloatTree::LeafNodeType;
 
 void demandNames(const LevelSet& levelSet, const SurfaceAttributes& attributes)
 {
@@ -52,23 +56,38 @@ struct Trees {
             scalars.push_back(std::make_shared<FloatTree>(band, 0.0f, openvdb::TopologyCopy()));
     }
 
-    /// Give the voxels of @a leaf what @a values hold in turn.
-    void fill(const FloatTree::LeafNodeType& leaf, const std::vector<float>& values) const
+    /// Give the voxels of @a leaf what there is from @a next on in turn. Returns what is left.
+    const float* fill(const Leaf& leaf, const float* next) const
     {
-        const float* next = values.data();
-        Vec3STree::LeafNodeType* const color = colors ? colors->probeLeaf(leaf.origin()) : nullptr;
-        std::vector<FloatTree::LeafNodeType*> into;
-        for (const FloatTree::Ptr& tree : scalars) into.push_back(tree->probeLeaf(leaf.origin()));
-        for (auto voxel = leaf.cbeginValueOn(); voxel; ++voxel) {
+        openvdb::Vec3s* const color =
+            colors ? colors->probeLeaf(leaf.origin())->buffer().data() : nullptr;
+        std::vector<float*> into;
+        for (const FloatTree::Ptr& tree : scalars)
+            into.push_back(tree->probeLeaf(leaf.origin())->buffer().data());
+        for (auto voxel = leaf.valueMask().beginOn(); voxel; ++voxel) {
             if (color) {
-                color->setValueOnly(voxel.pos(), openvdb::Vec3s(next[0], next[1], next[2]));
+                color[voxel.pos()] = openvdb::Vec3s(next);
                 next += 3;
             }
-            for (FloatTree::LeafNodeType* const scalar : into)
-                scalar->setValueOnly(voxel.pos(), *next++);
+            for (float* const scalar : into) scalar[voxel.pos()] = *next++;
         }
+        return next;
     }
 };
+
+/// Leaves in one cube of space, whose places are near each other.
+using LeafGroup = std::vector<const Leaf*>;
+
+std::vector<LeafGroup> groupsOf(const openvdb::tree::LeafManager<const FloatTree>& leaves)
+{
+    constexpr int kEdgeBits = 5; ///< 32 voxels: few places lie outside of the cube
+    std::map<openvdb::Coord, LeafGroup> groups;
+    for (std::size_t n = 0; n < leaves.leafCount(); ++n)
+        groups[leaves.leaf(n).origin() >> kEdgeBits].push_back(&leaves.leaf(n));
+    std::vector<LeafGroup> result;
+    for (auto& [cube, group] : groups) result.push_back(std::move(group));
+    return result;
+}
 
 } // namespace
 
@@ -81,14 +100,20 @@ sampleAttributes(const LevelSet& levelSet, const SurfaceAttributes& attributes, 
     openvdb::tree::LeafManager<const FloatTree> leaves(surface.tree());
     const Trees trees(surface.tree(), attributes);
     progress.beginStage("attributes", double(leaves.leafCount()));
-    leaves.foreach (
-        [&](const FloatTree::LeafNodeType& leaf, std::size_t) {
-            std::vector<float> values;
-            attributes.evaluate(surfacePlaces(surface, lattice, leaf), values);
-            trees.fill(leaf, values);
-            progress.advance();
-        },
-        /*threaded=*/true, /*grainsize=*/16);
+    const std::vector<LeafGroup> groups = groupsOf(leaves);
+    tbb::parallel_for(std::size_t(0), groups.size(), [&](std::size_t n) {
+        std::vector<SurfacePlace> places;
+        places.reserve(std::accumulate(
+            groups[n].begin(), groups[n].end(), std::size_t(0),
+            [](std::size_t sum, const Leaf* leaf) { return sum + leaf->onVoxelCount(); }));
+        SurfacePlaces band(surface, lattice);
+        for (const Leaf* const leaf : groups[n]) band.append(*leaf, 1, places);
+        std::vector<float> values;
+        attributes.evaluate(places, values);
+        const float* next = values.data();
+        for (const Leaf* const leaf : groups[n]) next = trees.fill(*leaf, next);
+        progress.advance(double(groups[n].size()));
+    });
     std::vector<openvdb::GridBase::Ptr> grids;
     if (trees.colors) {
         grids.push_back(gridOf<Vec3STree>(trees.colors, levelSet, kColorName));

@@ -16,6 +16,7 @@ namespace
 using openvdb::FloatGrid;
 using openvdb::FloatTree;
 
+constexpr int kProjections = 3; ///< that draw places outside of edges to them
 constexpr const char* kSpacingKey = "mpuvdb:spacing";
 
 } // namespace
@@ -30,8 +31,10 @@ FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage& coverage
     progress.beginStage("coverage", double(leaves.leafCount()));
     leaves.foreach (
         [&](FloatTree::LeafNodeType& leaf, std::size_t) {
+            std::vector<SurfacePlace> places;
+            SurfacePlaces(surface, lattice).append(leaf, kProjections, places);
             std::vector<float> values;
-            coverage.evaluate(surfacePlaces(surface, lattice, leaf), values);
+            coverage.evaluate(places, values);
             auto next = values.begin();
             for (auto voxel = leaf.beginValueOn(); voxel; ++voxel) voxel.setValue(*next++);
             progress.advance();

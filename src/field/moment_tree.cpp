@@ -1,0 +1,162 @@
+#include "moment_tree.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kBucketPoints = 8;
+constexpr float kLeastConfidence = 1e-9f; ///< points without any count where there are no others
+/// Step of level 0, in spacings [derived: weights spread by 0.58 steps in the mean, those of a
+/// ball that holds a dozen points by 0.8 spacings; tuned: 1.2 leaves 8 % more noise, 1.4 blurs 15 %
+/// more].
+constexpr float kStepSpacings = 1.3f;
+constexpr std::uint32_t kWitnesses = 8; ///< buckets that tell a spacing
+/// Finer levels than an eighth of the usual spacing are not worth their windows.
+constexpr int kFinest = -6;
+
+} // namespace
+
+MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
+    : mPoints(points.points()), mChannels(channels), mTree(points, kBucketPoints),
+      mLength((4 * (channels.size() + 1) + kLanes - 1) / kLanes * kLanes)
+{
+    for (const float* const channel : mChannels)
+        mReferences.push_back(mPoints.size() > 0 ? channel[0] : 0);
+    const double confidence =
+        std::accumulate(mPoints.confidence.begin(), mPoints.confidence.end(), 0.0);
+    if (confidence > 0) mPerConfidence = float(double(mPoints.size()) / confidence);
+    findLevels();
+    sumUp();
+}
+
+/// @param level  finest of the point.
+void MomentTree::sumsOf(std::uint32_t point, int level, float* sums) const
+{
+    const float confidence = std::max(mPoints.confidence[point] * mPerConfidence, kLeastConfidence);
+    const float weight = std::ldexp(confidence, level); // a level is as coarse as the root of 2
+    const auto set = [&](std::size_t quadruple, float value) {
+        float* const s = sums + 4 * quadruple;
+        s[0] = value;
+        s[1] = value * mPoints.nx[point];
+        s[2] = value * mPoints.ny[point];
+        s[3] = value * mPoints.nz[point];
+    };
+    set(0, weight);
+    for (std::size_t c = 0; c < mChannels.size(); ++c)
+        set(c + 1, weight * (mChannels[c][point] - mReferences[c]));
+}
+
+void MomentTree::sumUp()
+{
+    const auto& nodes = mTree.nodes();
+    mSums.assign(nodes.size() * mLength, 0);
+    mMiddles.assign(nodes.size(), Vec3f::Zero());
+    std::vector<float> sums(mLength);
+    const auto sumsAt = [this](std::size_t node) { return mSums.data() + node * mLength; };
+    for (std::size_t at = nodes.size(); at-- > 0;) {
+        float* const into = sumsAt(at);
+        const auto add = [&](const float* from, const Vec3f& middle) {
+            for (std::size_t i = 0; i < mLength; ++i) into[i] += from[i];
+            mMiddles[at] += from[0] / into[0] * (middle - mMiddles[at]);
+        };
+        if (nodes[at].leaf) {
+            const BucketTree::Bucket& bucket = mTree.bucketOf(std::uint32_t(at));
+            for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
+                sumsOf(n, mFinest[at], sums.data());
+                add(sums.data(), position(n));
+            }
+        } else {
+            for (const std::size_t child : {at + 1, std::size_t(nodes[at].second)})
+                add(sumsAt(child), mMiddles[child]);
+        }
+    }
+}
+
+/// From the third neighbour of the point that is best among others; 0 for too few points.
+float MomentTree::spacingIn(const BucketTree::Bucket& bucket) const
+{
+    float least = std::numeric_limits<float>::max();
+    const std::uint32_t end = std::min(bucket.end, bucket.begin + std::uint32_t(kBucketPoints));
+    if (end - bucket.begin < 4) return 0;
+    for (std::uint32_t n = bucket.begin; n < end; ++n) {
+        std::array<float, kBucketPoints> squared;
+        for (std::uint32_t m = bucket.begin; m < end; ++m)
+            squared[m - bucket.begin] = (position(m) - position(n)).squaredNorm();
+        std::nth_element(squared.begin(), squared.begin() + 3,
+                         squared.begin() + end - bucket.begin);
+        least = std::min(least, squared[3]);
+    }
+    return std::sqrt(float(M_PI) / 3 * least);
+}
+
+/// Each point's finest level is that of the spacing about it.
+void MomentTree::findLevels()
+{
+    struct Spacings {
+        float sum = 0;
+        std::uint32_t count = 0;
+    };
+    std::vector<float> all;
+    const auto& nodes = mTree.nodes();
+    const std::vector<Spacings> spacings = mTree.perNode<Spacings>(
+        [&](std::uint32_t bucket) {
+            const float spacing = spacingIn(mTree.buckets()[bucket]);
+            if (!(spacing > 0)) return Spacings{};
+            all.push_back(spacing);
+            return Spacings{spacing, 1};
+        },
+        [](const Spacings& a, const Spacings& b) {
+            return Spacings{a.sum + b.sum, a.count + b.count};
+        });
+    mFinest.assign(nodes.size(), 0);
+    if (all.empty()) {
+        if (!nodes.empty()) mStep = std::max(nodes[0].box.diagonal().norm(), 1e-30f);
+        return;
+    }
+    std::nth_element(all.begin(), all.begin() + std::ptrdiff_t(all.size() / 2), all.end());
+    const float median = all[all.size() / 2];
+    mStep = kStepSpacings * median;
+    // Downwards: what has too few witnesses knows no more than what is above it.
+    std::vector<float> known(nodes.size(), median);
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        if (n == 0 || spacings[n].count >= kWitnesses)
+            known[n] = spacings[n].sum / float(spacings[n].count);
+        if (nodes[n].leaf) continue;
+        known[n + 1] = known[n];
+        known[nodes[n].second] = known[n];
+    }
+    std::vector<int> finest(nodes.size());
+    for (std::size_t n = nodes.size(); n-- > 0;)
+        mFinest[n] =
+            nodes[n].leaf
+                ? std::max(kFinest, 2 * int(std::floor(std::log2(known[n] / median) + 0.5f)))
+                : std::min(mFinest[n + 1], mFinest[nodes[n].second]);
+}
+
+int MomentTree::finestLevel(const Eigen::AlignedBox3f& box) const
+{
+    // Along each axis a point is seen up to two steps away.
+    const auto levelOf = [&](std::uint32_t node) {
+        const Eigen::AlignedBox3f& b = mTree.nodes()[node].box;
+        const float apart =
+            (b.min() - box.max()).cwiseMax(box.min() - b.max()).cwiseMax(0.0f).maxCoeff();
+        int level = mFinest[node];
+        if (apart > 0)
+            level = std::max(level, int(std::ceil(2 * std::log2(apart / (2 * mStep)) - 1e-3f)));
+        return level;
+    };
+    int best = std::numeric_limits<int>::max();
+    mTree.search([&](std::uint32_t node) { return float(levelOf(node)); },
+                 [&] { return float(best) - 1; },
+                 [&](std::uint32_t leaf) { best = std::min(best, levelOf(leaf)); });
+    return best;
+}
+
+} // namespace mpuvdb
