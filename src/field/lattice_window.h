@@ -99,8 +99,8 @@ public:
               std::vector<float>& seen) const;
 
 private:
-    static constexpr int kUnread = 64; ///< nodes that take what is not wanted
-    static constexpr std::size_t kAtOnce = 256;
+    static constexpr int kUnread = 64;          ///< nodes that take what is not wanted
+    static constexpr std::size_t kAtOnce = 256; ///< points; changes times alone
 
     Spot spotOf(const Vec3i& cell, const Vec3f& at) const
     {

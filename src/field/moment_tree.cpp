@@ -11,13 +11,14 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kBucketPoints = 8;
+constexpr std::size_t kBucketPoints = 8;  ///< in a leaf of the tree: changes times alone
 constexpr float kLeastConfidence = 1e-9f; ///< points without any count where there are no others
 /// Step of level 0, in spacings [derived: weights spread by 0.58 steps in the mean, those of a
 /// ball that holds a dozen points by 0.8 spacings; tuned: 1.2 leaves 8 % more noise, 1.4 blurs 15 %
 /// more].
 constexpr float kStepSpacings = 1.3f;
-constexpr std::uint32_t kWitnesses = 8; ///< buckets that tell a spacing
+/// Buckets that tell a spacing. [derived: 64 points know it to an eighth]
+constexpr std::uint32_t kWitnesses = 8;
 /// Finer levels than an eighth of the usual spacing are not worth their windows.
 constexpr int kFinest = -6;
 

@@ -17,7 +17,8 @@ namespace
 
 using Box = Eigen::AlignedBox3f;
 
-constexpr std::size_t kMostNodes = 1 << 17; ///< of a window, unless it is of one place
+/// Nodes of a window, unless it is of one place: what fits into a cache; changes times alone.
+constexpr std::size_t kMostNodes = 1 << 17;
 /// What points of opposite normals weigh at level 0, and more where steps are longer: as points in
 /// full from four times the step on.
 constexpr float kAgainst = 1.0f / 16;

@@ -6,6 +6,7 @@
 #include <mpuvdb/union_find.h>
 
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <unordered_map>
@@ -33,7 +34,7 @@ struct Place {
 class Blocks
 {
 public:
-    explicit Blocks(const Tree& tree) : mTree(tree)
+    Blocks(const Tree& tree, Progress& progress) : mTree(tree)
     {
         tree.getNodes(mUppers);
         tree.getNodes(mLowers);
@@ -41,14 +42,24 @@ public:
         mLeafOf.resize(mLowers.size() * Lower::NUM_VALUES);
         for (std::uint32_t n = 0; n < mLowers.size(); ++n) {
             mLowerAt[mLowers[n]->origin()] = n;
+            mBox.expand(mLowers[n]->getNodeBoundingBox());
             for (auto child = mLowers[n]->cbeginChildOn(); child; ++child) {
                 mLeafOf[n * Lower::NUM_VALUES + child.pos()] = std::uint32_t(mLeaves.size());
                 mLeaves.push_back(&*child);
             }
         }
+        mInside.resize(mLeaves.size());
+        tbb::parallel_for(std::size_t(0), mLeaves.size(), [&](std::size_t n) {
+            if (n % 256 == 0) progress.check();
+            mInside[n] = wordsWhere(mLeaves[n]->buffer().data(), [](float v) { return v < 0; });
+        });
     }
 
     const std::vector<const Leaf*>& leaves() const { return mLeaves; }
+    /// Beyond this nothing is enclosed; empty without leaves.
+    const openvdb::CoordBBox& box() const { return mBox; }
+    /// The voxels of a leaf that are inside.
+    const SignWords& insideOf(std::size_t leaf) const { return mInside[leaf]; }
     const std::vector<const Lower*>& lowers() const { return mLowers; }
     const std::vector<const Upper*>& uppers() const { return mUppers; }
 
@@ -69,6 +80,8 @@ public:
     Place inUpper(std::uint32_t n, openvdb::Index slot) const
     {
         if (mUppers[n]->isChildMaskOn(slot)) return {Place::None, 0, 0};
+        if (!mBox.isInside(mUppers[n]->offsetToGlobalCoord(slot)))
+            return {Place::Root, 0, mUppers[n]->getTable()[slot].getValue()};
         return {Place::UpperTile, std::uint32_t(n * Upper::NUM_VALUES + slot),
                 mUppers[n]->getTable()[slot].getValue()};
     }
@@ -76,9 +89,11 @@ public:
 private:
     const Tree& mTree;
     std::vector<const Leaf*> mLeaves;
+    std::vector<SignWords> mInside; ///< by leaf
     std::vector<const Lower*> mLowers;
     std::vector<const Upper*> mUppers;
     std::vector<std::uint32_t> mLeafOf; ///< by lower node and slot
+    openvdb::CoordBBox mBox;            ///< of the lower nodes
     std::unordered_map<Coord, std::uint32_t> mUpperAt, mLowerAt;
 };
 
@@ -91,7 +106,10 @@ public:
     {
         tbb::parallel_for(std::size_t(0), mPieces.size(), [&](std::size_t n) {
             if (n % 256 == 0) progress.check();
-            mPieces[n] = connectedParts(sideOf(*blocks.leaves()[n]));
+            SignWords words = blocks.insideOf(n);
+            if (!inside)
+                for (std::uint64_t& word : words) word = ~word;
+            mPieces[n] = connectedParts(words);
         });
         for (const auto& pieces : mPieces) {
             mFirst.push_back(mCount);
@@ -118,13 +136,6 @@ public:
     }
 
 private:
-    SignWords sideOf(const Leaf& leaf) const
-    {
-        const bool inside = mInside;
-        return wordsWhere(leaf.buffer().data(),
-                          [inside](float value) { return (value < 0) == inside; });
-    }
-
     bool isOnSide(const Place& place) const // a leaf may be on both
     {
         return place.kind == Place::InLeaf || (place.value < 0) == mInside;
@@ -158,35 +169,44 @@ private:
         }
     }
 
-    /// Join the slots of a node with those above them, and at its lower border with what is wider
-    /// than they are and does not look for them itself. @param placeAt  of a slot.
+    /// Join the slots of a node with those above them, and with what is wider below them, which
+    /// does not look for them itself. @param placeAt  of a slot.
     template <class Node, class PlaceAt>
     void joinSlots(const Node& node, const PlaceAt& placeAt)
     {
-        constexpr auto kLog = Node::LOG2DIM;
-        constexpr openvdb::Index kLast = (1 << kLog) - 1;
-        for (openvdb::Index slot = 0; slot < Node::NUM_VALUES; ++slot) {
-            const Place place = placeAt(slot);
-            if (place.kind == Place::None || !isOnSide(place)) continue;
-            for (int axis = 0; axis < 3; ++axis) {
-                const auto shift = kLog * openvdb::Index(2 - axis);
-                const openvdb::Index along = slot >> shift & kLast;
-                Coord beside = node.offsetToGlobalCoord(slot);
-                if (along < kLast) {
-                    join(place, placeAt(slot + (1u << shift)), axis);
-                } else {
-                    beside[axis] += int(Node::ChildNodeType::DIM);
-                    const Place above = mBlocks.at(beside);
-                    if (above.kind <= place.kind || place.kind > Place::UpperTile)
-                        join(place, above, axis);
-                    beside[axis] -= int(Node::ChildNodeType::DIM);
+        // Slots that hold a lower node, and tiles beyond all of them, have nothing to look for.
+        openvdb::CoordBBox within = mBlocks.box();
+        within.intersect(node.getNodeBoundingBox());
+        constexpr int kStep = int(Node::ChildNodeType::DIM);
+        for (int x = within.min().x(); x <= within.max().x(); x += kStep)
+            for (int y = within.min().y(); y <= within.max().y(); y += kStep)
+                for (int z = within.min().z(); z <= within.max().z(); z += kStep) {
+                    const openvdb::Index slot = Node::coordToOffset({x, y, z});
+                    const Place place = placeAt(slot);
+                    if (place.kind == Place::None || !isOnSide(place)) continue;
+                    for (int axis = 0; axis < 3; ++axis)
+                        joinAlong<Node>(axis, {x, y, z}, slot, place, placeAt);
                 }
-                if (along > 0) continue;
-                beside[axis] -= 1;
-                const Place below = mBlocks.at(beside);
-                if (below.kind < std::min(place.kind, Place::LowerTile)) join(below, place, axis);
-            }
-        }
+    }
+
+    /// The same for one slot at @a origin, along an axis.
+    template <class Node, class PlaceAt>
+    void joinAlong(int axis, const Coord& origin, openvdb::Index slot, const Place& place,
+                   const PlaceAt& placeAt)
+    {
+        const auto shift = Node::LOG2DIM * openvdb::Index(2 - axis);
+        const openvdb::Index last = (1 << Node::LOG2DIM) - 1, along = slot >> shift & last;
+        const auto beside = [&](int by) {
+            Coord at = origin;
+            at[axis] += by;
+            return mBlocks.at(at);
+        };
+        const Place above =
+            along < last ? placeAt(slot + (1u << shift)) : beside(int(Node::ChildNodeType::DIM));
+        // A tile leaves smaller ones in another node to look for it.
+        if (above.kind <= place.kind || place.kind > Place::UpperTile) join(place, above, axis);
+        const Place below = along > 0 ? placeAt(slot - (1u << shift)) : beside(-1);
+        if (below.kind < std::min(place.kind, Place::LowerTile)) join(below, place, axis);
     }
 
     void joinAll(Progress& progress)
@@ -216,9 +236,12 @@ private:
 PartCounts countParts(const LevelSet& levelSet, Progress& progress)
 {
     constexpr std::uint64_t kSpeck = 8; // voxels
-    const Blocks blocks(levelSet.grid().tree());
-    return {SideParts(blocks, true, progress).count(kSpeck),
-            SideParts(blocks, false, progress).count(kSpeck)};
+    const Blocks blocks(levelSet.grid().tree(), progress);
+    PartCounts counts;
+    tbb::parallel_invoke(
+        [&] { counts.parts = SideParts(blocks, true, progress).count(kSpeck); },
+        [&] { counts.cavities = SideParts(blocks, false, progress).count(kSpeck); });
+    return counts;
 }
 
 } // namespace mpuvdb

@@ -38,21 +38,33 @@ struct Sample {
     Vec3d gradient = Vec3d::Zero();
 };
 
+/// The values of the eight voxels from @a base on, z fastest.
+void valuesFrom(const Accessor& band, const openvdb::Coord& base, float* v)
+{
+    const Leaf* const leaf = band.probeConstLeaf(base);
+    const auto within = [&](int k) { return (base[k] & int(Leaf::DIM - 1)) < int(Leaf::DIM - 1); };
+    if (leaf && within(0) && within(1) && within(2)) {
+        const float* const first = leaf->buffer().data() + Leaf::coordToOffset(base);
+        for (int n = 0; n < 8; ++n) v[n] = first[(n >> 2) * 64 + (n >> 1 & 1) * 8 + (n & 1)];
+    } else {
+        for (int n = 0; n < 8; ++n) v[n] = band.getValue(base.offsetBy(n >> 2, n >> 1 & 1, n & 1));
+    }
+}
+
 Sample sampleAt(const Accessor& band, const Vec3d& x)
 {
     const auto base = openvdb::Coord::floor(openvdb::Vec3d(x[0], x[1], x[2]));
-    const double t[3] = {x[0] - base[0], x[1] - base[1], x[2] - base[2]};
-    Sample sample;
-    for (int corner = 0; corner < 8; ++corner) {
-        const int bit[3] = {corner & 1, corner >> 1 & 1, corner >> 2 & 1};
-        const double v = double(band.getValue(base.offsetBy(bit[0], bit[1], bit[2])));
-        double w[3];
-        for (int k = 0; k < 3; ++k) w[k] = bit[k] ? t[k] : 1 - t[k];
-        sample.value += w[0] * w[1] * w[2] * v;
-        sample.gradient += v * Vec3d((2 * bit[0] - 1) * w[1] * w[2], (2 * bit[1] - 1) * w[0] * w[2],
-                                     (2 * bit[2] - 1) * w[0] * w[1]);
-    }
-    return sample;
+    const double tx = x[0] - base[0], ty = x[1] - base[1], tz = x[2] - base[2];
+    float v[8];
+    valuesFrom(band, base, v);
+    const auto between = [](double a, double b, double t) { return a + t * (b - a); };
+    const auto alongZ = [&](int n) { return between(double(v[n]), double(v[n + 1]), tz); };
+    const auto riseZ = [&](int n) { return double(v[n + 1]) - double(v[n]); };
+    const double z00 = alongZ(0), z01 = alongZ(2), z10 = alongZ(4), z11 = alongZ(6);
+    const double y0 = between(z00, z01, ty), y1 = between(z10, z11, ty);
+    return {between(y0, y1, tx),
+            {y1 - y0, between(z01 - z00, z11 - z10, tx),
+             between(between(riseZ(0), riseZ(2), ty), between(riseZ(4), riseZ(6), ty), tx)}};
 }
 
 /// Counts over some of the points.

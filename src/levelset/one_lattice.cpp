@@ -19,7 +19,8 @@ namespace
 constexpr double kSameSize = 1e-6;
 /// Voxels by which origins may differ.
 constexpr double kSameOrigin = 1e-4;
-/// See demandFewVoxels().
+/// Of the voxels that there are. [derived: 8 x 8, where each voxel becomes a leaf; see
+/// demandFewVoxels()]
 constexpr double kMostTimes = 64;
 
 bool isSame(const Lattice& a, const Lattice& b)

@@ -49,33 +49,46 @@ bool isCrossedBeyond(const openvdb::tree::ValueAccessor<const Tree>& at,
     return false;
 }
 
-/// Of one leaf, in voxels: the share of each that is inside, and of the surface's area.
+/// Of a leaf's voxels, as if a plane passed each at its distance: the sums of the shares of a slab
+/// a voxel wide that are inside, and of the areas in one two voxels wide. In voxels.
+SolidSums sumPlanes(const float* values, float perVoxel)
+{
+    constexpr std::size_t kLanes = 8; // sums of their own, as compilers make loops wide
+    float volume[kLanes] = {}, area[kLanes] = {};
+    for (std::size_t n = 0; n < std::size_t(kBlockVoxels); n += kLanes)
+        for (std::size_t k = 0; k < kLanes; ++k) {
+            const float distance = perVoxel * values[n + k];
+            volume[k] += std::min(std::max(0.5f - distance, 0.0f), 1.0f);
+            area[k] += std::max(1 - std::abs(distance), 0.0f);
+        }
+    SolidSums sums;
+    for (std::size_t k = 0; k < kLanes; ++k) {
+        sums.volume += double(volume[k]);
+        sums.area += double(area[k]);
+    }
+    return sums;
+}
+
+/// Of one leaf, in voxels. Beside edges and in gaps voxels may be near a surface that does not
+/// reach them: these are inside as a whole, or not at all.
 SolidSums sumLeaf(const Leaf& leaf, const Tree& tree, float voxelSize)
 {
     const float* const values = leaf.buffer().data();
+    SolidSums sums = sumPlanes(values, 1 / voxelSize);
     const SignWords inside = wordsWhere(values, [](float value) { return value < 0; });
-    const SignWords near =
-        wordsWhere(values, [=](float value) { return std::abs(value) < voxelSize; });
     const SignWords crossed = crossedWithin(inside);
+    const float half = 0.5f * voxelSize;
+    const SignWords near = wordsWhere(values, [=](float value) { return std::abs(value) < half; });
     const openvdb::tree::ValueAccessor<const Tree> at(tree);
-    SolidSums sums;
-    for (std::size_t x = 0; x < inside.size(); ++x) {
-        const std::uint64_t looked =
-            near[x] & leaf.getValueMask().getWord<std::uint64_t>(openvdb::Index(x));
-        sums.volume += __builtin_popcountll(inside[x] & ~looked);
-        for (std::uint64_t rest = looked; rest; rest &= rest - 1) {
+    for (std::size_t x = 0; x < inside.size(); ++x)
+        for (std::uint64_t rest = near[x] & ~crossed[x]; rest; rest &= rest - 1) {
             const auto bit = std::size_t(__builtin_ctzll(rest));
             const bool isInside = inside[x] >> bit & 1u;
             const auto offset = openvdb::Index(64 * x + bit);
-            // A plane at this distance from the middle of a slab two voxels wide, and of one of a
-            // voxel.
+            if (isCrossedBeyond(at, leaf.offsetToGlobalCoord(offset), isInside)) continue;
             const double distance = double(values[offset]) / double(voxelSize);
-            sums.area += 1 - std::abs(distance);
-            const bool isCrossed = (crossed[x] >> bit & 1u) ||
-                                   isCrossedBeyond(at, leaf.offsetToGlobalCoord(offset), isInside);
-            sums.volume += isCrossed ? std::clamp(0.5 - distance, 0.0, 1.0) : double(isInside);
+            sums.volume += double(isInside) - (0.5 - distance);
         }
-    }
     return sums;
 }
 

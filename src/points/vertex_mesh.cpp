@@ -18,6 +18,14 @@ constexpr std::size_t kPlaces = 4096;
 
 using Triangle = std::array<std::uint32_t, 3>;
 
+/// A number whose bits all depend on all of @a key's.
+std::uint64_t mixed(std::uint64_t key)
+{
+    key = (key ^ key >> 31) * 0x9e3779b97f4a7c15u;
+    key = (key ^ key >> 29) * 0xd6e8feb86659fd93u;
+    return key ^ key >> 32;
+}
+
 /// A number of a position, the same for equal ones.
 std::uint64_t numberOf(const Vec3d& p)
 {
@@ -26,31 +34,12 @@ std::uint64_t numberOf(const Vec3d& p)
         std::uint64_t bits;
         const double unsignedZero = x + 0.0;
         std::memcpy(&bits, &unsignedZero, sizeof bits);
-        number = (number ^ bits) * 0x9e3779b97f4a7c15u;
-        number ^= number >> 29;
+        number = mixed(number ^ bits);
     }
     return number;
 }
 
-/// Whether all edges cancel: edges that run from p to q and from q to p add nothing to the sum.
-/// [derived: sums of random 64-bit numbers are 0 by chance once in 10^19]
-bool isClosed(const std::vector<Vec3d>& positions, const std::vector<Triangle>& triangles)
-{
-    std::uint64_t sum = 0;
-    for (const Triangle& t : triangles) {
-        const std::uint64_t n[3] = {numberOf(positions[t[0]]), numberOf(positions[t[1]]),
-                                    numberOf(positions[t[2]])};
-        for (int side = 0; side < 3; ++side) {
-            const std::uint64_t from = n[side], to = n[(side + 1) % 3];
-            const std::uint64_t mixed =
-                (std::min(from, to) ^ 0xd6e8feb86659fd93u) * (std::max(from, to) | 1u);
-            sum += from < to ? mixed : from > to ? ~mixed + 1 : 0;
-        }
-    }
-    return sum == 0;
-}
-
-/// Of each vertex the first at the same position.
+/// Of each vertex the first at the same position; of those that are not finite, themselves.
 std::vector<std::uint32_t> firstVertices(const std::vector<Vec3d>& positions)
 {
     constexpr std::uint32_t kFree = 0xffffffffu;
@@ -58,6 +47,8 @@ std::vector<std::uint32_t> firstVertices(const std::vector<Vec3d>& positions)
     while (slots < 2 * positions.size()) slots *= 2;
     std::vector<std::uint32_t> table(slots, kFree), first(positions.size());
     for (std::uint32_t v = 0; v < positions.size(); ++v) {
+        first[v] = v;
+        if (!positions[v].allFinite()) continue; // equal to none
         std::size_t slot = numberOf(positions[v]) & (slots - 1);
         while (table[slot] != kFree && positions[table[slot]] != positions[v])
             slot = (slot + 1) & (slots - 1);
@@ -65,6 +56,22 @@ std::vector<std::uint32_t> firstVertices(const std::vector<Vec3d>& positions)
         first[v] = table[slot];
     }
     return first;
+}
+
+/// Whether all edges cancel: edges that run from p to q and from q to p add nothing to the sum.
+/// [derived: sums of random 64-bit numbers are 0 by chance once in 10^19]
+/// @param first  of each vertex, that at its position.
+bool isClosed(const std::vector<std::uint32_t>& first, const std::vector<Triangle>& triangles)
+{
+    std::uint64_t sum = 0;
+    for (const Triangle& t : triangles)
+        for (std::size_t side = 0; side < 3; ++side) {
+            const std::uint32_t from = first[t[side]], to = first[t[(side + 1) % 3]];
+            const std::uint64_t edge =
+                mixed(std::uint64_t(std::min(from, to)) << 32 | std::max(from, to));
+            sum += from < to ? edge : from > to ? ~edge + 1 : 0;
+        }
+    return sum == 0;
 }
 
 } // namespace
@@ -79,8 +86,8 @@ std::shared_ptr<const VertexMesh> vertexMesh(const std::vector<Vec3d>& positions
         return std::array<Vec3d, 3>{positions[t[0]], positions[t[1]], positions[t[2]]};
     };
     auto mesh = std::make_shared<VertexMesh>();
-    mesh->isClosed = isClosed(positions, triangles);
     const std::vector<std::uint32_t> first = firstVertices(positions);
+    mesh->isClosed = isClosed(first, triangles);
     UnionFind joined(positions.size());
     for (std::uint32_t v = 0; v < first.size(); ++v) joined.join(v, first[v]);
     for (const Triangle& t : triangles) joined.join(t[0], t[1]), joined.join(t[0], t[2]);

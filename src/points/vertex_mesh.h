@@ -8,8 +8,9 @@
 namespace mpuvdb
 {
 
-/// The numbers of a mesh in one pass over its triangles. Corners at the same position are the same.
-/// @param positions  world units, finite. @return null for a mesh without area.
+/// The numbers of a mesh, in time proportional to its size. Corners at the same position are one.
+/// @param positions  world units; those of corners are finite. @return null for a mesh without
+/// area.
 std::shared_ptr<const VertexMesh>
 vertexMesh(const std::vector<Vec3d>& positions,
            const std::vector<std::array<std::uint32_t, 3>>& triangles);
