@@ -79,9 +79,6 @@ void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWin
                  float against, const std::int32_t* slots, std::ptrdiff_t slab, std::ptrdiff_t row,
                  std::size_t length, const float* sums, float* seen)
 {
-    using Indices = std::int32_t __attribute__((vector_size(4 * kLanes)));
-    constexpr Indices kPairs = {1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10, 13, 12, 15, 14},
-                      kHalves = {2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15, 12, 13};
     Lanes balance;
     for (std::size_t k = 0; k < kLanes; ++k)
         balance[k] = 0.5f * (k % 4 ? 1 - against : 1 + against);
@@ -96,8 +93,11 @@ void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWin
             for (std::size_t k = 0; k < 8; ++k)
                 sum += weights[k] * lanesAt<Lanes>(sums + std::size_t(nodes[k]) * length + n);
             sum *= balance * tilts;
-            sum += __builtin_shuffle(sum, kPairs);
-            sum += __builtin_shuffle(sum, kHalves);
+            // Of each quadruple all four numbers: neighbors first, then halves.
+            sum += __builtin_shufflevector(sum, sum, 1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10, 13, 12,
+                                           15, 14);
+            sum += __builtin_shufflevector(sum, sum, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15,
+                                           12, 13);
             for (std::size_t k = 0; k < kLanes; k += 4) *seen++ = sum[k];
         }
         ++tilt;

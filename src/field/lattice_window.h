@@ -41,7 +41,7 @@ public:
             mFirst[k] = floorOf(mPerStep * box.min()[k]) - margin;
             mSize[k] = floorOf(mPerStep * box.max()[k]) + 2 + margin - mFirst[k];
         }
-        mSlots.assign(std::size_t(mSize[0] * mSize[1] * mSize[2]), 0);
+        mSlots.assign(mSize.cast<std::size_t>().prod(), 0);
         mUsed = kUnread;
         mLast = -1;
     }
@@ -56,9 +56,10 @@ public:
         const Spot spot = spotOf({floorOf(at[0]), floorOf(at[1]), floorOf(at[2])}, at);
         if (spot.offset == mLast) return spot;
         mLast = spot.offset;
-        for (const int row : {0, mSize[2], mSize[1] * mSize[2], (mSize[1] + 1) * mSize[2]})
-            for (const int side : {0, 1}) {
-                std::int32_t& slot = mSlots[std::size_t(spot.offset + row + side)];
+        const auto across = std::size_t(mSize[2]), slab = std::size_t(mSize[1]) * across;
+        for (const std::size_t row : {std::size_t(0), across, slab, slab + across})
+            for (const std::size_t side : {0, 1}) {
+                std::int32_t& slot = mSlots[std::size_t(spot.offset) + row + side];
                 if (!slot) slot = mUsed++;
             }
         return spot;

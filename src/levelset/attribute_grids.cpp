@@ -85,6 +85,7 @@ std::vector<LeafGroup> groupsOf(const openvdb::tree::LeafManager<const FloatTree
     for (std::size_t n = 0; n < leaves.leafCount(); ++n)
         groups[leaves.leaf(n).origin() >> kEdgeBits].push_back(&leaves.leaf(n));
     std::vector<LeafGroup> result;
+    result.reserve(groups.size());
     for (auto& [cube, group] : groups) result.push_back(std::move(group));
     return result;
 }

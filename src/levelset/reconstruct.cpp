@@ -53,13 +53,13 @@ void demandSupport(const VertexMesh& mesh, double spacing)
 Box3d resolveRegion(const std::array<Length, 6>& region, const ResolvedSettings& resolved)
 {
     Box3d box;
-    for (int axis = 0; axis < 3; ++axis) {
-        const auto at = [&](int corner) {
-            return region[std::size_t(3 * corner + axis)].resolve(resolved.grid.lattice.voxelSize,
-                                                                  resolved.diagonal);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto at = [&](std::size_t corner) {
+            return region[3 * corner + axis].resolve(resolved.grid.lattice.voxelSize,
+                                                     resolved.diagonal);
         };
-        box.min()[axis] = at(0);
-        box.max()[axis] = at(1);
+        box.min()[Eigen::Index(axis)] = at(0);
+        box.max()[Eigen::Index(axis)] = at(1);
     }
     if (box.isEmpty())
         throw UsageError("the region is empty: give the lower corner first, x0 y0 z0 x1 y1 z1");

@@ -61,7 +61,7 @@ void findGradients(const float* values, std::ptrdiff_t slab, std::ptrdiff_t row,
         const Lanes scale = 1 / length;
         const auto put = [&](std::array<float, Leaf::SIZE>& into, const Lanes& slope) {
             const Lanes kept = known ? scale * slope : Lanes{};
-            std::memcpy(&into[std::size_t(8 * n)], &kept, sizeof kept);
+            std::memcpy(into.data() + 8 * n, &kept, sizeof kept);
         };
         put(gradients.x, x);
         put(gradients.y, y);

@@ -35,6 +35,7 @@ protected:
                 throw UsageError(fmt::format("--blend {}: must be from 0 on", mBlend->text()));
         }
         std::vector<Shape> shapes;
+        shapes.reserve(inputs.size());
         for (const GridInput& input : inputs) shapes.emplace_back(input.levelSet);
         const std::vector<LevelSet> solids = onOneLattice(
             inputs, Shape::combine(mKind, shapes, radius), mVoxelSize, settings(), session);
