@@ -13,6 +13,7 @@
 #include <mpuvdb/scan_sampler.h>
 
 #include "count_parts.h"
+#include "solid_blocks.h"
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/SignedFloodFill.h>
@@ -317,14 +318,14 @@ LevelSet levelSetOf(const Mesh& mesh, double voxelSize, const Vec3d& origin)
 PartCounts counted(const LevelSet& levelSet)
 {
     Progress progress;
-    return countParts(levelSet, progress);
+    return countParts(SolidBlocks(levelSet, progress), progress);
 }
 
 TEST(CountParts, CavitiesSmallAndWide)
 {
-    // Cavities beyond the size of a leaf, of a lower node (128 voxels), and about the origin,
-    // where eight upper nodes meet.
-    for (const double radius : {20.0, 160.0})
+    // Cavities beyond the size of a leaf, of lower nodes (128 voxels) where there are tiles, and
+    // about the origin, where eight upper nodes meet.
+    for (const double radius : {20.0, 280.0})
         for (const Vec3d& center : {Vec3d(0, 0, 0), Vec3d(700, 300, 2000)}) {
             Mesh outer = test::ballPart(radius, 8), inner = test::ballPart(radius - 6, 8),
                  core = test::ballPart(radius / 4, 8), hole = test::ballPart(radius / 8, 8);

@@ -285,7 +285,7 @@ std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const Oct
             count += box.contains(Vec3d(mPoints.x[n], mPoints.y[n], mPoints.z[n]));
         return count;
     }
-    for (int octant = 0; octant < 8 && count <= limit; ++octant)
+    for (int octant = 0; octant < 8 && count < limit; ++octant)
         count += countIn(box, limit, cell.child(octant));
     return count;
 }

@@ -93,7 +93,7 @@ public:
     /// The points in the ball, every @a stride th of those around it.
     void gather(const Around& around, std::size_t stride, BatchFilter& filter,
                 PointBatch& out) const;
-    /// Number of points in @a box (local coordinates); stops counting beyond @a limit.
+    /// Number of points in @a box (local coordinates); at least @a limit if there are that many.
     std::size_t countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell = {}) const;
     /// Call f(begin, end) for every occupied cell of @a level, in Morton order, whose first point
     /// is in @a among.

@@ -7,40 +7,53 @@ namespace
 
 constexpr std::uint64_t kFirstZ = 0x0101010101010101ull, kLastZ = kFirstZ << 7;
 
-/// Grow @a seed through face neighbours inside @a mask until it fills its component.
-SignWords fill(SignWords seed, const SignWords& mask)
+/// Those of @a mask that are connected by faces to its first.
+SignWords firstPart(const SignWords& mask)
 {
+    std::size_t first = 0;
+    while (!mask[first]) ++first;
+    SignWords part{};
+    part[first] = mask[first] & (~mask[first] + 1);
     for (bool grew = true; grew;) {
         grew = false;
         for (std::size_t x = 0; x < kBlockDim; ++x) {
-            const std::uint64_t s = seed[x];
-            std::uint64_t g = s | s << 8 | s >> 8 | (s << 1 & ~kFirstZ) | (s >> 1 & ~kLastZ);
-            if (x > 0) g |= seed[x - 1];
-            if (x + 1 < kBlockDim) g |= seed[x + 1];
-            g &= mask[x];
-            grew |= g != s;
-            seed[x] = g;
+            std::uint64_t grown = part[x];
+            if (x > 0) grown |= part[x - 1];
+            if (x + 1 < kBlockDim) grown |= part[x + 1];
+            grown &= mask[x];
+            if (grown == part[x] && x != first) continue;
+            for (std::uint64_t before = 0; before != grown;) { // to the end of the slab
+                before = grown;
+                grown |= (grown << 8 | grown >> 8) & mask[x];
+                grown |= ((grown << 1 & ~kFirstZ) | (grown >> 1 & ~kLastZ)) & mask[x];
+            }
+            grew |= grown != part[x];
+            part[x] = grown;
         }
     }
-    return seed;
+    return part;
 }
 
 } // namespace
 
+void appendConnectedParts(const SignWords& voxels, std::vector<SignWords>& parts)
+{
+    SignWords rest = voxels;
+    const auto isLeft = [&] {
+        std::uint64_t any = 0;
+        for (const std::uint64_t word : rest) any |= word;
+        return any != 0;
+    };
+    while (isLeft()) {
+        parts.push_back(firstPart(rest));
+        for (std::size_t x = 0; x < kBlockDim; ++x) rest[x] &= ~parts.back()[x];
+    }
+}
+
 std::vector<SignWords> connectedParts(const SignWords& voxels)
 {
     std::vector<SignWords> parts;
-    SignWords rest = voxels;
-    for (std::size_t first = 0; first < kBlockDim;) {
-        if (!rest[first]) {
-            ++first;
-            continue;
-        }
-        SignWords seed{};
-        seed[first] = rest[first] & (~rest[first] + 1);
-        parts.push_back(fill(seed, rest));
-        for (std::size_t x = 0; x < kBlockDim; ++x) rest[x] &= ~parts.back()[x];
-    }
+    appendConnectedParts(voxels, parts);
     return parts;
 }
 

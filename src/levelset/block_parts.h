@@ -31,6 +31,7 @@ SignWords wordsWhere(const float* values, const Holds& holds)
 
 /// The parts of @a voxels that are connected by faces, by their first voxels.
 std::vector<SignWords> connectedParts(const SignWords& voxels);
+void appendConnectedParts(const SignWords& voxels, std::vector<SignWords>& parts);
 
 /// Whether two parts meet across the face from block a to its upper neighbour b on @a axis.
 bool meet(const SignWords& a, const SignWords& b, int axis);

@@ -1,15 +1,13 @@
 #include "count_parts.h"
 
-#include "block_parts.h"
+#include "solid_blocks.h"
 
 #include <mpuvdb/progress.h>
 #include <mpuvdb/union_find.h>
 
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
-#include <unordered_map>
 
 namespace mpuvdb
 {
@@ -17,130 +15,119 @@ namespace
 {
 
 using openvdb::Coord;
-using Tree = openvdb::FloatTree;
-using Leaf = Tree::LeafNodeType;
-using Upper = Tree::RootNodeType::ChildNodeType;
-using Lower = Upper::ChildNodeType;
+using Place = SolidBlocks::Place;
+using Lower = SolidBlocks::Lower;
+using Slots = SolidBlocks::Slots;
 
-/// Where a block of a leaf's size, or a tile, is in the tree.
-struct Place {
-    enum Kind { Root, UpperTile, LowerTile, InLeaf, None }; ///< none: smaller ones are there
-    Kind kind = Root;
-    std::uint32_t index = 0; ///< of a leaf, or of a tile among all that there may be
-    float value = 0;         ///< of a tile
-};
+/// Bits of a slot's number for each axis; of a word's bits, those whose slots are first along z.
+constexpr openvdb::Index kSlotBits = Lower::LOG2DIM;
+constexpr std::uint64_t kFirstZ = 0x0001000100010001u, kLastZ = kFirstZ << 15;
 
-/// Where the leaves and tiles of a tree are.
-class Blocks
+/// Word @a w of those slots whose upper neighbors on @a axis are in the node and among @a slots.
+std::uint64_t below(const Slots& slots, int axis, std::size_t w)
+{
+    if (axis == 0) return w + 4 < slots.size() ? slots[w + 4] : 0;
+    if (axis == 1) return slots[w] >> 16 | (w % 4 < 3 ? slots[w + 1] << 48 : 0);
+    return slots[w] >> 1 & ~kLastZ;
+}
+
+/// Call @a f(slot) for each bit of word @a w.
+template <class F>
+void forEachBit(std::uint64_t word, std::size_t w, const F& f)
+{
+    for (; word; word &= word - 1)
+        f(openvdb::Index(64 * w) + openvdb::Index(__builtin_ctzll(word)));
+}
+
+/// Call @a f(low, high) for each slot at a lower node's lower face across @a axis and for that
+/// opposite it.
+template <class F>
+void forEachSlotOfFace(int axis, const F& f)
+{
+    constexpr openvdb::Index kSide = 1u << kSlotBits;
+    const auto shiftOf = [](int a) { return kSlotBits * openvdb::Index(2 - a); };
+    const int u = axis == 0 ? 1 : 0, v = axis == 2 ? 1 : 2;
+    for (openvdb::Index i = 0; i < kSide; ++i)
+        for (openvdb::Index j = 0; j < kSide; ++j) {
+            const openvdb::Index low = i << shiftOf(u) | j << shiftOf(v);
+            f(low, low | (kSide - 1) << shiftOf(axis));
+        }
+}
+
+/// The connected pieces of all leaves, those outside and those inside of one after the other.
+class LeafPieces
 {
 public:
-    Blocks(const Tree& tree, Progress& progress) : mTree(tree)
+    LeafPieces(const SolidBlocks& blocks, Progress& progress)
     {
-        tree.getNodes(mUppers);
-        tree.getNodes(mLowers);
-        for (std::uint32_t n = 0; n < mUppers.size(); ++n) mUpperAt[mUppers[n]->origin()] = n;
-        mLeafOf.resize(mLowers.size() * Lower::NUM_VALUES);
-        for (std::uint32_t n = 0; n < mLowers.size(); ++n) {
-            mLowerAt[mLowers[n]->origin()] = n;
-            mBox.expand(mLowers[n]->getNodeBoundingBox());
-            for (auto child = mLowers[n]->cbeginChildOn(); child; ++child) {
-                mLeafOf[n * Lower::NUM_VALUES + child.pos()] = std::uint32_t(mLeaves.size());
-                mLeaves.push_back(&*child);
-            }
-        }
-        mInside.resize(mLeaves.size());
-        tbb::parallel_for(std::size_t(0), mLeaves.size(), [&](std::size_t n) {
-            if (n % 256 == 0) progress.check();
-            mInside[n] = wordsWhere(mLeaves[n]->buffer().data(), [](float v) { return v < 0; });
+        constexpr std::size_t kTogether = 256; // leaves
+        const std::size_t leaves = blocks.leaves().size();
+        mFirst.resize(2 * leaves + 1);
+        std::vector<std::vector<SignWords>> chunks((leaves + kTogether - 1) / kTogether);
+        tbb::parallel_for(std::size_t(0), chunks.size(), [&](std::size_t chunk) {
+            progress.check();
+            const std::size_t end = std::min((chunk + 1) * kTogether, leaves);
+            for (std::size_t n = chunk * kTogether; n < end; ++n)
+                for (const bool inside : {false, true}) {
+                    SignWords words = blocks.insideOf(n);
+                    if (!inside)
+                        for (std::uint64_t& word : words) word = ~word;
+                    mFirst[2 * n + inside] = std::uint32_t(chunks[chunk].size());
+                    appendConnectedParts(words, chunks[chunk]);
+                }
         });
+        for (std::size_t chunk = 0; chunk < chunks.size(); ++chunk) {
+            const std::size_t end = std::min((chunk + 1) * kTogether, leaves);
+            for (std::size_t n = 2 * chunk * kTogether; n < 2 * end; ++n) mFirst[n] += count();
+            mPieces.insert(mPieces.end(), chunks[chunk].begin(), chunks[chunk].end());
+        }
+        mFirst.back() = count();
     }
 
-    const std::vector<const Leaf*>& leaves() const { return mLeaves; }
-    /// Beyond this nothing is enclosed; empty without leaves.
-    const openvdb::CoordBBox& box() const { return mBox; }
-    /// The voxels of a leaf that are inside.
-    const SignWords& insideOf(std::size_t leaf) const { return mInside[leaf]; }
-    const std::vector<const Lower*>& lowers() const { return mLowers; }
-    const std::vector<const Upper*>& uppers() const { return mUppers; }
-
-    Place at(const Coord& c) const
+    std::uint32_t count() const { return std::uint32_t(mPieces.size()); }
+    const SignWords& operator[](std::uint32_t n) const { return mPieces[n]; }
+    /// The pieces of one side of a leaf are from first() to end().
+    std::uint32_t first(std::uint32_t leaf, bool inside) const { return mFirst[2 * leaf + inside]; }
+    std::uint32_t end(std::uint32_t leaf, bool inside) const
     {
-        if (const auto lower = mLowerAt.find(c & ~int(Lower::DIM - 1)); lower != mLowerAt.end())
-            return inLower(lower->second, Lower::coordToOffset(c));
-        if (const auto upper = mUpperAt.find(c & ~int(Upper::DIM - 1)); upper != mUpperAt.end())
-            return inUpper(upper->second, Upper::coordToOffset(c));
-        return {Place::Root, 0, mTree.getValue(c)};
-    }
-    Place inLower(std::uint32_t n, openvdb::Index slot) const
-    {
-        const std::uint32_t index = n * Lower::NUM_VALUES + slot;
-        if (mLowers[n]->isChildMaskOn(slot)) return {Place::InLeaf, mLeafOf[index], 0};
-        return {Place::LowerTile, index, mLowers[n]->getTable()[slot].getValue()};
-    }
-    Place inUpper(std::uint32_t n, openvdb::Index slot) const
-    {
-        if (mUppers[n]->isChildMaskOn(slot)) return {Place::None, 0, 0};
-        if (!mBox.isInside(mUppers[n]->offsetToGlobalCoord(slot)))
-            return {Place::Root, 0, mUppers[n]->getTable()[slot].getValue()};
-        return {Place::UpperTile, std::uint32_t(n * Upper::NUM_VALUES + slot),
-                mUppers[n]->getTable()[slot].getValue()};
+        return mFirst[2 * leaf + inside + 1];
     }
 
 private:
-    const Tree& mTree;
-    std::vector<const Leaf*> mLeaves;
-    std::vector<SignWords> mInside; ///< by leaf
-    std::vector<const Lower*> mLowers;
-    std::vector<const Upper*> mUppers;
-    std::vector<std::uint32_t> mLeafOf; ///< by lower node and slot
-    openvdb::CoordBBox mBox;            ///< of the lower nodes
-    std::unordered_map<Coord, std::uint32_t> mUpperAt, mLowerAt;
+    std::vector<SignWords> mPieces;
+    std::vector<std::uint32_t> mFirst; ///< by leaf and side
 };
 
-/// The connected parts of all voxels on one side. All space beyond the tree is one place.
-class SideParts
+/// The connected parts of a solid and of what is around it. All space beyond the tree is one place.
+class SolidForest
 {
 public:
-    SideParts(const Blocks& blocks, bool inside, Progress& progress)
-        : mBlocks(blocks), mInside(inside), mPieces(blocks.leaves().size())
+    SolidForest(const SolidBlocks& blocks, Progress& progress)
+        : mBlocks(blocks), mPieces(blocks, progress), mLowerTiles(mPieces.count()),
+          mUpperTiles(mLowerTiles + std::uint32_t(blocks.lowers().size()) * Lower::NUM_VALUES),
+          mRoot(mUpperTiles + blocks.upperTiles()), mNodes(mRoot + 1)
     {
-        tbb::parallel_for(std::size_t(0), mPieces.size(), [&](std::size_t n) {
-            if (n % 256 == 0) progress.check();
-            SignWords words = blocks.insideOf(n);
-            if (!inside)
-                for (std::uint64_t& word : words) word = ~word;
-            mPieces[n] = connectedParts(words);
-        });
-        for (const auto& pieces : mPieces) {
-            mFirst.push_back(mCount);
-            mCount += std::uint32_t(pieces.size());
-        }
-        mLowerTiles = mCount;
-        mUpperTiles = mLowerTiles + std::uint32_t(blocks.lowers().size()) * Lower::NUM_VALUES;
-        mRoot = mUpperTiles + std::uint32_t(blocks.uppers().size()) * Upper::NUM_VALUES;
-        mNodes = UnionFind(mRoot + 1);
         joinAll(progress);
     }
 
-    /// Those of at least @a speck voxels, but for the one that is all around.
-    std::uint64_t count(std::uint64_t speck)
+    /// Those of at least @a speck voxels, but for what is all around.
+    PartCounts count(std::uint64_t speck)
     {
-        std::unordered_map<std::uint32_t, std::uint64_t> voxels; // by root
+        std::vector<std::uint64_t> voxels(mPieces.count()); // by root: pieces come before tiles
+        for (std::uint32_t n = 0; n < mPieces.count(); ++n)
+            voxels[mNodes.find(n)] += countVoxels(mPieces[n]);
+        PartCounts counts;
         const std::uint32_t around = mNodes.find(mRoot);
-        for (std::size_t n = 0; n < mPieces.size(); ++n)
-            for (std::size_t p = 0; p < mPieces[n].size(); ++p)
-                voxels[mNodes.find(mFirst[n] + std::uint32_t(p))] += countVoxels(mPieces[n][p]);
-        std::uint64_t parts = 0;
-        for (const auto& [root, count] : voxels) parts += root != around && count >= speck;
-        return parts;
+        for (std::uint32_t leaf = 0; leaf < mBlocks.leaves().size(); ++leaf)
+            for (const bool inside : {false, true})
+                for (std::uint32_t n = mPieces.first(leaf, inside); n < mPieces.end(leaf, inside);
+                     ++n)
+                    if (n != around && voxels[n] >= speck)
+                        ++(inside ? counts.parts : counts.cavities);
+        return counts;
     }
 
 private:
-    bool isOnSide(const Place& place) const // a leaf may be on both
-    {
-        return place.kind == Place::InLeaf || (place.value < 0) == mInside;
-    }
-
     std::uint32_t nodeOf(const Place& tile) const
     {
         return tile.kind == Place::LowerTile   ? mLowerTiles + tile.index
@@ -151,97 +138,118 @@ private:
     /// Join what meets across the face between @a a and its upper neighbor @a b on @a axis.
     void join(const Place& a, const Place& b, int axis)
     {
-        if (a.kind == Place::None || b.kind == Place::None || !isOnSide(a) || !isOnSide(b)) return;
         const bool leafA = a.kind == Place::InLeaf, leafB = b.kind == Place::InLeaf;
-        if (!leafA && !leafB) {
-            mNodes.join(nodeOf(a), nodeOf(b));
-        } else if (leafA && leafB) {
-            for (std::size_t p = 0; p < mPieces[a.index].size(); ++p)
-                for (std::size_t q = 0; q < mPieces[b.index].size(); ++q)
-                    if (meet(mPieces[a.index][p], mPieces[b.index][q], axis))
-                        mNodes.join(mFirst[a.index] + std::uint32_t(p),
-                                    mFirst[b.index] + std::uint32_t(q));
-        } else {
+        if (leafA && leafB) {
+            for (const bool inside : {false, true}) joinLeaves(a.index, b.index, inside, axis);
+        } else if (leafA || leafB) {
             const Place &leaf = leafA ? a : b, &tile = leafA ? b : a;
-            for (std::size_t p = 0; p < mPieces[leaf.index].size(); ++p)
-                if (reachesFace(mPieces[leaf.index][p], axis, leafA))
-                    mNodes.join(mFirst[leaf.index] + std::uint32_t(p), nodeOf(tile));
+            const std::uint32_t end = mPieces.end(leaf.index, tile.isInside);
+            for (std::uint32_t n = mPieces.first(leaf.index, tile.isInside); n < end; ++n)
+                if (reachesFace(mPieces[n], axis, leafA)) mNodes.join(n, nodeOf(tile));
+        } else if (a.isInside == b.isInside) {
+            mNodes.join(nodeOf(a), nodeOf(b));
         }
     }
 
-    /// Join the slots of a node with those above them, and with what is wider below them, which
-    /// does not look for them itself. @param placeAt  of a slot.
-    template <class Node, class PlaceAt>
-    void joinSlots(const Node& node, const PlaceAt& placeAt)
+    void joinLeaves(std::uint32_t a, std::uint32_t b, bool inside, int axis)
     {
-        // Slots that hold a lower node, and tiles beyond all of them, have nothing to look for.
-        openvdb::CoordBBox within = mBlocks.box();
-        within.intersect(node.getNodeBoundingBox());
-        constexpr int kStep = int(Node::ChildNodeType::DIM);
-        for (int x = within.min().x(); x <= within.max().x(); x += kStep)
-            for (int y = within.min().y(); y <= within.max().y(); y += kStep)
-                for (int z = within.min().z(); z <= within.max().z(); z += kStep) {
-                    const openvdb::Index slot = Node::coordToOffset({x, y, z});
-                    const Place place = placeAt(slot);
-                    if (place.kind == Place::None || !isOnSide(place)) continue;
-                    for (int axis = 0; axis < 3; ++axis)
-                        joinAlong<Node>(axis, {x, y, z}, slot, place, placeAt);
-                }
+        for (std::uint32_t p = mPieces.first(a, inside); p < mPieces.end(a, inside); ++p)
+            for (std::uint32_t q = mPieces.first(b, inside); q < mPieces.end(b, inside); ++q)
+                if (meet(mPieces[p], mPieces[q], axis)) mNodes.join(p, q);
     }
 
-    /// The same for one slot at @a origin, along an axis.
-    template <class Node, class PlaceAt>
-    void joinAlong(int axis, const Coord& origin, openvdb::Index slot, const Place& place,
-                   const PlaceAt& placeAt)
+    /// Join what is in one lower node; other threads may do so in others.
+    void joinWithin(std::uint32_t node)
     {
-        const auto shift = Node::LOG2DIM * openvdb::Index(2 - axis);
-        const openvdb::Index last = (1 << Node::LOG2DIM) - 1, along = slot >> shift & last;
-        const auto beside = [&](int by) {
-            Coord at = origin;
-            at[axis] += by;
-            return mBlocks.at(at);
-        };
-        const Place above =
-            along < last ? placeAt(slot + (1u << shift)) : beside(int(Node::ChildNodeType::DIM));
-        // A tile leaves smaller ones in another node to look for it.
-        if (above.kind <= place.kind || place.kind > Place::UpperTile) join(place, above, axis);
-        const Place below = along > 0 ? placeAt(slot - (1u << shift)) : beside(-1);
-        if (below.kind < std::min(place.kind, Place::LowerTile)) join(below, place, axis);
+        const Slots &leaves = mBlocks.lowers()[node].leaves,
+                    &inside = mBlocks.lowers()[node].insideTiles;
+        Slots outside{}, all{};
+        all.fill(~std::uint64_t(0));
+        for (std::size_t w = 0; w < all.size(); ++w) outside[w] = ~(leaves[w] | inside[w]);
+        const std::uint32_t firstTile = mLowerTiles + node * Lower::NUM_VALUES;
+        for (const int axis : {2, 1, 0}) {
+            const openvdb::Index up = 1u << kSlotBits * (2 - axis);
+            for (std::size_t w = 0; w < all.size(); ++w) {
+                for (const Slots* const tiles : {&inside, static_cast<const Slots*>(&outside)}) {
+                    std::uint64_t meeting = (*tiles)[w] & below(*tiles, axis, w);
+                    // Along z rows are joined before: the first pair of two rows joins all.
+                    if (axis < 2) meeting &= ~(meeting << 1 & ~kFirstZ);
+                    forEachBit(meeting, w, [&](openvdb::Index slot) {
+                        mNodes.join(firstTile + slot, firstTile + slot + up);
+                    });
+                }
+                const std::uint64_t leafAbove = below(leaves, axis, w);
+                forEachBit(
+                    (leaves[w] & below(all, axis, w)) | leafAbove, w, [&](openvdb::Index slot) {
+                        join(mBlocks.inLower(node, slot), mBlocks.inLower(node, slot + up), axis);
+                    });
+            }
+        }
+    }
+
+    /// Join a lower node's slots with what is beyond its upper faces, and with what is wider
+    /// beyond its lower ones.
+    void joinFaces(std::uint32_t node)
+    {
+        for (int axis = 0; axis < 3; ++axis) {
+            const Coord& origin = mBlocks.lowers()[node].origin;
+            Coord above = origin, below = origin;
+            above[axis] += int(Lower::DIM);
+            below[axis] -= 1;
+            const std::optional<std::uint32_t> next = mBlocks.lowerAt(above);
+            const Place wide = next ? Place() : mBlocks.at(above);
+            forEachSlotOfFace(axis, [&](openvdb::Index low, openvdb::Index high) {
+                join(mBlocks.inLower(node, high), next ? mBlocks.inLower(*next, low) : wide, axis);
+            });
+            if (mBlocks.lowerAt(below)) continue; // that does it
+            const Place wideBelow = mBlocks.at(below);
+            forEachSlotOfFace(axis, [&](openvdb::Index low, openvdb::Index) {
+                join(wideBelow, mBlocks.inLower(node, low), axis);
+            });
+        }
+    }
+
+    /// Join an upper node's tiles with those above them, and with what is wider below them.
+    void joinTiles(std::uint32_t node)
+    {
+        mBlocks.forEachTile(node, [&](const Place& tile, const Coord& origin) {
+            for (int axis = 0; axis < 3; ++axis) {
+                Coord above = origin, below = origin;
+                above[axis] += int(Lower::DIM);
+                below[axis] -= 1;
+                const Place next = mBlocks.at(above), last = mBlocks.at(below);
+                if (next.kind <= Place::UpperTile) join(tile, next, axis);
+                if (last.kind == Place::Root) join(last, tile, axis);
+            }
+        });
     }
 
     void joinAll(Progress& progress)
     {
-        for (std::uint32_t n = 0; n < mBlocks.lowers().size(); ++n) {
+        const auto lowers = std::uint32_t(mBlocks.lowers().size());
+        tbb::parallel_for(std::uint32_t(0), lowers, [&](std::uint32_t n) {
             progress.check();
-            joinSlots(*mBlocks.lowers()[n],
-                      [&](openvdb::Index slot) { return mBlocks.inLower(n, slot); });
-        }
-        for (std::uint32_t n = 0; n < mBlocks.uppers().size(); ++n) {
+            joinWithin(n);
+        });
+        for (std::uint32_t n = 0; n < lowers; ++n) {
             progress.check();
-            joinSlots(*mBlocks.uppers()[n],
-                      [&](openvdb::Index slot) { return mBlocks.inUpper(n, slot); });
+            joinFaces(n);
         }
+        for (std::uint32_t n = 0; n < mBlocks.uppers(); ++n) joinTiles(n);
     }
 
-    const Blocks& mBlocks;
-    bool mInside;
-    std::vector<std::vector<SignWords>> mPieces; ///< by leaf
-    std::vector<std::uint32_t> mFirst;           ///< of each leaf, the first piece's node
-    std::uint32_t mCount = 0, mLowerTiles = 0, mUpperTiles = 0, mRoot = 0;
-    UnionFind mNodes{0};
+    const SolidBlocks& mBlocks;
+    const LeafPieces mPieces;
+    const std::uint32_t mLowerTiles, mUpperTiles, mRoot; ///< nodes: pieces come first
+    UnionFind mNodes;
 };
 
 } // namespace
 
-PartCounts countParts(const LevelSet& levelSet, Progress& progress)
+PartCounts countParts(const SolidBlocks& blocks, Progress& progress)
 {
     constexpr std::uint64_t kSpeck = 8; // voxels
-    const Blocks blocks(levelSet.grid().tree(), progress);
-    PartCounts counts;
-    tbb::parallel_invoke(
-        [&] { counts.parts = SideParts(blocks, true, progress).count(kSpeck); },
-        [&] { counts.cavities = SideParts(blocks, false, progress).count(kSpeck); });
-    return counts;
+    return SolidForest(blocks, progress).count(kSpeck);
 }
 
 } // namespace mpuvdb

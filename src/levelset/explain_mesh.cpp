@@ -1,7 +1,7 @@
 #include "explain_mesh.h"
 
 #include "count_parts.h"
-#include "solid_sums.h"
+#include "solid_blocks.h"
 
 #include <mpuvdb/even_places.h>
 #include <mpuvdb/progress.h>
@@ -109,7 +109,7 @@ MeshExplained explainMesh(const SolidBoundary& solid, const PlacedTriangles& tri
                           const LevelSet& levelSet, Progress& progress)
 {
     const SolidBoundary::Report& in = solid.report();
-    const SolidSums out = sumSolid(levelSet, progress);
+    const SolidBlocks blocks(levelSet, progress);
     const double h = levelSet.voxelSize();
     MeshExplained e;
     e.volumeIn = in.volume;
@@ -121,9 +121,9 @@ MeshExplained explainMesh(const SolidBoundary& solid, const PlacedTriangles& tri
     e.insideOut = in.insideOut;
     e.areaWithin = in.areaWithin;
     e.areaOfNothing = in.areaOfNothing;
-    e.volumeOut = out.volume;
-    e.areaOut = out.area;
-    const PartCounts counts = countParts(levelSet, progress);
+    e.volumeOut = blocks.sums().volume;
+    e.areaOut = blocks.sums().area;
+    const PartCounts counts = countParts(blocks, progress);
     e.partsOut = counts.parts;
     e.cavitiesOut = counts.cavities;
     e.volumeExplained = std::min(h * h / 4 * in.bending, kOfSmallBall * in.volume);

@@ -1,6 +1,6 @@
 // A level set held against the points that it was made of.
 #include "count_parts.h"
-#include "solid_sums.h"
+#include "solid_blocks.h"
 
 #include <mpuvdb/explained.h>
 #include <mpuvdb/progress.h>
@@ -19,7 +19,7 @@ namespace
 
 using Tree = openvdb::FloatTree;
 using Leaf = Tree::LeafNodeType;
-using Accessor = openvdb::tree::ValueAccessor<const Tree>;
+using Accessor = openvdb::tree::ValueAccessor<const Tree, /*IsSafe=*/false>;
 
 /// Standard deviations of noise that a point may be off. [derived: 0.3 % of normal noise is beyond]
 constexpr double kDeviations = 3;
@@ -198,10 +198,10 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     e.unsupported = unsupportedShare(levelSet, field, progress);
     judgePoints(e, levelSet, fit.points);
     if (region) return e; // the rest is of the whole
-    const SolidSums sums = sumSolid(levelSet, progress);
-    const PartCounts parts = countParts(levelSet, progress);
-    e.volume = sums.volume;
-    e.area = sums.area;
+    const SolidBlocks blocks(levelSet, progress);
+    const PartCounts parts = countParts(blocks, progress);
+    e.volume = blocks.sums().volume;
+    e.area = blocks.sums().area;
     e.parts = parts.parts;
     e.cavities = parts.cavities;
     if (points.mesh) compareWithMesh(e, levelSet, *points.mesh, e.limit + fit.points.spacing / 2);

@@ -1,10 +1,6 @@
 #include "solid_sums.h"
 
-#include "block_parts.h"
-
-#include <mpuvdb/progress.h>
-
-#include <openvdb/tree/LeafManager.h>
+#include <mpuvdb/clones.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +12,7 @@ namespace
 
 using Tree = openvdb::FloatTree;
 using Leaf = Tree::LeafNodeType;
+using Neighbors = openvdb::tree::ValueAccessor<const Tree, /*IsSafe=*/false>;
 
 constexpr std::uint64_t kFirstZ = 0x0101010101010101u, kLastZ = kFirstZ << 7;
 
@@ -36,8 +33,7 @@ SignWords crossedWithin(const SignWords& inside)
 }
 
 /// Whether a neighbor beyond the leaf's faces is on the other side of a voxel.
-bool isCrossedBeyond(const openvdb::tree::ValueAccessor<const Tree>& at,
-                     const openvdb::Coord& voxel, bool inside)
+bool isCrossedBeyond(const Neighbors& at, const openvdb::Coord& voxel, bool inside)
 {
     for (int axis = 0; axis < 3; ++axis) {
         const int along = voxel[axis] & int(Leaf::DIM - 1);
@@ -51,6 +47,7 @@ bool isCrossedBeyond(const openvdb::tree::ValueAccessor<const Tree>& at,
 
 /// Of a leaf's voxels, as if a plane passed each at its distance: the sums of the shares of a slab
 /// a voxel wide that are inside, and of the areas in one two voxels wide. In voxels.
+MPUVDB_WIDE_CLONES
 SolidSums sumPlanes(const float* values, float perVoxel)
 {
     constexpr std::size_t kLanes = 8; // sums of their own, as compilers make loops wide
@@ -69,17 +66,16 @@ SolidSums sumPlanes(const float* values, float perVoxel)
     return sums;
 }
 
-/// Of one leaf, in voxels. Beside edges and in gaps voxels may be near a surface that does not
-/// reach them: these are inside as a whole, or not at all.
-SolidSums sumLeaf(const Leaf& leaf, const Tree& tree, float voxelSize)
+} // namespace
+
+SolidSums sumLeaf(const Leaf& leaf, const SignWords& inside, const Tree& tree, float voxelSize)
 {
     const float* const values = leaf.buffer().data();
     SolidSums sums = sumPlanes(values, 1 / voxelSize);
-    const SignWords inside = wordsWhere(values, [](float value) { return value < 0; });
     const SignWords crossed = crossedWithin(inside);
     const float half = 0.5f * voxelSize;
     const SignWords near = wordsWhere(values, [=](float value) { return std::abs(value) < half; });
-    const openvdb::tree::ValueAccessor<const Tree> at(tree);
+    const Neighbors at(tree);
     for (std::size_t x = 0; x < inside.size(); ++x)
         for (std::uint64_t rest = near[x] & ~crossed[x]; rest; rest &= rest - 1) {
             const auto bit = std::size_t(__builtin_ctzll(rest));
@@ -90,30 +86,6 @@ SolidSums sumLeaf(const Leaf& leaf, const Tree& tree, float voxelSize)
             sums.volume += double(isInside) - (0.5 - distance);
         }
     return sums;
-}
-
-} // namespace
-
-SolidSums sumSolid(const LevelSet& levelSet, Progress& progress)
-{
-    const Tree& tree = levelSet.grid().tree();
-    openvdb::tree::LeafManager<const Tree> leaves(tree);
-    std::vector<SolidSums> sums(leaves.leafCount());
-    leaves.foreach ([&](const Leaf& leaf, std::size_t n) {
-        progress.check();
-        sums[n] = sumLeaf(leaf, tree, float(levelSet.voxelSize()));
-    });
-    SolidSums all;
-    for (const SolidSums& s : sums) {
-        all.volume += s.volume;
-        all.area += s.area;
-    }
-    auto tile = tree.cbeginValueAll();
-    tile.setMaxDepth(Tree::ValueAllCIter::LEAF_DEPTH - 1);
-    for (; tile; ++tile)
-        if (*tile < 0) all.volume += double(tile.getVoxelCount());
-    const double h = levelSet.voxelSize();
-    return {all.volume * h * h * h, all.area * h * h};
 }
 
 } // namespace mpuvdb

@@ -1,17 +1,21 @@
 // The volume and the area of a level set's solid, in one quick pass.
 #pragma once
-#include <mpuvdb/level_set.h>
+#include "block_parts.h"
+
+#include <openvdb/openvdb.h>
 
 namespace mpuvdb
 {
 
 struct SolidSums {
-    double volume = 0, area = 0; ///< world units cubed, squared
+    double volume = 0, area = 0; ///< cubed and squared: voxels of a leaf, world units of a solid
 };
 
-/// Sums of what each voxel has of them, of which the surface's place between voxels is taken from
-/// their distances; second order where these are true, and blind to what passes between voxels.
-/// The same for any number of threads. @throws Interrupted.
-SolidSums sumSolid(const LevelSet& levelSet, Progress& progress);
+/// Of one leaf, in voxels: the sums of what each voxel has of them, of which the surface's place
+/// between voxels is taken from their distances; second order where these are true, and blind to
+/// what passes between voxels. Beside edges and in gaps voxels may be near a surface that does not
+/// reach them: these are inside as a whole, or not at all. @param inside  its voxels that are.
+SolidSums sumLeaf(const openvdb::FloatTree::LeafNodeType& leaf, const SignWords& inside,
+                  const openvdb::FloatTree& tree, float voxelSize);
 
 } // namespace mpuvdb
