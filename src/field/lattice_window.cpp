@@ -53,15 +53,14 @@ void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* give
             weights[1][n] = weight(p.y);
             weights[2][n] = weight(p.z);
         }
-        std::size_t unread = 0;
         for (int i = 0; i < 2 * fine; ++i)
             for (int j = 0; j < 2 * fine; ++j) {
                 const std::int32_t* const slot = slots + p.offset + i * slab + j * row;
-                for (int k = 0; k < 2 * fine; ++k, ++unread) {
-                    // What is not wanted goes to one of as many nodes that nobody reads.
-                    const std::size_t node = slot[k] ? std::size_t(slot[k]) : unread;
-                    const float weight = weights[0][i] * weights[1][j] * weights[2][k];
-                    float* const into = sums + node * length;
+                const float across = weights[0][i] * weights[1][j];
+                for (int k = 0; k < 2 * fine; ++k) {
+                    if (!slot[k]) continue; // which nobody reads
+                    const float weight = across * weights[2][k];
+                    float* const into = sums + slot[k];
                     for (std::size_t n = 0; n < length; n += kLanes) {
                         const Lanes sum =
                             lanesAt<Lanes>(into + n) + weight * lanesAt<Lanes>(given + n);
@@ -79,28 +78,23 @@ void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWin
                  float against, const std::int32_t* slots, std::ptrdiff_t slab, std::ptrdiff_t row,
                  std::size_t length, const float* sums, float* seen)
 {
-    Lanes balance;
-    for (std::size_t k = 0; k < kLanes; ++k)
-        balance[k] = 0.5f * (k % 4 ? 1 - against : 1 + against);
+    const float along = 0.5f * (1 + against), across = 0.5f * (1 - against);
     for (const LatticeWindow::Spot& p : spots) {
         const std::array<float, 8> weights = weightsAt(p);
         const std::array<std::int32_t, 8> nodes = slotsAt(slots + p.offset, slab, row);
-        Lanes tilts;
-        for (std::size_t k = 0; k < kLanes; k += 4)
-            std::memcpy(reinterpret_cast<float*>(&tilts) + k, tilt, sizeof *tilt);
+        const LatticeWindow::Tilt& t = *tilt++;
+        const float tilts[4] = {along * t[0], across * t[1], across * t[2], across * t[3]};
         for (std::size_t n = 0; n < length; n += kLanes) {
             Lanes sum{};
             for (std::size_t k = 0; k < 8; ++k)
-                sum += weights[k] * lanesAt<Lanes>(sums + std::size_t(nodes[k]) * length + n);
-            sum *= balance * tilts;
-            // Of each quadruple all four numbers: neighbors first, then halves.
-            sum += __builtin_shufflevector(sum, sum, 1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10, 13, 12,
-                                           15, 14);
-            sum += __builtin_shufflevector(sum, sum, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15,
-                                           12, 13);
-            for (std::size_t k = 0; k < kLanes; k += 4) *seen++ = sum[k];
+                sum += weights[k] * lanesAt<Lanes>(sums + nodes[k] + n);
+            const auto tilted = tilts[0] * __builtin_shufflevector(sum, sum, 0, 1, 2, 3) +
+                                tilts[1] * __builtin_shufflevector(sum, sum, 4, 5, 6, 7) +
+                                tilts[2] * __builtin_shufflevector(sum, sum, 8, 9, 10, 11) +
+                                tilts[3] * __builtin_shufflevector(sum, sum, 12, 13, 14, 15);
+            std::memcpy(seen, &tilted, sizeof tilted);
+            seen += kLanes / 4;
         }
-        ++tilt;
     }
 }
 

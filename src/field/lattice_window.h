@@ -42,8 +42,8 @@ public:
             mSize[k] = floorOf(mPerStep * box.max()[k]) + 2 + margin - mFirst[k];
         }
         mSlots.assign(mSize.cast<std::size_t>().prod(), 0);
-        mUsed = kUnread;
-        mLast = -1;
+        mIsWanted.assign(mSlots.size(), 0);
+        mUsed = std::int32_t(mLength); // the first is of what is not wanted
     }
     static double nodesOf(const Eigen::AlignedBox3f& box, float step)
     {
@@ -54,20 +54,22 @@ public:
     {
         const Vec3f at = mPerStep * p;
         const Spot spot = spotOf({floorOf(at[0]), floorOf(at[1]), floorOf(at[2])}, at);
-        if (spot.offset == mLast) return spot;
-        mLast = spot.offset;
+        if (mIsWanted[std::size_t(spot.offset)]) return spot;
+        mIsWanted[std::size_t(spot.offset)] = 1;
         const auto across = std::size_t(mSize[2]), slab = std::size_t(mSize[1]) * across;
         for (const std::size_t row : {std::size_t(0), across, slab, slab + across})
             for (const std::size_t side : {0, 1}) {
                 std::int32_t& slot = mSlots[std::size_t(spot.offset) + row + side];
-                if (!slot) slot = mUsed++;
+                if (slot) continue;
+                slot = mUsed;
+                mUsed += std::int32_t(mLength);
             }
         return spot;
     }
     /// All that are wanted are.
     void clear()
     {
-        mSums.assign(std::size_t(mUsed) * mLength, 0);
+        mSums.assign(std::size_t(mUsed), 0);
         mPoints.clear();
     }
     /// Where points reach nodes.
@@ -94,13 +96,12 @@ public:
         return room;
     }
     void addingEnds() { scatter(); }
-    /// What each of @a spots sees, one number for each quadruple of sums. Points of opposite
+    /// What each of @a spots sees, one number for each quantity of the sums. Points of opposite
     /// normals weigh @a against.
     void read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts, float against,
               std::vector<float>& seen) const;
 
 private:
-    static constexpr int kUnread = 64;          ///< nodes that take what is not wanted
     static constexpr std::size_t kAtOnce = 256; ///< points; changes times alone
 
     Spot spotOf(const Vec3i& cell, const Vec3f& at) const
@@ -115,9 +116,9 @@ private:
     float mStep = 1, mPerStep = 1;
     std::size_t mLength = 0;
     Vec3i mFirst, mSize;
-    std::vector<std::int32_t> mSlots; ///< of the nodes, in mSums; 0: not wanted
-    std::int32_t mUsed = kUnread;
-    std::int32_t mLast = -1; ///< offset that was wanted
+    std::vector<std::int32_t> mSlots;    ///< of the nodes, where in mSums; 0: not wanted
+    std::vector<std::uint8_t> mIsWanted; ///< by the first of eight nodes: all of them are
+    std::int32_t mUsed = 0;              ///< of mSums
     std::vector<float> mSums;
     std::vector<Spot> mPoints;
     std::vector<float> mGiven; ///< what they give

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
@@ -20,13 +21,13 @@ constexpr float kStepSpacings = 1.3f;
 /// Buckets that tell a spacing. [derived: 64 points know it to an eighth]
 constexpr std::uint32_t kWitnesses = 8;
 /// Finer levels than an eighth of the usual spacing are not worth their windows.
-constexpr int kFinest = -6;
+constexpr int kFinest = -3;
 
 } // namespace
 
 MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
     : mPoints(points.points()), mChannels(channels), mTree(points, kBucketPoints),
-      mLength((4 * (channels.size() + 1) + kLanes - 1) / kLanes * kLanes)
+      mLength((channels.size() + 4) / 4 * kLanes)
 {
     for (const float* const channel : mChannels)
         mReferences.push_back(mPoints.size() > 0 ? channel[0] : 0);
@@ -41,13 +42,13 @@ MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
 void MomentTree::sumsOf(std::uint32_t point, int level, float* sums) const
 {
     const float confidence = std::max(mPoints.confidence[point] * mPerConfidence, kLeastConfidence);
-    const float weight = std::ldexp(confidence, level); // a level is as coarse as the root of 2
-    const auto set = [&](std::size_t quadruple, float value) {
-        float* const s = sums + 4 * quadruple;
+    const float weight = std::ldexp(confidence, 2 * level);
+    const auto set = [&](std::size_t quantity, float value) {
+        float* const s = sums + quantity / 4 * kLanes + quantity % 4;
         s[0] = value;
-        s[1] = value * mPoints.nx[point];
-        s[2] = value * mPoints.ny[point];
-        s[3] = value * mPoints.nz[point];
+        s[4] = value * mPoints.nx[point];
+        s[8] = value * mPoints.ny[point];
+        s[12] = value * mPoints.nz[point];
     };
     set(0, weight);
     for (std::size_t c = 0; c < mChannels.size(); ++c)
@@ -59,25 +60,27 @@ void MomentTree::sumUp()
     const auto& nodes = mTree.nodes();
     mSums.assign(nodes.size() * mLength, 0);
     mMiddles.assign(nodes.size(), Vec3f::Zero());
-    std::vector<float> sums(mLength);
     const auto sumsAt = [this](std::size_t node) { return mSums.data() + node * mLength; };
-    for (std::size_t at = nodes.size(); at-- > 0;) {
+    const auto add = [&](std::size_t at, const float* from, const Vec3f& middle) {
         float* const into = sumsAt(at);
-        const auto add = [&](const float* from, const Vec3f& middle) {
-            for (std::size_t i = 0; i < mLength; ++i) into[i] += from[i];
-            mMiddles[at] += from[0] / into[0] * (middle - mMiddles[at]);
-        };
-        if (nodes[at].leaf) {
+        for (std::size_t i = 0; i < mLength; ++i) into[i] += from[i];
+        mMiddles[at] += from[0] / into[0] * (middle - mMiddles[at]);
+    };
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, nodes.size()), [&](const auto& range) {
+        std::vector<float> sums(mLength);
+        for (std::size_t at = range.begin(); at < range.end(); ++at) {
+            if (!nodes[at].leaf) continue;
             const BucketTree::Bucket& bucket = mTree.bucketOf(std::uint32_t(at));
             for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
                 sumsOf(n, mFinest[at], sums.data());
-                add(sums.data(), position(n));
+                add(at, sums.data(), position(n));
             }
-        } else {
-            for (const std::size_t child : {at + 1, std::size_t(nodes[at].second)})
-                add(sumsAt(child), mMiddles[child]);
         }
-    }
+    });
+    for (std::size_t at = nodes.size(); at-- > 0;)
+        if (!nodes[at].leaf)
+            for (const std::size_t child : {at + 1, std::size_t(nodes[at].second)})
+                add(at, sumsAt(child), mMiddles[child]);
 }
 
 /// From the third neighbour of the point that is best among others; 0 for too few points.
@@ -104,18 +107,18 @@ void MomentTree::findLevels()
         float sum = 0;
         std::uint32_t count = 0;
     };
-    std::vector<float> all;
     const auto& nodes = mTree.nodes();
+    std::vector<float> all(mTree.buckets().size());
+    tbb::parallel_for(std::size_t(0), all.size(),
+                      [&](std::size_t n) { all[n] = spacingIn(mTree.buckets()[n]); });
     const std::vector<Spacings> spacings = mTree.perNode<Spacings>(
         [&](std::uint32_t bucket) {
-            const float spacing = spacingIn(mTree.buckets()[bucket]);
-            if (!(spacing > 0)) return Spacings{};
-            all.push_back(spacing);
-            return Spacings{spacing, 1};
+            return all[bucket] > 0 ? Spacings{all[bucket], 1} : Spacings{};
         },
         [](const Spacings& a, const Spacings& b) {
             return Spacings{a.sum + b.sum, a.count + b.count};
         });
+    all.erase(std::remove(all.begin(), all.end(), 0.0f), all.end());
     mFinest.assign(nodes.size(), 0);
     if (all.empty()) {
         if (!nodes.empty()) mStep = std::max(nodes[0].box.diagonal().norm(), 1e-30f);
@@ -135,22 +138,27 @@ void MomentTree::findLevels()
     }
     std::vector<int> finest(nodes.size());
     for (std::size_t n = nodes.size(); n-- > 0;)
-        mFinest[n] =
-            nodes[n].leaf
-                ? std::max(kFinest, 2 * int(std::floor(std::log2(known[n] / median) + 0.5f)))
-                : std::min(mFinest[n + 1], mFinest[nodes[n].second]);
+        mFinest[n] = nodes[n].leaf
+                         ? std::max(kFinest, int(std::floor(std::log2(known[n] / median) + 0.5f)))
+                         : std::min(mFinest[n + 1], mFinest[nodes[n].second]);
 }
 
 int MomentTree::finestLevel(const Eigen::AlignedBox3f& box) const
 {
-    // Along each axis a point is seen up to two steps away.
+    // Along each axis points give to nodes up to a step away, between which places are.
+    const auto firstReaching = [this](float apart) {
+        const auto reach = [](int nodes) { return 1 + 1 / float(nodes); }; // steps
+        const auto levelOf = [](float steps) { return int(std::ceil(std::log2(steps) - 1e-3f)); };
+        const int level = levelOf(apart / mStep / reach(nodesPerStep(0)));
+        if (level <= 0) return level;
+        return std::max(1, levelOf(apart / mStep / reach(nodesPerStep(1))));
+    };
     const auto levelOf = [&](std::uint32_t node) {
         const Eigen::AlignedBox3f& b = mTree.nodes()[node].box;
         const float apart =
             (b.min() - box.max()).cwiseMax(box.min() - b.max()).cwiseMax(0.0f).maxCoeff();
         int level = mFinest[node];
-        if (apart > 0)
-            level = std::max(level, int(std::ceil(2 * std::log2(apart / (2 * mStep)) - 1e-3f)));
+        if (apart > 0) level = std::max(level, firstReaching(apart));
         return level;
     };
     int best = std::numeric_limits<int>::max();

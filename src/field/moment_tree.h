@@ -12,7 +12,8 @@ namespace mpuvdb
 
 /// Sums over points of their weights (confidences, of a mean of 1, times the area that is theirs)
 /// and of weight times each channel, each of them as it is and times the three components of the
-/// normals: quadruples one after the other, padded with zeros to whole groups of lanes.
+/// normals. Four such quantities fill a group of lanes: the four as they are, then times each
+/// component; zeros where there are fewer.
 class MomentTree
 {
 public:
@@ -28,9 +29,11 @@ public:
     /// Of the values of a channel; sums are of what differs from it, so that what is the same
     /// everywhere stays so.
     float reference(std::size_t channel) const { return mReferences[channel]; }
-    /// How far points give to the nodes of a lattice of @a level, local units; twice as far two
-    /// levels up. Points as dense as most of the cloud have their finest level at 0.
-    float step(int level) const { return mStep * std::exp2(0.5f * float(level)); }
+    /// How far points give to the nodes of a lattice of @a level, local units; twice as far a level
+    /// up. Points as dense as most of the cloud have their finest level at 0.
+    float step(int level) const { return std::ldexp(mStep, level); }
+    /// Of a lattice: more where steps are long, so that no cell shows.
+    static int nodesPerStep(int level) { return level < 1 ? 1 : 2; }
     /// Of the levels at which points that have them lie within two steps of @a box the finest.
     int finestLevel(const Eigen::AlignedBox3f& box) const;
 

@@ -43,27 +43,46 @@ openvdb::GridBase::Ptr gridOf(const typename Tree::Ptr& tree, const LevelSet& le
     return grid;
 }
 
-/// The trees that are filled; the colours' is null without colours.
-struct Trees {
-    Vec3STree::Ptr colors;
-    std::vector<FloatTree::Ptr> scalars;
+/// Leaves of one attribute's tree.
+template <class Tree>
+class Made
+{
+public:
+    using Value = typename Tree::ValueType;
+    using Node = typename Tree::LeafNodeType;
 
-    Trees(const FloatTree& band, const SurfaceAttributes& attributes)
+    /// The values of a new leaf like @a leaf, all zero.
+    Value* addLike(const Leaf& leaf)
     {
-        if (attributes.hasColors())
-            colors = std::make_shared<Vec3STree>(band, openvdb::Vec3s(0), openvdb::TopologyCopy());
-        for (std::size_t n = 0; n < attributes.scalarNames().size(); ++n)
-            scalars.push_back(std::make_shared<FloatTree>(band, 0.0f, openvdb::TopologyCopy()));
+        mLeaves.push_back(
+            std::make_unique<Node>(leaf, openvdb::zeroVal<Value>(), openvdb::TopologyCopy()));
+        return mLeaves.back()->buffer().data();
+    }
+    void moveTo(Tree& tree)
+    {
+        openvdb::tree::ValueAccessor<Tree> to(tree);
+        for (std::unique_ptr<Node>& leaf : mLeaves) to.addLeaf(leaf.release());
+    }
+
+private:
+    std::vector<std::unique_ptr<Node>> mLeaves;
+};
+
+/// Leaves of all attributes' trees.
+class MadeLeaves
+{
+public:
+    explicit MadeLeaves(const SurfaceAttributes& attributes)
+        : mHasColors(attributes.hasColors()), mScalars(attributes.scalarNames().size())
+    {
     }
 
     /// Give the voxels of @a leaf what there is from @a next on in turn. Returns what is left.
-    const float* fill(const Leaf& leaf, const float* next) const
+    const float* add(const Leaf& leaf, const float* next)
     {
-        openvdb::Vec3s* const color =
-            colors ? colors->probeLeaf(leaf.origin())->buffer().data() : nullptr;
+        openvdb::Vec3s* const color = mHasColors ? mColors.addLike(leaf) : nullptr;
         std::vector<float*> into;
-        for (const FloatTree::Ptr& tree : scalars)
-            into.push_back(tree->probeLeaf(leaf.origin())->buffer().data());
+        for (Made<FloatTree>& scalar : mScalars) into.push_back(scalar.addLike(leaf));
         for (auto voxel = leaf.valueMask().beginOn(); voxel; ++voxel) {
             if (color) {
                 color[voxel.pos()] = openvdb::Vec3s(next);
@@ -73,6 +92,16 @@ struct Trees {
         }
         return next;
     }
+    void moveTo(Vec3STree& colors, const std::vector<FloatTree::Ptr>& scalars)
+    {
+        mColors.moveTo(colors);
+        for (std::size_t n = 0; n < scalars.size(); ++n) mScalars[n].moveTo(*scalars[n]);
+    }
+
+private:
+    bool mHasColors;
+    Made<Vec3STree> mColors;
+    std::vector<Made<FloatTree>> mScalars;
 };
 
 /// Leaves in one cube of space, whose places are near each other.
@@ -99,9 +128,10 @@ sampleAttributes(const LevelSet& levelSet, const SurfaceAttributes& attributes, 
     const openvdb::FloatGrid& surface = levelSet.grid();
     const Lattice lattice = levelSet.lattice();
     openvdb::tree::LeafManager<const FloatTree> leaves(surface.tree());
-    const Trees trees(surface.tree(), attributes);
     progress.beginStage("attributes", double(leaves.leafCount()));
     const std::vector<LeafGroup> groups = groupsOf(leaves);
+    std::vector<MadeLeaves> made;
+    for (std::size_t n = 0; n < groups.size(); ++n) made.emplace_back(attributes);
     tbb::parallel_for(std::size_t(0), groups.size(), [&](std::size_t n) {
         std::vector<SurfacePlace> places;
         places.reserve(std::accumulate(
@@ -112,18 +142,23 @@ sampleAttributes(const LevelSet& levelSet, const SurfaceAttributes& attributes, 
         std::vector<float> values;
         attributes.evaluate(places, values);
         const float* next = values.data();
-        for (const Leaf* const leaf : groups[n]) next = trees.fill(*leaf, next);
+        for (const Leaf* const leaf : groups[n]) next = made[n].add(*leaf, next);
         progress.advance(double(groups[n].size()));
     });
+    const auto colors = std::make_shared<Vec3STree>(openvdb::Vec3s(0));
+    std::vector<FloatTree::Ptr> scalars;
+    for (std::size_t n = 0; n < attributes.scalarNames().size(); ++n)
+        scalars.push_back(std::make_shared<FloatTree>(0.0f));
+    for (MadeLeaves& some : made) some.moveTo(*colors, scalars);
     std::vector<openvdb::GridBase::Ptr> grids;
-    if (trees.colors) {
-        grids.push_back(gridOf<Vec3STree>(trees.colors, levelSet, kColorName));
+    if (attributes.hasColors()) {
+        grids.push_back(gridOf<Vec3STree>(colors, levelSet, kColorName));
         grids.back()->setSaveFloatAsHalf(true);
         grids.back()->insertMeta("mpuvdb:quantity",
                                  openvdb::StringMetadata("linear red, green and blue"));
     }
-    for (std::size_t n = 0; n < trees.scalars.size(); ++n)
-        grids.push_back(gridOf<FloatTree>(trees.scalars[n], levelSet, attributes.scalarNames()[n]));
+    for (std::size_t n = 0; n < scalars.size(); ++n)
+        grids.push_back(gridOf<FloatTree>(scalars[n], levelSet, attributes.scalarNames()[n]));
     progress.endStage();
     return grids;
 }
