@@ -147,11 +147,11 @@ int MomentTree::finestLevel(const Eigen::AlignedBox3f& box) const
 {
     // Along each axis points give to nodes up to a step away, between which places are.
     const auto firstReaching = [this](float apart) {
-        const auto reach = [](int nodes) { return 1 + 1 / float(nodes); }; // steps
-        const auto levelOf = [](float steps) { return int(std::ceil(std::log2(steps) - 1e-3f)); };
-        const int level = levelOf(apart / mStep / reach(nodesPerStep(0)));
-        if (level <= 0) return level;
-        return std::max(1, levelOf(apart / mStep / reach(nodesPerStep(1))));
+        const auto levelFor = [&](int level) {
+            const float reach = 1 + 1 / float(nodesPerStep(level)); // steps
+            return int(std::ceil(std::log2(apart / (reach * mStep)) - 1e-3f));
+        };
+        return levelFor(0) < kFineFrom ? levelFor(0) : std::max(kFineFrom, levelFor(kFineFrom));
     };
     const auto levelOf = [&](std::uint32_t node) {
         const Eigen::AlignedBox3f& b = mTree.nodes()[node].box;

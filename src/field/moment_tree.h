@@ -33,7 +33,7 @@ public:
     /// up. Points as dense as most of the cloud have their finest level at 0.
     float step(int level) const { return std::ldexp(mStep, level); }
     /// Of a lattice: more where steps are long, so that no cell shows.
-    static int nodesPerStep(int level) { return level < 1 ? 1 : 2; }
+    static int nodesPerStep(int level) { return level < kFineFrom ? 1 : 2; }
     /// Of the levels at which points that have them lie within two steps of @a box the finest.
     int finestLevel(const Eigen::AlignedBox3f& box) const;
 
@@ -58,6 +58,8 @@ public:
     }
 
 private:
+    static constexpr int kFineFrom = 2; ///< level
+
     template <typename F>
     void visit(std::uint32_t at, const Eigen::AlignedBox3f& box, int level, float whole,
                F& add) const

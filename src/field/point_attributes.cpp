@@ -21,7 +21,7 @@ using Box = Eigen::AlignedBox3f;
 /// Nodes of a window, unless it is of one place: what fits into a cache; changes times alone.
 constexpr std::size_t kMostNodes = 1 << 17;
 /// Places that go through levels together; changes times alone.
-constexpr std::size_t kRun = 256;
+constexpr std::size_t kRun = 512;
 /// What points of opposite normals weigh at level 0, and more where steps are longer: as points in
 /// full from four times the step on.
 constexpr float kAgainst = 1.0f / 16;
@@ -108,6 +108,7 @@ private:
             mTilts.push_back({1, normal[0], normal[1], normal[2]});
             mShares.push_back(1);
         }
+        mBox.extend(run.box);
     }
 
     /// Give the open places what is seen at a level, and keep those that are open still.
@@ -115,9 +116,7 @@ private:
     {
         const MomentTree& points = mOf.mPoints;
         const float step = points.step(level);
-        Box box;
-        for (const std::uint32_t place : mOpen) box.extend(mPositions[place]);
-        mLatticeWindow.open(box, step, MomentTree::nodesPerStep(level), points.length());
+        mLatticeWindow.open(mBox, step, MomentTree::nodesPerStep(level), points.length());
         mSpots.resize(mOpen.size());
         for (std::size_t n = 0; n < mOpen.size(); ++n)
             mSpots[n] = mLatticeWindow.want(mPositions[mOpen[n]]);
@@ -137,6 +136,7 @@ private:
         const float step = points.step(level);
         const float perStep = std::ldexp(1.0f, -2 * level); // the area of a step squared
         const bool mayBeLast = points.mayBeSeenWhole(step);
+        mBox.setEmpty();
         std::size_t kept = 0;
         for (std::size_t n = 0; n < mOpen.size(); ++n) { // without branches: all ways are as likely
             const float* const seen = mSeen.data() + n * stride;
@@ -146,6 +146,7 @@ private:
             const float scale = share / std::max(seen[0], std::numeric_limits<float>::min());
             for (std::size_t c = 0; c < channels; ++c) values[c] += scale * seen[c + 1];
             const bool open = mShares[n] > share;
+            if (open) mBox.extend(mPositions[mOpen[n]]);
             mShares[kept] = mShares[n] - share;
             mTilts[kept] = mTilts[n];
             mOpen[kept] = mOpen[n];
@@ -163,6 +164,7 @@ private:
     LatticeWindow mLatticeWindow;
     std::vector<std::uint32_t> mOpen;        ///< places whose values are not yet whole
     std::vector<LatticeWindow::Tilt> mTilts; ///< theirs
+    Box mBox;                                ///< of their positions, or a bit more
     std::vector<float> mShares;              ///< of their values, that levels to come give
     std::vector<LatticeWindow::Spot> mSpots;
     std::vector<float> mSeen;
