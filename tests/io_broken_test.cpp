@@ -169,5 +169,36 @@ TEST_F(IoTest, MutantsEndInPointsOrAnError)
     EXPECT_GT(read, 100u); // mutants that still get past the first checks
 }
 
+/// What stands where a file was meant to be, whatever its name says.
+TEST_F(IoTest, StandInsAreNamed)
+{
+    std::string wide;
+    for (const char c : std::string("1 2 3\n4 5 6\n7 8 9\n")) wide += {c, '\0'};
+    const std::pair<std::string, const char*> files[] = {
+        {"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n", "git lfs pull"},
+        {"\n <!DOCTYPE HTML>\n<html><body>Sign in</body></html>\n", "web page"},
+        {"\xef\xbb\xbf<html>\n</html>", "web page"},
+        {"<?xml version=\"1.0\"?><Error><Code>AccessDenied</Code></Error>", "XML"},
+        {"ASTM-E57" + std::string(40, '\0'), "pdal translate in.e57"},
+        {"PK\x03\x04" + std::string(40, '\0'), "ZIP"},
+        {"\x1f\x8b\x08" + std::string(40, 'x'), "gunzip"},
+        {"\xff\xfe" + wide, "UTF-16"},
+        {wide, "UTF-16"},
+        {std::string(1, '\0') + wide, "UTF-16"},
+    };
+    for (const auto& [bytes, says] : files) {
+        SCOPED_TRACE(says);
+        for (const char* const name : {"a.ply", "a.txt", "a.las", "a.e57"})
+            EXPECT_NE(error(name, bytes).find(says), std::string::npos) << name;
+        Progress progress;
+        try {
+            readLevelSet(put("a.vdb", bytes), "", 0, Purpose::Looking, &progress);
+            ADD_FAILURE();
+        } catch (const InputError& e) {
+            EXPECT_NE(std::string(e.what()).find(says), std::string::npos) << e.what();
+        }
+    }
+}
+
 } // namespace
 } // namespace mpuvdb::test

@@ -60,18 +60,19 @@ TEST_F(IoTest, ColoursOfEveryFormat)
 TEST_F(IoTest, PlyScalarTypesInBothByteOrders)
 {
     for (const bool big : {false, true}) {
-        std::string s = concat("ply\r\nformat binary_", big ? "big" : "little",
-                               "_endian 1.0\r\ncomment c\r\nelement camera 1\r\n"
-                               "property list uint8 float32 view\r\nelement vertex 2\r\n"
-                               "property uint8 flag\r\nproperty int16 z\r\nproperty float64 x\r\n"
-                               "property int64 y\r\nproperty uint16 red\r\nproperty float green\r\n"
-                               "property uchar blue\r\nproperty float32 quality\r\nend_header\r\n");
+        std::string s =
+            concat("ply\r\nformat binary_", big ? "big" : "little",
+                   "_endian 1.0\r\ncomment c\r\nelement camera 1\r\n"
+                   "property list uint8 float32 view\r\nelement vertex 2\r\n"
+                   "property uint8 flag\r\nproperty int16 z\r\nproperty float64 x\r\n"
+                   "property int64 y\r\nproperty uint16 red\r\nproperty int green\r\n"
+                   "property double blue\r\nproperty float32 quality\r\nend_header\r\n");
         s += concat(std::string(1, 2), bytesOf(1.f, big), bytesOf(2.f, big));
         for (int i = 1; i <= 2; ++i)
             s += concat(std::string(1, 9), bytesOf(std::int16_t(-3 * i), big),
                         bytesOf(5e6 + 0.25 * i, big), bytesOf(std::int64_t(7 * i), big),
-                        bytesOf(std::uint16_t(257 * 200), big), bytesOf(0.2f, big),
-                        std::string(1, 1), bytesOf(2.f * float(i), big));
+                        bytesOf(std::uint16_t(257 * 200), big), bytesOf(257 * 51, big),
+                        bytesOf(257.0, big), bytesOf(2.f * float(i), big));
         const PointCloud cloud = read("types.ply", s).cloud;
         ASSERT_EQ(cloud.size(), 2u);
         expectWorld(cloud, 0, Vec3d(5e6 + 0.25, 7, -3));
@@ -79,6 +80,92 @@ TEST_F(IoTest, PlyScalarTypesInBothByteOrders)
         EXPECT_EQ(cloud.colors[0], (Rgb{200, 51, 1}));
         EXPECT_EQ(cloud.confidence, (std::vector<float>{0.5f, 1.f}));
     }
+}
+
+/// Two points in PLY, whose colors are of one type: the second one's as large as colors are.
+template <class T>
+std::string coloredPly(const char* type, double largest)
+{
+    std::string s =
+        concat("ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\n"
+               "property float y\nproperty float z\n");
+    for (const char* const name : {"red", "green", "blue"})
+        s += concat("property ", type, " ", name, "\n");
+    s += "end_header\n";
+    for (const double share : {0.2, 1.0}) {
+        s += concat(bytesOf(1.f), bytesOf(float(share)), bytesOf(0.f));
+        for (const double part : {1.0, 0.5, 0.0}) s += bytesOf(T(part * share * largest));
+    }
+    return s;
+}
+
+TEST_F(IoTest, ColorsOfAnyTypeAndScale)
+{
+    const std::pair<const char*, std::string> files[] = {
+        {"uchar", coloredPly<std::uint8_t>("uchar", 255)},
+        {"short", coloredPly<std::int16_t>("short", 255)},
+        {"ushort, bytes", coloredPly<std::uint16_t>("ushort", 255)},
+        {"ushort", coloredPly<std::uint16_t>("ushort", 65535)},
+        {"int, bytes", coloredPly<std::int32_t>("int", 255)},
+        {"uint", coloredPly<std::uint32_t>("uint", 65535)},
+        {"float, bytes", coloredPly<float>("float", 255)},
+        {"float", coloredPly<float>("float", 1)},
+        {"float, 16 bits", coloredPly<float>("float", 65535)},
+        {"double, bytes", coloredPly<double>("double", 255)},
+        {"double", coloredPly<double>("double", 1)},
+    };
+    for (const auto& [name, bytes] : files) {
+        SCOPED_TRACE(name);
+        const PointCloud cloud = read("colors.ply", bytes).cloud;
+        ASSERT_EQ(cloud.colors.size(), 2u);
+        const Rgb expected[2] = {{51, 26, 0}, {255, 128, 0}};
+        for (std::size_t i = 0; i < 2; ++i)
+            for (std::size_t c = 0; c < 3; ++c)
+                EXPECT_NEAR(int(cloud.colors[i][c]), int(expected[i][c]), 1) << i << " " << c;
+    }
+    // A byte is a byte, however dark.
+    const PointCloud dark = read("dark.ply", coloredPly<std::uint8_t>("uchar", 1)).cloud;
+    EXPECT_EQ(dark.colors[1], (Rgb{1, 0, 0}));
+}
+
+TEST_F(IoTest, ColorsOfTextOnAnyScale)
+{
+    const auto colors = [&](const std::string& name, const std::string& text) {
+        return read(name, text).cloud.colors;
+    };
+    const std::vector<Rgb> expected = {{51, 102, 255}, {0, 0, 0}};
+    EXPECT_EQ(colors("cc.txt", "//X Y Z Rf Gf Bf\n0 0 0 0.2 0.4 1\n1 2 3 0 0 0\n"), expected);
+    EXPECT_EQ(colors("named.csv", "x,y,z,r,g,b\n0,0,0,51,102,255\n1,2,3,0,0,0\n"), expected);
+    EXPECT_EQ(colors("wide.csv", "x,y,z,r,g,b\n0,0,0,13107,26214,65535\n1,2,3,0,0,0\n"), expected);
+    EXPECT_EQ(colors("v.obj", "v 0 0 0 0.2 0.4 1\nv 1 2 3 0 0 0\n"), expected);
+    EXPECT_EQ(colors("bytes.obj", "v 0 0 0 51 102 255\nv 1 2 3 0 0 0\n"), expected);
+    EXPECT_EQ(colors("c.off", "COFF\n2 0 0\n0 0 0 0.2 0.4 1 1\n1 2 3 0 0 0 1\n"), expected);
+    EXPECT_EQ(colors("b.off", "COFF\n2 0 0\n0 0 0 51 102 255 255\n1 2 3 0 0 0 255\n"), expected);
+}
+
+TEST_F(IoTest, ColumnsOfTextBesideNamedOnes)
+{
+    const std::string rows[] = {
+        "Easting,Northing,Elevation,Class\n1,2,3,ground\n4,5,6,high vegetation\n7,8,9,\n",
+        "Name;Easting (m);Northing (m);Elevation (m)\n\"a; b\";1;2;3\nP 2;4;5;6\n;7;8;9\n",
+        "id\tx\ty\tz\tnote\np1\t1\t2\t3\t\np2\t4\t5\t6\t17 m off\np3\t7\t8\t9\tx\n",
+        "\"x\",\"y\",\"z\",\"label\"\n\"1\",\"2\",\"3\",\"a, "
+        "b\"\n\"4\",\"5\",\"6\",\"\"\n7,8,9,c\n"};
+    for (const std::string& text : rows) {
+        SCOPED_TRACE(text);
+        const PointCloud cloud = read("named.csv", text).cloud;
+        ASSERT_EQ(cloud.size(), 3u);
+        for (int i = 0; i < 3; ++i)
+            expectWorld(cloud, std::size_t(i), Vec3d(3 * i + 1, 3 * i + 2, 3 * i + 3));
+    }
+    // A field that is missing does not pull the next one into its place.
+    EXPECT_NE(error("gap.csv", "x,y,z,w\n1,2,3,4\n5,,7,8\n").find("has nothing in column 2"),
+              std::string::npos);
+    EXPECT_NE(error("word.csv", "x,y,z,w\n1,2,3,4\n5,six,7,8\n").find("line 3"), std::string::npos);
+    EXPECT_NE(error("short.csv", "x,y,z,w\n1,2,3,4\n5,6,7\n").find("has 3 fields"),
+              std::string::npos);
+    EXPECT_NE(error("long.csv", "x,y,z,w\n1,2,3,4\n5,6,7,8,9\n").find("more fields"),
+              std::string::npos);
 }
 
 TEST_F(IoTest, PlyListsInsideVerticesAreSkipped)

@@ -77,8 +77,7 @@ ColumnLayout layoutFromValues(const Rows& rows)
         }
     // Six columns that are no bytes: colours in [0,1], or normals that nobody normalised.
     if (columns == 6 && isFree(3)) {
-        layout.unitColors = areFractions(rows, 3);
-        assign(layout, 3, layout.unitColors ? Attribute::Red : Attribute::NormalX);
+        assign(layout, 3, areFractions(rows, 3) ? Attribute::Red : Attribute::NormalX);
     }
     return layout;
 }

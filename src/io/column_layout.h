@@ -8,7 +8,6 @@ namespace mpuvdb
 /// The meaning of each column.
 struct ColumnLayout {
     std::vector<Attribute> columns;
-    bool unitColors = false; ///< colours are in [0,1], not [0,255]
 };
 
 /// From the values of some rows, all of the same length of at least three: positions first; then

@@ -26,6 +26,7 @@ struct Preamble {
     bool hasCount = false; ///< the first line is the number of points
     std::uint64_t count = 0;
     std::uint64_t nameLine = 0; ///< number of the line of names; 0: none
+    char separator = 0;         ///< of rows that have a field for each name; 0: any
     ColumnNames comment;        ///< before the first row, the last one of words
     ColumnNames words;          ///< a first line of words, none of them a position
     std::string wordLine, firstRow;
@@ -122,6 +123,8 @@ private:
         if (!named.columns.empty()) {
             mBegin.layout = named;
             mBegin.nameLine = number;
+            const char separator = columnNames(line, number).separator;
+            mBegin.separator = separator == ' ' ? '\0' : separator;
             return true;
         }
         mBegin.words = columnNames(line, number);
@@ -141,6 +144,12 @@ private:
         LineScanner scan(line);
         if (mBegin.tagged && scan.word() != "p") return;
         std::vector<double> row;
+        if (sample.empty()) mBegin.separator = separatorOfFields(line);
+        if (mBegin.separator) {
+            parseFields(line, number, [&](std::size_t, double value) { row.push_back(value); });
+            sample.push_back(std::move(row));
+            return;
+        }
         double value = 0;
         while (!scan.atEndOrComment()) {
             if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
@@ -150,6 +159,45 @@ private:
         if (row.size() < 3) throwBad(number, line, "has fewer than three numbers");
         if (sample.empty()) mBegin.firstRow = line;
         if (sample.empty() || row.size() == sample.front().size()) sample.push_back(std::move(row));
+    }
+
+    /// That of the names, if it makes as many fields of the first row.
+    char separatorOfFields(std::string_view row) const
+    {
+        if (!mBegin.separator) return 0;
+        FieldScanner scan(row, mBegin.separator);
+        std::string_view field;
+        std::size_t fields = 0;
+        while (scan.next(field)) ++fields;
+        return fields == mBegin.layout.columns.size() ? mBegin.separator : '\0';
+    }
+
+    /// Call @a put(column, value) for the fields of a row; 0 for those that nobody reads, which may
+    /// be text.
+    template <class Put>
+    void parseFields(std::string_view line, std::uint64_t number, const Put& put) const
+    {
+        const std::vector<Attribute>& columns = mBegin.layout.columns;
+        FieldScanner scan(line, mBegin.separator);
+        std::string_view field;
+        std::size_t column = 0;
+        for (; column < columns.size() && scan.next(field); ++column) {
+            double value = 0;
+            LineScanner text(field);
+            const bool isRead = columns[column] != Attribute::None;
+            if (isRead && !(text.number(value) && text.atEndOrComment()))
+                throwBad(number, line,
+                         fmt::format("has {} in column {}, where a number is wanted",
+                                     field.empty() ? "nothing" : inQuotes(field), column + 1));
+            put(column, value);
+        }
+        if (column < columns.size())
+            throwBad(number, line,
+                     fmt::format("has {} fields where others have {}: the file is truncated or "
+                                 "damaged",
+                                 column, columns.size()));
+        if (scan.next(field) && !field.empty())
+            throwBad(number, line, fmt::format("has more fields than the {} of others", column));
     }
 
     void chooseLayout(const std::vector<std::vector<double>>& sample)
@@ -169,7 +217,7 @@ private:
         }
         mBegin.has = AttributeSet(mBegin.layout.columns);
         mBegin.has.colors = mBegin.has.colors && !mBegin.has.packedRgb;
-        mBegin.has.packedRgb = false;
+        mBegin.has.packedRgb = mBegin.has.byteColors = false;
     }
 
     // What names columns, but not those that are there.
@@ -199,13 +247,20 @@ private:
         if (scan.atEndOrComment() || number == mBegin.nameLine) return;
         if (mBegin.tagged && scan.word() != "p") return;
         RowValues row{};
+        if (mBegin.separator) {
+            parseFields(line, number, [&](std::size_t column, double value) {
+                const Attribute attribute = mBegin.layout.columns[column];
+                if (attribute != Attribute::None) row[std::size_t(attribute)] = value;
+            });
+            rows.points.append(row, mBegin.has);
+            return;
+        }
         std::size_t column = 0;
         for (; column < mBegin.layout.columns.size() && !scan.atEndOrComment(); ++column) {
             double value = 0;
             if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
             const Attribute attribute = mBegin.layout.columns[column];
             if (attribute == Attribute::None) continue;
-            if (isColor(attribute) && mBegin.layout.unitColors) value *= 255;
             row[std::size_t(attribute)] = value;
         }
         if (column == 1 && mBegin.hasCount && row[0] >= 0 && row[0] < 1e15) {

@@ -93,20 +93,6 @@ RecordLayout layoutOf(const LasHeader& header, const ScalarNames& scalars)
     return layout;
 }
 
-// Colours should fill 16 bits, yet many files hold bytes: then the low bytes are the colour.
-bool hasByteColors(const ByteSource& source, const LasHeader& header)
-{
-    const std::uint64_t colors = kColorOffset[header.format];
-    if (colors == 0) return false;
-    ByteCursor cursor(source, header.offset);
-    for (std::uint64_t i = 0; i < std::min<std::uint64_t>(header.points, 1 << 16); ++i) {
-        const char* at = cursor.take(header.stride) + colors;
-        for (int c = 0; c < 3; ++c)
-            if (loadInteger(ScalarType::UInt16, at + 2 * c, false) > 255) return false;
-    }
-    return true;
-}
-
 } // namespace
 
 FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
@@ -114,10 +100,7 @@ FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progres
     const LasHeader header = parseHeader(source);
     refuseDegrees(source);
     requireRecords(source, header.offset, header.points, header.stride, "point");
-    RecordLayout layout = layoutOf(header, scalars);
-    if (hasByteColors(source, header))
-        for (Column& column : layout.columns)
-            if (isColor(column.attribute)) column.type = ScalarType::UInt8;
+    const RecordLayout layout = layoutOf(header, scalars);
     FilePoints result;
     result.blocks.push_back(
         readRecords(source, header.offset, header.points, layout, "point", progress));

@@ -20,7 +20,7 @@ namespace
 // Corners are kept as written, since a negative one counts back from the vertices before its line.
 struct ObjRows {
     std::vector<Vec3d> positions;
-    std::vector<PointCloud::Rgb> colors;
+    std::vector<Vec3f> colors;
     std::vector<Vec3f> normals;
     std::vector<std::int64_t> corners;
     struct Face {
@@ -54,10 +54,7 @@ bool parseVertex(LineScanner& scan, ObjRows& rows)
     }
     if (count < 3) return false;
     rows.positions.emplace_back(values[0], values[1], values[2]);
-    if (count == 6)
-        rows.colors.push_back({colorByte(colorFromFloat(values[3])),
-                               colorByte(colorFromFloat(values[4])),
-                               colorByte(colorFromFloat(values[5]))});
+    if (count == 6) rows.colors.emplace_back(float(values[3]), float(values[4]), float(values[5]));
     return true;
 }
 
@@ -149,7 +146,7 @@ struct ObjFile {
         goesOn = rows.goesOn && (goesOn || rows.begun);
         PointBlock block;
         block.positions = std::move(rows.positions);
-        block.colors = std::move(rows.colors);
+        block.rawColors = std::move(rows.colors);
         points.append(std::move(block));
         normals.insert(normals.end(), rows.normals.begin(), rows.normals.end());
     }
@@ -198,7 +195,7 @@ FilePoints readObj(const ByteSource& source, const ScalarNames&, Progress& progr
                            fmt::format("{}: line {}", source.name(), face.line));
         appendPolygon(polygon, triangles);
     }
-    if (file.points.colors.size() != file.points.size()) file.points.colors.clear();
+    if (file.points.rawColors.size() != file.points.size()) file.points.rawColors.clear();
     // Without faces, as many normals as vertices are theirs, in order.
     if (triangles.empty() && file.normals.size() == file.points.size())
         file.points.normals = std::move(file.normals);

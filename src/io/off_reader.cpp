@@ -103,7 +103,6 @@ private:
             for (const Attribute attribute : order) {
                 double& value = row[std::size_t(attribute)];
                 if (!scan.number(value)) throwBad(fmt::format("vertex {} wants numbers", v));
-                if (isColor(attribute)) value = colorFromFloat(value);
             }
             block.append(row, has);
         }

@@ -230,7 +230,6 @@ void parseRow(const ByteSource& source, const PcdHeader& header, const Attribute
                                 source.name(), number, inQuotes(line)));
             if (field.attribute == Attribute::None) continue;
             if (field.attribute == Attribute::PackedRgb) value = packedFromText(field.type, value);
-            if (isColor(field.attribute)) value = colorFrom(field.type, value);
             row[std::size_t(field.attribute)] = value;
         }
     block.append(row, has);

@@ -57,6 +57,10 @@ Plan planFor(const ByteSource& source, const PlyHeader& header, const PlyElement
                                       : attributeOf(property.name, scalars));
     }
     plan.has = AttributeSet(plan.attributes);
+    plan.has.byteColors = true;
+    for (std::size_t p = 0; p < element.properties.size(); ++p)
+        if (isColor(plan.attributes[p]) && element.properties[p].type != ScalarType::UInt8)
+            plan.has.byteColors = plan.has.packedRgb;
     if (plan.kind == Kind::Vertex && !plan.has.position)
         throw InputError(fmt::format("{}: its vertices have no x, y and z. Export them with "
                                      "positions.",
@@ -134,7 +138,6 @@ void parseRow(const Plan& plan, std::uint64_t index, std::uint64_t lineNumber,
         if (!scan.number(value)) throwBadValue(plan, index, lineNumber, property, before);
         const Attribute attribute = plan.attributes[p];
         if (attribute == Attribute::None) continue;
-        if (isColor(attribute)) value = colorFrom(property.type, value);
         rows.values[std::size_t(attribute)] = value;
     }
     if (!scan.atEnd())
@@ -157,7 +160,6 @@ void takeRow(const Plan& plan, std::uint64_t index, bool swap, ByteCursor& curso
             double value = loadScalar(property.type, cursor.take(size), swap);
             const Attribute attribute = plan.attributes[p];
             if (attribute == Attribute::None) continue;
-            if (isColor(attribute)) value = colorFrom(property.type, value);
             rows.values[std::size_t(attribute)] = value;
             continue;
         }

@@ -67,6 +67,9 @@ Attribute attributeOf(std::string_view name, const ScalarNames& wanted)
         {"red", A::Red},
         {"green", A::Green},
         {"blue", A::Blue},
+        {"rf", A::Red}, // of CloudCompare, fractions
+        {"gf", A::Green},
+        {"bf", A::Blue},
         {"r", A::Red},
         {"g", A::Green},
         {"b", A::Blue},
@@ -95,6 +98,7 @@ AttributeSet::AttributeSet(const std::vector<Attribute>& columns)
     confidence = has[std::size_t(Attribute::Confidence)];
     packedRgb = has[std::size_t(Attribute::PackedRgb)];
     colors = packedRgb || all(Attribute::Red, Attribute::Green, Attribute::Blue);
+    byteColors = packedRgb;
     for (std::size_t n = 0; n < kMostScalars; ++n) scalars[n] = has[std::size_t(scalarAt(n))];
 }
 
@@ -110,7 +114,8 @@ void PointBlock::reserve(std::size_t points, const AttributeSet& has)
     positions.reserve(points);
     if (has.normals) normals.reserve(points);
     if (has.confidence) confidence.reserve(points);
-    if (has.colors) colors.reserve(points);
+    if (has.colors && has.byteColors) colors.reserve(points);
+    if (has.colors && !has.byteColors) rawColors.reserve(points);
     for (std::size_t n = 0; n < kMostScalars; ++n)
         if (has.scalars[n]) scalars[n].reserve(points);
 }
@@ -127,9 +132,12 @@ void PointBlock::append(const RowValues& row, const AttributeSet& has)
         const double packed = value(Attribute::PackedRgb);
         const auto bits = packed >= 0 && packed < 4294967296.0 ? std::uint32_t(packed) : 0u;
         colors.push_back({std::uint8_t(bits >> 16), std::uint8_t(bits >> 8), std::uint8_t(bits)});
-    } else if (has.colors) {
+    } else if (has.colors && has.byteColors) {
         colors.push_back({colorByte(value(Attribute::Red)), colorByte(value(Attribute::Green)),
                           colorByte(value(Attribute::Blue))});
+    } else if (has.colors) {
+        rawColors.emplace_back(float(value(Attribute::Red)), float(value(Attribute::Green)),
+                               float(value(Attribute::Blue)));
     }
     for (std::size_t n = 0; n < kMostScalars; ++n)
         if (has.scalars[n]) scalars[n].push_back(float(value(scalarAt(n))));
@@ -141,6 +149,7 @@ void PointBlock::append(PointBlock&& other)
     appendVector(normals, std::move(other.normals));
     appendVector(confidence, std::move(other.confidence));
     appendVector(colors, std::move(other.colors));
+    appendVector(rawColors, std::move(other.rawColors));
     for (std::size_t n = 0; n < kMostScalars; ++n)
         appendVector(scalars[n], std::move(other.scalars[n]));
 }
@@ -151,6 +160,7 @@ void PointBlock::compact(const std::vector<std::uint8_t>& keep)
     compactVector(normals, keep);
     compactVector(confidence, keep);
     compactVector(colors, keep);
+    compactVector(rawColors, keep);
     for (std::vector<float>& values : scalars) compactVector(values, keep);
 }
 
@@ -182,7 +192,7 @@ bool FilePoints::hasConfidence() const
 }
 bool FilePoints::hasColors() const
 {
-    return anyBlockHas(blocks, &PointBlock::colors);
+    return anyBlockHas(blocks, &PointBlock::colors) || anyBlockHas(blocks, &PointBlock::rawColors);
 }
 
 bool FilePoints::hasScalar(std::size_t place) const
@@ -206,6 +216,7 @@ PointBlock& FilePoints::joined()
         has.normals = hasNormals();
         has.confidence = hasConfidence();
         has.colors = hasColors();
+        has.byteColors = anyBlockHas(blocks, &PointBlock::colors);
         for (std::size_t n = 0; n < kMostScalars; ++n) has.scalars[n] = hasScalar(n);
         PointBlock all;
         all.reserve(points, has);
@@ -216,6 +227,8 @@ PointBlock& FilePoints::joined()
             all.confidence.insert(all.confidence.end(), block.confidence.begin(),
                                   block.confidence.end());
             all.colors.insert(all.colors.end(), block.colors.begin(), block.colors.end());
+            all.rawColors.insert(all.rawColors.end(), block.rawColors.begin(),
+                                 block.rawColors.end());
             for (std::size_t n = 0; n < kMostScalars; ++n)
                 all.scalars[n].insert(all.scalars[n].end(), block.scalars[n].begin(),
                                       block.scalars[n].end());

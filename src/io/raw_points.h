@@ -48,6 +48,7 @@ using RowValues = std::array<double, kAttributes>;
 /// Which attributes a file has.
 struct AttributeSet {
     bool position = false, normals = false, confidence = false, colors = false, packedRgb = false;
+    bool byteColors = false; ///< colors are bytes; else their scale is not known yet
     std::array<bool, kMostScalars> scalars{};
 
     AttributeSet() = default;
@@ -85,6 +86,7 @@ struct PointBlock {
     std::vector<Vec3f> normals;
     std::vector<float> confidence;
     std::vector<PointCloud::Rgb> colors;
+    std::vector<Vec3f> rawColors;                         ///< as stored, until scaleColors()
     std::array<std::vector<float>, kMostScalars> scalars; ///< in the order of their names
     std::optional<Viewpoint> seenFrom;                    ///< all of them
 
@@ -128,13 +130,11 @@ struct FilePoints {
 /// Points per task where all points of a block are gone through.
 constexpr std::size_t kPointsPerSlice = 1 << 14;
 
-/// A colour component in [0,255], rounded and clamped.
+/// A color component in [0,255], rounded and clamped.
 std::uint8_t colorByte(double value);
-/// A floating-point colour component on the scale of a byte: files have them in [0,1] or [0,255].
-inline double colorFromFloat(double value)
-{
-    return value > 1 ? value : 255 * value;
-}
+/// Make the raw colors of a file bytes. Files have components in [0, 1], [0, 255] or [0, 65535],
+/// whatever type they store: the largest one of all points tells which.
+void scaleColors(FilePoints& points, Progress& progress);
 
 /// Leave out what cannot be used (not finite, too far, zero normal, no confidence), counted by
 /// reason, and scale confidences to a largest one of 1. Normals or confidences that say nothing

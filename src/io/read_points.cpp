@@ -2,6 +2,7 @@
 #include "mesh_points.h"
 #include "readers.h"
 #include "rounded_positions.h"
+#include "stand_ins.h"
 #include "text_scan.h"
 
 #include <mpuvdb/error.h>
@@ -57,6 +58,7 @@ FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scal
     const ByteSource source(file, progress);
     if (source.size() == 0)
         throw InputError(fmt::format("{}: is empty. Check what was exported.", source.name()));
+    refuseStandIns(source.name(), source.head(256));
     const std::string extension = lowerCase(file.extension().string());
     Reader reader = readerByMagic(source.head(64));
     if (!reader) reader = file == "-" ? readColumns : readerByExtension(extension);
@@ -73,6 +75,7 @@ FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scal
                         source.name()));
     FilePoints points = reader(source, scalars, progress);
     points.name = source.name();
+    scaleColors(points, progress);
     if (source.commas() == Commas::Decimal)
         points.notes.insert(points.notes.begin(), "its numbers have decimal commas");
     return points;

@@ -92,11 +92,17 @@ void decodeColumn(const char* data, std::size_t first, std::size_t count, const 
         float* to = block.confidence.data() + first;
         forEachValue(data, count, column, swap, [=](std::size_t i, auto v) { to[i] = float(v); });
     } else if (isColor(column.attribute) && has.colors && !has.packedRgb) {
-        PointCloud::Rgb* to = block.colors.data() + first;
-        const std::size_t channel = std::size_t(a - int(Attribute::Red));
-        forEachValue(data, count, column, swap, [=](std::size_t i, auto v) {
-            to[i][channel] = colorByte(colorFrom(column.type, double(v)));
-        });
+        const int channel = a - int(Attribute::Red);
+        if (has.byteColors) {
+            PointCloud::Rgb* to = block.colors.data() + first;
+            forEachValue(data, count, column, swap, [=](std::size_t i, auto v) {
+                to[i][std::size_t(channel)] = std::uint8_t(v);
+            });
+        } else {
+            Vec3f* to = block.rawColors.data() + first;
+            forEachValue(data, count, column, swap,
+                         [=](std::size_t i, auto v) { to[i][channel] = float(v); });
+        }
     } else if (column.attribute == Attribute::PackedRgb && sizeOf(column.type) == 4) {
         PointCloud::Rgb* to = block.colors.data() + first;
         Column bits = column; // also where the file calls it a float
@@ -117,7 +123,8 @@ PointBlock makeBlock(std::size_t count, const AttributeSet& has)
     resizeLarge(block.positions, count);
     if (has.normals) resizeLarge(block.normals, count);
     if (has.confidence) resizeLarge(block.confidence, count);
-    if (has.colors) resizeLarge(block.colors, count);
+    if (has.colors && has.byteColors) resizeLarge(block.colors, count);
+    if (has.colors && !has.byteColors) resizeLarge(block.rawColors, count);
     for (std::size_t n = 0; n < kMostScalars; ++n)
         if (has.scalars[n]) resizeLarge(block.scalars[n], count);
     return block;
@@ -148,17 +155,16 @@ std::int64_t loadInteger(ScalarType type, const char* at, bool swap)
     return value > -9e15 && value < 9e15 ? std::int64_t(value) : -1;
 }
 
-double colorFrom(ScalarType type, double value)
-{
-    if (isFloat(type)) return colorFromFloat(value);
-    return type == ScalarType::UInt16 ? value / 257 : value;
-}
-
 AttributeSet RecordLayout::attributes() const
 {
     std::vector<Attribute> present;
     for (const Column& column : columns) present.push_back(column.attribute);
-    return AttributeSet(present);
+    AttributeSet has(present);
+    has.byteColors =
+        has.packedRgb || std::all_of(columns.begin(), columns.end(), [](const Column& column) {
+            return !isColor(column.attribute) || column.type == ScalarType::UInt8;
+        });
+    return has;
 }
 
 PointBlock decodeRecords(const char* data, std::size_t count, const RecordLayout& layout)

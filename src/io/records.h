@@ -30,8 +30,6 @@ inline bool isFloat(ScalarType type)
 double loadScalar(ScalarType type, const char* at, bool swap);
 /// Same, as an integer; floats are truncated, what an integer cannot hold becomes -1.
 std::int64_t loadInteger(ScalarType type, const char* at, bool swap);
-/// A stored colour component on the scale of a byte.
-double colorFrom(ScalarType type, double value);
 
 /// One attribute's values in a block of records: value i is at offset + i * stride.
 struct Column {

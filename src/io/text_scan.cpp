@@ -76,6 +76,26 @@ bool parseAnyNumber(std::string_view word, double& value)
 
 } // namespace
 
+bool FieldScanner::next(std::string_view& field)
+{
+    if (mAtEnd) return false;
+    const auto isBlank = [this](char c) { return c != mSeparator && isSeparator(c); };
+    while (!mRest.empty() && isBlank(mRest.front())) mRest.remove_prefix(1);
+    std::size_t end = 0;
+    if (!mRest.empty() && mRest.front() == '"') {
+        end = std::min(mRest.find('"', 1), mRest.size());
+        field = mRest.substr(1, end - 1);
+        mRest.remove_prefix(std::min(end + 1, mRest.size()));
+        end = std::min(mRest.find(mSeparator), mRest.size());
+    } else {
+        end = std::min(mRest.find(mSeparator), mRest.size());
+        field = mRest.substr(0, end);
+    }
+    mAtEnd = end == mRest.size();
+    mRest.remove_prefix(mAtEnd ? end : end + 1);
+    return true;
+}
+
 bool LineScanner::number(double& value)
 {
     if (atEnd()) return false;

@@ -49,6 +49,21 @@ private:
     const char* mEnd;
 };
 
+/// Walks over the fields of a line that one character separates; those in double quotes may hold
+/// it, and lose the quotes.
+class FieldScanner
+{
+public:
+    FieldScanner(std::string_view line, char separator) : mRest(line), mSeparator(separator) {}
+    /// @return false behind the last field.
+    bool next(std::string_view& field);
+
+private:
+    std::string_view mRest;
+    char mSeparator;
+    bool mAtEnd = false;
+};
+
 /// @a text with ASCII capitals made small.
 std::string lowerCase(std::string_view text);
 

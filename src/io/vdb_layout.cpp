@@ -1,5 +1,7 @@
 #include "vdb_layout.h"
 
+#include "stand_ins.h"
+
 #include <mpuvdb/error.h>
 
 #include <fmt/format.h>
@@ -40,9 +42,18 @@ public:
 
     void file()
     {
+        std::string head(256, '\0');
+        mStream.read(head.data(), std::streamsize(head.size()));
+        head.resize(std::size_t(mStream.gcount()));
+        mStream.clear();
+        mStream.seekg(0);
+        refuseStandIns(mFile.string(), head);
         if (mSize < std::int64_t(sizeof kMagic) || number<std::int64_t>() != kMagic)
             throw InputError(fmt::format(
-                "{}: is not a .vdb file (no magic number). Name an OpenVDB file", mFile.string()));
+                "{}: is not a .vdb file (no magic number). Name an OpenVDB file; points and meshes "
+                "become one with mpuvdb reconstruct or voxelize (Python: mpuvdb.points, "
+                "mpuvdb.mesh)",
+                mFile.string()));
         version();
         const bool seekable = number<char>() != 0;
         skip(kUuidSize);
