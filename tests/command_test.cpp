@@ -488,6 +488,8 @@ TEST_F(CommandTest, MeshAndRenderWriteTheirFormats)
     EXPECT_EQ(drawn.status, 0) << drawn.err;
     EXPECT_EQ(readFile(mFolder / "a.png").substr(1, 3), "PNG");
     EXPECT_EQ(mpuvdb({"render", grid(), "-o", "b.png", "--size", "64"}).status, 2);
+    EXPECT_EQ(mpuvdb({"render", grid(), "-o", "b.png", "--up", "x"}).status, 2);
+    EXPECT_EQ(mpuvdb({"render", grid(), "-o", "a.png", "--size", "64x48", "--up", "z"}).status, 0);
     EXPECT_EQ(mFolder.names(), (Words{"a.obj", "a.ply", "a.png", "a.stl"}));
 }
 

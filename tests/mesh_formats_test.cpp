@@ -171,7 +171,7 @@ TEST_F(MeshFormatsTest, GlbIsWholeAndKeepsPrecisionFarAway)
 TEST_F(MeshFormatsTest, GlbStandsUprightInMetres)
 {
     const Mesh mesh = tetrahedron(1000);
-    const Glb glb(contentOf(write("m.glb", mesh, {SceneSettings::Up::Z, 0.001})));
+    const Glb glb(contentOf(write("m.glb", mesh, {UpAxis::Z, 0.001})));
     const Json& node = glb.json["nodes"][0];
     EXPECT_EQ(node["translation"], Json({1.0, 0.5, 1.0})); // x, z, -y
     EXPECT_EQ(node["scale"], Json({0.001, 0.001, 0.001}));
@@ -210,7 +210,7 @@ TEST_F(MeshFormatsTest, WhatIsWrongIsRefusedBeforeAFileAppears)
     mesh = tetrahedron(0);
     mesh.scalars[0].values.push_back(1);
     EXPECT_THROW(write("m.ply", mesh), UsageError);
-    EXPECT_THROW(write("m.usda", tetrahedron(0), {SceneSettings::Up::Y, 0}), UsageError);
+    EXPECT_THROW(write("m.usda", tetrahedron(0), {UpAxis::Y, 0}), UsageError);
     EXPECT_THROW(write("m.fbx", tetrahedron(0)), UsageError);
     for (const char* name : {"m.glb", "m.ply", "m.usda", "m.fbx"})
         EXPECT_FALSE(std::filesystem::exists(path(name))) << name;
@@ -229,7 +229,7 @@ std::string usdArray(const std::string& text, const std::string& name)
 TEST_F(MeshFormatsTest, UsdaDescribesTheMesh)
 {
     const std::string text =
-        contentOf(write("m.usda", tetrahedron(4e6), {SceneSettings::Up::Z, 0.01}));
+        contentOf(write("m.usda", tetrahedron(4e6), {UpAxis::Z, 0.01}));
     EXPECT_EQ(text.rfind("#usda 1.0\n", 0), 0u);
     for (const char* line : {"defaultPrim = \"surface\"", "metersPerUnit = 0.01", "upAxis = \"Z\"",
                              "def Mesh \"surface\"", "uniform token orientation = \"rightHanded\"",
@@ -299,7 +299,7 @@ TEST_F(MeshFormatsTest, BlenderReadsThem)
     const Mesh mesh = tetrahedron(0);
     std::string files;
     for (const char* name : {"m.ply", "m.obj", "m.stl", "m.glb"})
-        files += " " + write(name, mesh, {SceneSettings::Up::Z, 0.5}).string();
+        files += " " + write(name, mesh, {UpAxis::Z, 0.5}).string();
     std::istringstream output(outputOf("blender --background --factory-startup --python " +
                                        put("read.py", kBlenderScript).string() + " -- " + files));
     std::string line;

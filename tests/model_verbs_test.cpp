@@ -12,6 +12,9 @@
 #include <nlohmann/json.hpp>
 #include <openvdb/tools/ChangeBackground.h>
 
+#include <fstream>
+#include <iterator>
+
 namespace mpuvdb::test
 {
 namespace
@@ -171,6 +174,21 @@ TEST_F(ModelVerbs, MorphWritesAFileForEveryFrame)
     command({"morph", "ball.vdb", "box.vdb", "--frames", "8-10", "-o", "same.vdb"}, 2);
     command({"morph", "ball.vdb", "box.vdb", "--frames", "10-8", "-o", "m.##.vdb"}, 2);
     command({"morph", "ball.vdb", "box.vdb", "--at", "2", "-o", "x.vdb"}, 2);
+}
+
+TEST_F(ModelVerbs, AxesHaveNames)
+{
+    const auto twisted = [&](const std::string& axis) {
+        command({"twist", "box.vdb", "-o", "twisted.vdb", "--turn", "60", "--axis=" + axis});
+        std::ifstream file(folder / "twisted.vdb", std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(file), {});
+    };
+    EXPECT_TRUE(twisted("y") == twisted("0,1,0"));
+    EXPECT_TRUE(twisted("-x") == twisted("-1,0,0"));
+    EXPECT_TRUE(twisted("Z") == twisted("0,0,1"));
+    EXPECT_FALSE(twisted("x") == twisted("y"));
+    for (const char* const axis : {"--axis=w", "--axis=xy", "--axis=-", "--axis="})
+        command({"twist", "box.vdb", "-o", "x.vdb", "--turn", "60", axis}, 2);
 }
 
 TEST_F(ModelVerbs, MotionsKeepVolumes)

@@ -3,6 +3,7 @@
 #include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
+#include <openvdb/tools/Composite.h>
 #include <openvdb/tools/LevelSetSphere.h>
 #include <png.h>
 #include <tbb/global_control.h>
@@ -114,6 +115,31 @@ TEST_F(PictureFile, DependsNeitherOnPlaceNorThreads)
         tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
         EXPECT_EQ(pictureOf(sphere(), small()).rgb, near.rgb);
     }
+}
+
+/// What stands upright on the ground of either world looks the same.
+TEST_F(PictureFile, UpIsYOrZ)
+{
+    const auto cap = [](bool isZUp) {
+        const auto at =
+            isZUp ? openvdb::Vec3f(0.6f, -0.3f, 0.9f) : openvdb::Vec3f(0.6f, 0.9f, 0.3f);
+        const auto part = openvdb::tools::createLevelSetSphere<FloatGrid>(0.4f, at, 0.05f, 3);
+        const auto whole =
+            openvdb::tools::createLevelSetSphere<FloatGrid>(1, openvdb::Vec3f(0), 0.05f, 3);
+        openvdb::tools::csgUnion(*whole, *part);
+        return LevelSet(whole);
+    };
+    PictureSettings yUp = small(), zUp = small();
+    zUp.up = UpAxis::Z;
+    const Picture y = pictureOf(cap(false), yUp), z = pictureOf(cap(true), zUp),
+                  lying = pictureOf(cap(true), yUp);
+    const auto difference = [](const Picture& a, const Picture& b) {
+        double sum = 0;
+        for (std::size_t n = 0; n < a.rgb.size(); ++n) sum += std::abs(double(a.rgb[n]) - b.rgb[n]);
+        return sum / double(a.rgb.size());
+    };
+    // The lattice is another one from there: normals and edges differ a little.
+    EXPECT_LT(4 * difference(y, z), difference(y, lying));
 }
 
 TEST_F(PictureFile, DoesNotDependOnTheVoxelsSize)

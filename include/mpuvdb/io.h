@@ -71,10 +71,12 @@ PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints
 /// Write points as binary PLY (float offsets become doubles) or XYZ text.
 void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress);
 
+/// The axis of the world that points up.
+enum class UpAxis { Y, Z };
+
 /// What the world's axes and units are, for the formats that tell it: GLB and USDA.
 struct SceneSettings {
-    enum class Up { Y, Z };
-    Up up = Up::Y;            ///< the axis that points up
+    UpAxis up = UpAxis::Y;
     double metersPerUnit = 1; ///< metres in a world unit, above 0
 };
 
@@ -167,8 +169,10 @@ void writeGrids(const std::filesystem::path& file, const openvdb::GridCPtrVec& g
 /// @throws UsageError for settings out of range, IoError, Interrupted.
 struct PictureSettings {
     int width = 800, height = 600;       ///< pixels, in [16, 8192]
-    double azimuth = 30, elevation = 20; ///< degrees: of the camera about +Y from +Z, in
-                                         ///< [-360, 360], and above the horizon, in [-90, 90]
+    double azimuth = 30, elevation = 20; ///< degrees: of the camera about the axis that points
+                                         ///< up, from +Z (or -Y, if Z does) on, in [-360, 360],
+                                         ///< and above the horizon, in [-90, 90]
+    UpAxis up = UpAxis::Y;
 };
 void writePicture(const std::filesystem::path& file, const LevelSet& levelSet,
                   const PictureSettings& settings, Progress& progress);

@@ -59,7 +59,7 @@ std::string boundsText(const Mesh& mesh)
 /// Where the mesh's own coordinates lie in a world of metres with Y up.
 std::string placement(const Mesh& mesh, const SceneSettings& scene)
 {
-    const bool turned = scene.up == SceneSettings::Up::Z;
+    const bool turned = scene.up == UpAxis::Z;
     const Vec3d& f = mesh.frame;
     const Vec3d at = scene.metersPerUnit * (turned ? Vec3d(f[0], f[2], -f[1]) : f);
     std::string text = fmt::format(R"("translation":[{},{},{}])", at[0], at[1], at[2]);

@@ -64,9 +64,13 @@ public:
         const double azimuth = settings.azimuth * kPi / 180;
         // Straight from above or below there would be no "up".
         const double elevation = std::clamp(settings.elevation, -89.9, 89.9) * kPi / 180;
-        mBack = Vec3d(std::cos(elevation) * std::sin(azimuth), std::sin(elevation),
-                      std::cos(elevation) * std::cos(azimuth));
-        mRight = Vec3d::UnitY().cross(mBack).normalized();
+        const bool isZUp = settings.up == UpAxis::Z;
+        mSky = isZUp ? Vec3d::UnitZ() : Vec3d::UnitY();
+        const Vec3d front = isZUp ? Vec3d(-Vec3d::UnitY()) : Vec3d(Vec3d::UnitZ());
+        mBack =
+            std::cos(elevation) * (std::sin(azimuth) * Vec3d::UnitX() + std::cos(azimuth) * front) +
+            std::sin(elevation) * mSky;
+        mRight = mSky.cross(mBack).normalized();
         mUp = mBack.cross(mRight);
         constexpr double kHalfAngle = 15 * kPi / 180, kMargin = 1.1;
         const double aspect = double(settings.width) / settings.height;
@@ -93,6 +97,8 @@ public:
     }
 
     const Vec3d& eye() const { return mEye; }
+    /// The direction that points up in the world.
+    const Vec3d& sky() const { return mSky; }
     /// @param x, y  in [-1,1], from left to right and from bottom to top.
     Vec3d direction(double x, double y) const
     {
@@ -105,7 +111,7 @@ public:
     }
 
 private:
-    Vec3d mEye, mRight, mUp, mBack;
+    Vec3d mEye, mRight, mUp, mBack, mSky;
     double mTanX, mTanY;
 };
 
@@ -121,14 +127,15 @@ class Clay
 {
 public:
     explicit Clay(const Camera& camera)
-        : mKey(camera.fromView({-0.55, 0.75, 0.65})), mFill(camera.fromView({0.9, 0.1, 0.45}))
+        : mKey(camera.fromView({-0.55, 0.75, 0.65})), mFill(camera.fromView({0.9, 0.1, 0.45})),
+          mSky(camera.sky())
     {
     }
 
     const Vec3d& key() const { return mKey; }
     Vec3d shade(const Vec3d& normal, const Vec3d& view, bool lit) const
     {
-        const double sky = 0.5 + 0.5 * normal.y();
+        const double sky = 0.5 + 0.5 * normal.dot(mSky);
         const double key = lit ? std::max(0.0, normal.dot(mKey)) : 0;
         const double fill = std::max(0.0, normal.dot(mFill));
         const double gloss =
@@ -139,7 +146,7 @@ public:
     }
 
 private:
-    Vec3d mKey, mFill;
+    Vec3d mKey, mFill, mSky;
 };
 
 std::uint8_t encode(double linear)

@@ -14,7 +14,7 @@ inline std::string usdaHead(const char* prim, const SceneSettings& scene)
 {
     return fmt::format("#usda 1.0\n(\n    defaultPrim = \"{}\"\n    metersPerUnit = {}\n"
                        "    upAxis = \"{}\"\n)\n\n",
-                       prim, scene.metersPerUnit, scene.up == SceneSettings::Up::Z ? "Z" : "Y");
+                       prim, scene.metersPerUnit, scene.up == UpAxis::Z ? "Z" : "Y");
 }
 
 } // namespace mpuvdb

@@ -170,6 +170,16 @@ CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Len
     return app.add_option_function<std::string>(name, parse, description)->type_name("LENGTH");
 }
 
+CLI::Option* addUpAxis(CLI::App& app, UpAxis& up, const std::string& says)
+{
+    return app
+        .add_option_function<std::string>(
+            "--up", [&up](const std::string& axis) { up = axis == "z" ? UpAxis::Z : UpAxis::Y; },
+            says)
+        ->type_name("y|z")
+        ->check(oneOf({"y", "z"}));
+}
+
 CLI::Validator oneOf(const std::vector<std::string>& words)
 {
     return CLI::IsMember(words).description("");

@@ -221,6 +221,23 @@ Vec3d parseTriple(const std::string& option, const std::string& text)
     return triple;
 }
 
+CLI::Option* addDirection(CLI::App& app, const std::string& name, std::optional<Vec3d>& value,
+                          const std::string& description)
+{
+    const auto parse = [name, &value](const std::string& text) {
+        const bool isTurned = !text.empty() && text.front() == '-';
+        const std::string axis = text.substr(isTurned);
+        const std::size_t found = std::string_view("xyzXYZ").find(axis);
+        if (axis.size() == 1 && found != std::string_view::npos) {
+            value = Vec3d::Zero();
+            (*value)[Eigen::Index(found % 3)] = isTurned ? -1 : 1;
+        } else {
+            value = parseTriple(name, text);
+        }
+    };
+    return app.add_option_function<std::string>(name, parse, description)->type_name("x|y|z|X,Y,Z");
+}
+
 CLI::Option* addTriple(CLI::App& app, const std::string& name, std::optional<Vec3d>& value,
                        const std::string& description)
 {

@@ -165,14 +165,8 @@ void warnOfStl(const Mesh& mesh, double voxelSize, const std::string& output, Se
 void addScene(CLI::App& app, SceneSettings& scene)
 {
     const char* const group = "GLB and USD";
-    app.add_option_function<std::string>(
-           "--up",
-           [&scene](const std::string& axis) {
-               scene.up = axis == "z" ? SceneSettings::Up::Z : SceneSettings::Up::Y;
-           },
-           "The axis of the world that points up: GLB is turned to Y up, USD told; default: y")
-        ->type_name("y|z")
-        ->check(oneOf({"y", "z"}))
+    addUpAxis(app, scene.up,
+              "The axis of the world that points up: GLB is turned to Y up, USD told; default: y")
         ->group(group);
     static const std::map<std::string, double> units = {
         {"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}, {"ft", 0.3048}};

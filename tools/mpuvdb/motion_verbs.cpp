@@ -50,7 +50,7 @@ public:
     {
         return {"twist", "A solid twisted about an axis",
                 "  mpuvdb twist bar.vdb -o screw.vdb --degrees-per-unit 90\n"
-                "  mpuvdb twist bar.vdb -o screw.vdb --turn 360 --axis 0,1,0 --center 0,0,0.5\n"
+                "  mpuvdb twist bar.vdb -o screw.vdb --turn 360 --axis y --center 0,0,0.5\n"
                 "      One full turn over the length of the solid, about an upright axis.\n"};
     }
 
@@ -63,7 +63,7 @@ protected:
         app.add_option("--turn", mTurn, "Instead: angle over the solid's whole length")
             ->type_name("DEGREES")
             ->excludes(rate);
-        addTriple(app, "--axis", mAxis, "Direction of the axis; default: 0,0,1");
+        addDirection(app, "--axis", mAxis, "Direction of the axis; default: z");
         addTriple(app, "--center", mCenter, "A point on the axis, which stays; default: 0,0,0");
     }
 

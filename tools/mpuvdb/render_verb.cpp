@@ -52,7 +52,8 @@ public:
                },
                "Pixels; default: 800x600")
             ->type_name("WxH");
-        app.add_option("--azimuth", mPicture.azimuth, "Of the camera, about the Y axis")
+        addUpAxis(app, mPicture.up, "The axis of the world that points up; default: y");
+        app.add_option("--azimuth", mPicture.azimuth, "Of the camera, about that axis")
             ->type_name("DEGREES")
             ->capture_default_str();
         app.add_option("--elevation", mPicture.elevation, "Of the camera, above the horizon")
@@ -72,7 +73,8 @@ public:
         session.report()["settings"] = {{"width", mPicture.width},
                                         {"height", mPicture.height},
                                         {"azimuth", mPicture.azimuth},
-                                        {"elevation", mPicture.elevation}};
+                                        {"elevation", mPicture.elevation},
+                                        {"up", mPicture.up == UpAxis::Z ? "z" : "y"}};
         session.report()["grid"] = toJson(levelSet);
         writePicture(mOutput, levelSet, mPicture, session.progress());
         session.progress().endStage();

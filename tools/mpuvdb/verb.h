@@ -63,6 +63,8 @@ CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Len
 
 /// The check that a value is one of @a words, which the option's type name shows already.
 CLI::Validator oneOf(const std::vector<std::string>& words);
+/// "--up y|z". @param says  what it is for.
+CLI::Option* addUpAxis(CLI::App& app, UpAxis& up, const std::string& says);
 
 /// Declare --grid, which names one grid of a .vdb file.
 CLI::Option* addGridName(CLI::App& app, std::string& value);
