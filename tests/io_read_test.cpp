@@ -143,6 +143,41 @@ TEST_F(IoTest, ColorsOfTextOnAnyScale)
     EXPECT_EQ(colors("b.off", "COFF\n2 0 0\n0 0 0 51 102 255 255\n1 2 3 0 0 0 255\n"), expected);
 }
 
+TEST_F(IoTest, ScalarsThatThereAreAreListed)
+{
+    using Names = std::vector<std::string>;
+    const std::string header = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+                               "property float y\nproperty float z\nproperty float quality\n"
+                               "property list uchar int l\n";
+    const auto named = [&](const std::string& name, const std::string& bytes) {
+        return read(name, bytes).scalarNames;
+    };
+    const std::string ply = header + "property float curvature\nproperty int label\nend_header\n"
+                                     "1 2 3 1 0 0.5 7\n";
+    EXPECT_EQ(named("a.ply", ply), (Names{"curvature", "label"}));
+    EXPECT_EQ(named("a.csv", "x,y,z,GPS time,nx,ny,nz,Class\n1,2,3,4,0,0,1,ground\n"),
+              (Names{"GPS time", "Class"}));
+    EXPECT_EQ(named("a.xyz", "1 2 3 4\n5 6 7 8\n"), Names{});
+    EXPECT_EQ(named("a.pcd", "VERSION .7\nFIELDS x y z intensity _ ring\nSIZE 4 4 4 4 1 2\n"
+                             "TYPE F F F F U U\nCOUNT 1 1 1 1 4 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\n"
+                             "DATA ascii\n1 2 3 4 0 0 0 0 5\n"),
+              (Names{"intensity", "ring"}));
+    // Of several files, what all have; and what is not there is answered with what is.
+    Progress progress;
+    const auto other = put("b.ply", header + "property int label\nend_header\n5 2 3 1 0 7\n");
+    EXPECT_EQ(readPoints({path("a.ply"), other}, BadPoints::Drop, progress).scalarNames,
+              Names{"label"});
+    try {
+        readPoints({path("a.ply"), other}, BadPoints::Drop, progress, {}, {"curvature"});
+        ADD_FAILURE();
+    } catch (const InputError& e) {
+        EXPECT_NE(
+            std::string(e.what()).find("b.ply: has no 'curvature' at its points, but 'label'"),
+            std::string::npos)
+            << e.what();
+    }
+}
+
 TEST_F(IoTest, ColumnsOfTextBesideNamedOnes)
 {
     const std::string rows[] = {

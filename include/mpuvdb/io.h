@@ -30,6 +30,7 @@ struct PointInput {
     /// Points left out, by reason ("not finite", "zero normal", "duplicate" ...).
     std::map<std::string, std::uint64_t> dropped;
     std::uint64_t triangles = 0; ///< of the files that are meshes; their vertices are the points
+    std::vector<std::string> scalarNames; ///< that all files have, whether asked for or not
     /// What a user should know ("bunny.ply: normals computed from its 69451 faces").
     std::vector<std::string> notes;
     /// What a user has to know: that positions were rounded far above the points' spacing.

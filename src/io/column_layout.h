@@ -8,6 +8,7 @@ namespace mpuvdb
 /// The meaning of each column.
 struct ColumnLayout {
     std::vector<Attribute> columns;
+    std::vector<std::string> names; ///< of the columns, or none
 };
 
 /// From the values of some rows, all of the same length of at least three: positions first; then

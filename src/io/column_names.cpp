@@ -125,6 +125,7 @@ void findAxes(const std::vector<std::string>& names, ColumnLayout& layout)
 ColumnLayout layoutOf(const std::vector<std::string>& names, const ScalarNames& scalars)
 {
     ColumnLayout layout;
+    layout.names = names;
     for (const std::string& name : names) layout.columns.push_back(attributeOf(name, scalars));
     if (!AttributeSet(layout.columns).position) findAxes(names, layout);
     if (!AttributeSet(layout.columns).position) layout.columns.clear();
@@ -272,14 +273,7 @@ bool commentNamesColumns(const ColumnNames& comment, std::string_view row, std::
 
 void throwNoPositions(const std::string& file, const ColumnNames& names)
 {
-    constexpr std::size_t kMost = 20; // are shown
-    std::vector<std::string> shown;
-    for (const std::string& name : names.names)
-        if (shown.size() < kMost) shown.push_back(inQuotes(name));
-    const std::string list = fmt::format(
-        "{}{}", fmt::join(shown, ", "),
-        names.names.size() > kMost ? fmt::format(" and {} more", names.names.size() - kMost)
-                                   : std::string());
+    const std::string list = listInQuotes(names.names);
     if (names.areDegrees())
         throw InputError(fmt::format("{}: line {} names the columns {}: longitude and latitude are "
                                      "degrees, beside heights in metres. {}; and name the columns "

@@ -68,6 +68,9 @@ public:
                 counted += rows.counted;
                 if (rows.points.size() > 0) result.blocks.push_back(std::move(rows.points));
             });
+        for (std::size_t c = 0; c < mBegin.layout.names.size(); ++c)
+            if (isNamedScalar(mBegin.layout.columns[c]) && !mBegin.layout.names[c].empty())
+                result.scalarNames.push_back(mBegin.layout.names[c]);
         if (mBegin.hasCount) compareCount(result, counted);
         return result;
     }

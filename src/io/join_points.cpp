@@ -1,6 +1,7 @@
 // All inputs about one frame.
 #include "raw_points.h"
 #include "surplus.h"
+#include "text_scan.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>
@@ -184,9 +185,26 @@ void requireScalars(const Inputs& inputs, const ScalarNames& scalars)
     for (const FilePoints& input : inputs)
         for (std::size_t n = 0; n < scalars.size(); ++n)
             if (input.size() > 0 && !input.hasScalar(n))
-                throw InputError(fmt::format("{}: has no '{}' at its points. Name what all inputs "
-                                             "have, or leave it out.",
-                                             input.name, scalars[n]));
+                throw InputError(fmt::format("{}: has no '{}' at its points{}. Name what all "
+                                             "inputs have, or leave it out.",
+                                             input.name, scalars[n],
+                                             input.scalarNames.empty()
+                                                 ? std::string()
+                                                 : ", but " + listInQuotes(input.scalarNames)));
+}
+
+/// Those that all inputs have, in the first one's order.
+std::vector<std::string> namesOfAll(const Inputs& inputs)
+{
+    std::vector<std::string> names = inputs.front().scalarNames;
+    for (const FilePoints& input : inputs) {
+        const auto isMissing = [&](const std::string& name) {
+            return std::find(input.scalarNames.begin(), input.scalarNames.end(), name) ==
+                   input.scalarNames.end();
+        };
+        names.erase(std::remove_if(names.begin(), names.end(), isMissing), names.end());
+    }
+    return names;
 }
 
 // Copies a slice to its place.
@@ -250,6 +268,7 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
     requirePoints(inputs, points, result.dropped);
     unifyAttributes(inputs, result.notes);
     requireScalars(inputs, scalars);
+    result.scalarNames = namesOfAll(inputs);
 
     PointCloud& cloud = result.cloud;
     cloud.frame = box.center();

@@ -102,6 +102,7 @@ FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progres
     requireRecords(source, header.offset, header.points, header.stride, "point");
     const RecordLayout layout = layoutOf(header, scalars);
     FilePoints result;
+    result.scalarNames = {"intensity"};
     result.blocks.push_back(
         readRecords(source, header.offset, header.points, layout, "point", progress));
     noteSurplus(result,

@@ -30,7 +30,8 @@ struct PcdHeader {
     std::uint64_t points = 0;
     std::string data; ///< "ascii", "binary", "binary_compressed"
     std::uint64_t dataOffset = 0, lines = 0;
-    std::optional<Vec3d> eye; ///< of a range image
+    std::vector<std::string> scalarNames; ///< that could be asked for
+    std::optional<Vec3d> eye;             ///< of a range image
 
     std::uint64_t stride() const
     {
@@ -140,6 +141,8 @@ private:
             if (field.count == 1) field.attribute = attributeOf(mNames[f], mScalars);
             if (field.attribute == Attribute::PackedRgb && sizeOf(field.type) != 4)
                 field.attribute = Attribute::None;
+            if (field.count == 1 && isNamedScalar(field.attribute) && mNames[f] != "_")
+                mHeader.scalarNames.push_back(mNames[f]);
             attributes.push_back(field.attribute);
             mHeader.fields.push_back(field);
         }
@@ -277,6 +280,7 @@ FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Progres
 {
     const PcdHeader header = PcdHeaderParser(source, scalars).parse();
     FilePoints result;
+    result.scalarNames = header.scalarNames;
     if (header.data == "ascii")
         readText(source, header, result, progress);
     else if (header.data == "binary")

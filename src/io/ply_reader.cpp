@@ -198,6 +198,9 @@ public:
         else
             readBinary();
         if (mHeader.find("vertex")->count == 0) throwNoVertices();
+        for (const PlyProperty& property : mHeader.find("vertex")->properties)
+            if (!property.isList && isNamedScalar(attributeOf(property.name, {})))
+                mResult.scalarNames.push_back(property.name);
         addGridNormals();
         return std::move(mResult);
     }

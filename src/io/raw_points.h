@@ -35,6 +35,12 @@ inline bool isColor(Attribute attribute)
     return attribute >= Attribute::Red && attribute <= Attribute::Blue;
 }
 
+/// Whether a column that has a name holds numbers that may be asked for by it.
+inline bool isNamedScalar(Attribute attribute)
+{
+    return attribute >= Attribute::FirstScalar;
+}
+
 /// Names of the scalars that are asked for, at most kMostScalars: place n is FirstScalar + n.
 using ScalarNames = std::vector<std::string>;
 
@@ -114,6 +120,7 @@ struct FilePoints {
     std::uint64_t meshTriangles = 0;        ///< that there were when vertices became points
     std::shared_ptr<const VertexMesh> mesh; ///< that they made; or null
     std::map<std::string, std::uint64_t> dropped;
+    std::vector<std::string> scalarNames;     ///< that could be asked for
     std::vector<std::string> notes, warnings; ///< without the file's name
 
     std::uint64_t size() const;

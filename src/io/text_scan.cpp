@@ -141,6 +141,16 @@ std::string inQuotes(std::string_view text)
     return "'" + shown + (text.size() > 40 ? "..." : "") + "'";
 }
 
+std::string listInQuotes(const std::vector<std::string>& names)
+{
+    constexpr std::size_t kMost = 20;
+    std::string list;
+    for (std::size_t n = 0; n < std::min(names.size(), kMost); ++n)
+        list += (n > 0 ? ", " : "") + inQuotes(names[n]);
+    if (names.size() > kMost) list += " and " + std::to_string(names.size() - kMost) + " more";
+    return list;
+}
+
 std::string identifier(const std::string& name)
 {
     std::string result;

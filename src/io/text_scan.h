@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace mpuvdb
 {
@@ -69,6 +70,9 @@ std::string lowerCase(std::string_view text);
 
 /// At most 40 characters of @a text, fit for an error message.
 std::string inQuotes(std::string_view text);
+
+/// The first twenty of @a names, and how many more there are.
+std::string listInQuotes(const std::vector<std::string>& names);
 
 /// @a name with all but letters, digits and _ made _, and no digit first.
 std::string identifier(const std::string& name);

@@ -60,6 +60,7 @@ Json describePoints(const PointInput& input, Progress& progress)
               {"normals", cloud.hasNormals()},
               {"confidence", !cloud.confidence.empty()},
               {"colors", !cloud.colors.empty()},
+              {"scalars", input.scalarNames},
               {"world",
                {{"min", command::toJson(Vec3d(cloud.frame + box.min()))},
                 {"max", command::toJson(Vec3d(cloud.frame + box.max()))}}},
