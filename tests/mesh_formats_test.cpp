@@ -228,8 +228,7 @@ std::string usdArray(const std::string& text, const std::string& name)
 
 TEST_F(MeshFormatsTest, UsdaDescribesTheMesh)
 {
-    const std::string text =
-        contentOf(write("m.usda", tetrahedron(4e6), {UpAxis::Z, 0.01}));
+    const std::string text = contentOf(write("m.usda", tetrahedron(4e6), {UpAxis::Z, 0.01}));
     EXPECT_EQ(text.rfind("#usda 1.0\n", 0), 0u);
     for (const char* line : {"defaultPrim = \"surface\"", "metersPerUnit = 0.01", "upAxis = \"Z\"",
                              "def Mesh \"surface\"", "uniform token orientation = \"rightHanded\"",

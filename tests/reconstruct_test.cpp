@@ -165,6 +165,39 @@ double order(double coarse, double fine, double refinement)
     return std::log(coarse / fine) / std::log(refinement);
 }
 
+/// Points of a disc of radius 100 about a scanner in its middle, as many for each doubling of the
+/// distance from 1 on.
+PointCloud yard(int points)
+{
+    std::mt19937 random(18);
+    std::uniform_real_distribution<double> uniform;
+    PointCloud cloud;
+    for (int n = 0; n < points; ++n) {
+        const double distance = std::pow(100, uniform(random)), turn = 2 * M_PI * uniform(random);
+        cloud.positions.emplace_back(float(distance * std::cos(turn)),
+                                     float(distance * std::sin(turn)), 0.f);
+        cloud.normals.push_back(Vec3f::UnitZ());
+    }
+    return cloud;
+}
+
+TEST(Reconstruct, UnevenPointsHaveLargerVoxels)
+{
+    Progress progress;
+    constexpr int kPoints = 30000;
+    const ResolvedSettings uneven = resolve(yard(kPoints), {}, progress);
+    const double h = uneven.grid.lattice.voxelSize;
+    EXPECT_LT(6 * M_PI * 100 * 100 / (h * h), 20 * kPoints); // voxels of the band
+    EXPECT_GT(6 * M_PI * 100 * 100 / std::pow(uneven.points.spacing, 2), 50 * kPoints);
+    EXPECT_LE(h, std::sqrt(15 / M_PI) * uneven.points.spacing);
+    // The area that the points say is the disc's, to the deviation that some 1000 samples leave.
+    EXPECT_NEAR(kPoints * uneven.points.areaPerPoint(), M_PI * 100 * 100, 0.15 * M_PI * 100 * 100);
+    // Noise of spacings alone changes nothing.
+    const ResolvedSettings even = resolve(test::randomScan("sphere(1)", 5000), {}, progress);
+    EXPECT_EQ(even.grid.lattice.voxelSize, even.points.spacing);
+    EXPECT_NEAR(5000 * even.points.areaPerPoint(), 4 * M_PI, 0.3 * 4 * M_PI);
+}
+
 TEST(Reconstruct, ConvergesWithTheSquareOfTheVoxelSize)
 {
     // Points and tolerance go with the voxel size.

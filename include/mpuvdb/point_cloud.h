@@ -3,7 +3,9 @@
 #include <mpuvdb/attributes.h>
 #include <mpuvdb/vec.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -67,7 +69,12 @@ struct PointCloud {
 /// What the points say about themselves, from a thousand of them or so.
 struct PointStatistics {
     double spacing = 0; ///< median distance between neighbours on the surface, world units
-    double noise = 0;   ///< standard deviation of points about the surface, along the normal
+    /// Spacing that as many points would have if they lay evenly on the surface, world units; 0:
+    /// not known.
+    double evenSpacing = 0;
+    /// World units squared.
+    double areaPerPoint() const { return std::pow(std::max(spacing, evenSpacing), 2); }
+    double noise = 0; ///< standard deviation of points about the surface, along the normal
     /// Standard deviation of normals about each of two axes across them, radians; 0 without
     /// normals.
     double normalNoise = 0;

@@ -71,7 +71,7 @@ Trial tryWithLargerVoxels(const PointCloud& cloud, const ResolvedSettings& resol
     Trial trial;
     trial.voxelSize = std::max(
         {fine, resolved.points.spacing * sparser, resolved.boxSize.maxCoeff() / kTrialVoxels});
-    trial.area = double(cloud.size()) * resolved.points.spacing * resolved.points.spacing;
+    trial.area = double(cloud.size()) * resolved.points.areaPerPoint();
 
     MpuSettings fit = resolved.fit;
     fit.interpolate = false;

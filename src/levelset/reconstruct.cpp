@@ -5,6 +5,7 @@
 #include <mpuvdb/progress.h>
 
 #include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
 
 namespace mpuvdb
@@ -14,6 +15,21 @@ namespace
 
 /// Without other word a fit may err by a tenth of a voxel, and by the noise.
 constexpr double kToleranceVoxels = 0.1;
+
+/// The median spacing, where points are about even: six voxels of a band three voxels to either
+/// side for each. Uneven ones, such as those of a scanner that stands in the scene, would get
+/// hundreds, nearly all of them where points are far apart.
+double defaultVoxelSize(const PointStatistics& points)
+{
+    // [derived: as many voxels a point as where spacings of the same points differ up to fourfold]
+    constexpr double kMostVoxels = 16;
+    constexpr double kBand = 6; // voxels across
+    // Spacings. [derived: half the width of a disc of 15 points, the ball of a fit, which shows
+    // nothing finer]
+    const double widest = std::sqrt(15 / M_PI);
+    return std::clamp(std::sqrt(kBand / kMostVoxels) * points.evenSpacing, points.spacing,
+                      widest * points.spacing);
+}
 
 double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSettings& resolved)
 {
@@ -33,7 +49,7 @@ double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSetti
         if (!(h > 0)) throw UsageError(fmt::format("voxel size is {}; it must be above 0", h));
         return h;
     }
-    return resolved.points.spacing;
+    return defaultVoxelSize(resolved.points);
 }
 
 /// @throws InputError if the vertices of a mesh are too far from most of its surface to show it.

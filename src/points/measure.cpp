@@ -227,6 +227,9 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
             std::vector<double> spacings;
             spacings.reserve(neighborhoods.size());
             for (const Neighborhood& n : neighborhoods) spacings.push_back(spacingAt(n));
+            double area = 0; // each point has that of its spacing squared
+            for (const double spacing : spacings) area += spacing * spacing;
+            result.evenSpacing = std::sqrt(area / double(spacings.size()));
             result.spacing = quantile(std::move(spacings), 0.5);
         }
         if (found < 2 * kUnknowns) break; // too few to tell noise from shape

@@ -57,9 +57,9 @@ void RunEstimator::demand(std::uint64_t maxBytes, Progress& progress) const
     const ResolvedSettings resolved = resolve(mCloud, mSettings, progress);
     // From the points' number and spacing alone; holes and uneven sampling make it more.
     constexpr double kSafety = 6, kPointBytes = 200, kSquareBytes = 400;
-    const double squares = double(mCloud.size()) *
-                           std::pow(resolved.points.spacing / resolved.grid.lattice.voxelSize, 2) *
-                           resolved.grid.halfWidth / 3;
+    const double squares = double(mCloud.size()) * resolved.points.areaPerPoint() /
+                           std::pow(resolved.grid.lattice.voxelSize, 2) * resolved.grid.halfWidth /
+                           3;
     const double guess = double(mCloud.size()) * kPointBytes + squares * kSquareBytes;
     if (double(mBareBytes + kWorkingBytes) + kSafety * guess < double(maxBytes)) return;
     const RunEstimate run = estimate(progress);
