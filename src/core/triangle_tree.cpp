@@ -1,5 +1,6 @@
 #include <mpuvdb/triangle_tree.h>
 
+#include <mpuvdb/morton.h>
 #include <mpuvdb/point_triangle.h>
 #include <mpuvdb/progress.h>
 
@@ -18,16 +19,6 @@ namespace
 constexpr std::size_t kLeafTriangles = 4;
 constexpr int kCurveBits = 21; ///< per axis
 constexpr std::size_t kMostLevels = 64;
-
-/// Spread the low 21 bits: bit b goes to bit 3b.
-std::uint64_t spread(std::uint64_t v)
-{
-    v = (v | v << 32) & 0x1f00000000ffff;
-    v = (v | v << 16) & 0x1f0000ff0000ff;
-    v = (v | v << 8) & 0x100f00f00f00f00f;
-    v = (v | v << 4) & 0x10c30c30c30c30c3;
-    return (v | v << 2) & 0x1249249249249249;
-}
 
 double squaredDistanceTo(const TriangleTree::Corners& corners, const Vec3d& p)
 {
@@ -79,9 +70,9 @@ void TriangleTree::sortTriangles(const Mesh& mesh)
         for (const std::uint32_t v : mesh.triangles[t])
             middle += (mesh.positions[v] - box.min()).cast<double>() / 3;
         const Vec3d cell = (scale * middle).cwiseMax(0).cwiseMin(cells);
-        keys[t] = {spread(std::uint64_t(cell[0])) | spread(std::uint64_t(cell[1])) << 1 |
-                       spread(std::uint64_t(cell[2])) << 2,
-                   std::uint32_t(t)};
+        keys[t] = {
+            mortonKey(std::uint64_t(cell[0]), std::uint64_t(cell[1]), std::uint64_t(cell[2])),
+            std::uint32_t(t)};
     });
     tbb::parallel_sort(keys.begin(), keys.end());
     mOrder.resize(keys.size());

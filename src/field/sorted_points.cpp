@@ -1,5 +1,6 @@
 #include "sorted_points.h"
 
+#include <mpuvdb/morton.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/release.h>
 
@@ -13,23 +14,6 @@ namespace mpuvdb
 {
 namespace
 {
-
-/// Spread the low 21 bits: bit b goes to bit 3b.
-std::uint64_t spreadBits(std::uint64_t v)
-{
-    v &= 0x1fffff;
-    v = (v | v << 32) & 0x1f00000000ffff;
-    v = (v | v << 16) & 0x1f0000ff0000ff;
-    v = (v | v << 8) & 0x100f00f00f00f00f;
-    v = (v | v << 4) & 0x10c30c30c30c30c3;
-    v = (v | v << 2) & 0x1249249249249249;
-    return v;
-}
-
-std::uint64_t mortonKey(std::uint64_t i, std::uint64_t j, std::uint64_t k)
-{
-    return spreadBits(i) | spreadBits(j) << 1 | spreadBits(k) << 2;
-}
 
 struct KeyedIndex {
     std::uint64_t key;

@@ -1,7 +1,11 @@
 #include "surface_sampling.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/morton.h>
 #include <mpuvdb/progress.h>
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,41 +16,50 @@ namespace mpuvdb
 namespace
 {
 
-/// The darts that stuck, in cells as wide as the darts' radius, behind a hash table.
+/// The darts that stuck, in cells as wide as the darts' radius. Cells lie in blocks behind a hash
+/// table, so that those beside each other are near in memory too.
 class DartBoard
 {
 public:
     DartBoard(const std::vector<SurfacePoint>& darts, double radius, std::size_t expected)
         : mDarts(darts), mRadius(radius)
     {
-        std::size_t buckets = 64;
-        while (buckets < 2 * expected) buckets *= 2;
-        mHeads.assign(buckets, kNone);
+        // A surface crosses about a quarter of a block's cells.
+        std::size_t blocks = 16;
+        while (blocks * kBlockCells < 8 * expected) blocks *= 2;
+        mBlocks = blocks;
+        mHeads.assign(blocks * kBlockCells, kNone);
         mStuck.reserve(expected);
     }
 
-    /// Whether dart @a d, which sticks then, has no neighbour on its side of the surface.
-    bool stick(std::uint32_t d)
+    /// Whether a dart that stuck is near dart @a d, on its side of the surface.
+    bool isTaken(std::uint32_t d) const
     {
         const Vec3i cell = cellOf(mDarts[d].position);
-        // The own cell first: it holds most of the neighbours that a dart may have.
-        if (meets(cell, d)) return false;
+        // The own cell first: it holds most of the neighbors that a dart may have.
+        if (meets(cell, d)) return true;
         for (int k = 0; k < 27; ++k) {
             if (k == 13) continue;
-            if (meets(cell + Vec3i(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1), d)) return false;
+            if (meets(cell + Vec3i(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1), d)) return true;
         }
-        std::uint32_t& head = mHeads[bucketOf(cell)];
-        mStuck.push_back({d, head});
+        return false;
+    }
+    void stick(std::uint32_t d)
+    {
+        std::uint32_t& head = mHeads[bucketOf(cellOf(mDarts[d].position))];
+        mStuck.push_back({mDarts[d], d, head});
         head = std::uint32_t(mStuck.size() - 1);
-        return true;
     }
 
     std::size_t size() const { return mStuck.size(); }
-    std::uint32_t dart(std::size_t i) const { return mStuck[i].dart; }
+    const SurfacePoint& dart(std::size_t i) const { return mStuck[i].point; }
 
 private:
     static constexpr std::uint32_t kNone = ~0u;
+    static constexpr int kBlockBits = 2; // of a cell along each axis
+    static constexpr std::size_t kBlockCells = std::size_t(1) << 3 * kBlockBits;
     struct Stuck {
+        SurfacePoint point;
         std::uint32_t dart, next;
     };
 
@@ -57,15 +70,19 @@ private:
     }
     std::size_t bucketOf(const Vec3i& c) const
     {
-        const std::uint64_t h = std::uint64_t(c.x()) * 0x9e3779b97f4a7c15u ^
-                                std::uint64_t(c.y()) * 0xc2b2ae3d27d4eb4fu ^
-                                std::uint64_t(c.z()) * 0x165667b19e3779f9u;
-        return (h ^ (h >> 29) ^ (h >> 43)) & (mHeads.size() - 1);
+        const auto block = [&c](int axis) { return std::uint64_t(c[axis] >> kBlockBits); };
+        const std::uint64_t h = block(0) * 0x9e3779b97f4a7c15u ^ block(1) * 0xc2b2ae3d27d4eb4fu ^
+                                block(2) * 0x165667b19e3779f9u;
+        const auto within = [&c](int axis) {
+            return std::size_t(c[axis] & ((1 << kBlockBits) - 1)) << axis * kBlockBits;
+        };
+        return ((h ^ (h >> 29) ^ (h >> 43)) & (mBlocks - 1)) * kBlockCells +
+               (within(0) | within(1) | within(2));
     }
     bool meets(const Vec3i& cell, std::uint32_t d) const
     {
         for (std::uint32_t s = mHeads[bucketOf(cell)]; s != kNone; s = mStuck[s].next)
-            if (near(mDarts[mStuck[s].dart], mDarts[d])) return true;
+            if (near(mStuck[s].point, mDarts[d])) return true;
         return false;
     }
     /// Near along the surface: the other side of a thin wall, or the next one, is another place.
@@ -84,17 +101,68 @@ private:
 
     const std::vector<SurfacePoint>& mDarts;
     double mRadius;
+    std::size_t mBlocks;
     std::vector<std::uint32_t> mHeads;
     std::vector<Stuck> mStuck;
 };
 
-DartBoard throwDarts(const std::vector<SurfacePoint>& darts, double radius, std::size_t expected,
+/// Darts are thrown in volleys, each a quarter as large as all before it.
+std::uint32_t volleyEnd(std::uint32_t begin, std::size_t darts)
+{
+    constexpr std::uint32_t kFirst = 1 << 14; // changes times alone
+    return std::uint32_t(std::min<std::size_t>(begin + std::max(kFirst, begin / 4), darts));
+}
+
+/// The darts of each volley, those near each other one after the other.
+std::vector<std::uint32_t> orderInSpace(const std::vector<SurfacePoint>& darts, double cell,
+                                        Progress& progress)
+{
+    std::vector<std::uint64_t> keys(darts.size());
+    std::vector<std::uint32_t> order(darts.size());
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(0, darts.size(), 1 << 14), [&](const auto& range) {
+            progress.check();
+            for (std::size_t d = range.begin(); d < range.end(); ++d) {
+                const Vec3d at = (darts[d].position - darts[0].position) / cell;
+                const auto number = [&at](int axis) {
+                    constexpr double kMiddle = 1 << 20;
+                    return std::uint64_t(std::clamp(at[axis] + kMiddle, 0.0, 2 * kMiddle - 1));
+                };
+                keys[d] = mortonKey(number(0), number(1), number(2));
+                order[d] = std::uint32_t(d);
+            }
+        });
+    for (std::uint32_t begin = 0; begin < darts.size();) {
+        progress.check();
+        const std::uint32_t end = volleyEnd(begin, darts.size());
+        tbb::parallel_sort(order.begin() + begin, order.begin() + end,
+                           [&](std::uint32_t a, std::uint32_t b) { return keys[a] < keys[b]; });
+        begin = end;
+    }
+    return order;
+}
+
+/// Throw the darts one after the other: each sticks that has no neighbor there. Those of a volley
+/// that find one among earlier volleys' are left out first, on all threads, and change nothing.
+DartBoard throwDarts(const std::vector<SurfacePoint>& darts,
+                     const std::vector<std::uint32_t>& inSpace, double radius, std::size_t expected,
                      Progress& progress)
 {
     DartBoard board(darts, radius, expected);
-    for (std::uint32_t d = 0; d < darts.size(); ++d) {
-        if (d % 4096 == 0) progress.check();
-        board.stick(d);
+    std::vector<std::uint8_t> isFree;
+    for (std::uint32_t begin = 0; begin < darts.size();) {
+        const std::uint32_t end = volleyEnd(begin, darts.size());
+        isFree.assign(end - begin, 0);
+        tbb::parallel_for(tbb::blocked_range<std::uint32_t>(begin, end, 1 << 10),
+                          [&](const auto& range) {
+                              progress.check();
+                              for (std::uint32_t n = range.begin(); n < range.end(); ++n)
+                                  isFree[inSpace[n] - begin] = !board.isTaken(inSpace[n]);
+                          });
+        progress.check();
+        for (std::uint32_t d = begin; d < end; ++d)
+            if (isFree[d - begin] && !board.isTaken(d)) board.stick(d);
+        begin = end;
     }
     return board;
 }
@@ -114,13 +182,14 @@ std::vector<SurfacePoint> sampleEven(const Solid& solid, std::uint64_t count, st
     constexpr int kMaxPasses = 12;
     double low = 0, high = HUGE_VAL;
     double radius = 0.83 * std::sqrt(surface.area / double(count));
+    const std::vector<std::uint32_t> inSpace = orderInSpace(surface.points, 4 * radius, progress);
     std::vector<SurfacePoint> best;
     for (int pass = 0; pass < kMaxPasses || best.empty(); ++pass) {
-        const DartBoard board = throwDarts(surface.points, radius, count, progress);
+        const DartBoard board = throwDarts(surface.points, inSpace, radius, count, progress);
         const std::size_t stuck = board.size();
         if (stuck >= count) {
             best.clear();
-            for (std::size_t i = 0; i < count; ++i) best.push_back(surface.points[board.dart(i)]);
+            for (std::size_t i = 0; i < count; ++i) best.push_back(board.dart(i));
             if (stuck <= count + count / 100) break;
             low = radius;
         } else {
