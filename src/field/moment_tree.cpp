@@ -20,7 +20,8 @@ constexpr float kLeastConfidence = 1e-9f; ///< points without any count where th
 constexpr float kStepSpacings = 1.3f;
 /// Buckets that tell a spacing. [derived: 64 points know it to an eighth]
 constexpr std::uint32_t kWitnesses = 8;
-/// Finer levels than an eighth of the usual spacing are not worth their windows.
+/// Level of steps an eighth as long as those of the usual spacing; finer ones are not worth their
+/// windows. [derived: a step is twice as long a level up, 2^-3]
 constexpr int kFinest = -3;
 
 } // namespace

@@ -52,7 +52,7 @@ public:
     std::uint32_t uppers() const { return std::uint32_t(mUppers.size()); }
     /// Number of places in upper nodes, of which lower nodes take some.
     std::uint32_t upperTiles() const { return mUpperTiles; }
-    /// World units squared, cubed. The same for any number of threads.
+    /// Volume and area, world units cubed and squared. The same for any number of threads.
     const SolidSums& sums() const { return mSums; }
 
     /// The number of the lower node that holds @a c, if one does.

@@ -81,10 +81,10 @@ std::string lengthText(double length, double voxelSize);
 /// Three numbers with commas between them. @param option  for the error's text.
 Vec3d parseTriple(const std::string& option, const std::string& text);
 
-/// Declare an option whose value is X,Y,Z.
-/// A direction: x, y or z, -x, -y or -z, or X,Y,Z.
+/// Declare an option whose value is a direction: x, y or z, -x, -y or -z, or X,Y,Z.
 CLI::Option* addDirection(CLI::App& app, const std::string& name, std::optional<Vec3d>& value,
                           const std::string& description);
+/// Declare an option whose value is X,Y,Z.
 CLI::Option* addTriple(CLI::App& app, const std::string& name, std::optional<Vec3d>& value,
                        const std::string& description);
 
