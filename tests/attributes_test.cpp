@@ -1,4 +1,4 @@
-// Colours and scalars of points, on grids and on meshes.
+// Colors and scalars of points, on grids and on meshes.
 #include "case_files.h"
 #include "io_fixture.h"
 
@@ -324,7 +324,7 @@ TEST(AttributesTest, ColorsOfCasesReachTheBackOfASheet)
             });
         const Vec3f there = linearColor(kept.colors[std::size_t(nearest - kept.positions.begin())]);
         const double off = double((mesh.colors[v] - there).cwiseAbs().maxCoeff());
-        // The colours change by 1 over some 10 units.
+        // The colors change by 1 over some 10 units.
         ASSERT_LT(off, 0.05 + 0.3 * double((*nearest - at).norm())) << at;
     }
 }

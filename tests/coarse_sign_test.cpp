@@ -237,7 +237,7 @@ TEST(CoarseSign, IsNearTheDistanceNearData)
 
 /// Number of connected parts (by faces) of the nodes of a lattice that are inside; -1 if one of
 /// them is at the lattice's border.
-int insideParts(const CoarseSign& sign, const Vec3d& centre, double half)
+int insideParts(const CoarseSign& sign, const Vec3d& center, double half)
 {
     constexpr int n = 61;
     const auto index = [](int i, int j, int k) { return std::size_t((i * n + j) * n + k); };
@@ -246,7 +246,7 @@ int insideParts(const CoarseSign& sign, const Vec3d& centre, double half)
         for (int j = 0; j < n; ++j)
             for (int k = 0; k < n; ++k) {
                 const Vec3d at(i, j, k);
-                const Vec3d p = centre + half * (at / ((n - 1) / 2.0) - Vec3d::Ones());
+                const Vec3d p = center + half * (at / ((n - 1) / 2.0) - Vec3d::Ones());
                 inside[index(i, j, k)] = sign.evaluate(p).value < 0;
                 const int lowest = std::min({i, j, k}), highest = std::max({i, j, k});
                 if (inside[index(i, j, k)] && (lowest == 0 || highest == n - 1)) return -1;

@@ -121,9 +121,9 @@ LevelSet manyBalls(int n, double voxelSize)
     const auto grid = openvdb::createLevelSet<FloatGrid>(voxelSize, 3);
     for (int k = 0; k < n * n * n; ++k) {
         const double r = voxelSize * (3 + 0.001 * (k * 7919 % (n * n * n)));
-        const openvdb::Vec3f centre(float(k % n), float(k / n % n), float(k / n / n));
+        const openvdb::Vec3f center(float(k % n), float(k / n % n), float(k / n / n));
         auto one = openvdb::tools::createLevelSetSphere<FloatGrid>(
-            float(r), centre * float(20 * voxelSize), float(voxelSize), 3);
+            float(r), center * float(20 * voxelSize), float(voxelSize), 3);
         openvdb::tools::csgUnion(*grid, *one);
     }
     return LevelSet(grid);

@@ -134,7 +134,7 @@ TEST(Coverage, SitsOnTheBandAndFollowsItsFormula)
     EXPECT_NEAR(model.spacing, std::sqrt(4 * M_PI / 20000), 0.1 * model.spacing);
     EXPECT_EQ(coverageScale(*model.coverage), std::max(h, model.spacing));
     // Distance to the rim of the data, in spacings. At the rim a spacing is measured with half a
-    // disc of neighbours, and may be larger by sqrt(2).
+    // disc of neighbors, and may be larger by sqrt(2).
     std::size_t inside = 0;
     for (auto v = model.coverage->cbeginValueOn(); v; ++v) {
         const Vec3d p = test::worldOf(model.made.levelSet.lattice(), v.getCoord()).normalized();

@@ -102,7 +102,7 @@ TEST(EstimateNormals, OfRealPointsAgreeWithTheirTriangles)
     }
 }
 
-TEST(EstimateNormals, NoiseTakesMoreNeighbours)
+TEST(EstimateNormals, NoiseTakesMoreNeighbors)
 {
     Progress progress;
     PointCloud clean = scanned("torus(1,0.3)", 20000, Pattern::Random);

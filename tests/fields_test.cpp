@@ -106,11 +106,11 @@ TEST(SolidField, MeetsTheSurfaceWithItsSeedsOnly)
     for (int x = -25; x < 25; ++x)
         for (int y = -25; y < 25; ++y)
             for (int z = -25; z < 25; ++z) {
-                const Vec3d centre = lattice.origin + edge * Vec3d(x, y, z) +
+                const Vec3d center = lattice.origin + edge * Vec3d(x, y, z) +
                                      Vec3d::Constant((kBlockDim - 1) / 2.0 * lattice.voxelSize);
                 const Vec3d half = Vec3d::Constant(edge / 2);
-                if (std::abs(solid->distance(centre)) > std::sqrt(3.0) / 2 * edge ||
-                    !solid->bounds().intersects(Box3d(centre - half, centre + half)))
+                if (std::abs(solid->distance(center)) > std::sqrt(3.0) / 2 * edge ||
+                    !solid->bounds().intersects(Box3d(center - half, center + half)))
                     continue;
                 ASSERT_LT(n, seeds.size());
                 EXPECT_EQ(seeds[n], Vec3i(x, y, z));

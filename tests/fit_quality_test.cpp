@@ -43,9 +43,9 @@ TEST(ZeroSetGap, IsTheDistanceFromTheZeroSetToItsData)
             whole.push_back(p);
             if (p.norm() >= hole) holed.push_back(p);
         }
-    const auto gapOf = [&](const std::vector<Vec3d>& positions, const Vec3d& centre) {
+    const auto gapOf = [&](const std::vector<Vec3d>& positions, const Vec3d& center) {
         const std::vector<Vec3d> normals(positions.size(), Vec3d(0, 0, 1));
-        return zeroSetGap(fit, cellOf(positions, normals, 1), centre, 1, 0);
+        return zeroSetGap(fit, cellOf(positions, normals, 1), center, 1, 0);
     };
     EXPECT_LE(gapOf(whole, Vec3d::Zero()), step * std::sqrt(0.5) + 1e-12);
     EXPECT_NEAR(gapOf(holed, Vec3d::Zero()), hole, step);

@@ -88,7 +88,7 @@ TEST(GivenLevelSet, OfOursIsTheSame)
         EXPECT_NO_THROW(demandDistances(taken, "", Progress()));
     }
     Progress progress;
-    const LevelSet thin = shell(ball(), 2 * kVoxel, Wall::Centred, progress);
+    const LevelSet thin = shell(ball(), 2 * kVoxel, Wall::Centered, progress);
     std::vector<std::string> notes;
     EXPECT_EQ(&takeLevelSet(thin.gridPtr(), notes, Progress()).grid(), &thin.grid());
     EXPECT_NO_THROW(demandDistances(thin, "", Progress()));

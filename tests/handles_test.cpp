@@ -176,7 +176,7 @@ TEST(Handles, NeckOfABottleStaysOpen)
 TEST(VoxelTopology, KnowsPlanesEdgesAndBridges)
 {
     const auto set = [](auto isOn) {
-        Neighbourhood around = 0;
+        Neighborhood around = 0;
         for (int n = 0; n < 27; ++n)
             if (isOn(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) around |= 1u << n;
         return around;
@@ -190,8 +190,8 @@ TEST(VoxelTopology, KnowsPlanesEdgesAndBridges)
     const auto rod = set([](int x, int y, int) { return x == 0 && y == 0; });
     EXPECT_FALSE(isSimple(rod));
     EXPECT_EQ(eulerChange(rod), -1); // joins two parts
-    EXPECT_FALSE(isSimple(kCentre));
-    EXPECT_EQ(eulerChange(kCentre), 1); // a part of its own
+    EXPECT_FALSE(isSimple(kCenter));
+    EXPECT_EQ(eulerChange(kCenter), 1); // a part of its own
     EXPECT_FALSE(isSimple((1u << 27) - 1));
     EXPECT_EQ(eulerChange((1u << 27) - 1), -1); // fills a hollow
 }
@@ -201,10 +201,10 @@ TEST(VoxelTopology, SimpleVoxelsDoNotChangeTheEulerCharacteristic)
     std::mt19937 random(7);
     int simple = 0;
     for (int n = 0; n < 200000; ++n) {
-        const Neighbourhood around = (random() & random() & ((1u << 27) - 1)) | kCentre;
+        const Neighborhood around = (random() & random() & ((1u << 27) - 1)) | kCenter;
         if (!isSimple(around)) continue;
         ++simple;
-        ASSERT_EQ(eulerChange(around), 0) << "neighbourhood " << around << " of seed 7";
+        ASSERT_EQ(eulerChange(around), 0) << "neighborhood " << around << " of seed 7";
     }
     EXPECT_GT(simple, 1000);
 }

@@ -136,7 +136,7 @@ TEST(UnseenParts, AreNearTheSolid)
     }
 }
 
-/// How much a surface over a hole bends: the mean over its area of the angle between neighbouring
+/// How much a surface over a hole bends: the mean over its area of the angle between neighboring
 /// triangles, times the length of their edge; a ball of radius r has 2 / r.
 double bendOfUnseen(const Mesh& mesh, const PointCloud& cloud)
 {

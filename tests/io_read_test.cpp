@@ -44,7 +44,7 @@ TEST_F(IoTest, MeshesGiveOutwardNormals)
     }
 }
 
-TEST_F(IoTest, ColoursOfEveryFormat)
+TEST_F(IoTest, ColorsOfEveryFormat)
 {
     for (const Sample& sample : samples())
         for (const char* name : {"counted.pts", "named.csv", "rays.ptx", "ascii.pcd", "binary.pcd",
@@ -255,7 +255,7 @@ TEST_F(IoTest, ColumnsAreToldApart)
     const auto cloud = [&](const std::string& text) { return read("a.xyz", text).cloud; };
     EXPECT_FALSE(cloud("0 0 0 17\n1 2 3 18\n").hasNormals());
     EXPECT_TRUE(cloud("0 0 0 0 1 0\n1 2 3 1 0 0\n").hasNormals());
-    EXPECT_TRUE(cloud("0;0;0;-0.5;3;0.25\n1;2;3;1;7;-2\n").hasNormals()) << "not normalised";
+    EXPECT_TRUE(cloud("0;0;0;-0.5;3;0.25\n1;2;3;1;7;-2\n").hasNormals()) << "not normalized";
     EXPECT_EQ(cloud("0,0,0,255,128,0\n1,2,3,1,2,3\n").colors[1], (Rgb{1, 2, 3}));
     EXPECT_EQ(cloud("0 0 0 0.2 0.4 1\n1 2 3 0 0 0\n").colors[0], (Rgb{51, 102, 255}));
     const PointCloud both = cloud("0\t0\t0\t10\t20\t30\t0\t0\t1\n1\t2\t3\t40\t50\t60\t0\t1\t0\n");

@@ -153,10 +153,10 @@ TEST_F(LasReference, RecordsThatGoBeyondTheFile)
 TEST_F(LasReference, OfTheCaseIsRefused)
 {
     MPUVDB_CASE(degrees, "T13-degrees.las");
-    MPUVDB_CASE(metres, "T14-classes.las");
+    MPUVDB_CASE(meters, "T14-classes.las");
     Progress progress;
     EXPECT_THROW(readPoints({degrees}, BadPoints::Drop, progress), InputError);
-    EXPECT_EQ(readPoints({metres}, BadPoints::Drop, progress).cloud.size(), 3000u);
+    EXPECT_EQ(readPoints({meters}, BadPoints::Drop, progress).cloud.size(), 3000u);
 }
 
 } // namespace

@@ -382,14 +382,14 @@ FitSettings settingsOf(double tolerance)
     return settings;
 }
 
-/// Points on the cap of a sphere that passes the centre.
+/// Points on the cap of a sphere that passes the center.
 CellPoints capPoints(double sphereRadius, std::size_t count, Random& random)
 {
     std::vector<Vec3d> positions, normals;
-    const Vec3d centre(0, 0, -sphereRadius);
+    const Vec3d center(0, 0, -sphereRadius);
     while (positions.size() < count) {
-        const Vec3d n = (random.inBall(0.95) - centre).normalized();
-        const Vec3d p = centre + sphereRadius * n;
+        const Vec3d n = (random.inBall(0.95) - center).normalized();
+        const Vec3d p = center + sphereRadius * n;
         if (!(p.norm() < 0.95)) continue;
         positions.push_back(p);
         normals.push_back(n);

@@ -17,7 +17,7 @@ namespace
 
 using Json = nlohmann::json;
 
-/// A tetrahedron with a colour and a number at each vertex.
+/// A tetrahedron with a color and a number at each vertex.
 Mesh tetrahedron(double far)
 {
     Mesh mesh;
@@ -104,7 +104,7 @@ struct Glb {
     }
 };
 
-TEST_F(MeshFormatsTest, ColoursComeBackFromFilesThatHoldThem)
+TEST_F(MeshFormatsTest, ColorsComeBackFromFilesThatHoldThem)
 {
     for (const double far : {0.0, 3e6}) {
         const Mesh mesh = tetrahedron(far);
@@ -168,7 +168,7 @@ TEST_F(MeshFormatsTest, GlbIsWholeAndKeepsPrecisionFarAway)
     EXPECT_EQ(glb.value<std::uint32_t>(indices, 1), 2u);
 }
 
-TEST_F(MeshFormatsTest, GlbStandsUprightInMetres)
+TEST_F(MeshFormatsTest, GlbStandsUprightInMeters)
 {
     const Mesh mesh = tetrahedron(1000);
     const Glb glb(contentOf(write("m.glb", mesh, {UpAxis::Z, 0.001})));
@@ -268,7 +268,7 @@ TEST_F(MeshFormatsTest, AVolumeLayerRefersToItsFileByARelativePath)
 }
 
 /// Prints one JSON object per mesh that Blender imports: its vertices, triangles, box (in Blender's
-/// own coordinates, Z up) and first colours.
+/// own coordinates, Z up) and first colors.
 constexpr const char* kBlenderScript = R"(
 import bpy, json, numpy, sys
 if not hasattr(numpy, "bool"):  # which Blender 3.4's glTF importer asks newer versions of it for

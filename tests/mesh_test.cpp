@@ -192,13 +192,13 @@ TEST(ExtractMesh, LosesNothingFarAway)
               0);
     EXPECT_LT((moved.frame - near.frame - far).norm(), 1e-8);
 
-    const Vec3d centre(1 << 20, 0, 0);
+    const Vec3d center(1 << 20, 0, 0);
     const auto grid = openvdb::tools::createLevelSetSphere<FloatGrid>(
-        20, openvdb::Vec3f(float(centre.x()), 0, 0), 1);
+        20, openvdb::Vec3f(float(center.x()), 0, 0), 1);
     const Mesh indexed = extracted(LevelSet(grid));
     double worst = 0;
     for (std::size_t i = 0; i < indexed.positions.size(); ++i)
-        worst = std::max(worst, std::abs((indexed.world(i) - centre).norm() - 20));
+        worst = std::max(worst, std::abs((indexed.world(i) - center).norm() - 20));
     EXPECT_LT(worst, 0.02);
 }
 

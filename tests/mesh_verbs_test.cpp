@@ -16,7 +16,7 @@ namespace
 
 using nlohmann::json;
 
-/// A unit sphere in a spiral, red above and blue below, with its height in millimetres.
+/// A unit sphere in a spiral, red above and blue below, with its height in millimeters.
 std::string coloredSphere()
 {
     constexpr int kPoints = 6000;
@@ -62,7 +62,7 @@ protected:
     TemporaryFolder folder;
 };
 
-TEST_F(MeshVerbs, ColoursGoFromThePointsToTheGridAndTheMeshes)
+TEST_F(MeshVerbs, ColorsGoFromThePointsToTheGridAndTheMeshes)
 {
     command({"reconstruct", "ball.ply", "-o", "ball.vdb", "--voxels", "40", "--mesh", "ball.glb",
              "--usd", "ball.usda", "--units", "cm", "--up", "z", "--attributes", "Cd,height"});
@@ -77,7 +77,7 @@ TEST_F(MeshVerbs, ColoursGoFromThePointsToTheGridAndTheMeshes)
     EXPECT_NE(layer.find("OpenVDBAsset \"height\""), std::string::npos);
     EXPECT_NE(layer.find("upAxis = \"Z\""), std::string::npos);
 
-    // From the file: colours by themselves, scalars where they are named.
+    // From the file: colors by themselves, scalars where they are named.
     command({"mesh", "ball.vdb", "-o", "again.glb"});
     const json again = glb("again.glb")["meshes"][0]["primitives"][0]["attributes"];
     EXPECT_TRUE(again.contains("COLOR_0") && !again.contains("_height"));
@@ -87,7 +87,7 @@ TEST_F(MeshVerbs, ColoursGoFromThePointsToTheGridAndTheMeshes)
     EXPECT_EQ(head.find("property uchar red"), std::string::npos);
 }
 
-TEST_F(MeshVerbs, ColoursCanBeLeftOutAndWhatIsMissingIsToldFirst)
+TEST_F(MeshVerbs, ColorsCanBeLeftOutAndWhatIsMissingIsToldFirst)
 {
     command({"reconstruct", "ball.ply", "-o", "ball.vdb", "--voxels", "30"});
     EXPECT_EQ(gridsOf("ball.vdb").size(), 2u);

@@ -400,7 +400,7 @@ TEST_F(ModelVerbs, BandsAreTakenForWhatTheyAre)
     }
 }
 
-TEST_F(ModelVerbs, TwistsFarFromTheAxisNameTheCentre)
+TEST_F(ModelVerbs, TwistsFarFromTheAxisNameTheCenter)
 {
     command({"transform", "ball.vdb", "-o", "away.vdb", "--translate", "100,-8,3"});
     const Ended far = command({"twist", "away.vdb", "-o", "x.vdb", "--turn", "90"}, 2);

@@ -99,7 +99,7 @@ TEST(Noise, NormalsSteadyTheFit)
     EXPECT_LT(steadied, 0.55 * plain) << "seed " << kSeed;
 }
 
-// Weighed by the distance from the centre, points thrown towards it count more.
+// Weighed by the distance from the center, points thrown towards it count more.
 TEST(Noise, WeightsAcrossTheSurfaceDoNotPullIt)
 {
     Random random(kSeed);
@@ -387,7 +387,7 @@ TEST(Noise, OfNormalsIsMeasured)
     EXPECT_EQ(measure(bare, progress).normalNoise, 0);
 }
 
-// A thousand neighbours then fill a ball not much larger than the noise.
+// A thousand neighbors then fill a ball not much larger than the noise.
 TEST(Noise, OfDensePointsIsMeasured)
 {
     Progress progress;

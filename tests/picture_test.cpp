@@ -33,7 +33,7 @@ struct Picture {
     std::vector<std::uint8_t> rgb;
 
     const std::uint8_t* pixel(int x, int y) const { return &rgb[3 * (std::size_t(y) * width + x)]; }
-    bool isGrey(int x, int y) const
+    bool isGray(int x, int y) const
     {
         return pixel(x, y)[0] == pixel(x, y)[1] && pixel(x, y)[1] == pixel(x, y)[2];
     }
@@ -88,16 +88,16 @@ TEST_F(PictureFile, ShowsARoundLitSphereBeforeTheBackground)
         const Picture picture = pictureOf(sphere(openvdb::Vec3d(0), halfWidth), small());
         ASSERT_EQ(picture.width, 160);
         ASSERT_EQ(picture.height, 120);
-        // The background is grey, the sphere is tinted by its lights.
-        EXPECT_TRUE(picture.isGrey(0, 0));
-        EXPECT_TRUE(picture.isGrey(159, 119));
+        // The background is gray, the sphere is tinted by its lights.
+        EXPECT_TRUE(picture.isGray(0, 0));
+        EXPECT_TRUE(picture.isGray(159, 119));
         EXPECT_GT(picture.pixel(0, 0)[0], picture.pixel(0, 119)[0]);
-        // Some of its pixels may happen to be grey, so that only the outermost ones count.
+        // Some of its pixels may happen to be gray, so that only the outermost ones count.
         int left = 0, right = 159, top = 0, bottom = 119;
-        while (left < right && picture.isGrey(left, 60)) ++left;
-        while (right > left && picture.isGrey(right, 60)) --right;
-        while (top < bottom && picture.isGrey(80, top)) ++top;
-        while (bottom > top && picture.isGrey(80, bottom)) --bottom;
+        while (left < right && picture.isGray(left, 60)) ++left;
+        while (right > left && picture.isGray(right, 60)) --right;
+        while (top < bottom && picture.isGray(80, top)) ++top;
+        while (bottom > top && picture.isGray(80, bottom)) --bottom;
         const int columns = right - left, rows = bottom - top;
         EXPECT_NEAR(columns, rows, 3);
         EXPECT_GT(rows, 80);
@@ -155,7 +155,7 @@ TEST_F(PictureFile, ShowsNothingForNothing)
     const auto grid = FloatGrid::create(3);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     const Picture picture = pictureOf(LevelSet(grid), small());
-    EXPECT_TRUE(picture.isGrey(80, 60));
+    EXPECT_TRUE(picture.isGray(80, 60));
 }
 
 TEST_F(PictureFile, CanBeTakenFromEverywhere)
@@ -166,7 +166,7 @@ TEST_F(PictureFile, CanBeTakenFromEverywhere)
         for (const double azimuth : {-360.0, 0.0, 135.0}) {
             settings.azimuth = azimuth;
             settings.elevation = elevation;
-            EXPECT_FALSE(pictureOf(sphere(), settings).isGrey(8, 60));
+            EXPECT_FALSE(pictureOf(sphere(), settings).isGray(8, 60));
         }
 }
 

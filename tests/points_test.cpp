@@ -142,7 +142,7 @@ TEST(Measure, KnowsNoOrderNoThreadsNoDuplicatesAndNoFrame)
     PointCloud twice = cloud;
     twice.positions.insert(twice.positions.end(), cloud.positions.begin(), cloud.positions.end());
     twice.normals.insert(twice.normals.end(), cloud.normals.begin(), cloud.normals.end());
-    // Fewer distinct points are chosen; they still see distinct neighbours only.
+    // Fewer distinct points are chosen; they still see distinct neighbors only.
     EXPECT_NEAR(measured(twice).spacing, one.spacing, 0.03 * one.spacing);
 }
 
@@ -186,7 +186,7 @@ TEST(Measure, FewPoints)
     EXPECT_TRUE(std::isfinite(measured(cloud).noise)); // a line has no plane
 }
 
-/// Exact nearest neighbours decide: spacing computed by brute force over all points.
+/// Exact nearest neighbors decide: spacing computed by brute force over all points.
 TEST(Measure, NeighborsAreThoseOfBruteForce)
 {
     const PointCloud cloud = sample("torus(1,0.3)", 700); // fewer than are chosen: all

@@ -198,9 +198,9 @@ private:
     {
         const double thickness = length(3, 6);
         const auto wall = Wall(mRandom.below(3));
-        const double outward = wall == Wall::Outward   ? thickness
-                               : wall == Wall::Centred ? thickness / 2
-                                                       : 0;
+        const double outward = wall == Wall::Outward    ? thickness
+                               : wall == Wall::Centered ? thickness / 2
+                                                        : 0;
         return {p.shape.shell(thickness, wall),
                 [=, f = p.known, exact = p.outsideIsExact](const Vec3d& at) {
                     const Known k = f(at);

@@ -383,7 +383,7 @@ TEST(Offset, BallsThatMeetHaveADistanceInTheirCrease)
         const Vec3d q(std::abs(p[0]), p[1], p[2]);
         const double d = (q - Vec3d(apart, 0, 0)).norm() - r;
         const double across = std::hypot(p[1], p[2]);
-        // Inside, beyond the cone from the centre to the crease, the crease is nearest.
+        // Inside, beyond the cone from the center to the crease, the crease is nearest.
         const bool wedge = (apart - q[0]) * crease > across * apart && d < 0;
         return wedge ? -std::hypot(q[0], across - crease) : d;
     };
@@ -408,7 +408,7 @@ TEST(Shell, IsAWallBesideTheSurface)
     const LevelSet ball = sampled("sphere(1)");
     const double thickness = 8 * kVoxel;
     const std::pair<Wall, double> walls[] = {
-        {Wall::Inward, 1 - thickness / 2}, {Wall::Centred, 1}, {Wall::Outward, 1 + thickness / 2}};
+        {Wall::Inward, 1 - thickness / 2}, {Wall::Centered, 1}, {Wall::Outward, 1 + thickness / 2}};
     for (const auto& [wall, middle] : walls) {
         const LevelSet made = shell(ball, thickness, wall, progress);
         expectSound(made);
@@ -469,7 +469,7 @@ TEST(Redistancing, NothingDependsOnThreadsAndInputsStay)
             test::treeBytes(redistance(start.grid(), 4, progress).grid()) +
             test::treeBytes(offset(start, 0.3, progress).grid()) +
             test::treeBytes(offset(start, -0.2, progress).grid()) +
-            test::treeBytes(shell(start, 0.2, Wall::Centred, progress).grid());
+            test::treeBytes(shell(start, 0.2, Wall::Centered, progress).grid());
         if (first.empty()) first = bytes;
         EXPECT_EQ(bytes == first, true) << threads << " threads";
     }

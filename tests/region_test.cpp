@@ -44,12 +44,12 @@ Box3d randomBox(const LevelSet& levelSet, test::Random& random, double voxels)
     std::size_t skip = random.below(levelSet.grid().activeVoxelCount());
     auto value = levelSet.grid().cbeginValueOn();
     while (skip-- > 0) ++value;
-    const Vec3d centre = test::worldOf(levelSet.lattice(), value.getCoord());
+    const Vec3d center = test::worldOf(levelSet.lattice(), value.getCoord());
     const double h = levelSet.voxelSize();
     const Vec3d low(random.uniform(1, voxels), random.uniform(1, voxels),
                     random.uniform(1, voxels)),
         high(random.uniform(1, voxels), random.uniform(1, voxels), random.uniform(1, voxels));
-    return {centre - h * low, centre + h * high};
+    return {center - h * low, center + h * high};
 }
 
 std::array<Length, 6> lengths(const Box3d& box)
@@ -150,8 +150,8 @@ TEST(Region, KnowsInsideFromOutsideWithoutASurface)
     SampleSettings settings;
     settings.lattice.voxelSize = 1.0 / 32;
     const auto ball = makeSolidField(parseSolid("sphere(1)"));
-    for (const Vec3d& centre : {Vec3d(0, 0, 0), Vec3d(5, 0, 0)}) {
-        settings.region = Box3d(centre - Vec3d::Constant(0.1), centre + Vec3d::Constant(0.1));
+    for (const Vec3d& center : {Vec3d(0, 0, 0), Vec3d(5, 0, 0)}) {
+        settings.region = Box3d(center - Vec3d::Constant(0.1), center + Vec3d::Constant(0.1));
         const LevelSet part = sampleField(*ball, settings, progress);
         EXPECT_EQ(part.grid().activeVoxelCount(), 0u);
     }

@@ -229,7 +229,7 @@ private:
     Box3d mBox;
 };
 
-/// Pairs of face neighbours of different sign, of which one is inactive.
+/// Pairs of face neighbors of different sign, of which one is inactive.
 std::uint64_t openSignChanges(const LevelSet& levelSet)
 {
     const Accessor at = levelSet.grid().getConstAccessor();

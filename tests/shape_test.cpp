@@ -253,7 +253,7 @@ TEST(Shape, NothingStaysNothing)
 {
     const Shape none = solid("sphere(1)") - solid("sphere(2)");
     const auto settings = voxels(0.1);
-    for (const Shape& shape : {none, none.offset(0.1), none.shell(0.3, Wall::Centred), none & none,
+    for (const Shape& shape : {none, none.offset(0.1), none.shell(0.3, Wall::Centered), none & none,
                                none.smooth({}), movedBy(none, {1, 0, 0})}) {
         const LevelSet made = evaluated(shape, settings);
         EXPECT_EQ(made.grid().activeVoxelCount(), 0u);

@@ -359,7 +359,7 @@ void expectClosedManifold(const LevelSet& levelSet, std::uint64_t leastTriangles
     EXPECT_GT(report.volume, 0);
 }
 
-TEST(ManifoldMeshes, OfEveryPairOfNeighbouringCells)
+TEST(ManifoldMeshes, OfEveryPairOfNeighboringCells)
 {
     // Two cells that share a face have twelve corners: 4096 pairs along each axis.
     for (int axis = 0; axis < 3; ++axis) {

@@ -133,9 +133,9 @@ TEST(SimplifiedMesh, OfALargeOneIsMadeInPartsThatLeaveNoSeams)
     }
 }
 
-TEST(SimplifiedMesh, KeepsColours)
+TEST(SimplifiedMesh, KeepsColors)
 {
-    // A box, red above a slanted line and green below: the line stays, each side is one colour.
+    // A box, red above a slanted line and green below: the line stays, each side is one color.
     Mesh box = meshOf("box(1,1,1)", 0.05).mesh;
     const auto isRed = [](const Vec3d& p) { return p.x() + 0.4 * p.y() + 0.2 * p.z() > 0.1; };
     std::vector<float> heights;

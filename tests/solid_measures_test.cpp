@@ -113,10 +113,10 @@ TEST(Measure, BoundsTheZeroSet)
 {
     const double h = 0.05;
     const SolidMeasures m = measured(solidLevelSet("translate(sphere(1),0.313,-0.127,5.02)", h));
-    const Vec3d centre(0.313, -0.127, 5.02);
+    const Vec3d center(0.313, -0.127, 5.02);
     for (int axis = 0; axis < 3; ++axis) {
-        EXPECT_NEAR(m.bounds.min()[axis], centre[axis] - 1, 0.02 * h);
-        EXPECT_NEAR(m.bounds.max()[axis], centre[axis] + 1, 0.02 * h);
+        EXPECT_NEAR(m.bounds.min()[axis], center[axis] - 1, 0.02 * h);
+        EXPECT_NEAR(m.bounds.max()[axis], center[axis] + 1, 0.02 * h);
     }
 }
 

@@ -132,19 +132,19 @@ TEST(SortedPoints, GathersTheBall)
         for (int query = 0; query < 60; ++query) {
             const OctreeCell cell = randomCell(random);
             const double radius = kRoot.size(cell.level) * random.uniform(0.3, 3);
-            const Vec3d centre = kRoot.centre(cell);
+            const Vec3d center = kRoot.center(cell);
             points.gather(points.around(cell, radius), 1, filter, found);
             // Points on the ball's border by less than rounding may be in or out.
             std::size_t surely = 0, perhaps = 0;
             for (std::size_t i = 0; i < points.size(); ++i) {
-                const double d = (position(points.points(), i) - centre).norm();
+                const double d = (position(points.points(), i) - center).norm();
                 surely += d < radius - 1e-5;
                 perhaps += d < radius + 1e-5;
             }
             EXPECT_GE(found.size(), surely);
             EXPECT_LE(found.size(), perhaps);
             for (std::size_t i = 0; i < found.size(); ++i)
-                EXPECT_LT((position(found, i) - centre).norm(), radius + 1e-5);
+                EXPECT_LT((position(found, i) - center).norm(), radius + 1e-5);
             EXPECT_GE(points.around(cell, radius).points, found.size());
         }
     }

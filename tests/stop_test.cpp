@@ -261,7 +261,7 @@ INSTANTIATE_TEST_SUITE_P(
                                   return evaluation(
                                       (shapeOf("sphere(1)") - shapeOf("torus(0.9,0.2)"))
                                           .offset(-0.05)
-                                          .shell(0.1, Wall::Centred));
+                                          .shell(0.1, Wall::Centered));
                               }}),
     nameOf);
 

@@ -190,9 +190,9 @@ TEST(WarpedField, BendsABarIntoAnArc)
     EXPECT_EQ(mesh.eulerCharacteristic, 2);
     EXPECT_NEAR(mesh.volume, M_PI * 0.04 * length, 0.015 * M_PI * 0.04 * length);
     // As exact as a distance where it is bent: that of the torus.
-    const Vec3d centre(0, 1, -M_PI / 2);
+    const Vec3d center(0, 1, -M_PI / 2);
     const auto torus = [&](const Vec3d& p) {
-        const Vec3d q = p - centre;
+        const Vec3d q = p - center;
         return std::hypot(std::hypot(q[1], q[2]) - 1, q[0]) - 0.2;
     };
     const Lattice lattice = levelSet.lattice();
@@ -203,7 +203,7 @@ TEST(WarpedField, BendsABarIntoAnArc)
             largest = std::max(largest, std::abs(double(*on) - torus(p)) / lattice.voxelSize);
     }
     EXPECT_LT(largest, 0.08);
-    // A bar that reaches the centre has no bounded slope.
+    // A bar that reaches the center has no bounded slope.
     EXPECT_THROW(makeWarpedField(solidField("cylinder(1.1, 3)"), bend), UsageError);
 }
 

@@ -1,4 +1,4 @@
-// Colours and scalars as grids beside a level set.
+// Colors and scalars as grids beside a level set.
 #pragma once
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/surface_attributes.h>
@@ -9,7 +9,7 @@ namespace mpuvdb
 class Progress;
 
 /// What @a attributes say of the zero set of @a levelSet, on the active voxels of its band: each
-/// has what the nearest place on the zero set has. Colours become a Vec3f grid kColorName (linear,
+/// has what the nearest place on the zero set has. Colors become a Vec3f grid kColorName (linear,
 /// to be written as half floats), scalars float grids of their names. Same transform; class
 /// unknown; inactive voxels 0. The same for any number of threads.
 /// @throws UsageError for scalars called like the level set or each other, Interrupted.

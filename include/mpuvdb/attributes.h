@@ -1,4 +1,4 @@
-// What points and vertices have beside their places: colours and named numbers.
+// What points and vertices have beside their places: colors and named numbers.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -16,12 +16,12 @@ struct NamedScalars {
     std::vector<float> values;
 };
 
-/// A colour as files of points have it: red, green and blue in the sRGB curve.
+/// A color as files of points have it: red, green and blue in the sRGB curve.
 using Rgb = std::array<std::uint8_t, 3>;
 
-/// Linear light in [0,1], which can be blended, of an sRGB colour.
+/// Linear light in [0,1], which can be blended, of an sRGB color.
 Vec3f linearColor(const Rgb& rgb);
-/// The nearest sRGB colour; components outside of [0,1] are clamped.
+/// The nearest sRGB color; components outside of [0,1] are clamped.
 Rgb srgbColor(const Vec3f& linear);
 
 } // namespace mpuvdb

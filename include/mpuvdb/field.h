@@ -10,7 +10,7 @@
 namespace mpuvdb
 {
 
-/// Where voxels sit: voxel (i,j,k) has its centre at origin + voxelSize * (i,j,k), world units.
+/// Where voxels sit: voxel (i,j,k) has its center at origin + voxelSize * (i,j,k), world units.
 struct Lattice {
     Vec3d origin = Vec3d::Zero();
     double voxelSize = 1;
@@ -31,7 +31,7 @@ struct FieldSample {
     bool supported = false;         ///< whether data, and not extrapolation, rule here
 };
 
-/// Evaluates blocks for one thread; keeps that thread's scratch memory and what neighbouring blocks
+/// Evaluates blocks for one thread; keeps that thread's scratch memory and what neighboring blocks
 /// share. What a block's values are does not depend on the blocks evaluated before.
 class BlockSampler
 {
@@ -84,7 +84,7 @@ public:
     /// Sorted by (x,y,z), unique.
     virtual std::vector<Vec3i> seedBlocks(const Lattice& lattice) const = 0;
     /// Number of data points in @a box (world units), at least @a limit if there are that many:
-    /// what tells a real object from an artefact. A field that is not made from data says @a limit.
+    /// what tells a real object from an artifact. A field that is not made from data says @a limit.
     virtual std::size_t countData(const Box3d& box, std::size_t limit) const
     {
         (void)box;

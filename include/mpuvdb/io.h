@@ -51,7 +51,7 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
                       const std::vector<std::string>& scalars = {});
 
 /// Read a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
-/// (PLY). Polygons become fans; vertices without a triangle are left out. Colours of the vertices
+/// (PLY). Polygons become fans; vertices without a triangle are left out. Colors of the vertices
 /// are kept. The frame is the middle of the mesh.
 /// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite).
 Mesh readMesh(const std::filesystem::path& file, Progress& progress);
@@ -78,13 +78,13 @@ enum class UpAxis { Y, Z };
 /// What the world's axes and units are, for the formats that tell it: GLB and USDA.
 struct SceneSettings {
     UpAxis up = UpAxis::Y;
-    double metersPerUnit = 1; ///< metres in a world unit, above 0
+    double metersPerUnit = 1; ///< meters in a world unit, above 0
 };
 
 /// Write a mesh by extension: .ply (binary), .obj, .off, .stl (binary), .glb (binary glTF 2.0),
 /// .usda. Positions keep the precision that they have about the frame, except in STL: PLY, OBJ and
 /// OFF get doubles far from the origin, GLB and USDA a translation. GLB is turned to Y up and
-/// scaled to metres by its node. Colours go to all but STL (linear in GLB and USDA, else sRGB),
+/// scaled to meters by its node. Colors go to all but STL (linear in GLB and USDA, else sRGB),
 /// scalars to PLY, GLB ("_NAME") and USDA ("primvars:NAME").
 /// @throws UsageError (another extension, attributes of another number, settings out of range),
 /// LimitError (more than the format can hold: 4 GiB for GLB), IoError, Interrupted.

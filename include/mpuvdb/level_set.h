@@ -56,7 +56,7 @@ struct SampleSettings {
     std::string name = "surface";
     std::uint64_t maxBytes = 0; ///< memory the grid may take; 0: no limit
     bool mayBeEmpty = false;    ///< without a zero crossing: an empty level set, and no InputError
-    /// Only the voxels with their centres in this box (world units) are sampled, and a margin of
+    /// Only the voxels with their centers in this box (world units) are sampled, and a margin of
     /// kRegionMargin voxels around it that is dropped at the end. Active in the result are exactly
     /// those that are active in the box without it, with the same values; everything outside the
     /// box is inactive, and counts as outside. That holds where nothing that the steps after
@@ -70,7 +70,7 @@ struct SampleSettings {
 /// Voxels around a region that are looked at.
 constexpr int kRegionMargin = 32;
 
-/// The voxels with their centres in @a region.
+/// The voxels with their centers in @a region.
 openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice);
 
 /// The level set of nothing: outside everywhere. @param halfWidth  voxels.
@@ -128,8 +128,8 @@ struct CheckReport {
 /// axes, a background of at least one voxel, finite values, |value| <= background where active and
 /// = background elsewhere, a complete band on both sides (a voxel l voxels from one of distance d
 /// is active if d + l is less than the half-width by half a voxel), steps of at most two voxels
-/// between active neighbours, a mean ||grad| - 1| over n voxels of at most @a gradientTolerance and
-/// 0.5 / sqrt(n), no change of sign between neighbours of which one is inactive. An empty level set
+/// between active neighbors, a mean ||grad| - 1| over n voxels of at most @a gradientTolerance and
+/// 0.5 / sqrt(n), no change of sign between neighbors of which one is inactive. An empty level set
 /// is sound. The report does not depend on the number of threads. @param within  judged are only
 /// leaves and tiles that lie in it with the voxels around them: of a region, which ends somewhere.
 /// @throws Interrupted.

@@ -38,7 +38,7 @@ struct SimplifySettings {
 /// @a mesh with fewer triangles: no vertex of @a mesh lies farther from the result than the
 /// tolerance, and no vertex nor middle of an edge of the result farther from @a mesh. Edges are
 /// collapsed where that costs least, so that creases stay; a manifold stays one, of the same genus;
-/// boundaries stay as they are; colours change by at most 6 % of white, other attributes are
+/// boundaries stay as they are; colors change by at most 6 % of white, other attributes are
 /// interpolated. The same for any number of threads, of which it uses one: about 20 us for each
 /// vertex. @throws UsageError for a tolerance that is not above 0, Interrupted. [Garland97]
 Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& progress);
@@ -72,11 +72,11 @@ TrimSettings trimSettings(const openvdb::FloatGrid& coverage, double closeUpTo);
 Mesh trimMesh(Mesh mesh, const openvdb::FloatGrid& coverage, const TrimSettings& settings,
               TrimReport& report, Progress& progress);
 
-/// Give the vertices what @a attributes say of them: colours, and scalars beside those that there
+/// Give the vertices what @a attributes say of them: colors, and scalars beside those that there
 /// are. @throws Interrupted.
 void addAttributes(Mesh& mesh, const SurfaceAttributes& attributes, Progress& progress);
 
-/// Give the vertices what @a grid, of any lattice, says there: a Vec3f grid colours, a float grid a
+/// Give the vertices what @a grid, of any lattice, says there: a Vec3f grid colors, a float grid a
 /// scalar of its name, others nothing. Only active voxels count; 0 where there are none.
 /// @throws Interrupted.
 void addAttribute(Mesh& mesh, const openvdb::GridBase& grid, Progress& progress);

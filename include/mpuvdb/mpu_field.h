@@ -67,12 +67,12 @@ struct MpuEstimate {
 /// of cells that are spread evenly over the surface. @throws as MpuField.
 MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& settings, Progress& progress);
 
-/// The blended local fits of an adaptive octree, normalised to a distance by the blended gradient;
+/// The blended local fits of an adaptive octree, normalized to a distance by the blended gradient;
 /// and a coarse field of the whole model where no data support them.
 class MpuField final : public Field
 {
 public:
-    /// Fit @a cloud, which must have normals, and which is consumed. Its colours and scalars are
+    /// Fit @a cloud, which must have normals, and which is consumed. Its colors and scalars are
     /// kept for attributes(): leave out what nobody asks for. The result depends neither on the
     /// number of threads nor on the order of the points.
     /// @throws InputError without points or normals, UsageError for settings out of range,
@@ -94,15 +94,15 @@ public:
 
     /// Where the points support the surface. With r the least of |x - p| / (s a) over all points p:
     /// 1 up to r = 2.5, 0 from r = 5 on, smooth (cubic) between. s is the spacing of the points
-    /// about p, sqrt(pi/12) times the distance to the 12th neighbour, as the median of p's
-    /// neighbours has it; a = 1 where the normals of p and of the surface differ by at most 90
+    /// about p, sqrt(pi/12) times the distance to the 12th neighbor, as the median of p's
+    /// neighbors has it; a = 1 where the normals of p and of the surface differ by at most 90
     /// degrees, and falls with their cosine to 0 at 120: a sheet close behind supports nothing. The
     /// result refers to this field, which has to outlive it. @throws Interrupted.
     std::unique_ptr<const Coverage> coverage(Progress& progress) const;
 
     /// The points' attributes @a names on the surface: kColorName, "confidence", or scalars of the
     /// cloud. A place has the mean, by confidence, of what the points about it have: of about a
-    /// dozen, so that colours are as fine as the points, where fits are as coarse as the shape
+    /// dozen, so that colors are as fine as the points, where fits are as coarse as the shape
     /// allows. The mean is taken on lattices, from the spacing of the points about a place on each
     /// with twice as large cells' faces as the one before, of which the finest count that have
     /// enough points there: far from all points, where the surface is invented, values change as

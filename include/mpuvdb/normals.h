@@ -16,14 +16,14 @@ struct EstimatedNormals {
 };
 
 /// Fill cloud.normals by local least-squares planes, of the point's own sheet where another is
-/// close, oriented consistently over neighbours, also across edges and between the sides of walls
+/// close, oriented consistently over neighbors, also across edges and between the sides of walls
 /// and gaps from some 1.5 spacings; towards the viewpoints where the cloud has some, else each
 /// connected part outward as seen from all sides, and the walls of cavities inward.
 /// Costs 2 to 3 us of processor time per point, and 8 to 12 where there is noise.
-/// Where neighbours lie on one line, as on contours and scan lines, more are taken.
-/// @param neighbours  points per plane, in [4, 1000]; without a value 12, and up to 200 where the
+/// Where neighbors lie on one line, as on contours and scan lines, more are taken.
+/// @param neighbors  points per plane, in [4, 1000]; without a value 12, and up to 200 where the
 /// points are noisy. @throws InputError for fewer than 4, or on a line.
-EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbours,
+EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors,
                                  Progress& progress);
 
 /// Area-weighted normals of a triangle mesh's vertices. Unused and degenerate vertices get zero.
@@ -38,7 +38,7 @@ bool pointsInward(const PointCloud& cloud);
 /// Reverse all normals.
 void flipNormals(PointCloud& cloud);
 
-/// Find normals that look to the other side than their neighbours': single ones, up to about a
+/// Find normals that look to the other side than their neighbors': single ones, up to about a
 /// fifth of all, by a vote of those in the same plane; patches of a connected part where the rest
 /// disagrees all along their border, and if that leaves a choice, by what is seen of the part from
 /// outside. Rims, folds and thin parts disagree in places only, and stay; so do sheets close behind

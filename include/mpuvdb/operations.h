@@ -88,7 +88,7 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& pr
 LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress);
 
 /// Where the wall of a shell lies beside the surface.
-enum class Wall { Inward, Outward, Centred };
+enum class Wall { Inward, Outward, Centered };
 
 /// The wall of @a thickness > 0 along the surface. Thinner than two voxels is a LimitError: no
 /// level set can show it. Advances the running stage of @a progress by about one unit.

@@ -68,7 +68,7 @@ struct PointCloud {
 
 /// What the points say about themselves, from a thousand of them or so.
 struct PointStatistics {
-    double spacing = 0; ///< median distance between neighbours on the surface, world units
+    double spacing = 0; ///< median distance between neighbors on the surface, world units
     /// Spacing that as many points would have if they lay evenly on the surface, world units; 0:
     /// not known.
     double evenSpacing = 0;
@@ -83,7 +83,7 @@ struct PointStatistics {
 };
 
 /// Measure spacing and noise: each of about 1000 evenly chosen points is compared with its nearest
-/// neighbours; spacing = sqrt(pi/12) * distance to the 12th, noise = residual of a local quadric,
+/// neighbors; spacing = sqrt(pi/12) * distance to the 12th, noise = residual of a local quadric,
 /// normal noise = that of normals that change linearly.
 /// @throws InputError for fewer than two distinct points, UsageError as demandWhole().
 PointStatistics measure(const PointCloud& cloud, Progress& progress);

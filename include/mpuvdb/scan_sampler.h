@@ -41,7 +41,7 @@ std::string solidHelp();
 /// What the scanner does.
 struct ScanSettings {
     enum class Pattern {
-        Even,   ///< blue noise: neighbours keep their distance
+        Even,   ///< blue noise: neighbors keep their distance
         Random, ///< uniform by area; independent on convex solids
         Scan    ///< range images from viewpoints, with occlusion
     };

@@ -1,4 +1,4 @@
-// What data say of places on a surface beside where it is: colours, confidences, intensities.
+// What data say of places on a surface beside where it is: colors, confidences, intensities.
 #pragma once
 #include <mpuvdb/field.h>
 
@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-/// Name of colours among attributes, and of their grid.
+/// Name of colors among attributes, and of their grid.
 constexpr const char* kColorName = "Cd";
 
 /// Numbers that vary over a surface. All members are safe to call from many threads.
@@ -19,7 +19,7 @@ public:
     virtual bool hasColors() const = 0;
     /// Names of the scalars, in the order of their channels.
     virtual const std::vector<std::string>& scalarNames() const = 0;
-    /// Numbers per place: linear red, green and blue where there are colours, then the scalars.
+    /// Numbers per place: linear red, green and blue where there are colors, then the scalars.
     std::size_t channels() const { return (hasColors() ? 3 : 0) + scalarNames().size(); }
     /// channels() numbers per place. Fastest where each place is near the one before it; no value
     /// depends on the other places.

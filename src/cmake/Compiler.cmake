@@ -17,7 +17,7 @@ if(MPUVDB_WERROR AND (MPUVDB_SANITIZE_ROOMS OR NOT MPUVDB_SANITIZE))
 endif()
 
 add_library(mpuvdb_options INTERFACE)
-# No FMA contraction: the same bits from every instruction set. errno and traps of maths functions
+# No FMA contraction: the same bits from every instruction set. errno and traps of math functions
 # are never looked at, and cost the vectoriser every sqrt.
 target_compile_options(mpuvdb_options INTERFACE
     -Wall -Wextra -Wconversion -Wno-sign-conversion -Wshadow

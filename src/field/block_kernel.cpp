@@ -119,15 +119,15 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
 {
     // A voxel that rounding puts beyond the ball here may be within where weights are computed.
     const float radius2 = cell.radius * cell.radius * (1 + 1e-5f);
-    const Row z2 = squaredGap(kRowZ, cell.centre[2]);
-    const Row yz2[2] = {squaredGap(kRowY, cell.centre[1]) + z2,
-                        squaredGap(kRowY + kHalf, cell.centre[1]) + z2};
+    const Row z2 = squaredGap(kRowZ, cell.center[2]);
+    const Row yz2[2] = {squaredGap(kRowY, cell.center[1]) + z2,
+                        squaredGap(kRowY + kHalf, cell.center[1]) + z2};
     Flags reached;
     for (int row = 0; row < kRows; ++row) {
         const int layer = row / 2;
         const float x = float(kCubeDim * layer);
         const float beyond =
-            std::max({x - cell.centre[0], cell.centre[0] - (x + float(kCubeDim - 1)), 0.0f});
+            std::max({x - cell.center[0], cell.center[0] - (x + float(kCubeDim - 1)), 0.0f});
         reached.set(row, yz2[row % 2] + beyond * beyond < radius2);
     }
     return reached;
@@ -143,9 +143,9 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
         {0, 0, 0, 0, -1, -1, -1, -1}, {0, 0, -1, -1, 0, 0, -1, -1}, {0, -1, 0, -1, 0, -1, 0, -1}};
     Row corner[3];
     for (std::size_t axis = 0; axis < 3; ++axis) { // cubes go one voxel farther than the ball
-        const Row low = Row{} + std::max(cell.centre[axis] - cell.radius - 1, 0.0f);
+        const Row low = Row{} + std::max(cell.center[axis] - cell.radius - 1, 0.0f);
         const Row high =
-            Row{} + std::min(cell.centre[axis] + cell.radius + 1, float(kBlockDim - 1));
+            Row{} + std::min(cell.center[axis] + cell.radius + 1, float(kBlockDim - 1));
         corner[axis] = upper[axis] ? high : low;
     }
     const Row &x = corner[0], &y = corner[1], &z = corner[2];
@@ -277,7 +277,7 @@ template <typename Weight>
         const int layer = column / kCubes;
         const Row x = cornerX + float(kCubeDim * layer),
                   y = cornerY + float(kCubeDim * (column % kCubes));
-        const Row dx = x - cell.centre[0], dy = y - cell.centre[1];
+        const Row dx = x - cell.center[0], dy = y - cell.center[1];
         columns[column].distance2 = dx * dx + dy * dy;
         for (int piece = 0; piece < count; ++piece)
             columns[column].pieces[piece].set(q[piece], x, y);
@@ -286,7 +286,7 @@ template <typename Weight>
         const int cube = __builtin_ctzll(left);
         const Column& column = columns[cube / kCubes];
         const Row z = cornerZ + float(kCubeDim * (cube % kCubes));
-        const Row dz = z - cell.centre[2];
+        const Row dz = z - cell.center[2];
         const CubeSamples s = fold(cell, column.pieces, count, z);
         const Row weight = weigh(column.distance2 + dz * dz);
         BlockSums::Cube& to = sums.cubes[std::size_t(cube)];
@@ -353,7 +353,7 @@ void addCells(const KernelCells& cells, CubeSet wanted, bool singular, BlockSums
 }
 
 MPUVDB_WIDE_CLONES
-void normalise(const BlockSums& sums, CubeSet wanted, float limit, BlockValues& values)
+void normalize(const BlockSums& sums, CubeSet wanted, float limit, BlockValues& values)
 {
     const Row far = Row{} + limit;
     for (CubeSet left = wanted; left; left &= left - 1) {

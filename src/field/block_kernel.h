@@ -35,7 +35,7 @@ struct BlockSums {
 /// The cells of a block as the kernel wants them; all in voxels about the block's first voxel.
 struct KernelCells {
     struct Cell {
-        std::array<float, 3> centre; ///< of the support ball
+        std::array<float, 3> center; ///< of the support ball
         float radius;
         float unsupported; ///< 1 - support of the cell
         std::uint32_t firstPiece;
@@ -60,15 +60,15 @@ struct CubeVerdict {
 
 /// Find the cubes that the cells' balls reach (Cell::cubes), and those in which the sums are
 /// farther from zero than @a limit, for any weights: where each cell's value is, over the largest
-/// gradient that it has in the block, normalise() of the sums is.
+/// gradient that it has in the block, normalize() of the sums is.
 CubeVerdict judgeCubes(KernelCells& cells, float limit);
 
 /// Set the sums of the cubes in @a wanted. The weight is smooth, or, for interpolation, singular at
-/// the ball's centre.
+/// the ball's center.
 void addCells(const KernelCells& cells, CubeSet wanted, bool singular, BlockSums& sums);
 
 /// Turn the sums of the cubes in @a wanted into distances (voxels): value / max(|gradient|, 0.8),
 /// clamped to +-@a limit. Where no cell contributes: +limit.
-void normalise(const BlockSums& sums, CubeSet wanted, float limit, BlockValues& values);
+void normalize(const BlockSums& sums, CubeSet wanted, float limit, BlockValues& values);
 
 } // namespace mpuvdb

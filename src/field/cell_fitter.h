@@ -62,10 +62,10 @@ constexpr double kFading = 0.3; ///< part of the gap of full support over which 
 constexpr double kHeirError =
     0.02; ///< largest error, in radii, of a fit that empty cells take over
 
-/// The ball of a cell or of an ancestor: its points are all points within radius of centre.
+/// The ball of a cell or of an ancestor: its points are all points within radius of center.
 struct Ball {
     const PointBatch* batch;
-    Vec3d centre;
+    Vec3d center;
     double radius;
 };
 
@@ -186,7 +186,7 @@ public:
     double lastSupportIn(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
                          double spacing) const
     {
-        return supportInEmpty(decision.result.fit, mRoot.centre(child) - mRoot.centre(cell),
+        return supportInEmpty(decision.result.fit, mRoot.center(child) - mRoot.center(cell),
                               supportRadius(child.level), spacing);
     }
 
@@ -195,10 +195,10 @@ public:
     LocalFit fitEmpty(const OctreeCell& cell, const PointBatch& near, double spacing,
                       double& support)
     {
-        const Vec3d centre = mRoot.centre(cell);
-        const double last = mFilter.nearest(near, centre, std::size_t(mFit.minPoints), mGrown);
+        const Vec3d center = mRoot.center(cell);
+        const double last = mFilter.nearest(near, center, std::size_t(mFit.minPoints), mGrown);
         const double grown = last * (1 + 1e-6);
-        mCell.assign(mGrown, centre, grown);
+        mCell.assign(mGrown, center, grown);
         LocalFit fit;
         fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
         support = supportInEmpty(fit, Vec3d::Zero(), supportRadius(cell.level), spacing);
@@ -222,12 +222,12 @@ private:
         return std::max(0.2 * radius, std::min(0.45 * ballRadius, 5 * spacing));
     }
 
-    /// @param centre  of the empty cell, relative to mCell's.
-    double supportInEmpty(const LocalFit& fit, const Vec3d& centre, double radius,
+    /// @param center  of the empty cell, relative to mCell's.
+    double supportInEmpty(const LocalFit& fit, const Vec3d& center, double radius,
                           double spacing) const
     {
         const double gap =
-            zeroSetGapBeyond(fit, mCell, centre, radius, fullSupportGap(spacing, radius));
+            zeroSetGapBeyond(fit, mCell, center, radius, fullSupportGap(spacing, radius));
         return supportOf(gap, spacing, radius);
     }
 
@@ -286,7 +286,7 @@ private:
                       double reach, double spacing)
     {
         const double radius = supportRadius(cell.level);
-        mCell.assign(batch, mRoot.centre(cell), ballRadius);
+        mCell.assign(batch, mRoot.center(cell), ballRadius);
         if (mSettings.noise > 0) mCell.weighAcross(meanNormal(mCell), reach);
         FitSettings fit = mFit;
         if (mSettings.noise > kMovingNoise * mSettings.tolerance) fit.reach = reach;
@@ -314,20 +314,20 @@ private:
     /// one into mGrown. Whether they are enough.
     bool thicken(const OctreeCell& cell, const std::vector<Ball>& path)
     {
-        const Vec3d centre = mRoot.centre(cell);
+        const Vec3d center = mRoot.center(cell);
         const double radius = supportRadius(cell.level), wanted = thickened(radius);
         if (!(radius < kThickRadius * mSettings.noise)) return false;
         for (std::size_t up = path.size(); up-- > 0;) {
-            if (path[up].radius - (path[up].centre - centre).norm() < wanted) continue;
-            mFilter.ball(*path[up].batch, centre, wanted, mGrown);
+            if (path[up].radius - (path[up].center - center).norm() < wanted) continue;
+            mFilter.ball(*path[up].batch, center, wanted, mGrown);
             return isEnough(mGrown);
         }
-        if (mWideRadius - (mWideCentre - centre).norm() < wanted) {
+        if (mWideRadius - (mWideCenter - center).norm() < wanted) {
             mWideRadius = 1.5 * wanted;
-            mWideCentre = centre;
+            mWideCenter = center;
             mPoints.gather(mPoints.around(cell, mWideRadius), 1, mFilter, mWide);
         }
-        mFilter.ball(mWide, centre, wanted, mGrown);
+        mFilter.ball(mWide, center, wanted, mGrown);
         return isEnough(mGrown);
     }
 
@@ -342,14 +342,14 @@ private:
     /// the points.
     double grow(const PointBatch& ball, const OctreeCell& cell, const std::vector<Ball>& path)
     {
-        const Vec3d centre = mRoot.centre(cell);
+        const Vec3d center = mRoot.center(cell);
         const double radius = supportRadius(cell.level);
         if (isEnough(ball)) return radius;
         for (std::size_t up = path.size(); up-- > 0;) {
-            const double cover = path[up].radius - (path[up].centre - centre).norm();
+            const double cover = path[up].radius - (path[up].center - center).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
             if (steps < 1) continue;
-            if (const int k = growIn(*path[up].batch, centre, radius, steps))
+            if (const int k = growIn(*path[up].batch, center, radius, steps))
                 return radius * (1 + kGrowth * k);
         }
         return growAmongAll(cell);
@@ -357,9 +357,9 @@ private:
 
     /// Put the points of @a batch in a ball that is large enough into mGrown. Returns the steps by
     /// which it grew; 0: none up to @a steps is.
-    int growIn(const PointBatch& batch, const Vec3d& centre, double radius, int steps)
+    int growIn(const PointBatch& batch, const Vec3d& center, double radius, int steps)
     {
-        return isEnough(batch) ? mFilter.grownBall(batch, centre, radius, kGrowth, steps,
+        return isEnough(batch) ? mFilter.grownBall(batch, center, radius, kGrowth, steps,
                                                    std::size_t(mFit.minPoints), mGrown)
                                : 0;
     }
@@ -368,20 +368,20 @@ private:
     /// cells that follow, and wider and wider if need be.
     double growAmongAll(const OctreeCell& cell)
     {
-        const Vec3d centre = mRoot.centre(cell);
+        const Vec3d center = mRoot.center(cell);
         const double radius = supportRadius(cell.level);
         for (double wanted = 2.5 * radius;; wanted *= 2) {
-            const double cover = mWideRadius - (mWideCentre - centre).norm();
+            const double cover = mWideRadius - (mWideCenter - center).norm();
             const int steps = int(std::floor((cover / radius - 1) / kGrowth));
-            if (const int k = growIn(mWide, centre, radius, steps))
+            if (const int k = growIn(mWide, center, radius, steps))
                 return radius * (1 + kGrowth * k);
             if (steps > 0 && mWide.size() == mPoints.size()) { // no more points
                 const double grown = radius * (1 + kGrowth * steps);
-                mFilter.ball(mWide, centre, grown, mGrown);
+                mFilter.ball(mWide, center, grown, mGrown);
                 return grown;
             }
             mPoints.gather(mPoints.around(cell, wanted), 1, mFilter, mWide);
-            mWideCentre = centre;
+            mWideCenter = center;
             mWideRadius = wanted;
         }
     }
@@ -393,7 +393,7 @@ private:
     CellPoints mCell, mScratch;
     BatchFilter mFilter;
     PointBatch mGrown, mWide;
-    Vec3d mWideCentre = Vec3d::Zero(); ///< of the ball whose points mWide holds
+    Vec3d mWideCenter = Vec3d::Zero(); ///< of the ball whose points mWide holds
     double mWideRadius = 0;
 };
 

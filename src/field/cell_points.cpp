@@ -28,7 +28,7 @@ void CellPoints::pad()
 }
 
 MPUVDB_WIDE_CLONES
-void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double ballRadius)
+void CellPoints::assign(const PointBatch& batch, const Vec3d& center, double ballRadius)
 {
     setCount(batch.size());
     radius = ballRadius;
@@ -36,9 +36,9 @@ void CellPoints::assign(const PointBatch& batch, const Vec3d& centre, double bal
                                   double origin) {
         for (std::size_t i = 0; i < n; ++i) to[i] = double(from[i]) - origin;
     };
-    copy(batch.x, x, centre[0]);
-    copy(batch.y, y, centre[1]);
-    copy(batch.z, z, centre[2]);
+    copy(batch.x, x, center[0]);
+    copy(batch.y, y, center[1]);
+    copy(batch.z, z, center[2]);
     copy(batch.nx, nx, 0);
     copy(batch.ny, ny, 0);
     copy(batch.nz, nz, 0);

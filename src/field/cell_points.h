@@ -1,4 +1,4 @@
-// What local fits work on: the points of one cell, in double precision about its centre.
+// What local fits work on: the points of one cell, in double precision about its center.
 #pragma once
 #include "point_batch.h"
 #include "quadric.h"
@@ -11,7 +11,7 @@
 namespace mpuvdb
 {
 
-/// The points of one cell's ball about the cell's centre, with the weights of the fit. Padded to
+/// The points of one cell's ball about the cell's center, with the weights of the fit. Padded to
 /// whole SIMD groups with the last point again, of weight and confidence 0.
 struct CellPoints {
     static constexpr std::size_t kGroup = 4;
@@ -22,10 +22,10 @@ struct CellPoints {
     std::size_t count = 0; ///< without the padding
     double radius = 0;     ///< of the (grown) ball
 
-    /// Take @a batch (all of it inside the ball) relative to @a centre.
-    void assign(const PointBatch& batch, const Vec3d& centre, double ballRadius);
-    /// Weigh by the distance from the line through the centre along @a normal instead of from the
-    /// centre: of points that noise spreads along the normal those near the centre would count
+    /// Take @a batch (all of it inside the ball) relative to @a center.
+    void assign(const PointBatch& batch, const Vec3d& center, double ballRadius);
+    /// Weigh by the distance from the line through the center along @a normal instead of from the
+    /// center: of points that noise spreads along the normal those near the center would count
     /// more, and the fit would come to meet it. 0 from @a reach on.
     void weighAcross(const Vec3d& normal, double reach);
     /// Put every point nearer than @a farthest to the zero set of @a q above its foot there: along

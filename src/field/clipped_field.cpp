@@ -47,9 +47,9 @@ public:
     {
         return std::max(mSource.bound(p), boxDistance(mBox, p));
     }
-    double change(const Vec3d& centre, double radius) const override
+    double change(const Vec3d& center, double radius) const override
     {
-        return std::max(mSource.change(centre, radius), radius);
+        return std::max(mSource.change(center, radius), radius);
     }
     /// Short of it only outside the creases that clipping makes.
     bool isDistance() const override { return mSource.field().isDistance(); }
@@ -68,9 +68,9 @@ public:
         if (common.isEmpty()) return {};
         std::vector<Vec3i> seeds = mSource.seedsWithin(lattice, common);
         const std::vector<Vec3i> walls =
-            descendBlocks(lattice, common, [&](const Vec3d& centre, double radius) {
-                return std::abs(boxDistance(mBox, centre)) <= radius &&
-                       !(mSource.bound(centre) > mSource.change(centre, radius));
+            descendBlocks(lattice, common, [&](const Vec3d& center, double radius) {
+                return std::abs(boxDistance(mBox, center)) <= radius &&
+                       !(mSource.bound(center) > mSource.change(center, radius));
             });
         seeds.insert(seeds.end(), walls.begin(), walls.end());
         sortBlocks(seeds);

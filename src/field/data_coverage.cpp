@@ -16,7 +16,7 @@ namespace
 
 constexpr float kFull = 2.5f, kNone = 5; ///< distances in spacings between which coverage falls
 constexpr std::size_t kBucketPoints = 40;
-constexpr std::size_t kNeighbours = 12; ///< that a spacing is measured with
+constexpr std::size_t kNeighbors = 12;  ///< that a spacing is measured with
 constexpr std::size_t kRemembered = 16; ///< points that supported places before
 
 float coverageOf(float ratio)
@@ -34,15 +34,15 @@ float median(float* begin, float* end)
 
 } // namespace
 
-class DataCoverage::Neighbours
+class DataCoverage::Neighbors
 {
 public:
-    struct Neighbour {
+    struct Neighbor {
         float squaredDistance;
         std::uint32_t bucket;
     };
 
-    explicit Neighbours(const Vec3f& at) : mAt(at) {}
+    explicit Neighbors(const Vec3f& at) : mAt(at) {}
 
     const Vec3f& at() const { return mAt; }
     /// Squared distance from which on points are not wanted.
@@ -59,18 +59,18 @@ public:
             mNearest[i] = mNearest[i - 1];
         mNearest[i] = {squaredDistance, bucket};
     }
-    /// A disc that holds j neighbours has an area of j cells, each a spacing squared.
+    /// A disc that holds j neighbors has an area of j cells, each a spacing squared.
     float spacing() const
     {
         if (mCount < 2) return 0;
         return float(std::sqrt(M_PI / double(mCount - 1) * mNearest[mCount - 1].squaredDistance));
     }
-    const Neighbour* begin() const { return mNearest.data(); }
-    const Neighbour* end() const { return mNearest.data() + mCount; }
+    const Neighbor* begin() const { return mNearest.data(); }
+    const Neighbor* end() const { return mNearest.data() + mCount; }
 
 private:
     Vec3f mAt;
-    std::array<Neighbour, kNeighbours + 1> mNearest; ///< the first is the point itself
+    std::array<Neighbor, kNeighbors + 1> mNearest; ///< the first is the point itself
     std::size_t mCount = 0;
 };
 
@@ -90,8 +90,8 @@ inline float DataCoverage::ratioOf(std::uint32_t n, float spacing, const Vec3f& 
     return reach > 0 ? (position(n) - p).norm() / reach : kNone;
 }
 
-/// The spacing at one point of each bucket; then what the median of its neighbours' buckets have:
-/// the neighbours of an outlier know better.
+/// The spacing at one point of each bucket; then what the median of its neighbors' buckets have:
+/// the neighbors of an outlier know better.
 void DataCoverage::measureSpacings(Progress& progress)
 {
     const std::size_t count = mTree.buckets().size();
@@ -103,10 +103,10 @@ void DataCoverage::measureSpacings(Progress& progress)
                           });
     };
     std::vector<float> own(count);
-    std::vector<std::array<std::uint32_t, kNeighbours + 1>> near(count);
+    std::vector<std::array<std::uint32_t, kNeighbors + 1>> near(count);
     forEachBucket([&](std::size_t b) {
         const BucketTree::Bucket& bucket = mTree.buckets()[b];
-        Neighbours found(position((bucket.begin + bucket.end) / 2));
+        Neighbors found(position((bucket.begin + bucket.end) / 2));
         gather(found);
         own[b] = found.spacing();
         near[b].fill(std::uint32_t(b)); // where there are too few
@@ -115,7 +115,7 @@ void DataCoverage::measureSpacings(Progress& progress)
     });
     std::vector<float> spacings(count);
     forEachBucket([&](std::size_t b) {
-        std::array<float, kNeighbours + 1> values;
+        std::array<float, kNeighbors + 1> values;
         std::transform(near[b].begin(), near[b].end(), values.begin(),
                        [&](std::uint32_t n) { return own[n]; });
         spacings[b] = median(values.data(), values.data() + values.size());
@@ -125,16 +125,16 @@ void DataCoverage::measureSpacings(Progress& progress)
     mSpacing = double(median(own.data(), own.data() + own.size()));
 }
 
-void DataCoverage::gather(Neighbours& neighbours) const
+void DataCoverage::gather(Neighbors& neighbors) const
 {
-    const Vec3f& at = neighbours.at();
+    const Vec3f& at = neighbors.at();
     mTree.search(
         [&](std::uint32_t node) { return mTree.nodes()[node].box.squaredExteriorDistance(at); },
-        [&] { return neighbours.reach(); },
+        [&] { return neighbors.reach(); },
         [&](std::uint32_t leaf) {
             const BucketTree::Bucket& bucket = mTree.bucketOf(leaf);
             for (std::size_t n = bucket.begin; n < bucket.end; ++n)
-                neighbours.add((position(n) - at).squaredNorm(), mTree.nodes()[leaf].second);
+                neighbors.add((position(n) - at).squaredNorm(), mTree.nodes()[leaf].second);
         });
 }
 

@@ -21,7 +21,7 @@ public:
 
 private:
     /// The nearest points to some place, nearest first.
-    class Neighbours;
+    class Neighbors;
     /// The point that supports a place best, found so far.
     struct Support {
         float ratio = 0;
@@ -31,7 +31,7 @@ private:
 
     Vec3f position(std::size_t n) const { return {mPoints.x[n], mPoints.y[n], mPoints.z[n]}; }
     void measureSpacings(Progress& progress);
-    void gather(Neighbours& neighbours) const;
+    void gather(Neighbors& neighbors) const;
     float ratioOf(std::uint32_t point, float spacing, const Vec3f& p, const Vec3f& normal) const;
     Support bestSupport(const Vec3f& p, const Vec3f& normal) const;
 

@@ -126,18 +126,18 @@ constexpr double kDoubt = 0.25;
 /// What a foot's distance past the rim of the data counts beside its distance from them.
 constexpr double kBeyond = 4;
 
-/// Take all probes from @a unit in the ball of @a radius about @a centre two steps towards the zero
+/// Take all probes from @a unit in the ball of @a radius about @a center two steps towards the zero
 /// set; bit n of the result: probe n is within 0.85 radius.
 MPUVDB_WIDE_CLONES
-unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& centre, double radius,
+unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& center, double radius,
                          const Probes& unit, Probes& probes)
 {
     unsigned landed = 0;
     const double reach2 = 0.85 * 0.85 * radius * radius;
     for (std::size_t n = 0; n < Probes::kCount; n += CellPoints::kGroup) {
         const auto at = [n](const double* a) { return Group{a[n], a[n + 1], a[n + 2], a[n + 3]}; };
-        Group x = centre[0] + radius * at(unit.x), y = centre[1] + radius * at(unit.y),
-              z = centre[2] + radius * at(unit.z);
+        Group x = center[0] + radius * at(unit.x), y = center[1] + radius * at(unit.y),
+              z = center[2] + radius * at(unit.z);
         for (int step = 0; step < 2; ++step) {
             const Samples s = sampleFit(fit, x, y, z);
             const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
@@ -147,7 +147,7 @@ unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& centre, double radius
             y -= s.gy * length;
             z -= s.gz * length;
         }
-        const Group dx = x - centre[0], dy = y - centre[1], dz = z - centre[2];
+        const Group dx = x - center[0], dy = y - center[1], dz = z - center[2];
         const Group d2 = dx * dx + dy * dy + dz * dz;
         for (std::size_t k = 0; k < CellPoints::kGroup; ++k) {
             probes.x[n + k] = x[k], probes.y[n + k] = y[k], probes.z[n + k] = z[k];
@@ -315,15 +315,15 @@ double overhang(const CellPoints& points, const Vec3d& y, double gap)
 /// The largest of what gapAt(foot, enough) tells of the feet on the zero set that zeroSetGap() is
 /// about.
 template <typename GapAt>
-double largestGap(const LocalFit& fit, const Vec3d& centre, double radius, double enough,
+double largestGap(const LocalFit& fit, const Vec3d& center, double radius, double enough,
                   GapAt gapAt)
 {
     static const Probes unit;
     Probes probes;
-    const unsigned landed = stepOntoZeroSet(fit, centre, radius, unit, probes);
+    const unsigned landed = stepOntoZeroSet(fit, center, radius, unit, probes);
     if (landed == 0) {
         const Vec3d foot = probes.at(0);
-        const double pardoned = kDoubt * (foot - centre).norm();
+        const double pardoned = kDoubt * (foot - center).norm();
         return std::max(gapAt(foot, enough + pardoned) - pardoned, 0.0);
     }
     double gap = 0;
@@ -334,21 +334,21 @@ double largestGap(const LocalFit& fit, const Vec3d& centre, double radius, doubl
 
 } // namespace
 
-double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& center, double radius,
                   double enough)
 {
     std::size_t start = 0;
-    return largestGap(fit, centre, radius, enough, [&](const Vec3d& foot, double near) {
+    return largestGap(fit, center, radius, enough, [&](const Vec3d& foot, double near) {
         return std::sqrt(nearestFrom(points, foot, near * near, start));
     });
 }
 
-double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& centre,
+double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& center,
                         double radius, double enough)
 {
     constexpr double kClose = 0.4; // of the gap that is enough: data, wherever they lie
     std::size_t start = 0;
-    return largestGap(fit, centre, radius, enough, [&](const Vec3d& foot, double near) {
+    return largestGap(fit, center, radius, enough, [&](const Vec3d& foot, double near) {
         const double close = kClose * near;
         const double gap = std::sqrt(nearestFrom(points, foot, close * close, start));
         return gap > close ? gap + kBeyond * overhang(points, foot, gap) : gap;

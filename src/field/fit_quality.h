@@ -26,18 +26,18 @@ double residualPattern(const LocalFit& fit, const CellPoints& points, double tes
 double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise);
 
 /// How far from the points the zero set of @a fit ventures where it rules the ball of @a radius
-/// about @a centre (relative to the points' centre): from 15 probes two Newton steps lead onto it;
+/// about @a center (relative to the points' center): from 15 probes two Newton steps lead onto it;
 /// of those that land within 0.85 radius the largest distance to the nearest point. If none lands,
 /// what the fit says of the ball is its distance from the middle's foot: how far that is from the
 /// nearest point, less 0.25 of its distance from the middle.
 /// A gap up to @a enough may be told as any smaller one.
-double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& centre, double radius,
+double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& center, double radius,
                   double enough);
 
 /// The same for a ball without points, which a fit rules by carrying on what others say. How far
 /// a foot lies past the rim of the points counts four times more: a gap between random samples has
 /// points all around it, a hole has them on one side.
-double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& centre,
+double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& center,
                         double radius, double enough);
 
 } // namespace mpuvdb

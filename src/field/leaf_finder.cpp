@@ -78,7 +78,7 @@ std::size_t reaching(const float* x, const float* y, const float* z, const float
 LeafFinder::LeafFinder(const Octree& tree, const Vec3d& origin, double voxelSize)
     : mTree(tree), mOrigin(origin), mVoxelSize(voxelSize)
 {
-    // Centres are sums of halved sizes in floats: none is off by more than this.
+    // Centers are sums of halved sizes in floats: none is off by more than this.
     const double rounding = 1e-6 * (tree.root.side / voxelSize + kRegionVoxels);
     for (std::size_t level = 0; level < mQuarter.size(); ++level) {
         mQuarter[level] = float(tree.root.size(int(level)) / voxelSize / 4);
@@ -139,7 +139,7 @@ void LeafFinder::enterRegion(const Vec3i& region)
     mHasRegion = true;
     mCount = 0;
     const Vec3d corner = mOrigin + mVoxelSize * kRegionVoxels * region.cast<double>();
-    const Vec3f root = ((mTree.root.centre({}) - corner) / mVoxelSize).cast<float>();
+    const Vec3f root = ((mTree.root.center({}) - corner) / mVoxelSize).cast<float>();
     makeRoom(kLanes);
     const OctreeNode top = mTree.nodes[0];
     if (top.isLeaf())
@@ -189,13 +189,13 @@ void PointLeafFinder::Nodes::makeRoom(std::size_t nodes)
 
 [[gnu::always_inline]] inline void PointLeafFinder::Nodes::add(OctreeNode node,
                                                                const OctreeCell& cell,
-                                                               const std::array<float, 3>& centre,
+                                                               const std::array<float, 3>& center,
                                                                float squaredReach)
 {
     at[count] = {node, cell};
-    x[count] = centre[0];
-    y[count] = centre[1];
-    z[count] = centre[2];
+    x[count] = center[0];
+    y[count] = center[1];
+    z[count] = center[2];
     reach2[count] = squaredReach;
     ++count;
 }

@@ -30,7 +30,7 @@ public:
 private:
     void enterRegion(const Vec3i& region);
     /// Add the leaves below an inner node that reach into the region, depth first; @a x, @a y and
-    /// @a z are its centre.
+    /// @a z are its center.
     void addBelow(OctreeNode inner, const OctreeCell& cell, float x, float y, float z);
     void addLeaf(OctreeNode leaf, const OctreeCell& cell, float x, float y, float z);
     void makeRoom(std::size_t leaves);
@@ -63,14 +63,14 @@ public:
     const std::vector<LeafAt>& find(const Vec3d& p);
 
 private:
-    /// Centres of cells are exact in floats down to this level, as parts of the root's side, which
+    /// Centers of cells are exact in floats down to this level, as parts of the root's side, which
     /// all lengths here are.
     static constexpr std::size_t kLevels = 20;
     using Cube = std::array<std::uint32_t, 3>;
 
-    /// Nodes of the octree, their centres, and the squares of how far they reach.
+    /// Nodes of the octree, their centers, and the squares of how far they reach.
     struct Nodes {
-        void add(OctreeNode node, const OctreeCell& cell, const std::array<float, 3>& centre,
+        void add(OctreeNode node, const OctreeCell& cell, const std::array<float, 3>& center,
                  float squaredReach);
         void makeRoom(std::size_t nodes);
 

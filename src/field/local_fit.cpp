@@ -195,7 +195,7 @@ std::size_t leastOf(const std::vector<double>& values, std::size_t n,
     return std::min(n, kNearest);
 }
 
-/// The cell's corners and centre, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
+/// The cell's corners and center, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
 void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3d>& q,
                      std::vector<double>& d)
 {
@@ -253,7 +253,7 @@ Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t 
     const Eigen::Matrix<double, 6, 1> k = solveBivariate(system);
     Quadric q = heightAbove(frame, k.head<5>(), system.scale);
     q.c = -k[5] / system.scale;
-    return q.shifted(-origin); // from the centroid to the centre
+    return q.shifted(-origin); // from the centroid to the center
 }
 
 Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal)

@@ -38,7 +38,7 @@ struct FitResult {
     bool needsSplit = false; ///< no auxiliary point was usable [Ohtake03 §4a]: split if possible
 };
 
-/// Fit the paper's choice of shape to @a points, error tested within @a testRadius of the centre.
+/// Fit the paper's choice of shape to @a points, error tested within @a testRadius of the center.
 /// @param cellSize  edge of the cell, for the auxiliary points of a general quadric.
 FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
                   const FitSettings& settings, CellPoints& scratch);

@@ -84,7 +84,7 @@ void MomentTree::sumUp()
                 add(at, sumsAt(child), mMiddles[child]);
 }
 
-/// From the third neighbour of the point that is best among others; 0 for too few points.
+/// From the third neighbor of the point that is best among others; 0 for too few points.
 float MomentTree::spacingIn(const BucketTree::Bucket& bucket) const
 {
     float least = std::numeric_limits<float>::max();

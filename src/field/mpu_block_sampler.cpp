@@ -23,11 +23,11 @@ KernelCells::Piece pieceOf(const QuadricCoefficients& k, const Vec3d& shift, dou
 
 /// Whether a ball (in voxels about the block's first) holds a voxel of the block: where points are
 /// closer than voxels most do not.
-bool reachesVoxel(const Vec3d& centre, double radius)
+bool reachesVoxel(const Vec3d& center, double radius)
 {
     const Vec3d nearest =
-        centre.array().round().max(0.0).min(double(kBlockDim - 1)).matrix(); // of the block
-    return (centre - nearest).squaredNorm() < radius * radius;
+        center.array().round().max(0.0).min(double(kBlockDim - 1)).matrix(); // of the block
+    return (center - nearest).squaredNorm() < radius * radius;
 }
 
 } // namespace
@@ -56,7 +56,7 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     const CubeSet wanted = cubesToSum(box, values);
     addCells(mCells, wanted, mTree.interpolates(), mSums);
     // Blended with the coarse field a value may be beyond the band and still count.
-    normalise(mSums, wanted, mFarthest, values);
+    normalize(mSums, wanted, mFarthest, values);
     if (mCoarse) {
         const bool isLimited = mCoarse->bounds().contains(box);
         blendCoarse(wanted, corner,
@@ -125,10 +125,10 @@ void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float
 void MpuBlockSampler::gatherCell(const LeafAt& leaf, const Vec3d& blockOrigin)
 {
     const StoredFit& stored = mTree.fits[leaf.node.index];
-    const Vec3d centre = (mTree.ballCentre(leaf.cell, stored) - blockOrigin) / mVoxelSize;
+    const Vec3d center = (mTree.ballCenter(leaf.cell, stored) - blockOrigin) / mVoxelSize;
     const double radius = mTree.supportRadius(leaf.cell.level) / mVoxelSize;
-    if (mTree.interpolates() && !reachesVoxel(centre, radius)) return;
-    mCells.cells.push_back({{float(centre[0]), float(centre[1]), float(centre[2])},
+    if (mTree.interpolates() && !reachesVoxel(center, radius)) return;
+    mCells.cells.push_back({{float(center[0]), float(center[1]), float(center[2])},
                             float(radius),
                             1 - leaf.node.support,
                             std::uint32_t(mCells.pieces.size()),

@@ -129,7 +129,7 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Progr
     std::uint64_t leaves = 0;
     bool complete = true;
     tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
-        if (!parts.isIn(root.centre(cell))) return;
+        if (!parts.isIn(root.center(cell))) return;
         ++leaves;
         complete &= node.support >= 1 && !tree.fits[node.index].lostInNoise;
     });

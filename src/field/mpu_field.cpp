@@ -35,7 +35,7 @@ constexpr double kOverlookedSteps = 0.5;
 /// Steps from the surface up to which a leaf is believed whatever the coarse field says.
 constexpr double kNeverVetoed = std::min(kOverlookedSteps, (kVetoSteps - 1));
 
-/// How far @a value, a leaf's distance at its centre, is out of keeping with the coarse field's
+/// How far @a value, a leaf's distance at its center, is out of keeping with the coarse field's
 /// @a other there, in steps of that; above 0 it is not to be believed.
 double disagreement(double value, double other, const CoarseSign& coarse)
 {
@@ -61,12 +61,12 @@ double falling(double t)
 }
 
 /// Take support from leaves that noise has left without a fit, and from those whose distance at the
-/// centre is clearly not the whole model's.
+/// center is clearly not the whole model's.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
     tree.forEachLeafParallel([&](OctreeNode& node, const OctreeCell& cell) {
         if (node.support <= 0) return;
-        const Vec3d centre = tree.root.centre(cell);
+        const Vec3d center = tree.root.center(cell);
         const StoredFit& stored = tree.fits[node.index];
         if (tree.holdsItsPoint(cell, stored)) return;
         if (stored.lostInNoise) {
@@ -74,11 +74,11 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
             node.support *= float(falling((steps - kSmallLost) / (kLargeLost - kSmallLost)));
             if (node.support <= 0) return;
         }
-        const Vec3d y = centre - stored.origin.cast<double>();
+        const Vec3d y = center - stored.origin.cast<double>();
         const Quadric q = tree.rulingAt(stored, y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
         if (std::abs(value) <= kNeverVetoed * coarse.step()) return;
-        const double other = coarse.evaluate(centre).value;
+        const double other = coarse.evaluate(center).value;
         node.support *= float(falling(disagreement(value, other, coarse)));
     });
 }
@@ -164,7 +164,7 @@ void MpuField::Impl::add(OctreeNode leaf, const OctreeCell& cell, const Vec3d& p
 double MpuField::Impl::weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const
 {
     const double radius = tree.supportRadius(cell.level);
-    const double distance = (p - tree.ballCentre(cell, fit)).norm();
+    const double distance = (p - tree.ballCenter(cell, fit)).norm();
     if (!tree.interpolates()) return bsplineWeight(1.5 * distance / radius);
     return singularWeight(1 / std::max(distance, kLeastDistance * radius), 1 / radius);
 }

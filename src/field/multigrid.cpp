@@ -107,7 +107,7 @@ void prolong(const NodeGrid& coarse, const std::vector<float>& from, const NodeG
     });
 }
 
-/// Over-relax every other node of a row, from @a first on; those between are their neighbours and
+/// Over-relax every other node of a row, from @a first on; those between are their neighbors and
 /// stay. All are computed: that is cheaper than to step over half of them.
 MPUVDB_WIDE_CLONES
 void relaxRow(float* u, const float* b, const float* screening, const Strides& next, int count,
@@ -119,9 +119,9 @@ void relaxRow(float* u, const float* b, const float* screening, const Strides& n
     for (int begin = 0; begin < count; begin += kPart, u += kPart, b += kPart, screening += kPart) {
         const int part = std::min(kPart, count - begin);
         for (int k = 0; k < part; ++k) {
-            const float neighbours =
+            const float neighbors =
                 (u[k - di] + u[k + di]) + (u[k - dj] + u[k + dj]) + (u[k - 1] + u[k + 1]);
-            const float exact = (neighbours - b[k]) / (6 + screening[k]);
+            const float exact = (neighbors - b[k]) / (6 + screening[k]);
             change[k] = ((k ^ first) & 1) ? 0.0f : kOverRelaxation * (exact - u[k]);
         }
         for (int k = 0; k < part; ++k) u[k] += change[k];
@@ -135,9 +135,9 @@ void residualRow(const float* u, const float* b, const float* screening, const S
 {
     const std::ptrdiff_t di = next.i, dj = next.j;
     for (int k = 0; k < count; ++k) {
-        const float neighbours =
+        const float neighbors =
             (u[k - di] + u[k + di]) + (u[k - dj] + u[k + dj]) + (u[k - 1] + u[k + 1]);
-        residual[k] = b[k] - (neighbours - (6 + screening[k]) * u[k]);
+        residual[k] = b[k] - (neighbors - (6 + screening[k]) * u[k]);
     }
 }
 

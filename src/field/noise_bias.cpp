@@ -40,9 +40,9 @@ const StoredFit& fitAt(const Octree& tree, const Vec3d& p)
     std::uint32_t node = 0;
     OctreeCell cell;
     while (!tree.nodes[node].isLeaf()) {
-        const Vec3d centre = tree.root.centre(cell);
+        const Vec3d center = tree.root.center(cell);
         const int octant =
-            int(p[0] > centre[0]) | int(p[1] > centre[1]) << 1 | int(p[2] > centre[2]) << 2;
+            int(p[0] > center[0]) | int(p[1] > center[1]) << 1 | int(p[2] > center[2]) << 2;
         node = tree.nodes[node].index + std::uint32_t(octant);
         cell = cell.child(octant);
     }

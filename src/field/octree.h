@@ -43,9 +43,9 @@ struct Octree {
 
     RootCube root;
     double alpha = 0.75;
-    /// Largest distance of a ball's centre from its cell's, in diagonals of the cell; above 0 where
-    /// the points are interpolated: balls are centred at the points there, weights singular.
-    double offCentre = 0;
+    /// Largest distance of a ball's center from its cell's, in diagonals of the cell; above 0 where
+    /// the points are interpolated: balls are centered at the points there, weights singular.
+    double offCenter = 0;
     std::vector<OctreeNode> nodes;
     std::vector<StoredFit> fits;
     std::vector<QuadricCoefficients> quadrics;
@@ -54,21 +54,21 @@ struct Octree {
 
     void setLeaf(std::uint32_t node, std::uint32_t fit, double support);
     double supportRadius(int level) const { return alpha * std::sqrt(3.0) * root.size(level); }
-    bool interpolates() const { return offCentre > 0; }
-    /// Radius of a ball about a cell's centre that holds the supports of the cell and its children.
+    bool interpolates() const { return offCenter > 0; }
+    /// Radius of a ball about a cell's center that holds the supports of the cell and its children.
     double reach(int level) const
     {
-        return (alpha + offCentre) * std::sqrt(3.0) * root.size(level);
+        return (alpha + offCenter) * std::sqrt(3.0) * root.size(level);
     }
     /// Whether the leaf @a cell with @a fit holds the input point through which the fit goes.
     bool holdsItsPoint(const OctreeCell& cell, const StoredFit& fit) const
     {
         return fit.throughOrigin && root.holds(cell, fit.origin.cast<double>());
     }
-    /// Centre of the support of the leaf @a cell.
-    Vec3d ballCentre(const OctreeCell& cell, const StoredFit& fit) const
+    /// Center of the support of the leaf @a cell.
+    Vec3d ballCenter(const OctreeCell& cell, const StoredFit& fit) const
     {
-        return holdsItsPoint(cell, fit) ? Vec3d(fit.origin.cast<double>()) : root.centre(cell);
+        return holdsItsPoint(cell, fit) ? Vec3d(fit.origin.cast<double>()) : root.center(cell);
     }
     /// Store @a fit about @a origin (local coordinates); returns its index.
     std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin);
@@ -96,7 +96,7 @@ struct Octree {
             return;
         }
         const double quarter = root.size(cell.level) / 4, radius = kRoom * reach(cell.level + 1);
-        const Vec3d offset = root.centre(cell) - p;
+        const Vec3d offset = root.center(cell) - p;
         double distance2[3][2]; // along each axis to the lower and the upper child
         for (int axis = 0; axis < 3; ++axis)
             for (int side = 0; side < 2; ++side)

@@ -29,7 +29,7 @@ Octree emptyTree(const RootCube& root, const MpuSettings& settings)
     Octree tree;
     tree.root = root;
     tree.alpha = settings.alpha;
-    tree.offCentre = settings.interpolate ? 0.5 : 0;
+    tree.offCenter = settings.interpolate ? 0.5 : 0;
     tree.nodes.resize(1);
     return tree;
 }
@@ -48,7 +48,7 @@ void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision
 void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const Decision& decision,
                double spacing)
 {
-    const std::uint32_t fit = tree.addFit(decision.result.fit, tree.root.centre(cell));
+    const std::uint32_t fit = tree.addFit(decision.result.fit, tree.root.center(cell));
     tree.fits[fit].lostInNoise = decision.lostInNoise;
     tree.setLeaf(node, fit, supportOf(decision.gap, spacing, tree.supportRadius(cell.level)));
     countLeaf(tree.statistics, cell, decision);
@@ -108,7 +108,7 @@ private:
         double support = 0;
         const LocalFit fit = near ? mFitter.fitEmpty(cell, *near, spacing, support)
                                   : mFitter.fitEmpty(cell, spacing, support);
-        mTree.setLeaf(node, mTree.addFit(fit, mRoot.centre(cell)), support);
+        mTree.setLeaf(node, mTree.addFit(fit, mRoot.center(cell)), support);
     }
 
     void process(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
@@ -118,7 +118,7 @@ private:
         const double radius = mFitter.supportRadius(cell.level);
         double spacing = parentSpacing;
         if (ball.size() <= kSpacingPoints && mSpacingDepth >= depth) {
-            if (const double measured = mFilter.spacing(ball, mRoot.centre(cell), radius);
+            if (const double measured = mFilter.spacing(ball, mRoot.center(cell), radius);
                 measured > 0)
                 spacing = measured;
             else if (!(spacing > 0))
@@ -158,10 +158,10 @@ private:
             split(node, cell, ball, unfitted, spacing, depth);
             return;
         }
-        const Vec3d centre = mRoot.centre(cell);
+        const Vec3d center = mRoot.center(cell);
         const double radius = mFitter.supportRadius(cell.level);
-        const std::size_t point = count > 0 ? inside[0] : mFilter.nearestOf(ball, centre);
-        mPath.push_back({&ball, centre, radius});
+        const std::size_t point = count > 0 ? inside[0] : mFilter.nearestOf(ball, center);
+        mPath.push_back({&ball, center, radius});
         const PointFitter::PointFit fit = mPointFitter.fitThrough(point, cell, mPath, mTree);
         mPath.pop_back();
         Decision decision;
@@ -180,7 +180,7 @@ private:
             const PointBatch& around = mPath.empty() ? ball : *mPath.back().batch;
             mTree.setLeaf(node, mPointFitter.fitWithin(ball, point, radius, around, mTree), 1);
         } else {
-            mTree.setLeaf(node, mTree.addFit(decision.result.fit, centre),
+            mTree.setLeaf(node, mTree.addFit(decision.result.fit, center),
                           supportOf(decision.gap, spacing, radius));
         }
         countLeaf(mTree.statistics, cell, decision);
@@ -192,13 +192,13 @@ private:
         const double childRadius = mFitter.supportRadius(cell.level + 1);
         Octants& octants = batches(depth + 1);
         bool someEmpty = false;
-        mFilter.octants(ball, mRoot.centre(cell), mRoot.size(cell.level + 2), childRadius, octants);
+        mFilter.octants(ball, mRoot.center(cell), mRoot.size(cell.level + 2), childRadius, octants);
         for (const PointBatch& child : octants) someEmpty |= child.size() == 0;
         // Cells are stored before their descendants are built: the scratch still knows the parent.
         const bool inherit =
             someEmpty && decision.fitted && mFitter.lastIsHeldUp(decision, cell, spacing);
         const std::uint32_t inherited =
-            inherit ? mTree.addFit(decision.result.fit, mRoot.centre(cell)) : 0;
+            inherit ? mTree.addFit(decision.result.fit, mRoot.center(cell)) : 0;
         const auto first = std::uint32_t(mTree.nodes.size());
         mTree.nodes.resize(first + 8);
         mTree.nodes[node].index = first;
@@ -210,7 +210,7 @@ private:
                           mFitter.lastSupportIn(decision, cell, child, spacing));
             countEmpty(child);
         }
-        mPath.push_back({&ball, mRoot.centre(cell), mFitter.supportRadius(cell.level)});
+        mPath.push_back({&ball, mRoot.center(cell), mFitter.supportRadius(cell.level)});
         for (int octant = 0; octant < 8; ++octant) {
             const PointBatch& inside = octants[std::size_t(octant)];
             const std::uint32_t at = first + std::uint32_t(octant);
@@ -288,7 +288,7 @@ private:
         mPoints.gather(around, stride, filter, sample);
         if (sample.size() > kSample) {
             const double spacing =
-                filter.spacing(sample, mRoot.centre(cell), radius); // of the sample
+                filter.spacing(sample, mRoot.center(cell), radius); // of the sample
             upper.spacing = spacing / std::sqrt(double(stride));
             if (mSettings.interpolate) {
                 upper.decision.split = cell.level < SortedPoints::kMaxLevel;

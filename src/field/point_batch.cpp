@@ -195,20 +195,20 @@ void BatchFilter::appendMarked(const PointBatch& from, std::size_t begin, std::u
     out.resize(before + compress(sources, mMask.data(), n, bits, targets));
 }
 
-void BatchFilter::ball(const PointBatch& from, const Vec3d& centre, double radius, PointBatch& out)
+void BatchFilter::ball(const PointBatch& from, const Vec3d& center, double radius, PointBatch& out)
 {
     out.clear();
-    appendBall(from, 0, from.size(), 1, centre, radius, out);
+    appendBall(from, 0, from.size(), 1, center, radius, out);
 }
 
-int BatchFilter::grownBall(const PointBatch& from, const Vec3d& centre, double radius,
+int BatchFilter::grownBall(const PointBatch& from, const Vec3d& center, double radius,
                            double growth, int most, std::size_t wanted, PointBatch& out)
 {
     const auto limit = [&](int steps) {
         const double grown = radius * (1 + growth * steps);
         return float(grown * grown);
     };
-    squaredDistances(from, centre.cast<float>(), mDistance2);
+    squaredDistances(from, center.cast<float>(), mDistance2);
     const auto isEnough = [&](int steps) { return countBelow(mDistance2, limit(steps)) >= wanted; };
     if (most < 1 || !isEnough(most)) return 0;
     int enough = most;
@@ -222,11 +222,11 @@ int BatchFilter::grownBall(const PointBatch& from, const Vec3d& centre, double r
     return enough;
 }
 
-void BatchFilter::octants(const PointBatch& from, const Vec3d& centre, double half, double radius,
+void BatchFilter::octants(const PointBatch& from, const Vec3d& center, double half, double radius,
                           std::array<PointBatch, 8>& out)
 {
     const Vec3d offset = Vec3d::Constant(half);
-    octantMasks(from, (centre - offset).cast<float>(), (centre + offset).cast<float>(),
+    octantMasks(from, (center - offset).cast<float>(), (center + offset).cast<float>(),
                 float(radius * radius), mMask);
     for (std::size_t octant = 0; octant < 8; ++octant) {
         out[octant].clear();
@@ -234,10 +234,10 @@ void BatchFilter::octants(const PointBatch& from, const Vec3d& centre, double ha
     }
 }
 
-double BatchFilter::nearest(const PointBatch& from, const Vec3d& centre, std::size_t count,
+double BatchFilter::nearest(const PointBatch& from, const Vec3d& center, std::size_t count,
                             PointBatch& out)
 {
-    squaredDistances(from, centre.cast<float>(), mDistance2);
+    squaredDistances(from, center.cast<float>(), mDistance2);
     const float limit = leastOf(mDistance2, count).limit;
     markBelow(mDistance2, justAbove(limit), mMask);
     out.clear();
@@ -245,9 +245,9 @@ double BatchFilter::nearest(const PointBatch& from, const Vec3d& centre, std::si
     return std::sqrt(double(limit));
 }
 
-std::size_t BatchFilter::nearestOf(const PointBatch& from, const Vec3d& centre)
+std::size_t BatchFilter::nearestOf(const PointBatch& from, const Vec3d& center)
 {
-    squaredDistances(from, centre.cast<float>(), mDistance2);
+    squaredDistances(from, center.cast<float>(), mDistance2);
     return std::size_t(std::min_element(mDistance2.begin(), mDistance2.end()) - mDistance2.begin());
 }
 
@@ -261,11 +261,11 @@ void BatchFilter::strided(const PointBatch& from, std::size_t stride, PointBatch
 }
 
 void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::size_t end,
-                             std::size_t stride, const Vec3d& centre, double radius,
+                             std::size_t stride, const Vec3d& center, double radius,
                              PointBatch& out)
 {
     if (begin >= end) return;
-    const Vec3f c = centre.cast<float>();
+    const Vec3f c = center.cast<float>();
     const auto below = float(radius * radius);
     if (stride == 1) {
         markBall(from, begin, end, c, below, mMask);
@@ -282,12 +282,12 @@ void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::siz
     append(from, out);
 }
 
-double BatchFilter::spacing(const PointBatch& ball, const Vec3d& centre, double radius)
+double BatchFilter::spacing(const PointBatch& ball, const Vec3d& center, double radius)
 {
-    constexpr std::size_t kNeighbours = 12, kProbes = 3;
+    constexpr std::size_t kNeighbors = 12, kProbes = 3;
     const std::size_t n = ball.size();
-    if (n <= kNeighbours) return 0;
-    squaredDistances(ball, centre.cast<float>(), mDistance2);
+    if (n <= kNeighbors) return 0;
+    squaredDistances(ball, center.cast<float>(), mDistance2);
     select(float(radius * radius / 4));
     if (mSelected == 0) mIndices[mSelected++] = std::uint32_t(n / 2);
     std::array<std::uint32_t, kProbes> probes;
@@ -297,7 +297,7 @@ double BatchFilter::spacing(const PointBatch& ball, const Vec3d& centre, double 
     for (std::size_t k = 0; k < kProbes; ++k) {
         const std::uint32_t p = probes[k];
         squaredDistances(ball, Vec3f(ball.x[p], ball.y[p], ball.z[p]), mDistance2);
-        const Least near = leastOf(mDistance2, kNeighbours + 1);
+        const Least near = leastOf(mDistance2, kNeighbors + 1);
         // A disc of as many cells, but the probe itself, as it holds points.
         found[k] = std::sqrt(M_PI / double(near.count - 1) * double(near.limit));
     }

@@ -40,29 +40,29 @@ struct PointBatch {
 class BatchFilter
 {
 public:
-    /// Copy to @a out the points of @a from within @a radius of @a centre.
-    void ball(const PointBatch& from, const Vec3d& centre, double radius, PointBatch& out);
-    /// The same for the eight centres @a centre +- @a half along each axis; octant bits: x, y, z.
-    void octants(const PointBatch& from, const Vec3d& centre, double half, double radius,
+    /// Copy to @a out the points of @a from within @a radius of @a center.
+    void ball(const PointBatch& from, const Vec3d& center, double radius, PointBatch& out);
+    /// The same for the eight centers @a center +- @a half along each axis; octant bits: x, y, z.
+    void octants(const PointBatch& from, const Vec3d& center, double half, double radius,
                  std::array<PointBatch, 8>& out);
-    /// Copy to @a out the @a count (above 0) points of @a from nearest to @a centre, or up to half
+    /// Copy to @a out the @a count (above 0) points of @a from nearest to @a center, or up to half
     /// as many again; more where the last are as near as each other. Returns a distance that the
     /// last does not exceed.
-    double nearest(const PointBatch& from, const Vec3d& centre, std::size_t count, PointBatch& out);
-    /// Index of the point of @a from (not empty) nearest to @a centre; the first of several.
-    std::size_t nearestOf(const PointBatch& from, const Vec3d& centre);
+    double nearest(const PointBatch& from, const Vec3d& center, std::size_t count, PointBatch& out);
+    /// Index of the point of @a from (not empty) nearest to @a center; the first of several.
+    std::size_t nearestOf(const PointBatch& from, const Vec3d& center);
     /// Copy to @a out the points in the least ball of radius @a radius (1 + n @a growth), 0 < n <=
     /// @a most, that holds @a wanted points. Returns n; 0, and leaves @a out, if there is none.
-    int grownBall(const PointBatch& from, const Vec3d& centre, double radius, double growth,
+    int grownBall(const PointBatch& from, const Vec3d& center, double radius, double growth,
                   int most, std::size_t wanted, PointBatch& out);
     /// Every @a stride th point.
     void strided(const PointBatch& from, std::size_t stride, PointBatch& out);
     /// Append to @a out the points begin, begin + stride, ... below @a end within the ball.
     void appendBall(const PointBatch& from, std::size_t begin, std::size_t end, std::size_t stride,
-                    const Vec3d& centre, double radius, PointBatch& out);
-    /// Median over a few points of sqrt(pi/k) d, where k >= 12 neighbours are within d; 0 for too
-    /// few points. Points near the middle of the ball, where their neighbours are in it too.
-    double spacing(const PointBatch& ball, const Vec3d& centre, double radius);
+                    const Vec3d& center, double radius, PointBatch& out);
+    /// Median over a few points of sqrt(pi/k) d, where k >= 12 neighbors are within d; 0 for too
+    /// few points. Points near the middle of the ball, where their neighbors are in it too.
+    double spacing(const PointBatch& ball, const Vec3d& center, double radius);
 
 private:
     void select(float below);

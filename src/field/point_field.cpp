@@ -45,9 +45,9 @@ private:
         if ((low.array() > mRange.high.array()).any()) return;
         const double half = 0.5 * kBlockDim * std::ldexp(1.0, level); // voxels
         const Vec3d corner = double(kBlockDim) * low.cast<double>() - Vec3d::Constant(0.5);
-        const Vec3d centre =
+        const Vec3d center =
             mLattice.origin + mLattice.voxelSize * (corner + Vec3d::Constant(half));
-        if (!mMayMeet(centre, kSqrt3 * half * mLattice.voxelSize)) return;
+        if (!mMayMeet(center, kSqrt3 * half * mLattice.voxelSize)) return;
         if (level == 0) {
             if (mBlocks.size() == kMostBlocks)
                 throw LimitError(fmt::format("the surface meets more than {} blocks of voxels of "
@@ -86,9 +86,9 @@ private:
     void fill(const Vec3i& first, const Vec3i& low, int size, BlockValues& values) const
     {
         const double half = 0.5 * (size - 1); // voxels
-        const Vec3d centre = world((first + low).cast<double>() + Vec3d::Constant(half));
-        const double bound = mField.bound(centre);
-        const double change = mField.change(centre, kSqrt3 * half * mLattice.voxelSize);
+        const Vec3d center = world((first + low).cast<double>() + Vec3d::Constant(half));
+        const double bound = mField.bound(center);
+        const double change = mField.change(center, kSqrt3 * half * mLattice.voxelSize);
         if (std::abs(bound) > mBand + change) {
             const auto far = float(std::copysign(mBand, bound));
             forEachVoxel(
@@ -218,8 +218,8 @@ Box3d wholeSpace()
 
 std::vector<Vec3i> PointField::seedsWithin(const Lattice& lattice, const Box3d& box) const
 {
-    return descendBlocks(lattice, box, [&](const Vec3d& centre, double radius) {
-        return !(std::abs(bound(centre)) > change(centre, radius));
+    return descendBlocks(lattice, box, [&](const Vec3d& center, double radius) {
+        return !(std::abs(bound(center)) > change(center, radius));
     });
 }
 
@@ -276,9 +276,9 @@ double Source::bound(const Vec3d& p) const
     return mPoints ? mPoints->bound(p) : mField->evaluate(p).value;
 }
 
-double Source::change(const Vec3d& centre, double radius) const
+double Source::change(const Vec3d& center, double radius) const
 {
-    return mPoints ? mPoints->change(centre, radius) : kDoubt * mField->steepness() * radius;
+    return mPoints ? mPoints->change(center, radius) : kDoubt * mField->steepness() * radius;
 }
 
 std::vector<Vec3i> Source::seedsWithin(const Lattice& lattice, const Box3d& box) const

@@ -11,7 +11,7 @@ namespace mpuvdb
 /// The blocks of @a lattice that meet @a box (world units) and for whose cubes, and all larger ones
 /// of an octree around them, @a mayMeet says yes; sorted by (x,y,z), unique.
 /// @throws LimitError for more blocks than can be kept, or beyond the index range.
-using CubeTest = std::function<bool(const Vec3d& centre, double radius)>;
+using CubeTest = std::function<bool(const Vec3d& center, double radius)>;
 std::vector<Vec3i> descendBlocks(const Lattice& lattice, const Box3d& box, const CubeTest& mayMeet);
 
 /// Sort by (x,y,z) and leave out what comes twice.
@@ -45,8 +45,8 @@ public:
     virtual void values(const std::vector<Vec3d>& points, std::vector<double>& values) const;
     /// Whether values() costs much less than value() of one point after the other.
     virtual bool inBatches() const { return false; }
-    /// How much the bound may change from @a centre within @a radius.
-    virtual double change(const Vec3d& /*centre*/, double radius) const
+    /// How much the bound may change from @a center within @a radius.
+    virtual double change(const Vec3d& /*center*/, double radius) const
     {
         return steepness() * radius;
     }
@@ -93,7 +93,7 @@ public:
     bool inBatches() const { return mPoints && mPoints->inBatches(); }
     /// @{ As PointField's; for a field that only is a distance near its zero set, with a doubt.
     double bound(const Vec3d& p) const;
-    double change(const Vec3d& centre, double radius) const;
+    double change(const Vec3d& center, double radius) const;
     /// @}
     std::vector<Vec3i> seedsWithin(const Lattice& lattice, const Box3d& box) const;
 

@@ -7,10 +7,10 @@ namespace mpuvdb
 namespace
 {
 
-/// A fit's ball beyond the last of its neighbours, whose weight would be zero on its border.
+/// A fit's ball beyond the last of its neighbors, whose weight would be zero on its border.
 constexpr double kMargin = 1.2;
 
-/// Within this part of the ball neighbours weigh alike; beyond, with the inverse square of their
+/// Within this part of the ball neighbors weigh alike; beyond, with the inverse square of their
 /// distance.
 constexpr double kNear = 0.2;
 
@@ -45,7 +45,7 @@ std::size_t PointFitter::pointsIn(const OctreeCell& cell, const PointBatch& ball
     return count;
 }
 
-/// Collect the nearest neighbours of @a at; returns the distance of the last.
+/// Collect the nearest neighbors of @a at; returns the distance of the last.
 double PointFitter::gatherNearest(const Vec3d& at, const OctreeCell& cell,
                                   const std::vector<Ball>& path)
 {
@@ -53,19 +53,19 @@ double PointFitter::gatherNearest(const Vec3d& at, const OctreeCell& cell,
         const Ball& ball = path[up];
         if (ball.batch->size() < mMinPoints) continue;
         const double last = mFilter.nearest(*ball.batch, at, mMinPoints, mNear);
-        if (last + (at - ball.centre).norm() < ball.radius) return last;
+        if (last + (at - ball.center).norm() < ball.radius) return last;
     }
-    const Vec3d centre = mRoot.centre(cell);
+    const Vec3d center = mRoot.center(cell);
     for (double radius = 2 * path.front().radius;; radius *= 2) {
         mPoints.gather(mPoints.around(cell, radius), 1, mFilter, mWide);
         const bool all = mWide.size() == mPoints.size();
         if (mWide.size() < mMinPoints && !all) continue;
         const double last = mFilter.nearest(mWide, at, mMinPoints, mNear);
-        if (all || last + (at - centre).norm() < radius) return last;
+        if (all || last + (at - center).norm() < radius) return last;
     }
 }
 
-/// Fit to mNear, the more closely the nearer: where neighbours' fits miss a point, the surface has
+/// Fit to mNear, the more closely the nearer: where neighbors' fits miss a point, the surface has
 /// a dimple that voxels may not see. Points that face the other way are of another sheet.
 Quadric PointFitter::fitNear(const Vec3f& at, const Vec3d& normal, double radius)
 {

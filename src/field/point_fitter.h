@@ -15,7 +15,7 @@ public:
     /// the root cube. What is left together in one cell counts as one point.
     static constexpr int kDeepest = Octree::kDeepest;
 
-    /// A fit in the tree, and the radius of the ball of neighbours it was made from.
+    /// A fit in the tree, and the radius of the ball of neighbors it was made from.
     struct PointFit {
         std::uint32_t index = 0;
         double radius = 0;
@@ -33,7 +33,7 @@ public:
     std::size_t pointsIn(const OctreeCell& cell, const PointBatch& ball,
                          std::array<std::size_t, 2>& found) const;
 
-    /// The fit through point @a n of the last ball of @a path to its N_min nearest neighbours;
+    /// The fit through point @a n of the last ball of @a path to its N_min nearest neighbors;
     /// stored in @a tree when first asked for. @a path: balls of @a cell and its ancestors.
     PointFit fitThrough(std::size_t n, const OctreeCell& cell, const std::vector<Ball>& path,
                         Octree& tree);

@@ -75,7 +75,7 @@ template <typename T>
     return 0.5f * outer * outer - 1.5f * inner * inner;
 }
 
-/// The weight of interpolation from the inverse of the distance to the ball's centre, singular
+/// The weight of interpolation from the inverse of the distance to the ball's center, singular
 /// there: ((R - d)+ / (R d))^2 [Ohtake03 eq. 4]. As above.
 template <typename T, typename Scalar>
 [[gnu::always_inline]] inline T singularWeight(const T& inverseDistance, Scalar inverseRadius)

@@ -52,7 +52,7 @@ void radixSort(std::vector<KeyedIndex>& items, Progress& progress)
     }
 }
 
-/// How a point's colour and scalars are ordered before another's, where all else is equal.
+/// How a point's color and scalars are ordered before another's, where all else is equal.
 bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
 {
     if (!cloud.colors.empty() && cloud.colors[a] != cloud.colors[b])
@@ -210,7 +210,7 @@ SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
     return {std::size_t(first - begin), std::size_t(end - begin)};
 }
 
-/// The ancestor whose 26 neighbours and itself cover the ball about the cell's centre.
+/// The ancestor whose 26 neighbors and itself cover the ball about the cell's center.
 OctreeCell SortedPoints::coveringCell(OctreeCell cell, double radius) const
 {
     const double half = mRoot.size(cell.level) / 2;
@@ -219,10 +219,10 @@ OctreeCell SortedPoints::coveringCell(OctreeCell cell, double radius) const
     return cell;
 }
 
-SortedPoints::Around SortedPoints::around(const OctreeCell& centre, double radius) const
+SortedPoints::Around SortedPoints::around(const OctreeCell& center, double radius) const
 {
-    Around around{centre, radius};
-    const OctreeCell cell = coveringCell(centre, radius);
+    Around around{center, radius};
+    const OctreeCell cell = coveringCell(center, radius);
     const std::int64_t edge = std::int64_t(1) << cell.level;
     for (int dk = -1; dk <= 1; ++dk) {
         for (int dj = -1; dj <= 1; ++dj) {
@@ -245,12 +245,12 @@ void SortedPoints::gather(const Around& around, std::size_t stride, BatchFilter&
                           PointBatch& out) const
 {
     out.clear();
-    const Vec3d centre = mRoot.centre(around.cell);
+    const Vec3d center = mRoot.center(around.cell);
     std::size_t skip = 0;
     for (std::size_t n = 0; n < around.count; ++n) {
         const Range& range = around.ranges[n];
         const std::size_t first = range.begin + skip;
-        filter.appendBall(mPoints, first, range.end, stride, centre, around.radius, out);
+        filter.appendBall(mPoints, first, range.end, stride, center, around.radius, out);
         const std::size_t past = range.end + stride - 1 - first; // first may be beyond the end
         skip = first + past / stride * stride - range.end;
     }
@@ -258,8 +258,8 @@ void SortedPoints::gather(const Around& around, std::size_t stride, BatchFilter&
 
 std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell) const
 {
-    const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), centre = mRoot.centre(cell);
-    const Box3d cube(centre - half, centre + half);
+    const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), center = mRoot.center(cell);
+    const Box3d cube(center - half, center + half);
     const Range range = cellRange(cell);
     if (range.begin == range.end || !box.intersects(cube)) return 0;
     if (box.contains(cube)) return range.end - range.begin;

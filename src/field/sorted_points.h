@@ -33,13 +33,13 @@ struct RootCube {
 
     Box3d box() const { return {corner, corner + Vec3d::Constant(side)}; }
     double size(int level) const { return side / double(std::uint64_t(1) << level); }
-    Vec3d centre(const OctreeCell& cell) const
+    Vec3d center(const OctreeCell& cell) const
     {
         const double s = size(cell.level);
         return corner + s * Vec3d(cell.i + 0.5, cell.j + 0.5, cell.k + 0.5);
     }
     /// Whether @a p is in the half-open cube: every point of the root is in one cell of each level,
-    /// rounding or not, because neighbours compute the same borders.
+    /// rounding or not, because neighbors compute the same borders.
     bool holds(const OctreeCell& cell, const Vec3d& p) const
     {
         const double s = size(cell.level);
@@ -62,7 +62,7 @@ public:
         Merge ///< into one: the mean of all that they have
     };
 
-    /// Takes over positions, normals, confidences, colours and scalars of @a cloud, and frees them.
+    /// Takes over positions, normals, confidences, colors and scalars of @a cloud, and frees them.
     SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress,
                  Copies copies = Copies::Keep);
 
@@ -83,7 +83,7 @@ public:
     };
     /// The points of the cubes that cover a ball.
     struct Around {
-        OctreeCell cell; ///< about whose centre the ball is
+        OctreeCell cell; ///< about whose center the ball is
         double radius;
         std::array<Range, 27> ranges{};
         std::size_t count = 0;  ///< of the ranges

@@ -28,9 +28,9 @@ public:
     Box3d image(const Box3d& box) const override
     {
         if (!isFinite(box)) return wholeSpace();
-        const Vec3d centre = mMotion * Vec3d(box.center());
+        const Vec3d center = mMotion * Vec3d(box.center());
         const Vec3d half = mMotion.linear().cwiseAbs() * (box.sizes() / 2);
-        return Box3d(centre - half, centre + half);
+        return Box3d(center - half, center + half);
     }
     double stretch(const Box3d& /*image*/) const override { return mStretch; }
     bool keepsRatios() const { return mStretch - mLeast <= 1e-9 * mStretch; }
@@ -58,7 +58,7 @@ public:
         }
     }
 
-    bool meets(const Vec3d& centre, double radius) const
+    bool meets(const Vec3d& center, double radius) const
     {
         if (mLevels.empty()) return false;
         // At most three cubes of the level lie along the ball's diameter.
@@ -66,8 +66,8 @@ public:
         const auto level = std::size_t(std::ceil(std::log2(std::min(ratio, 1e15))));
         if (level >= mLevels.size()) return true;
         const double edge = std::ldexp(mEdge, int(level));
-        const Eigen::Array3d low = ((centre - mOrigin).array() - radius) / edge;
-        const Eigen::Array3d high = ((centre - mOrigin).array() + radius) / edge;
+        const Eigen::Array3d low = ((center - mOrigin).array() - radius) / edge;
+        const Eigen::Array3d high = ((center - mOrigin).array() + radius) / edge;
         if (!(low.abs() < kFar).all() || !(high.abs() < kFar).all()) return true;
         const Vec3i first = low.floor().cast<int>(), last = high.floor().cast<int>();
         for (int x = first[0]; x <= last[0]; ++x)
@@ -117,8 +117,8 @@ Deformed measureWarp(const Source& source, const Warp& warp)
                 const Box3d image = warp.image(cube);
                 result.bounds.extend(image);
                 const double radius = size.norm() / 2;
-                const Vec3d centre = cube.center();
-                if (!(std::abs(source.bound(centre)) > source.change(centre, radius)))
+                const Vec3d center = cube.center();
+                if (!(std::abs(source.bound(center)) > source.change(center, radius)))
                     result.steepness = std::max(result.steepness, warp.stretch(image));
             }
     if (!(result.steepness > 0)) result.steepness = 1; // there is no zero set
@@ -174,19 +174,19 @@ public:
         for (double& value : values) value *= mScale;
     }
     bool inBatches() const override { return mWarp->inBatches() || mSource.inBatches(); }
-    double change(const Vec3d& centre, double radius) const override
+    double change(const Vec3d& center, double radius) const override
     {
-        return mScale * mSource.change(mWarp->inverse(centre), sourceRadius(centre, radius));
+        return mScale * mSource.change(mWarp->inverse(center), sourceRadius(center, radius));
     }
     bool isDistance() const override { return mIsDistance; }
     bool isDistanceFar() const override { return mIsDistance && mSource.field().isDistanceFar(); }
     double steepness() const override { return mSteepness; }
     std::size_t countData(const Box3d& box, std::size_t limit) const override
     {
-        const Vec3d centre = box.center();
-        const double radius = sourceRadius(centre, box.diagonal().norm() / 2);
+        const Vec3d center = box.center();
+        const double radius = sourceRadius(center, box.diagonal().norm() / 2);
         if (!std::isfinite(radius)) return limit;
-        return mSource.field().countData(about(mWarp->inverse(centre), radius), limit);
+        return mSource.field().countData(about(mWarp->inverse(center), radius), limit);
     }
 
     /// A field that is only known to tell the distance near its zero set has seeds of its own:
@@ -198,20 +198,20 @@ public:
         const Lattice from{mSource.field().bounds().min(),
                            lattice.voxelSize * mSteepness / mSource.field().steepness() / mScale};
         const BlockSet seeds(from, mSource.field().seedBlocks(from));
-        return descendBlocks(lattice, box, [&](const Vec3d& centre, double radius) {
-            return seeds.meets(mWarp->inverse(centre), sourceRadius(centre, radius));
+        return descendBlocks(lattice, box, [&](const Vec3d& center, double radius) {
+            return seeds.meets(mWarp->inverse(center), sourceRadius(center, radius));
         });
     }
 
 private:
-    static Box3d about(const Vec3d& centre, double radius)
+    static Box3d about(const Vec3d& center, double radius)
     {
-        return Box3d(centre - Vec3d::Constant(radius), centre + Vec3d::Constant(radius));
+        return Box3d(center - Vec3d::Constant(radius), center + Vec3d::Constant(radius));
     }
     /// What comes from a ball lies in a ball of this radius.
-    double sourceRadius(const Vec3d& centre, double radius) const
+    double sourceRadius(const Vec3d& center, double radius) const
     {
-        return radius > 0 ? radius * mWarp->stretch(about(centre, radius)) : 0;
+        return radius > 0 ? radius * mWarp->stretch(about(center, radius)) : 0;
     }
 
     Source mSource;
@@ -336,7 +336,7 @@ FieldPtr makeWarpedField(FieldPtr field, std::shared_ptr<const Warp> warp)
     const Deformed deformed = measureWarp(source, *warp);
     if (!std::isfinite(deformed.steepness))
         throw UsageError("warp: it presses a part of the solid into a point or a line: the solid "
-                         "reaches as far as the centre of a bend. Bend it less, or to the other "
+                         "reaches as far as the center of a bend. Bend it less, or to the other "
                          "side");
     return std::make_shared<WarpedField>(std::move(source), std::move(warp), deformed, 1, false);
 }

@@ -55,10 +55,10 @@ private:
         direction.cwiseAbs().minCoeff(&least);
         return Vec3d::Unit(least);
     }
-    static Box3d turned(const Box3d& box, const Eigen::Matrix3d& by, const Vec3d& centre)
+    static Box3d turned(const Box3d& box, const Eigen::Matrix3d& by, const Vec3d& center)
     {
         const Vec3d half = by.cwiseAbs() * (box.sizes() / 2);
-        return Box3d(centre - half, centre + half);
+        return Box3d(center - half, center + half);
     }
 
     Vec3d mOrigin;
@@ -76,9 +76,9 @@ Box3d cylinder(double radius, double low, double high)
     return Box3d(Vec3d(-radius, -radius, low), Vec3d(radius, radius, high));
 }
 
-Box3d ball(const Vec3d& centre, double radius)
+Box3d ball(const Vec3d& center, double radius)
 {
-    return Box3d(centre - Vec3d::Constant(radius), centre + Vec3d::Constant(radius));
+    return Box3d(center - Vec3d::Constant(radius), center + Vec3d::Constant(radius));
 }
 
 class Twist final : public Warp
@@ -118,7 +118,7 @@ private:
     double mAngle;
 };
 
-/// In the plane of axis and side, with the circle's centre at (radius, from): what lies along the
+/// In the plane of axis and side, with the circle's center at (radius, from): what lies along the
 /// axis is rolled onto the circle.
 class Bend final : public Warp
 {

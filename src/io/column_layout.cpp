@@ -60,7 +60,7 @@ ColumnLayout layoutFromValues(const Rows& rows)
     layout.columns.assign(rows.front().size(), Attribute::None);
     assign(layout, 0, Attribute::X);
     const std::size_t columns = layout.columns.size();
-    // Before a colour there may be an intensity.
+    // Before a color there may be an intensity.
     for (const std::size_t first : {std::size_t(3), std::size_t(6), std::size_t(7)})
         if (areUnit(rows, first)) {
             assign(layout, first, Attribute::NormalX);
@@ -75,7 +75,7 @@ ColumnLayout layoutFromValues(const Rows& rows)
             assign(layout, first, Attribute::Red);
             return layout;
         }
-    // Six columns that are no bytes: colours in [0,1], or normals that nobody normalised.
+    // Six columns that are no bytes: colors in [0,1], or normals that nobody normalized.
     if (columns == 6 && isFree(3)) {
         assign(layout, 3, areFractions(rows, 3) ? Attribute::Red : Attribute::NormalX);
     }

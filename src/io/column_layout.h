@@ -12,7 +12,7 @@ struct ColumnLayout {
 };
 
 /// From the values of some rows, all of the same length of at least three: positions first; then
-/// triples of unit length are normals, triples of whole numbers in [0,255] colours.
+/// triples of unit length are normals, triples of whole numbers in [0,255] colors.
 ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows);
 
 } // namespace mpuvdb

@@ -13,7 +13,7 @@ namespace mpuvdb
 {
 
 const char* const kReproject =
-    "Reproject the points to a system in metres first, such as the UTM zone of the place: pdal "
+    "Reproject the points to a system in meters first, such as the UTM zone of the place: pdal "
     "translate in.las out.las reprojection --filters.reprojection.out_srs=EPSG:32633";
 
 namespace
@@ -276,7 +276,7 @@ void throwNoPositions(const std::string& file, const ColumnNames& names)
     const std::string list = listInQuotes(names.names);
     if (names.areDegrees())
         throw InputError(fmt::format("{}: line {} names the columns {}: longitude and latitude are "
-                                     "degrees, beside heights in metres. {}; and name the columns "
+                                     "degrees, beside heights in meters. {}; and name the columns "
                                      "x, y and z.",
                                      file, names.line, list, kReproject));
     throw InputError(fmt::format("{}: line {} names the columns {}, but not x, y and z. Name those "

@@ -153,7 +153,7 @@ void dropOutside(Inputs& inputs, const Box3d& box, BadPoints badPoints)
     }
 }
 
-// Normals and colours are kept if every input has them; points without a confidence have 1.
+// Normals and colors are kept if every input has them; points without a confidence have 1.
 void unifyAttributes(Inputs& inputs, std::vector<std::string>& notes)
 {
     const auto lacking = [&](bool (FilePoints::*has)() const, const char* what) {
@@ -169,7 +169,7 @@ void unifyAttributes(Inputs& inputs, std::vector<std::string>& notes)
         return without != nullptr;
     };
     const bool noNormals = lacking(&FilePoints::hasNormals, "normals");
-    const bool noColors = lacking(&FilePoints::hasColors, "colours");
+    const bool noColors = lacking(&FilePoints::hasColors, "colors");
     const bool confidence = std::any_of(inputs.begin(), inputs.end(),
                                         [](const FilePoints& f) { return f.hasConfidence(); });
     for (FilePoints& input : inputs)

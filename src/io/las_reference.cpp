@@ -187,7 +187,7 @@ void refuseDegrees(const ByteSource& source)
     if (reference.isGeographic)
         throw InputError(
             fmt::format("{}: its reference system {}is geographic: x and y are degrees, "
-                        "beside heights in metres. {}.",
+                        "beside heights in meters. {}.",
                         source.name(), reference.name, kReproject));
 }
 

@@ -73,7 +73,7 @@ void addMeshNormals(FilePoints& points)
     usable.reserve(triangles.size());
     std::vector<std::uint8_t> used(block.size(), 0);
     for (const auto& triangle : triangles) {
-        bool finite = true; // one bad vertex would spoil its neighbours' normals
+        bool finite = true; // one bad vertex would spoil its neighbors' normals
         for (const std::uint32_t corner : triangle) {
             finite = finite && block.positions[corner].allFinite();
             used[corner] = 1;

@@ -56,7 +56,7 @@ std::string boundsText(const Mesh& mesh)
     return fmt::format(R"("min":[{},{},{}],"max":[{},{},{}])", a[0], a[1], a[2], b[0], b[1], b[2]);
 }
 
-/// Where the mesh's own coordinates lie in a world of metres with Y up.
+/// Where the mesh's own coordinates lie in a world of meters with Y up.
 std::string placement(const Mesh& mesh, const SceneSettings& scene)
 {
     const bool turned = scene.up == UpAxis::Z;

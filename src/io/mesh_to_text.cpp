@@ -22,7 +22,7 @@ void formatPosition(const Vec3d& p, bool doubles, std::vector<char>& bytes)
 
 } // namespace
 
-// Colours after the position, in [0,1] and the sRGB curve, are what programs write and read.
+// Colors after the position, in [0,1] and the sRGB curve, are what programs write and read.
 void writeObj(const MeshJob& job, OutputBuffer& out)
 {
     const Mesh& mesh = job.mesh;

@@ -30,7 +30,7 @@ void demandAttributes(const Mesh& mesh)
                                          "each, or none",
                                          count, what, mesh.positions.size()));
     };
-    if (!mesh.colors.empty()) demand(mesh.colors.size(), "colour");
+    if (!mesh.colors.empty()) demand(mesh.colors.size(), "color");
     for (const NamedScalars& scalars : mesh.scalars) demand(scalars.values.size(), scalars.name);
 }
 
@@ -57,7 +57,7 @@ void demandScene(const SceneSettings& scene)
 {
     if (!(scene.metersPerUnit > 0 && std::isfinite(scene.metersPerUnit)))
         throw UsageError(
-            fmt::format("metres per unit are {}; they must be above 0", scene.metersPerUnit));
+            fmt::format("meters per unit are {}; they must be above 0", scene.metersPerUnit));
 }
 
 void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& progress,

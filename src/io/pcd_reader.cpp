@@ -208,7 +208,7 @@ PointBlock readCompressed(const ByteSource& source, const PcdHeader& header)
     return decodeRecords(data.data(), std::size_t(header.points), layoutOf(header, true));
 }
 
-// Packed colours are written as a whole number, or as the float that has their bits.
+// Packed colors are written as a whole number, or as the float that has their bits.
 double packedFromText(ScalarType type, double value)
 {
     if (!isFloat(type)) return value;

@@ -86,14 +86,14 @@ public:
         };
         Box3d seen; // along right, up and back
         forEachCorner([&](const Vec3d& c) { seen.extend(c); });
-        const Vec3d centre = seen.center();
+        const Vec3d center = seen.center();
         double distance = 0;
         forEachCorner([&](const Vec3d& c) {
-            const Vec3d d = c - centre;
+            const Vec3d d = c - center;
             distance = std::max({distance, d.z() + kMargin * std::abs(d.x()) / mTanX,
                                  d.z() + kMargin * std::abs(d.y()) / mTanY});
         });
-        mEye = centre.x() * mRight + centre.y() * mUp + (centre.z() + distance) * mBack;
+        mEye = center.x() * mRight + center.y() * mUp + (center.z() + distance) * mBack;
     }
 
     const Vec3d& eye() const { return mEye; }
@@ -115,7 +115,7 @@ private:
     double mTanX, mTanY;
 };
 
-/// White above, grey below; linear light.
+/// White above, gray below; linear light.
 Vec3d background(double y)
 {
     const double t = 0.5 + 0.5 * y;

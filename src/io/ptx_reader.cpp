@@ -164,7 +164,7 @@ private:
         rows.points.positions.push_back(p);
         rows.points.colors.push_back(
             {colorByte(values[1]), colorByte(values[2]), colorByte(values[3])});
-        rows.colors = rows.colors && count == 4; // intensity and a colour
+        rows.colors = rows.colors && count == 4; // intensity and a color
     }
 
     static void makeUniform(FilePoints& all, bool normals)

@@ -1,4 +1,4 @@
-// Range images: points on a grid of rays, of which neighbours lie on one surface or do not.
+// Range images: points on a grid of rays, of which neighbors lie on one surface or do not.
 #pragma once
 #include "raw_points.h"
 
@@ -17,7 +17,7 @@ struct RangeGrid {
 };
 
 /// Give the points of @a points, which has one block, normals from the triangles between
-/// neighbouring rays, those across a jump in depth left out, and, unless it has confidences,
+/// neighboring rays, those across a jump in depth left out, and, unless it has confidences,
 /// the cosine between normal and line of sight, falling linearly over the last few rays before a
 /// border [Curless96 §3]. Points without a triangle are left out. A grid that joins fewer than
 /// three quarters of its points is no range image: then nothing changes but a note.

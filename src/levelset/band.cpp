@@ -67,7 +67,7 @@ SignWords inverted(const SignWords& words)
     return result;
 }
 
-/// Voxels with a face neighbour of the other sign. @a sides: signs of the six neighbour blocks.
+/// Voxels with a face neighbor of the other sign. @a sides: signs of the six neighbor blocks.
 SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
 {
     SignWords f{};
@@ -214,7 +214,7 @@ Band::Block Band::sample(BlockSampler& sampler, const Vec3i& at) const
 
 std::size_t Band::search(std::vector<Vec3i> wave)
 {
-    // Regions of 4x4x4 blocks keep neighbours together: a sampler shares work among them.
+    // Regions of 4x4x4 blocks keep neighbors together: a sampler shares work among them.
     const auto region = [](const Vec3i& b) { return Vec3i(b[0] >> 2, b[1] >> 2, b[2] >> 2); };
     const auto byRegion = [&](const Vec3i& a, const Vec3i& b) {
         const Vec3i ra = region(a), rb = region(b);
@@ -331,7 +331,7 @@ struct Band::Contacts {
 
 Band::Contacts Band::labelGaps(std::vector<Gap>& gaps) const
 {
-    // Columns of gaps, for lookups and for joining neighbours.
+    // Columns of gaps, for lookups and for joining neighbors.
     UnionFind components(gaps.size());
     std::unordered_map<std::uint64_t, std::pair<std::uint32_t, std::uint32_t>> columns;
     for (std::uint32_t n = 0; n < gaps.size(); ++n) {
@@ -419,7 +419,7 @@ void Band::resolveSigns()
     }
 }
 
-/// Voxels with a face neighbour of the other sign.
+/// Voxels with a face neighbor of the other sign.
 SignWords Band::signChanges(const Block& block) const
 {
     std::array<SignWords, 6> sides;
@@ -437,7 +437,7 @@ SignWords Band::signChanges(const Block& block) const
 
 void Band::close()
 {
-    // A block without a leaf needs one where a neighbour's face has the other sign.
+    // A block without a leaf needs one where a neighbor's face has the other sign.
     tbb::parallel_for(std::size_t(0), mBlocks.size(), [&](std::size_t n) {
         if (n % 1024 == 0) mProgress.check();
         Block& block = mBlocks[n];

@@ -66,7 +66,7 @@ int changeBy(const BlockMosaic& mosaic, std::vector<SignWords>& set,
 {
     int change = 0;
     for (const VoxelId v : voxels) {
-        change += eulerChange(mosaic.neighbourhood(set, v));
+        change += eulerChange(mosaic.neighborhood(set, v));
         turn(set, v);
     }
     return change;
@@ -98,14 +98,14 @@ public:
             for (again.push(all[n]); !again.empty();) {
                 const VoxelId v = again.top().second;
                 again.pop();
-                const Neighbourhood around = mMosaic.neighbourhood(mSet, v);
+                const Neighborhood around = mMosaic.neighborhood(mSet, v);
                 if (!isSimple(around)) {
                     turn(tried, v);
                     continue;
                 }
                 turn(mSet, v);
                 turn(mGaps, v);
-                mMosaic.forEachAround(v, around & ~kCentre, [&](VoxelId other) {
+                mMosaic.forEachAround(v, around & ~kCenter, [&](VoxelId other) {
                     if (!contains(tried, other)) return;
                     turn(tried, other);
                     again.push({depth(other), other});
@@ -125,7 +125,7 @@ public:
             std::vector<VoxelId> part = {seed};
             turn(mGaps, seed);
             for (std::size_t n = 0; n < part.size(); ++n)
-                mMosaic.forEachAround(part[n], mMosaic.neighbourhood(mGaps, part[n]) & ~kCentre,
+                mMosaic.forEachAround(part[n], mMosaic.neighborhood(mGaps, part[n]) & ~kCenter,
                                       [&](VoxelId next) {
                                           if (!contains(mGaps, next)) return;
                                           turn(mGaps, next);
@@ -158,7 +158,7 @@ std::vector<VoxelId> sidesOf(const BlockMosaic& mosaic, const std::vector<SignWo
 {
     std::vector<VoxelId> sides;
     for (const VoxelId v : voxels)
-        mosaic.forEachAround(v, kFaceNeighbours & mosaic.neighbourhood(set, v),
+        mosaic.forEachAround(v, kFaceNeighbors & mosaic.neighborhood(set, v),
                              [&](VoxelId next) { sides.push_back(next); });
     std::sort(sides.begin(), sides.end());
     sides.erase(std::unique(sides.begin(), sides.end()), sides.end());
@@ -175,7 +175,7 @@ bool reachesDeep(const BlockMosaic& mosaic, const std::vector<SignWords>& set, V
     for (int step = 0; step < kBridgeSteps; ++step)
         for (const VoxelId v : std::exchange(front, {})) {
             if (isDeep(v)) return true;
-            mosaic.forEachAround(v, kFaceNeighbours & mosaic.neighbourhood(set, v),
+            mosaic.forEachAround(v, kFaceNeighbors & mosaic.neighborhood(set, v),
                                  [&](VoxelId next) {
                                      if (reached.insert(next).second) front.push_back(next);
                                  });
@@ -283,7 +283,7 @@ std::size_t Band::removeHandles()
             for (auto* set : {&inside, &outside, &settled}) mpuvdb::turn(*set, v);
     };
     // Of a handle's tunnel and its bridge, which meet, one is enough.
-    const auto isSettled = [&](VoxelId v) { return blocks.neighbourhood(settled, v) != 0; };
+    const auto isSettled = [&](VoxelId v) { return blocks.neighborhood(settled, v) != 0; };
     std::vector<const Plug*> taken;
     for (const Plug& plug : plugs) {
         mProgress.check();

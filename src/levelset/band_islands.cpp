@@ -162,9 +162,9 @@ std::size_t Band::countData(const Vec3i& block, const SignWords& voxels) const
             const int first = z;
             while (z < kBlockDim && (bits >> z & 1u)) ++z;
             const Vec3i at = block * kBlockDim + Vec3i(row / kBlockDim, row % kBlockDim, first);
-            constexpr double kReach = 1.01; // of a voxel's cube, from its centre
-            const Vec3d centre = at.cast<double>(), last = centre + Vec3d(0, 0, z - 1 - first);
-            const Box3d around(centre - Vec3d::Constant(kReach), last + Vec3d::Constant(kReach));
+            constexpr double kReach = 1.01; // of a voxel's cube, from its center
+            const Vec3d center = at.cast<double>(), last = center + Vec3d(0, 0, z - 1 - first);
+            const Box3d around(center - Vec3d::Constant(kReach), last + Vec3d::Constant(kReach));
             count += mField.countData(
                 {mLattice.origin + h * around.min(), mLattice.origin + h * around.max()},
                 kIslandPoints);

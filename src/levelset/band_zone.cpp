@@ -18,7 +18,7 @@ void Band::searchUnsupported()
     // Where data support the surface they are in the zone, and the band has been found from them.
     const Vec3i size = mZone->last - mZone->first + Vec3i::Ones();
     const double h = mLattice.voxelSize;
-    // Half a block's diagonal from its centre; values are distances only about.
+    // Half a block's diagonal from its center; values are distances only about.
     const double near = 1.5 * (double(mBackground) + 0.5 * std::sqrt(3.0) * (kBlockDim - 1) * h);
     tbb::enumerable_thread_specific<std::unique_ptr<BlockSampler>> samplers(
         [&] { return mField.sampler(mLattice, double(mBackground)); });

@@ -104,16 +104,16 @@ Rows rowsOf(const Blocks& words)
 
 } // namespace
 
-Neighbourhood BlockMosaic::neighbourhood(const std::vector<SignWords>& set, VoxelId voxel) const
+Neighborhood BlockMosaic::neighborhood(const std::vector<SignWords>& set, VoxelId voxel) const
 {
     const Place p = placeOf(voxel);
     const SignWords& own = set[p.block];
     const auto inner = [](int c) { return c > 0 && c < kBlockDim - 1; };
-    Neighbourhood result = 0;
+    Neighborhood result = 0;
     if (inner(p.x) && inner(p.y) && inner(p.z)) {
         for (int dx = 0; dx < 3; ++dx) {
             const std::uint64_t w = own[std::size_t(p.x + dx - 1)] >> (8 * (p.y - 1) + p.z - 1);
-            result |= Neighbourhood((w & 7) | (w >> 5 & 0x38) | (w >> 10 & 0x1c0)) << (9 * dx);
+            result |= Neighborhood((w & 7) | (w >> 5 & 0x38) | (w >> 10 & 0x1c0)) << (9 * dx);
         }
         return result;
     }
@@ -124,7 +124,7 @@ Neighbourhood BlockMosaic::neighbourhood(const std::vector<SignWords>& set, Voxe
         const bool on = next != kNoVoxel ? contains(set, next)
                                          : bitOf(own, clamped(p.x + d[0]), clamped(p.y + d[1]),
                                                  clamped(p.z + d[2]));
-        result |= Neighbourhood(on) << n;
+        result |= Neighborhood(on) << n;
     }
     return result;
 }

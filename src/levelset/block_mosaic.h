@@ -20,15 +20,15 @@ public:
     explicit BlockMosaic(std::vector<Around> around) : mAround(std::move(around)) {}
 
     std::size_t size() const { return mAround.size(); }
-    Neighbourhood neighbourhood(const std::vector<SignWords>& set, VoxelId voxel) const;
+    Neighborhood neighborhood(const std::vector<SignWords>& set, VoxelId voxel) const;
     /// Narrow gaps: of the voxels of @a block those that are not in @a set, but in what is left of
     /// it when it has been grown by cubes of @a reach voxels on each side (at most 2), and shrunk
     /// again. The same with the set's complement: narrow parts.
     void findNarrow(const std::vector<SignWords>& set, std::size_t block, int reach,
                     SignWords& gaps, SignWords& parts) const;
-    /// Call f(neighbour) for the voxels around one that lie in blocks. @a around says which.
+    /// Call f(neighbor) for the voxels around one that lie in blocks. @a around says which.
     template <typename F>
-    void forEachAround(VoxelId voxel, Neighbourhood which, F f) const
+    void forEachAround(VoxelId voxel, Neighborhood which, F f) const
     {
         const Place p = placeOf(voxel);
         for (; which; which &= which - 1) {

@@ -33,7 +33,7 @@ SignWords wordsWhere(const float* values, const Holds& holds)
 std::vector<SignWords> connectedParts(const SignWords& voxels);
 void appendConnectedParts(const SignWords& voxels, std::vector<SignWords>& parts);
 
-/// Whether two parts meet across the face from block a to its upper neighbour b on @a axis.
+/// Whether two parts meet across the face from block a to its upper neighbor b on @a axis.
 bool meet(const SignWords& a, const SignWords& b, int axis);
 
 /// Whether there are voxels at the upper or lower face across @a axis.

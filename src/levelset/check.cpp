@@ -28,7 +28,7 @@ constexpr double kLargestStep = 2;
 /// What a mean ||grad| - 1| over n voxels may be off, times sqrt(n): 0.18 for eight, 0.005 for ten
 /// thousand. The few voxels that a region has of a band that grazes it may all be at a crease.
 constexpr double kMeanUncertainty = 0.5;
-/// How much farther than its neighbour's distance allows a voxel may be before it is missed.
+/// How much farther than its neighbor's distance allows a voxel may be before it is missed.
 constexpr double kBandMargin = 0.5;
 
 CheckLimits limitsOf(const openvdb::FloatGrid& grid, double voxelSize, double gradientTolerance)
@@ -46,7 +46,7 @@ CheckLimits limitsOf(const openvdb::FloatGrid& grid, double voxelSize, double gr
 }
 
 /// Judge a tile: inactive, of background's magnitude, of the same sign as what it touches. Smaller
-/// neighbours look at it from their side.
+/// neighbors look at it from their side.
 void judgeTile(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLimits& limits,
                const Coord& origin, int dim, FaultTallies& tallies)
 {

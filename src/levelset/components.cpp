@@ -36,9 +36,9 @@ std::vector<std::uint32_t> byVolume(const std::vector<ComponentMeasures>& parts)
 }
 
 /// Calls @a work where nobody else's exception cancels it. OpenVDB frees a tree's nodes in parallel
-/// loops, which do nothing within a loop that is cancelled: the nodes would be lost.
+/// loops, which do nothing within a loop that is canceled: the nodes would be lost.
 template <typename Work>
-void uncancelled(const Work& work)
+void uncanceled(const Work& work)
 {
     tbb::task_group_context alone(tbb::task_group_context::isolated);
     tbb::task_group(alone).run_and_wait(work);
@@ -50,7 +50,7 @@ void forEachPart(const SolidParts& parts, Progress& progress, const Give& give)
 {
     tbb::parallel_for(std::size_t(0), parts.parts().size(), [&](std::size_t n) {
         progress.check();
-        uncancelled([&] {
+        uncanceled([&] {
             LevelSet alone = parts.extract({std::uint32_t(n)}, progress);
             const ComponentMeasures measures = measuresOf(alone, progress);
             give(n, std::move(alone), measures);

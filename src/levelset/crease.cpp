@@ -155,9 +155,9 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
     if (!readerB->isInBand(at)) { // it may yet be in the way of a ball that touches the nearer one
         if (lengthA < kLeastGradient) return unknown;
-        const Vec3f toCentre = u / lengthA * a.gradient;
-        if (hasRoom(at, *readerA, *readerB, toCentre)) return {Place::Surface, 0, true};
-        const Answer answer = follow(at, *readerA, *readerB, toCentre);
+        const Vec3f toCenter = u / lengthA * a.gradient;
+        if (hasRoom(at, *readerA, *readerB, toCenter)) return {Place::Surface, 0, true};
+        const Answer answer = follow(at, *readerA, *readerB, toCenter);
         return answer.place == Place::Crease ? answer : unknown;
     }
     if (mRadius == 0 && a.value == b.value && a.gradient == b.gradient)
@@ -207,7 +207,7 @@ bool CreaseFinder::isSmooth(const Coord& at, const SolidReader& solid, const Vec
            std::abs(in.value - there.value + 1) < kEdge;
 }
 
-/// From a first guess to the place on the crease that is nearest to the voxel: linearise both
+/// From a first guess to the place on the crease that is nearest to the voxel: linearize both
 /// values there, and go to the nearest place of the line where they are as wanted.
 CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& readerA,
                                           const SolidReader& readerB, Vec3f toCrease) const
@@ -270,13 +270,13 @@ bool CreaseFinder::isExposed(const Coord& at, const SolidReader& a, const SolidR
 
 /// Whether a ball has room where it touches the surface @a a, the nearer; a point always has.
 bool CreaseFinder::hasRoom(const Coord& at, const SolidReader& a, const SolidReader& b,
-                           const Vec3f& toCentre) const
+                           const Vec3f& toCenter) const
 {
     if (a.valueAt(at) >= mRadius) return true;
     SolidReader::Sample touched;
-    return a.interpolate(at, toCentre, touched) &&
+    return a.interpolate(at, toCenter, touched) &&
            std::abs(touched.value - mRadius) < kNearCrease &&
-           b.valueNear(at, toCentre) >= mRadius - kDepth - kAside * toCentre.norm();
+           b.valueNear(at, toCenter) >= mRadius - kDepth - kAside * toCenter.norm();
 }
 
 /// Whether the nearest places of both surfaces (a ball's radius off) lie inside the other solid.

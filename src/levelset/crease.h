@@ -79,7 +79,7 @@ private:
     static bool isSmooth(const openvdb::Coord& at, const SolidReader& solid, const Vec3f& offset,
                          const SolidReader::Sample& there);
     bool hasRoom(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
-                 const Vec3f& toCentre) const;
+                 const Vec3f& toCenter) const;
     bool bothBuried(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
                     const Vec3f& toA, const Vec3f& toB) const;
 

@@ -1,4 +1,4 @@
-// Each voxel knows the nearest patch found so far, and tells its neighbours when that changes.
+// Each voxel knows the nearest patch found so far, and tells its neighbors when that changes.
 // Leaves exchange such news in waves: a wave reads only what the wave before has sent, so that
 // nothing depends on the order of threads. Waves go on until the front has passed a bound; then all
 // nearer voxels are settled, and the bound moves on.
@@ -73,7 +73,7 @@ struct Node {
     std::unique_ptr<Knowledge> known; ///< none before the first news, and once it is finished
     std::vector<Message> sent, sending;
     std::vector<std::uint32_t> senders; ///< nodes with news for this one
-    std::uint32_t touched = 0;          ///< which of 27 neighbours the news concern
+    std::uint32_t touched = 0;          ///< which of 27 neighbors the news concern
     std::array<std::uint32_t, 27> beside;
     bool active = false, finished = false;
     FinishedLeaf result;
@@ -306,7 +306,7 @@ private:
         node.sending.push_back({std::uint16_t(voxel), patch});
     }
 
-    /// Neighbour leaves, of 27, with a voxel beside @a at that is within reach.
+    /// Neighbor leaves, of 27, with a voxel beside @a at that is within reach.
     std::uint32_t sidesReached(const Coord& at, const Vec3f& v) const
     {
         const auto low = [&](int a) { return at[a] == 0 ? -1 : 0; };

@@ -43,7 +43,7 @@ using FinishLeaf = std::function<FinishedLeaf(
 
 /// Carry the distance to @a patches, made from @a signs, as far as @a reach, and finish each leaf
 /// within as soon as it is settled, so that its distances need not be kept. Each voxel gets the
-/// distance to the nearest of the patches that its neighbours know, with the sign it has in
+/// distance to the nearest of the patches that its neighbors know, with the sign it has in
 /// @a signs. The leaves come in an order that does not depend on the number of threads.
 /// @param units  by which the running stage advances, in all. @throws Interrupted.
 std::vector<FinishedLeaf> spreadDistances(const openvdb::FloatTree& signs,

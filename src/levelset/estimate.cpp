@@ -20,7 +20,7 @@ constexpr double kTrialVoxels = 96; ///< along the longest side
 constexpr double kBandShare = 1.5;
 
 /// Nodes of edge @a dim that a band of @a thickness about a surface of area 1 meets, if it looks in
-/// all directions: lengths in voxels. A node meets it from dim - 1 on, between voxels' centres.
+/// all directions: lengths in voxels. A node meets it from dim - 1 on, between voxels' centers.
 double nodesPerArea(double dim, double thickness)
 {
     return (1.5 * (dim - 1) + thickness) / (dim * dim * dim);

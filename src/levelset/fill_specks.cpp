@@ -18,7 +18,7 @@ constexpr std::size_t kOften = 1 << 12;
 using Voxels = std::unordered_set<Coord>;
 
 template <typename F>
-void forEachFaceNeighbour(const Coord& at, F f)
+void forEachFaceNeighbor(const Coord& at, F f)
 {
     for (int n = 0; n < 6; ++n) {
         Coord side = at;
@@ -67,7 +67,7 @@ private:
         std::vector<std::size_t> stack;
         for (std::size_t n = 0; n < filled.size(); ++n) {
             if (n % kOften == 0) mProgress.check();
-            forEachFaceNeighbour(filled[n], [&](const Coord& side) {
+            forEachFaceNeighbor(filled[n], [&](const Coord& side) {
                 if (hangs[n] || !isFilledSide(side) || find(side) != kNone) return;
                 hangs[n] = true;
                 stack.push_back(n);
@@ -77,7 +77,7 @@ private:
             if (steps % kOften == 0) mProgress.check();
             const Coord at = filled[stack.back()];
             stack.pop_back();
-            forEachFaceNeighbour(at, [&](const Coord& side) {
+            forEachFaceNeighbor(at, [&](const Coord& side) {
                 const std::size_t n = find(side);
                 if (n == kNone || hangs[n]) return;
                 hangs[n] = true;
@@ -97,7 +97,7 @@ private:
         std::vector<Coord> found;
         for (std::size_t n = 0; n < mFill.voxels.size(); ++n) {
             if (n % kOften == 0) mProgress.check();
-            forEachFaceNeighbour(mFill.voxels[n], [&](const Coord& side) {
+            forEachFaceNeighbor(mFill.voxels[n], [&](const Coord& side) {
                 if (isFilledSide(side) || known.count(side)) return;
                 std::vector<Coord> reached;
                 if (isPocket(side, known, reached))
@@ -118,7 +118,7 @@ private:
             if (n % kOften == 0) mProgress.check();
             if (reached.size() > mFill.ball || !mFill.isBetween(reached[n])) return false;
             bool isOpen = false;
-            forEachFaceNeighbour(Coord(reached[n]), [&](const Coord& side) {
+            forEachFaceNeighbor(Coord(reached[n]), [&](const Coord& side) {
                 if (isFilledSide(side) || !seen.insert(side).second) return;
                 isOpen |= known.count(side) > 0;
                 reached.push_back(side);

@@ -41,24 +41,24 @@ constexpr std::uint64_t kLastY = 0xff00000000000000u, kFirstY = 0x00000000000000
 struct Toward {
     int axis, step;
 
-    /// What @a words say of the neighbour of each voxel with x-coordinate @a x in this leaf.
+    /// What @a words say of the neighbor of each voxel with x-coordinate @a x in this leaf.
     std::uint64_t of(const Words& words, int x) const
     {
         const auto n = std::size_t(x);
-        if (axis == 0) return hasNeighbour(x) ? words[n + std::size_t(step)] : 0;
+        if (axis == 0) return hasNeighbor(x) ? words[n + std::size_t(step)] : 0;
         const int shift = axis == 1 ? 8 : 1;
         return step > 0 ? words[n] >> shift : words[n] << shift;
     }
-    /// The voxels that have that neighbour in this leaf.
+    /// The voxels that have that neighbor in this leaf.
     std::uint64_t within(int x) const
     {
-        if (axis == 0) return hasNeighbour(x) ? ~std::uint64_t(0) : 0;
+        if (axis == 0) return hasNeighbor(x) ? ~std::uint64_t(0) : 0;
         if (axis == 1) return ~(step > 0 ? kLastY : kFirstY);
         return ~(step > 0 ? kLastZ : kFirstZ);
     }
 
 private:
-    bool hasNeighbour(int x) const { return x + step >= 0 && x + step <= kLast; }
+    bool hasNeighbor(int x) const { return x + step >= 0 && x + step <= kLast; }
 };
 
 const Toward kFaces[6] = {{0, -1}, {0, 1}, {1, -1}, {1, 1}, {2, -1}, {2, 1}};

@@ -217,8 +217,8 @@ public:
             // A block's middle is this far from the next voxel, of which the distance is known.
             const double reach = 0.87 * mLattice.voxelSize;
             const double background = double(mGrid->background());
-            const auto mayMeet = [&](const Vec3d& centre, double radius) {
-                const double distance = std::abs(double(at.getValue(voxelAt(centre))));
+            const auto mayMeet = [&](const Vec3d& center, double radius) {
+                const double distance = std::abs(double(at.getValue(voxelAt(center))));
                 return distance >= background || distance <= radius + reach;
             };
             const Coord origin = leaves[n]->origin() >> 3;

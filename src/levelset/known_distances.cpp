@@ -73,7 +73,7 @@ float KnownDistances::distanceToPatch(std::uint32_t patch, const Coord& at, floa
     return p.distance(p.to(at), side);
 }
 
-/// The nearest vertex need not be one of the nearest facet's: ask the voxel's neighbours in the
+/// The nearest vertex need not be one of the nearest facet's: ask the voxel's neighbors in the
 /// leaf for theirs too.
 float KnownDistances::distanceToFacets(int voxel, float side) const
 {

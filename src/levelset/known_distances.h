@@ -14,7 +14,7 @@ struct Knowledge {
 
     std::array<std::uint32_t, kVoxels> patch;
     std::array<float, kVoxels> distance2; ///< to the patch's foot; of none, what is beyond reach
-    std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbours
+    std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbors
     std::array<std::uint64_t, kDim> negative;
 
     bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }

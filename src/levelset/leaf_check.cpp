@@ -46,10 +46,10 @@ template <typename Visit>
 }
 
 /// A leaf and its rim: values, and rows of bits along z.
-class Neighbourhood
+class Neighborhood
 {
 public:
-    Neighbourhood(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLimits& limits)
+    Neighborhood(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLimits& limits)
         : mAccessor(accessor), mLimits(limits)
     {
     }
@@ -134,7 +134,7 @@ private:
         }
     }
 
-    /// Calls @a visit with each face neighbour's offset.
+    /// Calls @a visit with each face neighbor's offset.
     template <typename Visit>
     static void forEachFace(const Visit& visit)
     {
@@ -146,8 +146,8 @@ private:
         visit(0, 0, 1);
     }
 
-    /// Rows (x,1) to (x,8) of the block shifted by an offset: bit z is the neighbour's.
-    [[gnu::always_inline]] static Rows neighbours(const Bits& bits, int x, int dx, int dy, int dz)
+    /// Rows (x,1) to (x,8) of the block shifted by an offset: bit z is the neighbor's.
+    [[gnu::always_inline]] static Rows neighbors(const Bits& bits, int x, int dx, int dy, int dz)
     {
         const Rows rows = lanesAt<Rows>(&bits[x + dx][1 + dy]);
         return dz < 0 ? rows << 1 : dz > 0 ? rows >> 1 : rows;
@@ -181,16 +181,16 @@ private:
         });
     }
 
-    /// Changes of sign where one of two neighbours is inactive. The inactive one is at fault; what
-    /// a tile is at fault for is noted at its neighbour.
+    /// Changes of sign where one of two neighbors is inactive. The inactive one is at fault; what
+    /// a tile is at fault for is noted at its neighbor.
     [[gnu::always_inline]] void judgeSigns(int x, FaultTallies& tallies) const
     {
         const Rows active = lanesAt<Rows>(&mActive[x][1]),
                    negative = lanesAt<Rows>(&mNegative[x][1]);
         const auto changes = [&](int dx, int dy, int dz) {
-            const Rows bothActive = active & neighbours(mActive, x, dx, dy, dz);
-            const Rows mine = ~active | neighbours(mTile, x, dx, dy, dz);
-            return Rows((negative ^ neighbours(mNegative, x, dx, dy, dz)) & ~bothActive & mine);
+            const Rows bothActive = active & neighbors(mActive, x, dx, dy, dz);
+            const Rows mine = ~active | neighbors(mTile, x, dx, dy, dz);
+            return Rows((negative ^ neighbors(mNegative, x, dx, dy, dz)) & ~bothActive & mine);
         };
         Rows any{};
         forEachFace([&](int dx, int dy, int dz) { any |= changes(dx, dy, dz); });
@@ -202,7 +202,7 @@ private:
         });
     }
 
-    /// Inactive voxels that a neighbour's distance puts inside the band. A voxel at l voxels from
+    /// Inactive voxels that a neighbor's distance puts inside the band. A voxel at l voxels from
     /// one of distance d is at most d + l voxels from the surface.
     [[gnu::always_inline]] void judgeBand(int x, FaultTallies& tallies) const
     {
@@ -214,15 +214,15 @@ private:
                     const int axes = dx * dx + dy * dy + dz * dz;
                     if (axes == 0) continue;
                     const Bits& near = mNear[axes - 1];
-                    missing |= neighbours(near, x, dx, dy, dz) & ~active;
-                    missing |= lanesAt<Rows>(&near[x][1]) & neighbours(mTile, x, dx, dy, dz) &
-                               ~neighbours(mActive, x, dx, dy, dz);
+                    missing |= neighbors(near, x, dx, dy, dz) & ~active;
+                    missing |= lanesAt<Rows>(&near[x][1]) & neighbors(mTile, x, dx, dy, dz) &
+                               ~neighbors(mActive, x, dx, dy, dz);
                 }
         forEachInner(missing,
                      [&](int y, int z) { tallies[Fault::MissingVoxel].add(coord(x, y, z)); });
     }
 
-    /// Steps between active neighbours, and the gradient where all of them are active.
+    /// Steps between active neighbors, and the gradient where all of them are active.
     [[gnu::always_inline]] void judgeSteps(int x, int y, FaultTallies& tallies,
                                            SideSums& sums) const
     {
@@ -303,10 +303,10 @@ FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limi
         tbb::blocked_range<std::size_t>(0, leaves.size(), 64), FaultTallies{},
         [&](const tbb::blocked_range<std::size_t>& range, FaultTallies part) {
             const auto accessor = grid.getConstAccessor();
-            Neighbourhood neighbourhood(accessor, limits);
+            Neighborhood neighborhood(accessor, limits);
             for (std::size_t n = range.begin(); n != range.end(); ++n) {
                 progress.check();
-                sums[n] = neighbourhood.judge(*leaves[n], part);
+                sums[n] = neighborhood.judge(*leaves[n], part);
             }
             progress.advance(double(range.size()));
             return part;

@@ -27,7 +27,7 @@ constexpr std::size_t kFaults = std::size_t(Fault::Steepness) + 1;
 /// All thresholds, in world units.
 struct CheckLimits {
     float background, tolerance, step, twiceVoxel;
-    std::array<float, 3> near; ///< below: the neighbours across a face, edge, corner are active
+    std::array<float, 3> near; ///< below: the neighbors across a face, edge, corner are active
     float steepness;           ///< largest ||grad| - 1| that is not counted
 };
 

@@ -23,7 +23,7 @@ using Lanes = float __attribute__((vector_size(4 * kDim)));
 /// Voxels of a leaf as its mask has them: word x, bit 8 y + z.
 using Words = std::array<std::uint64_t, kDim>;
 
-/// A leaf's values, and those of the upper neighbours across x, y and z: null, and one value, where
+/// A leaf's values, and those of the upper neighbors across x, y and z: null, and one value, where
 /// there are only tiles.
 struct UpperRim {
     const float* own;
@@ -31,7 +31,7 @@ struct UpperRim {
     std::array<float, 3> tile{};
 };
 
-/// Inner and zero voxels, and those whose upper neighbour along each axis is on the other side.
+/// Inner and zero voxels, and those whose upper neighbor along each axis is on the other side.
 struct LeafSigns {
     Words inside{}, zero{};
     std::array<Words, 3> change;
@@ -52,7 +52,7 @@ LeafSigns signsOf(const UpperRim& values)
         for (std::size_t row = 0; row < kDim * kDim; ++row)
             signs.zero[row / kDim] |= bitsOf(lanesAt<Lanes>(values.own + row * kDim) == 0)
                                       << (row % kDim * kDim);
-    // The neighbours' layers that touch this leaf.
+    // The neighbors' layers that touch this leaf.
     std::array<std::uint64_t, 3> tile;
     for (std::size_t axis = 0; axis < 3; ++axis)
         tile[axis] = values.tile[axis] < 0 ? ~std::uint64_t(0) : 0;

@@ -31,7 +31,7 @@ inline float squaredGap(const openvdb::Coord& from)
     return gap2;
 }
 
-/// Those on the edges from active voxels of @a leaf to their upper neighbours, and the voxels of
+/// Those on the edges from active voxels of @a leaf to their upper neighbors, and the voxels of
 /// value 0 between the two sides.
 Crossings crossingsOf(const openvdb::FloatTree& tree, const openvdb::FloatTree::LeafNodeType& leaf);
 

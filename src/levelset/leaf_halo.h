@@ -7,7 +7,7 @@
 namespace mpuvdb
 {
 
-/// A leaf's values and its neighbours' next to it, scaled.
+/// A leaf's values and its neighbors' next to it, scaled.
 struct LeafHalo {
     using Leaf = openvdb::FloatTree::LeafNodeType;
     using Accessor = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
@@ -30,7 +30,7 @@ struct LeafHalo {
     }
 
 private:
-    /// Along each axis: the last layer of a lower neighbour, all of the middle, the first of an
+    /// Along each axis: the last layer of a lower neighbor, all of the middle, the first of an
     /// upper.
     void loadSide(const Accessor& access, const openvdb::Coord& origin, const openvdb::Coord& side,
                   float scale)

@@ -146,8 +146,8 @@ void demandVoxelSize(double voxelSize)
             fmt::format("voxel size {}: must be a positive number of world units", voxelSize));
     if (voxelSize < kLeast)
         throw LimitError(fmt::format("voxel size {:.3g}: below {} OpenVDB takes a transform for "
-                                     "singular. Scale the model, for example from metres to "
-                                     "millimetres, or choose larger voxels",
+                                     "singular. Scale the model, for example from meters to "
+                                     "millimeters, or choose larger voxels",
                                      voxelSize, kLeast));
 }
 

@@ -30,19 +30,19 @@ using openvdb::Coord;
 
 constexpr int kDim = Halo::kDim, kHalo = Halo::kHalo;
 constexpr float kDiagonal = 1.7320508f;
-/// Between neighbours of faces, edges, corners.
+/// Between neighbors of faces, edges, corners.
 constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
 /// Bounds of the upwind gradient, beyond which a value is examined. Outside a corner that of a true
 /// distance a falls to 0.55, and below a = sqrt(3) voxels to 0.318 a.
 constexpr float kLeastSlope = 0.5f, kLeastSlopePerVoxel = 0.3f, kMostSlope = 1.3f;
-constexpr float kStep = 1.3f; ///< voxels by which neighbours may differ unexamined
+constexpr float kStep = 1.3f; ///< voxels by which neighbors may differ unexamined
 /// The distance to the nearest crossing overestimates by up to this between crossings, voxels, and
 /// by up to a diagonal's length beside one.
 constexpr float kBetween = 0.5f;
 /// An examined value within these bounds of it stays.
 constexpr float kAbove = 0.2f, kBelow = 0.35f;
 /// The tip of an edge or corner may cross no edge between voxels: a value this near to zero is
-/// raised no farther than to where its neighbours' values can be reached.
+/// raised no farther than to where its neighbors' values can be reached.
 constexpr float kTip = 0.5f;
 /// Where values rise as fast as this on both sides, they are evened: from the first on in part,
 /// from the second on all.
@@ -52,8 +52,8 @@ constexpr float kEvenFrom = 1.05f, kEvenAll = 1.15f;
 struct RowFlags {
     unsigned doubtful = 0;      ///< if active: the value cannot be trusted
     unsigned flat = 0;          ///< if active: nor this one, but at the tip of an edge
-    unsigned cornerMissing = 0; ///< if active: the band lacks a corner neighbour
-    unsigned missing = 0;       ///< if inactive: neighbours are so near to zero that it belongs
+    unsigned cornerMissing = 0; ///< if active: the band lacks a corner neighbor
+    unsigned missing = 0;       ///< if inactive: neighbors are so near to zero that it belongs
     unsigned steep = 0;         ///< if active: values rise too fast on both sides
     std::array<float, 8> slope; ///< of those
 };
@@ -65,7 +65,7 @@ constexpr float kMissing = 0.3f; ///< a voxel belongs to the band if it is so mu
 /// And it must, if it is by so much, whatever the nearest crossing says, which may be too far.
 constexpr float kPromised = 0.5f;
 
-/// The band's inactive voxels that a neighbour, by its value, puts well inside the band.
+/// The band's inactive voxels that a neighbor, by its value, puts well inside the band.
 MPUVDB_CLONES
 unsigned missingInRow(const float* row, float halfWidth)
 {
@@ -251,7 +251,7 @@ private:
                 access.probeConstLeaf(leaf.origin() +
                                       Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim)))
                 continue;
-            // The leaf's voxels that touch that side, each with its neighbours there.
+            // The leaf's voxels that touch that side, each with its neighbors there.
             const auto first = [&](int axis) { return side[axis] > 0 ? kDim - 1 : 0; };
             const auto last = [&](int axis) { return side[axis] < 0 ? 0 : kDim - 1; };
             for (int x = first(0); x <= last(0); ++x)
@@ -406,7 +406,7 @@ private:
         return leaves;
     }
 
-    /// Add voxels that were found too far from crossings, but lie nearer by their neighbours'
+    /// Add voxels that were found too far from crossings, but lie nearer by their neighbors'
     /// values. Returns their number.
     std::size_t addPromised()
     {
@@ -432,7 +432,7 @@ private:
         return promised.size();
     }
 
-    /// Origins of the leaves that hold a voxel or one of its neighbours.
+    /// Origins of the leaves that hold a voxel or one of its neighbors.
     static void addLeavesAround(const Coord& at, LeafSet& origins)
     {
         const Coord low = at.offsetBy(-1) & ~7, high = at.offsetBy(1) & ~7;
@@ -441,7 +441,7 @@ private:
                 for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace(x, y, z);
     }
 
-    /// What a value is to be where values rise by @a slope per voxel. Its neighbours are scaled
+    /// What a value is to be where values rise by @a slope per voxel. Its neighbors are scaled
     /// alike: the surface stays where it is.
     static float evened(float value, float slope)
     {

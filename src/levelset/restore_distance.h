@@ -17,8 +17,8 @@ enum class ValuesFrom : std::uint8_t {
 };
 
 /// Find voxels of @a tree (a narrow band, closed, signs right) whose upwind gradient is not about
-/// 1, which jump from a neighbour, or which the band misses; give each the distance to the nearest
-/// crossing of the zero set with an edge between voxels, or scale it with its neighbours. All other
+/// 1, which jump from a neighbor, or which the band misses; give each the distance to the nearest
+/// crossing of the zero set with an edge between voxels, or scale it with its neighbors. All other
 /// values, and where the zero set crosses, stay as they are. Returns the number of voxels changed.
 /// @param voxelSize  world units.
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,

@@ -65,7 +65,7 @@ private:
     float mScaleA, mScaleB, mRadius;
 };
 
-/// A level set of where the ball's centre cannot be.
+/// A level set of where the ball's center cannot be.
 FloatTree roomTree(const ScaledSolid& a, const ScaledSolid& b, float radius,
                    const std::vector<Coord>& origins, Progress& progress)
 {

@@ -1,5 +1,5 @@
 // How far it is to the nearest place where a ball that touches neither of two solids, or one from
-// outside, can have its centre.
+// outside, can have its center.
 #pragma once
 #include <openvdb/openvdb.h>
 
@@ -16,7 +16,7 @@ struct ScaledSolid {
     float scale;
 };
 
-/// By voxel of a leaf, in voxels: 0 where the centre can be.
+/// By voxel of a leaf, in voxels: 0 where the center can be.
 using RoomDistances = std::vector<float>;
 
 /// The distances in the leaves at @a origins (in order), for a ball of @a radius voxels; @a reach

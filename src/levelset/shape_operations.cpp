@@ -61,7 +61,7 @@ public:
     double workingBytes(const Demand& own) const override
     {
         if (!(mBlendRadius > 0)) return 0;
-        // The surfaces that the ball touches, and those that its centre goes along.
+        // The surfaces that the ball touches, and those that its center goes along.
         const double h = own.lattice.voxelSize;
         return (1 + mBlendRadius / h / 15) * distanceBytes(Node::area(own.region), h);
     }
@@ -235,7 +235,7 @@ protected:
 private:
     static double outward(double thickness, Wall wall)
     {
-        return wall == Wall::Outward ? thickness : wall == Wall::Centred ? thickness / 2 : 0;
+        return wall == Wall::Outward ? thickness : wall == Wall::Centered ? thickness / 2 : 0;
     }
     double mThickness;
     Wall mWall;

@@ -27,7 +27,7 @@ using Leaf = SurfacePatches::Leaf;
 
 constexpr int kDim = LeafHalo::kDim, kHalo = LeafHalo::kHalo;
 constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
-/// The shell, voxels from the surface: as far off as a band of three lets its voxels' neighbours
+/// The shell, voxels from the surface: as far off as a band of three lets its voxels' neighbors
 /// be known, and one thick, so that each way from the surface leads past its voxels.
 constexpr float kNearest = 0.9f, kFarthest = 1.9f;
 /// Values so near to the background, relative to it, come from beyond the band.

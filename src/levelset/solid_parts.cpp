@@ -59,7 +59,7 @@ void forEachVoxel(const SignWords& words, F f)
             f(openvdb::Index(x * 64 + std::size_t(__builtin_ctzll(rest))));
 }
 
-Coord neighbour(const Coord& at, int face, int distance = 1)
+Coord neighbor(const Coord& at, int face, int distance = 1)
 {
     Coord next = at;
     next[face / 2] += face % 2 ? distance : -distance;
@@ -171,7 +171,7 @@ SolidParts::Labels SolidParts::label(bool band, Progress& progress) const
         for (int face = 0; face < 6; ++face) {
             const int axis = face / 2;
             if (!reachesFace(piece.voxels, axis, face % 2)) continue;
-            const Coord beyond = neighbour(mLeaves[piece.leaf]->origin(), face, kLeaf);
+            const Coord beyond = neighbor(mLeaves[piece.leaf]->origin(), face, kLeaf);
             const auto next = mLeafAt.find(beyond);
             if (next == mLeafAt.end()) {
                 const std::uint32_t tile = tileAt(beyond);
@@ -195,7 +195,7 @@ void SolidParts::joinTiles(UnionFind& nodes, std::uint32_t firstTile) const
     for (std::uint32_t n = 0; n < mTiles.size(); ++n)
         for (int face = 0; face < 6; ++face) {
             const std::uint32_t other =
-                tileAt(neighbour(mTiles[n].origin, face, face % 2 ? dimOf(mTiles[n].level) : 1));
+                tileAt(neighbor(mTiles[n].origin, face, face % 2 ? dimOf(mTiles[n].level) : 1));
             if (other != kNone) nodes.join(firstTile + n, firstTile + other);
         }
 }

@@ -49,7 +49,7 @@ CellTriangles::CellTriangles(const LeafWindow& window, const Vec3i& base) : mBas
 {
     for (int n = 0; n < 8; ++n) mValues[std::size_t(n)] = double(window(base + corner(n)));
     // All tetrahedra share the diagonal from corner 0 to 7; each goes there axis by axis. Faces of
-    // neighbouring cells are split alike.
+    // neighboring cells are split alike.
     constexpr int kFirst[6] = {1, 1, 2, 2, 4, 4}, kSecond[6] = {3, 5, 3, 6, 5, 6};
     for (int n = 0; n < 6; ++n) addTetrahedron({0, kFirst[n], kSecond[n], 7});
 }

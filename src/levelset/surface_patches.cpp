@@ -60,7 +60,7 @@ public:
     {
     }
 
-    /// Call f(voxel's number in the leaf) for all active voxels with a face neighbour of the other
+    /// Call f(voxel's number in the leaf) for all active voxels with a face neighbor of the other
     /// sign, or of value 0.
     template <typename F>
     void forEachCrossing(const Leaf& leaf, F f)
@@ -81,7 +81,7 @@ public:
     }
 
     /// The patch of a voxel of the leaf that forEachCrossing() is at. @param besideCrease  whether
-    /// a neighbour's is not smooth.
+    /// a neighbor's is not smooth.
     SurfacePatch make(const Leaf& leaf, int voxel, bool besideCrease, PatchKind& kind) const
     {
         const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
@@ -273,7 +273,7 @@ private:
     SurfacePatch nearestCrossing(const openvdb::Coord& voxel, int in) const
     {
         const auto& v = mHalo.value;
-        // On the surface itself, unless a neighbour has the other sign.
+        // On the surface itself, unless a neighbor has the other sign.
         SurfacePatch patch = SurfacePatch::point(voxel, Vec3f::Zero());
         float best = std::numeric_limits<float>::infinity();
         for (int axis = 0; axis < 3; ++axis) {
@@ -302,7 +302,7 @@ private:
 /// @a along beside: exact for lines, circles and points.
 float bent(float height, float along, float k)
 {
-    // Beyond half the way to a hollow's centre other places are nearer.
+    // Beyond half the way to a hollow's center other places are nearer.
     constexpr float kDeepest = -0.5f;
     if (k * height < kDeepest) k = kDeepest / height;
     const float a = 1 + k * height, b = k * along;

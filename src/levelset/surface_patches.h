@@ -19,7 +19,7 @@ constexpr float kPointCurvature = 1e3f;
 
 /// A place on the zero set and how the surface bends there. Lengths are voxels.
 struct SurfacePatch {
-    openvdb::Coord voxel; ///< the voxel from whose neighbourhood it was made
+    openvdb::Coord voxel; ///< the voxel from whose neighborhood it was made
     Vec3f foot;           ///< the place, relative to that voxel
     Vec3f normal;         ///< unit, outward
     Vec3f tangent;        ///< unit, along the first principal direction
@@ -66,7 +66,7 @@ struct SurfaceFacet {
     Vec3f middle() const { return 0.5f * (corners[0] + corners[2]); }
 };
 
-/// Patches of all voxels with a neighbour of the other sign, by leaf and voxel. Those beside
+/// Patches of all voxels with a neighbor of the other sign, by leaf and voxel. Those beside
 /// creases are superseded by the vertices of facets, which follow: patches that are but their foot.
 /// After these there may be others, of voxels farther off; see amendBySight().
 struct SurfacePatches {

@@ -24,13 +24,13 @@ using Flags = std::int32_t __attribute__((vector_size(32)));
 constexpr float kShortest = 0.5f;   ///< of a gradient, whose length should be one
 constexpr float kNearEnough = 0.2f; ///< voxels off the surface
 
-/// Unit gradients of the distance at the voxels of a leaf; zero where an axis has no neighbour in
+/// Unit gradients of the distance at the voxels of a leaf; zero where an axis has no neighbor in
 /// the band, or they contradict each other.
 struct Gradients {
     std::array<float, Leaf::SIZE> x, y, z;
 };
 
-/// Of the eight voxels in a row from @a at on, along an axis: from those neighbours that are in the
+/// Of the eight voxels in a row from @a at on, along an axis: from those neighbors that are in the
 /// band.
 [[gnu::always_inline]] inline Lanes slopeAlong(const float* at, std::ptrdiff_t next,
                                                float background, Flags& known)

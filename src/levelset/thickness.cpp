@@ -23,11 +23,11 @@ constexpr std::uint64_t kMostPlaces = 1 << 18;
 constexpr int kLeaf = int(Leaf::DIM);
 /// Across a crease, or through the middle of a wall of a voxel or two, gradients are shorter.
 constexpr double kLeastGradient = 0.85;
-/// Cosines: of normals that face each other; of places on a ball that are neighbours, which tell
+/// Cosines: of normals that face each other; of places on a ball that are neighbors, which tell
 /// of its radius no more than their noise.
-constexpr float kFacing = -0.5f, kNeighbours = 0.7f;
+constexpr float kFacing = -0.5f, kNeighbors = 0.7f;
 /// Of the radius: how far places may reach into a ball that counts as empty. Where all of a surface
-/// is about as far from the centre, no node of the tree is looked into that is flat to this; which
+/// is about as far from the center, no node of the tree is looked into that is flat to this; which
 /// patches sqrt(4 * kTolerance) radii wide are, so that a ball meets some 4 pi / (4 * kTolerance)
 /// of them, however many places there are. [derived: half of two, the least that "a few percent"
 /// are]
@@ -129,20 +129,20 @@ private:
     /// Of the radius: how far beside a ball's end, and beyond it, the surface there may lie.
     static constexpr float kNearby = 0.1f, kLevel = 0.02f;
 
-    /// The squared distance to the centre of the ball at @a p; never where it is empty of @a node.
+    /// The squared distance to the center of the ball at @a p; never where it is empty of @a node.
     float orderOf(const PlaceTree::Node& node, const Vec3f& p, const Vec3f& n) const
     {
-        const float order = node.squaredDistance(mCentre, mReach);
+        const float order = node.squaredDistance(mCenter, mReach);
         if (order == PlaceTree::kNever) return order;
         const float height = n.dot(p) + node.farthest(-n);
         return isBelow(height, node.squaredBoxDistance(p)) ? order : PlaceTree::kNever;
     }
 
     /// Whether a place that is @a height below a tangent plane, at a distance from where that
-    /// touches, is none of the neighbours there.
+    /// touches, is none of the neighbors there.
     static bool isBelow(float height, float squaredDistance)
     {
-        constexpr float kSquaredSine = (1 - kNeighbours) / 2;
+        constexpr float kSquaredSine = (1 - kNeighbors) / 2;
         return height > 0 && height * height > kSquaredSine * squaredDistance;
     }
 
@@ -150,7 +150,7 @@ private:
     {
         mRadius = radius;
         mReach = radius * (1 - kTolerance);
-        mCentre = p - radius * n;
+        mCenter = p - radius * n;
     }
 
     /// Shrink the ball at @a p until it has @a other on its surface.
@@ -169,7 +169,7 @@ private:
                         const Vec3f& facing) const
     {
         const float opening = 1 - facing.dot(n);
-        if (opening < 1 - kNeighbours) return mRadius;
+        if (opening < 1 - kNeighbors) return mRadius;
         const float touching = facing.dot(contact - p) / opening;
         const float most = std::max(0.1f * mRadius, mSpacing * mSpacing / mRadius);
         return touching > 0 && std::abs(touching - mRadius) <= most ? touching : mRadius;
@@ -201,7 +201,7 @@ private:
     float mLargest, mSpacing;
     float mRadius = 0; ///< of the ball that is being found
     float mReach = 0;  ///< of places in it that count
-    Vec3f mCentre = Vec3f::Zero();
+    Vec3f mCenter = Vec3f::Zero();
     std::uint32_t mContact = kNone;
 };
 

@@ -33,7 +33,7 @@ struct Cube {
     Coord first;
     int size;
 
-    Vec3d centre() const { return vecOf(first) + Vec3d::Constant(0.5 * (size - 1)); }
+    Vec3d center() const { return vecOf(first) + Vec3d::Constant(0.5 * (size - 1)); }
     /// Of a ball that holds its voxels.
     double radius() const { return std::sqrt(3.0) / 2 * (size - 1); }
     Cube child(int octant) const
@@ -103,14 +103,14 @@ public:
     {
     }
 
-    /// @param distance  voxels from the cube's centre to the mesh. Null if nothing is within reach.
+    /// @param distance  voxels from the cube's center to the mesh. Null if nothing is within reach.
     std::unique_ptr<Leaf> measure(const Cube& cube, double distance)
     {
         mHeld.clear();
         mKept[0].clear();
         const double farthest = bound(distance, cube.radius());
         const TriangleTree& tree = mTriangles.tree;
-        tree.forEachNear(mTriangles.place(cube.centre()), farthest * mTriangles.voxelSize,
+        tree.forEachNear(mTriangles.place(cube.center()), farthest * mTriangles.voxelSize,
                          [&](std::size_t slot) {
                              mKept[0].push_back(std::uint32_t(mHeld.size()));
                              mHeld.push_back(held(tree.corners(slot)));
@@ -143,18 +143,18 @@ private:
         return t;
     }
 
-    /// How far from the centre of a ball the nearest triangles of a place in it can be, if they are
-    /// within reach. @param least  of the distances to the centre, or more.
+    /// How far from the center of a ball the nearest triangles of a place in it can be, if they are
+    /// within reach. @param least  of the distances to the center, or more.
     double bound(double least, double radius) const
     {
         return std::min(least + 2 * radius, mReach + radius) + mTie;
     }
 
-    /// @param atMost  as far as the nearest triangle is from the centre, or farther.
+    /// @param atMost  as far as the nearest triangle is from the center, or farther.
     void refine(const Cube& cube, std::size_t depth, double atMost)
     {
         constexpr double kRoundings = 1 + 1e-9;
-        const Vec3d centre = cube.centre();
+        const Vec3d center = cube.center();
         const double radius = cube.radius();
         std::vector<std::uint32_t>& kept = mKept[depth + 1];
         kept.clear();
@@ -163,8 +163,8 @@ private:
         for (const std::uint32_t n : mKept[depth]) {
             const Held& t = mHeld[n];
             const double farthest = bound(least, radius), allowed = farthest + t.radius;
-            if ((centre - t.middle).squaredNorm() > allowed * allowed) continue;
-            const double distance = std::sqrt(squaredDistance(centre, t.corners));
+            if ((center - t.middle).squaredNorm() > allowed * allowed) continue;
+            const double distance = std::sqrt(squaredDistance(center, t.corners));
             if (distance > farthest) continue;
             kept.push_back(n);
             mDistances.push_back(distance);
@@ -179,10 +179,10 @@ private:
         if (cube.size == 1) {
             if (!(least < mReach)) return;
             const auto value = float(least * mTriangles.voxelSize);
-            mLeaf->setValueOn(cube.first, isBehind(kept, centre) ? -value : value);
+            mLeaf->setValueOn(cube.first, isBehind(kept, center) ? -value : value);
             return;
         }
-        const double step = std::sqrt(3.0) / 4 * cube.size; // to the centre of a child
+        const double step = std::sqrt(3.0) / 4 * cube.size; // to the center of a child
         for (int octant = 0; octant < 8; ++octant)
             refine(cube.child(octant), depth + 1, least + step);
     }
@@ -255,7 +255,7 @@ private:
     {
         mProgress.check();
         const double distance =
-            std::sqrt(mTriangles.tree.squaredDistance(mTriangles.place(cube.centre()), slot)) /
+            std::sqrt(mTriangles.tree.squaredDistance(mTriangles.place(cube.center()), slot)) /
             mTriangles.voxelSize;
         if (!(distance < mReach + cube.radius())) return;
         if (cube.size == kDim) {

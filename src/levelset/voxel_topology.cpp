@@ -9,16 +9,16 @@ namespace
 {
 
 constexpr int kCells = 27;
-constexpr Neighbourhood kAll = (1u << kCells) - 1;
+constexpr Neighborhood kAll = (1u << kCells) - 1;
 
-constexpr Neighbourhood bit(int x, int y, int z)
+constexpr Neighborhood bit(int x, int y, int z)
 {
     return 1u << unsigned(9 * (x + 1) + 3 * (y + 1) + (z + 1));
 }
 
-/// Of each voxel of a neighbourhood the voxels in it that touch it.
+/// Of each voxel of a neighborhood the voxels in it that touch it.
 struct Adjacency {
-    std::array<Neighbourhood, kCells> byFace{}, byCorner{};
+    std::array<Neighborhood, kCells> byFace{}, byCorner{};
 
     constexpr Adjacency()
     {
@@ -39,25 +39,25 @@ struct Adjacency {
 
 constexpr Adjacency kAdjacent;
 
-/// The voxels that share a face or an edge with the centre.
-constexpr Neighbourhood facesAndEdges()
+/// The voxels that share a face or an edge with the center.
+constexpr Neighborhood facesAndEdges()
 {
-    Neighbourhood all = kFaceNeighbours;
+    Neighborhood all = kFaceNeighbors;
     for (int n = 0; n < kCells; ++n)
-        if (kFaceNeighbours >> n & 1u) all |= kAdjacent.byFace[std::size_t(n)];
-    return all & ~kCentre;
+        if (kFaceNeighbors >> n & 1u) all |= kAdjacent.byFace[std::size_t(n)];
+    return all & ~kCenter;
 }
 
 /// Whether @a voxels, of which some belong to @a seeds, have exactly one component that does.
-bool oneComponent(Neighbourhood voxels, Neighbourhood seeds,
-                  const std::array<Neighbourhood, kCells>& adjacent)
+bool oneComponent(Neighborhood voxels, Neighborhood seeds,
+                  const std::array<Neighborhood, kCells>& adjacent)
 {
     seeds &= voxels;
     if (!seeds) return false;
-    Neighbourhood reached = 0;
-    for (Neighbourhood front = seeds & (~seeds + 1); front;) {
+    Neighborhood reached = 0;
+    for (Neighborhood front = seeds & (~seeds + 1); front;) {
         reached |= front;
-        Neighbourhood next = 0;
+        Neighborhood next = 0;
         for (; front; front &= front - 1) next |= adjacent[std::size_t(__builtin_ctz(front))];
         front = next & voxels & ~reached;
     }
@@ -66,24 +66,24 @@ bool oneComponent(Neighbourhood voxels, Neighbourhood seeds,
 
 } // namespace
 
-bool isSimple(Neighbourhood around)
+bool isSimple(Neighborhood around)
 {
-    const Neighbourhood set = around & facesAndEdges(), rest = ~around & kAll & ~kCentre;
-    return oneComponent(set, kFaceNeighbours, kAdjacent.byFace) &&
+    const Neighborhood set = around & facesAndEdges(), rest = ~around & kAll & ~kCenter;
+    return oneComponent(set, kFaceNeighbors, kAdjacent.byFace) &&
            oneComponent(rest, rest, kAdjacent.byCorner);
 }
 
-int eulerChange(Neighbourhood around)
+int eulerChange(Neighborhood around)
 {
-    // The rest as a union of closed cubes: of the centre's corners, edges and faces those go that
+    // The rest as a union of closed cubes: of the center's corners, edges and faces those go that
     // no other cube has. What the rest loses of handles, the set gains of them, and so on.
-    const Neighbourhood rest = ~around & kAll & ~kCentre;
+    const Neighborhood rest = ~around & kAll & ~kCenter;
     int change = -1; // its body
     for (int n = 0; n < kCells; ++n) {
         const int at[3] = {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1};
         const int codimension = std::abs(at[0]) + std::abs(at[1]) + std::abs(at[2]);
         if (codimension == 0) continue;
-        Neighbourhood sharing = 0;
+        Neighborhood sharing = 0;
         for (int x = 0; x <= std::abs(at[0]); ++x)
             for (int y = 0; y <= std::abs(at[1]); ++y)
                 for (int z = 0; z <= std::abs(at[2]); ++z)

@@ -7,17 +7,17 @@ namespace mpuvdb
 {
 
 /// A voxel and the 26 around it: bit 9 (dx + 1) + 3 (dy + 1) + (dz + 1) is on in the set.
-using Neighbourhood = std::uint32_t;
+using Neighborhood = std::uint32_t;
 
-constexpr Neighbourhood kCentre = 1u << 13;
-/// The voxels that share a face with the centre.
-constexpr Neighbourhood kFaceNeighbours =
+constexpr Neighborhood kCenter = 1u << 13;
+/// The voxels that share a face with the center.
+constexpr Neighborhood kFaceNeighbors =
     1u << 4 | 1u << 10 | 1u << 12 | 1u << 14 | 1u << 16 | 1u << 22;
 
-/// Whether the set with the centre and without it are the same to a topologist.
-bool isSimple(Neighbourhood around);
+/// Whether the set with the center and without it are the same to a topologist.
+bool isSimple(Neighborhood around);
 
-/// What the centre adds to the Euler characteristic of the set (parts - handles + hollows).
-int eulerChange(Neighbourhood around);
+/// What the center adds to the Euler characteristic of the set (parts - handles + hollows).
+int eulerChange(Neighborhood around);
 
 } // namespace mpuvdb

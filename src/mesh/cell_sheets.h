@@ -1,5 +1,5 @@
 // How the surface passes through a cell of eight corners, by the corners' signs: which of its
-// edges belong to one sheet. Neighbouring cells agree on their common face, so that the sheets of
+// edges belong to one sheet. Neighboring cells agree on their common face, so that the sheets of
 // all cells make up a manifold.
 #pragma once
 #include <array>

@@ -100,9 +100,9 @@ void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Progress& pro
     std::vector<std::uint32_t> start(mesh.positions.size() + 1, 0);
     forEachSide(mesh, progress, [&](std::uint32_t from, std::uint32_t) { ++start[from + 1]; });
     std::partial_sum(start.begin(), start.end(), start.begin());
-    std::vector<std::uint32_t> neighbour(start.back()), next(start.begin(), start.end() - 1);
+    std::vector<std::uint32_t> neighbor(start.back()), next(start.begin(), start.end() - 1);
     forEachSide(mesh, progress,
-                [&](std::uint32_t from, std::uint32_t to) { neighbour[next[from]++] = to; });
+                [&](std::uint32_t from, std::uint32_t to) { neighbor[next[from]++] = to; });
     std::vector<float> smooth(values.size());
     for (int n = 0; n < kSmoothings; ++n) {
         progress.check();
@@ -111,7 +111,7 @@ void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Progress& pro
                               for (std::size_t v = range.begin(); v < range.end(); ++v) {
                                   float sum = 0;
                                   for (std::uint32_t i = start[v]; i < start[v + 1]; ++i)
-                                      sum += values[neighbour[i]];
+                                      sum += values[neighbor[i]];
                                   const auto count = float(start[v + 1] - start[v]);
                                   smooth[v] = count > 0 ? (values[v] + sum / count) / 2 : values[v];
                               }

@@ -9,7 +9,7 @@ namespace mpuvdb
 
 class Progress;
 
-/// Average @a values with those of the neighbours along edges, a few times.
+/// Average @a values with those of the neighbors along edges, a few times.
 void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Progress& progress);
 
 /// Turn the sign of @a values (0 and above: covered) on uncovered patches that are small enough to

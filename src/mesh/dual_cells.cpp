@@ -293,7 +293,7 @@ std::size_t DualCells::blockOf(std::uint64_t v) const
     return std::size_t(after - mBlocks.begin()) - 1;
 }
 
-std::vector<char> DualCells::withNeighbours(const std::vector<char>& selection) const
+std::vector<char> DualCells::withNeighbors(const std::vector<char>& selection) const
 {
     std::vector<char> reached(selection.size(), 0);
     tbb::parallel_for(std::size_t(0), selection.size(), [&](std::size_t n) {

@@ -103,7 +103,7 @@ public:
     /// The block in which vertex @a v lies.
     std::size_t blockOf(std::uint64_t v) const;
     /// The blocks with a flag in @a selection and those whose quads reach into them.
-    std::vector<char> withNeighbours(const std::vector<char>& selection) const;
+    std::vector<char> withNeighbors(const std::vector<char>& selection) const;
 
 private:
     void add(const openvdb::FloatTree& tree, const std::vector<openvdb::Coord>& origins,

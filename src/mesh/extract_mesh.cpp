@@ -353,7 +353,7 @@ private:
         if (!isDrawn) return false;
         ++mRound;
         place(changed);
-        found = splitAgain(mCells.withNeighbours(changed));
+        found = splitAgain(mCells.withNeighbors(changed));
         return true;
     }
 

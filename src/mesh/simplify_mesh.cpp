@@ -309,7 +309,7 @@ private:
         return corners;
     }
 
-    /// The colours of the triangle's corners after a collapse.
+    /// The colors of the triangle's corners after a collapse.
     std::array<Vec3f, 3> colorsOf(Index t, const Collapse& c) const
     {
         std::array<Vec3f, 3> colors{Vec3f::Zero(), Vec3f::Zero(), Vec3f::Zero()};
@@ -339,7 +339,7 @@ private:
         return c[0] == v || c[1] == v || c[2] == v;
     }
 
-    /// Whether the two have no neighbours in common but across their own two triangles: else the
+    /// Whether the two have no neighbors in common but across their own two triangles: else the
     /// surface would be pinched.
     bool keepsManifold(Index v, Index w) const
     {

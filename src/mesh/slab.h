@@ -8,10 +8,10 @@
 namespace mpuvdb
 {
 
-/// By how much a colour may change, of 1.
+/// By how much a color may change, of 1.
 constexpr float kColorReach = 0.06f;
 
-/// The space above and below a triangle, and the colours on it.
+/// The space above and below a triangle, and the colors on it.
 class Slab
 {
 public:

@@ -40,7 +40,7 @@ std::uint64_t hashOf(std::uint64_t key)
     return h ^ (h >> 32);
 }
 
-/// Neighbours are mostly in one block of 8 x 8 x 8 cells, and blocks in one part: what is asked for
+/// Neighbors are mostly in one block of 8 x 8 x 8 cells, and blocks in one part: what is asked for
 /// together lies together.
 std::size_t partOf(std::uint64_t key, int partBits)
 {
@@ -81,7 +81,7 @@ struct CellGrid::Record {
 
 std::uint64_t CellGrid::keyAt(const Vec3f& p) const
 {
-    // One cell is kept free below, so that neighbours of border cells have keys too.
+    // One cell is kept free below, so that neighbors of border cells have keys too.
     return keyOf(((p.cast<double>() - mCorner) / mSide).cast<int>());
 }
 

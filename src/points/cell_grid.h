@@ -37,7 +37,7 @@ public:
     const std::vector<Vec3f>& positions() const { return mPositions; }
     /// Index of the cell at @a at, or kNone.
     std::uint32_t find(const Vec3i& at) const;
-    Vec3d centre(const Cell& cell) const
+    Vec3d center(const Cell& cell) const
     {
         return mCorner + mSide * (cell.at.cast<double>().array() + 0.5).matrix();
     }

@@ -68,7 +68,7 @@ std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
     return radii;
 }
 
-/// The balls of many centres, in grids of several cell sizes: a ball stands in the cells that it
+/// The balls of many centers, in grids of several cell sizes: a ball stands in the cells that it
 /// meets of the grid whose cells are one to two radii wide.
 class BallGrids
 {

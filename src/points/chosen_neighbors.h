@@ -1,4 +1,4 @@
-// Exact nearest neighbours of a few points chosen from a cloud of any size, in one pass over it.
+// Exact nearest neighbors of a few points chosen from a cloud of any size, in one pass over it.
 #pragma once
 #include <mpuvdb/point_cloud.h>
 
@@ -15,7 +15,7 @@ struct Neighbor {
     double squaredDistance;
 };
 
-/// A chosen point and its neighbours.
+/// A chosen point and its neighbors.
 struct Neighborhood {
     Vec3f center;
     Vec3f normal; ///< zero if the cloud has none
@@ -30,7 +30,7 @@ std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::siz
 
 /// The @a k nearest other positions of every chosen one; fewer only where the cloud has not more.
 /// A kd-tree over all points would take longer than all else that is done to them: a thinned
-/// cloud bounds the balls that hold k neighbours, and one pass collects what lies in the balls.
+/// cloud bounds the balls that hold k neighbors, and one pass collects what lies in the balls.
 std::vector<Neighborhood> nearestOfChosen(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
                                           std::size_t k, Progress& progress);
 

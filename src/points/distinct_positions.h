@@ -1,4 +1,4 @@
-// Each position once, neighbours near each other.
+// Each position once, neighbors near each other.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -9,7 +9,7 @@ namespace mpuvdb
 {
 
 /// The positions of a cloud, one of each, in an order that depends on no other and in which
-/// neighbours mostly lie together.
+/// neighbors mostly lie together.
 struct DistinctPositions {
     explicit DistinctPositions(const std::vector<Vec3f>& cloud);
 

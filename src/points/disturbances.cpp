@@ -95,11 +95,11 @@ void cutHoles(const Solid& solid, const ScanSettings& settings, RangeScans& scan
 {
     if (settings.holes == 0 || !(settings.holeRadius > 0)) return;
     const std::uint64_t seed = CounterRandom(settings.seed, RandomStream::Holes, 0).next();
-    const auto centres = sampleRandom(solid, std::uint64_t(settings.holes), seed, progress).points;
+    const auto centers = sampleRandom(solid, std::uint64_t(settings.holes), seed, progress).points;
     const double radius = settings.holeRadius * solid.bounds().diagonal().norm();
     std::vector<char> keep(scans.points.size());
     forEachParallel(keep.size(), kGrain, progress, [&](std::size_t i) {
-        keep[i] = std::none_of(centres.begin(), centres.end(), [&](const SurfacePoint& c) {
+        keep[i] = std::none_of(centers.begin(), centers.end(), [&](const SurfacePoint& c) {
             return (scans.points[i].position - c.position).squaredNorm() < radius * radius;
         });
     });

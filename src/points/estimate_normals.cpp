@@ -27,7 +27,7 @@ namespace
 {
 
 constexpr std::size_t kGrain = 1024; // points
-constexpr double kFewestChosen = 12; // neighbours per plane where there is no noise
+constexpr double kFewestChosen = 12; // neighbors per plane where there is no noise
 
 /// Planes and links of distinct positions.
 struct PlaneGraph {
@@ -36,7 +36,7 @@ struct PlaneGraph {
     std::uint64_t onLines = 0; ///< positions that have no plane
 };
 
-/// At an edge, the neighbours' plane averages its sides: the plane of a neighbour that lies wholly
+/// At an edge, the neighbors' plane averages its sides: the plane of a neighbor that lies wholly
 /// on one side, and passes by the point, is taken instead where it is much thinner. Not where noise
 /// makes planes thick, and thin ones are luck.
 Vec3f sharpened(const std::vector<Vec3f>& positions, const std::vector<LocalPlane>& planes,
@@ -60,7 +60,7 @@ Vec3f sharpened(const std::vector<Vec3f>& positions, const std::vector<LocalPlan
 }
 
 /// Whether two planes that are about parallel are too far apart for one sheet. Nothing lies between
-/// neighbours: they then are the two sides of a wall or a gap.
+/// neighbors: they then are the two sides of a wall or a gap.
 bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, double noise)
 {
     constexpr double kParallel = 0.8, kSlope = 0.4, kThick = 3;
@@ -77,7 +77,7 @@ bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, 
 PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors, double noise,
                      Progress& progress)
 {
-    constexpr std::size_t kLinks = 12; // nearest neighbours that are linked
+    constexpr std::size_t kLinks = 12; // nearest neighbors that are linked
     const std::size_t count = positions.size();
     const std::size_t links = std::min({kLinks, neighbors, count - 1});
     std::vector<std::uint32_t> linked(count * links);
@@ -188,7 +188,7 @@ bool areOnOneLine(const std::vector<Vec3f>& positions)
     });
 }
 
-/// How much of the heights of a point's neighbours, along its normal, a slope explains.
+/// How much of the heights of a point's neighbors, along its normal, a slope explains.
 double explainedBySlope(const Neighborhood& n)
 {
     const auto count = Eigen::Index(n.neighbors.size());
@@ -210,13 +210,13 @@ double explainedBySlope(const Neighborhood& n)
 /// beside, so that a slope explains a good part of their heights.
 bool areSteps(const PointCloud& cloud, Progress& progress)
 {
-    constexpr std::size_t kSamples = 1000, kNeighbours = 40, kOpposite = 5;
+    constexpr std::size_t kSamples = 1000, kNeighbors = 40, kOpposite = 5;
     constexpr std::size_t kFewest = 1000; // points: with fewer, forty are a good part of the shape
     constexpr double kExplained = 0.12;   // by chance it is .05 of what has no slope
     if (cloud.size() < kFewest) return false;
     const std::vector<Vec3f> chosen = choosePositions(cloud.positions, kSamples, progress);
     std::size_t layered = 0, steps = 0;
-    for (const Neighborhood& n : nearestOfChosen(cloud, chosen, kNeighbours, progress)) {
+    for (const Neighborhood& n : nearestOfChosen(cloud, chosen, kNeighbors, progress)) {
         const auto isOpposite = [&](const Neighbor& other) {
             return other.normal.dot(n.normal) < 0;
         };
@@ -228,7 +228,7 @@ bool areSteps(const PointCloud& cloud, Progress& progress)
     return 2 * layered > chosen.size() && 2 * steps > layered;
 }
 
-/// A ball of k neighbours is sqrt(k/pi) spacings wide: three times the noise and more.
+/// A ball of k neighbors is sqrt(k/pi) spacings wide: three times the noise and more.
 int neighborsFor(const PointStatistics& statistics)
 {
     constexpr double kMost = 200, kPerSlope = 24, kPerNoise = 40;
@@ -238,13 +238,13 @@ int neighborsFor(const PointStatistics& statistics)
 
 } // namespace
 
-EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbours,
+EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors,
                                  Progress& progress)
 {
     constexpr int kFewest = 4, kMost = 1000;
-    if (neighbours && (*neighbours < kFewest || *neighbours > kMost))
-        throw UsageError(fmt::format("normals from {} neighbours: out of range. Give {} to {}",
-                                     *neighbours, kFewest, kMost));
+    if (neighbors && (*neighbors < kFewest || *neighbors > kMost))
+        throw UsageError(fmt::format("normals from {} neighbors: out of range. Give {} to {}",
+                                     *neighbors, kFewest, kMost));
     DistinctPositions sorted(cloud.positions);
     progress.check();
     if (sorted.positions.size() < kFewest)
@@ -268,7 +268,7 @@ EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbour
     // Without normals, two close sheets are one noisy one. With some, they are told apart; where it
     // then is noise, a second round knows how much.
     constexpr double kLittle = 0.1; // spacings
-    pass(neighbours.value_or(int(kFewestChosen)), 0);
+    pass(neighbors.value_or(int(kFewestChosen)), 0);
     PointStatistics statistics = measure(distinct, progress);
     if (statistics.noise <= kLittle * statistics.spacing && areSteps(distinct, progress)) {
         PointCloud bare;
@@ -276,7 +276,7 @@ EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbour
         statistics = measure(bare, progress);
     }
     if (statistics.noise > kLittle * statistics.spacing)
-        pass(neighbours.value_or(neighborsFor(statistics)), statistics.noise);
+        pass(neighbors.value_or(neighborsFor(statistics)), statistics.noise);
     cloud.normals.resize(cloud.size());
     forEachParallel(cloud.size(), kGrain, progress,
                     [&](std::size_t i) { cloud.normals[i] = distinct.normals[sorted.placeOf[i]]; });

@@ -1,5 +1,5 @@
 // Normals that look the wrong way. A screen finds the cells of a grid whose normals disagree: there
-// each point asks its neighbours. Then cells are compared with cells, to find whole patches.
+// each point asks its neighbors. Then cells are compared with cells, to find whole patches.
 #include "cell_grid.h"
 #include "orientation.h"
 #include "outward.h"
@@ -43,7 +43,7 @@ private:
     std::vector<char> mTurned;
 };
 
-/// Single flipped normals: those that most neighbours in their plane look away from.
+/// Single flipped normals: those that most neighbors in their plane look away from.
 class Vote
 {
 public:
@@ -172,7 +172,7 @@ struct Patchlet {
     std::uint32_t points = 0;
 };
 
-/// Whole patches: patchlets that neighbours, and theirs, say must be turned.
+/// Whole patches: patchlets that neighbors, and theirs, say must be turned.
 class Patches
 {
 public:
@@ -222,7 +222,7 @@ private:
     {
         constexpr float kPure = 0.8f;
         const CellGrid::Cell& cell = mGrid.cells()[c];
-        const Vec3f base = mGrid.centre(cell).cast<float>();
+        const Vec3f base = mGrid.center(cell).cast<float>();
         for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
             const std::uint32_t point = mGrid.order()[k];
             Patchlet& patchlet = mPatchlets[2 * c + sideOf(cell, point)];

@@ -23,7 +23,7 @@ struct LocalPlane {
 /// The plane of positions[members]; of less than two distinct ones any normal.
 LocalPlane planeOf(const std::vector<Vec3f>& positions, const std::vector<std::uint32_t>& members);
 
-/// Whether a position lies with its neighbours on a plane. @param reach  the distance of the
+/// Whether a position lies with its neighbors on a plane. @param reach  the distance of the
 /// farthest.
 bool liesFlat(const std::vector<Vec3f>& positions, std::size_t point,
               const std::vector<std::uint32_t>& neighbors, double reach);

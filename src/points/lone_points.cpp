@@ -1,5 +1,5 @@
 // A count of those near a point settles nearly all; the few that have too few are compared with
-// their neighbours, and with what lies about them at their own scale.
+// their neighbors, and with what lies about them at their own scale.
 #include "lone_points.h"
 
 #include "cell_grid.h"
@@ -18,7 +18,7 @@ namespace
 
 constexpr double kNoises = 5; // standard deviations that noise strews points
 
-/// Whether a point is off the plane of its neighbours, which themselves are on it.
+/// Whether a point is off the plane of its neighbors, which themselves are on it.
 class OffPlane
 {
 public:
@@ -58,14 +58,14 @@ private:
     std::vector<std::uint32_t> mMembers;
 };
 
-constexpr std::size_t kReach = 6; // neighbours within a point's reach
+constexpr std::size_t kReach = 6; // neighbors within a point's reach
 
 double reachIn(const Surroundings& surroundings)
 {
     return surroundings.distance(kReach - 1);
 }
 
-/// Whether a point has its neighbours several times farther off than these have theirs.
+/// Whether a point has its neighbors several times farther off than these have theirs.
 class SparserPoint
 {
 public:
@@ -119,7 +119,7 @@ private:
     static constexpr std::size_t kNeighbors = 16, kThinned = 12;
     static constexpr double kSparser = 2.5;
 
-    /// Whether a neighbour has its own several times closer.
+    /// Whether a neighbor has its own several times closer.
     bool isCloser(const Surroundings::Near& neighbor) const
     {
         const Vec3f& p = mPositions[neighbor.point];
@@ -180,7 +180,7 @@ private:
     std::vector<double> mAngles;
 };
 
-/// Whether a surface goes on from a point to its neighbours as their normals and its own say.
+/// Whether a surface goes on from a point to its neighbors as their normals and its own say.
 class NormalsLead
 {
 public:

@@ -11,17 +11,17 @@ namespace mpuvdb
 class CellGrid;
 class Progress;
 
-/// Flag points that have no other near and are off the plane of their neighbours by many times
+/// Flag points that have no other near and are off the plane of their neighbors by many times
 /// their scatter; and those about which others are several times closer together, unless they lie
 /// on a plane with those that surround them, as the points of a sparser surface do. Where there are
-/// normals a point stays, too, that goes on from its neighbours as both their normals say: the few
+/// normals a point stays, too, that goes on from its neighbors as both their normals say: the few
 /// that a scanner saw at the bottom of a fold.
 /// The same for any order of the positions and number of threads, where no two distances are equal.
 /// About 0.05 us of processor time per point, 10 to 30 us for each that has few others near.
 /// @param normals  of @a positions, unit length; or none.
 /// @param grid     of @a positions, its cells a few spacings wide.
 /// @param asked    cells whose points are judged.
-/// @param flags    of outliers: those known already are nobody's neighbours.
+/// @param flags    of outliers: those known already are nobody's neighbors.
 /// @throws Interrupted.
 void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
                     const CellGrid& grid, const std::vector<std::uint32_t>& asked,

@@ -28,14 +28,14 @@ double quantile(std::vector<double> values, double share)
     return *at;
 }
 
-/// A disc that holds j neighbours has an area of j cells, each a spacing squared.
+/// A disc that holds j neighbors has an area of j cells, each a spacing squared.
 double spacingAt(const Neighborhood& n)
 {
     const std::size_t j = std::min(kSpacingNeighbors, n.neighbors.size());
     return std::sqrt(M_PI / double(j) * n.neighbors[j - 1].squaredDistance);
 }
 
-/// Neighbours that lie on one sheet, about the point they are the neighbours of.
+/// Neighbors that lie on one sheet, about the point they are the neighbors of.
 struct Sheet {
     Eigen::Matrix3Xd positions, normals; // the first is the center's; the last the farthest
     double radius = 0;
@@ -185,7 +185,7 @@ bool fillBalls(const std::vector<Neighborhood>& neighborhoods, std::size_t k, Pr
 }
 
 /// About @a count points of a cloud, positions and normals alone, for balls that reach far with few
-/// neighbours; a smaller choice of points is among them.
+/// neighbors; a smaller choice of points is among them.
 PointCloud thinned(const PointCloud& cloud, std::size_t count, Progress& progress)
 {
     constexpr std::size_t kGrain = 1 << 14; // points
@@ -211,7 +211,7 @@ PointStatistics measure(const PointCloud& cloud, Progress& progress)
     if (chosen.size() < 2)
         throw InputError("the points have fewer than two distinct positions: nothing can be "
                          "measured. Give points on a surface");
-    // More neighbours, then fewer points, until the noise is thin against the ball that they fill:
+    // More neighbors, then fewer points, until the noise is thin against the ball that they fill:
     // a ball that lies within the noise shows its own size instead.
     constexpr std::size_t kFewest = 40, kMost = 640, kFactor = 4;
     constexpr double kThin = 0.22;

@@ -1,4 +1,4 @@
-// Which of a surface's normals look to the same side, told from pairs of neighbours.
+// Which of a surface's normals look to the same side, told from pairs of neighbors.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -10,7 +10,7 @@ namespace mpuvdb
 
 class Progress;
 
-/// What two neighbours say about each other's normals: 1 the same side, -1 opposite sides, and 0
+/// What two neighbors say about each other's normals: 1 the same side, -1 opposite sides, and 0
 /// nothing; reversing one normal reverses the sign.
 struct OrientationLink {
     float vote = 0;

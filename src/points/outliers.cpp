@@ -1,5 +1,5 @@
 // Outliers. A screen on a grid of cells a few spacings wide settles nearly all points; what is left
-// in small groups of cells, or has little company, is compared with its neighbours. What is sparser
+// in small groups of cells, or has little company, is compared with its neighbors. What is sparser
 // than the cells are wide is screened again, by its own spacing.
 #include "cell_grid.h"
 #include "kd_tree.h"
@@ -78,11 +78,11 @@ private:
     std::vector<std::uint32_t> mPoints; // by root
 };
 
-/// What a point's neighbours alone say of it.
+/// What a point's neighbors alone say of it.
 struct SparsePoint {
     bool outlying = false;
-    bool amongLike = false; ///< its neighbours are about as far from theirs as it is from them
-    double spacing = 0;     ///< of a surface on which its neighbours would lie around it
+    bool amongLike = false; ///< its neighbors are about as far from theirs as it is from them
+    double spacing = 0;     ///< of a surface on which its neighbors would lie around it
 };
 
 /// Points of groups too small to be surfaces at the cells' scale, among each other and points that
@@ -98,14 +98,14 @@ public:
         findPlanar();
     }
 
-    /// What each of the doubtful is by its neighbours.
+    /// What each of the doubtful is by its neighbors.
     std::vector<SparsePoint> judge() const
     {
         std::vector<char> outlier(mDoubtful, 0);
         for (std::size_t i = 0; i < mDoubtful; ++i) outlier[i] = !isSupported(i);
         dropClumps(outlier);
         std::vector<SparsePoint> result(mDoubtful);
-        // A disc that holds j neighbours has an area of j cells, each a spacing squared.
+        // A disc that holds j neighbors has an area of j cells, each a spacing squared.
         for (std::size_t i = 0; i < mDoubtful; ++i)
             result[i] = {outlier[i] != 0, isAmongLike(i),
                          std::sqrt(M_PI / double(reachable())) * double(reach(i))};
@@ -128,7 +128,7 @@ private:
         std::vector<char> asked(mPositions.size(), 0);
         std::fill_n(asked.begin(), mDoubtful, char(1));
         findNeighbors(tree, asked);
-        // Of those that stand for surfaces, the neighbours of the doubtful.
+        // Of those that stand for surfaces, the neighbors of the doubtful.
         std::vector<char> beside(mPositions.size(), 0);
         for (std::size_t n = 0; n < mDoubtful * reachable(); ++n)
             beside[mNeighbors[n]] = !asked[mNeighbors[n]];
@@ -153,7 +153,7 @@ private:
         });
     }
 
-    /// Points that lie with their neighbours on a plane, and no farther from them than these are
+    /// Points that lie with their neighbors on a plane, and no farther from them than these are
     /// from theirs.
     void findPlanar()
     {
@@ -168,7 +168,7 @@ private:
         return liesFlat(mPositions, i, members, double(reach(i))) && isAmongLike(i);
     }
 
-    /// Whether its neighbours are about as far from theirs as it is from them.
+    /// Whether its neighbors are about as far from theirs as it is from them.
     bool isAmongLike(std::size_t i) const
     {
         constexpr float kSparser = 2;
@@ -195,7 +195,7 @@ private:
     /// Groups of few points that touch no surface are none.
     void dropClumps(std::vector<char>& outlier) const
     {
-        constexpr float kTouch = 3; // distances to the third neighbour
+        constexpr float kTouch = 3; // distances to the third neighbor
         constexpr std::size_t kThird = 2;
         UnionFind groups(mPositions.size());
         for (std::uint32_t i = 0; i < mDoubtful; ++i) {
@@ -224,14 +224,14 @@ private:
     std::vector<char> mPlanar;
 };
 
-/// The cell's point nearest to its centre.
+/// The cell's point nearest to its center.
 std::uint32_t representative(const CellGrid& grid, const CellGrid::Cell& cell)
 {
-    const Vec3f centre = grid.centre(cell).cast<float>();
+    const Vec3f center = grid.center(cell).cast<float>();
     std::uint32_t best = cell.begin; // the first of those equally near: they are sorted
     float least = std::numeric_limits<float>::max();
     for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
-        const float squared = (grid.positions()[k] - centre).squaredNorm();
+        const float squared = (grid.positions()[k] - center).squaredNorm();
         if (!(squared < least)) continue;
         least = squared;
         best = k;
@@ -278,7 +278,7 @@ private:
                mPoints[i].spacing > kFinest * spacing;
     }
 
-    /// How many that lie on planes with their neighbours wait for their grid.
+    /// How many that lie on planes with their neighbors wait for their grid.
     std::size_t planarLeft(double spacing) const
     {
         std::size_t count = 0;

@@ -29,7 +29,7 @@ void PointCloud::demandWhole() const
     };
     demand(normals.size(), "normals");
     demand(confidence.size(), "confidences");
-    demand(colors.size(), "colours");
+    demand(colors.size(), "colors");
     for (const NamedScalars& s : scalars) demand(s.values.size(), "values of " + s.name);
     demand(seenFrom.size(), "viewpoints");
 }

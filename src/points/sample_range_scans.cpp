@@ -54,7 +54,7 @@ public:
         const double y = mHalfWidth * ((2 * row + 1) / double(size) - 1);
         return (mForward + mSide * Eigen::Vector2d(x, y)).normalized();
     }
-    /// Angle between neighbouring rays, radians, about.
+    /// Angle between neighboring rays, radians, about.
     double pixelAngle(int size) const { return 2 * mHalfWidth / size; }
 
 private:
@@ -98,7 +98,7 @@ constexpr int kBorderWidth = 4;
 
 std::vector<std::uint8_t> borderDistances(const RangeImage& image, double pixelAngle)
 {
-    constexpr double kJump = 5; // neighbours' distances: a slope of 80 degrees
+    constexpr double kJump = 5; // neighbors' distances: a slope of 80 degrees
     const auto isBorder = [&](int row, int column) {
         const double depth = image.at(row, column), jump = kJump * pixelAngle * depth;
         for (const auto& [r, c] : {std::pair(row - 1, column), std::pair(row + 1, column),

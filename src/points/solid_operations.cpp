@@ -102,7 +102,7 @@ private:
     Vec3d mTranslation;
 };
 
-/// A point's nearest copy is the one of its own sector, because two neighbouring copies mirror
+/// A point's nearest copy is the one of its own sector, because two neighboring copies mirror
 /// each other at the plane between them.
 class Ring final : public Solid
 {

@@ -303,7 +303,7 @@ std::shared_ptr<const Solid> parseSolid(const std::string& description)
 
 std::string solidHelp()
 {
-    std::string help = "Solids, centred at the origin; lengths are world units:\n";
+    std::string help = "Solids, centered at the origin; lengths are world units:\n";
     for (const Maker& m : makers())
         help += fmt::format("  {:<32} {}\n", fmt::format("{}({})", m.name, m.arguments), m.meaning);
     return help;

@@ -47,7 +47,7 @@ void bindProperties(LevelSetClass& levelSets)
                                "Width of the band on either side of the surface, voxels.")
         .def_property_readonly(
             "origin", [](const LevelSet& s) { return arrayOf(s.lattice().origin); },
-            "World position (3,) of the centre of voxel (0, 0, 0).")
+            "World position (3,) of the center of voxel (0, 0, 0).")
         .def_property_readonly(
             "active_voxels", [](const LevelSet& s) { return s.grid().activeVoxelCount(); },
             "Number of voxels in the band.")

@@ -64,7 +64,7 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
                              [&](Progress& p) { return shell(levelSet, t, where, p); });
             },
             "thickness"_a, "wall"_a = "inward", "progress"_a = py::none(),
-            "The wall along the surface; wall is 'inward', 'outward' or 'centred'. Thinner than "
+            "The wall along the surface; wall is 'inward', 'outward' or 'centered'. Thinner than "
             "two voxels is a LimitError." MPUVDB_PROGRESS_DOC)
         .def(
             "smooth",

@@ -86,7 +86,7 @@ void bindMesh(MeshClass& meshes)
             },
             "tolerance"_a, "strict"_a = false, "progress"_a = py::none(),
             "A Mesh of fewer triangles, at most tolerance (a length; % is of the mesh's diagonal) "
-            "from this one: edges and colours stay; strict: no triangles are made to "
+            "from this one: edges and colors stay; strict: no triangles are made to "
             "cross." MPUVDB_PROGRESS_DOC)
         .def(
             "self_intersections",

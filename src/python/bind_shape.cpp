@@ -146,7 +146,7 @@ void bindSurfaceOperations(ShapeClass& shapes)
                 return shape.shell(worldLength(thickness, {shape.bounds()}), wallOf(wall));
             },
             "thickness"_a, "wall"_a = "inward",
-            "The wall along the surface; wall is 'inward', 'outward' or 'centred'. Thinner than "
+            "The wall along the surface; wall is 'inward', 'outward' or 'centered'. Thinner than "
             "two voxels is a LimitError once it is sampled.")
         .def(
             "smooth",

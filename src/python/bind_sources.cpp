@@ -66,7 +66,7 @@ void tell(const FittedPoints& made)
     const CleanReport& cleaned = made.cleaned;
     if (cleaned.outliers > 0) note(fmt::format("{} outliers left out", cleaned.outliers));
     if (cleaned.estimateNeighbors)
-        note(fmt::format("normals estimated from {} neighbours each", *cleaned.estimateNeighbors));
+        note(fmt::format("normals estimated from {} neighbors each", *cleaned.estimateNeighbors));
     if (cleaned.flipped > 0)
         note(fmt::format("{} normals looked the wrong way and were turned", cleaned.flipped));
     for (const std::string& warning : made.warnings) warn(warning);

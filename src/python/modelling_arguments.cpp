@@ -8,9 +8,11 @@ namespace py = pybind11;
 
 Wall wallOf(const std::string& wall)
 {
-    return choose<Wall>(
-        wall, "wall",
-        {{"inward", Wall::Inward}, {"outward", Wall::Outward}, {"centred", Wall::Centred}});
+    return choose<Wall>(wall, "wall",
+                        {{"inward", Wall::Inward},
+                         {"outward", Wall::Outward},
+                         {"centered", Wall::Centered},
+                         {"centred", Wall::Centered}});
 }
 
 SmoothSettings smoothSettings(const std::string& filter, int iterations, int width,

@@ -11,7 +11,7 @@
 namespace mpuvdb::python
 {
 
-/// "inward", "outward", "centred". @throws UsageError
+/// "inward", "outward", "centered". @throws UsageError
 Wall wallOf(const std::string& wall);
 
 /// "mean", "gaussian", "median", "curvature". @param mask  a FloatGrid of OpenVDB's own module, or

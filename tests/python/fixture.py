@@ -11,14 +11,14 @@ import mpuvdb as mv
 CENTRE = np.array([0.3, -0.2, 0.1])
 
 
-def sphere_points(count, radius=1.0, centre=(0.0, 0.0, 0.0)):
+def sphere_points(count, radius=1.0, center=(0.0, 0.0, 0.0)):
     """Evenly spread (n, 3) points on a sphere, and their normals."""
     k = np.arange(count)
     z = 1 - (2 * k + 1) / count
     angle = k * np.pi * (3 - np.sqrt(5))
     across = np.sqrt(1 - z * z)
     normals = np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
-    return centre + radius * normals, normals
+    return center + radius * normals, normals
 
 
 def octahedron():
@@ -31,8 +31,8 @@ def octahedron():
     return vertices, faces
 
 
-def radii(mesh, centre=(0.0, 0.0, 0.0)):
-    return np.linalg.norm(mesh.vertices - np.asarray(centre), axis=1)
+def radii(mesh, center=(0.0, 0.0, 0.0)):
+    return np.linalg.norm(mesh.vertices - np.asarray(center), axis=1)
 
 
 class FolderTest(unittest.TestCase):

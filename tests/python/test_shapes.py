@@ -327,7 +327,7 @@ class Surfaces(ShapeTest):
         with self.assertRaisesRegex(mv.UsageError, "no voxels"):
             mv.sphere().offset("2vx")
         with self.assertRaisesRegex(mv.UsageError, "not a length"):
-            mv.sphere().offset("2 metres")
+            mv.sphere().offset("2 meters")
 
     def test_shell(self):
         def hollow(outer, inner):
@@ -336,8 +336,8 @@ class Surfaces(ShapeTest):
         ball = mv.sphere(radius=0.5)
         self.assert_volume(ball.shell(0.2), hollow(0.5, 0.3))
         self.assert_volume(ball.shell(0.2, wall="outward"), hollow(0.7, 0.5))
-        self.assert_volume(ball.shell(0.2, wall="centred"), hollow(0.6, 0.4))
-        with self.assertRaisesRegex(mv.UsageError, "inward, outward, centred"):
+        self.assert_volume(ball.shell(0.2, wall="centered"), hollow(0.6, 0.4))
+        with self.assertRaisesRegex(mv.UsageError, "inward, outward, centered"):
             ball.shell(0.2, wall="inwards")
 
     def test_smooth_rounds_corners(self):

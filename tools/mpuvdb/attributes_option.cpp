@@ -1,4 +1,4 @@
-// --attributes, of the verbs that carry colours and scalars.
+// --attributes, of the verbs that carry colors and scalars.
 #include "verb.h"
 
 #include <algorithm>
@@ -34,7 +34,7 @@ void Attributes::choose(bool colors)
 {
     if (automatic && colors) names = {kColorName};
     if (has(kColorName) && !colors)
-        throw UsageError("--attributes names Cd, and the input has no colours");
+        throw UsageError("--attributes names Cd, and the input has no colors");
 }
 
 std::vector<std::string> Attributes::scalars() const

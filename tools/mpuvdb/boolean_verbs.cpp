@@ -68,7 +68,7 @@ std::unique_ptr<Verb> makeIntersection()
 {
     return std::make_unique<BooleanVerb>(
         Boolean::Intersection, VerbText{"intersection", "What solids have in common",
-                                        "  mpuvdb intersection part.vdb mould.vdb -o inner.vdb\n"});
+                                        "  mpuvdb intersection part.vdb mold.vdb -o inner.vdb\n"});
 }
 
 std::unique_ptr<Verb> makeDifference()

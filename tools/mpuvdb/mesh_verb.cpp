@@ -24,7 +24,7 @@ public:
                 "  mpuvdb mesh scan.vdb -o scan.obj\n"
                 "  mpuvdb mesh scan.vdb -o - > scan.ply\n"
                 "  mpuvdb mesh scan.vdb -o scan.glb --up z --units mm\n"
-                "      For a world with Z up, in millimetres: GLB has Y up, and metres.\n"
+                "      For a world with Z up, in millimeters: GLB has Y up, and meters.\n"
                 "  mpuvdb mesh part.vdb -o part.obj --tolerance 0.1vx --lods 3\n"
                 "      A tenth of the triangles or fewer, and three coarser meshes beside.\n"
                 "  mpuvdb mesh scan.vdb -o open.ply --holes 5vx\n"
@@ -43,7 +43,7 @@ public:
         addHoles(app, mHoles);
         addAttributes(
             app, mAttributes,
-            "Grids of the file that give the vertices colours and numbers, by name; auto: Cd,\n"
+            "Grids of the file that give the vertices colors and numbers, by name; auto: Cd,\n"
             "where there is one; the default");
         addMeshShape(app, mMesh.shape, "--tolerance");
         addScene(app, mMesh.scene);
@@ -172,7 +172,7 @@ void addScene(CLI::App& app, SceneSettings& scene)
         {"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}, {"ft", 0.3048}};
     app.add_option_function<std::string>(
            "--units", [&scene](const std::string& name) { scene.metersPerUnit = units.at(name); },
-           "What the world's units are: GLB is scaled to metres, USD told; default: m")
+           "What the world's units are: GLB is scaled to meters, USD told; default: m")
         ->type_name("m|cm|mm|in|ft")
         ->check(oneOf({"m", "cm", "mm", "in", "ft"}))
         ->group(group);
@@ -184,7 +184,7 @@ void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance)
     app.add_option_function<std::string>(
            tolerance, [&shape](const std::string& text) { shape.tolerance = Length::parse(text); },
            "Fewer triangles, at most this far from the full mesh, such as 0.1vx: edges stay,\n"
-           "colours too; default: all triangles")
+           "colors too; default: all triangles")
         ->type_name("LENGTH")
         ->group(group);
     app.add_option(

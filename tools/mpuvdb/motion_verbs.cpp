@@ -24,15 +24,15 @@ void demandNearAxis(const Box3d& box, const Axis& axis, double rate, double voxe
     const Vec3d along = axis.direction.normalized();
     const auto across = [&](const Vec3d& v) { return (v - v.dot(along) * along).norm(); };
     const double size = (box.sizes() - box.sizes().dot(along.cwiseAbs()) * along.cwiseAbs()).norm();
-    const Vec3d centre = box.center();
-    const double off = across(centre - axis.origin), nearest = off - size / 2;
+    const Vec3d center = box.center();
+    const double off = across(center - axis.origin), nearest = off - size / 2;
     const double growth = std::abs(rate) * nearest;
     if (!(nearest > 0)) return;
     const std::string where =
         fmt::format("the solid lies {:.4g} off the axis, {:.3g} times its size across", off,
                     off / std::max(size, 1e-300));
     const std::string cure = fmt::format("--center {:.6g},{:.6g},{:.6g} puts the axis through it",
-                                         centre[0], centre[1], centre[2]);
+                                         center[0], center[1], center[2]);
     if (growth > 1 && size / growth < kThinnest * voxelSize)
         throw UsageError(fmt::format("{}: {:.4g} degrees per unit draw it out to a sheet {:.2g} "
                                      "voxels thick. {}",
@@ -104,7 +104,7 @@ public:
         return {"transform", "A solid scaled, turned and moved, in this order",
                 "  mpuvdb transform part.vdb -o moved.vdb --translate 0,0,0.5\n"
                 "  mpuvdb transform part.vdb -o turned.vdb --rotate 0,0,45 --about 1,1,0\n"
-                "  mpuvdb transform part.vdb -o millimetres.vdb --scale 1000 --with-voxels\n"};
+                "  mpuvdb transform part.vdb -o millimeters.vdb --scale 1000 --with-voxels\n"};
     }
 
 protected:

@@ -65,9 +65,9 @@ public:
         });
         addAttributes(app, mAttributes,
                       "What of the points goes to grids beside the level set and to the mesh: Cd\n"
-                      "(colours, linear in the grid), confidence, and properties of the files by\n"
+                      "(colors, linear in the grid), confidence, and properties of the files by\n"
                       "name (PLY, PCD, columns with names, intensity of LAS). auto: Cd, where the\n"
-                      "points have colours; the default");
+                      "points have colors; the default");
         addHoleOptions(app);
         addGridOptions(app);
         addFitOptions(app);
@@ -126,7 +126,7 @@ public:
             meshCode = writeMeshOf(made.levelSet, mMesh, session);
         }
         session.progress().endStage();
-        summarise(session, made);
+        summarize(session, made);
         session.note("explained   " + explainedText(explained));
         for (const CheckFinding& finding : checked.findings)
             session.warn(fmt::format("{}: {}", mOutput, findingText(finding)));
@@ -253,7 +253,7 @@ private:
                "--interpolate", mSettings.interpolate,
                "Pass through every point: for points that are exact. No edges and corners;\n"
                "--tolerance still rules where cells are large beside the spacing, --min-points\n"
-               "the neighbours of a point that shape the surface at it; --alpha from 1.05 on")
+               "the neighbors of a point that shape the surface at it; --alpha from 1.05 on")
             ->group(group);
     }
 
@@ -319,7 +319,7 @@ private:
         if (report.outliers > 0) mDropped["outlier"] += report.outliers;
         mFlipped = report.flipped;
         if (report.estimateNeighbors)
-            session.note(fmt::format("normals     estimated from {} neighbours each{}",
+            session.note(fmt::format("normals     estimated from {} neighbors each{}",
                                      *report.estimateNeighbors,
                                      report.hadNormals ? "" : " (the points have none)"));
         if (mFlipped > 0)
@@ -338,7 +338,7 @@ private:
                             "not found, and leave warts: --normals estimate makes new ones",
                             report.flipped, cloud.size()));
         if (report.guessesNormals())
-            session.warn(fmt::format("{:.0f} % of the points have neighbours on one line only, "
+            session.warn(fmt::format("{:.0f} % of the points have neighbors on one line only, "
                                      "which tell no plane: their normals are guessed. Give "
                                      "normals, or lines that lie closer",
                                      100 * report.onLines));
@@ -363,7 +363,7 @@ private:
                   {"file_bytes", run.fileBytes},
                   {"peak_bytes", run.peakBytes}};
         if (!mMesh.path.empty()) report["triangles"] = run.triangles;
-        summariseSettings(session, s);
+        summarizeSettings(session, s);
         const double h = s.grid.lattice.voxelSize;
         const Vec3d size = (s.boxSize / h).array() + 2 * s.grid.halfWidth;
         session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, about {:.0f} x "
@@ -447,7 +447,7 @@ private:
         return result;
     }
 
-    void summariseSettings(Session& session, const ResolvedSettings& s) const
+    void summarizeSettings(Session& session, const ResolvedSettings& s) const
     {
         const double h = s.grid.lattice.voxelSize;
         const std::string dropped = droppedText(mDropped);
@@ -462,10 +462,10 @@ private:
                                           : "no-sharp"));
     }
 
-    void summarise(Session& session, const Reconstruction& made) const
+    void summarize(Session& session, const Reconstruction& made) const
     {
         const ResolvedSettings& s = made.settings;
-        summariseSettings(session, s);
+        summarizeSettings(session, s);
         const auto size = made.levelSet.grid().evalActiveVoxelDim();
         session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, {} x {} x {}, {} "
                                  "active voxels: {}",

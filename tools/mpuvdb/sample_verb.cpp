@@ -41,7 +41,7 @@ public:
             ->type_name("N")
             ->capture_default_str();
         app.add_option("--pattern", mPattern,
-                       "even: neighbours keep their distance; random: independent; scan: range\n"
+                       "even: neighbors keep their distance; random: independent; scan: range\n"
                        "images with occlusion")
             ->type_name("even|random|scan")
             ->check(oneOf({"even", "random", "scan"}))

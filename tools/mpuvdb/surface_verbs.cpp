@@ -49,7 +49,7 @@ public:
     {
         return {"shell", "A solid hollowed to a wall along its surface",
                 "  mpuvdb shell statue.vdb -o hollow.vdb --thickness 0.003\n"
-                "  mpuvdb shell scan.vdb -o skin.vdb --thickness 4vx --wall centred\n"};
+                "  mpuvdb shell scan.vdb -o skin.vdb --thickness 4vx --wall centered\n"};
     }
 
 protected:
@@ -57,8 +57,8 @@ protected:
     {
         addLength(app, "--thickness", mThickness, "Of the wall, two voxels at least")->required();
         app.add_option("--wall", mWall, "Where it lies beside the surface")
-            ->type_name("inward|outward|centred")
-            ->check(oneOf({"inward", "outward", "centred"}))
+            ->type_name("inward|outward|centered")
+            ->check(oneOf({"inward", "outward", "centered", "centred"}))
             ->capture_default_str();
     }
 
@@ -68,7 +68,7 @@ protected:
         const double thickness = inputs.front().resolve(*mThickness);
         const Wall wall = mWall == "inward"    ? Wall::Inward
                           : mWall == "outward" ? Wall::Outward
-                                               : Wall::Centred;
+                                               : Wall::Centered;
         settings()["thickness"] = thickness;
         settings()["wall"] = mWall;
         session.note(

@@ -91,14 +91,14 @@ struct Trim {
 
 /// What --attributes asks for.
 struct Attributes {
-    bool automatic = true; ///< colours, where there are some
+    bool automatic = true; ///< colors, where there are some
     std::vector<std::string> names;
 
     bool has(const std::string& name) const;
-    /// Settle the names, now that it is known whether there are colours.
-    /// @throws UsageError where colours are named, and there are none.
+    /// Settle the names, now that it is known whether there are colors.
+    /// @throws UsageError where colors are named, and there are none.
     void choose(bool colors);
-    /// The names that are neither colours nor confidences.
+    /// The names that are neither colors nor confidences.
     std::vector<std::string> scalars() const;
 };
 
