@@ -1,6 +1,6 @@
 // A cell of an octree for tests of what is fitted to one.
 #pragma once
-#include "local_fit.h"
+#include "mpu/fit/local_fit.h"
 
 #include <vector>
 

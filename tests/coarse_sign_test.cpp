@@ -1,7 +1,7 @@
 // The multigrid solver on problems of known solution, and the coarse sign that it computes.
-#include "coarse_sign.h"
 #include "field_fixture.h"
-#include "multigrid.h"
+#include "mpu/fill/coarse_sign.h"
+#include "mpu/fill/multigrid.h"
 
 #include <mpuvdb/error.h>
 

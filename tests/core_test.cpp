@@ -1,5 +1,5 @@
-#include "lanes.h"
-#include "union_find.h"
+#include "core/lanes.h"
+#include "core/union_find.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/length.h>

@@ -1,6 +1,6 @@
 // Where data support a surface: the grid that says so, and meshes trimmed by it.
-#include "cut_mesh.h"
 #include "field_fixture.h"
+#include "mesh/cut_mesh.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>

@@ -12,8 +12,8 @@
 #include <mpuvdb/reconstruct.h>
 #include <mpuvdb/scan_sampler.h>
 
-#include "count_parts.h"
-#include "solid_blocks.h"
+#include "sampling/count_parts.h"
+#include "sampling/solid_blocks.h"
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/SignedFloodFill.h>

@@ -1,5 +1,5 @@
 // How far a fit is from its points, and its points from its zero set.
-#include "fit_quality.h"
+#include "mpu/fit/fit_quality.h"
 
 #include "cell_points.h"
 #include "field_fixture.h"

@@ -1,5 +1,5 @@
 // Handles that no data hold up are taken away, others stay.
-#include "voxel_topology.h"
+#include "grid/voxel_topology.h"
 
 #include <mpuvdb/fields.h>
 #include <mpuvdb/level_set.h>

@@ -1,8 +1,8 @@
 // Every kind of local fit reproduces its own kind of surface; none breaks on what is degenerate.
 #include "cell_points.h"
 #include "field_fixture.h"
-#include "fit_quality.h"
-#include "local_fit.h"
+#include "mpu/fit/fit_quality.h"
+#include "mpu/fit/local_fit.h"
 
 #include <gtest/gtest.h>
 

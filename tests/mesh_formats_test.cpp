@@ -2,7 +2,7 @@
 // installed.
 #include "io_fixture.h"
 
-#include "mesh_formats.h"
+#include "io/meshes/mesh_formats.h"
 
 #include <nlohmann/json.hpp>
 

@@ -1,6 +1,6 @@
 // The blended field: one point at a time, block by block, and what both promise.
 #include "field_fixture.h"
-#include "mpu_block_sampler.h"
+#include "mpu/sample/mpu_block_sampler.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>

@@ -1,7 +1,7 @@
 // Points with noise: what it does to fits, to fields and to grids, and what takes it out again.
 #include "field_fixture.h"
-#include "fit_quality.h"
-#include "local_fit.h"
+#include "mpu/fit/fit_quality.h"
+#include "mpu/fit/local_fit.h"
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/reconstruct.h>

@@ -1,5 +1,6 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
+#include <mpuvdb/picture.h>
 #include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>

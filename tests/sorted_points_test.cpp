@@ -1,6 +1,6 @@
 // Points in Morton order: their queries are those of a search through all of them.
 #include "field_fixture.h"
-#include "sorted_points.h"
+#include "mpu/octree/sorted_points.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // What nobody saw: the part of a mesh that is far from the points it was made of.
 #pragma once
-#include "kd_tree.h"
+#include "spatial/kd_tree.h"
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/point_cloud.h>

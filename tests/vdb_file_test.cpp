@@ -1,4 +1,5 @@
 #include <mpuvdb/error.h>
+#include <mpuvdb/files.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/progress.h>
 

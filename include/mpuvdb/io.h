@@ -72,9 +72,6 @@ PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints
 /// Write points as binary PLY (float offsets become doubles) or XYZ text.
 void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress);
 
-/// The axis of the world that points up.
-enum class UpAxis { Y, Z };
-
 /// What the world's axes and units are, for the formats that tell it: GLB and USDA.
 struct SceneSettings {
     UpAxis up = UpAxis::Y;
@@ -165,28 +162,5 @@ void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
 /// Write @a grids as they are, as writeLevelSet() does.
 void writeGrids(const std::filesystem::path& file, const openvdb::GridCPtrVec& grids,
                 Progress& progress);
-
-/// A shaded picture of the zero set as PNG, by OpenVDB's ray tracer.
-/// @throws UsageError for settings out of range, IoError, Interrupted.
-struct PictureSettings {
-    int width = 800, height = 600;       ///< pixels, in [16, 8192]
-    double azimuth = 30, elevation = 20; ///< degrees: of the camera about the axis that points
-                                         ///< up, from +Z (or -Y, if Z does) on, in [-360, 360],
-                                         ///< and above the horizon, in [-90, 90]
-    UpAxis up = UpAxis::Y;
-};
-void writePicture(const std::filesystem::path& file, const LevelSet& levelSet,
-                  const PictureSettings& settings, Progress& progress);
-
-/// Call @a write with a temporary file's path in the target's folder; flush to disk and rename it
-/// to @a file, or what @a file links to. If anything throws, or the process stops in order, nothing
-/// is left behind; if it is killed, at most ".NAME.PID-N.tmp" is, and the old file is whole.
-/// @throws IoError (no such folder, not a regular file, write-protected, disk full).
-void writeAtomically(const std::filesystem::path& file,
-                     const std::function<void(const std::filesystem::path&)>& write);
-
-/// Remove the temporary files of all writes under way (async-signal-safe): for a command that has
-/// to end now.
-void removeTemporaryFiles() noexcept;
 
 } // namespace mpuvdb

@@ -5,7 +5,7 @@
 // +background outside and -background inside; the grid is called "surface" and has class
 // GRID_LEVEL_SET.
 #pragma once
-#include <mpuvdb/field.h>
+#include <mpuvdb/fields.h>
 
 #include <openvdb/openvdb.h>
 
@@ -49,30 +49,6 @@ private:
 /// for outside.
 void demandFinite(const openvdb::FloatGrid& grid);
 
-/// How a field becomes a grid.
-struct SampleSettings {
-    Lattice lattice;
-    double halfWidth = 3; ///< voxels, in [1.5, 100]
-    std::string name = "surface";
-    std::uint64_t maxBytes = 0; ///< memory the grid may take; 0: no limit
-    bool mayBeEmpty = false;    ///< without a zero crossing: an empty level set, and no InputError
-    /// Only the voxels with their centers in this box (world units) are sampled, and a margin of
-    /// kRegionMargin voxels around it that is dropped at the end. Active in the result are exactly
-    /// those that are active in the box without it, with the same values; everything outside the
-    /// box is inactive, and counts as outside. That holds where nothing that the steps after
-    /// sampling take for a flaw reaches from the box beyond the margin: an island or a handle they
-    /// remove, a jump of the field they close; or where the whole is so noisy that all distances
-    /// are made anew. A region without a surface is an empty level set. The cost is that of the
-    /// region, but for what the field itself does.
-    std::optional<Box3d> region;
-};
-
-/// Voxels around a region that are looked at.
-constexpr int kRegionMargin = 32;
-
-/// The voxels with their centers in @a region.
-openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice);
-
 /// The level set of nothing: outside everywhere. @param halfWidth  voxels.
 LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth);
 
@@ -84,25 +60,9 @@ LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth);
 /// apart.
 Lattice latticeFor(const Box3d& bounds, double voxelSize);
 
-/// Sample @a field into a narrow band: searched from its seeds by continuation, closed so that no
-/// sign change lies between inactive voxels, inactive space signed.
-/// @throws LimitError (memory, index range), InputError if there is no zero crossing, Interrupted.
-LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress);
-
-/// Name of the grid that says where data support the surface beside it.
-constexpr const char* kCoverageName = "coverage";
-
-/// What @a coverage says of the zero set of @a levelSet, on the active voxels of its band: each has
-/// the value of the nearest place on the zero set (value times gradient away from it). Same
-/// transform; class unknown, for it is neither a distance nor a density; inactive voxels 0; called
-/// kCoverageName, with metadata that say what it is and the data's spacing. The same for any number
-/// of threads. @throws Interrupted.
-openvdb::FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage& coverage,
-                                       Progress& progress);
-
-/// The data's spacing as sampleCoverage() noted it in @a coverage, or the size of its voxels if
-/// that is more (or nothing is noted): world units.
-double coverageScale(const openvdb::FloatGrid& coverage);
+/// @a levelSet as a field: cubic interpolation of its values, exact at its voxels; deep inside and
+/// outside only the sign counts.
+FieldPtr makeGridField(const LevelSet& levelSet);
 
 /// One thing that is wrong with a grid.
 struct CheckFinding {

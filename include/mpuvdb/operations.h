@@ -1,9 +1,9 @@
 // Operations on level sets. Each leaves its inputs as they are and gives back a level set: a true
 // distance in a full band. Lengths are world units unless a comment says voxels.
 #pragma once
+#include <mpuvdb/distances.h>
 #include <mpuvdb/fields.h>
-#include <mpuvdb/level_set.h>
-#include <mpuvdb/triangle_mesh.h>
+#include <mpuvdb/sampling.h>
 
 #include <cstdint>
 #include <memory>
@@ -54,33 +54,9 @@ struct OneLattice {
 OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress,
                         double voxelSize = 0);
 
-/// @a levelSet as a field: cubic interpolation of its values, exact at its voxels; deep inside and
-/// outside only the sign counts.
-FieldPtr makeGridField(const LevelSet& levelSet);
-
 /// @a levelSet sampled on @a lattice with @a halfWidth voxels of it.
 LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
                   Progress& progress);
-
-/// The same surface with a band of @a halfWidth voxels, in [1.5, 1000]: values that are there stay
-/// as they are, new ones are distances to the nearest place on the surface.
-LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& progress);
-
-/// The level set of the zero set of @a grid, whose values have the right sign and cross zero
-/// between active voxels, but are no distances: the surface stays where it is. @a grid satisfies
-/// what LevelSet demands of it. @param halfWidth  voxels, in [1.5, 1000].
-LevelSet redistance(const openvdb::FloatGrid& grid, double halfWidth, Progress& progress);
-
-/// The solid of closed triangle meshes as a level set, settings as for a field: all places around
-/// which @a mesh winds at least once, so that parts that overlap, touch or are there twice are one
-/// solid, and a part that faces inward is a cavity of those that it lies in. A mesh of which all
-/// parts face inward is turned; triangles that contradict their neighbors are, too. In the whole
-/// band the values are the distance to the nearest place on the solid's boundary, to rounding;
-/// triangles within the solid do not count. Gaps of less than a voxel do not matter. The result is
-/// held against the mesh: LevelSet::explained().
-/// @throws InputError (no triangles, indices out of range, not finite, open), LimitError,
-/// Interrupted.
-LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress);
 
 /// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the
 /// exact distance to the surface minus @a distance. An empty level set if nothing is left.
@@ -137,21 +113,6 @@ LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Pro
 /// called "density", on the same lattice. A solid that is nowhere as deep as its band has 1 where
 /// it is deepest.
 openvdb::FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress);
-
-/// Which side of a value is inside.
-enum class Inside {
-    Above, ///< as of densities
-    Below  ///< as of distances
-};
-
-/// The surface where @a grid, of any class, has @a value, between voxels: a level set on the same
-/// lattice, called "surface". The background has to be outside. @param halfWidth  voxels, in
-/// [1.5, 1000]. @param maxBytes  memory that the surface of tiles may take, which has no measure in
-/// the file's size; 0: no limit. @throws UsageError (value, half-width), InputError (voxels that
-/// are no cubes, values that are not finite, nothing inside), LimitError (memory, before it is
-/// taken), Interrupted.
-LevelSet isosurface(const openvdb::FloatGrid& grid, double value, Inside inside, double halfWidth,
-                    Progress& progress, std::uint64_t maxBytes = 0);
 
 /// What can be said of a connected part of a solid.
 struct ComponentMeasures {

@@ -1,9 +1,9 @@
 // Points to level set in one call, with defaults that the data choose.
 #pragma once
 #include <mpuvdb/length.h>
-#include <mpuvdb/level_set.h>
 #include <mpuvdb/mpu_field.h>
 #include <mpuvdb/point_cloud.h>
+#include <mpuvdb/sampling.h>
 
 #include <array>
 #include <memory>

@@ -13,4 +13,7 @@ using Vec3i = Eigen::Vector3i;
 /// Axis-aligned box; empty when default-constructed.
 using Box3d = Eigen::AlignedBox3d;
 
+/// The axis of the world that points up.
+enum class UpAxis { Y, Z };
+
 } // namespace mpuvdb

@@ -1,18 +1,16 @@
-# mpuvdb_room(NAME HEADERS ... SHARED ... SOURCES ... ROOMS ... LIBRARIES ...)
+# mpuvdb_room(NAME HEADERS ... SOURCES ... ROOMS ... LIBRARIES ...)
 #
-# A room is a target of its own. Its include path holds its own public headers and those of the rooms
-# it names, and nothing else of ours, so that an upward include does not compile. SHARED headers lie in
-# the room's own folder: other rooms include them like public ones, but they are not installed.
+# A room is a target of its own. Its include path holds its own headers and those of the rooms it names,
+# and nothing else of ours, so that an upward include does not compile: <mpuvdb/x.h> is public and gets
+# installed, "room/x.h" lies in a room's folder.
 function(mpuvdb_room name)
-    cmake_parse_arguments(ROOM "" "" "HEADERS;SHARED;SOURCES;ROOMS;LIBRARIES" ${ARGN})
+    cmake_parse_arguments(ROOM "" "" "HEADERS;SOURCES;ROOMS;LIBRARIES" ${ARGN})
     set(door ${PROJECT_BINARY_DIR}/rooms/${name})
     file(MAKE_DIRECTORY ${door}/mpuvdb)
     foreach(header IN LISTS ROOM_HEADERS)
         file(CREATE_LINK ${PROJECT_SOURCE_DIR}/include/mpuvdb/${header} ${door}/mpuvdb/${header} SYMBOLIC)
     endforeach()
-    foreach(header IN LISTS ROOM_SHARED)
-        file(CREATE_LINK ${CMAKE_CURRENT_SOURCE_DIR}/${header} ${door}/mpuvdb/${header} SYMBOLIC)
-    endforeach()
+    file(CREATE_LINK ${CMAKE_CURRENT_SOURCE_DIR} ${door}/${name} SYMBOLIC)
     add_library(mpuvdb_${name} OBJECT ${ROOM_SOURCES})
     target_include_directories(mpuvdb_${name} PUBLIC $<BUILD_INTERFACE:${door}>)
     target_link_libraries(mpuvdb_${name} PRIVATE mpuvdb_options)

@@ -1,6 +1,6 @@
 // Fields that are known by their values at single points: their seeds, and their blocks.
 #pragma once
-#include <mpuvdb/boxes.h>
+#include "core/boxes.h"
 #include <mpuvdb/fields.h>
 
 #include <functional>

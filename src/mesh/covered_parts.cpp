@@ -2,8 +2,8 @@
 
 #include "cut_mesh.h"
 
+#include "core/union_find.h"
 #include <mpuvdb/progress.h>
-#include <mpuvdb/union_find.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>

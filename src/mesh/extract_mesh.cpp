@@ -1,4 +1,4 @@
-#include "sheet_vertex.h"
+#include "surface/sheet_vertex.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>

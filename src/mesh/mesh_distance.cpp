@@ -1,7 +1,7 @@
-#include <mpuvdb/triangle_tree.h>
+#include "spatial/triangle_tree.h"
 
+#include "spatial/kd_tree.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/kd_tree.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
 

@@ -1,5 +1,5 @@
+#include "core/union_find.h"
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/union_find.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>

@@ -1,4 +1,4 @@
-#include <mpuvdb/triangle_tree.h>
+#include "spatial/triangle_tree.h"
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>

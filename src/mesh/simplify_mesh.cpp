@@ -4,10 +4,10 @@
 // Large meshes are simplified in parts, all at once, and then along the borders of these.
 #include "slab.h"
 
+#include "spatial/triangle_tree.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/progress.h>
-#include <mpuvdb/triangle_tree.h>
 
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>

@@ -1,6 +1,6 @@
 // What lies above and below a triangle.
 #pragma once
-#include <mpuvdb/point_triangle.h>
+#include "spatial/point_triangle.h"
 
 #include <array>
 #include <cmath>

@@ -3,6 +3,7 @@
 #include "cut_mesh.h"
 
 #include <mpuvdb/progress.h>
+#include <mpuvdb/sampling.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>

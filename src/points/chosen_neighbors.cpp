@@ -1,9 +1,9 @@
 #include "chosen_neighbors.h"
 
-#include "kd_tree.h"
-#include "parallel_each.h"
-#include "position_order.h"
-#include "random.h"
+#include "core/parallel_each.h"
+#include "core/random.h"
+#include "spatial/kd_tree.h"
+#include "spatial/position_order.h"
 
 #include <mpuvdb/progress.h>
 

@@ -1,7 +1,7 @@
 // Spacing and noise of a cloud.
 #include "chosen_neighbors.h"
-#include "parallel_each.h"
-#include "position_order.h"
+#include "core/parallel_each.h"
+#include "spatial/position_order.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/progress.h>

@@ -1,7 +1,7 @@
 #include "vertex_mesh.h"
 
-#include <mpuvdb/even_places.h>
-#include <mpuvdb/union_find.h>
+#include "core/even_places.h"
+#include "core/union_find.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,13 +4,13 @@
 // it are meshed: one reconstructed from exact points, two for each voxel that the surface passes,
 // and the exact one of voxelize(). Prints JSON: rms distance to the part of what lies within two
 // voxels of a crease, in voxels, and the mean angle between the normals of mesh and part, degrees.
+#include "spatial/kd_tree.h"
+#include "spatial/triangle_tree.h"
 #include <mpuvdb/io.h>
-#include <mpuvdb/kd_tree.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
 #include <mpuvdb/reconstruct.h>
-#include <mpuvdb/triangle_tree.h>
 
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/VolumeToMesh.h>

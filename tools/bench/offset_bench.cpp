@@ -5,11 +5,11 @@
 // those that openvdb::tools::volumeToMesh makes of it.
 #include "timing.h"
 
+#include "spatial/triangle_tree.h"
 #include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/operations.h>
 #include <mpuvdb/progress.h>
-#include <mpuvdb/triangle_tree.h>
 
 #include <openvdb/tools/LevelSetFilter.h>
 #include <openvdb/tools/LevelSetRebuild.h>

@@ -4,6 +4,7 @@
 #include "verb.h"
 
 #include <mpuvdb/io.h>
+#include <mpuvdb/picture.h>
 
 #include <charconv>
 #include <fmt/format.h>

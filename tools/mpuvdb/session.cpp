@@ -4,6 +4,7 @@
 #include "standard_output.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/files.h>
 #include <mpuvdb/io.h>
 
 #include <algorithm>

@@ -3,7 +3,7 @@
 #include "standard_output.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/io.h>
+#include <mpuvdb/files.h>
 #include <mpuvdb/progress.h>
 
 #include <atomic>

@@ -1,0 +1,377 @@
+// Grids whose values are made anew from distances to a surface.
+#include "redistance.h"
+#include "grid/band_limits.h"
+#include "grid/prune.h"
+#include "restore_distance.h"
+#include "shell_patches.h"
+
+#include <mpuvdb/distances.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = SurfacePatches::Leaf;
+using openvdb::Coord;
+using openvdb::FloatGrid;
+using openvdb::FloatTree;
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+/// Farther, in voxels, no offset goes: floats would not tell a twentieth of a voxel any more.
+constexpr double kFarthest = 1e5;
+/// An offset's values this much below the distance to its surface are none, voxels.
+constexpr float kWedge = 0.1f;
+/// Where a grid's values are no distances, those up to so far from its zero set, voxels, make it
+/// what it is, and stay; over another voxel they give way to the distances to it.
+constexpr float kOwn = 1;
+/// The part of an offset's progress that goes to its creases.
+constexpr double kWedgesShare = 0.4;
+
+/// Signed distances in world units, found as they are asked for.
+class Distances
+{
+public:
+    Distances(const LeafDistances& inVoxels, float voxelSize, bool ownAreDistances)
+        : mInVoxels(inVoxels), mVoxelSize(voxelSize), mOwnAreDistances(ownAreDistances)
+    {
+    }
+    float at(int voxel) const { return mVoxelSize * mInVoxels.at(voxel); }
+    float atMost(int voxel) const { return mVoxelSize * mInVoxels.atMost(voxel); }
+    /// Whether the grid's own values are, in all its band.
+    bool ownAreDistances() const { return mOwnAreDistances; }
+    /// That of an active voxel, by its @a own value as far as that can be trusted.
+    float by(float own, int voxel) const
+    {
+        if (mOwnAreDistances) return own;
+        const float found = at(voxel), fading = std::abs(found) / mVoxelSize - kOwn;
+        return fading >= 1 ? found : own + std::max(fading, 0.0f) * (found - own);
+    }
+
+private:
+    const LeafDistances& mInVoxels;
+    float mVoxelSize;
+    bool mOwnAreDistances;
+};
+
+/// Distances beyond reach, with a leaf's signs, or one.
+class Beyond final : public LeafDistances
+{
+public:
+    explicit Beyond(const Leaf& leaf) : mLeaf(&leaf) {}
+    explicit Beyond(bool inside) : mSign(inside ? -1.0f : 1.0f) {}
+    float at(int n) const override
+    {
+        // Not copysign: -0 is outside, as 0 is.
+        const float v = mLeaf ? mLeaf->getValue(openvdb::Index(n)) : mSign;
+        return v < 0 ? -kInfinity : kInfinity;
+    }
+    float atMost(int n) const override { return at(n); }
+    std::uint32_t patch(int) const override { return kNoPatch; }
+
+private:
+    const Leaf* mLeaf = nullptr;
+    float mSign = 1;
+};
+
+/// Turns the distance of a voxel of a leaf (null: of a tile) into a new value, world units.
+using NewValue = std::function<float(const Leaf*, int voxel, const Distances&)>;
+
+/// A band of @a halfWidth voxels of the values that @a newValue gives.
+class BandMaker
+{
+public:
+    BandMaker(double halfWidth, double voxelSize, NewValue newValue)
+        : mVoxelSize(float(voxelSize)), mBackground(float(halfWidth * voxelSize)),
+          mNewValue(std::move(newValue))
+    {
+    }
+
+    FinishedLeaf finish(const Coord& origin, const Leaf* signs, const LeafDistances& d,
+                        bool ownAreDistances) const
+    {
+        FinishedLeaf finished;
+        finished.origin = origin;
+        auto leaf = std::make_unique<Leaf>(origin, mBackground);
+        unsigned negative = 0;
+        const float rim = mBackground * (1 - 1e-6f);
+        const Distances distances(d, mVoxelSize, ownAreDistances);
+        for (int n = 0; n < int(Leaf::SIZE); ++n) {
+            const float v = mNewValue(signs, n, distances);
+            negative += v < 0;
+            if (std::abs(v) < rim)
+                leaf->setValueOn(openvdb::Index(n), v);
+            else if (v < 0)
+                leaf->setValueOnly(openvdb::Index(n), -mBackground);
+        }
+        if (leaf->isEmpty() && (negative == 0 || negative == Leaf::SIZE))
+            finished.tile = negative ? -mBackground : mBackground;
+        else
+            finished.leaf = std::move(leaf);
+        return finished;
+    }
+
+    float background() const { return mBackground; }
+    /// What a tile becomes that is beyond all reach.
+    float farValue(bool inside) const
+    {
+        const float v = mNewValue(nullptr, 0, Distances(Beyond(inside), mVoxelSize, true));
+        return v < 0 ? -mBackground : mBackground;
+    }
+
+private:
+    float mVoxelSize, mBackground;
+    NewValue mNewValue;
+};
+
+/// What distances to a grid's zero set are made of.
+struct Sources {
+    SurfacePatches patches;      ///< they spread from these
+    Reach reach;                 ///< as far as this; 0 where the grid's own values will do
+    bool ownAreDistances = true; ///< those, in all its band
+};
+
+/// The tree of new values: those of @a reached leaves, of all others of @a old by their own values
+/// and signs.
+FloatTree::Ptr assemble(const FloatTree& old, const Sources& sources,
+                        std::vector<FinishedLeaf>&& reached, const BandMaker& maker,
+                        Progress& progress)
+{
+    auto tree = std::make_shared<FloatTree>(maker.background());
+    auto tile = old.cbeginValueAll();
+    tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
+    for (; tile; ++tile)
+        if (const float value = maker.farValue(*tile < 0); value < 0)
+            tree->addTile(tile.getLevel(), tile.getCoord(), value, false);
+    const auto add = [&](FinishedLeaf& leaf) {
+        if (leaf.leaf)
+            tree->addLeaf(leaf.leaf.release());
+        else
+            tree->addTile(1, leaf.origin, leaf.tile, false);
+    };
+    std::vector<Coord> origins;
+    origins.reserve(reached.size());
+    for (const FinishedLeaf& leaf : reached) origins.push_back(leaf.origin);
+    std::sort(origins.begin(), origins.end());
+    for (const Leaf* leaf : sources.patches.leaves) {
+        if (std::binary_search(origins.begin(), origins.end(), leaf->origin())) continue;
+        progress.check();
+        FinishedLeaf finished =
+            maker.finish(leaf->origin(), leaf, Beyond(*leaf), sources.ownAreDistances);
+        add(finished);
+    }
+    for (FinishedLeaf& leaf : reached) {
+        progress.check();
+        add(leaf);
+    }
+    pruneBand(*tree);
+    return tree;
+}
+
+/// On which side alone @a reach goes beyond the values that @a grid has: 1 outside, -1 inside, 0 if
+/// there is no such side.
+float sideBeyond(const FloatGrid& grid, const Reach& reach)
+{
+    constexpr float kRounding = 1e-4f;
+    const float own = float(grid.background() / grid.voxelSize()[0]) * (1 + kRounding);
+    return float(reach.outside > own) - float(reach.inside > own);
+}
+
+/// How the values of a grid are taken.
+enum class Own {
+    Implicit, ///< as Values::Implicit
+    Kept,     ///< as distances
+    Judged    ///< as distances where they are
+};
+
+/// The worse of what the two sides' values are.
+Sight sightFromBothSides(const FloatGrid& grid, Progress& progress)
+{
+    const double voxelSize = grid.voxelSize()[0];
+    const Sight outside = sightFrom(grid.tree(), voxelSize, 1, progress);
+    return outside == Sight::NoDistances ? outside
+                                         : sightFrom(grid.tree(), voxelSize, -1, progress);
+}
+
+/// @param reach  how far distances to the zero set of @a grid are wanted.
+Sources sourcesOf(const FloatGrid& grid, Own own, const Reach& reach, Progress& progress)
+{
+    const double voxelSize = grid.voxelSize()[0];
+    if (own == Own::Implicit)
+        return {surfacePatches(grid.tree(), voxelSize, Values::Implicit, progress), reach};
+    Sources sources{surfacePatches(grid.tree(), voxelSize, Values::Distances, progress), reach};
+    Sight sight = Sight::TooNarrow;
+    if (const float side = sideBeyond(grid, reach); side != 0) {
+        sight = amendBySight(sources.patches, grid.tree(), voxelSize, side, progress);
+        if (sight == Sight::Distances)
+            (side > 0 ? sources.reach.inside : sources.reach.outside) = 0;
+    } else if (own == Own::Judged) {
+        sight = sightFromBothSides(grid, progress);
+    }
+    sources.ownAreDistances = own == Own::Kept || sight != Sight::NoDistances;
+    return sources;
+}
+
+/// A level set on the lattice of @a grid with the new values that the distances to its zero set
+/// make, as far as @a reach. @param units  by which the running stage advances.
+FloatGrid::Ptr remade(const FloatGrid& grid, Own own, const Reach& reach, const BandMaker& maker,
+                      Progress& progress, double units = 0)
+{
+    constexpr double kPatches = 0.2; // of the time
+    const Sources sources = sourcesOf(grid, own, reach, progress);
+    progress.advance(kPatches * units);
+    std::vector<FinishedLeaf> reached = spreadDistances(
+        grid.tree(), sources.patches, sources.reach,
+        [&](const Coord& origin, const Leaf* signs, const LeafDistances& d) {
+            return maker.finish(origin, signs, d, sources.ownAreDistances);
+        },
+        progress, (1 - kPatches) * units);
+    auto result =
+        FloatGrid::create(assemble(grid.tree(), sources, std::move(reached), maker, progress));
+    result->insertMeta(grid);
+    result->setTransform(grid.transform().copy());
+    result->setGridClass(openvdb::GRID_LEVEL_SET);
+    return result;
+}
+
+/// The distance that the grid has itself in a voxel, as far as that can be trusted, or else the one
+/// found.
+float ownOrFound(const Leaf* leaf, int n, const Distances& distances)
+{
+    const bool own = leaf && leaf->isValueOn(openvdb::Index(n));
+    return own ? distances.by(leaf->getValue(openvdb::Index(n)), n) : distances.at(n);
+}
+
+/// What to @a change that distance to.
+NewValue changed(const std::function<float(float)>& change)
+{
+    return [change](const Leaf* leaf, int n, const Distances& distances) {
+        return change(ownOrFound(leaf, n, distances));
+    };
+}
+
+/// The same for distances less @a shift, in a band as wide as @a background.
+NewValue shifted(float shift, float background)
+{
+    return [=](const Leaf* leaf, int n, const Distances& distances) {
+        const bool own = leaf && leaf->isValueOn(openvdb::Index(n)) && distances.ownAreDistances();
+        if (!own) {
+            const float most = distances.atMost(n), v = most - shift;
+            // All from zero to there ends up beyond the band.
+            if ((most < 0) != (v < 0) && std::abs(v) >= background) return v;
+        }
+        return ownOrFound(leaf, n, distances) - shift;
+    };
+}
+
+/// Where fronts from two sides of the old surface have met, the new surface has a crease, and
+/// behind it values are the distance to what the other front has swallowed. Give those on one side
+/// (1 outside, -1 inside) the distance to what is there.
+FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth,
+                             Progress& progress)
+{
+    const auto reach = float(halfWidth), wedge = float(kWedge * grid.voxelSize()[0]);
+    const auto newValue = [side, wedge](const Leaf* leaf, int n, const Distances& distances) {
+        const float most = distances.atMost(n);
+        const bool active = leaf && leaf->isValueOn(openvdb::Index(n));
+        if (!active) return std::copysign(kInfinity, most);
+        const float v = leaf->getValue(openvdb::Index(n)), least = std::abs(v) + wedge;
+        if (!(v * side > 0) || !(std::abs(most) > least)) return v;
+        const float distance = distances.at(n);
+        return std::abs(distance) > least ? distance : v;
+    };
+    const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
+    FloatGrid::Ptr made = remade(grid, Own::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach},
+                                 maker, progress, kWedgesShare);
+    restoreDistance(made->tree(), made->voxelSize()[0], ValuesFrom::Distances, progress);
+    return made;
+}
+
+/// @param what  what it is called.
+void demandTellable(const char* what, double distance, double voxelSize)
+{
+    if (std::abs(distance) > kFarthest * voxelSize)
+        throw LimitError(fmt::format("{} {:.6g} is {:.3g} voxels of {:.6g}, and no more than {:g} "
+                                     "can be told exactly: at most {:.6g}, or use larger voxels",
+                                     what, distance, std::abs(distance) / voxelSize, voxelSize,
+                                     kFarthest, kFarthest * voxelSize));
+}
+
+} // namespace
+
+LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& progress)
+{
+    demandHalfWidth(halfWidth);
+    const auto reach = float(halfWidth);
+    const BandMaker maker(halfWidth, levelSet.voxelSize(), changed([](float d) { return d; }));
+    const FloatGrid::Ptr made = remade(levelSet.grid(), Own::Kept, {reach, reach}, maker, progress);
+    if (halfWidth < levelSet.halfWidth())
+        completeBand(made->tree(), levelSet.voxelSize(), progress);
+    return LevelSet(made);
+}
+
+FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach, Progress& progress)
+{
+    const float widest = std::max(reach.outside, reach.inside);
+    const BandMaker maker(widest, levelSet.voxelSize(), changed([](float d) { return d; }));
+    return remade(levelSet.grid(), Own::Kept, reach, maker, progress)->constTreePtr();
+}
+
+LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
+{
+    demandHalfWidth(halfWidth);
+    const auto reach = float(halfWidth);
+    const BandMaker maker(halfWidth, grid.voxelSize()[0],
+                          [](const Leaf*, int n, const Distances& d) { return d.at(n); });
+    const FloatGrid::Ptr made = remade(grid, Own::Implicit, {reach, reach}, maker, progress);
+    restoreDistance(made->tree(), made->voxelSize()[0], ValuesFrom::Distances, progress);
+    return LevelSet(made);
+}
+
+LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
+{
+    if (!std::isfinite(distance))
+        throw UsageError(fmt::format("offset: distance is {}; it must be finite", distance));
+    demandTellable("offset: distance", distance, levelSet.voxelSize());
+    const double halfWidth = levelSet.halfWidth();
+    const auto shift = float(distance / levelSet.voxelSize());
+    const Reach reach{float(halfWidth) + shift, float(halfWidth) - shift};
+    const BandMaker maker(halfWidth, levelSet.voxelSize(),
+                          shifted(float(distance), float(halfWidth * levelSet.voxelSize())));
+    const FloatGrid::Ptr moved =
+        remade(levelSet.grid(), Own::Judged, reach, maker, progress, 1 - kWedgesShare);
+    return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
+}
+
+LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& progress)
+{
+    if (!(thickness > 0) || !std::isfinite(thickness))
+        throw UsageError(
+            fmt::format("shell: thickness is {:.6g}; it must be above 0 and finite", thickness));
+    demandTellable("shell: thickness", thickness, levelSet.voxelSize());
+    const double halfWidth = levelSet.halfWidth();
+    const auto reach = float(halfWidth), half = float(0.5 * thickness / levelSet.voxelSize());
+    constexpr float kThinnest = 2;
+    if (!(2 * half >= kThinnest))
+        throw LimitError(fmt::format("shell: thickness {:.6g} is {:.3g} voxels, and a level set "
+                                     "shows no wall thinner than {:g}: use "
+                                     "voxels of at most {:g}",
+                                     thickness, 2 * half, kThinnest, thickness / kThinnest));
+    const float middle = wall == Wall::Inward ? -half : wall == Wall::Outward ? half : 0;
+    const auto h = float(levelSet.voxelSize());
+    const BandMaker maker(halfWidth, levelSet.voxelSize(),
+                          changed([=](float d) { return std::abs(d - middle * h) - half * h; }));
+    const FloatGrid::Ptr hollow =
+        remade(levelSet.grid(), Own::Judged, {reach + middle + half, reach + half - middle}, maker,
+               progress, 1 - kWedgesShare);
+    return LevelSet(withoutWedges(*hollow, -1, halfWidth, progress));
+}
+
+} // namespace mpuvdb

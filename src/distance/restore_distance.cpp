@@ -1,0 +1,499 @@
+#include "restore_distance.h"
+
+#include "grid/leaf_halo.h"
+#include "surface/leaf_crossings.h"
+
+#include "core/clones.h"
+#include "core/lanes.h"
+#include <mpuvdb/progress.h>
+#include <mpuvdb/vec.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <openvdb/tree/LeafManager.h>
+#include <tbb/parallel_for.h>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = openvdb::FloatTree::LeafNodeType;
+using Halo = LeafHalo; ///< in voxels
+using openvdb::Coord;
+
+constexpr int kDim = Halo::kDim, kHalo = Halo::kHalo;
+constexpr float kDiagonal = 1.7320508f;
+/// Between neighbors of faces, edges, corners.
+constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
+/// Bounds of the upwind gradient, beyond which a value is examined. Outside a corner that of a true
+/// distance a falls to 0.55, and below a = sqrt(3) voxels to 0.318 a.
+constexpr float kLeastSlope = 0.5f, kLeastSlopePerVoxel = 0.3f, kMostSlope = 1.3f;
+constexpr float kStep = 1.3f; ///< voxels by which neighbors may differ unexamined
+/// The distance to the nearest crossing overestimates by up to this between crossings, voxels, and
+/// by up to a diagonal's length beside one.
+constexpr float kBetween = 0.5f;
+/// An examined value within these bounds of it stays.
+constexpr float kAbove = 0.2f, kBelow = 0.35f;
+/// The tip of an edge or corner may cross no edge between voxels: a value this near to zero is
+/// raised no farther than to where its neighbors' values can be reached.
+constexpr float kTip = 0.5f;
+/// Where values rise as fast as this on both sides, they are evened: from the first on in part,
+/// from the second on all.
+constexpr float kEvenFrom = 1.05f, kEvenAll = 1.15f;
+
+/// What is to be said of eight voxels in a row: one bit each.
+struct RowFlags {
+    unsigned doubtful = 0;      ///< if active: the value cannot be trusted
+    unsigned flat = 0;          ///< if active: nor this one, but at the tip of an edge
+    unsigned cornerMissing = 0; ///< if active: the band lacks a corner neighbor
+    unsigned missing = 0;       ///< if inactive: neighbors are so near to zero that it belongs
+    unsigned steep = 0;         ///< if active: values rise too fast on both sides
+    std::array<float, 8> slope; ///< of those
+};
+
+using Lanes = float __attribute__((vector_size(4 * kDim)));
+using Flags = int __attribute__((vector_size(4 * kDim)));
+
+constexpr float kMissing = 0.3f; ///< a voxel belongs to the band if it is so much nearer, voxels
+/// And it must, if it is by so much, whatever the nearest crossing says, which may be too far.
+constexpr float kPromised = 0.5f;
+
+/// The band's inactive voxels that a neighbor, by its value, puts well inside the band.
+MPUVDB_CLONES
+unsigned missingInRow(const float* row, float halfWidth)
+{
+    Lanes nearest = Lanes{} + halfWidth;
+#pragma GCC unroll 27
+    for (int n = 0; n < 27; ++n) {
+        const int x = n / 9 - 1, y = n / 3 % 3 - 1, z = n % 3 - 1;
+        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * kHalo + y) * kHalo + z)) +
+                        kLength[std::abs(x) + std::abs(y) + std::abs(z)];
+        nearest = u < nearest ? u : nearest;
+    }
+    return unsigned(bitsOf(nearest < halfWidth - kMissing));
+}
+
+/// The row's active voxels.
+MPUVDB_CLONES
+RowFlags examineRow(const float* row, float halfWidth)
+{
+    constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
+    const Lanes v = lanesAt<Lanes>(row), a = magnitude(v);
+    Lanes slope2{}, largestStep{}, gentle2{};
+    Flags crosses{};
+    for (const int stride : kStride) {
+        const Lanes u0 = lanesAt<Lanes>(row - stride), u1 = lanesAt<Lanes>(row + stride);
+        crosses |= ((u0 < 0) ^ (v < 0)) | ((u1 < 0) ^ (v < 0));
+        const Lanes s0 = magnitude(u0 - v), s1 = magnitude(u1 - v);
+        const Lanes gentler = s0 < s1 ? s0 : s1; // the steeper may be across an edge
+        gentle2 += gentler * gentler;
+        largestStep = s0 > largestStep ? s0 : largestStep;
+        largestStep = s1 > largestStep ? s1 : largestStep;
+        const Lanes a0 = magnitude(u0), a1 = magnitude(u1);
+        const Lanes rise = a - (a0 < a1 ? a0 : a1);
+        slope2 += rise > 0 ? rise * rise : Lanes{};
+    }
+    const Lanes perVoxel = kLeastSlopePerVoxel * a;
+    const Lanes least = perVoxel < kLeastSlope ? perVoxel : Lanes{} + kLeastSlope;
+    const Flags isSteep = slope2 > kMostSlope * kMostSlope;
+    Lanes highestCorner{};
+    for (const int dx : {-kStride[0], kStride[0]}) {
+        for (const int dy : {-kStride[1], kStride[1]}) {
+            for (const int dz : {-1, 1}) {
+                const Lanes u = magnitude(lanesAt<Lanes>(row + dx + dy + dz));
+                highestCorner = u > highestCorner ? u : highestCorner;
+            }
+        }
+    }
+    const float deep = halfWidth - kMissing - kDiagonal, outside = halfWidth * (1 - 1e-5f);
+    RowFlags flags;
+    flags.doubtful = unsigned(bitsOf((largestStep > kStep) | (~crosses & isSteep)));
+    flags.flat = unsigned(bitsOf(~crosses & (slope2 < least * least)));
+    flags.cornerMissing = unsigned(bitsOf((a < deep) & (highestCorner >= outside)));
+    flags.steep = unsigned(bitsOf(gentle2 > kEvenFrom * kEvenFrom));
+    for (int z = 0; flags.steep != 0 && z < kDim; ++z)
+        flags.slope[std::size_t(z)] = std::sqrt(gentle2[z]);
+    return flags;
+}
+
+class Restorer
+{
+public:
+    Restorer(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from, Progress& progress)
+        : mTree(tree), mProgress(progress), mFrom(from), mVoxelSize(float(voxelSize)),
+          mHalfWidth(tree.background() / float(voxelSize)),
+          mReach((int(std::ceil(mHalfWidth)) + kDim - 1) / kDim)
+    {
+    }
+
+    std::uint64_t run()
+    {
+        std::vector<Leaf*> all;
+        mTree.getNodes(all);
+        return run(std::move(all));
+    }
+
+    std::uint64_t run(const std::vector<KnownVoxels>& known)
+    {
+        mKnown = &known;
+        LeafSet origins;
+        for (const KnownVoxels& leaf : known) {
+            if (!leaf.isDoubtful) continue;
+            addLeavesAround(leaf.origin, origins);
+            addLeavesAround(leaf.origin.offsetBy(kDim - 1), origins);
+        }
+        return run(leavesAt(origins));
+    }
+
+private:
+    std::uint64_t run(std::vector<Leaf*> work)
+    {
+        std::uint64_t changed = 0;
+        while (!work.empty()) {
+            std::vector<std::vector<Examined>> found(work.size());
+            forEach(work, [&](std::size_t n) { found[n] = examine(*work[n]); });
+            collectCrossings(found);
+            forEach(work, [&](std::size_t n) {
+                for (Examined& voxel : found[n]) voxel.distance = nearestCrossing(voxel.at);
+            });
+            work = apply(found, changed);
+        }
+        while (const std::size_t added = addPromised()) changed += added;
+        return changed;
+    }
+
+    using LeafSet = std::unordered_set<Coord>; ///< by origin
+
+    struct Examined {
+        Coord at;
+        float distance;                                        ///< voxels
+        float evened = std::numeric_limits<float>::infinity(); ///< value, voxels; infinite: none
+    };
+
+    template <typename F>
+    void forEach(const std::vector<Leaf*>& leaves, F f)
+    {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves.size(), 16),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              mProgress.check();
+                              for (std::size_t n = range.begin(); n < range.end(); ++n) f(n);
+                          });
+    }
+
+    /// Voxels in the leaf, or in missing leaves beside it, whose values cannot be trusted.
+    std::vector<Examined> examine(const Leaf& leaf) const
+    {
+        openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
+        Halo halo;
+        halo.load(access, leaf, 1 / mVoxelSize);
+        const Leaf::NodeMaskType exact = exactIn(leaf.origin());
+        std::vector<Examined> found, doubted; // of the first, what is exact stays
+        for (int x = 0; x < kDim; ++x) {
+            for (int y = 0; y < kDim; ++y) {
+                const int row = Halo::index(x + 1, y + 1, 1);
+                const float* const values = &halo.value[row];
+                const auto inLeaf = openvdb::Index(x * kDim + y);
+                const unsigned active = leaf.getValueMask().getWord<std::uint8_t>(inLeaf);
+                RowFlags flags;
+                if (active != 0) flags = examineRow(values, mHalfWidth);
+                if (active != 0xff) flags.missing = missingInRow(values, mHalfWidth);
+                flags.doubtful |= flags.flat & ~unsigned(exact.getWord<std::uint8_t>(inLeaf));
+                flags.doubtful &= active;
+                flags.cornerMissing &= active;
+                flags.missing &= ~active;
+                flags.steep &= mFrom == ValuesFrom::Field ? active : 0;
+                flags.doubtful &= ~flags.steep;
+                if ((flags.doubtful | flags.cornerMissing | flags.missing | flags.steep) == 0)
+                    continue;
+                for (int z = 0; z < kDim; ++z) {
+                    const Coord at = leaf.origin() + Coord(x, y, z);
+                    if (flags.cornerMissing >> z & 1u) addCorners(at, found);
+                    if (flags.doubtful >> z & 1u) doubted.push_back({at, 0});
+                    if (flags.steep >> z & 1u)
+                        doubted.push_back({at, 0, evened(values[z], flags.slope[std::size_t(z)])});
+                    if (flags.missing >> z & 1u) addMissing(halo, at, row + z, found);
+                }
+            }
+        }
+        addMissingBeside(access, leaf, found);
+        const auto byPlace = [](const Examined& a, const Examined& b) {
+            return a.at != b.at ? a.at < b.at : a.evened < b.evened;
+        };
+        const auto same = [](const Examined& a, const Examined& b) { return a.at == b.at; };
+        std::sort(found.begin(), found.end(), byPlace);
+        found.erase(std::unique(found.begin(), found.end(), same), found.end());
+        const auto drop = [&](const auto& which) {
+            found.erase(std::remove_if(found.begin(), found.end(), which), found.end());
+        };
+        drop([&](const Examined& v) { return isExact(access, v.at); });
+        found.insert(found.end(), doubted.begin(), doubted.end());
+        std::sort(found.begin(), found.end(), byPlace);
+        found.erase(std::unique(found.begin(), found.end(), same), found.end());
+        drop([&](const Examined& v) { return isSettled(v.at); });
+        found.shrink_to_fit(); // most were found many times, and those of all leaves are held
+        return found;
+    }
+
+    /// Add voxels of tiles beside the leaf that the band should hold.
+    void addMissingBeside(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
+                          const Leaf& leaf, std::vector<Examined>& found) const
+    {
+        for (int n = 0; n < 27; ++n) {
+            const Coord side(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            if (n == 13 ||
+                access.probeConstLeaf(leaf.origin() +
+                                      Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim)))
+                continue;
+            // The leaf's voxels that touch that side, each with its neighbors there.
+            const auto first = [&](int axis) { return side[axis] > 0 ? kDim - 1 : 0; };
+            const auto last = [&](int axis) { return side[axis] < 0 ? 0 : kDim - 1; };
+            for (int x = first(0); x <= last(0); ++x)
+                for (int y = first(1); y <= last(1); ++y)
+                    for (int z = first(2); z <= last(2); ++z)
+                        addBeyond(leaf, Coord(x, y, z), side, found);
+        }
+    }
+
+    void addBeyond(const Leaf& leaf, const Coord& in, const Coord& side,
+                   std::vector<Examined>& found) const
+    {
+        const float a = std::abs(leaf.getValue(leaf.origin() + in)) / mVoxelSize;
+        if (a + 1 >= mHalfWidth - kMissing) return;
+        for (int n = 0; n < 27; ++n) {
+            const Coord to = in + Coord(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            if (Coord(to[0] >> 3, to[1] >> 3, to[2] >> 3) == side)
+                found.push_back({leaf.origin() + to, 0});
+        }
+    }
+
+    /// Which voxels of a leaf are known to be exact.
+    Leaf::NodeMaskType exactIn(const Coord& origin) const
+    {
+        if (!mKnown) return {};
+        const auto found = std::lower_bound(
+            mKnown->begin(), mKnown->end(), origin,
+            [](const KnownVoxels& leaf, const Coord& place) { return leaf.origin < place; });
+        if (found == mKnown->end() || found->origin != origin) return Leaf::NodeMaskType(true);
+        return found->exact;
+    }
+
+    bool isExact(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
+                 const Coord& at) const
+    {
+        return mKnown && access.isValueOn(at) && exactIn(at & ~7).isOn(Leaf::coordToOffset(at));
+    }
+
+    bool isSettled(const Coord& at) const
+    {
+        const auto found = mSettled.find(at & ~7);
+        return found != mSettled.end() && found->second.isOn(Leaf::coordToOffset(at));
+    }
+
+    static void addCorners(const Coord& at, std::vector<Examined>& found)
+    {
+        found.push_back({at, 0});
+        for (int n = 0; n < 8; ++n)
+            found.push_back({at + Coord(n & 1 ? 1 : -1, n & 2 ? 1 : -1, n & 4 ? 1 : -1), 0});
+    }
+
+    /// Add an inactive voxel so near to values well inside the band that it belongs there, and
+    /// those values, one of which may be wrong.
+    void addMissing(const Halo& halo, const Coord& at, int in, std::vector<Examined>& found) const
+    {
+        for (int n = 0; n < 27; ++n) {
+            const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            const float u = std::abs(halo.value[in + Halo::index(d[0], d[1], d[2])]);
+            if (u + kLength[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
+                mHalfWidth - kMissing)
+                found.push_back({at + d, 0});
+        }
+        found.push_back({at, 0});
+    }
+
+    /// Those that may be nearest to what was found.
+    void collectCrossings(const std::vector<std::vector<Examined>>& found)
+    {
+        LeafSet homes, wanted;
+        for (const auto& voxels : found)
+            for (const Examined& voxel : voxels) homes.insert(voxel.at & ~7);
+        for (const Coord& home : homes)
+            forEachWithinReach(home, [&](const Coord& origin) {
+                if (!mCrossings.count(origin)) wanted.insert(origin);
+            });
+        const std::vector<Leaf*> leaves = leavesAt(wanted);
+        std::vector<Crossings> crossings(leaves.size());
+        forEach(leaves, [&](std::size_t n) { crossings[n] = crossingsOf(mTree, *leaves[n]); });
+        for (std::size_t n = 0; n < leaves.size(); ++n)
+            mCrossings.emplace(leaves[n]->origin(), std::move(crossings[n]));
+    }
+
+    template <typename F>
+    void forEachWithinReach(const Coord& home, F f) const
+    {
+        for (int x = -mReach; x <= mReach; ++x)
+            for (int y = -mReach; y <= mReach; ++y)
+                for (int z = -mReach; z <= mReach; ++z)
+                    f(home + Coord(x * kDim, y * kDim, z * kDim));
+    }
+
+    /// Distance from a voxel to the nearest crossing, voxels; the half-width if none is nearer.
+    float nearestCrossing(const Coord& at) const
+    {
+        const Coord home = at & ~7;
+        float best2 = mHalfWidth * mHalfWidth;
+        forEachWithinReach(home, [&](const Coord& origin) {
+            const Coord r = at - origin;
+            if (squaredGap(r) >= best2) return;
+            const auto crossings = mCrossings.find(origin);
+            if (crossings == mCrossings.end()) return;
+            const Vec3f here = toVec(r);
+            for (const Vec3f& p : crossings->second)
+                best2 = std::min(best2, (p - here).squaredNorm());
+        });
+        return std::sqrt(best2);
+    }
+
+    /// Write what was found; returns the leaves to look at again.
+    std::vector<Leaf*> apply(const std::vector<std::vector<Examined>>& found,
+                             std::uint64_t& changed)
+    {
+        openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
+        LeafSet touched;
+        Coord home;
+        Leaf::NodeMaskType* settled = nullptr; // of the leaf at home
+        for (const auto& voxels : found) {
+            for (const Examined& voxel : voxels) {
+                if (!settled || (voxel.at & ~7) != home) {
+                    home = voxel.at & ~7;
+                    settled = &mSettled[home];
+                }
+                settled->setOn(Leaf::coordToOffset(voxel.at));
+                float old = 0;
+                const bool active = access.probeValue(voxel.at, old);
+                const float a = std::abs(old) / mVoxelSize;
+                const float distance = active ? corrected(a, voxel) : voxel.distance;
+                const bool beyond = distance >= mHalfWidth * (1 - 1e-6f);
+                if (active ? distance == a : beyond) continue;
+                if (!beyond)
+                    access.setValueOn(voxel.at, std::copysign(distance * mVoxelSize, old));
+                else if (a < mHalfWidth - 0.5f) // else the band's rim, as good as it gets
+                    access.setValueOff(voxel.at, std::copysign(mTree.background(), old));
+                else
+                    continue;
+                ++changed;
+                addLeavesAround(voxel.at, touched);
+            }
+        }
+        return leavesAt(touched);
+    }
+
+    /// Those of the leaves that there are, in order.
+    std::vector<Leaf*> leavesAt(const LeafSet& origins)
+    {
+        std::vector<Coord> inOrder(origins.begin(), origins.end());
+        std::sort(inOrder.begin(), inOrder.end());
+        openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
+        std::vector<Leaf*> leaves;
+        for (const Coord& origin : inOrder)
+            if (Leaf* leaf = access.probeLeaf(origin)) leaves.push_back(leaf);
+        return leaves;
+    }
+
+    /// Add voxels that were found too far from crossings, but lie nearer by their neighbors'
+    /// values. Returns their number.
+    std::size_t addPromised()
+    {
+        openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
+        std::vector<Examined> promised;
+        for (const auto& [origin, settled] : mSettled) {
+            mProgress.check();
+            for (auto it = settled.beginOn(); it; ++it) {
+                const Coord at = origin + Leaf::offsetToLocalCoord(it.pos());
+                if (access.isValueOn(at)) continue;
+                float least = mHalfWidth;
+                for (int n = 0; n < 27; ++n) {
+                    const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+                    least = std::min(least, std::abs(access.getValue(at + d)) / mVoxelSize +
+                                                d.asVec3s().length());
+                }
+                if (least < mHalfWidth - kPromised) promised.push_back({at, least});
+            }
+        }
+        for (const Examined& voxel : promised)
+            access.setValueOn(
+                voxel.at, std::copysign(voxel.distance * mVoxelSize, access.getValue(voxel.at)));
+        return promised.size();
+    }
+
+    /// Origins of the leaves that hold a voxel or one of its neighbors.
+    static void addLeavesAround(const Coord& at, LeafSet& origins)
+    {
+        const Coord low = at.offsetBy(-1) & ~7, high = at.offsetBy(1) & ~7;
+        for (int x = low.x(); x <= high.x(); x += kDim)
+            for (int y = low.y(); y <= high.y(); y += kDim)
+                for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace(x, y, z);
+    }
+
+    /// What a value is to be where values rise by @a slope per voxel. Its neighbors are scaled
+    /// alike: the surface stays where it is.
+    static float evened(float value, float slope)
+    {
+        const float t = std::clamp((slope - kEvenFrom) / (kEvenAll - kEvenFrom), 0.0f, 1.0f);
+        return std::abs(value) / (1 + t * (slope - 1));
+    }
+
+    /// What a value is to be, given the distance to the nearest crossing.
+    static float corrected(float value, const Examined& voxel)
+    {
+        const float distance = voxel.distance;
+        if (std::isfinite(voxel.evened)) {
+            const float least = std::max(distance / kDiagonal, distance - kBetween);
+            return std::clamp(voxel.evened, least, distance);
+        }
+        if (value <= distance + kAbove && value >= distance - kBelow) return value;
+        return value < kTip ? std::max(value, distance - kBetween) : distance;
+    }
+
+    openvdb::FloatTree& mTree;
+    Progress& mProgress;
+    ValuesFrom mFrom;
+    const std::vector<KnownVoxels>* mKnown = nullptr;
+    float mVoxelSize, mHalfWidth; ///< world units; voxels
+    int mReach;                   ///< leaves around a voxel's own that the band reaches
+    std::unordered_map<Coord, Crossings> mCrossings; ///< by leaf origin
+    /// Voxels whose distance to the nearest crossing has been looked up: it will not change.
+    std::unordered_map<Coord, Leaf::NodeMaskType> mSettled;
+};
+
+} // namespace
+
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
+                              Progress& progress)
+{
+    return Restorer(tree, voxelSize, from, progress).run();
+}
+
+std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
+                              const std::vector<KnownVoxels>& known, Progress& progress)
+{
+    return Restorer(tree, voxelSize, ValuesFrom::Distances, progress).run(known);
+}
+
+std::uint64_t completeBand(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
+{
+    std::vector<KnownVoxels> known;
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf)
+        known.push_back({leaf->origin(), Leaf::NodeMaskType(true), true});
+    std::sort(known.begin(), known.end(),
+              [](const KnownVoxels& a, const KnownVoxels& b) { return a.origin < b.origin; });
+    return restoreDistance(tree, voxelSize, known, progress);
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,286 @@
+#include "triangle_band.h"
+
+#include "spatial/point_triangle.h"
+#include <mpuvdb/progress.h>
+
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/task_group.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = openvdb::FloatTree::LeafNodeType;
+using Leaves = std::vector<std::unique_ptr<Leaf>>;
+using openvdb::Coord;
+
+constexpr int kDim = Leaf::DIM;
+
+Vec3d vecOf(const Coord& at)
+{
+    return Vec3d(at.x(), at.y(), at.z());
+}
+
+/// A cube of voxels, 2^n along each side.
+struct Cube {
+    Coord first;
+    int size;
+
+    Vec3d center() const { return vecOf(first) + Vec3d::Constant(0.5 * (size - 1)); }
+    /// Of a ball that holds its voxels.
+    double radius() const { return std::sqrt(3.0) / 2 * (size - 1); }
+    Cube child(int octant) const
+    {
+        const int half = size / 2;
+        return {first + Coord(octant & 1 ? half : 0, octant & 2 ? half : 0, octant & 4 ? half : 0),
+                half};
+    }
+};
+
+/// Voxels: places nearer to each other are one. Corners of triangles that meet where they were cut
+/// are rounded to floats each for itself.
+double tieFor(const PlacedTriangles& triangles)
+{
+    constexpr double kLeast = 1e-6;  // [derived: roundings of doubles at 2^23 voxels, thousandfold]
+    constexpr double kRoundings = 4; // [derived: two corners along the axes, two distances]
+    const TriangleTree::Box& box = triangles.tree.box();
+    const float largest = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
+    return kLeast + kRoundings * double(std::numeric_limits<float>::epsilon() * largest) /
+                        triangles.voxelSize;
+}
+
+/// The place of a triangle that is nearest to another place, and how much of a small circle about
+/// it the triangle fills, radians: 2 pi within it, pi on an edge, the corner's angle at a corner.
+struct NearestPlace {
+    Vec3d place;
+    double angle;
+
+    NearestPlace(const Vec3d& p, const std::array<Vec3d, 3>& t)
+    {
+        const Vec3d normal = (t[1] - t[0]).cross(t[2] - t[0]);
+        int outside = 0;
+        double least = HUGE_VAL;
+        for (std::size_t k = 0; k < 3; ++k) {
+            const Vec3d &a = t[k], &b = t[(k + 1) % 3];
+            if (normal.cross(b - a).dot(p - a) > 0) continue; // to the left of the edge
+            ++outside;
+            const double square = (b - a).squaredNorm();
+            const double share = square > 0 ? std::clamp((p - a).dot(b - a) / square, 0.0, 1.0) : 0;
+            const Vec3d at = a + share * (b - a);
+            if (!((p - at).squaredNorm() < least)) continue;
+            least = (p - at).squaredNorm();
+            place = at;
+            angle = share == 0 ? angleAt(t, k) : share == 1 ? angleAt(t, (k + 1) % 3) : M_PI;
+        }
+        if (outside > 0) return;
+        place = p - normal.dot(p - t[0]) / normal.squaredNorm() * normal;
+        angle = 2 * M_PI;
+    }
+
+private:
+    static double angleAt(const std::array<Vec3d, 3>& t, std::size_t k)
+    {
+        const Vec3d a = t[(k + 1) % 3] - t[k], b = t[(k + 2) % 3] - t[k];
+        return std::atan2(a.cross(b).norm(), a.dot(b));
+    }
+};
+
+/// Measures the voxels of one leaf after the other, for one thread: cube by cube, halved with those
+/// triangles that may be nearest to one of its voxels.
+class LeafMeasure
+{
+public:
+    /// @param reach  voxels.
+    LeafMeasure(const PlacedTriangles& triangles, double reach)
+        : mTriangles(triangles), mReach(reach), mTie(tieFor(triangles))
+    {
+    }
+
+    /// @param distance  voxels from the cube's center to the mesh. Null if nothing is within reach.
+    std::unique_ptr<Leaf> measure(const Cube& cube, double distance)
+    {
+        mHeld.clear();
+        mKept[0].clear();
+        const double farthest = bound(distance, cube.radius());
+        const TriangleTree& tree = mTriangles.tree;
+        tree.forEachNear(mTriangles.place(cube.center()), farthest * mTriangles.voxelSize,
+                         [&](std::size_t slot) {
+                             mKept[0].push_back(std::uint32_t(mHeld.size()));
+                             mHeld.push_back(held(tree.corners(slot)));
+                         });
+        mLeaf = std::make_unique<Leaf>(cube.first, float(mReach * mTriangles.voxelSize), false);
+        refine(cube, 0, distance);
+        return mLeaf->isEmpty() ? nullptr : std::move(mLeaf);
+    }
+
+private:
+    /// A triangle in voxels, and a ball that holds it.
+    struct Held {
+        std::array<Vec3d, 3> corners;
+        Vec3d normal; ///< of length 1, or 0
+        Vec3d middle;
+        double radius;
+    };
+
+    Held held(const TriangleTree::Corners& corners) const
+    {
+        Held t;
+        for (std::size_t k = 0; k < 3; ++k) t.corners[k] = mTriangles.voxels(corners[k]);
+        const auto& [a, b, c] = t.corners;
+        t.normal = (b - a).cross(c - a).normalized();
+        t.middle = (t.corners[0] + t.corners[1] + t.corners[2]) / 3;
+        double square = 0;
+        for (const Vec3d& corner : t.corners)
+            square = std::max(square, (corner - t.middle).squaredNorm());
+        t.radius = std::sqrt(square);
+        return t;
+    }
+
+    /// How far from the center of a ball the nearest triangles of a place in it can be, if they are
+    /// within reach. @param least  of the distances to the center, or more.
+    double bound(double least, double radius) const
+    {
+        return std::min(least + 2 * radius, mReach + radius) + mTie;
+    }
+
+    /// @param atMost  as far as the nearest triangle is from the center, or farther.
+    void refine(const Cube& cube, std::size_t depth, double atMost)
+    {
+        constexpr double kRoundings = 1 + 1e-9;
+        const Vec3d center = cube.center();
+        const double radius = cube.radius();
+        std::vector<std::uint32_t>& kept = mKept[depth + 1];
+        kept.clear();
+        mDistances.clear();
+        double least = kRoundings * atMost;
+        for (const std::uint32_t n : mKept[depth]) {
+            const Held& t = mHeld[n];
+            const double farthest = bound(least, radius), allowed = farthest + t.radius;
+            if ((center - t.middle).squaredNorm() > allowed * allowed) continue;
+            const double distance = std::sqrt(squaredDistance(center, t.corners));
+            if (distance > farthest) continue;
+            kept.push_back(n);
+            mDistances.push_back(distance);
+            if (distance >= least) continue;
+            least = distance;
+            // In front, where it will narrow the search of the cubes within this one.
+            std::swap(kept.front(), kept.back());
+            std::swap(mDistances.front(), mDistances.back());
+        }
+        if (kept.empty()) return;
+        keepUpTo(bound(least, radius), kept);
+        if (cube.size == 1) {
+            if (!(least < mReach)) return;
+            const auto value = float(least * mTriangles.voxelSize);
+            mLeaf->setValueOn(cube.first, isBehind(kept, center) ? -value : value);
+            return;
+        }
+        const double step = std::sqrt(3.0) / 4 * cube.size; // to the center of a child
+        for (int octant = 0; octant < 8; ++octant)
+            refine(cube.child(octant), depth + 1, least + step);
+    }
+
+    void keepUpTo(double farthest, std::vector<std::uint32_t>& kept) const
+    {
+        std::size_t count = 0;
+        for (std::size_t k = 0; k < kept.size(); ++k)
+            if (mDistances[k] <= farthest) kept[count++] = kept[k];
+        kept.resize(count);
+    }
+
+    /// @param nearest  triangles, all as far from @a p.
+    bool isBehind(const std::vector<std::uint32_t>& nearest, const Vec3d& p) const
+    {
+        const auto height = [&](const Held& t, const Vec3d& from) {
+            return t.normal.dot(p - from);
+        };
+        if (nearest.size() == 1) {
+            const Held& only = mHeld[nearest.front()];
+            return height(only, only.corners[0]) < 0;
+        }
+        double sum = 0;
+        for (const std::uint32_t n : nearest) {
+            const NearestPlace near(p, mHeld[n].corners);
+            sum += near.angle * height(mHeld[n], near.place);
+        }
+        return sum < 0;
+    }
+
+    const PlacedTriangles& mTriangles;
+    double mReach;
+    double mTie; ///< voxels: triangles are as near whose distances differ by less
+    std::vector<Held> mHeld;
+    std::array<std::vector<std::uint32_t>, 5> mKept; ///< by depth
+    std::vector<double> mDistances;                  ///< of those kept last
+    std::unique_ptr<Leaf> mLeaf;
+};
+
+/// From a cube that holds all triangles down to leaves, wherever some are within reach.
+class Descent
+{
+public:
+    Descent(const PlacedTriangles& triangles, double reach, Progress& progress)
+        : mTriangles(triangles), mReach(reach), mProgress(progress),
+          mMeasures([this] { return LeafMeasure(mTriangles, mReach); })
+    {
+    }
+
+    Leaves run()
+    {
+        const Vec3d low = mTriangles.voxels(mTriangles.tree.box().min()) - Vec3d::Constant(mReach);
+        const Vec3d high = mTriangles.voxels(mTriangles.tree.box().max()) + Vec3d::Constant(mReach);
+        const Coord first(int(std::floor(low[0])), int(std::floor(low[1])),
+                          int(std::floor(low[2])));
+        Cube cube{first & ~(kDim - 1), kDim};
+        while ((high - vecOf(cube.first)).maxCoeff() >= cube.size) cube.size *= 2;
+        descend(cube, 0);
+        Leaves leaves;
+        for (Leaves& some : mLeaves)
+            std::move(some.begin(), some.end(), std::back_inserter(leaves));
+        std::sort(leaves.begin(), leaves.end(),
+                  [](const auto& a, const auto& b) { return a->origin() < b->origin(); });
+        return leaves;
+    }
+
+private:
+    /// @param slot  as the tree has it.
+    void descend(const Cube& cube, std::size_t slot)
+    {
+        mProgress.check();
+        const double distance =
+            std::sqrt(mTriangles.tree.squaredDistance(mTriangles.place(cube.center()), slot)) /
+            mTriangles.voxelSize;
+        if (!(distance < mReach + cube.radius())) return;
+        if (cube.size == kDim) {
+            if (auto leaf = mMeasures.local().measure(cube, distance))
+                mLeaves.local().push_back(std::move(leaf));
+            return;
+        }
+        tbb::task_group children;
+        for (int octant = 0; octant < 8; ++octant)
+            children.run([=] { descend(cube.child(octant), slot); });
+        children.wait();
+    }
+
+    const PlacedTriangles& mTriangles;
+    double mReach;
+    Progress& mProgress;
+    tbb::enumerable_thread_specific<LeafMeasure> mMeasures;
+    tbb::enumerable_thread_specific<Leaves> mLeaves;
+};
+
+} // namespace
+
+Leaves leavesNear(const PlacedTriangles& triangles, double reach, Progress& progress)
+{
+    return Descent(triangles, reach, progress).run();
+}
+
+} // namespace mpuvdb

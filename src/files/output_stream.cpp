@@ -1,0 +1,45 @@
+#include "output_stream.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/files.h>
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+
+namespace mpuvdb
+{
+namespace
+{
+
+void fill(std::ostream& stream, const std::string& name,
+          const std::function<void(OutputBuffer&)>& write)
+{
+    OutputBuffer buffer(stream);
+    errno = 0;
+    write(buffer);
+    buffer.flush();
+    stream.flush();
+    if (!stream)
+        throw IoError(fmt::format("{}: cannot be written: {}. Check the disk and its permissions.",
+                                  name, std::strerror(errno != 0 ? errno : EIO)));
+}
+
+} // namespace
+
+void writeStream(const std::filesystem::path& file, const std::function<void(OutputBuffer&)>& write)
+{
+    if (file == "-") {
+        fill(std::cout, "stdout", write);
+        return;
+    }
+    writeAtomically(file, [&](const std::filesystem::path& temporary) {
+        std::ofstream stream(temporary, std::ios::binary);
+        fill(stream, file.string(), write);
+    });
+}
+
+} // namespace mpuvdb

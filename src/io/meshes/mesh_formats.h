@@ -1,0 +1,59 @@
+// One writer per mesh format. All throw LimitError for more than their format can hold, before the
+// first byte.
+#pragma once
+#include "files/output_stream.h"
+
+#include <mpuvdb/io.h>
+#include <mpuvdb/progress.h>
+
+#include <string>
+
+namespace mpuvdb
+{
+
+/// What a writer is to write; attributes are valid.
+struct MeshJob {
+    const Mesh& mesh;
+    const SceneSettings& scene;
+    const std::string name; ///< of the file, for messages
+    Progress& progress;
+};
+
+void writePly(const MeshJob& job, OutputBuffer& out);
+void writeObj(const MeshJob& job, OutputBuffer& out);
+void writeOff(const MeshJob& job, OutputBuffer& out);
+void writeStl(const MeshJob& job, OutputBuffer& out);
+void writeGlb(const MeshJob& job, OutputBuffer& out);
+void writeUsda(const MeshJob& job, OutputBuffer& out);
+
+/// Calls f(i) for i < count, and progress now and then.
+template <class F>
+void forEachItem(std::size_t count, OutputBuffer& out, Progress& progress, const F& f)
+{
+    constexpr std::size_t kItemsAtOnce = 1 << 12;
+    for (std::size_t i = 0; i < count; ++i) {
+        f(i);
+        if (i % kItemsAtOnce == kItemsAtOnce - 1) {
+            out.flushIfFull();
+            progress.advance(kItemsAtOnce);
+        }
+    }
+}
+
+/// Whether floats of world coordinates would lose more than three bits of the mesh's own.
+bool needsDoubles(const Mesh& mesh);
+
+/// @throws UsageError for settings out of range.
+void demandScene(const SceneSettings& scene);
+
+/// Sizes of a GLB file's binary part, bytes.
+struct GlbSizes {
+    std::uint64_t indices, positions, colors, scalars; ///< scalars: of each
+
+    GlbSizes(std::uint64_t triangles, std::uint64_t vertices);
+};
+
+/// @throws LimitError where a .glb file of @a binary and @a json bytes would be over 4 GiB.
+void demandGlbFits(std::uint64_t binary, std::uint64_t json, const std::string& name);
+
+} // namespace mpuvdb

@@ -1,0 +1,81 @@
+// Which writer a mesh's file wants.
+#include "files/text_scan.h"
+#include "mesh_formats.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+struct Format {
+    const char* extension;
+    void (*write)(const MeshJob&, OutputBuffer&);
+};
+
+constexpr Format kFormats[] = {{".ply", writePly}, {".obj", writeObj}, {".off", writeOff},
+                               {".stl", writeStl}, {".glb", writeGlb}, {".usda", writeUsda}};
+
+void demandAttributes(const Mesh& mesh)
+{
+    const auto demand = [&](std::size_t count, const std::string& what) {
+        if (count != mesh.positions.size())
+            throw UsageError(fmt::format("mesh: {} values of {} for {} vertices. Give one for "
+                                         "each, or none",
+                                         count, what, mesh.positions.size()));
+    };
+    if (!mesh.colors.empty()) demand(mesh.colors.size(), "color");
+    for (const NamedScalars& scalars : mesh.scalars) demand(scalars.values.size(), scalars.name);
+}
+
+} // namespace
+
+bool needsDoubles(const Mesh& mesh)
+{
+    Box3d box;
+    for (const Vec3f& p : mesh.positions) box.extend(p.cast<double>());
+    return !box.isEmpty() && mesh.frame.cwiseAbs().maxCoeff() > 8 * box.sizes().maxCoeff();
+}
+
+const std::vector<std::string>& meshExtensions()
+{
+    static const std::vector<std::string> extensions = [] {
+        std::vector<std::string> all;
+        for (const Format& format : kFormats) all.emplace_back(format.extension);
+        return all;
+    }();
+    return extensions;
+}
+
+void demandScene(const SceneSettings& scene)
+{
+    if (!(scene.metersPerUnit > 0 && std::isfinite(scene.metersPerUnit)))
+        throw UsageError(
+            fmt::format("meters per unit are {}; they must be above 0", scene.metersPerUnit));
+}
+
+void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& progress,
+               const SceneSettings& scene)
+{
+    const std::string extension = lowerCase(file.extension().string());
+    const auto* const format =
+        std::find_if(std::begin(kFormats), std::end(kFormats),
+                     [&](const Format& f) { return extension == f.extension; });
+    if (format == std::end(kFormats))
+        throw UsageError(fmt::format("{}: meshes are written as {}, not '{}'", file.string(),
+                                     fmt::join(meshExtensions(), ", "), extension));
+    demandScene(scene);
+    demandAttributes(mesh);
+    progress.beginStage("write mesh", double(mesh.positions.size() + mesh.triangles.size()));
+    const MeshJob job{mesh, scene, file.string(), progress};
+    writeStream(file, [&](OutputBuffer& out) { format->write(job, out); });
+    progress.endStage();
+}
+
+} // namespace mpuvdb

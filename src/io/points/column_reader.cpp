@@ -1,0 +1,322 @@
+// XYZ, PTS, PWN, TXT, CSV: one point per line, and the few things that stand before and between.
+#include "column_names.h"
+#include "files/line_reader.h"
+#include "files/text_scan.h"
+#include "readers.h"
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kSampleRows = 1000;
+
+// What the beginning of the file tells.
+struct Preamble {
+    ColumnLayout layout;
+    AttributeSet has;
+    bool tagged = false;   ///< points are lines "p x y z", others are not points
+    bool hasCount = false; ///< the first line is the number of points
+    std::uint64_t count = 0;
+    std::uint64_t nameLine = 0; ///< number of the line of names; 0: none
+    char separator = 0;         ///< of rows that have a field for each name; 0: any
+    ColumnNames comment;        ///< before the first row, the last one of words
+    ColumnNames words;          ///< a first line of words, none of them a position
+    std::string wordLine, firstRow;
+};
+
+struct Rows {
+    PointBlock points;
+    std::uint64_t counted = 0; ///< points that further lines of a single number promise
+};
+
+bool isTag(std::string_view word)
+{
+    return word.size() == 1 && word.front() >= 'a' && word.front() <= 'z';
+}
+
+class ColumnReader
+{
+public:
+    ColumnReader(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+        : mSource(source), mScalars(scalars), mProgress(progress)
+    {
+    }
+
+    FilePoints read()
+    {
+        readPreamble();
+        FilePoints result;
+        std::uint64_t counted = 0;
+        LineReader lines(mSource);
+        parseLines<Rows>(
+            lines, std::numeric_limits<std::uint64_t>::max(), mProgress,
+            [&](const LineBatch& batch, Rows& rows) {
+                rows.points.reserve(batch.lines, mBegin.has);
+                forEachLine(batch, [&](std::string_view line, std::uint64_t number) {
+                    parseLine(line, number, rows);
+                });
+            },
+            [&](Rows&& rows) {
+                counted += rows.counted;
+                if (rows.points.size() > 0) result.blocks.push_back(std::move(rows.points));
+            });
+        for (std::size_t c = 0; c < mBegin.layout.names.size(); ++c)
+            if (isNamedScalar(mBegin.layout.columns[c]) && !mBegin.layout.names[c].empty())
+                result.scalarNames.push_back(mBegin.layout.names[c]);
+        if (mBegin.hasCount) compareCount(result, counted);
+        return result;
+    }
+
+private:
+    [[noreturn]] void throwBad(std::uint64_t number, std::string_view line,
+                               const std::string& what) const
+    {
+        throw InputError(fmt::format("{}: line {}: {} {}. Export the file as numbers in columns.",
+                                     mSource.name(), number, inQuotes(line), what));
+    }
+
+    void readPreamble()
+    {
+        LineReader lines(mSource);
+        std::vector<std::vector<double>> sample;
+        std::string_view line;
+        bool first = true;
+        while (sample.size() < kSampleRows && lines.next(line)) {
+            LineScanner scan(line);
+            if (scan.atEndOrComment()) {
+                if (sample.empty()) readComment(line, lines.line());
+                continue;
+            }
+            LineScanner ahead = scan;
+            const bool tagged = isTag(ahead.word()) && (first || mBegin.tagged);
+            if (first && readFirstLine(line, lines.line())) {
+                first = false;
+                continue;
+            }
+            mBegin.tagged = mBegin.tagged || tagged;
+            first = false;
+            takeSample(line, lines.line(), sample);
+        }
+        chooseLayout(sample);
+    }
+
+    // Some programs write their names as a comment.
+    void readComment(std::string_view line, std::uint64_t number)
+    {
+        const ColumnLayout named = layoutFromNames(line, mScalars);
+        if (!named.columns.empty()) mBegin.layout = named;
+        const bool saysSomething = std::any_of(line.begin(), line.end(), [](char c) {
+            return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+        });
+        if (saysSomething) mBegin.comment = columnNames(line, number);
+    }
+
+    // A line of names, or of the number of points.
+    bool readFirstLine(std::string_view line, std::uint64_t number)
+    {
+        const ColumnLayout named = layoutFromNames(line, mScalars);
+        if (!named.columns.empty()) {
+            mBegin.layout = named;
+            mBegin.nameLine = number;
+            const char separator = columnNames(line, number).separator;
+            mBegin.separator = separator == ' ' ? '\0' : separator;
+            return true;
+        }
+        mBegin.words = columnNames(line, number);
+        mBegin.wordLine = line;
+        if (mBegin.words.areWords()) return true;
+        mBegin.words = {};
+        LineScanner scan(line);
+        std::int64_t count = 0;
+        mBegin.hasCount = scan.integer(count) && count >= 0 && scan.atEndOrComment();
+        if (mBegin.hasCount) mBegin.count = std::uint64_t(count);
+        return mBegin.hasCount;
+    }
+
+    void takeSample(std::string_view line, std::uint64_t number,
+                    std::vector<std::vector<double>>& sample)
+    {
+        LineScanner scan(line);
+        if (mBegin.tagged && scan.word() != "p") return;
+        std::vector<double> row;
+        if (sample.empty()) mBegin.separator = separatorOfFields(line);
+        if (mBegin.separator) {
+            parseFields(line, number, [&](std::size_t, double value) { row.push_back(value); });
+            sample.push_back(std::move(row));
+            return;
+        }
+        double value = 0;
+        while (!scan.atEndOrComment()) {
+            if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
+            row.push_back(value);
+        }
+        if (row.size() == 1 && mBegin.hasCount) return;
+        if (row.size() < 3) throwBad(number, line, "has fewer than three numbers");
+        if (sample.empty()) mBegin.firstRow = line;
+        if (sample.empty() || row.size() == sample.front().size()) sample.push_back(std::move(row));
+    }
+
+    /// That of the names, if it makes as many fields of the first row.
+    char separatorOfFields(std::string_view row) const
+    {
+        if (!mBegin.separator) return 0;
+        FieldScanner scan(row, mBegin.separator);
+        std::string_view field;
+        std::size_t fields = 0;
+        while (scan.next(field)) ++fields;
+        return fields == mBegin.layout.columns.size() ? mBegin.separator : '\0';
+    }
+
+    /// Call @a put(column, value) for the fields of a row; 0 for those that nobody reads, which may
+    /// be text.
+    template <class Put>
+    void parseFields(std::string_view line, std::uint64_t number, const Put& put) const
+    {
+        const std::vector<Attribute>& columns = mBegin.layout.columns;
+        FieldScanner scan(line, mBegin.separator);
+        std::string_view field;
+        std::size_t column = 0;
+        for (; column < columns.size() && scan.next(field); ++column) {
+            double value = 0;
+            LineScanner text(field);
+            const bool isRead = columns[column] != Attribute::None;
+            if (isRead && !(text.number(value) && text.atEndOrComment()))
+                throwBad(number, line,
+                         fmt::format("has {} in column {}, where a number is wanted",
+                                     field.empty() ? "nothing" : inQuotes(field), column + 1));
+            put(column, value);
+        }
+        if (column < columns.size())
+            throwBad(number, line,
+                     fmt::format("has {} fields where others have {}: the file is truncated or "
+                                 "damaged",
+                                 column, columns.size()));
+        if (scan.next(field) && !field.empty())
+            throwBad(number, line, fmt::format("has more fields than the {} of others", column));
+    }
+
+    void chooseLayout(const std::vector<std::vector<double>>& sample)
+    {
+        const std::size_t columns = sample.empty() ? 0 : sample.front().size();
+        if (!mBegin.words.names.empty()) {
+            if (mBegin.words.names.size() == columns)
+                throwNoPositions(mSource.name(), mBegin.words);
+            throwBad(mBegin.words.line, mBegin.wordLine, "is not a row of numbers");
+        }
+        if (sample.empty())
+            throw InputError(
+                fmt::format("{}: holds no points. Check what was exported.", mSource.name()));
+        if (mBegin.layout.columns.size() != columns) {
+            refuseOtherColumns(columns);
+            mBegin.layout = layoutFromValues(sample);
+        }
+        mBegin.has = AttributeSet(mBegin.layout.columns);
+        mBegin.has.colors = mBegin.has.colors && !mBegin.has.packedRgb;
+        mBegin.has.packedRgb = mBegin.has.byteColors = false;
+    }
+
+    // What names columns, but not those that are there.
+    void refuseOtherColumns(std::size_t columns) const
+    {
+        const std::size_t named = mBegin.layout.columns.size();
+        if (commentNamesColumns(mBegin.comment, mBegin.firstRow, columns))
+            throwNoPositions(mSource.name(), mBegin.comment);
+        const std::vector<Attribute>& layout = mBegin.layout.columns;
+        const bool namesFirst = named >= 3 && layout[0] == Attribute::X &&
+                                layout[1] == Attribute::Y && layout[2] == Attribute::Z;
+        if (mBegin.nameLine > 0 && !namesFirst)
+            throw InputError(fmt::format("{}: line {} names {} columns, x, y and z not the first, "
+                                         "and rows have {} numbers. Export it with a name for "
+                                         "every column.",
+                                         mSource.name(), mBegin.nameLine, named, columns));
+        if (mBegin.nameLine > 0 && columns == 2 * named && mSource.commas() == Commas::Separate)
+            throw InputError(fmt::format("{}: line {} names {} columns, and rows have twice as "
+                                         "many numbers: their commas seem to be decimal commas. "
+                                         "Export it with decimal points.",
+                                         mSource.name(), mBegin.nameLine, named));
+    }
+
+    void parseLine(std::string_view line, std::uint64_t number, Rows& rows) const
+    {
+        LineScanner scan(line);
+        if (scan.atEndOrComment() || number == mBegin.nameLine) return;
+        if (mBegin.tagged && scan.word() != "p") return;
+        RowValues row{};
+        if (mBegin.separator) {
+            parseFields(line, number, [&](std::size_t column, double value) {
+                const Attribute attribute = mBegin.layout.columns[column];
+                if (attribute != Attribute::None) row[std::size_t(attribute)] = value;
+            });
+            rows.points.append(row, mBegin.has);
+            return;
+        }
+        std::size_t column = 0;
+        for (; column < mBegin.layout.columns.size() && !scan.atEndOrComment(); ++column) {
+            double value = 0;
+            if (!scan.number(value)) throwBad(number, line, "is not a row of numbers");
+            const Attribute attribute = mBegin.layout.columns[column];
+            if (attribute == Attribute::None) continue;
+            row[std::size_t(attribute)] = value;
+        }
+        if (column == 1 && mBegin.hasCount && row[0] >= 0 && row[0] < 1e15) {
+            rows.counted += std::uint64_t(row[0]);
+            return;
+        }
+        if (column < mBegin.layout.columns.size())
+            throwBad(number, line,
+                     fmt::format("has {} numbers where others have {}: the file is truncated or "
+                                 "damaged, or its commas are decimal commas",
+                                 column, mBegin.layout.columns.size()));
+        if (!scan.atEndOrComment())
+            throwBad(number, line,
+                     fmt::format("has more numbers than the {} of others: the file is damaged, or "
+                                 "its commas are decimal commas",
+                                 column));
+        rows.points.append(row, mBegin.has);
+    }
+
+    // As many triples again as were promised are normals, in order.
+    void compareCount(FilePoints& result, std::uint64_t counted) const
+    {
+        const std::uint64_t found = result.size();
+        if (found < counted)
+            throw InputError(fmt::format("{}: promises {} points, but {} follow: the file is "
+                                         "truncated. Copy or export it again.",
+                                         mSource.name(), counted, found));
+        if (mBegin.layout.columns.size() != 3 || counted == 0 || counted != mBegin.count ||
+            found != 2 * counted) {
+            if (found > counted)
+                result.notes.push_back(
+                    fmt::format("its header says {} points, and {} are there, which all were read",
+                                counted, found));
+            return;
+        }
+        PointBlock& block = result.joined();
+        block.normals.reserve(counted);
+        for (std::size_t i = counted; i < found; ++i)
+            block.normals.push_back(block.positions[i].cast<float>());
+        block.positions.resize(counted);
+    }
+
+    const ByteSource& mSource;
+    const ScalarNames& mScalars;
+    Progress& mProgress;
+    Preamble mBegin;
+};
+
+} // namespace
+
+FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+{
+    return ColumnReader(source, scalars, progress).read();
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,83 @@
+// Points to binary PLY or XYZ text.
+#include "files/output_stream.h"
+#include "files/text_scan.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kPointsAtOnce = 1 << 12;
+
+// Calls f(i) for all points, and progress now and then.
+template <class F>
+void forEachPoint(const PointCloud& cloud, OutputBuffer& out, Progress& progress, const F& f)
+{
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        f(i);
+        if (i % kPointsAtOnce == kPointsAtOnce - 1) {
+            out.flushIfFull();
+            progress.advance(kPointsAtOnce);
+        }
+    }
+}
+
+void writePly(const PointCloud& cloud, OutputBuffer& out, Progress& progress)
+{
+    out.text(fmt::format("ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
+                         "property double x\nproperty double y\nproperty double z\n",
+                         cloud.size()));
+    if (!cloud.normals.empty())
+        out.text("property float nx\nproperty float ny\nproperty float nz\n");
+    if (!cloud.confidence.empty()) out.text("property float confidence\n");
+    if (!cloud.colors.empty())
+        out.text("property uchar red\nproperty uchar green\nproperty uchar blue\n");
+    for (const NamedScalars& scalars : cloud.scalars)
+        out.text(fmt::format("property float {}\n", identifier(scalars.name)));
+    out.text("end_header\n");
+    forEachPoint(cloud, out, progress, [&](std::size_t i) {
+        const Vec3d p = cloud.world(i);
+        out.append(p.data(), sizeof(double) * 3);
+        if (!cloud.normals.empty()) out.append(cloud.normals[i].data(), sizeof(float) * 3);
+        if (!cloud.confidence.empty()) out.value(cloud.confidence[i]);
+        if (!cloud.colors.empty()) out.append(cloud.colors[i].data(), 3);
+        for (const NamedScalars& scalars : cloud.scalars) out.value(scalars.values[i]);
+    });
+}
+
+// Shortest decimals that give the same numbers back.
+void writeText(const PointCloud& cloud, OutputBuffer& out, Progress& progress)
+{
+    forEachPoint(cloud, out, progress, [&](std::size_t i) {
+        const Vec3d p = cloud.world(i);
+        fmt::format_to(std::back_inserter(out.bytes()), "{} {} {}", p[0], p[1], p[2]);
+        if (!cloud.normals.empty()) {
+            const Vec3f& n = cloud.normals[i];
+            fmt::format_to(std::back_inserter(out.bytes()), " {} {} {}", n[0], n[1], n[2]);
+        }
+        out.text("\n");
+    });
+}
+
+} // namespace
+
+void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress)
+{
+    const std::string extension = lowerCase(file.extension().string());
+    const bool text = extension == ".xyz" || extension == ".txt" || extension == ".pwn";
+    if (!text && extension != ".ply" && file != "-")
+        throw UsageError(fmt::format("{}: points are written as .ply or .xyz, not '{}'",
+                                     file.string(), extension));
+    progress.beginStage("write points", double(cloud.size()));
+    writeStream(file,
+                [&](OutputBuffer& out) { (text ? writeText : writePly)(cloud, out, progress); });
+    progress.endStage();
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,37 @@
+// One reader per format. All throw InputError for what is malformed, with the place and the cure,
+// take no more memory than the bytes present call for, and can be stopped. PLY, PCD, LAS and
+// columns with names have scalars; the others have none.
+#pragma once
+#include "files/byte_source.h"
+#include "raw_points.h"
+
+namespace mpuvdb
+{
+
+FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+/// XYZ, PTS, PWN, TXT, CSV: numbers in columns, told apart by their values.
+FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readPtx(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readObj(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readOff(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readStl(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+
+/// Points and triangles as the file has them, by the reader that its first bytes or its extension
+/// ask for, with those of the @a scalars that it has.
+FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scalars,
+                      Progress& progress);
+
+/// A scan of a Stanford .conf set: world = rotation * p + translation.
+struct PlacedScan {
+    std::filesystem::path file;
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    Vec3d translation = Vec3d::Zero();
+};
+/// The scans of a set that are there. Scans named without an extension and not there go to @a
+/// notes: Stanford's sets list cylindrical scans that were never given out.
+std::vector<PlacedScan> readScanSet(const std::filesystem::path& file,
+                                    std::vector<std::string>& notes, Progress& progress);
+
+} // namespace mpuvdb

@@ -1,0 +1,435 @@
+#include <mpuvdb/error.h>
+#include <mpuvdb/files.h>
+#include <mpuvdb/given_level_set.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/progress.h>
+#include <mpuvdb/sampling.h>
+
+#include "vdb_layout.h"
+#include "vdb_stream.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <mutex>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::FloatGrid;
+using openvdb::GridBase;
+namespace fs = std::filesystem;
+
+/// Registers OpenVDB's types, once.
+void initializeOpenVdb()
+{
+    static std::once_flag once;
+    std::call_once(once, [] { openvdb::initialize(); });
+}
+
+/// Run @a read on the opened file; what OpenVDB throws becomes ours.
+/// @param progress  may stop it; or null.
+template <typename Read>
+auto withVdbFile(const fs::path& file, const Progress* progress, const Read& read)
+{
+    initializeOpenVdb();
+    checkVdbLayout(file);
+    try {
+        const Progress unstoppable;
+        VdbReader archive(file, progress ? *progress : unstoppable);
+        return read(archive);
+    } catch (const Error&) {
+        throw;
+    } catch (const std::bad_alloc&) {
+        throw LimitError(fmt::format("{}: needs more memory than it may take. Raise --max-memory, "
+                                     "or read it on a larger machine",
+                                     file.string()));
+    } catch (const std::ios::failure&) {
+        throw InputError(fmt::format("{}: ends, or cannot be read on, within a grid. Copy or write "
+                                     "it again",
+                                     file.string()));
+    } catch (const std::exception& e) {
+        throw InputError(fmt::format("{}: OpenVDB cannot read it: {}. Copy or write it again",
+                                     file.string(), e.what()));
+    }
+}
+
+bool isLevelSet(const GridBase& grid)
+{
+    return grid.getGridClass() == openvdb::GRID_LEVEL_SET && grid.isType<FloatGrid>();
+}
+
+std::string join(const std::vector<std::string>& texts)
+{
+    return fmt::format("{}", fmt::join(texts, ", "));
+}
+
+/// How a file without a level set comes to one.
+std::string wayToLevelSet(VdbReader& archive)
+{
+    bool hasPoints = false;
+    std::string uneven; // a grid of floats that isosurface() refuses
+    for (const std::string& name : archive.names()) {
+        const auto grid = archive.metadata(name);
+        hasPoints |= grid->valueType().rfind("ptdataidx", 0) == 0;
+        if (!grid->isType<FloatGrid>()) continue;
+        if (!grid->transform().isLinear() || !grid->hasUniformVoxels()) {
+            uneven = name;
+            continue;
+        }
+        const bool isFog = grid->getGridClass() == openvdb::GRID_FOG_VOLUME;
+        return fmt::format("Make one where '{}' has a value: mpuvdb isosurface {} --grid '{}' "
+                           "--value 0.5 -o surface.vdb{}",
+                           name, archive.filename(), name,
+                           isFog ? ""
+                                 : "; or with --value 0 --inside below, if it holds distances");
+    }
+    if (!uneven.empty())
+        return fmt::format(
+            "The voxels of '{}' are no cubes: resample it to uniform voxels where it "
+            "comes from, for example with Houdini's VDB Resample; mpuvdb isosurface "
+            "then makes a level set of it",
+            uneven);
+    if (hasPoints)
+        return "Points are for mpuvdb reconstruct: write them as .ply where they come from";
+    return "Write the surface itself beside them where they come from, as a grid of floats of the "
+           "class level set";
+}
+
+/// The name in the file of the level set that is meant.
+std::string chooseLevelSet(VdbReader& archive, const std::string& wanted)
+{
+    std::vector<std::string> there, levelSets;
+    for (const std::string& name : archive.names()) {
+        const auto grid = archive.metadata(name);
+        there.push_back(fmt::format("'{}' ({}, {})", name,
+                                    GridBase::gridClassToString(grid->getGridClass()),
+                                    grid->valueType()));
+        if (isLevelSet(*grid)) levelSets.push_back(name);
+    }
+    const auto has = [&](const std::string& name) {
+        return std::find(levelSets.begin(), levelSets.end(), name) != levelSets.end();
+    };
+    std::string name = wanted.empty() ? "surface" : wanted;
+    if (has(name)) return name;
+    if (wanted.empty() && levelSets.size() == 1) return levelSets[0];
+    const std::string all = there.empty() ? "no grid at all" : join(there);
+    if (!wanted.empty())
+        throw InputError(fmt::format(
+            "{}: has no float level set called '{}', but {}. {}", archive.filename(), wanted, all,
+            levelSets.empty() ? wayToLevelSet(archive) : "Name one of its level sets"));
+    if (levelSets.empty())
+        throw InputError(fmt::format("{}: has no float level set, but {}. {}", archive.filename(),
+                                     all, wayToLevelSet(archive)));
+    throw InputError(fmt::format("{}: has several level sets: {}. Say which by its name",
+                                 archive.filename(), join(levelSets)));
+}
+
+/// Reads the grids of a file as long as they fit into memory. OpenVDB and Blosc do not survive it
+/// where it ends while they read.
+class GridReader
+{
+public:
+    /// @param maxBytes  for all of them; 0: no limit.
+    GridReader(VdbReader& archive, std::uint64_t maxBytes) : mArchive(archive), mMaxBytes(maxBytes)
+    {
+    }
+
+    /// @throws LimitError by what the file says of the grid; a file that does not is believed.
+    GridBase::Ptr read(const std::string& name)
+    {
+        constexpr double kOverhead = 1.1; // of reading
+        const auto said = mArchive.metadata(name)->getMetadata<openvdb::Int64Metadata>(
+            GridBase::META_FILE_MEM_BYTES);
+        mBytes += said ? kOverhead * double(std::max<std::int64_t>(said->value(), 0)) : 0;
+        if (mMaxBytes > 0 && mBytes > double(mMaxBytes))
+            throw LimitError(fmt::format("{}: grid '{}' takes {:.0f} MB with what is read before "
+                                         "it, and {:.0f} are allowed. Allow more memory, or write "
+                                         "it with larger voxels",
+                                         mArchive.filename(), name, mBytes / 1e6,
+                                         double(mMaxBytes) / 1e6));
+        return mArchive.read(name);
+    }
+
+private:
+    VdbReader& mArchive;
+    std::uint64_t mMaxBytes;
+    double mBytes = 0;
+};
+
+/// @param notes  get the file's name too. @param progress  may stop it; or null.
+LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Purpose purpose,
+                    std::vector<std::string>& notes, const Progress* progress = nullptr)
+{
+    try {
+        const Progress unstoppable;
+        const Progress& check = progress ? *progress : unstoppable;
+        std::vector<std::string> said;
+        LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said, check);
+        if (purpose == Purpose::Modelling)
+            demandDistances(levelSet,
+                            fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
+                                        "--value 0 --inside below -o surface.vdb",
+                                        file.string(), grid->getName()),
+                            check);
+        for (const std::string& note : said) notes.push_back(file.string() + ": " + note);
+        return levelSet;
+    } catch (const InputError& e) {
+        throw InputError(fmt::format("{}: {}", file.string(), e.what()));
+    }
+}
+
+/// OpenVDB's writer onto a stream of ours: its File cannot be stopped.
+class Writer : public openvdb::io::Archive
+{
+public:
+    Writer()
+    {
+        setCompression(
+            openvdb::io::COMPRESS_ACTIVE_MASK |
+            (hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC : openvdb::io::COMPRESS_ZIP));
+    }
+    void writeTo(std::ostream& out, openvdb::GridCPtrVec grids, const Progress& progress) const
+    {
+        for (GridBase::ConstPtr& grid : grids) grid = compressingInParallel(grid, progress);
+        Archive::write(out, grids, /*seekable=*/true, {});
+    }
+};
+
+/// The grid with our metadata; the tree is shared, and the statistics are the writer's.
+FloatGrid::ConstPtr described(const LevelSet& levelSet,
+                              const std::map<std::string, std::string>& metadata)
+{
+    const FloatGrid& grid = levelSet.grid();
+    openvdb::MetaMap items(grid);
+    for (const auto& [key, value] : metadata) {
+        items.removeMeta(key);
+        items.insertMeta(key, openvdb::StringMetadata(value));
+    }
+    return openvdb::gridConstPtrCast<FloatGrid>(grid.copyReplacingMetadata(items));
+}
+
+/// Say format 224, which more programs read, where nothing differs from it: newer OpenVDBs write
+/// 225 whatever they write, and mean a type of grids (half) that it allows.
+void sayOldestFormat(const fs::path& file, const openvdb::GridCPtrVec& grids)
+{
+    constexpr std::uint32_t kFormat = 224;
+    const auto isHalf = [](const auto& grid) { return grid->valueType() == "half"; };
+    if (openvdb::OPENVDB_FILE_VERSION <= kFormat || std::any_of(grids.begin(), grids.end(), isHalf))
+        return;
+    std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
+    stream.exceptions(std::ios::failbit | std::ios::badbit);
+    stream.seekp(kVdbVersionOffset);
+    stream.write(reinterpret_cast<const char*>(&kFormat), sizeof kFormat);
+    stream.close();
+}
+
+/// Replace the random identifier by one that the content gives: same grid, same bytes.
+void identifyByContent(const fs::path& file)
+{
+    std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
+    stream.exceptions(std::ios::failbit | std::ios::badbit);
+    const std::string blank(kVdbUuidSize, '0');
+    stream.seekp(kVdbUuidOffset);
+    stream.write(blank.data(), std::streamsize(blank.size()));
+    stream.seekg(0);
+    // Two FNV-1a hashes of 64-bit words.
+    std::array<std::uint64_t, 2> hash = {0xcbf29ce484222325u, 0x6c62272e07bb0142u};
+    std::vector<std::uint64_t> words(1 << 16);
+    for (auto left = fs::file_size(file); left > 0;) {
+        const std::size_t bytes = std::min<std::size_t>(left, words.size() * sizeof words[0]);
+        words[(bytes - 1) / sizeof words[0]] = 0;
+        stream.read(reinterpret_cast<char*>(words.data()), std::streamsize(bytes));
+        for (std::size_t w = 0; w * sizeof words[0] < bytes; ++w)
+            hash[w % 2] = (hash[w % 2] ^ words[w]) * 0x100000001b3u ^ (hash[w % 2] >> 29);
+        left -= bytes;
+    }
+    const std::string uuid =
+        fmt::format("{:08x}-{:04x}-8{:03x}-{:04x}-{:012x}", hash[0] >> 32, hash[0] >> 16 & 0xffff,
+                    hash[0] & 0xfff, (hash[1] >> 48 & 0x3fff) | 0x8000, hash[1] & 0xffffffffffffu);
+    stream.seekp(kVdbUuidOffset);
+    stream.write(uuid.data(), std::streamsize(uuid.size()));
+    stream.close();
+}
+
+void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids, const Progress& progress)
+{
+    StoppableBuffer buffer(progress);
+    if (!buffer.open(file, std::ios::out | std::ios::binary | std::ios::trunc))
+        throw IoError(
+            fmt::format("{}: cannot be opened for writing. Write elsewhere", file.string()));
+    std::ostream out(&buffer);
+    out.exceptions(std::ios::failbit | std::ios::badbit);
+    Writer().writeTo(out, grids, progress);
+    if (!buffer.close()) out.setstate(std::ios::badbit);
+}
+
+/// Read back what a reader sees first.
+void verify(const fs::path& temporary, const fs::path& file, const openvdb::GridCPtrVec& grids)
+{
+    // In any order: of grids with one name the file has names of its own.
+    std::vector<std::int64_t> written, there;
+    for (const GridBase::ConstPtr& grid : grids)
+        written.push_back(std::int64_t(grid->activeVoxelCount()));
+    withVdbFile(temporary, nullptr, [&](VdbReader& archive) {
+        for (const std::string& name : archive.names()) {
+            const auto read = archive.metadata(name);
+            const auto voxels =
+                read->getMetadata<openvdb::Int64Metadata>(GridBase::META_FILE_VOXEL_COUNT);
+            there.push_back(voxels ? voxels->value() : -1);
+        }
+    });
+    std::sort(written.begin(), written.end());
+    std::sort(there.begin(), there.end());
+    if (written != there)
+        throw IoError(fmt::format("{}: what was written does not read back. Write to another disk",
+                                  file.string()));
+}
+
+} // namespace
+
+LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64_t maxBytes,
+                      Purpose purpose, Progress* progress)
+{
+    const auto grid = withVdbFile(file, progress, [&](VdbReader& archive) {
+        return GridReader(archive, maxBytes).read(chooseLevelSet(archive, name));
+    });
+    std::vector<std::string> notes;
+    LevelSet levelSet = toLevelSet(file, grid, purpose, notes, progress);
+    if (progress)
+        for (std::string& note : notes) progress->note(std::move(note));
+    return levelSet;
+}
+
+LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std::uint64_t maxBytes)
+{
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+        const std::string chosen = chooseLevelSet(archive, name);
+        GridReader reader(archive, maxBytes);
+        GridBase::Ptr levelSet;
+        openvdb::GridCPtrVec others;
+        for (const std::string& item : archive.names()) {
+            const GridBase::Ptr grid = reader.read(item);
+            if (item == chosen)
+                levelSet = grid;
+            else
+                others.push_back(grid);
+        }
+        std::vector<std::string> notes;
+        const LevelSet taken = toLevelSet(file, levelSet, Purpose::Modelling, notes);
+        return LevelSetFile{taken, std::move(others), std::move(notes)};
+    });
+}
+
+FloatGridFile readFloatGridFile(const fs::path& file, const std::string& name,
+                                std::uint64_t maxBytes)
+{
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+        GridReader reader(archive, maxBytes);
+        FloatGridFile result;
+        std::vector<std::string> there;
+        for (const std::string& item : archive.names()) {
+            const GridBase::Ptr grid = reader.read(item);
+            there.push_back(fmt::format("'{}' ({})", item, grid->valueType()));
+            if (!result.grid && grid->isType<FloatGrid>() && (name.empty() || item == name))
+                result.grid = openvdb::gridPtrCast<FloatGrid>(grid);
+            else
+                result.others.push_back(grid);
+        }
+        if (!result.grid)
+            throw InputError(fmt::format("{}: has no grid of floats{}, but {}. Name one of floats",
+                                         archive.filename(),
+                                         name.empty() ? "" : " called '" + name + "'",
+                                         there.empty() ? "no grid at all" : join(there)));
+        return result;
+    });
+}
+
+FloatGrid::Ptr readCoverage(const fs::path& file, std::uint64_t maxBytes)
+{
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+        std::vector<std::string> there;
+        for (const std::string& name : archive.names()) {
+            const auto grid = archive.metadata(name);
+            if (name == kCoverageName && grid->isType<FloatGrid>() && grid->transform().isLinear())
+                return openvdb::gridPtrCast<FloatGrid>(GridReader(archive, maxBytes).read(name));
+            there.push_back("'" + name + "'");
+        }
+        throw InputError(fmt::format("{}: has no float grid '{}' that says where data support the "
+                                     "surface, but {}. Write one beside it with mpuvdb reconstruct "
+                                     "--coverage",
+                                     archive.filename(), kCoverageName,
+                                     there.empty() ? "no grid at all" : join(there)));
+    });
+}
+
+std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
+                                              const std::vector<std::string>& names,
+                                              std::uint64_t maxBytes)
+{
+    std::vector<GridBase::Ptr> grids(names.size());
+    if (names.empty()) return grids;
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+        GridReader reader(archive, maxBytes);
+        for (const std::string& there : archive.names()) {
+            const auto found = std::find(names.begin(), names.end(), there);
+            if (found == names.end()) continue;
+            const auto grid = archive.metadata(there);
+            if (grid->isType<FloatGrid>() || grid->isType<openvdb::Vec3SGrid>())
+                grids[std::size_t(found - names.begin())] = reader.read(there);
+        }
+        return grids;
+    });
+}
+
+openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes,
+                              const Progress* progress)
+{
+    return withVdbFile(file, progress, [&](VdbReader& archive) {
+        GridReader reader(archive, maxBytes);
+        openvdb::GridPtrVec grids;
+        for (const std::string& item : archive.names()) grids.push_back(reader.read(item));
+        return grids;
+    });
+}
+
+void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
+                   const std::map<std::string, std::string>& metadata, Progress& progress,
+                   const openvdb::GridCPtrVec& beside)
+{
+    openvdb::GridCPtrVec grids{described(levelSet, metadata)};
+    grids.insert(grids.end(), beside.begin(), beside.end());
+    writeGrids(file, grids, progress);
+}
+
+void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids, Progress& progress)
+{
+    initializeOpenVdb();
+    progress.beginStage("write", 1);
+    writeAtomically(file, [&](const fs::path& temporary) {
+        try {
+            writeStream(temporary, grids, progress);
+            sayOldestFormat(temporary, grids);
+            identifyByContent(temporary);
+        } catch (const std::ios::failure& e) {
+            throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to "
+                                      "another disk",
+                                      file.string(), e.what()));
+        } catch (const openvdb::Exception& e) {
+            throw IoError(
+                fmt::format("{}: OpenVDB cannot write it: {}. Free some space, or write to "
+                            "another disk",
+                            file.string(), e.what()));
+        }
+        progress.check();
+        verify(temporary, file, grids);
+    });
+    progress.advance();
+    progress.endStage();
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,235 @@
+#include "combine.h"
+
+#include "csg_tree.h"
+#include "distance/measure_voxels.h"
+#include "distance/redistance.h"
+#include "distance/restore_distance.h"
+#include "grid/band_limits.h"
+#include "grid/prune.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
+
+#include <openvdb/tools/ChangeBackground.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using openvdb::FloatGrid;
+using openvdb::FloatTree;
+using Leaf = FloatTree::LeafNodeType;
+
+/// Half-widths (and backgrounds) that differ by less pass for one.
+constexpr double kSameWidth = 1e-5;
+/// Voxels that the inputs' bands need beyond the ball's path to be interpolated there.
+constexpr double kAroundPath = 2.5;
+/// How often distances are restored where some may err, at most: values made anew move crossings
+/// that others were measured to.
+constexpr int kMostRestored = 4;
+
+/// @a tree with @a background; a copy only if it has another.
+FloatTree::ConstPtr withBackground(const FloatTree::ConstPtr& tree, float background)
+{
+    if (tree->background() == background) return tree;
+    const auto copy = std::make_shared<FloatTree>(*tree);
+    openvdb::tools::changeLevelSetBackground(*copy, background);
+    return copy;
+}
+
+bool hasInside(const FloatTree& tree)
+{
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
+        const float* const values = leaf->buffer().data();
+        if (std::any_of(values, values + Leaf::SIZE, [](float v) { return v < 0; })) return true;
+    }
+    auto tile = tree.cbeginValueAll();
+    for (tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1); tile; ++tile)
+        if (*tile < 0) return true;
+    return false;
+}
+
+/// A box that holds all of the solids, world units.
+Box3d boxOf(const std::vector<LevelSet>& solids)
+{
+    Box3d box;
+    for (const LevelSet& solid : solids) {
+        openvdb::CoordBBox active;
+        if (!solid.grid().tree().evalActiveVoxelBoundingBox(active)) continue;
+        const Lattice lattice = solid.lattice();
+        for (const openvdb::Coord& corner : {active.min(), active.max()})
+            box.extend(lattice.origin +
+                       lattice.voxelSize * Vec3d(corner.x(), corner.y(), corner.z()));
+    }
+    return box;
+}
+
+/// What is read of level sets: bands of at least a width, with one background.
+struct Bands {
+    double inside = 0, outside = 0; ///< voxels
+    float background = 0;           ///< world units
+
+    FloatTree::ConstPtr treeOf(const LevelSet& solid, Progress& progress) const
+    {
+        const double least = std::max(inside, outside);
+        if (solid.halfWidth() >= least * (1 - kSameWidth))
+            return withBackground(solid.grid().constTreePtr(), background);
+        return withBackground(treeReaching(solid, {float(outside), float(inside)}, progress),
+                              background);
+    }
+};
+
+/// Two solids as one.
+class Pair
+{
+public:
+    /// @param halfWidth  of the result, voxels; the solids may know more.
+    Pair(Boolean kind, const LevelSet& a, const LevelSet& b, double halfWidth)
+        : mKind(kind), mA(a), mB(b), mHalfWidth(halfWidth), mVoxelSize(a.voxelSize())
+    {
+    }
+
+    FloatTree::Ptr sharp(Progress& progress) const
+    {
+        const float background = std::max(
+            {float(mHalfWidth * mVoxelSize), mA.grid().background(), mB.grid().background()});
+        const Bands bands{mHalfWidth, mHalfWidth, background};
+        CsgTree csg = csgTree(mKind, *bands.treeOf(mA, progress), *bands.treeOf(mB, progress),
+                              mVoxelSize, mHalfWidth, 0, progress);
+        measureUnplaced(*csg.tree, mVoxelSize, csg.known, progress);
+        restoreDistance(*csg.tree, mVoxelSize, csg.known, progress);
+        pruneBand(*csg.tree);
+        return csg.tree;
+    }
+
+    /// Change @a sharp where the ball of @a radius (world units) fillets it.
+    void fillet(FloatTree& sharp, double radius, Progress& progress) const
+    {
+        const double reach = std::max(mHalfWidth, kAroundPath) + radius / mVoxelSize;
+        const auto bands = [&](bool rollsOutside) {
+            return Bands{rollsOutside ? mHalfWidth : reach, rollsOutside ? reach : mHalfWidth,
+                         widest(reach, mA, mB)};
+        };
+        CsgTree csg;
+        {
+            const auto a = bands(mKind == Boolean::Union).treeOf(mA, progress),
+                       b = bands(mKind != Boolean::Intersection).treeOf(mB, progress);
+            csg = csgTree(mKind, *a, *b, mVoxelSize, mHalfWidth, radius, progress);
+        }
+        tell(csg, radius, progress);
+        if (csg.filleted.empty()) return;
+        copyFillet(csg, sharp, progress);
+        for (int turn = 0; turn < kMostRestored; ++turn)
+            if (restoreDistance(sharp, mVoxelSize, csg.known, progress) == 0) break;
+        pruneBand(sharp);
+    }
+
+private:
+    /// The largest background, bands of @a halfWidth voxels count too.
+    float widest(double halfWidth, const LevelSet& a, const LevelSet& b) const
+    {
+        return std::max(
+            {float(halfWidth * mVoxelSize), a.grid().background(), b.grid().background()});
+    }
+
+    /// What the user may not expect of the blend.
+    void tell(const CsgTree& csg, double radius, Progress& progress) const
+    {
+        constexpr float kWorthwhile = 0.5f; // voxels: what is shallower, no grid shows
+        if (csg.filleted.empty() && csg.isDoubtful)
+            progress.note(fmt::format("the blend changed nothing: beside the creases a ball of "
+                                      "its radius {:.4g} has no room. Take a smaller one",
+                                      radius));
+        if (csg.taken.depth < kWorthwhile) return;
+        const Vec3d at =
+            mA.lattice().origin +
+            mVoxelSize * Vec3d(csg.taken.deepest.x(), csg.taken.deepest.y(), csg.taken.deepest.z());
+        const double depth = csg.taken.depth * mVoxelSize;
+        progress.note(fmt::format("the blend took away what is thinner than its ball, up to {:.4g} "
+                                  "thick at ({:.4g}, {:.4g}, {:.4g}): radius {:.4g} has no room "
+                                  "there, {:.4g} has",
+                                  2 * depth, at.x(), at.y(), at.z(), radius, depth));
+    }
+
+    static void copyFillet(const CsgTree& from, FloatTree& to, Progress& progress)
+    {
+        openvdb::tree::ValueAccessor<FloatTree> access(to);
+        for (const LeafVoxels& leaf : from.filleted) {
+            progress.check();
+            const Leaf* const values = from.tree->probeConstLeaf(leaf.origin);
+            for (auto it = leaf.voxels.beginOn(); it; ++it) {
+                const Coord at = leaf.origin + Leaf::offsetToLocalCoord(it.pos());
+                const float v = values->getValue(it.pos());
+                if (values->isValueOn(it.pos()) && std::abs(v) < to.background())
+                    access.setValueOn(at, v);
+                else
+                    access.setValueOff(at, std::copysign(to.background(), v));
+            }
+        }
+    }
+
+    Boolean mKind;
+    const LevelSet &mA, &mB;
+    double mHalfWidth, mVoxelSize; ///< voxels; world units
+};
+
+/// The result with all that @a model says of itself but its contents.
+LevelSet likeGrid(const FloatGrid& model, const FloatTree::Ptr& tree)
+{
+    const FloatGrid::Ptr grid = FloatGrid::create(tree);
+    grid->setTransform(model.transform().copy());
+    grid->insertMeta(model);
+    for (const char* stale : {FloatGrid::META_FILE_BBOX_MIN, FloatGrid::META_FILE_BBOX_MAX,
+                              FloatGrid::META_FILE_MEM_BYTES, FloatGrid::META_FILE_VOXEL_COUNT})
+        grid->removeMeta(stale);
+    return LevelSet(grid);
+}
+
+} // namespace
+
+LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
+                 Progress& progress)
+{
+    if (inputs.empty())
+        throw UsageError("Boolean operation: there is no level set. Give at least one");
+    demandBlendRadius(blendRadius);
+    if (inputs.size() == 1) return inputs.front();
+    const std::vector<LevelSet> solids = onOneLattice(inputs, progress).levelSets;
+    double halfWidth = 0;
+    for (const LevelSet& solid : solids) halfWidth = std::max(halfWidth, solid.halfWidth());
+    return combineInBand(kind, solids, blendRadius, halfWidth, progress);
+}
+
+LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
+                       double halfWidth, Progress& progress)
+{
+    if (blendRadius > 0) {
+        const double voxelSize = inputs.front().voxelSize();
+        demandBandForBlend(blendRadius, voxelSize, std::max(halfWidth, kAroundPath));
+        demandBallForSolids(blendRadius, voxelSize, boxOf(inputs));
+    }
+    progress.beginStage("combine", double(inputs.size() - 1));
+    LevelSet result = inputs.front();
+    for (std::size_t n = 1; n < inputs.size(); ++n) {
+        const Pair pair(kind, result, inputs[n], halfWidth);
+        const FloatTree::Ptr tree = pair.sharp(progress);
+        if (blendRadius > 0) pair.fillet(*tree, blendRadius, progress);
+        result = likeGrid(inputs.front().grid(), tree);
+        progress.advance();
+    }
+    progress.endStage();
+    // What is thinner than a voxel lies between voxels: a band without an inside is of nothing.
+    if (!hasInside(result.grid().tree())) return emptyLevelSet(result.lattice(), halfWidth);
+    return result.halfWidth() > halfWidth * (1 + kSameWidth)
+               ? withHalfWidth(result, halfWidth, progress)
+               : result;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,400 @@
+#include "csg_tree.h"
+
+#include "crease.h"
+#include "distance/room_distances.h"
+#include "fill_specks.h"
+
+#include <mpuvdb/progress.h>
+
+#include <openvdb/tools/Merge.h>
+#include <openvdb/tree/NodeManager.h>
+
+#include <tbb/concurrent_vector.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using openvdb::CoordBBox;
+using openvdb::FloatTree;
+using Leaf = FloatTree::LeafNodeType;
+
+/// Voxels from a surface that say nothing of where it is.
+constexpr float kDeep = 1.5f;
+
+/// Surfaces whose gradients have less for a product run against each other: edges between them are
+/// sharper than 30 degrees.
+constexpr float kAgainst = -0.87f;
+
+/// The signs that make a union of a Boolean's solids, and it of the union.
+struct Signs {
+    float a, b, result;
+};
+
+Signs signsOf(Boolean kind)
+{
+    switch (kind) {
+    case Boolean::Union:
+        return {1, 1, 1};
+    case Boolean::Intersection:
+        return {-1, -1, -1};
+    case Boolean::Difference:
+        break;
+    }
+    return {-1, 1, -1};
+}
+
+/// A box that holds the solid.
+CoordBBox boxOf(const FloatTree& tree)
+{
+    CoordBBox box;
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
+        const float* const values = leaf->buffer().data();
+        if (std::any_of(values, values + Leaf::SIZE, [](float v) { return v < 0; }))
+            box.expand(leaf->getNodeBoundingBox());
+    }
+    auto tile = tree.cbeginValueAll();
+    tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
+    for (; tile; ++tile)
+        if (*tile < 0) box.expand(tile.getBoundingBox());
+    return box;
+}
+
+/// A box that holds what a fillet changes, of any radius, and @a halfWidth voxels about it: between
+/// solids a ball fills no more than their hull, and what it takes away was within them.
+CoordBBox wedgesOf(Boolean kind, const FloatTree& a, const FloatTree& b, double halfWidth)
+{
+    CoordBBox box = boxOf(a);
+    if (kind == Boolean::Union) box.expand(boxOf(b));
+    if (kind == Boolean::Intersection) box.intersect(boxOf(b));
+    box.expand(int(std::ceil(halfWidth)));
+    return box;
+}
+
+/// Leaves of both trees.
+class LeafCombiner
+{
+public:
+    LeafCombiner(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
+                 double halfWidth, double radius)
+        : mA(a), mB(b), mSigns(signsOf(kind)), mBackground(a.background()),
+          mVoxelSize(float(voxelSize)), mDeepest(float(halfWidth * voxelSize)),
+          mRadius(float(radius / voxelSize)), mReach(mRadius + float(halfWidth)),
+          mWedges(radius > 0 ? wedgesOf(kind, a, b, halfWidth) : CoordBBox::inf()),
+          mNearA(nearOf(a, mSigns.a)), mNearB(nearOf(b, mSigns.b))
+    {
+    }
+
+    void combine(Leaf& leaf) const
+    {
+        const Leaf* const a = mA.probeConstLeaf(leaf.origin());
+        const Leaf* const b = mB.probeConstLeaf(leaf.origin());
+        if (a && b) mergeValues(*a, *b, leaf);
+        const CoordBBox box = leaf.getNodeBoundingBox();
+        if (!mWedges.hasOverlap(box)) return;
+        if (a && b && mRadius == 0) {
+            Leaf::NodeMaskType inBoth = a->getValueMask();
+            inBoth &= b->getValueMask();
+            if (!inBoth.isOff()) fillWedges(inBoth, leaf);
+        } else if (mRadius > 0 && (a || mNearA.hasOverlap(box)) && (b || mNearB.hasOverlap(box))) {
+            Leaf::NodeMaskType inEither;
+            if (a) inEither |= a->getValueMask();
+            if (b) inEither |= b->getValueMask();
+            if (!inEither.isOff()) fillWedges(inEither, leaf);
+        }
+    }
+
+    /// What is known, in order.
+    std::vector<KnownVoxels> known() const
+    {
+        std::vector<KnownVoxels> inOrder(mKnown.begin(), mKnown.end());
+        std::sort(inOrder.begin(), inOrder.end(),
+                  [](const KnownVoxels& a, const KnownVoxels& b) { return a.origin < b.origin; });
+        return inOrder;
+    }
+    bool isFilletDoubtful() const { return !mUnsettled.empty(); }
+    std::vector<LeafVoxels> filleted() const { return {mFilleted.begin(), mFilleted.end()}; }
+
+    /// Where creases do not tell all of a fillet, what they tell of the rest may be wrong, too:
+    /// give its voxels the distance to what is the nearest place for the ball of all.
+    void settleFillet(FloatTree& tree, Progress& progress) const
+    {
+        if (mUnsettled.empty()) return;
+        const std::vector<FilletLeaf> fillet = filletByLeaf();
+        std::vector<Coord> origins;
+        origins.reserve(fillet.size());
+        for (const FilletLeaf& leaf : fillet) origins.push_back(leaf.origin);
+        const ScaledSolid a{mA, mSigns.a / mVoxelSize}, b{mB, mSigns.b / mVoxelSize};
+        const auto room = [&](const ScaledSolid& one, const ScaledSolid& other) {
+            return roomDistances(one, other, mRadius, mReach + mRadius, origins, progress);
+        };
+        const auto besideA = room(a, a), besideB = room(b, b), between = room(a, b);
+        mFilleted.clear();
+        mFilled.clear();
+        tbb::parallel_for(std::size_t(0), fillet.size(), [&](std::size_t n) {
+            progress.check();
+            Leaf& leaf = *tree.probeLeaf(origins[n]);
+            LeafVoxels filleted{origins[n], {}};
+            for (auto it = fillet[n].voxels.beginOn(); it; ++it) {
+                const openvdb::Index i = it.pos();
+                const float farther = between[n][i] - std::max(besideA[n][i], besideB[n][i]);
+                filleted.voxels.set(i, settle(farther, fillet[n].told.isOn(i), i, leaf));
+            }
+            if (!filleted.voxels.isOff()) mFilleted.push_back(filleted);
+        });
+    }
+
+    /// What the ball has filled outside both solids.
+    Fill fill() const
+    {
+        const auto ball = std::size_t(4.0 / 3 * M_PI * double(mRadius) * mRadius * mRadius);
+        return {{mFilled.begin(), mFilled.end()}, ball, [this](const Coord& at) {
+                    const float u = mSigns.a * mA.getValue(at), v = mSigns.b * mB.getValue(at);
+                    return mWedges.isInside(at) && std::max(u, v) < mRadius * mVoxelSize;
+                }};
+    }
+
+    /// Of what is solid in an intersection or difference.
+    TakenAway taken() const
+    {
+        TakenAway taken;
+        if (mSigns.result > 0) return taken;
+        const SolidReader a(mA, mSigns.a / mVoxelSize), b(mB, mSigns.b / mVoxelSize);
+        for (const Coord& at : mFilled) {
+            const Vec3f ga = a.gradientAt(at), gb = b.gradientAt(at);
+            if (!a.isInBand(at) || !b.isInBand(at) || ga.dot(gb) > kAgainst) continue;
+            const float depth = std::min(a.valueAt(at), b.valueAt(at));
+            const bool isFirst = depth == taken.depth && at < taken.deepest;
+            if (!(depth > taken.depth) && !isFirst) continue;
+            taken.depth = depth;
+            taken.deepest = at;
+        }
+        return taken;
+    }
+
+private:
+    void mergeValues(const Leaf& a, const Leaf& b, Leaf& leaf) const
+    {
+        const float *const as = a.buffer().data(), *const bs = b.buffer().data();
+        float* const values = leaf.buffer().data();
+        const float background = mSigns.result * mBackground;
+        Leaf::NodeMaskType active;
+        for (openvdb::Index i = 0; i < Leaf::SIZE; ++i) {
+            const float u = mSigns.a * as[i], v = mSigns.b * bs[i];
+            const bool on = (u <= v && a.isValueOn(i)) || (v <= u && b.isValueOn(i));
+            active.set(i, on);
+            // No zero below zero: its sign counts where distances are restored.
+            values[i] = on ? mSigns.result * std::min(u, v) + 0.0f
+                           : std::copysign(background, mSigns.result * std::min(u, v));
+        }
+        leaf.setValueMask(active);
+    }
+
+    void fillWedges(const Leaf::NodeMaskType& voxels, Leaf& leaf) const
+    {
+        const float highest = mRadius + kTouching, deepest = -mDeepest / mVoxelSize;
+        const SolidReader a(mA, mSigns.a / mVoxelSize), b(mB, mSigns.b / mVoxelSize);
+        const CreaseFinder finder(a, b, mRadius, mReach);
+        KnownVoxels known{leaf.origin(), Leaf::NodeMaskType(mRadius == 0)};
+        LeafVoxels unsettled{leaf.origin(), {}}, filleted{leaf.origin(), {}};
+        for (auto it = voxels.beginOn(); it; ++it) {
+            const openvdb::Index i = it.pos();
+            const Coord at = leaf.offsetToGlobalCoord(i);
+            const float least = std::min(a.valueAt(at), b.valueAt(at));
+            if (least > highest) continue;
+            if (least <= deepest) {
+                known.exact.setOff(i);
+                continue;
+            }
+            const CreaseFinder::Answer answer = finder.find(at);
+            if (mRadius == 0 && !isPlaced(answer)) {
+                known.unplaced.setOn(i);
+                known.exact.setOff(i);
+                known.isDoubtful = true;
+                // A guess, so deep that the surface is not measured by it.
+                if (answer.place == CreaseFinder::Place::Crease && least < -kDeep)
+                    place(answer, i, leaf);
+                // Where two solids touch, values are 0, and all is inside.
+                if (answer.place == CreaseFinder::Place::Buried && least >= 0)
+                    leaf.setValueOnly(i, -mSigns.result * std::numeric_limits<float>::min());
+                continue;
+            }
+            known.placed.setOn(i);
+            const bool isKnown = place(answer, i, leaf);
+            const bool isCrease = answer.place == CreaseFinder::Place::Crease;
+            if (mRadius > 0 && isCrease && answer.isSure)
+                filleted.voxels.setOn(i);
+            else if (mRadius > 0 && (isCrease || !isKnown))
+                unsettled.voxels.setOn(i);
+            known.isDoubtful |= !isKnown;
+            known.exact.set(i, isKnown && (mRadius == 0 || answer.isSure));
+            if (least >= 0 && mSigns.result * leaf.getValue(i) < 0) mFilled.push_back(at);
+        }
+        if (mRadius == 0 || known.isDoubtful || !filleted.voxels.isOff()) mKnown.push_back(known);
+        if (!filleted.voxels.isOff()) mFilleted.push_back(filleted);
+        if (!unsettled.voxels.isOff()) mUnsettled.push_back(unsettled);
+    }
+
+    /// Whether a sharp union's value is known by the answer.
+    static bool isPlaced(const CreaseFinder::Answer& answer)
+    {
+        return answer.place == CreaseFinder::Place::Surface ||
+               (answer.place == CreaseFinder::Place::Crease && answer.isSure);
+    }
+
+    /// A box that holds all places from which a solid, or its complement, can be in the way of a
+    /// ball that touches the other one where that is nearest.
+    CoordBBox nearOf(const FloatTree& tree, float sign) const
+    {
+        if (mRadius == 0) return {};
+        if (sign < 0) return CoordBBox::inf();
+        CoordBBox box = boxOf(tree);
+        box.expand(int(std::ceil(2 * mRadius)));
+        return box;
+    }
+
+    /// @return whether the value is known.
+    bool place(const CreaseFinder::Answer& answer, openvdb::Index voxel, Leaf& leaf) const
+    {
+        using Place = CreaseFinder::Place;
+        if (answer.place == Place::Surface) return true;
+        const float deepest = -mSigns.result * mBackground;
+        const bool isCrease = answer.place == Place::Crease;
+        if (isCrease && answer.distance < mReach) {
+            leaf.setValueOn(voxel, mSigns.result * (mRadius - answer.distance) * mVoxelSize);
+            return true;
+        }
+        if (isCrease) leaf.setValueOff(voxel, deepest);
+        return false;
+    }
+
+    /// A leaf's voxels of the fillet, and those of them that creases tell.
+    struct FilletLeaf {
+        Coord origin;
+        Leaf::NodeMaskType voxels, told;
+    };
+
+    /// In order.
+    std::vector<FilletLeaf> filletByLeaf() const
+    {
+        std::vector<FilletLeaf> parts;
+        for (const LeafVoxels& leaf : mUnsettled) parts.push_back({leaf.origin, leaf.voxels, {}});
+        for (const LeafVoxels& leaf : mFilleted)
+            parts.push_back({leaf.origin, leaf.voxels, leaf.voxels});
+        std::sort(parts.begin(), parts.end(),
+                  [](const FilletLeaf& l, const FilletLeaf& r) { return l.origin < r.origin; });
+        std::vector<FilletLeaf> leaves;
+        for (const FilletLeaf& part : parts) {
+            if (leaves.empty() || leaves.back().origin != part.origin)
+                leaves.push_back({part.origin, {}, {}});
+            leaves.back().voxels |= part.voxels;
+            leaves.back().told |= part.told;
+        }
+        return leaves;
+    }
+
+    /// The ball also bridges the hollows of either solid alone: only by how much @a farther it
+    /// keeps off both, in voxels, is the fillet's. @param isTold  whether the leaf has what a
+    /// crease tells. @return whether that is anything.
+    bool settle(float farther, bool isTold, openvdb::Index voxel, Leaf& leaf) const
+    {
+        constexpr float kNothing = 0.02f; // by which the distances may differ
+        constexpr float kAgrees = 0.3f;   // with a crease, which tells more exactly
+        const Coord at = leaf.offsetToGlobalCoord(voxel);
+        const float least = std::min(mSigns.a * mA.getValue(at), mSigns.b * mB.getValue(at));
+        const float told = mSigns.result * leaf.getValue(voxel);
+        const auto inBand = [&](float v) { return std::max(v, -mDeepest); };
+        float value = farther > kNothing ? least - farther * mVoxelSize : least;
+        if (isTold && inBand(value) - inBand(told) < kAgrees * mVoxelSize) value = told;
+        if (value > -mDeepest)
+            leaf.setValueOn(voxel, mSigns.result * value);
+        else
+            leaf.setValueOff(voxel, -mSigns.result * mBackground);
+        if (least >= 0 && value < 0) mFilled.push_back(at);
+        return value != least;
+    }
+
+    const FloatTree &mA, &mB;
+    Signs mSigns;
+    float mBackground, mVoxelSize; ///< world units
+    float mDeepest;                ///< to where values count, world units
+    float mRadius, mReach;         ///< voxels; to the ball's path where values count
+    CoordBBox mWedges;             ///< no fillet is outside
+    CoordBBox mNearA, mNearB;      ///< outside, the solid is in the way of no ball; see nearOf()
+    mutable tbb::concurrent_vector<KnownVoxels> mKnown;    ///< in any order
+    mutable tbb::concurrent_vector<LeafVoxels> mUnsettled; ///< of a fillet, in any order
+    mutable tbb::concurrent_vector<LeafVoxels> mFilleted;  ///< in any order
+    mutable tbb::concurrent_vector<Coord> mFilled;         ///< in any order
+};
+
+/// OpenVDB's merge of nodes and tiles, with leaves of our own, and stoppable.
+template <typename Merge>
+struct Merger {
+    const Merge& merge;
+    const LeafCombiner& leaves;
+    Progress& progress;
+
+    template <typename Node>
+    bool operator()(Node& node, std::size_t index) const
+    {
+        progress.check();
+        return merge(node, index);
+    }
+    bool operator()(Leaf& leaf, std::size_t) const
+    {
+        progress.check();
+        leaves.combine(leaf);
+        return false;
+    }
+};
+
+template <typename Merge>
+void mergeInto(FloatTree& tree, const FloatTree& other, const LeafCombiner& leaves,
+               Progress& progress)
+{
+    const Merge merge(other, openvdb::DeepCopy());
+    openvdb::tree::DynamicNodeManager<FloatTree> nodes(tree);
+    nodes.foreachTopDown(Merger<Merge>{merge, leaves, progress});
+}
+
+} // namespace
+
+CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
+                double halfWidth, double radius, Progress& progress)
+{
+    const LeafCombiner leaves(kind, a, b, voxelSize, halfWidth, radius);
+    progress.check();
+    // The copy cannot be stopped: it takes less than the 30 ms of a whole union of 8 M voxels.
+    auto tree = std::make_shared<FloatTree>(a);
+    progress.check();
+    using namespace openvdb::tools;
+    switch (kind) {
+    case Boolean::Union:
+        mergeInto<CsgUnionOp<FloatTree>>(*tree, b, leaves, progress);
+        break;
+    case Boolean::Intersection:
+        mergeInto<CsgIntersectionOp<FloatTree>>(*tree, b, leaves, progress);
+        break;
+    case Boolean::Difference:
+        mergeInto<CsgDifferenceOp<FloatTree>>(*tree, b, leaves, progress);
+        break;
+    }
+    leaves.settleFillet(*tree, progress);
+    const std::vector<Coord> mended = mendFill(*tree, leaves.fill(), progress);
+    CsgTree result{tree, leaves.filleted(), leaves.known(),
+                   !mended.empty() || leaves.isFilletDoubtful(), leaves.taken()};
+    for (const Coord& at : mended) {
+        result.filleted.push_back({at & ~(int(Leaf::DIM) - 1), {}});
+        result.filleted.back().voxels.setOn(Leaf::coordToOffset(at));
+    }
+    return result;
+}
+
+} // namespace mpuvdb

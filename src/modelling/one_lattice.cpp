@@ -1,0 +1,107 @@
+#include "one_lattice.h"
+
+#include "resample.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/operations.h>
+
+#include <algorithm>
+#include <fmt/format.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Voxel sizes pass through files as text or floats; lattices so near drift apart by less than a
+/// hundredth of a voxel over ten thousand.
+constexpr double kSameSize = 1e-6;
+/// Voxels by which origins may differ.
+constexpr double kSameOrigin = 1e-4;
+/// Of the voxels that there are. [derived: 8 x 8, where each voxel becomes a leaf; see
+/// demandFewVoxels()]
+constexpr double kMostTimes = 64;
+
+bool isSame(const Lattice& a, const Lattice& b)
+{
+    return std::abs(a.voxelSize - b.voxelSize) <= kSameSize * b.voxelSize &&
+           (a.origin - b.origin).cwiseAbs().maxCoeff() <= kSameOrigin * b.voxelSize;
+}
+
+/// The first of the inputs with the smallest voxels, or with voxels of @a voxelSize > 0.
+std::optional<std::size_t> findModel(const std::vector<LevelSet>& inputs, double voxelSize)
+{
+    std::optional<std::size_t> model;
+    for (std::size_t n = 0; n < inputs.size(); ++n) {
+        const double size = inputs[n].voxelSize();
+        const bool isFiner = !model || size < inputs[*model].voxelSize() * (1 - kSameSize);
+        const bool isWanted = !model && std::abs(size - voxelSize) <= kSameSize * voxelSize;
+        if (voxelSize > 0 ? isWanted : isFiner) model = n;
+    }
+    return model;
+}
+
+Lattice latticeAbout(const std::vector<LevelSet>& inputs, double voxelSize)
+{
+    Box3d box;
+    for (const LevelSet& input : inputs) box.extend(Shape(input).bounds());
+    if (box.isEmpty()) box.extend(Vec3d(Vec3d::Zero()));
+    return latticeFor(box, voxelSize);
+}
+
+void demandFewVoxels(const std::vector<LevelSet>& inputs, const Lattice& lattice)
+{
+    std::vector<Resampled> grids;
+    grids.reserve(inputs.size());
+    for (const LevelSet& input : inputs)
+        grids.push_back({double(input.grid().activeVoxelCount()), input.voxelSize(),
+                         lattice.voxelSize, input.halfWidth()});
+    demandFewVoxels(grids);
+}
+
+} // namespace
+
+void demandFewVoxels(const std::vector<Resampled>& grids)
+{
+    double now = 0, then = 0, bytes = 0, coarsest = 0, finest = 0;
+    for (const Resampled& grid : grids) {
+        const double times = grid.voxelSize / grid.to; // a surface's voxels by its square
+        now += grid.voxels;
+        then += grid.voxels * times * times;
+        const double area = grid.voxels * grid.voxelSize * grid.voxelSize / (2 * grid.halfWidth);
+        bytes += (1 + kResamplingGrids) * gridBytes(area, grid.to, grid.halfWidth);
+        coarsest = std::max(coarsest, grid.voxelSize);
+        if (!(finest > 0 && finest < grid.to)) finest = grid.to;
+    }
+    if (!(then > kMostTimes * now)) return;
+    const double fitting = finest * std::sqrt(then / (kMostTimes * now));
+    throw LimitError(fmt::format(
+        "the grids' voxels are of {:g} to {:g}: on the finest lattice their {:.3g} million voxels "
+        "become {:.3g} million, {:.0f} times as many, and about {:.3g} GB; more than {:g} times as "
+        "many are made only if asked for. Choose the result's voxels (--voxel-size, in Python "
+        "voxel_size): {:.2g} stays within that, {:g} makes them all",
+        finest, coarsest, now / 1e6, then / 1e6, then / now, bytes / 1e9, kMostTimes,
+        1.05 * fitting, finest));
+}
+
+OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress, double voxelSize)
+{
+    OneLattice result;
+    if (inputs.empty()) return result;
+    result.model = findModel(inputs, voxelSize);
+    const Lattice lattice =
+        result.model ? inputs[*result.model].lattice() : latticeAbout(inputs, voxelSize);
+    if (!(voxelSize > 0)) demandFewVoxels(inputs, lattice);
+    for (std::size_t n = 0; n < inputs.size(); ++n) {
+        const LevelSet& input = inputs[n];
+        if (isSame(input.lattice(), lattice)) {
+            result.levelSets.push_back(input);
+            continue;
+        }
+        result.levelSets.push_back(resample(input, lattice, input.halfWidth(), progress));
+        result.resampled.push_back(n);
+    }
+    return result;
+}
+
+} // namespace mpuvdb

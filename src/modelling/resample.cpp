@@ -1,0 +1,98 @@
+#include "resample.h"
+
+#include "grid/band_limits.h"
+#include "grid/transform_lattice.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Voxels that interpolation looks beyond the place: values there must be in the band.
+constexpr double kStencil = 2.5;
+/// Half-width, in voxels of the result, in which the surface is found.
+constexpr double kCrossingWidth = 2;
+/// Backgrounds are floats.
+constexpr double kRounding = 1e-6;
+
+bool isWhole(double x)
+{
+    return std::abs(x - std::round(x)) < 1e-6;
+}
+
+/// Whether each voxel of @a to is one of @a from.
+bool isPartOf(const Lattice& to, const Lattice& from)
+{
+    const Vec3d shift = (to.origin - from.origin) / from.voxelSize;
+    return isWhole(to.voxelSize / from.voxelSize) && isWhole(shift[0]) && isWhole(shift[1]) &&
+           isWhole(shift[2]);
+}
+
+/// Voxels of @a from about the band that interpolation reads.
+double beyond(const Lattice& from, const Lattice& to)
+{
+    return isPartOf(to, from) ? 0 : kStencil;
+}
+
+LevelSet emptyOn(const Lattice& lattice, double halfWidth, const std::string& name)
+{
+    auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
+    setLattice(*grid, lattice);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    grid->setName(name);
+    return LevelSet(grid);
+}
+
+} // namespace
+
+double widthToResample(const Lattice& from, const Lattice& to, double halfWidth)
+{
+    // Larger voxels need a band that is wide in the source's: only as wide as the surface needs,
+    // and the rest is added to the result.
+    const double ratio = to.voxelSize / from.voxelSize;
+    const double crossing = std::min(kCrossingWidth, halfWidth);
+    return (ratio > 1 ? crossing : halfWidth) * ratio + beyond(from, to);
+}
+
+LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
+                  Progress& progress)
+{
+    demandVoxelSize(lattice.voxelSize);
+    demandHalfWidth(halfWidth);
+    const Lattice from = levelSet.lattice();
+    if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize) {
+        const bool same = std::abs(levelSet.halfWidth() - halfWidth) <= kRounding * halfWidth;
+        return same ? levelSet : withHalfWidth(levelSet, halfWidth, progress);
+    }
+    const std::string name = levelSet.grid().getName();
+    if (levelSet.grid().tree().activeVoxelCount() == 0) return emptyOn(lattice, halfWidth, name);
+
+    const double ratio = lattice.voxelSize / from.voxelSize, outer = beyond(from, lattice);
+    const double crossing = std::min(kCrossingWidth, halfWidth);
+    const double least = widthToResample(from, lattice, halfWidth);
+    if (const double most = (kWidestBand - outer) / crossing; ratio > most)
+        throw LimitError(fmt::format("voxels of {:g} are {:.4g} times those of the level "
+                                     "set, and may be {:.3g} times: take voxels of at most {:.4g}",
+                                     lattice.voxelSize, ratio, most, most * from.voxelSize));
+    const LevelSet source = levelSet.halfWidth() < least * (1 - kRounding)
+                                ? withHalfWidth(levelSet, least, progress)
+                                : levelSet;
+    const double known = std::max((source.halfWidth() - outer) / ratio, crossing);
+    SampleSettings settings;
+    settings.lattice = lattice;
+    settings.halfWidth = std::min(known < halfWidth * (1 - kRounding) ? known : halfWidth, 100.0);
+    settings.name = name;
+    const LevelSet result = sampleField(*makeGridField(source), settings, progress);
+    return settings.halfWidth < halfWidth ? withHalfWidth(result, halfWidth, progress) : result;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,39 @@
+// Measures of a solid.
+#include "solid_measures.h"
+#include "thickness.h"
+
+#include <mpuvdb/operations.h>
+#include <mpuvdb/progress.h>
+
+namespace mpuvdb
+{
+
+LevelSet measurable(const LevelSet& levelSet, Progress& progress)
+{
+    constexpr double kRounding = 1e-5; // backgrounds are floats
+    return levelSet.halfWidth() < kMeasuredHalfWidth * (1 - kRounding)
+               ? withHalfWidth(levelSet, kMeasuredHalfWidth, progress)
+               : levelSet;
+}
+
+SolidMeasures measure(const LevelSet& levelSet, Progress& progress)
+{
+    const LevelSet band = measurable(levelSet, progress);
+    progress.beginStage("measure", 2);
+    const SurfaceIntegrals sums = integrateSurface(band, progress);
+    progress.advance();
+    const Thickness thickness = measureThickness(band, sums.crossings, progress);
+    progress.endStage();
+    SolidMeasures measures;
+    measures.volume = sums.volume;
+    measures.area = sums.area;
+    measures.bounds = sums.bounds;
+    measures.eulerCharacteristic = sums.eulerCharacteristic;
+    measures.surfaces = sums.surfaces;
+    measures.genus = sums.genus();
+    measures.minThickness = thickness.least;
+    measures.meanThickness = thickness.mean;
+    return measures;
+}
+
+} // namespace mpuvdb

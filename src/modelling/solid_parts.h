@@ -1,0 +1,78 @@
+// Which voxels and tiles of a solid are connected.
+#pragma once
+#include "grid/block_parts.h"
+
+#include <mpuvdb/level_set.h>
+
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Progress;
+class UnionFind;
+
+/// The connected parts of a solid (by faces), and of its band: a region is a connected part of all
+/// voxels that are active or inside, and holds one part of the solid, or several that are so near
+/// to each other that their bands meet. Parts and regions are numbered by their first leaves.
+class SolidParts
+{
+public:
+    using Leaf = openvdb::FloatTree::LeafNodeType;
+
+    /// Some voxels of a leaf.
+    struct Piece {
+        std::uint32_t leaf = 0;
+        SignWords voxels{};
+    };
+    /// A tile that is inside.
+    struct Tile {
+        openvdb::Coord origin;
+        openvdb::Index level = 0;
+    };
+    struct Part {
+        std::vector<Piece> pieces; ///< by leaf
+        std::vector<Tile> tiles;
+        std::uint32_t region = 0;
+    };
+    struct Region {
+        std::vector<Piece> pieces;
+        std::vector<Tile> tiles;
+        std::uint32_t parts = 0; ///< how many
+    };
+
+    SolidParts(const LevelSet& levelSet, Progress& progress);
+
+    const std::vector<Part>& parts() const { return mParts; }
+    /// The solid of @a chosen parts alone: values as they are where no part of a region is missing,
+    /// else distances to what is left. As fast as what is chosen is small. @throws Interrupted.
+    LevelSet extract(const std::vector<std::uint32_t>& chosen, Progress& progress) const;
+
+private:
+    /// Connected pieces; their tiles come after them.
+    struct Labels;
+
+    Labels label(bool band, Progress& progress) const;
+    void joinTiles(UnionFind& nodes, std::uint32_t firstTile) const;
+    void joinStrays(Labels& labels, UnionFind& nodes) const;
+    void findTiles();
+    std::uint32_t tileAt(const openvdb::Coord& at) const;
+    std::vector<Piece> piecesNear(const std::vector<std::uint32_t>& parts, const Region& region,
+                                  Progress& progress) const;
+    enum class Side { AsIs, Outside };
+    void copy(const std::vector<Piece>& pieces, Side side, openvdb::FloatTree& tree,
+              Progress& progress) const;
+    static void fill(const std::vector<Tile>& tiles, openvdb::FloatTree& tree);
+
+    LevelSet mLevelSet;
+    std::vector<const Leaf*> mLeaves;
+    std::unordered_map<openvdb::Coord, std::uint32_t> mLeafAt;
+    std::vector<Tile> mTiles;
+    std::unordered_map<openvdb::Coord, std::uint32_t> mTileAt;
+    std::vector<Part> mParts;
+    std::vector<Region> mRegions;
+};
+
+} // namespace mpuvdb

@@ -1,0 +1,241 @@
+#include "thickness.h"
+
+#include "surface/place_tree.h"
+#include "surface/surface_cells.h"
+
+#include <mpuvdb/progress.h>
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using Leaf = LeafWindow::Leaf;
+
+constexpr std::uint64_t kMostPlaces = 1 << 18;
+constexpr int kLeaf = int(Leaf::DIM);
+/// Across a crease, or through the middle of a wall of a voxel or two, gradients are shorter.
+constexpr double kLeastGradient = 0.85;
+/// Cosines: of normals that face each other; of places on a ball that are neighbors, which tell
+/// of its radius no more than their noise.
+constexpr float kFacing = -0.5f, kNeighbors = 0.7f;
+/// Of the radius: how far places may reach into a ball that counts as empty. Where all of a surface
+/// is about as far from the center, no node of the tree is looked into that is flat to this; which
+/// patches sqrt(4 * kTolerance) radii wide are, so that a ball meets some 4 pi / (4 * kTolerance)
+/// of them, however many places there are. [derived: half of two, the least that "a few percent"
+/// are]
+constexpr float kTolerance = 1e-2f;
+/// Places in a run, each of which begins with the contact of the one before: where runs begin may
+/// not depend on the threads. [derived: long beside the one place that begins without]
+constexpr std::size_t kRun = 256;
+
+/// The one of every @a stride crossings that belongs to a voxel and an axis.
+bool isChosen(const Coord& at, int axis, std::uint64_t stride)
+{
+    const auto mixed = (std::uint32_t(at[0]) * 73856093u) ^ (std::uint32_t(at[1]) * 19349663u) ^
+                       (std::uint32_t(at[2]) * 83492791u) ^ (std::uint32_t(axis) * 2654435761u);
+    return (mixed >> 3) % stride == 0;
+}
+
+/// The crossings of the edges that start in a leaf, each moved onto the curved surface.
+void addPlaces(const LeafWindow& window, const Coord& origin, const Coord& home,
+               std::uint64_t stride, Places& places)
+{
+    const Coord o = origin - home;
+    const Vec3d offset(o[0], o[1], o[2]);
+    for (int n = 0; n < kBlockVoxels; ++n) {
+        const Vec3i base(n / (kLeaf * kLeaf), n / kLeaf % kLeaf, n % kLeaf);
+        const double v = double(window(base));
+        for (int axis = 0; axis < 3; ++axis) {
+            const double u = double(window(base + Vec3i::Unit(axis)));
+            if ((u < 0) == (v < 0)) continue;
+            if (!isChosen(origin.offsetBy(base[0], base[1], base[2]), axis, stride)) continue;
+            Vec3d p = base.cast<double>() + v / (v - u) * Vec3d::Unit(axis);
+            const CellQuadric quadric(window, base);
+            const Vec3d gradient = quadric.smooth ? quadric.gradientAt(p) : quadric.gradient;
+            const double slope = gradient.norm();
+            if (slope < kLeastGradient) continue;
+            if (quadric.smooth) p -= quadric.valueAt(p) / (slope * slope) * gradient;
+            places.positions.emplace_back((offset + p).cast<float>());
+            places.normals.emplace_back((gradient / slope).cast<float>());
+        }
+    }
+}
+
+Places findPlaces(const LevelSet& levelSet, std::uint64_t stride, Progress& progress)
+{
+    std::vector<const Leaf*> leaves;
+    levelSet.grid().tree().getNodes(leaves);
+    std::vector<Places> found(leaves.size());
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(0, leaves.size(), 16),
+        [&](const tbb::blocked_range<std::size_t>& range) {
+            LeafWindow window(levelSet.grid().tree(), levelSet.voxelSize(), levelSet.halfWidth());
+            for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                progress.check();
+                window.load(*leaves[n]);
+                addPlaces(window, leaves[n]->origin(), leaves[0]->origin(), stride, found[n]);
+            }
+        });
+    Places all;
+    for (const Places& some : found) {
+        all.positions.insert(all.positions.end(), some.positions.begin(), some.positions.end());
+        all.normals.insert(all.normals.end(), some.normals.begin(), some.normals.end());
+    }
+    return all;
+}
+
+/// The largest ball inside that touches a place.
+struct Ball {
+    float radius = 0;
+    bool held = false; ///< between walls that face each other
+};
+
+/// Shrinks balls until none of the places is inside.
+class BallFinder
+{
+public:
+    /// @param spacing  of the places, voxels.
+    BallFinder(const Places& places, const PlaceTree& tree, float largest, float spacing)
+        : mPlaces(places), mTree(tree), mLargest(largest), mSpacing(spacing)
+    {
+    }
+
+    /// Soonest after a place nearby.
+    Ball find(std::uint32_t place)
+    {
+        const Vec3f &p = mPlaces.positions[place], &n = mPlaces.normals[place];
+        const std::uint32_t before = mContact;
+        mContact = kNone;
+        setRadius(mLargest, p, n);
+        if (before != kNone) touch(p, n, before);
+        mTree.search([&](const PlaceTree::Node& node) { return orderOf(node, p, n); },
+                     [&](std::uint32_t other) { touch(p, n, other); });
+        if (mContact == kNone) return {mRadius, isFacing(place, mRadius)};
+        const Vec3f& facing = mPlaces.normals[mContact];
+        const float radius = touchingPlane(p, n, mPlaces.positions[mContact], facing);
+        return {radius, n.dot(facing) <= kFacing || isFacing(place, radius)};
+    }
+
+private:
+    static constexpr std::uint32_t kNone = 0xffffffff;
+    /// Of the radius: how far beside a ball's end, and beyond it, the surface there may lie.
+    static constexpr float kNearby = 0.1f, kLevel = 0.02f;
+
+    /// The squared distance to the center of the ball at @a p; never where it is empty of @a node.
+    float orderOf(const PlaceTree::Node& node, const Vec3f& p, const Vec3f& n) const
+    {
+        const float order = node.squaredDistance(mCenter, mReach);
+        if (order == PlaceTree::kNever) return order;
+        const float height = n.dot(p) + node.farthest(-n);
+        return isBelow(height, node.squaredBoxDistance(p)) ? order : PlaceTree::kNever;
+    }
+
+    /// Whether a place that is @a height below a tangent plane, at a distance from where that
+    /// touches, is none of the neighbors there.
+    static bool isBelow(float height, float squaredDistance)
+    {
+        constexpr float kSquaredSine = (1 - kNeighbors) / 2;
+        return height > 0 && height * height > kSquaredSine * squaredDistance;
+    }
+
+    void setRadius(float radius, const Vec3f& p, const Vec3f& n)
+    {
+        mRadius = radius;
+        mReach = radius * (1 - kTolerance);
+        mCenter = p - radius * n;
+    }
+
+    /// Shrink the ball at @a p until it has @a other on its surface.
+    void touch(const Vec3f& p, const Vec3f& n, std::uint32_t other)
+    {
+        const Vec3f back = p - mPlaces.positions[other];
+        const float height = n.dot(back), squared = back.squaredNorm();
+        if (!isBelow(height, squared) || !(squared < 2 * height * mRadius)) return;
+        setRadius(squared / (2 * height), p, n);
+        mContact = other;
+    }
+
+    /// The radius of the ball that touches the plane of the contact: the surface touches the ball
+    /// between places. It may differ by what lies between places.
+    float touchingPlane(const Vec3f& p, const Vec3f& n, const Vec3f& contact,
+                        const Vec3f& facing) const
+    {
+        const float opening = 1 - facing.dot(n);
+        if (opening < 1 - kNeighbors) return mRadius;
+        const float touching = facing.dot(contact - p) / opening;
+        const float most = std::max(0.1f * mRadius, mSpacing * mSpacing / mRadius);
+        return touching > 0 && std::abs(touching - mRadius) <= most ? touching : mRadius;
+    }
+
+    /// Whether the ball touches the surface where it is farthest from the place, too.
+    bool isFacing(std::uint32_t place, float radius) const
+    {
+        const Vec3f& n = mPlaces.normals[place];
+        const Vec3f opposite = mPlaces.positions[place] - 2 * radius * n;
+        float distance = kNearby * radius + mSpacing;
+        std::uint32_t nearest = kNone;
+        mTree.search(
+            [&](const PlaceTree::Node& node) { return node.squaredDistance(opposite, distance); },
+            [&](std::uint32_t other) {
+                const float d = (mPlaces.positions[other] - opposite).norm();
+                if (!(d < distance)) return;
+                distance = d;
+                nearest = other;
+            });
+        if (nearest == kNone) return false;
+        const Vec3f& facing = mPlaces.normals[nearest];
+        return n.dot(facing) <= kFacing &&
+               std::abs((mPlaces.positions[nearest] - opposite).dot(facing)) <= kLevel * radius;
+    }
+
+    const Places& mPlaces;
+    const PlaceTree& mTree;
+    float mLargest, mSpacing;
+    float mRadius = 0; ///< of the ball that is being found
+    float mReach = 0;  ///< of places in it that count
+    Vec3f mCenter = Vec3f::Zero();
+    std::uint32_t mContact = kNone;
+};
+
+} // namespace
+
+Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings, Progress& progress)
+{
+    const std::uint64_t stride = crossings / kMostPlaces + 1;
+    Places places = findPlaces(levelSet, stride, progress);
+    if (places.size() == 0) return {};
+    Eigen::AlignedBox3f bounds;
+    for (const Vec3f& p : places.positions) bounds.extend(p);
+    const PlaceTree tree(places);
+    progress.check();
+    std::vector<Ball> balls(places.size());
+    tbb::parallel_for(std::size_t(0), (balls.size() + kRun - 1) / kRun, [&](std::size_t run) {
+        progress.check();
+        BallFinder finder(places, tree, bounds.diagonal().norm(), std::sqrt(float(stride)));
+        const std::size_t end = std::min((run + 1) * kRun, balls.size());
+        for (std::size_t n = run * kRun; n < end; ++n) balls[n] = finder.find(std::uint32_t(n));
+    });
+    const bool anyHeld =
+        std::any_of(balls.begin(), balls.end(), [](const Ball& b) { return b.held; });
+    double sum = 0, weights = 0;
+    float least = std::numeric_limits<float>::max();
+    for (std::size_t n = 0; n < balls.size(); ++n) {
+        // Axes meet a surface as often as its normal says.
+        const double weight = 1 / double(places.normals[n].lpNorm<1>());
+        sum += weight * 2 * double(balls[n].radius);
+        weights += weight;
+        if (balls[n].held || !anyHeld) least = std::min(least, 2 * balls[n].radius);
+    }
+    const double h = levelSet.voxelSize();
+    return {double(least) * h, sum / weights * h};
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,118 @@
+#include "lattice_window.h"
+
+#include "core/clones.h"
+#include "core/lanes.h"
+
+#include <cstring>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kLanes = MomentTree::kLanes;
+using Lanes = float __attribute__((vector_size(4 * kLanes)));
+
+/// The weights of the eight nodes about a place.
+[[gnu::always_inline]] inline std::array<float, 8> weightsAt(const LatticeWindow::Spot& p)
+{
+    const float xy = p.x * p.y;
+    const float pairs[4] = {1 - p.x - p.y + xy, p.y - xy, p.x - xy, xy};
+    std::array<float, 8> weights;
+    for (std::size_t k = 0; k < 4; ++k) {
+        weights[2 * k + 1] = pairs[k] * p.z;
+        weights[2 * k] = pairs[k] - weights[2 * k + 1];
+    }
+    return weights;
+}
+
+/// The slots of the eight nodes about a place.
+[[gnu::always_inline]] inline std::array<std::int32_t, 8>
+slotsAt(const std::int32_t* at, std::ptrdiff_t slab, std::ptrdiff_t row)
+{
+    return {at[0],    at[1],        at[row],        at[row + 1],
+            at[slab], at[slab + 1], at[slab + row], at[slab + row + 1]};
+}
+
+/// Add what points give to the nodes less than @a fine steps away, by weights that fall evenly.
+/// @param points  in the cell in the middle of those nodes; the first node's offset.
+MPUVDB_WIDE_CLONES
+void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* given, int fine,
+               const std::int32_t* slots, std::ptrdiff_t slab, std::ptrdiff_t row,
+               std::size_t length, float* sums)
+{
+    for (const LatticeWindow::Spot& p : points) {
+        float weights[3][4];
+        for (int n = 0; n < 2 * fine; ++n) {
+            const float fall = 1 / float(fine), from = float(n + 1 - fine);
+            const auto weight = [&](float t) {
+                const float apart = t > from ? t - from : from - t;
+                return 1 - fall * apart;
+            };
+            weights[0][n] = weight(p.x);
+            weights[1][n] = weight(p.y);
+            weights[2][n] = weight(p.z);
+        }
+        for (int i = 0; i < 2 * fine; ++i)
+            for (int j = 0; j < 2 * fine; ++j) {
+                const std::int32_t* const slot = slots + p.offset + i * slab + j * row;
+                const float across = weights[0][i] * weights[1][j];
+                for (int k = 0; k < 2 * fine; ++k) {
+                    if (!slot[k]) continue; // which nobody reads
+                    const float weight = across * weights[2][k];
+                    float* const into = sums + slot[k];
+                    for (std::size_t n = 0; n < length; n += kLanes) {
+                        const Lanes sum =
+                            lanesAt<Lanes>(into + n) + weight * lanesAt<Lanes>(given + n);
+                        std::memcpy(into + n, &sum, sizeof sum);
+                    }
+                }
+            }
+        given += length;
+    }
+}
+
+/// Trilinear means of what the eight nodes about places have, tilted.
+MPUVDB_WIDE_CLONES
+void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWindow::Tilt* tilt,
+                 float against, const std::int32_t* slots, std::ptrdiff_t slab, std::ptrdiff_t row,
+                 std::size_t length, const float* sums, float* seen)
+{
+    const float along = 0.5f * (1 + against), across = 0.5f * (1 - against);
+    for (const LatticeWindow::Spot& p : spots) {
+        const std::array<float, 8> weights = weightsAt(p);
+        const std::array<std::int32_t, 8> nodes = slotsAt(slots + p.offset, slab, row);
+        const LatticeWindow::Tilt& t = *tilt++;
+        const float tilts[4] = {along * t[0], across * t[1], across * t[2], across * t[3]};
+        for (std::size_t n = 0; n < length; n += kLanes) {
+            Lanes sum{};
+            for (std::size_t k = 0; k < 8; ++k)
+                sum += weights[k] * lanesAt<Lanes>(sums + nodes[k] + n);
+            const auto tilted = tilts[0] * __builtin_shufflevector(sum, sum, 0, 1, 2, 3) +
+                                tilts[1] * __builtin_shufflevector(sum, sum, 4, 5, 6, 7) +
+                                tilts[2] * __builtin_shufflevector(sum, sum, 8, 9, 10, 11) +
+                                tilts[3] * __builtin_shufflevector(sum, sum, 12, 13, 14, 15);
+            std::memcpy(seen, &tilted, sizeof tilted);
+            seen += kLanes / 4;
+        }
+    }
+}
+
+} // namespace
+
+void LatticeWindow::scatter()
+{
+    scatterTo(mPoints, mGiven.data(), mFine, mSlots.data(), mSize[1] * mSize[2], mSize[2], mLength,
+              mSums.data());
+    mPoints.clear();
+}
+
+void LatticeWindow::read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts,
+                         float against, std::vector<float>& seen) const
+{
+    seen.resize(spots.size() * mLength / 4);
+    collectFrom(spots, tilts.data(), against, mSlots.data(), mSize[1] * mSize[2], mSize[2], mLength,
+                mSums.data(), seen.data());
+}
+
+} // namespace mpuvdb

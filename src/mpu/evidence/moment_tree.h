@@ -1,0 +1,102 @@
+// What points have beside their places, as sums that tell the sides of a surface apart; one by one,
+// or many in one.
+#pragma once
+#include "mpu/octree/bucket_tree.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// Sums over points of their weights (confidences, of a mean of 1, times the area that is theirs)
+/// and of weight times each channel, each of them as it is and times the three components of the
+/// normals. Four such quantities fill a group of lanes: the four as they are, then times each
+/// component; zeros where there are fewer.
+class MomentTree
+{
+public:
+    static constexpr std::size_t kLanes = 16;
+    /// One vector for each channel, as long as the points.
+    using Channels = std::vector<const float*>;
+
+    /// @param points, channels  have to outlive this.
+    MomentTree(const SortedPoints& points, const Channels& channels);
+
+    /// Numbers in one set of sums.
+    std::size_t length() const { return mLength; }
+    /// Of the values of a channel; sums are of what differs from it, so that what is the same
+    /// everywhere stays so.
+    float reference(std::size_t channel) const { return mReferences[channel]; }
+    /// How far points give to the nodes of a lattice of @a level, local units; twice as far a level
+    /// up. Points as dense as most of the cloud have their finest level at 0.
+    float step(int level) const { return std::ldexp(mStep, level); }
+    /// Of a lattice: more where steps are long, so that no cell shows.
+    static int nodesPerStep(int level) { return level < kFineFrom ? 1 : 2; }
+    /// Of the levels at which points that have them lie within two steps of @a box the finest.
+    int finestLevel(const Eigen::AlignedBox3f& box) const;
+
+    /// Whether a step is so long that all points are about @a place.
+    bool isSeenWhole(const Vec3f& place, float step) const
+    {
+        return step >
+               2 * mTree.nodes()[0].box.merged(Eigen::AlignedBox3f(place)).sizes().maxCoeff();
+    }
+    /// False where that is so for no place.
+    bool mayBeSeenWhole(float step) const
+    {
+        return step > 2 * mTree.nodes()[0].box.sizes().maxCoeff();
+    }
+    /// Have add(position) make room for the sums of what of the points lies in @a box, and perhaps
+    /// more: of each, or of those in a node that is no larger than a step of @a level, in their
+    /// middle. Which of both, and the order, does not depend on the box.
+    template <typename F>
+    void forEach(const Eigen::AlignedBox3f& box, int level, F add) const
+    {
+        if (!mTree.nodes().empty()) visit(0, box, level, step(level) * step(level), add);
+    }
+
+private:
+    /// Level from which on lattices have two nodes in a step. [tuned: attributes_bench; 1 takes a
+    /// tenth more time, waves of ten spacings come 1 % nearer]
+    static constexpr int kFineFrom = 2;
+
+    template <typename F>
+    void visit(std::uint32_t at, const Eigen::AlignedBox3f& box, int level, float whole,
+               F& add) const
+    {
+        const BucketTree::Node& node = mTree.nodes()[at];
+        if (mFinest[at] > level || !node.box.intersects(box)) return;
+        if (node.box.diagonal().squaredNorm() <= whole) {
+            std::copy_n(mSums.data() + at * mLength, mLength, add(mMiddles[at]));
+        } else if (!node.leaf) {
+            visit(at + 1, box, level, whole, add);
+            visit(node.second, box, level, whole, add);
+        } else {
+            const BucketTree::Bucket& bucket = mTree.bucketOf(at);
+            for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
+                const Vec3f p = position(n);
+                if (box.contains(p)) sumsOf(n, mFinest[at], add(p));
+            }
+        }
+    }
+
+    Vec3f position(std::uint32_t n) const { return {mPoints.x[n], mPoints.y[n], mPoints.z[n]}; }
+    void sumsOf(std::uint32_t point, int level, float* sums) const;
+    void sumUp();
+    void findLevels();
+    float spacingIn(const BucketTree::Bucket& bucket) const;
+
+    const PointBatch& mPoints;
+    Channels mChannels;
+    BucketTree mTree;
+    std::size_t mLength;
+    float mStep = 1, mPerConfidence = 1;
+    std::vector<float> mReferences;
+    std::vector<int> mFinest;    ///< of the nodes: the finest level that one of the points has
+    std::vector<Vec3f> mMiddles; ///< of the nodes' points
+    std::vector<float> mSums;    ///< of the nodes
+};
+
+} // namespace mpuvdb

@@ -1,0 +1,400 @@
+// What becomes of one cell: a leaf with its fit, or eight children.
+#pragma once
+#include "fit_quality.h"
+#include "local_fit.h"
+#include "mpu/octree/octree.h"
+#include "mpu/octree/sorted_points.h"
+#include "noise_bias.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+
+constexpr std::size_t kSampleFrom = 400; ///< more points than this are tried on a sample first
+constexpr std::size_t kSample = 150;
+constexpr double kGrowth = 0.1; ///< lambda [Ohtake03 eq. 6]
+constexpr double kRimSpacings =
+    6; ///< a ball larger than this with fewer than N_min points is a rim
+
+/// Least radius of a ball, in standard deviations of the noise: a smaller ball cuts off points that
+/// noise throws far, and takes its own border for the surface.
+constexpr double kNoiseRadius = 3;
+
+/// The same where points are so dense that a ball is this many spacings wide and still tells them
+/// from their noise.
+constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 2.5;
+
+/// Noise, in voxels, from which on cells below two voxels show no more of an edge.
+constexpr double kBlurringNoise = 0.05;
+
+/// Least edge of a cell that no edge of the surface crosses, voxels.
+constexpr double kLeastCell = 2;
+
+/// The same where walls so close that no fit shows both within the tolerance face away from each
+/// other.
+constexpr double kLeastBetweenWalls = 0.5;
+
+/// The same among noise, where a ball holds all sides of a limb.
+constexpr double kLeastInLimbs = 1;
+
+/// From the tolerance up to this noise, in voxels, points show details of about a voxel: cells go
+/// down to kTellingCell, and kTellingPoints of them tell a shape from noise. Less noise is within
+/// the tolerance, more hides such details.
+constexpr double kTellingNoise = 0.35, kTellingCell = 1.4;
+constexpr std::size_t kTellingPoints = 50;
+
+/// Balls up to this radius, in standard deviations of the noise, cut through it.
+constexpr double kThickRadius = 8;
+
+/// Normals are trusted no farther, radians: a quadratic has not all of a shape's slopes.
+constexpr double kLeastNormalNoise = 0.04;
+
+/// Noise of normals up to which they tell the faces of an edge apart, radians.
+constexpr double kClearNormals = 0.3;
+
+/// Of the noise: a pattern in the residuals that says more than that their points are many.
+constexpr double kTellingPattern = 0.4;
+
+constexpr double kFading = 0.3; ///< part of the gap of full support over which support falls
+
+constexpr double kHeirError =
+    0.02; ///< largest error, in radii, of a fit that empty cells take over
+
+/// The ball of a cell or of an ancestor: its points are all points within radius of center.
+struct Ball {
+    const PointBatch* batch;
+    Vec3d center;
+    double radius;
+};
+
+/// What was decided about a cell.
+struct Decision {
+    bool split = false;
+    bool fitted = true; ///< false: split without a fit
+    FitResult result;   ///< accepted, or rejected and split
+    double gap = 0;     ///< zeroSetGap of the fit, world units
+    /// The points show something else than the fit, and noise hides what.
+    bool lostInNoise = false;
+};
+
+/// A gap that leaves the support at 1.
+inline double fullSupportGap(double spacing, double radius)
+{
+    return std::max(2 * spacing, 0.16 * radius);
+}
+
+/// Support of a fit whose zero set ventures @a gap from the data: 1 up to two spacings, as random
+/// samples have gaps (or, in a large cell, a part of its size), falling smoothly, and soon, to 0.
+inline double supportOf(double gap, double spacing, double radius)
+{
+    const double full = fullSupportGap(spacing, radius);
+    const double t = std::clamp((gap / full - 1) / kFading, 0.0, 1.0);
+    return 1 - t * t * (3 - 2 * t);
+}
+
+/// Decides cells; scratch memory of one thread.
+class CellFitter
+{
+public:
+    CellFitter(const SortedPoints& points, const RootCube& root, const MpuSettings& settings)
+        : mPoints(points), mRoot(root), mSettings(settings)
+    {
+        mFit.tolerance = settings.tolerance;
+        mFit.noise = settings.noise;
+        mFit.normalNoise = settings.normalNoise;
+        if (settings.normalNoise > 0)
+            mFit.lever = settings.noise / std::max(settings.normalNoise, kLeastNormalNoise);
+        mFit.minPoints = settings.minPoints;
+        if (noiseTells()) mFit.fewPoints = kTellingPoints;
+    }
+
+    /// Forget what was gathered for other cells: the order of the points, and with it the last bit
+    /// of a fit, must not depend on which subtrees this thread happened to build before.
+    void forget() { mWideRadius = 0; }
+
+    double supportRadius(int level) const
+    {
+        return mSettings.alpha * std::sqrt(3.0) * mRoot.size(level);
+    }
+
+    /// Decide a cell whose ball holds @a ball (not empty). @a path: balls of its ancestors.
+    Decision decide(const OctreeCell& cell, const PointBatch& ball, const std::vector<Ball>& path,
+                    double spacing)
+    {
+        const double radius = supportRadius(cell.level), size = mRoot.size(cell.level);
+        Decision decision;
+        if (ball.size() > kSampleFrom) {
+            mFilter.strided(ball, ball.size() / kSample, mGrown);
+            decision = decideOn(mGrown, cell, radius, radius, spacing);
+            if (decision.split) return decision;
+        }
+        if (ball.size() < std::size_t(mFit.minPoints) && radius > kRimSpacings * spacing &&
+            mRoot.size(cell.level + 1) >= 2 * mSettings.voxelSize) {
+            // Data would fill the ball with many more: this is their rim, and nothing here says how
+            // the surface goes on.
+            decision.split = true;
+            decision.fitted = false;
+            return decision;
+        }
+        if (thicken(cell, path)) {
+            decision = decideOn(mGrown, cell, thickened(radius), radius, spacing);
+        } else {
+            const double grown = grow(ball, cell, path);
+            decision = decideOn(grown > radius ? mGrown : ball, cell, grown, grown, spacing);
+        }
+        const bool isPoor = !decision.result.accepted || decision.result.turnsAway;
+        if (!decision.split && isPoor && mSettings.sharp &&
+            mCell.count <= 8 * std::size_t(mFit.minPoints)) {
+            // The level limit stops the descent to few points: look for a feature all the same.
+            FitSettings last = mFit;
+            last.maxSharpPoints = mCell.count;
+            const FitResult sharp = fitCell(mCell, size, radius, last, mScratch);
+            if (sharp.error < decision.result.error) {
+                decision.result = sharp;
+                decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius,
+                                          fullSupportGap(spacing, radius));
+                decision.lostInNoise = isLost(sharp, cell, spacing);
+            }
+        }
+        if (!decision.split && radius >= kNoiseRadius * mSettings.noise &&
+            mayHaveNoisyEdge(decision.result)) {
+            if (const auto edge = fitNoisyEdge(mCell, decision.result.fit, mFit, mScratch)) {
+                decision.result.fit = *edge;
+                decision.result.error = taubinError(*edge, mCell, radius);
+                decision.result.accepted = true;
+                decision.gap = zeroSetGap(*edge, mCell, Vec3d::Zero(), radius,
+                                          fullSupportGap(spacing, radius));
+            }
+        }
+        return decision;
+    }
+
+    /// Whether the rejected fit that decide() last looked at may rule where the cell has no points.
+    bool lastIsHeldUp(const Decision& decision, const OctreeCell& cell, double spacing) const
+    {
+        const double radius = supportRadius(cell.level);
+        // One surface with an edge in it, or two, says little where it was not near its points.
+        if (decision.result.error > kHeirError * radius) return false;
+        const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
+                                      heldUpGap(radius, mCell.radius, spacing));
+        return gap <= heldUpGap(radius, mCell.radius, spacing);
+    }
+
+    /// Support of that fit in an empty child.
+    double lastSupportIn(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
+                         double spacing) const
+    {
+        return supportInEmpty(decision.result.fit, mRoot.center(child) - mRoot.center(cell),
+                              supportRadius(child.level), spacing);
+    }
+
+    /// A fit for a cell with no points in its ball: the plane of the N_min points nearest to it
+    /// [Ohtake03 §3] among @a near (not empty).
+    LocalFit fitEmpty(const OctreeCell& cell, const PointBatch& near, double spacing,
+                      double& support)
+    {
+        const Vec3d center = mRoot.center(cell);
+        const double last = mFilter.nearest(near, center, std::size_t(mFit.minPoints), mGrown);
+        const double grown = last * (1 + 1e-6);
+        mCell.assign(mGrown, center, grown);
+        LocalFit fit;
+        fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
+        support = supportInEmpty(fit, Vec3d::Zero(), supportRadius(cell.level), spacing);
+        return fit;
+    }
+
+    /// As above among a sample of all points.
+    LocalFit fitEmpty(const OctreeCell& cell, double spacing, double& support)
+    {
+        PointBatch near;
+        for (double cover = 2 * supportRadius(cell.level); near.size() == 0; cover *= 2) {
+            const SortedPoints::Around around = mPoints.around(cell, cover);
+            mPoints.gather(around, 1 + around.points / kSampleFrom, mFilter, near);
+        }
+        return fitEmpty(cell, near, spacing, support);
+    }
+
+private:
+    static double heldUpGap(double radius, double ballRadius, double spacing)
+    {
+        return std::max(0.2 * radius, std::min(0.45 * ballRadius, 5 * spacing));
+    }
+
+    /// @param center  of the empty cell, relative to mCell's.
+    double supportInEmpty(const LocalFit& fit, const Vec3d& center, double radius,
+                          double spacing) const
+    {
+        const double gap =
+            zeroSetGapBeyond(fit, mCell, center, radius, fullSupportGap(spacing, radius));
+        return supportOf(gap, spacing, radius);
+    }
+
+    /// Whether noise may hide an edge of which normals tell.
+    bool mayHaveNoisyEdge(const FitResult& result) const
+    {
+        return mSettings.sharp && mSettings.noise >= kBlurringNoise * mSettings.voxelSize &&
+               mSettings.normalNoise > 0 && mSettings.normalNoise < kClearNormals &&
+               result.spreadNormals && !result.fit.isSharp();
+    }
+
+    /// Whether a ball of @a radius is too small to tell the surface from the noise.
+    bool isLostInNoise(double radius, double spacing) const
+    {
+        if (radius >= kNoiseRadius * mSettings.noise) return false;
+        if (!(mSettings.normalNoise > 0)) return true;
+        return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
+    }
+
+    /// Whether @a result, of the smallest ball that tells anything from the noise, is not what the
+    /// points show: they turn all round in it, or leave a pattern.
+    bool isLost(const FitResult& result, const OctreeCell& cell, double spacing) const
+    {
+        if (!(mSettings.noise > 0) || !isLostInNoise(supportRadius(cell.level + 1), spacing))
+            return false;
+        if (result.opposedNormals && !result.fit.isSharp()) return true;
+        if (result.accepted) return false;
+        return residualPattern(result.fit, mCell, supportRadius(cell.level), mSettings.noise) >
+               kTellingPattern * mSettings.noise;
+    }
+
+    /// Whether points show details that are hardly larger than voxels.
+    bool noiseTells() const
+    {
+        return mSettings.noise >= mSettings.tolerance &&
+               mSettings.noise <= kTellingNoise * mSettings.voxelSize;
+    }
+
+    bool mayBeSplit(const OctreeCell& cell, const FitResult& result, double spacing) const
+    {
+        const bool fine = mSettings.noise < kBlurringNoise * mSettings.voxelSize &&
+                          (result.fit.isSharp() || result.opposedNormals ||
+                           (mSettings.sharp && result.spreadNormals && !result.accepted));
+        if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
+        const bool isBetweenWalls = result.opposedNormals && !result.accepted;
+        const double least = fine ? (isBetweenWalls ? kLeastBetweenWalls : 1)
+                                  : (isBetweenWalls ? kLeastInLimbs
+                                     : noiseTells() ? kTellingCell
+                                                    : kLeastCell);
+        return cell.level < SortedPoints::kMaxLevel &&
+               mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
+    }
+
+    /// @param reach  across the surface, of the points of the ball that count.
+    Decision decideOn(const PointBatch& batch, const OctreeCell& cell, double ballRadius,
+                      double reach, double spacing)
+    {
+        const double radius = supportRadius(cell.level);
+        mCell.assign(batch, mRoot.center(cell), ballRadius);
+        if (mSettings.noise > 0) mCell.weighAcross(meanNormal(mCell), reach);
+        FitSettings fit = mFit;
+        if (mSettings.noise > kMovingNoise * mSettings.tolerance) fit.reach = reach;
+        fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
+        Decision decision;
+        decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
+        const bool mayBe = mayBeSplit(cell, decision.result, spacing);
+        if (decision.result.needsSplit || decision.result.turnsAway || !decision.result.accepted) {
+            decision.split = mayBe;
+            if (mayBe) return decision;
+        }
+        decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
+                                  fullSupportGap(spacing, radius));
+        decision.lostInNoise = isLost(decision.result, cell, spacing);
+        // A fit of few points at the data's rim is within tolerance and knows nothing of the ball.
+        decision.split = mayBe && decision.gap > heldUpGap(radius, ballRadius, spacing) &&
+                         (ballRadius <= 1.5 * radius || radius > 3 * spacing);
+        return decision;
+    }
+
+    /// Radius of a ball that the noise does not leave.
+    double thickened(double radius) const { return radius + 3 * mSettings.noise; }
+
+    /// Where the noise is thick against the ball, which cuts through it: put the points of a larger
+    /// one into mGrown. Whether they are enough.
+    bool thicken(const OctreeCell& cell, const std::vector<Ball>& path)
+    {
+        const Vec3d center = mRoot.center(cell);
+        const double radius = supportRadius(cell.level), wanted = thickened(radius);
+        if (!(radius < kThickRadius * mSettings.noise)) return false;
+        for (std::size_t up = path.size(); up-- > 0;) {
+            if (path[up].radius - (path[up].center - center).norm() < wanted) continue;
+            mFilter.ball(*path[up].batch, center, wanted, mGrown);
+            return isEnough(mGrown);
+        }
+        if (mWideRadius - (mWideCenter - center).norm() < wanted) {
+            mWideRadius = 1.5 * wanted;
+            mWideCenter = center;
+            mPoints.gather(mPoints.around(cell, mWideRadius), 1, mFilter, mWide);
+        }
+        mFilter.ball(mWide, center, wanted, mGrown);
+        return isEnough(mGrown);
+    }
+
+    bool isEnough(const PointBatch& batch) const
+    {
+        return batch.size() >= std::size_t(mFit.minPoints);
+    }
+
+    /// Grow the ball until it holds N_min points [Ohtake03 eq. 6]. Their number counts, not the sum
+    /// of their confidences [Ohtake03 §6]: where all are low, as at the rims of scans, larger balls
+    /// would blur what no other points have seen. Returns the radius; where it grew, mGrown holds
+    /// the points.
+    double grow(const PointBatch& ball, const OctreeCell& cell, const std::vector<Ball>& path)
+    {
+        const Vec3d center = mRoot.center(cell);
+        const double radius = supportRadius(cell.level);
+        if (isEnough(ball)) return radius;
+        for (std::size_t up = path.size(); up-- > 0;) {
+            const double cover = path[up].radius - (path[up].center - center).norm();
+            const int steps = int(std::floor((cover / radius - 1) / kGrowth));
+            if (steps < 1) continue;
+            if (const int k = growIn(*path[up].batch, center, radius, steps))
+                return radius * (1 + kGrowth * k);
+        }
+        return growAmongAll(cell);
+    }
+
+    /// Put the points of @a batch in a ball that is large enough into mGrown. Returns the steps by
+    /// which it grew; 0: none up to @a steps is.
+    int growIn(const PointBatch& batch, const Vec3d& center, double radius, int steps)
+    {
+        return isEnough(batch) ? mFilter.grownBall(batch, center, radius, kGrowth, steps,
+                                                   std::size_t(mFit.minPoints), mGrown)
+                               : 0;
+    }
+
+    /// As grow(), for a cell whose ancestors' balls are not at hand: in a wide ball, kept for the
+    /// cells that follow, and wider and wider if need be.
+    double growAmongAll(const OctreeCell& cell)
+    {
+        const Vec3d center = mRoot.center(cell);
+        const double radius = supportRadius(cell.level);
+        for (double wanted = 2.5 * radius;; wanted *= 2) {
+            const double cover = mWideRadius - (mWideCenter - center).norm();
+            const int steps = int(std::floor((cover / radius - 1) / kGrowth));
+            if (const int k = growIn(mWide, center, radius, steps))
+                return radius * (1 + kGrowth * k);
+            if (steps > 0 && mWide.size() == mPoints.size()) { // no more points
+                const double grown = radius * (1 + kGrowth * steps);
+                mFilter.ball(mWide, center, grown, mGrown);
+                return grown;
+            }
+            mPoints.gather(mPoints.around(cell, wanted), 1, mFilter, mWide);
+            mWideCenter = center;
+            mWideRadius = wanted;
+        }
+    }
+
+    const SortedPoints& mPoints;
+    const RootCube& mRoot;
+    const MpuSettings& mSettings;
+    FitSettings mFit;
+    CellPoints mCell, mScratch;
+    BatchFilter mFilter;
+    PointBatch mGrown, mWide;
+    Vec3d mWideCenter = Vec3d::Zero(); ///< of the ball whose points mWide holds
+    double mWideRadius = 0;
+};
+
+} // namespace mpuvdb

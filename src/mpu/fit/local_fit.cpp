@@ -1,0 +1,513 @@
+#include "local_fit.h"
+
+#include "fit_quality.h"
+#include "mpu/octree/point_group.h"
+#include "ridged_solver.h"
+
+#include "core/clones.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+struct Frame {
+    Vec3d u, v, w;
+    explicit Frame(const Vec3d& normal) : w(normal)
+    {
+        u = w.unitOrthogonal();
+        v = w.cross(u);
+    }
+};
+
+/// Coordinates of four vectors along a frame's axes.
+struct Components {
+    Group u, v, w;
+};
+
+[[gnu::always_inline]] inline Components along(const Frame& frame, const Group& x, const Group& y,
+                                               const Group& z)
+{
+    return {x * frame.u[0] + y * frame.u[1] + z * frame.u[2],
+            x * frame.v[0] + y * frame.v[1] + z * frame.v[2],
+            x * frame.w[0] + y * frame.w[1] + z * frame.w[2]};
+}
+
+Vec3d weightedCentroid(const CellPoints& points, double& totalWeight)
+{
+    Group sw{}, sx{}, sy{}, sz{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group w = load(points.weight, i);
+        sw += w;
+        sx += w * load(points.x, i);
+        sy += w * load(points.y, i);
+        sz += w * load(points.z, i);
+    }
+    totalWeight = sum(sw);
+    if (!(totalWeight > 0)) return points.count ? points.position(0) : Vec3d::Zero();
+    return Vec3d(sum(sx), sum(sy), sum(sz)) / totalWeight;
+}
+
+Quadric planeThrough(const Vec3d& point, const Vec3d& normal)
+{
+    return {Eigen::Matrix3d::Zero(), normal, -normal.dot(point)};
+}
+
+/// Moments of points (u, v, w), scaled to unit variance in (u, v), for w ~ quadratic(u, v).
+struct BivariateSystem {
+    Eigen::Matrix<double, 6, 6> M; ///< basis u^2, uv, v^2, u, v, 1
+    Eigen::Matrix<double, 6, 1> r;
+    double scale = 0; ///< 1 / length; 0: the points have no extent
+};
+
+MPUVDB_WIDE_CLONES
+BivariateSystem bivariateSystem(const CellPoints& points, const Frame& frame, const Vec3d& origin,
+                                double totalWeight)
+{
+    BivariateSystem system;
+    Group variance{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const auto [u, v, w] = along(frame, load(points.x, i) - origin[0],
+                                     load(points.y, i) - origin[1], load(points.z, i) - origin[2]);
+        variance += load(points.weight, i) * (u * u + v * v);
+    }
+    const double mean = sum(variance) / totalWeight;
+    if (!(mean > 1e-24 * points.radius * points.radius)) return system;
+    const double t = system.scale = 1 / std::sqrt(mean);
+
+    Group m[5][5] = {}, s[6] = {}; // m[a][b] = sum weight u^a v^b
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const auto [u, v, w] =
+            along(frame, t * (load(points.x, i) - origin[0]), t * (load(points.y, i) - origin[1]),
+                  t * (load(points.z, i) - origin[2]));
+        Group ua = load(points.weight, i);
+        const Group powers[5] = {ua * 0 + 1, v, v * v, v * v * v, v * v * v * v};
+        s[0] += ua * u * u * w;
+        s[1] += ua * u * v * w;
+        s[2] += ua * v * v * w;
+        s[3] += ua * u * w;
+        s[4] += ua * v * w;
+        s[5] += ua * w;
+        for (int a = 0; a < 5; ++a, ua *= u)
+            for (int b = 0; a + b < 5; ++b) m[a][b] += ua * powers[b];
+    }
+    constexpr int ea[6] = {2, 1, 0, 1, 0, 0}, eb[6] = {0, 1, 2, 0, 1, 0};
+    for (int i = 0; i < 6; ++i) {
+        system.r[i] = sum(s[i]) / totalWeight;
+        for (int j = 0; j < 6; ++j)
+            system.M(i, j) = sum(m[ea[i] + ea[j]][eb[i] + eb[j]]) / totalWeight;
+    }
+    return system;
+}
+
+/// Q = w - quadratic(u, v) without its constant, from the solution @a k of a system, in world
+/// units.
+Quadric heightAbove(const Frame& frame, const Eigen::Matrix<double, 5, 1>& k, double scale)
+{
+    Quadric q;
+    q.A = -scale * (k[0] * frame.u * frame.u.transpose() + k[2] * frame.v * frame.v.transpose() +
+                    0.5 * k[1] * (frame.u * frame.v.transpose() + frame.v * frame.u.transpose()));
+    q.b = frame.w - k[3] * frame.u - k[4] * frame.v;
+    return q;
+}
+
+/// Add to a system the slopes that the points' normals tell: each as good as a height at a lever's
+/// distance.
+MPUVDB_WIDE_CLONES
+void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin,
+               double totalWeight, double lever, BivariateSystem& system)
+{
+    constexpr double kSteep = 0.4; // cosine below which a normal says nothing of a height
+    const double t = system.scale;
+    // Moments 1, u, v, uu, uv, vv, and slopes along u and v times 1, u, v.
+    Group m[6] = {}, su[3] = {}, sv[3] = {};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const auto [u, v, w] =
+            along(frame, t * (load(points.x, i) - origin[0]), t * (load(points.y, i) - origin[1]),
+                  t * (load(points.z, i) - origin[2]));
+        const auto [nu, nv, nw] =
+            along(frame, load(points.nx, i), load(points.ny, i), load(points.nz, i));
+        // A tilt of the normal changes the slope by 1 / nw^2: half of that is in the weight.
+        const Group weight = nw > kSteep ? load(points.weight, i) * nw * nw : Group{};
+        const Group slopeU = nw > kSteep ? -nu / nw : Group{};
+        const Group slopeV = nw > kSteep ? -nv / nw : Group{};
+        const Group wu = weight * u, wv = weight * v;
+        m[0] += weight, m[1] += wu, m[2] += wv;
+        m[3] += wu * u, m[4] += wu * v, m[5] += wv * v;
+        su[0] += weight * slopeU, su[1] += wu * slopeU, su[2] += wv * slopeU;
+        sv[0] += weight * slopeV, sv[1] += wu * slopeV, sv[2] += wv * slopeV;
+    }
+    const double share = lever * lever * t * t / totalWeight;
+    double one = share * sum(m[0]), u = share * sum(m[1]), v = share * sum(m[2]),
+           uu = share * sum(m[3]), uv = share * sum(m[4]), vv = share * sum(m[5]);
+    // d/du of the basis u^2, uv, v^2, u, v: 2u, v, 0, 1, 0; d/dv: 0, u, 2v, 0, 1.
+    Eigen::Matrix<double, 5, 5> S;
+    S << 4 * uu, 2 * uv, 0, 2 * u, 0,  //
+        2 * uv, uu + vv, 2 * uv, v, u, //
+        0, 2 * uv, 4 * vv, 0, 2 * v,   //
+        2 * u, v, 0, one, 0,           //
+        0, u, 2 * v, 0, one;
+    system.M.topLeftCorner<5, 5>() += S;
+    Eigen::Matrix<double, 5, 1> r;
+    r << 2 * sum(su[1]), sum(su[2]) + sum(sv[1]), 2 * sum(sv[2]), sum(su[0]), sum(sv[0]);
+    system.r.head<5>() += share * r;
+}
+
+constexpr std::size_t kFewestOfQuadratic = 6;
+constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
+
+constexpr std::size_t kNearest = 6; ///< points asked at an auxiliary point [Ohtake03 §4a]
+
+MPUVDB_WIDE_CLONES
+void squaredDistances(const CellPoints& points, const Vec3d& at, std::vector<double>& out)
+{
+    out.resize(points.paddedCount());
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group dx = load(points.x, i) - at[0], dy = load(points.y, i) - at[1],
+                    dz = load(points.z, i) - at[2];
+        const Group d2 = dx * dx + dy * dy + dz * dz;
+        std::memcpy(&out[i], &d2, sizeof d2);
+    }
+}
+
+/// Indices of the least @a found.size() of the first @a n values, nearest first; how many there
+/// are.
+std::size_t leastOf(const std::vector<double>& values, std::size_t n,
+                    std::array<std::uint32_t, kNearest>& found)
+{
+    std::array<double, kNearest + 1> least;
+    least.fill(std::numeric_limits<double>::infinity());
+    for (std::size_t i = 0; i < n; ++i) {
+        if (!(values[i] < least[kNearest - 1])) continue;
+        std::size_t k = kNearest - 1;
+        for (; k > 0 && values[i] < least[k - 1]; --k) {
+            least[k] = least[k - 1];
+            found[k] = found[k - 1];
+        }
+        least[k] = values[i];
+        found[k] = std::uint32_t(i);
+    }
+    return std::min(n, kNearest);
+}
+
+/// The cell's corners and center, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
+void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3d>& q,
+                     std::vector<double>& d)
+{
+    std::vector<double> distance2;
+    std::array<std::uint32_t, kNearest> nearest;
+    for (int corner = 0; corner < 9; ++corner) {
+        const Vec3d at =
+            corner == 8
+                ? Vec3d(0, 0, 0)
+                : Vec3d(Vec3d(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1) *
+                        (cellSize / 2));
+        squaredDistances(points, at, distance2);
+        const std::size_t near = leastOf(distance2, points.count, nearest);
+        double total = 0, mean = 0;
+        std::size_t positive = 0;
+        for (std::size_t k = 0; k < near; ++k) {
+            const std::uint32_t i = nearest[k];
+            const double side = points.normal(i).dot(at - points.position(i));
+            positive += side > 0;
+            mean += points.confidence[i] * side;
+            total += points.confidence[i];
+        }
+        if ((positive != 0 && positive != near) || !(total > 0)) continue;
+        q.push_back(at);
+        d.push_back(mean / total);
+    }
+}
+
+} // namespace
+
+namespace
+{
+
+/// solveRidged() as every instruction set compiles it.
+MPUVDB_WIDE_CLONES
+Eigen::Matrix<double, 6, 1> solveBivariate(const BivariateSystem& system)
+{
+    Eigen::Matrix<double, 6, 1> ridge;
+    ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6, 1e-14;
+    return solveRidged<6>(system.M, system.r, ridge);
+}
+
+} // namespace
+
+Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic,
+                     double lever)
+{
+    double totalWeight = 0;
+    const Vec3d origin = weightedCentroid(points, totalWeight);
+    if (points.count < minQuadratic || !(totalWeight > 0)) return planeThrough(origin, normal);
+    const Frame frame(normal);
+    BivariateSystem system = bivariateSystem(points, frame, origin, totalWeight);
+    if (!(system.scale > 0)) return planeThrough(origin, normal);
+    if (lever > 0) addSlopes(points, frame, origin, totalWeight, lever, system);
+    const Eigen::Matrix<double, 6, 1> k = solveBivariate(system);
+    Quadric q = heightAbove(frame, k.head<5>(), system.scale);
+    q.c = -k[5] / system.scale;
+    return q.shifted(-origin); // from the centroid to the center
+}
+
+Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal)
+{
+    const Frame frame(normal);
+    double total = 0;
+    for (const double w : points.weight) total += w;
+    if (!(total > 0)) return planeThrough(Vec3d::Zero(), normal);
+    const BivariateSystem system = bivariateSystem(points, frame, Vec3d::Zero(), total);
+    if (!(system.scale > 0)) return planeThrough(Vec3d::Zero(), normal);
+    Eigen::Matrix<double, 5, 1> ridge;
+    ridge << 1e-5, 1e-5, 1e-5, 1e-6, 1e-6;
+    return heightAbove(frame,
+                       solveRidged<5>(system.M.topLeftCorner<5, 5>(), system.r.head<5>(), ridge),
+                       system.scale);
+}
+
+namespace
+{
+
+constexpr std::size_t kTerms = 10; ///< x^2 y^2 z^2 xy yz zx x y z 1
+
+template <typename T>
+std::array<T, kTerms> quadraticTerms(const T& x, const T& y, const T& z)
+{
+    return {x * x, y * y, z * z, x * y, y * z, z * x, x, y, z, x * 0 + 1};
+}
+
+/// Weighted mean over the points of the products of the terms, in radii.
+MPUVDB_WIDE_CLONES
+void meanProducts(const CellPoints& points, Eigen::Matrix<double, kTerms, kTerms>& M)
+{
+    Group sums[kTerms * (kTerms + 1) / 2] = {}, total{};
+    const double scale = 1 / points.radius;
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group weight = load(points.weight, i);
+        const std::array<Group, kTerms> phi = quadraticTerms<Group>(
+            scale * load(points.x, i), scale * load(points.y, i), scale * load(points.z, i));
+        std::size_t n = 0;
+        for (std::size_t row = 0; row < kTerms; ++row) {
+            const Group weighted = weight * phi[row];
+            for (std::size_t column = 0; column <= row; ++column)
+                sums[n++] += weighted * phi[column];
+        }
+        total += weight;
+    }
+    const double totalWeight = sum(total), share = totalWeight > 0 ? 1 / totalWeight : 1;
+    std::size_t n = 0;
+    for (std::size_t row = 0; row < kTerms; ++row)
+        for (std::size_t column = 0; column <= row; ++column)
+            M(row, column) = M(column, row) = share * sum(sums[n++]);
+}
+
+} // namespace
+
+Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints,
+                   const std::vector<double>& auxValues)
+{
+    using Vector = Eigen::Matrix<double, kTerms, 1>;
+    const double scale = 1 / points.radius; // unit ball, so that all columns are O(1)
+    Eigen::Matrix<double, kTerms, kTerms> M;
+    meanProducts(points, M);
+    Vector r = Vector::Zero();
+    const double share = 1.0 / double(auxPoints.size());
+    for (std::size_t j = 0; j < auxPoints.size(); ++j) {
+        const Vec3d y = auxPoints[j] * scale;
+        const std::array<double, kTerms> terms = quadraticTerms(y[0], y[1], y[2]);
+        const Vector phi = Eigen::Map<const Vector>(terms.data());
+        M.noalias() += (share * phi) * phi.transpose();
+        r += share * scale * auxValues[j] * phi;
+    }
+    const Vector k = solveRidged<kTerms>(M, r, Vector::Constant(1e-7));
+
+    Quadric q; // the unit ball's Q, times its radius
+    q.A << k[0], k[3] / 2, k[5] / 2, k[3] / 2, k[1], k[4] / 2, k[5] / 2, k[4] / 2, k[2];
+    q.A *= scale;
+    q.b = k.segment<3>(6);
+    q.c = k[9] / scale;
+    return q;
+}
+
+namespace
+{
+
+/// (a) with the paper's auxiliary points; false if none is usable.
+bool fitGeneralAbout(const CellPoints& points, double cellSize, Quadric& q)
+{
+    std::vector<Vec3d> auxPoints;
+    std::vector<double> auxValues;
+    auxiliaryPoints(points, cellSize, auxPoints, auxValues);
+    if (auxPoints.empty()) return false;
+    q = fitGeneral(points, auxPoints, auxValues);
+    return true;
+}
+
+/// Replace @a result by a feature's fit if that is nearer to the points, and much nearer where the
+/// smooth one will do: a fillet can look like an edge to test (14), but is none.
+void trySharp(FitResult& result, const CellPoints& points, double cellSize, double testRadius,
+              CellPoints& scratch)
+{
+    constexpr double kMuchNearer = 0.3;
+    const double most = (result.accepted ? kMuchNearer : 1) * result.error;
+    const std::optional<LocalFit> sharp = fitSharp(points, scratch);
+    if (!sharp) return;
+    const auto offer = [&](const LocalFit& fit) {
+        const double error = taubinError(fit, points, testRadius);
+        if (!(error < std::min(most, result.error))) return;
+        result.fit = fit;
+        result.error = error;
+    };
+    offer(*sharp);
+    LocalFit general; // for four faces that are neither convex nor concave
+    if (sharp->count == 4 && fitGeneralAbout(points, cellSize, general.pieces[0])) offer(general);
+}
+
+/// Part of the tolerance within which no feature is looked for: what it brings nearer nobody sees.
+constexpr double kLeastSharpError = 0.125;
+
+/// How far off the surface noise carries one of few points at most, in standard deviations.
+constexpr double kFarthest = 8;
+
+bool isAccepted(const FitResult& result, const CellPoints& points, double testRadius,
+                const FitSettings& settings)
+{
+    if (result.error <= settings.tolerance) return true;
+    if (!(settings.noise > 0)) return false;
+    if (points.count <= settings.fewPoints) return result.error <= kFarthest * settings.noise;
+    return residualsAreNoise(result.fit, points, testRadius, settings.noise);
+}
+
+} // namespace
+
+namespace
+{
+
+/// Of the angles between @a normal and the points' normals; at most 1.
+MPUVDB_WIDE_CLONES
+double lowestCosine(const CellPoints& points, const Vec3d& normal)
+{
+    Group lowest = Group{} + 1;
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group cosine = load(points.nx, i) * normal[0] + load(points.ny, i) * normal[1] +
+                             load(points.nz, i) * normal[2];
+        lowest = cosine < lowest ? cosine : lowest;
+    }
+    return smallest(lowest);
+}
+
+/// Whether some normal turns by pi/2 or more from @a normal; with noise, more than strays do.
+bool areOpposed(const CellPoints& points, const Vec3d& normal, double lowest, double noise)
+{
+    constexpr double kStrays = 0.05; // share
+    if (!(noise > 0) || lowest > 0) return lowest <= 0;
+    std::size_t opposed = 0;
+    for (std::size_t i = 0; i < points.count; ++i) opposed += points.normal(i).dot(normal) <= 0;
+    return double(opposed) > kStrays * double(points.count);
+}
+
+/// Weighted mean of 1 - cosine of the angles between the points' normals and those of @a q.
+MPUVDB_WIDE_CLONES
+double meanTurn(const Quadric& q, const CellPoints& points)
+{
+    const auto& A = q.A;
+    Group turned{}, total{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const Group x = 2 * load(points.x, i), y = 2 * load(points.y, i), z = 2 * load(points.z, i);
+        const Group gx = A(0, 0) * x + A(0, 1) * y + A(0, 2) * z + q.b[0],
+                    gy = A(1, 0) * x + A(1, 1) * y + A(1, 2) * z + q.b[1],
+                    gz = A(2, 0) * x + A(2, 1) * y + A(2, 2) * z + q.b[2];
+        const Group slope = squareRoot(gx * gx + gy * gy + gz * gz + 1e-30);
+        const Group along =
+            load(points.nx, i) * gx + load(points.ny, i) * gy + load(points.nz, i) * gz;
+        const Group weight = load(points.weight, i);
+        turned += weight * (1 - along / slope);
+        total += weight;
+    }
+    const double weight = sum(total);
+    return weight > 0 ? sum(turned) / weight : 0;
+}
+
+/// Whether the points are exact, and their normals say more than a fit that is near them: that they
+/// are of several flat faces, which its zero set rounds off.
+bool normalsTurnAway(const Quadric& q, const CellPoints& points, const FitSettings& settings)
+{
+    constexpr double kExact = 0.003;  // noise of normals, radians
+    constexpr double kTurned = 0.017; // root mean square, radians
+    return settings.noise <= 0 && settings.normalNoise < kExact &&
+           2 * meanTurn(q, points) > kTurned * kTurned;
+}
+
+/// Fit again to the points over their feet on @a result's zero set, as long as they are on one
+/// smooth sheet: beside an edge they have no feet, since noise throws none off it.
+void refitOverFeet(FitResult& result, const CellPoints& points, const Vec3d& normal,
+                   double testRadius, const FitSettings& settings, CellPoints& scratch)
+{
+    constexpr double kFarthestFoot = 5; // standard deviations
+    constexpr double kCrease = 0.04, kNormalNoises = 1.2;
+    FitResult again = result;
+    Quadric& q = again.fit.pieces[0];
+    scratch = points;
+    scratch.moveOverFeet(q, normal, kFarthestFoot * settings.noise);
+    scratch.weighAcross(normal, settings.reach);
+    q = fitBivariate(scratch, normal, kFewestOfQuadratic, settings.lever);
+    const double noise2 = settings.normalNoise * settings.normalNoise;
+    if (meanTurn(q, scratch) > kCrease + kNormalNoises * noise2) return;
+    again.error = taubinError(again.fit, scratch, testRadius);
+    again.accepted = isAccepted(again, scratch, testRadius, settings);
+    result = again;
+}
+
+} // namespace
+
+FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
+                  const FitSettings& settings, CellPoints& scratch)
+{
+    FitResult result;
+    const Vec3d normal = meanNormal(points);
+    const double lowest = lowestCosine(points, normal);
+    result.opposedNormals = areOpposed(points, normal, lowest, settings.noise);
+    result.spreadNormals = lowest < kSpreadCosine;
+
+    if (result.opposedNormals && settings.noise > 0) {
+        if (const auto sheets = fitOpposedSheets(points, testRadius, settings, scratch)) {
+            result.fit = *sheets;
+            result.error = taubinError(result.fit, points, testRadius);
+            result.accepted = true;
+            return result;
+        }
+    }
+    const bool general =
+        result.opposedNormals && points.count > 2 * std::size_t(settings.minPoints);
+    if (general) {
+        result.needsSplit = !fitGeneralAbout(points, cellSize, result.fit.pieces[0]);
+        if (result.needsSplit)
+            result.fit.pieces[0] = fitBivariate(points, normal, points.count + 1);
+    } else {
+        result.fit.pieces[0] = fitBivariate(points, normal, kFewestOfQuadratic, settings.lever);
+    }
+    result.error = taubinError(result.fit, points, testRadius);
+    result.accepted = isAccepted(result, points, testRadius, settings);
+    if (settings.reach > 0 && !general)
+        refitOverFeet(result, points, normal, testRadius, settings, scratch);
+    const bool turnsAway =
+        !general && result.accepted && normalsTurnAway(result.fit.pieces[0], points, settings);
+    const bool isSmall = points.count <= settings.maxSharpPoints;
+    result.turnsAway = turnsAway && !isSmall;
+    const bool mayBeSharp =
+        turnsAway || (result.spreadNormals && result.error > kLeastSharpError * settings.tolerance);
+    const bool isClear = result.error > kFarthest * settings.noise; // of noise
+    if (isSmall && (!result.accepted || (mayBeSharp && isClear))) {
+        trySharp(result, points, cellSize, testRadius, scratch);
+        result.accepted = isAccepted(result, points, testRadius, settings);
+    }
+    return result;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,154 @@
+// What a fit takes, told by fitting the points of a few cells.
+#include "mpu/fill/coarse_sign.h"
+#include "mpu/octree/octree.h"
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr double kFittedPoints = 1e5;
+constexpr double kPartPoints = 4096; ///< of a part, on the average
+constexpr int kDeepestParts = 6;     ///< level of the octree
+constexpr double kMargin = 0.25;     ///< of a part's edge: what fits in it see of points around it
+
+/// Points beside each other and their key, as SortedPoints holds them.
+constexpr std::uint64_t kPointBytes = 7 * sizeof(float) + sizeof(std::uint64_t);
+/// While they are sorted: two arrays of keys with the points' numbers, and the cloud. Of arrays
+/// that are not large enough to go back to the system at once a part stays.
+constexpr std::uint64_t kSortBytes = 32, kUnusedBytes = 20, kMostUnused = 40 << 20;
+
+/// The cells of one level of the octree that hold points, and which of them are fitted.
+class Parts
+{
+public:
+    Parts(const PointCloud& cloud, const RootCube& root) : mRoot(root)
+    {
+        const double wanted = double(cloud.size()) / kPartPoints;
+        do {
+            ++mLevel;
+            markOccupied(cloud);
+        } while (double(mOccupied) < wanted && mLevel < kDeepestParts);
+        const auto step = std::clamp<std::size_t>(std::size_t(double(cloud.size()) / kFittedPoints),
+                                                  1, mOccupied);
+        std::size_t seen = 0;
+        // In Morton order, so that they are spread over the surface.
+        choose({}, [&] { return seen++ % step == step / 2; });
+    }
+
+    /// How many times as much as in the parts that are fitted there is in all.
+    double share() const { return double(mOccupied) / double(mChosen); }
+
+    /// The points in, and around, the parts that are fitted.
+    PointCloud pointsOf(const PointCloud& cloud) const
+    {
+        PointCloud some;
+        some.frame = cloud.frame;
+        for (std::size_t n = 0; n < cloud.size(); ++n) {
+            if (!isNear(cloud.positions[n])) continue;
+            some.positions.push_back(cloud.positions[n]);
+            some.normals.push_back(cloud.normals[n]);
+            if (!cloud.confidence.empty()) some.confidence.push_back(cloud.confidence[n]);
+        }
+        return some;
+    }
+
+    bool isIn(const Vec3d& p) const { return mState[indexAt(p)] == State::Fitted; }
+
+private:
+    enum class State : std::uint8_t { Empty, Occupied, Fitted };
+
+    std::size_t index(std::uint32_t i, std::uint32_t j, std::uint32_t k) const
+    {
+        return (std::size_t(i) << 2 * mLevel) + (std::size_t(j) << mLevel) + k;
+    }
+
+    std::size_t indexAt(const Vec3d& p) const
+    {
+        const double last = std::ldexp(1.0, mLevel) - 1;
+        const Vec3d q = (p - mRoot.corner) / mRoot.size(mLevel);
+        const auto at = [&](int axis) { return std::uint32_t(std::clamp(q[axis], 0.0, last)); };
+        return index(at(0), at(1), at(2));
+    }
+
+    void markOccupied(const PointCloud& cloud)
+    {
+        mState.assign(std::size_t(1) << 3 * mLevel, State::Empty);
+        for (const Vec3f& p : cloud.positions) mState[indexAt(p.cast<double>())] = State::Occupied;
+        mOccupied = std::size_t(std::count(mState.begin(), mState.end(), State::Occupied));
+    }
+
+    template <typename F>
+    void choose(const OctreeCell& cell, const F& isNext)
+    {
+        if (cell.level < mLevel) {
+            for (int octant = 0; octant < 8; ++octant) choose(cell.child(octant), isNext);
+            return;
+        }
+        State& state = mState[index(cell.i, cell.j, cell.k)];
+        if (state == State::Empty || !isNext()) return;
+        state = State::Fitted;
+        ++mChosen;
+    }
+
+    bool isNear(const Vec3f& point) const
+    {
+        const Vec3d p = point.cast<double>();
+        const double margin = kMargin * mRoot.size(mLevel);
+        for (int corner = 0; corner < 8; ++corner) {
+            const Vec3d side(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
+            if (isIn(p + margin * side)) return true;
+        }
+        return false;
+    }
+
+    RootCube mRoot;
+    int mLevel = 0;
+    std::vector<State> mState;
+    std::size_t mOccupied = 0, mChosen = 0;
+};
+
+} // namespace
+
+MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Progress& progress)
+{
+    checkSettings(cloud, given);
+    MpuSettings settings = given;
+    settings.sharp &= !settings.interpolate;
+    const Box3d bounds = cloud.localBounds();
+    const RootCube root = rootCube(bounds, settings.voxelSize);
+    progress.beginStage("estimate");
+    const Parts parts(cloud, root);
+    const SortedPoints points(parts.pointsOf(cloud), root, progress);
+    Octree tree = buildOctree(points, root, settings, progress);
+    std::uint64_t leaves = 0;
+    bool complete = true;
+    tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
+        if (!parts.isIn(root.center(cell))) return;
+        ++leaves;
+        complete &= node.support >= 1 && !tree.fits[node.index].lostInNoise;
+    });
+    progress.endStage();
+
+    MpuEstimate estimate;
+    const double share = parts.share() * double(leaves) / double(tree.statistics.leaves);
+    estimate.leaves = std::uint64_t(parts.share() * double(leaves));
+    const auto treeBytes = std::uint64_t(share * double(tree.usedBytes()));
+    const std::uint64_t cloudBytes =
+        cloud.size() * (2 * sizeof(Vec3f) + (cloud.confidence.empty() ? 0 : sizeof(float)));
+    const std::uint64_t pointBytes = kPointBytes * cloud.size(),
+                        unused = std::min(kUnusedBytes * cloud.size(), kMostUnused);
+    const std::uint64_t coarseBytes = complete ? 0 : CoarseSign::makingBytes(points, bounds, root);
+    estimate.bytes = pointBytes + treeBytes + coarseBytes / 16;
+    estimate.peakBytes =
+        std::max({cloudBytes + kSortBytes * cloud.size(), pointBytes + 2 * treeBytes + unused,
+                  pointBytes + treeBytes + coarseBytes});
+    return estimate;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,157 @@
+// The finished octree: cells, and the fits their balls blend.
+#pragma once
+#include "mpu/fit/quadric.h"
+#include "sorted_points.h"
+
+#include <mpuvdb/mpu_field.h>
+
+#include <array>
+#include <cstdint>
+#include <tbb/parallel_for.h>
+#include <utility>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// A quadric in single precision about its fit's origin:
+/// c0 + c1 x + c2 y + c3 z + c4 xx + c5 yy + c6 zz + c7 xy + c8 yz + c9 zx.
+using QuadricCoefficients = std::array<float, 10>;
+
+/// A local fit as stored; several cells may share one (empty cells inherit their parent's).
+struct StoredFit {
+    Vec3f origin; ///< local coordinates
+    std::uint32_t firstQuadric = 0;
+    std::uint8_t count = 1; ///< pieces, as in LocalFit
+    std::uint8_t maxBits = 0;
+    bool throughOrigin = false; ///< the origin is an input point, and the fit is zero there
+    bool lostInNoise = false;   ///< as in Decision
+};
+
+struct OctreeNode {
+    static constexpr float kInner = -1;
+    std::uint32_t index = 0; ///< a leaf's fit; an inner node's first child, of eight in a row
+    /// How far data hold up the fit in the cell's ball, in [0,1]; kInner for an inner node.
+    float support = kInner;
+
+    bool isLeaf() const { return support >= 0; }
+};
+
+/// Nodes of a tree (or of a subtree while it is built), and its fits.
+struct Octree {
+    static constexpr int kDeepest = 30; ///< level of the smallest cells
+
+    RootCube root;
+    double alpha = 0.75;
+    /// Largest distance of a ball's center from its cell's, in diagonals of the cell; above 0 where
+    /// the points are interpolated: balls are centered at the points there, weights singular.
+    double offCenter = 0;
+    std::vector<OctreeNode> nodes;
+    std::vector<StoredFit> fits;
+    std::vector<QuadricCoefficients> quadrics;
+    MpuStatistics statistics;
+    bool complete = true; ///< every leaf is fully supported
+
+    void setLeaf(std::uint32_t node, std::uint32_t fit, double support);
+    double supportRadius(int level) const { return alpha * std::sqrt(3.0) * root.size(level); }
+    bool interpolates() const { return offCenter > 0; }
+    /// Radius of a ball about a cell's center that holds the supports of the cell and its children.
+    double reach(int level) const
+    {
+        return (alpha + offCenter) * std::sqrt(3.0) * root.size(level);
+    }
+    /// Whether the leaf @a cell with @a fit holds the input point through which the fit goes.
+    bool holdsItsPoint(const OctreeCell& cell, const StoredFit& fit) const
+    {
+        return fit.throughOrigin && root.holds(cell, fit.origin.cast<double>());
+    }
+    /// Center of the support of the leaf @a cell.
+    Vec3d ballCenter(const OctreeCell& cell, const StoredFit& fit) const
+    {
+        return holdsItsPoint(cell, fit) ? Vec3d(fit.origin.cast<double>()) : root.center(cell);
+    }
+    /// Store @a fit about @a origin (local coordinates); returns its index.
+    std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin);
+    /// Store a fit about the input point @a point, at which it is zero.
+    std::uint32_t addFitThrough(const Vec3f& point, const Quadric& fit);
+    /// The piece of a stored fit that rules at @a y from its origin; about the origin.
+    Quadric rulingAt(const StoredFit& fit, const Vec3d& y) const;
+    /// One piece of a stored fit about another origin, in double precision.
+    Quadric pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const;
+    /// Append @a subtree, whose node 0 becomes node @a at.
+    void graft(std::uint32_t at, const Octree& subtree);
+    std::uint64_t bytes() const;
+
+    /// bytes() without room to grow.
+    std::uint64_t usedBytes() const;
+
+    /// Call f(node, cell) for a leaf, or for those leaves below an inner node whose balls hold @a p
+    /// (local coordinates) and some that come close, depth first.
+    template <typename F>
+    void forEachLeafAt(const Vec3d& p, const F& f, OctreeNode node, const OctreeCell& cell) const
+    {
+        constexpr double kRoom = 1 + 1e-6; // for roundings, even in the smallest cells
+        if (node.isLeaf()) {
+            f(node, cell);
+            return;
+        }
+        const double quarter = root.size(cell.level) / 4, radius = kRoom * reach(cell.level + 1);
+        const Vec3d offset = root.center(cell) - p;
+        double distance2[3][2]; // along each axis to the lower and the upper child
+        for (int axis = 0; axis < 3; ++axis)
+            for (int side = 0; side < 2; ++side)
+                distance2[axis][side] = std::pow(offset[axis] + (side ? quarter : -quarter), 2);
+        for (int octant = 0; octant < 8; ++octant)
+            if (distance2[0][octant & 1] + distance2[1][octant >> 1 & 1] +
+                    distance2[2][octant >> 2 & 1] <
+                radius * radius)
+                forEachLeafAt(p, f, nodes[node.index + std::uint32_t(octant)], cell.child(octant));
+    }
+
+    /// Call f(node, cell) for every leaf below a node, depth first.
+    template <typename F>
+    void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
+    {
+        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); }, kDeepest, node,
+                    cell);
+    }
+
+    /// The same for all leaves, in parallel.
+    template <typename F>
+    void forEachLeafParallel(F f)
+    {
+        constexpr int kLevel = 4; // where there are enough subtrees for all threads
+        std::vector<std::pair<std::uint32_t, OctreeCell>> parts;
+        const auto collect = [&](std::uint32_t node, const OctreeCell& cell) {
+            parts.push_back({node, cell});
+        };
+        forEachPart(collect, kLevel, 0, {});
+        tbb::parallel_for(std::size_t(0), parts.size(),
+                          [&](std::size_t n) { forEachLeaf(f, parts[n].first, parts[n].second); });
+    }
+
+private:
+    /// Call f(index, cell) for every leaf and every node of level @a deepest, not what is below.
+    template <typename F>
+    void forEachPart(const F& f, int deepest, std::uint32_t node, const OctreeCell& cell)
+    {
+        if (nodes[node].isLeaf() || cell.level == deepest) {
+            f(node, cell);
+            return;
+        }
+        for (int octant = 0; octant < 8; ++octant)
+            forEachPart(f, deepest, nodes[node].index + std::uint32_t(octant), cell.child(octant));
+    }
+};
+
+/// @throws InputError without points or normals, UsageError for settings out of range.
+void checkSettings(const PointCloud& cloud, const MpuSettings& settings);
+
+/// A cube about the points with room for the band and the fits' balls.
+RootCube rootCube(const Box3d& bounds, double voxelSize);
+
+/// Fit @a points [Ohtake03 §3]. The same for any number of threads.
+Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+                   Progress& progress);
+
+} // namespace mpuvdb

@@ -1,0 +1,375 @@
+// Building the octree: from the root a few levels on samples of the points, then each subtree depth
+// first on contiguous copies of its points, which shrink with every level.
+#include "mpu/fit/cell_fitter.h"
+#include "mpu/fit/point_fitter.h"
+#include "octree.h"
+
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <deque>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kSubtreePoints = 4096; ///< a cell with fewer points around starts a subtree
+constexpr std::size_t kSpacingPoints = 256;  ///< spacing is measured among at most so many
+
+/// Interpolating, cells with balls up to so many times as large as that of the nearest point's fit
+/// have that fit; larger cells are held to the tolerance.
+constexpr double kPointFitReach = 1.2;
+
+/// An empty tree of one node.
+Octree emptyTree(const RootCube& root, const MpuSettings& settings)
+{
+    Octree tree;
+    tree.root = root;
+    tree.alpha = settings.alpha;
+    tree.offCenter = settings.interpolate ? 0.5 : 0;
+    tree.nodes.resize(1);
+    return tree;
+}
+
+void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision& decision)
+{
+    ++statistics.leaves;
+    statistics.levels = std::max(statistics.levels, cell.level);
+    if (!decision.result.accepted || decision.result.needsSplit)
+        ++statistics.overTolerance;
+    else
+        statistics.maxError = std::max(statistics.maxError, decision.result.error);
+}
+
+/// Make @a node a leaf with what was decided about @a cell.
+void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const Decision& decision,
+               double spacing)
+{
+    const std::uint32_t fit = tree.addFit(decision.result.fit, tree.root.center(cell));
+    tree.fits[fit].lostInNoise = decision.lostInNoise;
+    tree.setLeaf(node, fit, supportOf(decision.gap, spacing, tree.supportRadius(cell.level)));
+    countLeaf(tree.statistics, cell, decision);
+}
+
+/// Builds one subtree depth first.
+class SubtreeBuilder
+{
+public:
+    SubtreeBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+                   Progress& progress)
+        : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress),
+          mFitter(points, root, settings), mPointFitter(points, root, settings),
+          mTree(emptyTree(root, settings))
+    {
+    }
+
+    /// @param spacing  estimated for the parent; 0 if unknown.
+    Octree build(const OctreeCell& cell, double spacing)
+    {
+        mTree.nodes.assign(1, {});
+        mTree.fits.clear();
+        mTree.quadrics.clear();
+        mTree.statistics = {};
+        mTree.complete = true;
+        mPointFitter.clear();
+        mPath.clear();
+        mFitter.forget();
+        PointBatch& ball = batches(0)[0];
+        mPoints.gather(mPoints.around(cell, mFitter.supportRadius(cell.level)), 1, mFilter, ball);
+        if (ball.size() == 0)
+            addEmpty(0, cell, nullptr, spacing > 0 ? spacing : mRoot.size(cell.level));
+        else
+            process(0, cell, ball, spacing, 0);
+        return mTree; // a copy: without the room to grow that the next one uses again
+    }
+
+private:
+    using Octants = std::array<PointBatch, 8>;
+
+    Octants& batches(std::size_t depth)
+    {
+        while (mBatches.size() <= depth) mBatches.emplace_back();
+        return mBatches[depth];
+    }
+
+    void countEmpty(const OctreeCell& cell)
+    {
+        ++mTree.statistics.leaves;
+        mTree.statistics.levels = std::max(mTree.statistics.levels, cell.level);
+    }
+
+    void addEmpty(std::uint32_t node, const OctreeCell& cell, const PointBatch* near,
+                  double spacing)
+    {
+        countEmpty(cell);
+        double support = 0;
+        const LocalFit fit = near ? mFitter.fitEmpty(cell, *near, spacing, support)
+                                  : mFitter.fitEmpty(cell, spacing, support);
+        mTree.setLeaf(node, mTree.addFit(fit, mRoot.center(cell)), support);
+    }
+
+    void process(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
+                 double parentSpacing, std::size_t depth)
+    {
+        if (depth < 3) mProgress.check();
+        const double radius = mFitter.supportRadius(cell.level);
+        double spacing = parentSpacing;
+        if (ball.size() <= kSpacingPoints && mSpacingDepth >= depth) {
+            if (const double measured = mFilter.spacing(ball, mRoot.center(cell), radius);
+                measured > 0)
+                spacing = measured;
+            else if (!(spacing > 0))
+                spacing = radius;
+            mSpacingDepth = depth;
+        }
+        if (!(spacing > 0)) spacing = radius / 8; // more than kSpacingPoints in the ball
+        if (mSettings.interpolate)
+            decideInterpolating(node, cell, ball, spacing, depth);
+        else
+            decide(node, cell, ball, spacing, depth);
+        if (mSpacingDepth == depth) mSpacingDepth = kNoDepth;
+    }
+
+    void decide(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball, double spacing,
+                std::size_t depth)
+    {
+        const Decision decision = mFitter.decide(cell, ball, mPath, spacing);
+        if (decision.split) {
+            split(node, cell, ball, decision, spacing, depth);
+            return;
+        }
+        storeLeaf(mTree, node, cell, decision, spacing);
+    }
+
+    /// As above where a leaf may hold one point at most, through which its fit has to go.
+    void decideInterpolating(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
+                             double spacing, std::size_t depth)
+    {
+        std::array<std::size_t, 2> inside;
+        const std::size_t count = mPointFitter.pointsIn(cell, ball, inside);
+        if (count > 1 && cell.level < PointFitter::kDeepest) {
+            mProgress.check(); // crowded points make long descents
+            Decision unfitted;
+            unfitted.split = true;
+            unfitted.fitted = false;
+            split(node, cell, ball, unfitted, spacing, depth);
+            return;
+        }
+        const Vec3d center = mRoot.center(cell);
+        const double radius = mFitter.supportRadius(cell.level);
+        const std::size_t point = count > 0 ? inside[0] : mFilter.nearestOf(ball, center);
+        mPath.push_back({&ball, center, radius});
+        const PointFitter::PointFit fit = mPointFitter.fitThrough(point, cell, mPath, mTree);
+        mPath.pop_back();
+        Decision decision;
+        if (radius <= kPointFitReach * fit.radius) {
+            mTree.setLeaf(node, fit.index, 1);
+            countLeaf(mTree.statistics, cell, decision);
+            return;
+        }
+        decision = mFitter.decide(cell, ball, mPath, spacing);
+        if (decision.split) {
+            split(node, cell, ball, decision, spacing, depth);
+            return;
+        }
+        if (count > 0) {
+            // The parent's ball reaches as far around every point of the cell.
+            const PointBatch& around = mPath.empty() ? ball : *mPath.back().batch;
+            mTree.setLeaf(node, mPointFitter.fitWithin(ball, point, radius, around, mTree), 1);
+        } else {
+            mTree.setLeaf(node, mTree.addFit(decision.result.fit, center),
+                          supportOf(decision.gap, spacing, radius));
+        }
+        countLeaf(mTree.statistics, cell, decision);
+    }
+
+    void split(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
+               const Decision& decision, double spacing, std::size_t depth)
+    {
+        const double childRadius = mFitter.supportRadius(cell.level + 1);
+        Octants& octants = batches(depth + 1);
+        bool someEmpty = false;
+        mFilter.octants(ball, mRoot.center(cell), mRoot.size(cell.level + 2), childRadius, octants);
+        for (const PointBatch& child : octants) someEmpty |= child.size() == 0;
+        // Cells are stored before their descendants are built: the scratch still knows the parent.
+        const bool inherit =
+            someEmpty && decision.fitted && mFitter.lastIsHeldUp(decision, cell, spacing);
+        const std::uint32_t inherited =
+            inherit ? mTree.addFit(decision.result.fit, mRoot.center(cell)) : 0;
+        const auto first = std::uint32_t(mTree.nodes.size());
+        mTree.nodes.resize(first + 8);
+        mTree.nodes[node].index = first;
+        mTree.statistics.cells += 8;
+        for (int octant = 0; inherit && octant < 8; ++octant) {
+            const OctreeCell child = cell.child(octant);
+            if (octants[std::size_t(octant)].size() != 0) continue;
+            mTree.setLeaf(first + std::uint32_t(octant), inherited,
+                          mFitter.lastSupportIn(decision, cell, child, spacing));
+            countEmpty(child);
+        }
+        mPath.push_back({&ball, mRoot.center(cell), mFitter.supportRadius(cell.level)});
+        for (int octant = 0; octant < 8; ++octant) {
+            const PointBatch& inside = octants[std::size_t(octant)];
+            const std::uint32_t at = first + std::uint32_t(octant);
+            if (inside.size() != 0)
+                process(at, cell.child(octant), inside, spacing, depth + 1);
+            else if (!inherit)
+                addEmpty(at, cell.child(octant), &ball, spacing);
+        }
+        mPath.pop_back();
+    }
+
+    static constexpr std::size_t kNoDepth = std::numeric_limits<std::size_t>::max();
+
+    const SortedPoints& mPoints;
+    const RootCube& mRoot;
+    const MpuSettings& mSettings;
+    Progress& mProgress;
+    CellFitter mFitter;
+    PointFitter mPointFitter;
+    Octree mTree;
+    BatchFilter mFilter;
+    std::deque<Octants> mBatches; ///< by depth; stable addresses
+    std::vector<Ball> mPath;
+    std::size_t mSpacingDepth = kNoDepth; ///< where on the path the spacing was measured
+};
+
+/// A cell of the upper levels, whose ball holds too many points to copy.
+struct UpperCell {
+    OctreeCell cell;
+    std::uint32_t node = 0;
+    double spacing = 0; ///< estimated from the cell's sample; before that, its parent's
+    bool subtree = false;
+    Decision decision;
+};
+
+class UpperBuilder
+{
+public:
+    UpperBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+                 Progress& progress)
+        : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress)
+    {
+    }
+
+    Octree build()
+    {
+        Octree tree = emptyTree(mRoot, mSettings);
+        ++tree.statistics.cells;
+        std::vector<UpperCell> level(1), subtrees;
+        while (!level.empty()) {
+            tbb::parallel_for(std::size_t(0), level.size(), [&](std::size_t n) {
+                mProgress.check();
+                decideUpper(level[n]);
+            });
+            level = nextLevel(tree, level, subtrees);
+        }
+        buildSubtrees(tree, subtrees);
+        return tree;
+    }
+
+private:
+    void decideUpper(UpperCell& upper) const
+    {
+        const OctreeCell& cell = upper.cell;
+        CellFitter fitter(mPoints, mRoot, mSettings);
+        const double radius = fitter.supportRadius(cell.level);
+        const SortedPoints::Around around = mPoints.around(cell, radius);
+        if (around.points <= kSubtreePoints) {
+            upper.subtree = true;
+            return;
+        }
+        BatchFilter filter;
+        PointBatch sample;
+        const std::size_t stride = around.points / (2 * kSampleFrom);
+        mPoints.gather(around, stride, filter, sample);
+        if (sample.size() > kSample) {
+            const double spacing =
+                filter.spacing(sample, mRoot.center(cell), radius); // of the sample
+            upper.spacing = spacing / std::sqrt(double(stride));
+            if (mSettings.interpolate) {
+                upper.decision.split = cell.level < SortedPoints::kMaxLevel;
+                upper.subtree = !upper.decision.split;
+                return;
+            }
+            upper.decision = fitter.decide(cell, sample, {}, spacing);
+            if (!upper.decision.split) {
+                mPoints.gather(around, 1, filter, sample);
+                upper.decision = fitter.decide(cell, sample, {}, spacing);
+            }
+            return;
+        }
+        // Many points around, few in the ball: its own copy is small.
+        upper.subtree = true;
+    }
+
+    std::vector<UpperCell> nextLevel(Octree& tree, std::vector<UpperCell>& level,
+                                     std::vector<UpperCell>& subtrees) const
+    {
+        std::vector<UpperCell> next;
+        for (UpperCell& upper : level) {
+            if (upper.subtree) {
+                subtrees.push_back(std::move(upper));
+            } else if (!upper.decision.split) {
+                storeLeaf(tree, upper.node, upper.cell, upper.decision, upper.spacing);
+            } else {
+                const auto first = std::uint32_t(tree.nodes.size());
+                tree.nodes.resize(first + 8);
+                tree.nodes[upper.node].index = first;
+                tree.statistics.cells += 8;
+                for (int octant = 0; octant < 8; ++octant) {
+                    UpperCell child;
+                    child.cell = upper.cell.child(octant);
+                    child.node = first + std::uint32_t(octant);
+                    child.spacing = upper.spacing;
+                    next.push_back(std::move(child));
+                }
+            }
+        }
+        return next;
+    }
+
+    void buildSubtrees(Octree& tree, const std::vector<UpperCell>& subtrees) const
+    {
+        std::vector<Octree> built(subtrees.size());
+        tbb::enumerable_thread_specific<SubtreeBuilder> builders(
+            [&] { return SubtreeBuilder(mPoints, mRoot, mSettings, mProgress); });
+        const double share = subtrees.empty() ? 0 : 1.0 / double(subtrees.size());
+        tbb::parallel_for(std::size_t(0), subtrees.size(), [&](std::size_t n) {
+            built[n] = builders.local().build(subtrees[n].cell, subtrees[n].spacing);
+            mProgress.advance(share);
+        });
+        std::size_t nodes = tree.nodes.size(), fits = tree.fits.size(),
+                    quadrics = tree.quadrics.size();
+        for (const Octree& b : built) {
+            nodes += b.nodes.size();
+            fits += b.fits.size();
+            quadrics += b.quadrics.size();
+        }
+        tree.nodes.reserve(nodes);
+        tree.fits.reserve(fits);
+        tree.quadrics.reserve(quadrics);
+        for (std::size_t n = 0; n < built.size(); ++n) {
+            tree.graft(subtrees[n].node, built[n]);
+            built[n] = Octree{};
+        }
+    }
+
+    const SortedPoints& mPoints;
+    const RootCube& mRoot;
+    const MpuSettings& mSettings;
+    Progress& mProgress;
+};
+
+} // namespace
+
+Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+                   Progress& progress)
+{
+    return UpperBuilder(points, root, settings, progress).build();
+}
+
+} // namespace mpuvdb

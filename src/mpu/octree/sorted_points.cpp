@@ -1,0 +1,277 @@
+#include "sorted_points.h"
+
+#include "core/morton.h"
+#include "core/release.h"
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <numeric>
+#include <tbb/parallel_for.h>
+#include <tuple>
+#include <utility>
+
+namespace mpuvdb
+{
+namespace
+{
+
+struct KeyedIndex {
+    std::uint64_t key;
+    std::uint32_t index;
+};
+
+/// Stable sort by key: least significant digit first, each pass over equal chunks in parallel.
+void radixSort(std::vector<KeyedIndex>& items, Progress& progress)
+{
+    constexpr int kDigitBits = 11, kKeyBits = 3 * SortedPoints::kMaxLevel;
+    constexpr std::size_t kDigits = std::size_t(1) << kDigitBits, kChunk = std::size_t(1) << 16;
+    const std::size_t chunks = (items.size() + kChunk - 1) / kChunk;
+    std::vector<KeyedIndex> other(items.size());
+    std::vector<std::array<std::uint32_t, kDigits>> starts(chunks);
+    const auto forEachChunk = [&](auto f) {
+        tbb::parallel_for(std::size_t(0), chunks, [&](std::size_t chunk) {
+            f(chunk, chunk * kChunk, std::min((chunk + 1) * kChunk, items.size()));
+        });
+    };
+    for (int shift = 0; shift < kKeyBits; shift += kDigitBits) {
+        progress.check();
+        const auto digit = [shift](const KeyedIndex& k) { return k.key >> shift & (kDigits - 1); };
+        forEachChunk([&](std::size_t chunk, std::size_t begin, std::size_t end) {
+            starts[chunk].fill(0);
+            for (std::size_t n = begin; n < end; ++n) ++starts[chunk][digit(items[n])];
+        });
+        std::uint32_t next = 0;
+        for (std::size_t d = 0; d < kDigits; ++d)
+            for (std::size_t chunk = 0; chunk < chunks; ++chunk)
+                next += std::exchange(starts[chunk][d], next);
+        forEachChunk([&](std::size_t chunk, std::size_t begin, std::size_t end) {
+            for (std::size_t n = begin; n < end; ++n)
+                other[starts[chunk][digit(items[n])]++] = items[n];
+        });
+        items.swap(other);
+    }
+}
+
+/// How a point's color and scalars are ordered before another's, where all else is equal.
+bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
+{
+    if (!cloud.colors.empty() && cloud.colors[a] != cloud.colors[b])
+        return cloud.colors[a] < cloud.colors[b];
+    for (const NamedScalars& scalars : cloud.scalars)
+        if (scalars.values[a] != scalars.values[b]) return scalars.values[a] < scalars.values[b];
+    return false;
+}
+
+/// The points' order by key; where keys are equal, by everything else they have.
+std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& root,
+                                    Progress& progress)
+{
+    std::vector<KeyedIndex> order(cloud.size());
+    const double scale = std::ldexp(1 / root.side, SortedPoints::kMaxLevel);
+    const double last = std::ldexp(1.0, SortedPoints::kMaxLevel) - 1;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, order.size(), 1 << 14),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
+                          for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                              const Vec3d p =
+                                  (cloud.positions[n].cast<double>() - root.corner) * scale;
+                              const auto q = p.cwiseMax(0).cwiseMin(last).cast<std::uint64_t>();
+                              order[n] = {mortonKey(q[0], q[1], q[2]), std::uint32_t(n)};
+                          }
+                      });
+    progress.check();
+    const bool confident = !cloud.confidence.empty();
+    const auto attributes = [&](std::uint32_t n) {
+        const Vec3f &p = cloud.positions[n], &v = cloud.normals[n];
+        return std::make_tuple(p[0], p[1], p[2], v[0], v[1], v[2],
+                               confident ? cloud.confidence[n] : 1.0f);
+    };
+    radixSort(order, progress);
+    for (std::size_t n = 0, end = 0; n < order.size(); n = end) {
+        while (end < order.size() && order[end].key == order[n].key) ++end;
+        if (end - n < 2) continue;
+        std::sort(order.begin() + std::ptrdiff_t(n), order.begin() + std::ptrdiff_t(end),
+                  [&](const KeyedIndex& a, const KeyedIndex& b) {
+                      const auto first = attributes(a.index), second = attributes(b.index);
+                      return first < second ||
+                             (first == second && attributesBefore(cloud, a.index, b.index));
+                  });
+    }
+    progress.check();
+    return order;
+}
+
+} // namespace
+
+SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress,
+                           Copies copies)
+    : mRoot(root)
+{
+    std::vector<KeyedIndex> order = sortedOrder(cloud, root, progress);
+    const std::size_t count = order.size();
+    const auto permute = [&](PointBatch::Floats& out, auto value) {
+        out.resize(count);
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 1 << 14),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              for (std::size_t n = range.begin(); n < range.end(); ++n)
+                                  out[n] = value(order[n].index);
+                          });
+        progress.check();
+    };
+    permute(mPoints.x, [&](std::uint32_t n) { return cloud.positions[n][0]; });
+    permute(mPoints.y, [&](std::uint32_t n) { return cloud.positions[n][1]; });
+    permute(mPoints.z, [&](std::uint32_t n) { return cloud.positions[n][2]; });
+    release(cloud.positions);
+    permute(mPoints.nx, [&](std::uint32_t n) { return cloud.normals[n][0]; });
+    permute(mPoints.ny, [&](std::uint32_t n) { return cloud.normals[n][1]; });
+    permute(mPoints.nz, [&](std::uint32_t n) { return cloud.normals[n][2]; });
+    release(cloud.normals);
+    if (cloud.confidence.empty())
+        mPoints.confidence.assign(count, 1.0f);
+    else
+        permute(mPoints.confidence, [&](std::uint32_t n) { return cloud.confidence[n]; });
+    release(cloud.confidence);
+    for (int c = 0; c < 3 && !cloud.colors.empty(); ++c)
+        permute(mChannels.emplace_back(),
+                [&](std::uint32_t n) { return linearColor(cloud.colors[n])[c]; });
+    release(cloud.colors);
+    for (const NamedScalars& scalars : cloud.scalars) {
+        mScalarNames.push_back(scalars.name);
+        permute(mChannels.emplace_back(), [&](std::uint32_t n) { return scalars.values[n]; });
+    }
+    release(cloud.scalars);
+
+    mKeys.resize(count);
+    for (std::size_t n = 0; n < count; ++n) mKeys[n] = order[n].key;
+    if (copies == Copies::Merge) mergeCopies();
+    makeTop();
+}
+
+/// A table of about an entry for a point: below its level cells are searched for.
+void SortedPoints::makeTop()
+{
+    while (std::size_t(8) << 3 * mTopLevel <= size()) ++mTopLevel;
+    mTop.resize((std::size_t(1) << 3 * mTopLevel) + 1);
+    std::size_t first = 0;
+    for (std::size_t cell = 0; cell < mTop.size(); ++cell) {
+        while (first < size() && mKeys[first] >> 3 * (kMaxLevel - mTopLevel) < cell) ++first;
+        mTop[cell] = std::uint32_t(first);
+    }
+}
+
+// Copies are next to each other: points of one key are sorted by position.
+void SortedPoints::mergeCopies()
+{
+    PointBatch& p = mPoints;
+    const auto same = [&p](std::size_t a, std::size_t b) {
+        return p.x[a] == p.x[b] && p.y[a] == p.y[b] && p.z[a] == p.z[b];
+    };
+    std::size_t kept = 0;
+    for (std::size_t n = 0, end = 0; n < size(); n = end, ++kept) {
+        while (end < p.size() && same(n, end)) ++end;
+        const auto keep = [&](PointBatch::Floats& a) { a[kept] = a[n]; };
+        p.forEach(keep);
+        std::for_each(mChannels.begin(), mChannels.end(), keep);
+        mKeys[kept] = mKeys[n];
+        if (end - n < 2) continue;
+        Vec3d normal = Vec3d::Zero();
+        double weight = 0;
+        for (std::size_t k = n; k < end; ++k) {
+            normal += double(p.confidence[k]) * Vec3d(p.nx[k], p.ny[k], p.nz[k]);
+            weight += double(p.confidence[k]);
+        }
+        p.confidence[kept] = float(weight / double(end - n));
+        for (PointBatch::Floats& channel : mChannels)
+            channel[kept] = float(std::accumulate(channel.begin() + std::ptrdiff_t(n),
+                                                  channel.begin() + std::ptrdiff_t(end), 0.0) /
+                                  double(end - n));
+        // Where they cancel the first stands for all.
+        if (!(normal.norm() > 1e-3 * weight)) continue;
+        const Vec3f mean = normal.normalized().cast<float>();
+        p.nx[kept] = mean[0], p.ny[kept] = mean[1], p.nz[kept] = mean[2];
+    }
+    p.resize(kept);
+    for (PointBatch::Floats& channel : mChannels) channel.resize(kept);
+    mKeys.resize(kept);
+}
+
+SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
+{
+    const int below = 3 * (kMaxLevel - cell.level);
+    const std::uint64_t key = mortonKey(cell.i, cell.j, cell.k);
+    const std::uint64_t firstKey = key << below, endKey = (key + 1) << below;
+    const int topShift = 3 * (kMaxLevel - mTopLevel);
+    const auto begin = mKeys.begin();
+    if (cell.level <= mTopLevel) return {mTop[firstKey >> topShift], mTop[endKey >> topShift]};
+    const std::size_t top = std::size_t(firstKey >> topShift);
+    const auto lo = begin + mTop[top], hi = begin + mTop[top + 1];
+    const auto first = std::lower_bound(lo, hi, firstKey);
+    const auto end = std::lower_bound(first, hi, endKey);
+    return {std::size_t(first - begin), std::size_t(end - begin)};
+}
+
+/// The ancestor whose 26 neighbors and itself cover the ball about the cell's center.
+OctreeCell SortedPoints::coveringCell(OctreeCell cell, double radius) const
+{
+    const double half = mRoot.size(cell.level) / 2;
+    while (cell.level > kMaxLevel || (cell.level > 0 && mRoot.size(cell.level) + half < radius))
+        cell = {cell.level - 1, cell.i / 2, cell.j / 2, cell.k / 2};
+    return cell;
+}
+
+SortedPoints::Around SortedPoints::around(const OctreeCell& center, double radius) const
+{
+    Around around{center, radius};
+    const OctreeCell cell = coveringCell(center, radius);
+    const std::int64_t edge = std::int64_t(1) << cell.level;
+    for (int dk = -1; dk <= 1; ++dk) {
+        for (int dj = -1; dj <= 1; ++dj) {
+            for (int di = -1; di <= 1; ++di) {
+                const std::int64_t i = std::int64_t(cell.i) + di, j = std::int64_t(cell.j) + dj,
+                                   k = std::int64_t(cell.k) + dk;
+                if (i < 0 || j < 0 || k < 0 || i >= edge || j >= edge || k >= edge) continue;
+                const Range range =
+                    cellRange({cell.level, std::uint32_t(i), std::uint32_t(j), std::uint32_t(k)});
+                if (range.begin == range.end) continue;
+                around.ranges[around.count++] = range;
+                around.points += range.end - range.begin;
+            }
+        }
+    }
+    return around;
+}
+
+void SortedPoints::gather(const Around& around, std::size_t stride, BatchFilter& filter,
+                          PointBatch& out) const
+{
+    out.clear();
+    const Vec3d center = mRoot.center(around.cell);
+    std::size_t skip = 0;
+    for (std::size_t n = 0; n < around.count; ++n) {
+        const Range& range = around.ranges[n];
+        const std::size_t first = range.begin + skip;
+        filter.appendBall(mPoints, first, range.end, stride, center, around.radius, out);
+        const std::size_t past = range.end + stride - 1 - first; // first may be beyond the end
+        skip = first + past / stride * stride - range.end;
+    }
+}
+
+std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell) const
+{
+    const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), center = mRoot.center(cell);
+    const Box3d cube(center - half, center + half);
+    const Range range = cellRange(cell);
+    if (range.begin == range.end || !box.intersects(cube)) return 0;
+    if (box.contains(cube)) return range.end - range.begin;
+    std::size_t count = 0;
+    if (range.end - range.begin <= kScan || cell.level == kMaxLevel) {
+        for (std::size_t n = range.begin; n < range.end; ++n)
+            count += box.contains(Vec3d(mPoints.x[n], mPoints.y[n], mPoints.z[n]));
+        return count;
+    }
+    for (int octant = 0; octant < 8 && count < limit; ++octant)
+        count += countIn(box, limit, cell.child(octant));
+    return count;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,286 @@
+// Normals of bare points: least-squares planes, then one orientation for all of a part.
+#include "core/parallel_each.h"
+#include "orientation.h"
+#include "outward.h"
+#include "points/chosen_neighbors.h"
+#include "points/clean/local_plane.h"
+#include "spatial/distinct_positions.h"
+#include "spatial/spanning_neighbors.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/normals.h>
+#include <mpuvdb/progress.h>
+
+#include <Eigen/Dense>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <utility>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kGrain = 1024; // points
+constexpr double kFewestChosen = 12; // neighbors per plane where there is no noise
+
+/// Planes and links of distinct positions.
+struct PlaneGraph {
+    std::vector<Vec3f> normals;
+    std::vector<OrientationLink> links;
+    std::uint64_t onLines = 0; ///< positions that have no plane
+};
+
+/// At an edge, the neighbors' plane averages its sides: the plane of a neighbor that lies wholly
+/// on one side, and passes by the point, is taken instead where it is much thinner. Not where noise
+/// makes planes thick, and thin ones are luck.
+Vec3f sharpened(const std::vector<Vec3f>& positions, const std::vector<LocalPlane>& planes,
+                std::uint32_t i, const std::uint32_t* linked, std::size_t links, double noise)
+{
+    constexpr double kThinner = 0.1, kNoises = 9; // ratios of squares
+    const double own = planes[i].variances[0];
+    if (own < kNoises * noise * noise) return planes[i].normal.cast<float>();
+    const LocalPlane* best = &planes[i];
+    double least = kThinner * own;
+    for (std::size_t k = 0; k < links; ++k) {
+        const LocalPlane& other = planes[linked[k]];
+        const double height = other.height(positions[i]);
+        const double squares = other.variances[0] + height * height;
+        if (squares < least) {
+            least = squares;
+            best = &other;
+        }
+    }
+    return best->normal.cast<float>();
+}
+
+/// Whether two planes that are about parallel are too far apart for one sheet. Nothing lies between
+/// neighbors: they then are the two sides of a wall or a gap.
+bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, double noise)
+{
+    constexpr double kParallel = 0.8, kSlope = 0.4, kThick = 3;
+    const double cosine = a.normal.dot(b.normal);
+    if (std::abs(cosine) < kParallel) return false;
+    // On one curved sheet the two heights cancel.
+    const Vec3d mean = (a.normal + std::copysign(1.0, cosine) * b.normal) / 2;
+    const double height = std::abs(mean.dot(apart.cast<double>()));
+    const double thickness =
+        std::max(noise, std::sqrt(a.variances[0])) + std::max(noise, std::sqrt(b.variances[0]));
+    return height > kSlope * double(apart.norm()) && height > kThick * thickness;
+}
+
+PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors, double noise,
+                     Progress& progress)
+{
+    constexpr std::size_t kLinks = 12; // nearest neighbors that are linked
+    const std::size_t count = positions.size();
+    const std::size_t links = std::min({kLinks, neighbors, count - 1});
+    std::vector<std::uint32_t> linked(count * links);
+    std::vector<LocalPlane> planes(count);
+    const SpanningNeighbors neighborhoods(positions, std::min(neighbors, count - 1), noise);
+    std::atomic<std::uint64_t> onLines{0};
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& range) {
+        progress.advance(double(range.size()) / double(count));
+        std::vector<std::uint32_t> members;
+        std::uint64_t withoutPlane = 0;
+        for (std::size_t i = range.begin(); i < range.end(); ++i) {
+            withoutPlane += neighborhoods.about(i, members) ? 0 : 1;
+            planes[i] = sheetPlaneOf(positions, members, planeOf(positions, members), noise);
+            // The point is its own nearest; distinct positions can round to the same distance.
+            const auto self = std::find(members.begin(), members.end(), std::uint32_t(i));
+            if (self != members.end()) members.erase(self);
+            std::copy_n(members.begin(), links, linked.begin() + std::ptrdiff_t(i * links));
+        }
+        onLines += withoutPlane;
+    });
+    PlaneGraph graph;
+    graph.onLines = onLines;
+    graph.normals.resize(count);
+    forEachParallel(count, kGrain, progress, [&](std::size_t i) {
+        graph.normals[i] =
+            sharpened(positions, planes, std::uint32_t(i), &linked[i * links], links, noise);
+    });
+    graph.links.resize(linked.size());
+    forEachParallel(count, kGrain, progress, [&](std::size_t i) {
+        for (std::size_t k = i * links; k < (i + 1) * links; ++k) {
+            const std::uint32_t q = linked[k];
+            const Vec3f apart = positions[q] - positions[i];
+            const Vec3f &normalI = graph.normals[i], &normalQ = graph.normals[q];
+            OrientationLink& link = graph.links[k];
+            if (areTwoSheets(planes[i], planes[q], apart, noise)) {
+                link = linkAcrossSheets(std::uint32_t(i), q, normalI, normalQ);
+                continue;
+            }
+            link = orientationLink(std::uint32_t(i), q, apart, normalI, normalQ, float(noise));
+            link.unsure |= !planes[i].isThin() || !planes[q].isThin();
+        }
+    });
+    return graph;
+}
+
+/// Turn the normals of each part to one side: towards the scanners, or else outward.
+/// @param sight  of each position the unit direction to its scanner, zero without; or empty.
+void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight, PlaneGraph& graph,
+            Progress& progress)
+{
+    // The scanners are one node more, which is never turned.
+    const auto scanners = std::uint32_t(positions.size());
+    for (std::uint32_t i = 0; i < sight.size(); ++i) {
+        if (sight[i] == Vec3f::Zero()) continue;
+        OrientationLink seen;
+        seen.vote = sight[i].dot(graph.normals[i]);
+        seen.a = i;
+        seen.b = scanners;
+        graph.links.push_back(seen);
+    }
+    const Orientation found =
+        solveOrientation(positions.size() + 1, std::move(graph.links), progress);
+    for (std::uint32_t i = 0; i < positions.size(); ++i)
+        if (found.turned[i]) graph.normals[i] = -graph.normals[i];
+    std::vector<char> inward = findInwardParts({positions, graph.normals, found.parts}, progress);
+    const std::uint32_t seen = found.parts[scanners];
+    if (seen != scanners) inward[seen] = found.turned[scanners];
+    forEachParallel(positions.size(), kGrain, progress, [&](std::size_t i) {
+        if (inward[found.parts[i]]) graph.normals[i] = -graph.normals[i];
+    });
+}
+
+/// For each of the @a distinct positions the direction in which the first of the viewpoints that it
+/// was seen from lies; empty where no point was seen from a known one.
+std::vector<Vec3f> sights(const PointCloud& cloud, const DistinctPositions& distinct)
+{
+    std::vector<Vec3f> result;
+    if (cloud.seenFrom.empty()) return result;
+    std::vector<std::uint32_t> from(distinct.positions.size(), PointCloud::kUnseen);
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        std::uint32_t& first = from[distinct.placeOf[i]];
+        first = std::min(first, cloud.seenFrom[i]);
+    }
+    result.assign(from.size(), Vec3f::Zero());
+    for (std::size_t i = 0; i < from.size(); ++i)
+        if (from[i] != PointCloud::kUnseen) {
+            const Vec3d p = cloud.frame + distinct.positions[i].cast<double>();
+            result[i] = cloud.viewpoints[from[i]].towards(p).normalized().cast<float>();
+        }
+    return result;
+}
+
+/// Whether all points lie within rounding of a line.
+bool areOnOneLine(const std::vector<Vec3f>& positions)
+{
+    constexpr double kRounding = 1e-6; // of the length
+    const auto farthestFrom = [&](const Vec3f& place) {
+        return *std::max_element(positions.begin(), positions.end(),
+                                 [&](const Vec3f& a, const Vec3f& b) {
+                                     return (a - place).squaredNorm() < (b - place).squaredNorm();
+                                 });
+    };
+    const Vec3f from = farthestFrom(positions.front());
+    const Vec3d along = (farthestFrom(from) - from).cast<double>();
+    return std::all_of(positions.begin(), positions.end(), [&](const Vec3f& p) {
+        const double twiceArea = (p - from).cast<double>().cross(along).norm();
+        return twiceArea <= kRounding * along.squaredNorm();
+    });
+}
+
+/// How much of the heights of a point's neighbors, along its normal, a slope explains.
+double explainedBySlope(const Neighborhood& n)
+{
+    const auto count = Eigen::Index(n.neighbors.size());
+    const Vec3d up = n.normal.cast<double>(), e1 = up.unitOrthogonal(), e2 = up.cross(e1);
+    Eigen::MatrixX3d across(count, 3);
+    Eigen::VectorXd heights(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+        const Vec3d p = (n.neighbors[std::size_t(i)].position - n.center).cast<double>();
+        across.row(i) << 1, p.dot(e1), p.dot(e2);
+        heights[i] = p.dot(up);
+    }
+    const Eigen::VectorXd slope = across.colPivHouseholderQr().solve(heights);
+    const double all = (heights.array() - heights.mean()).matrix().squaredNorm();
+    return all > 0 ? 1 - (heights - across * slope).squaredNorm() / all : 1;
+}
+
+/// Whether what passes for sheets that look opposite ways are the steps of a single one, as depth
+/// cameras make them: nearly everywhere, and not over each other, as the sides of a wall are, but
+/// beside, so that a slope explains a good part of their heights.
+bool areSteps(const PointCloud& cloud, Progress& progress)
+{
+    constexpr std::size_t kSamples = 1000, kNeighbors = 40, kOpposite = 5;
+    constexpr std::size_t kFewest = 1000; // points: with fewer, forty are a good part of the shape
+    constexpr double kExplained = 0.12;   // by chance it is .05 of what has no slope
+    if (cloud.size() < kFewest) return false;
+    const std::vector<Vec3f> chosen = choosePositions(cloud.positions, kSamples, progress);
+    std::size_t layered = 0, steps = 0;
+    for (const Neighborhood& n : nearestOfChosen(cloud, chosen, kNeighbors, progress)) {
+        const auto isOpposite = [&](const Neighbor& other) {
+            return other.normal.dot(n.normal) < 0;
+        };
+        const auto opposite = std::count_if(n.neighbors.begin(), n.neighbors.end(), isOpposite);
+        if (std::size_t(opposite) < kOpposite) continue;
+        ++layered;
+        steps += std::size_t(explainedBySlope(n) > kExplained);
+    }
+    return 2 * layered > chosen.size() && 2 * steps > layered;
+}
+
+/// A ball of k neighbors is sqrt(k/pi) spacings wide: three times the noise and more.
+int neighborsFor(const PointStatistics& statistics)
+{
+    constexpr double kMost = 200, kPerSlope = 24, kPerNoise = 40;
+    const double ratio = statistics.spacing > 0 ? statistics.noise / statistics.spacing : 0;
+    return int(std::min(kFewestChosen + kPerSlope * ratio + kPerNoise * ratio * ratio, kMost));
+}
+
+} // namespace
+
+EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors,
+                                 Progress& progress)
+{
+    constexpr int kFewest = 4, kMost = 1000;
+    if (neighbors && (*neighbors < kFewest || *neighbors > kMost))
+        throw UsageError(fmt::format("normals from {} neighbors: out of range. Give {} to {}",
+                                     *neighbors, kFewest, kMost));
+    DistinctPositions sorted(cloud.positions);
+    progress.check();
+    if (sorted.positions.size() < kFewest)
+        throw InputError(fmt::format("normals need at least {} distinct points, there are {}. Give "
+                                     "more points, or points with normals",
+                                     kFewest, sorted.positions.size()));
+    if (areOnOneLine(sorted.positions))
+        throw InputError(fmt::format("the {} points lie on a line, which has no surface: give "
+                                     "points of one, or points with normals",
+                                     cloud.size()));
+    const std::vector<Vec3f> towardsScanner = sights(cloud, sorted);
+    PointCloud distinct;
+    distinct.positions = std::move(sorted.positions);
+    EstimatedNormals used;
+    const auto pass = [&](int count, double noise) {
+        PlaneGraph graph = fitPlanes(distinct.positions, std::size_t(count), noise, progress);
+        orient(distinct.positions, towardsScanner, graph, progress);
+        distinct.normals = std::move(graph.normals);
+        used = {count, graph.onLines};
+    };
+    // Without normals, two close sheets are one noisy one. With some, they are told apart; where it
+    // then is noise, a second round knows how much.
+    constexpr double kLittle = 0.1; // spacings
+    pass(neighbors.value_or(int(kFewestChosen)), 0);
+    PointStatistics statistics = measure(distinct, progress);
+    if (statistics.noise <= kLittle * statistics.spacing && areSteps(distinct, progress)) {
+        PointCloud bare;
+        bare.positions = distinct.positions;
+        statistics = measure(bare, progress);
+    }
+    if (statistics.noise > kLittle * statistics.spacing)
+        pass(neighbors.value_or(neighborsFor(statistics)), statistics.noise);
+    cloud.normals.resize(cloud.size());
+    forEachParallel(cloud.size(), kGrain, progress,
+                    [&](std::size_t i) { cloud.normals[i] = distinct.normals[sorted.placeOf[i]]; });
+    return used;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,292 @@
+#include <mpuvdb/error.h>
+#include <mpuvdb/files.h>
+#include <mpuvdb/picture.h>
+#include <mpuvdb/progress.h>
+
+#include <fmt/format.h>
+#include <openvdb/tools/RayIntersector.h>
+#include <tbb/blocked_range2d.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csetjmp>
+#include <cstdio>
+#include <optional>
+#include <png.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::FloatGrid;
+using Intersector = openvdb::tools::LevelSetRayIntersector<FloatGrid>;
+using Ray = Intersector::RayType;
+namespace fs = std::filesystem;
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kSamples = 2; ///< per pixel and axis
+
+struct Image {
+    int width, height;
+    std::vector<std::uint8_t> rgb;
+};
+
+openvdb::Vec3d toOpenVdb(const Vec3d& v)
+{
+    return {v.x(), v.y(), v.z()};
+}
+
+/// Boxes, one per leaf, about the voxels beside the zero set; multiples of the voxel size.
+std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize, const Progress& progress)
+{
+    std::vector<Box3d> boxes;
+    for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
+        progress.check();
+        Box3d box;
+        for (auto value = leaf->cbeginValueOn(); value; ++value)
+            if (std::abs(*value) < voxelSize) {
+                const openvdb::Coord at = value.getCoord();
+                box.extend(voxelSize * Vec3d(at.x(), at.y(), at.z()));
+            }
+        if (!box.isEmpty()) boxes.push_back(box);
+    }
+    if (boxes.empty()) boxes.emplace_back(Vec3d::Constant(-voxelSize), Vec3d::Constant(voxelSize));
+    return boxes;
+}
+
+/// A perspective camera that sees all of some boxes, as large as they fit.
+class Camera
+{
+public:
+    Camera(const std::vector<Box3d>& boxes, const PictureSettings& settings)
+    {
+        const double azimuth = settings.azimuth * kPi / 180;
+        // Straight from above or below there would be no "up".
+        const double elevation = std::clamp(settings.elevation, -89.9, 89.9) * kPi / 180;
+        const bool isZUp = settings.up == UpAxis::Z;
+        mSky = isZUp ? Vec3d::UnitZ() : Vec3d::UnitY();
+        const Vec3d front = isZUp ? Vec3d(-Vec3d::UnitY()) : Vec3d(Vec3d::UnitZ());
+        mBack =
+            std::cos(elevation) * (std::sin(azimuth) * Vec3d::UnitX() + std::cos(azimuth) * front) +
+            std::sin(elevation) * mSky;
+        mRight = mSky.cross(mBack).normalized();
+        mUp = mBack.cross(mRight);
+        constexpr double kHalfAngle = 15 * kPi / 180, kMargin = 1.1;
+        const double aspect = double(settings.width) / settings.height;
+        mTanX = std::tan(kHalfAngle) * std::max(1.0, aspect);
+        mTanY = std::tan(kHalfAngle) * std::max(1.0, 1 / aspect);
+
+        const auto forEachCorner = [&](const auto& visit) {
+            for (const Box3d& box : boxes)
+                for (int corner = 0; corner < 8; ++corner) {
+                    const Vec3d c = box.corner(static_cast<Box3d::CornerType>(corner));
+                    visit(Vec3d(c.dot(mRight), c.dot(mUp), c.dot(mBack)));
+                }
+        };
+        Box3d seen; // along right, up and back
+        forEachCorner([&](const Vec3d& c) { seen.extend(c); });
+        const Vec3d center = seen.center();
+        double distance = 0;
+        forEachCorner([&](const Vec3d& c) {
+            const Vec3d d = c - center;
+            distance = std::max({distance, d.z() + kMargin * std::abs(d.x()) / mTanX,
+                                 d.z() + kMargin * std::abs(d.y()) / mTanY});
+        });
+        mEye = center.x() * mRight + center.y() * mUp + (center.z() + distance) * mBack;
+    }
+
+    const Vec3d& eye() const { return mEye; }
+    /// The direction that points up in the world.
+    const Vec3d& sky() const { return mSky; }
+    /// @param x, y  in [-1,1], from left to right and from bottom to top.
+    Vec3d direction(double x, double y) const
+    {
+        return (x * mTanX * mRight + y * mTanY * mUp - mBack).normalized();
+    }
+    /// A direction given from the viewer's right, top and back.
+    Vec3d fromView(const Vec3d& v) const
+    {
+        return (v.x() * mRight + v.y() * mUp + v.z() * mBack).normalized();
+    }
+
+private:
+    Vec3d mEye, mRight, mUp, mBack, mSky;
+    double mTanX, mTanY;
+};
+
+/// White above, gray below; linear light.
+Vec3d background(double y)
+{
+    const double t = 0.5 + 0.5 * y;
+    return Vec3d::Constant(0.48 + 0.47 * t);
+}
+
+/// Neutral clay under a key light from the upper left, a cool fill from the right and the sky.
+class Clay
+{
+public:
+    explicit Clay(const Camera& camera)
+        : mKey(camera.fromView({-0.55, 0.75, 0.65})), mFill(camera.fromView({0.9, 0.1, 0.45})),
+          mSky(camera.sky())
+    {
+    }
+
+    const Vec3d& key() const { return mKey; }
+    Vec3d shade(const Vec3d& normal, const Vec3d& view, bool lit) const
+    {
+        const double sky = 0.5 + 0.5 * normal.dot(mSky);
+        const double key = lit ? std::max(0.0, normal.dot(mKey)) : 0;
+        const double fill = std::max(0.0, normal.dot(mFill));
+        const double gloss =
+            lit ? 0.10 * std::pow(std::max(0.0, normal.dot((mKey - view).normalized())), 30) : 0;
+        const Vec3d light = key * Vec3d(0.72, 0.70, 0.66) + fill * Vec3d(0.13, 0.15, 0.18) +
+                            (0.07 + 0.15 * sky) * Vec3d(0.94, 0.98, 1.05);
+        return 0.78 * light + Vec3d::Constant(gloss);
+    }
+
+private:
+    Vec3d mKey, mFill, mSky;
+};
+
+std::uint8_t encode(double linear)
+{
+    const double v = std::clamp(linear, 0.0, 1.0);
+    const double srgb = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
+    return std::uint8_t(std::lround(255 * srgb));
+}
+
+/// Looks at the zero set along rays.
+class Tracer
+{
+public:
+    Tracer(const FloatGrid& grid, const Camera& camera)
+        : mCamera(camera), mClay(camera), mVoxelSize(grid.voxelSize()[0])
+    {
+        if (!grid.empty()) mIntersector.emplace(grid);
+    }
+
+    Vec3d color(double x, double y)
+    {
+        const Vec3d view = mCamera.direction(x, y);
+        if (!mIntersector) return background(y);
+        openvdb::Vec3d at, normal;
+        if (!mIntersector->intersectsWS(Ray(toOpenVdb(mCamera.eye()), toOpenVdb(view)), at, normal))
+            return background(y);
+        Vec3d n(normal[0], normal[1], normal[2]);
+        if (!(n.squaredNorm() > 0)) n = -view;
+        if (n.dot(view) > 0) n = -n; // open or broken grids show their inner side
+        // Start the shadow off the surface, where the search would find it again.
+        const openvdb::Vec3d start = at + toOpenVdb(1.5 * mVoxelSize * n);
+        const bool lit = !mIntersector->intersectsWS(Ray(start, toOpenVdb(mClay.key())));
+        return mClay.shade(n, view, lit);
+    }
+
+private:
+    const Camera& mCamera;
+    Clay mClay;
+    double mVoxelSize;
+    std::optional<Intersector> mIntersector;
+};
+
+void renderPixel(Tracer& tracer, Image& image, int column, int row)
+{
+    Vec3d sum = Vec3d::Zero();
+    for (int sy = 0; sy < kSamples; ++sy)
+        for (int sx = 0; sx < kSamples; ++sx)
+            sum += tracer.color(2 * (column + (sx + 0.5) / kSamples) / image.width - 1,
+                                1 - 2 * (row + (sy + 0.5) / kSamples) / image.height);
+    std::uint8_t* pixel = &image.rgb[3 * (std::size_t(row) * image.width + column)];
+    for (int channel = 0; channel < 3; ++channel)
+        pixel[channel] = encode(sum[channel] / (kSamples * kSamples));
+}
+
+Image render(const LevelSet& levelSet, const PictureSettings& settings, Progress& progress)
+{
+    // Without the translation, so that coordinates are small however far from the origin the grid
+    // is. The voxels keep their size: the intersector takes values and voxels in the same units.
+    const double h = levelSet.voxelSize();
+    const auto voxels =
+        openvdb::gridConstPtrCast<FloatGrid>(levelSet.grid().copyReplacingMetadataAndTransform(
+            levelSet.grid(), openvdb::math::Transform::createLinearTransform(h)));
+    const Camera camera(surfaceBoxes(*voxels, h, progress), settings);
+    const Tracer tracer(*voxels, camera);
+    Image image{settings.width, settings.height, {}};
+    image.rgb.resize(std::size_t(3) * settings.width * settings.height);
+    const tbb::blocked_range2d<int> pixels(0, settings.height, 8, 0, settings.width, 64);
+    tbb::parallel_for(pixels, [&](const tbb::blocked_range2d<int>& tile) {
+        Tracer own(tracer); // it remembers nodes, so every thread has its own
+        for (int row = tile.rows().begin(); row != tile.rows().end(); ++row) {
+            progress.check();
+            for (int column = tile.cols().begin(); column != tile.cols().end(); ++column)
+                renderPixel(own, image, column, row);
+        }
+        progress.advance(double(tile.rows().size()) * double(tile.cols().size()));
+    });
+    return image;
+}
+
+/// Owns what libpng allocates.
+struct PngWriter {
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+    png_infop info = png ? png_create_info_struct(png) : nullptr;
+    ~PngWriter() { png_destroy_write_struct(&png, &info); }
+};
+
+/// Nothing with a destructor may live here: libpng leaves by longjmp.
+/// @return false if writing failed or was stopped.
+bool writeRows(png_structp png, png_infop info, std::FILE* file, const Image& image,
+               const Progress& progress)
+{
+    if (setjmp(png_jmpbuf(png))) return false;
+    png_init_io(png, file);
+    png_set_IHDR(png, info, png_uint_32(image.width), png_uint_32(image.height), 8,
+                 PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+                 PNG_FILTER_TYPE_DEFAULT);
+    png_write_info(png, info);
+    for (int row = 0; row < image.height && !progress.stopped(); ++row)
+        png_write_row(png, &image.rgb[std::size_t(3) * image.width * row]);
+    if (progress.stopped()) return false;
+    png_write_end(png, info);
+    return true;
+}
+
+void writePng(const fs::path& file, const fs::path& temporary, const Image& image,
+              const Progress& progress)
+{
+    PngWriter writer;
+    std::FILE* stream = std::fopen(temporary.c_str(), "wb");
+    bool written =
+        stream && writer.info && writeRows(writer.png, writer.info, stream, image, progress);
+    if (stream && std::fclose(stream) != 0) written = false;
+    progress.check();
+    if (!written)
+        throw IoError(fmt::format(
+            "{}: cannot be written. Free some space, or write to another disk", file.string()));
+}
+
+void requireRange(const char* name, double value, double low, double high)
+{
+    if (!(value >= low && value <= high))
+        throw UsageError(
+            fmt::format("picture: {} is {}, and must be in [{}, {}]", name, value, low, high));
+}
+
+} // namespace
+
+void writePicture(const fs::path& file, const LevelSet& levelSet, const PictureSettings& settings,
+                  Progress& progress)
+{
+    requireRange("width", settings.width, 16, 8192);
+    requireRange("height", settings.height, 16, 8192);
+    requireRange("azimuth", settings.azimuth, -360, 360);
+    requireRange("elevation", settings.elevation, -90, 90);
+    progress.beginStage("render", double(settings.width) * settings.height);
+    const Image image = render(levelSet, settings, progress);
+    progress.endStage();
+    writeAtomically(file,
+                    [&](const fs::path& temporary) { writePng(file, temporary, image, progress); });
+}
+
+} // namespace mpuvdb

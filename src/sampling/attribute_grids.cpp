@@ -1,0 +1,167 @@
+#include <mpuvdb/attribute_grids.h>
+
+#include "surface/surface_places.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+#include <mpuvdb/sampling.h>
+
+#include <fmt/format.h>
+#include <openvdb/tree/LeafManager.h>
+
+#include <map>
+#include <numeric>
+#include <set>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::FloatTree;
+using openvdb::Vec3STree;
+using Leaf = FloatTree::LeafNodeType;
+
+void demandNames(const LevelSet& levelSet, const SurfaceAttributes& attributes)
+{
+    std::set<std::string> names = {levelSet.grid().getName(), kCoverageName, kColorName};
+    for (const std::string& name : attributes.scalarNames())
+        if (!names.insert(name).second)
+            throw UsageError(fmt::format("an attribute cannot be called '{}': another grid is, or "
+                                         "it is named twice",
+                                         name));
+}
+
+template <class Tree>
+openvdb::GridBase::Ptr gridOf(const typename Tree::Ptr& tree, const LevelSet& levelSet,
+                              const std::string& name)
+{
+    auto grid = openvdb::Grid<Tree>::create(tree);
+    grid->setTransform(levelSet.grid().transform().copy());
+    grid->setGridClass(openvdb::GRID_UNKNOWN);
+    grid->setName(name);
+    return grid;
+}
+
+/// Leaves of one attribute's tree.
+template <class Tree>
+class Made
+{
+public:
+    using Value = typename Tree::ValueType;
+    using Node = typename Tree::LeafNodeType;
+
+    /// The values of a new leaf like @a leaf, all zero.
+    Value* addLike(const Leaf& leaf)
+    {
+        mLeaves.push_back(
+            std::make_unique<Node>(leaf, openvdb::zeroVal<Value>(), openvdb::TopologyCopy()));
+        return mLeaves.back()->buffer().data();
+    }
+    void moveTo(Tree& tree)
+    {
+        openvdb::tree::ValueAccessor<Tree> to(tree);
+        for (std::unique_ptr<Node>& leaf : mLeaves) to.addLeaf(leaf.release());
+    }
+
+private:
+    std::vector<std::unique_ptr<Node>> mLeaves;
+};
+
+/// Leaves of all attributes' trees.
+class MadeLeaves
+{
+public:
+    explicit MadeLeaves(const SurfaceAttributes& attributes)
+        : mHasColors(attributes.hasColors()), mScalars(attributes.scalarNames().size())
+    {
+    }
+
+    /// Give the voxels of @a leaf what there is from @a next on in turn. Returns what is left.
+    const float* add(const Leaf& leaf, const float* next)
+    {
+        openvdb::Vec3s* const color = mHasColors ? mColors.addLike(leaf) : nullptr;
+        std::vector<float*> into;
+        for (Made<FloatTree>& scalar : mScalars) into.push_back(scalar.addLike(leaf));
+        for (auto voxel = leaf.valueMask().beginOn(); voxel; ++voxel) {
+            if (color) {
+                color[voxel.pos()] = openvdb::Vec3s(next);
+                next += 3;
+            }
+            for (float* const scalar : into) scalar[voxel.pos()] = *next++;
+        }
+        return next;
+    }
+    void moveTo(Vec3STree& colors, const std::vector<FloatTree::Ptr>& scalars)
+    {
+        mColors.moveTo(colors);
+        for (std::size_t n = 0; n < scalars.size(); ++n) mScalars[n].moveTo(*scalars[n]);
+    }
+
+private:
+    bool mHasColors;
+    Made<Vec3STree> mColors;
+    std::vector<Made<FloatTree>> mScalars;
+};
+
+/// Leaves in one cube of space, whose places are near each other.
+using LeafGroup = std::vector<const Leaf*>;
+
+std::vector<LeafGroup> groupsOf(const openvdb::tree::LeafManager<const FloatTree>& leaves)
+{
+    constexpr int kEdgeBits = 5; ///< 32 voxels: few places lie outside of the cube
+    std::map<openvdb::Coord, LeafGroup> groups;
+    for (std::size_t n = 0; n < leaves.leafCount(); ++n)
+        groups[leaves.leaf(n).origin() >> kEdgeBits].push_back(&leaves.leaf(n));
+    std::vector<LeafGroup> result;
+    result.reserve(groups.size());
+    for (auto& [cube, group] : groups) result.push_back(std::move(group));
+    return result;
+}
+
+} // namespace
+
+std::vector<openvdb::GridBase::Ptr>
+sampleAttributes(const LevelSet& levelSet, const SurfaceAttributes& attributes, Progress& progress)
+{
+    demandNames(levelSet, attributes);
+    const openvdb::FloatGrid& surface = levelSet.grid();
+    const Lattice lattice = levelSet.lattice();
+    openvdb::tree::LeafManager<const FloatTree> leaves(surface.tree());
+    progress.beginStage("attributes", double(leaves.leafCount()));
+    const std::vector<LeafGroup> groups = groupsOf(leaves);
+    std::vector<MadeLeaves> made;
+    for (std::size_t n = 0; n < groups.size(); ++n) made.emplace_back(attributes);
+    tbb::parallel_for(std::size_t(0), groups.size(), [&](std::size_t n) {
+        std::vector<SurfacePlace> places;
+        places.reserve(std::accumulate(
+            groups[n].begin(), groups[n].end(), std::size_t(0),
+            [](std::size_t sum, const Leaf* leaf) { return sum + leaf->onVoxelCount(); }));
+        SurfacePlaces band(surface, lattice);
+        for (const Leaf* const leaf : groups[n]) band.append(*leaf, 1, places);
+        std::vector<float> values;
+        attributes.evaluate(places, values);
+        const float* next = values.data();
+        for (const Leaf* const leaf : groups[n]) next = made[n].add(*leaf, next);
+        progress.advance(double(groups[n].size()));
+    });
+    const auto colors = std::make_shared<Vec3STree>(openvdb::Vec3s(0));
+    std::vector<FloatTree::Ptr> scalars;
+    for (std::size_t n = 0; n < attributes.scalarNames().size(); ++n)
+        scalars.push_back(std::make_shared<FloatTree>(0.0f));
+    for (MadeLeaves& some : made) some.moveTo(*colors, scalars);
+    std::vector<openvdb::GridBase::Ptr> grids;
+    if (attributes.hasColors()) {
+        grids.push_back(gridOf<Vec3STree>(colors, levelSet, kColorName));
+        grids.back()->setSaveFloatAsHalf(true);
+        grids.back()->insertMeta("mpuvdb:quantity",
+                                 openvdb::StringMetadata("linear red, green and blue"));
+    }
+    for (std::size_t n = 0; n < scalars.size(); ++n)
+        grids.push_back(gridOf<FloatTree>(scalars[n], levelSet, attributes.scalarNames()[n]));
+    progress.endStage();
+    return grids;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,207 @@
+// Islands: small components of one sign, shut in by the other, that no data hold up.
+#include "band.h"
+
+#include "core/union_find.h"
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::uint64_t kIslandVoxels = 1 << 18; ///< a larger component stays
+/// One with as many data points in its voxels is an object. An object of a hundred points has about
+/// half of them there, the others in the voxels beyond its surface. Of few points in all, a quarter
+/// is enough.
+constexpr std::size_t kIslandPoints = 30, kIslandShare = 4;
+
+using Part = Band::Regions::Part;
+
+std::vector<Part> partsOf(const SignWords& inside)
+{
+    SignWords outside = inside;
+    for (std::uint64_t& w : outside) w = ~w;
+    std::vector<Part> parts;
+    for (const SignWords& voxels : connectedParts(outside)) parts.push_back({voxels, false});
+    for (const SignWords& voxels : connectedParts(inside)) parts.push_back({voxels, true});
+    return parts;
+}
+
+} // namespace
+
+std::uint32_t Band::Regions::rootOf(std::size_t block, int voxel) const
+{
+    const auto holds = [voxel](const Part& part) {
+        return (part.voxels[std::size_t(voxel) / 64] >> (voxel % 64) & 1u) != 0;
+    };
+    const auto found = std::find_if(parts[block].begin(), parts[block].end(), holds);
+    return roots[first[block] + std::uint32_t(found - parts[block].begin())];
+}
+
+Band::Regions Band::labelRegions() const
+{
+    Regions regions;
+    std::vector<std::vector<Part>>& parts = regions.parts;
+    std::vector<std::uint32_t>& first = regions.first;
+    std::vector<std::uint64_t>& voxels = regions.voxels;
+    parts.resize(mBlocks.size());
+    tbb::parallel_for(std::size_t(0), mBlocks.size(), [&](std::size_t n) {
+        if (n % 1024 == 0) mProgress.check();
+        parts[n] = partsOf(mBlocks[n].inside);
+    });
+    first.assign(mBlocks.size() + 1, 0);
+    for (std::size_t n = 0; n < parts.size(); ++n)
+        first[n + 1] = first[n] + std::uint32_t(parts[n].size());
+
+    UnionFind components(first.back());
+    voxels.resize(first.back());
+    constexpr std::uint64_t kDeep = std::uint64_t(1) << 40; // beyond every limit
+    // Beyond a zone parts of one sign are taken to meet.
+    std::array<std::optional<std::uint32_t>, 2> beyond;
+    for (std::size_t n = 0; n < mBlocks.size(); ++n) {
+        const Vec3i at = mBlocks[n].at;
+        for (std::uint32_t p = 0; p < parts[n].size(); ++p) {
+            const Part& part = parts[n][p];
+            voxels[first[n] + p] = countVoxels(part.voxels);
+            for (int axis = 0; axis < 3; ++axis) {
+                for (const bool upper : {false, true}) {
+                    if (!reachesFace(part.voxels, axis, upper)) continue;
+                    const auto next =
+                        mIndex.find(packed(at + (upper ? 1 : -1) * Vec3i::Unit(axis)));
+                    if (next == mIndex.end()) {
+                        voxels[first[n] + p] = kDeep;
+                        if (!isKnown(at + (upper ? 1 : -1) * Vec3i::Unit(axis))) {
+                            auto& other = beyond[part.inside];
+                            components.join(first[n] + p, other.value_or(first[n] + p));
+                            other = first[n] + p;
+                        }
+                        continue;
+                    }
+                    const std::uint32_t m = next->second;
+                    for (std::uint32_t q = 0; upper && q < parts[m].size(); ++q)
+                        if (parts[m][q].inside == part.inside &&
+                            meet(part.voxels, parts[m][q].voxels, axis))
+                            components.join(first[n] + p, first[m] + q);
+                }
+            }
+        }
+    }
+    const std::vector<std::uint32_t>& roots = regions.roots = components.roots();
+    for (std::uint32_t p = 0; p < roots.size(); ++p)
+        if (roots[p] != p) voxels[roots[p]] += voxels[p];
+    return regions;
+}
+
+std::size_t Band::removeIslands()
+{
+    std::size_t removed = 0;
+    // One within another has changed sides with it, and is an island of the other sign now.
+    while (const std::size_t turned = turnIslands()) removed += turned;
+    return removed;
+}
+
+std::size_t Band::turnIslands()
+{
+    const Regions regions = labelRegions();
+    const std::vector<std::vector<Part>>& parts = regions.parts;
+    const std::vector<std::uint32_t>&first = regions.first, &roots = regions.roots;
+    const std::vector<std::uint64_t>& voxels = regions.voxels;
+    const Vec3d everywhere = Vec3d::Constant(std::numeric_limits<double>::max());
+    const std::size_t all =
+                          mField.countData({-everywhere, everywhere}, kIslandShare * kIslandPoints),
+                      enough =
+                          std::min(kIslandPoints, std::max<std::size_t>(all / kIslandShare, 1));
+    struct Small {
+        std::size_t points = 0;
+        float deepest = 0;
+    };
+    std::unordered_map<std::uint32_t, Small> small; // components, by root
+    const auto forEachSmall = [&](auto f) {
+        for (std::size_t n = 0; n < mBlocks.size(); ++n)
+            for (std::uint32_t p = 0; p < parts[n].size(); ++p)
+                if (const std::uint32_t root = roots[first[n] + p]; voxels[root] < kIslandVoxels)
+                    f(mBlocks[n], parts[n][p].voxels, root);
+    };
+    forEachSmall([&](const Block& block, const SignWords& part, std::uint32_t root) {
+        Small& component = small[root];
+        component.deepest = std::max(component.deepest, deepestOf(block, part));
+        if (component.points < enough) component.points += countData(block.at, part);
+    });
+    const float hair = isFromData() ? float(kHair * mLattice.voxelSize) : 0.0f;
+    const auto isIsland = [&](const Small& component) {
+        return component.points < enough || component.deepest < hair;
+    };
+    forEachSmall([&](Block& block, const SignWords& part, std::uint32_t root) {
+        if (isIsland(small[root])) turn(block, part);
+    });
+    return std::size_t(std::count_if(small.begin(), small.end(),
+                                     [&](const auto& c) { return isIsland(c.second); }));
+}
+
+/// Data points in the cubes of the voxels of a block, or up to half a voxel beside them: points in
+/// a plane of voxels, all of one sign, lie as near to the other side.
+std::size_t Band::countData(const Vec3i& block, const SignWords& voxels) const
+{
+    const double h = mLattice.voxelSize;
+    std::size_t count = 0;
+    for (int row = 0; row < kBlockDim * kBlockDim; ++row) {
+        const auto bits =
+            unsigned(voxels[std::size_t(row / kBlockDim)] >> (8 * (row % kBlockDim))) & 0xffu;
+        for (int z = 0; z < kBlockDim;) {
+            if (!(bits >> z & 1u)) {
+                ++z;
+                continue;
+            }
+            const int first = z;
+            while (z < kBlockDim && (bits >> z & 1u)) ++z;
+            const Vec3i at = block * kBlockDim + Vec3i(row / kBlockDim, row % kBlockDim, first);
+            constexpr double kReach = 1.01; // of a voxel's cube, from its center
+            const Vec3d center = at.cast<double>(), last = center + Vec3d(0, 0, z - 1 - first);
+            const Box3d around(center - Vec3d::Constant(kReach), last + Vec3d::Constant(kReach));
+            count += mField.countData(
+                {mLattice.origin + h * around.min(), mLattice.origin + h * around.max()},
+                kIslandPoints);
+        }
+    }
+    return count;
+}
+
+/// How deep the deepest of @a voxels lies in its side, world units.
+float Band::deepestOf(const Block& block, const SignWords& voxels) const
+{
+    if (!block.leaf) return mBackground;
+    const float* const values = block.leaf->buffer().data();
+    float deepest = 0;
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        for (std::uint64_t rest = voxels[x]; rest; rest &= rest - 1)
+            deepest =
+                std::max(deepest, std::abs(values[x * 64 + std::size_t(__builtin_ctzll(rest))]));
+    return deepest;
+}
+
+bool Band::isFromData() const
+{
+    const Vec3d nowhere = Vec3d::Constant(std::numeric_limits<double>::max());
+    return mField.countData({nowhere, nowhere}, 1) == 0;
+}
+
+void Band::turn(Block& block, const SignWords& voxels)
+{
+    ensureLeaf(block);
+    for (std::size_t x = 0; x < kBlockDim; ++x) {
+        for (std::uint64_t rest = voxels[x]; rest; rest &= rest - 1) {
+            float& v = block.leaf->buffer().data()[x * 64 + std::size_t(__builtin_ctzll(rest))];
+            v = v != 0 ? -v : -kRounding * mBackground; // zero is outside, whatever its sign
+        }
+        block.inside[x] ^= voxels[x];
+    }
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,153 @@
+// Where the values of any grid pass one of them, as a level set.
+#include "grid/transform_lattice.h"
+
+#include <mpuvdb/distances.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+#include <mpuvdb/sampling.h>
+
+#include <fmt/format.h>
+#include <openvdb/tools/Count.h>
+#include <openvdb/tools/Morphology.h>
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using openvdb::FloatGrid;
+using openvdb::FloatTree;
+using Leaf = FloatTree::LeafNodeType;
+
+constexpr int kLeaf = int(Leaf::DIM);
+/// What a block's face of a tile takes, with all that is made on the way: measured.
+constexpr std::uint64_t kBytesPerFace = 28000;
+
+/// What becomes of a value: how far outside it is.
+struct Outside {
+    float value, sign;
+    float operator()(float v) const { return sign * (v - value); }
+};
+
+/// Where a block of the tile in @a box, which is inside, meets outside by a face and neither is a
+/// leaf: tell of a voxel of either.
+template <typename F>
+void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& tell)
+{
+    for (int face = 0; face < 6; ++face) {
+        const int axis = face / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
+        Coord in, out;
+        in[axis] = face % 2 ? box.max()[axis] : box.min()[axis];
+        out[axis] = in[axis] + (face % 2 ? 1 : -1);
+        for (in[u] = box.min()[u]; in[u] <= box.max()[u]; in[u] += kLeaf)
+            for (in[v] = box.min()[v]; in[v] <= box.max()[v]; in[v] += kLeaf) {
+                out[u] = in[u];
+                out[v] = in[v];
+                if (!tree.probeConstLeaf(out) && !(tree.getValue(out) < 0)) tell(in, out);
+            }
+    }
+}
+
+/// @throws LimitError where the tiles' surface takes more than @a maxBytes.
+void demandMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree& tree,
+                  std::uint64_t maxBytes, Progress& progress)
+{
+    std::uint64_t faces = 0;
+    for (const openvdb::CoordBBox& box : tiles) {
+        progress.check();
+        forEachOpenFace(box, tree, [&](const Coord&, const Coord&) { ++faces; });
+    }
+    const std::uint64_t bytes = faces * kBytesPerFace;
+    if (maxBytes == 0 || bytes <= maxBytes) return;
+    throw LimitError(fmt::format("the surface of the grid's tiles, {} faces of {} x {} voxels, "
+                                 "needs about {:.0f} MB, more than the {:.0f} MB that are left: "
+                                 "raise --max-memory, or use larger voxels",
+                                 faces, kLeaf, kLeaf, double(bytes) / 1e6, double(maxBytes) / 1e6));
+}
+
+/// The values of @a grid outward, with voxels beside its leaves active and all else inactive.
+FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint64_t maxBytes,
+                       Progress& progress)
+{
+    auto tree = std::make_shared<FloatTree>(outside(grid.background()));
+    std::vector<openvdb::CoordBBox> inside;
+    auto tile = grid.tree().cbeginValueAll();
+    for (tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1); tile; ++tile) {
+        if (!(outside(*tile) < 0)) continue;
+        tree->addTile(tile.getLevel(), tile.getCoord(), outside(*tile), false);
+        inside.push_back(tile.getBoundingBox());
+    }
+    for (auto from = grid.tree().cbeginLeaf(); from; ++from) {
+        progress.check();
+        auto leaf = std::make_unique<Leaf>(from->origin(), 0.0f, true);
+        for (openvdb::Index n = 0; n < Leaf::SIZE; ++n)
+            leaf->setValueOnly(n, outside(from->getValue(n)));
+        tree->addLeaf(leaf.release());
+    }
+    demandMemory(inside, *tree, maxBytes, progress);
+    for (const openvdb::CoordBBox& box : inside) {
+        progress.check();
+        // Zero is to be crossed between active voxels.
+        forEachOpenFace(box, *tree, [&](const Coord& in, const Coord& out) {
+            tree->touchLeaf(in)->setValuesOn();
+            tree->touchLeaf(out)->setValuesOn();
+        });
+    }
+    openvdb::tools::dilateActiveValues(*tree, 1, openvdb::tools::NN_FACE,
+                                       openvdb::tools::IGNORE_TILES);
+    return tree;
+}
+
+} // namespace
+
+namespace
+{
+
+/// How distances are meant, for who asks for what is above a value of them.
+std::string hintFor(const FloatGrid& grid, Inside inside)
+{
+    const bool isSigned = openvdb::tools::minMax(grid.tree()).min() < 0;
+    return inside == Inside::Above && isSigned
+               ? ". If these are distances, inside is below: --value 0 --inside below"
+               : "";
+}
+
+} // namespace
+
+LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double halfWidth,
+                    Progress& progress, std::uint64_t maxBytes)
+{
+    demandUniformVoxels(grid);
+    demandFinite(grid);
+    const bool above = inside == Inside::Above;
+    const Outside outside{float(value), above ? -1.0f : 1.0f};
+    if (!(outside(grid.background()) > 0))
+        throw UsageError(fmt::format("grid '{}': its background is {:g}, and must be outside: the "
+                                     "value is {:g}, and has to be {} that{}",
+                                     grid.getName(), grid.background(), value,
+                                     above ? "above" : "below", hintFor(grid, inside)));
+    progress.beginStage("isosurface");
+    const FloatGrid::Ptr implicit = FloatGrid::create(outward(grid, outside, maxBytes, progress));
+    implicit->setTransform(grid.transform().copy());
+    implicit->setGridClass(openvdb::GRID_LEVEL_SET);
+    implicit->setName("surface");
+    LevelSet made = redistance(*implicit, halfWidth, progress);
+    progress.endStage();
+    if (made.grid().empty()) {
+        const auto range = openvdb::tools::minMax(grid.tree());
+        throw InputError(
+            fmt::format("grid '{}': nothing is {} {:g}: its {} value is {:g}. Choose a "
+                        "{} one{}",
+                        grid.getName(), above ? "above" : "below", value,
+                        above ? "largest" : "smallest", above ? range.max() : range.min(),
+                        above ? "smaller" : "larger", hintFor(grid, inside)));
+    }
+    return made;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,142 @@
+#include "band.h"
+#include "distance/restore_distance.h"
+#include "grid/transform_lattice.h"
+
+#include <mpuvdb/distances.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/level_set.h>
+#include <mpuvdb/progress.h>
+#include <mpuvdb/sampling.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <optional>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// How far from the zero set, in voxels, values of a field that is no distance are needed to find
+/// the surface: all corners of a cell that it crosses.
+constexpr double kCrossingWidth = 2;
+
+void demandSettings(const Field& field, const SampleSettings& settings)
+{
+    demandVoxelSize(settings.lattice.voxelSize);
+    if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
+        throw UsageError(
+            fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));
+    const Box3d box = field.bounds();
+    if (!box.isEmpty() && !(box.min().allFinite() && box.max().allFinite()))
+        throw UsageError("the solid goes on without end, which no grid can hold: intersect it with "
+                         "a box, or with a solid that ends");
+    if (settings.region && (settings.region->isEmpty() || !settings.region->min().allFinite() ||
+                            !settings.region->max().allFinite()))
+        throw UsageError("the region's corners are not finite, or not in order");
+}
+
+/// Whether there is no surface. @throws InputError where there has to be one.
+bool isEmpty(const Band& band, const SampleSettings& settings)
+{
+    if (band.hasZeroCrossing()) return false;
+    if (!settings.mayBeEmpty && !settings.region)
+        throw InputError("the surface encloses nothing at this voxel size: no voxel is inside. Use "
+                         "smaller voxels, or, if points were fitted, check their normals");
+    return true;
+}
+
+/// The blocks that are looked at for @a region.
+BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
+{
+    const int margin = kRegionMargin + int(std::ceil(halfWidth));
+    const auto block = [](int voxel) { return voxel >> 3; };
+    BlockBox zone;
+    for (int axis = 0; axis < 3; ++axis) {
+        zone.first[axis] = block(region.min()[axis] - margin);
+        zone.last[axis] = block(region.max()[axis] + margin);
+    }
+    return zone;
+}
+
+/// Whether values are distances, as check() asks, after @a restored of them were made anew: noise
+/// as thick as what was scanned can leave few that are, and then all are made anew. A region cannot
+/// know that of the whole: its values stay.
+bool areDistances(const openvdb::FloatGrid& grid, std::uint64_t restored, Progress& progress)
+{
+    constexpr double kMuch = 0.05; // share of the band; with less of it nobody need ask
+    return double(restored) < kMuch * double(grid.activeVoxelCount()) ||
+           check(grid, progress).sound();
+}
+
+/// Only what is in @a region; the rest is outside.
+LevelSet cropped(const LevelSet& whole, const openvdb::CoordBBox& region)
+{
+    const openvdb::FloatGrid::Ptr grid = whole.grid().deepCopy();
+    grid->clip(region);
+    return LevelSet(grid);
+}
+
+} // namespace
+
+openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
+{
+    constexpr double kMost = 1 << 23; // beyond the index range of blocks
+    openvdb::CoordBBox voxels;
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto index = [&](double x) {
+            return std::clamp((x - lattice.origin[axis]) / lattice.voxelSize, -kMost, kMost);
+        };
+        voxels.min()[axis] = int(std::ceil(index(region.min()[axis])));
+        voxels.max()[axis] = int(std::floor(index(region.max()[axis])));
+    }
+    return voxels;
+}
+
+LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress)
+{
+    demandSettings(field, settings);
+    const Lattice& lattice = settings.lattice;
+    const bool isDistance = field.isDistance();
+    std::optional<BlockBox> zone;
+    openvdb::CoordBBox region;
+    if (settings.region) {
+        region = voxelsIn(*settings.region, lattice);
+        if (region.empty()) return emptyLevelSet(lattice, settings.halfWidth);
+        zone = zoneOf(region, settings.halfWidth);
+    }
+    progress.beginStage("sample");
+    Band band(field, lattice, isDistance ? settings.halfWidth : kCrossingWidth * field.steepness(),
+              settings.maxBytes, progress, zone);
+    band.search(field.seedBlocks(lattice));
+    if (zone) band.searchUnsupported();
+    if (isEmpty(band, settings)) return emptyLevelSet(lattice, settings.halfWidth);
+    progress.beginStage("close");
+    band.resolveSigns();
+    band.removeIslands();
+    band.removeHandles();
+    if (isEmpty(band, settings)) return emptyLevelSet(lattice, settings.halfWidth);
+    band.close();
+    progress.beginStage("assemble");
+    const openvdb::FloatTree::Ptr tree = band.assemble();
+    std::uint64_t restored = 0; // voxels
+    if (isDistance) {
+        progress.beginStage("restore");
+        if (field.isDistanceFar())
+            completeBand(*tree, lattice.voxelSize, progress);
+        else
+            restored = restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress);
+    }
+    auto grid = openvdb::FloatGrid::create(tree);
+    setLattice(*grid, lattice);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    grid->setName(settings.name);
+    progress.endStage();
+    const bool areLengths = isDistance && (zone || areDistances(*grid, restored, progress));
+    const LevelSet levelSet =
+        areLengths ? LevelSet(grid) : redistance(*grid, settings.halfWidth, progress);
+    return zone ? cropped(levelSet, region) : levelSet;
+}
+
+} // namespace mpuvdb

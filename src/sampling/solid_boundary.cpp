@@ -1,0 +1,386 @@
+#include "solid_boundary.h"
+
+#include "convex_pieces.h"
+#include "triangle_contacts.h"
+
+#include "core/union_find.h"
+#include <mpuvdb/progress.h>
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <unordered_map>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Voxels: gaps and walls up to this one are none. [derived: a tenth of what values may err by]
+constexpr double kTouch = 1e-3;
+/// Voxels: places nearer than this are one. [derived: a thousandth of the touch, and far above the
+/// rounding of doubles for a mesh of 2^23 voxels, the index range]
+constexpr double kPoint = 1e-6;
+/// Roundings of single precision, of a mesh's largest coordinate, that two faces meant to touch may
+/// be apart. [derived: each of the two is rounded along three axes]
+constexpr double kRoundings = 4;
+
+constexpr std::uint32_t kNone = OrientedTriangles::kNone;
+
+ContactLengths lengthsFor(const Mesh& mesh, double voxelSize)
+{
+    float largest = 0;
+    for (const Vec3f& p : mesh.positions) largest = std::max(largest, p.cwiseAbs().maxCoeff());
+    const double rounding = kRoundings * double(std::numeric_limits<float>::epsilon() * largest);
+    return {std::max(kTouch * voxelSize, rounding), kPoint * voxelSize};
+}
+
+/// Winding numbers on the two sides of a face.
+struct Sides {
+    double front = 0, back = 0; ///< where its normal points to; behind it
+
+    bool bounds(double sign) const { return (sign * front > 0.5) != (sign * back > 0.5); }
+    bool facesInward(double sign) const { return sign * front > 0.5; }
+    bool isWithin(double sign) const { return sign * front > 0.5 && sign * back > 0.5; }
+};
+
+using Corners = TriangleTree::Corners;
+
+/// A part of a triangle that meets others.
+struct Piece {
+    Corners corners;
+    std::uint32_t triangle; ///< of the mesh
+    Sides sides;
+};
+
+/// Goes from face to face, and tells the winding numbers on their sides.
+class Walk
+{
+public:
+    Walk(const WindingNumber& winding, const ContactLengths& lengths)
+        : mWinding(winding), mStep(2 * lengths.touch)
+    {
+    }
+
+    /// @param area  along the face's normal; of length 0 there is no face.
+    Sides sidesAt(const Vec3d& place, const Vec3d& area)
+    {
+        const double size = area.norm();
+        if (!(size > 0)) return {};
+        const Vec3d step = mStep / size * area;
+        Sides sides;
+        sides.front = numberAt(place + step);
+        sides.back = numberAt(place - step);
+        return sides;
+    }
+
+private:
+    double numberAt(const Vec3d& p)
+    {
+        mNumber = mLast ? mWinding.from(*mLast, mNumber, p) : mWinding.at(p);
+        mLast = p;
+        return mNumber;
+    }
+
+    const WindingNumber& mWinding;
+    double mStep; ///< world units: beyond what touches
+    std::optional<Vec3d> mLast;
+    double mNumber = 0; ///< there
+};
+
+/// Tells the sides of triangles and of their pieces.
+class Faces
+{
+public:
+    Faces(const OrientedTriangles& triangles, const TriangleTree& tree,
+          const WindingNumber& winding, const ContactLengths& lengths)
+        : mTriangles(triangles), mTree(tree), mWinding(winding), mLengths(lengths)
+    {
+    }
+
+    void find(const std::vector<Contact>& contacts, Progress& progress)
+    {
+        findFirst(contacts);
+        joinRegions();
+        progress.check();
+        lookAtRegions();
+        progress.check();
+        cut(contacts, progress);
+    }
+
+    /// Call f(corners, sides, triangle of the mesh) for all triangles that meet no others, and for
+    /// the pieces of those that do.
+    template <typename F>
+    void forEach(const F& f) const
+    {
+        const Mesh& mesh = mTriangles.mesh;
+        for (std::uint32_t n = 0; n < mesh.triangles.size(); ++n) {
+            if (isTouched(n)) continue;
+            const Mesh::Triangle& t = mesh.triangles[n];
+            f(Corners{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]},
+              mSides[mRegion[n]], n);
+        }
+        for (const Piece& piece : mPieces) f(piece.corners, piece.sides, piece.triangle);
+    }
+
+    /// Whether predicate(sides) holds for some triangle, or piece of one.
+    template <typename P>
+    bool any(const P& predicate) const
+    {
+        return std::any_of(mSides.begin(), mSides.end(), predicate) ||
+               std::any_of(mPieces.begin(), mPieces.end(),
+                           [&](const Piece& piece) { return predicate(piece.sides); });
+    }
+
+private:
+    Vec3d corner(std::uint32_t n, std::size_t k) const
+    {
+        return mTriangles.mesh.positions[mTriangles.mesh.triangles[n][k]].cast<double>();
+    }
+    Vec3d areaVector(std::uint32_t n) const
+    {
+        return (corner(n, 1) - corner(n, 0)).cross(corner(n, 2) - corner(n, 0)) / 2;
+    }
+
+    void findFirst(const std::vector<Contact>& contacts)
+    {
+        mFirst.assign(mTriangles.mesh.triangles.size() + 1, 0);
+        for (const Contact& c : contacts) ++mFirst[c.triangle + 1];
+        for (std::size_t n = 1; n < mFirst.size(); ++n) mFirst[n] += mFirst[n - 1];
+    }
+    bool isTouched(std::uint32_t n) const { return mFirst[n] != mFirst[n + 1]; }
+
+    /// Triangles that meet no others, and their neighbors that meet none, have the same sides.
+    void joinRegions()
+    {
+        const std::size_t count = mTriangles.mesh.triangles.size();
+        UnionFind regions(count);
+        for (std::uint32_t n = 0; n < count; ++n) {
+            if (isTouched(n)) continue;
+            for (const std::uint32_t m : mTriangles.neighbors[n])
+                if (m != kNone && m < n && !isTouched(m)) regions.join(n, m);
+        }
+        mRegion.assign(count, kNone);
+        std::vector<std::uint32_t> faceOf(count, kNone);
+        for (std::uint32_t n = 0; n < count; ++n) {
+            if (isTouched(n)) continue;
+            std::uint32_t& face = faceOf[regions.find(n)];
+            if (face == kNone) {
+                face = std::uint32_t(mLargest.size());
+                mLargest.push_back(n);
+            }
+            mRegion[n] = face;
+            if (areaVector(n).squaredNorm() > areaVector(mLargest[face]).squaredNorm())
+                mLargest[face] = n;
+        }
+    }
+
+    void lookAtRegions()
+    {
+        mSides.resize(mLargest.size());
+        tbb::parallel_for(std::size_t(0), mSides.size(), [&](std::size_t f) {
+            const std::uint32_t n = mLargest[f];
+            mSides[f] =
+                Walk(mWinding, mLengths)
+                    .sidesAt((corner(n, 0) + corner(n, 1) + corner(n, 2)) / 3, areaVector(n));
+        });
+    }
+
+    void cut(const std::vector<Contact>& contacts, Progress& progress)
+    {
+        constexpr std::size_t kTogether = 64; // triangles, near each other as a rule
+        std::vector<std::uint32_t> touched;
+        for (std::size_t slot = 0; slot < mTree.size(); ++slot)
+            if (isTouched(mTree.triangle(slot))) touched.push_back(mTree.triangle(slot));
+        std::vector<std::vector<Piece>> pieces((touched.size() + kTogether - 1) / kTogether);
+        tbb::parallel_for(std::size_t(0), pieces.size(), [&](std::size_t some) {
+            Walk walk(mWinding, mLengths);
+            const std::size_t end = std::min((some + 1) * kTogether, touched.size());
+            for (std::size_t t = some * kTogether; t < end; ++t) {
+                progress.check();
+                addPieces(touched[t], contacts, walk, pieces[some]);
+            }
+        });
+        for (const auto& some : pieces) mPieces.insert(mPieces.end(), some.begin(), some.end());
+    }
+
+    void addPieces(std::uint32_t n, const std::vector<Contact>& contacts, Walk& walk,
+                   std::vector<Piece>& pieces) const
+    {
+        const Vec3d origin = corner(n, 0), normal = areaVector(n).normalized();
+        const Vec3d u = (corner(n, 1) - origin).normalized(), v = normal.cross(u);
+        const auto flat = [&](const Vec3d& p) {
+            return Vec2d(u.dot(p - origin), v.dot(p - origin));
+        };
+        std::vector<PlaneSegment> segments;
+        for (std::size_t c = mFirst[n]; c < mFirst[n + 1]; ++c)
+            if (contacts[c].cuts)
+                segments.push_back({flat(contacts[c].segment[0]), flat(contacts[c].segment[1])});
+        const auto place = [&](const Vec2d& p) { return Vec3d(origin + p[0] * u + p[1] * v); };
+        for (const PlanePolygon& polygon :
+             cutAlong({flat(corner(n, 0)), flat(corner(n, 1)), flat(corner(n, 2))},
+                      std::move(segments), mLengths.point)) {
+            const Sides sides = walk.sidesAt(place(middleOf(polygon)), normal);
+            for (std::size_t k = 2; k < polygon.size(); ++k)
+                pieces.push_back(
+                    {{place(polygon[0]).cast<float>(), place(polygon[k - 1]).cast<float>(),
+                      place(polygon[k]).cast<float>()},
+                     n,
+                     sides});
+        }
+    }
+
+    /// The centroid of a polygon.
+    static Vec2d middleOf(const PlanePolygon& polygon)
+    {
+        Vec2d sum = Vec2d::Zero();
+        double size = 0;
+        for (std::size_t k = 2; k < polygon.size(); ++k) {
+            const Vec2d a = polygon[k - 1] - polygon[0], b = polygon[k] - polygon[0];
+            const double area = a[0] * b[1] - a[1] * b[0];
+            size += area;
+            sum += area / 3 * (a + b);
+        }
+        return size > 0 ? Vec2d(polygon[0] + sum / size) : polygon[0];
+    }
+
+    const OrientedTriangles& mTriangles;
+    const TriangleTree& mTree;
+    const WindingNumber& mWinding;
+    const ContactLengths& mLengths;
+    std::vector<std::uint32_t> mFirst;   ///< of each triangle its first contact
+    std::vector<std::uint32_t> mRegion;  ///< of each triangle that meets no other
+    std::vector<std::uint32_t> mLargest; ///< of each region its largest triangle
+    std::vector<Sides> mSides;           ///< of each region
+    std::vector<Piece> mPieces;          ///< of the triangles that meet others
+};
+
+double areaOf(const Corners& t)
+{
+    const Vec3d a = t[0].cast<double>();
+    return (t[1].cast<double>() - a).cross(t[2].cast<double>() - a).norm() / 2;
+}
+
+double volumeOf(const Corners& t)
+{
+    return t[0].cast<double>().dot(t[1].cast<double>().cross(t[2].cast<double>())) / 6;
+}
+
+/// Joins the triangles of a mesh that are one surface: neighbors, and those that meet.
+UnionFind surfacesOf(const OrientedTriangles& triangles, const std::vector<Contact>& contacts)
+{
+    UnionFind surfaces(triangles.mesh.triangles.size());
+    for (std::uint32_t n = 0; n < triangles.neighbors.size(); ++n)
+        for (const std::uint32_t m : triangles.neighbors[n])
+            if (m != kNone) surfaces.join(n, m);
+    for (const Contact& c : contacts) surfaces.join(c.triangle, c.other);
+    return surfaces;
+}
+
+/// Adds up what the pieces are to the solid.
+void measure(const OrientedTriangles& triangles, const Faces& faces, double sign,
+             UnionFind surfaces, SolidBoundary::Report& report)
+{
+    std::unordered_map<std::uint32_t, double> volumes; // of surfaces
+    faces.forEach([&](const Corners& corners, const Sides& sides, std::uint32_t triangle) {
+        const double area = areaOf(corners);
+        if (!sides.bounds(sign)) {
+            (sides.isWithin(sign) ? report.areaWithin : report.areaOfNothing) += area;
+            return;
+        }
+        // Faces that lie on each other bound it together.
+        const double layers = sign * (sides.back - sides.front);
+        const double times = triangles.multiplicity.empty() ? 1 : triangles.multiplicity[triangle];
+        const double share = times * layers / std::max(1.0, layers * layers);
+        const double volume = sign * volumeOf(corners) * std::abs(share);
+        report.area += area * share;
+        report.volume += volume;
+        volumes[surfaces.find(triangle)] += volume;
+    });
+    for (const auto& [surface, volume] : volumes) ++(volume > 0 ? report.parts : report.cavities);
+}
+
+/// SolidBoundary::Report::bending of @a triangles.
+double bendingOf(const OrientedTriangles& triangles, const std::vector<Contact>& contacts)
+{
+    const auto at = [&](std::uint32_t vertex) {
+        return Vec3d(triangles.mesh.positions[vertex].cast<double>());
+    };
+    const auto normalOf = [&](const Mesh::Triangle& t) {
+        return Vec3d((at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0])));
+    };
+    double sum = 0;
+    for (std::uint32_t n = 0; n < triangles.neighbors.size(); ++n) {
+        const Mesh::Triangle& t = triangles.mesh.triangles[n];
+        const Vec3d normal = normalOf(t);
+        for (std::size_t k = 0; k < 3; ++k) {
+            const std::uint32_t m = triangles.neighbors[n][k];
+            if (m == kNone || m < n) continue;
+            const Vec3d other = normalOf(triangles.mesh.triangles[m]);
+            const double angle = std::atan2(normal.cross(other).norm(), normal.dot(other));
+            sum += angle * (at(t[(k + 1) % 3]) - at(t[k])).norm();
+        }
+    }
+    for (const Contact& c : contacts) // each is there for both triangles
+        if (c.cuts) sum += M_PI / 4 * (c.segment[1] - c.segment[0]).norm();
+    return sum;
+}
+
+/// The pieces that bound the solid, facing outward.
+Mesh boundaryOf(const Faces& faces, double sign, const Vec3d& frame)
+{
+    Mesh mesh;
+    mesh.frame = frame;
+    faces.forEach([&](const Corners& corners, const Sides& sides, std::uint32_t) {
+        if (!sides.bounds(sign) || !(areaOf(corners) > 0)) return;
+        const auto first = std::uint32_t(mesh.positions.size());
+        mesh.positions.insert(mesh.positions.end(), corners.begin(), corners.end());
+        if (sides.facesInward(sign))
+            mesh.triangles.push_back({first, first + 2, first + 1});
+        else
+            mesh.triangles.push_back({first, first + 1, first + 2});
+    });
+    return mesh;
+}
+
+} // namespace
+
+SolidBoundary::SolidBoundary(const Mesh& mesh, double voxelSize, Progress& progress)
+    : mTriangles(orientTriangles(mesh, progress))
+{
+    mReport.openEdges = mTriangles.openEdges;
+    mReport.turned = mTriangles.turned;
+    if (mTriangles.mesh.triangles.empty()) return;
+    mWhole = std::make_shared<const TriangleTree>(mTriangles.mesh, progress);
+    mWinding = std::make_unique<const WindingNumber>(*mWhole, mTriangles.multiplicity,
+                                                     mTriangles.isClosed());
+    progress.check();
+    const ContactLengths lengths = lengthsFor(mTriangles.mesh, voxelSize);
+    const std::vector<Contact> contacts = findContacts(mTriangles, *mWhole, lengths, progress);
+    Faces faces(mTriangles, *mWhole, *mWinding, lengths);
+    faces.find(contacts, progress);
+    const auto isSolid = [&](double sign) {
+        return faces.any([&](const Sides& s) { return s.bounds(sign); });
+    };
+    mReport.insideOut = !isSolid(1) && isSolid(-1);
+    const double sign = mReport.insideOut ? -1 : 1;
+    mReport.isCut = !contacts.empty();
+    mReport.bending = bendingOf(mTriangles, contacts);
+    measure(mTriangles, faces, sign, surfacesOf(mTriangles, contacts), mReport);
+    if (!isSolid(sign)) return;
+    const bool isWhole = contacts.empty() && !mReport.insideOut && !faces.any([](const Sides& s) {
+        return !s.bounds(1) || s.facesInward(1);
+    });
+    mTree = isWhole ? mWhole
+                    : std::make_shared<const TriangleTree>(
+                          boundaryOf(faces, sign, mTriangles.mesh.frame), progress);
+}
+
+bool SolidBoundary::isInside(const Vec3d& place) const
+{
+    return (mReport.insideOut ? -1 : 1) * mWinding->at(place) > 0.5;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,277 @@
+// Leaves of shapes: fields, level sets, meshes.
+#include "grid/band_limits.h"
+#include "grid/transform_lattice.h"
+#include "modelling/resample.h"
+#include "shape_node.h"
+
+#include "field/point_field.h"
+#include <mpuvdb/error.h>
+#include <mpuvdb/explained.h>
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Fields are sampled into bands of at most this many voxels; those that are no distances far from
+/// their zero set, into narrower ones. What lies farther off is measured from the zero set.
+constexpr double kSampledBand = 20, kNearBand = 6;
+
+/// Blocks that a surface of random orientation meets, times their face, by its area: 1.5 where it
+/// meets their cubes, more as seeds are found by the balls around them.
+constexpr double kBlocksPerArea = 1.7;
+
+/// Where the band inside @a region is to be told from the clipping box's own.
+Box3d clipBox(const Demand& own)
+{
+    return grown(own.region, own.band() + 2 * own.lattice.voxelSize);
+}
+
+/// @a made, which is held against what it was made of; what that finds becomes a note.
+LevelSet told(const LevelSet& made, const std::shared_ptr<const Explained>& explained,
+              Progress& progress)
+{
+    if (!explained) return made;
+    for (const std::string& finding : explained->findings()) progress.note(finding);
+    return LevelSet(made.gridPtr(), explained);
+}
+
+class FieldNode final : public Shape::Node
+{
+public:
+    FieldNode(FieldPtr field, std::string name)
+        : Node(std::move(name), {}, field->bounds()), mField(std::move(field))
+    {
+    }
+
+    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+
+    double area(const Box3d& region) const override
+    {
+        constexpr double kBlocksAcross = 24;
+        const Box3d box = bounds().intersection(region);
+        if (box.isEmpty() || !isFinite(box)) return 0;
+        const double edge = box.sizes().maxCoeff() / kBlocksAcross;
+        if (!(edge > 0)) return 0;
+        const FieldPtr part = region.contains(bounds()) ? mField : makeClippedField(mField, box);
+        // Only blocks are counted: this lattice may be finer than a grid's.
+        const Lattice coarse{box.center(), edge / kBlockDim};
+        return double(part->seedBlocks(coarse).size()) * edge * edge / kBlocksPerArea;
+    }
+
+    FieldPtr field() const override
+    {
+        const auto* const points = dynamic_cast<const PointField*>(mField.get());
+        const bool isSlow = points && points->inBatches(); // where one place is asked for
+        return isSlow ? nullptr : mField;
+    }
+
+    double workingBytes(const Demand& own) const override
+    {
+        const double h = own.lattice.voxelSize;
+        const bool sampled = mField->isDistance() && own.halfWidth <= kNearBand;
+        return sampled ? 0 : distanceBytes(area(own.region), h);
+    }
+
+    LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
+                  Progress& progress) const override
+    {
+        const Box3d box = clipBox(own);
+        const FieldPtr field = box.contains(bounds()) ? mField : makeClippedField(mField, box);
+        SampleSettings settings;
+        settings.lattice = own.lattice;
+        settings.halfWidth =
+            std::min(own.halfWidth, field->isDistanceFar() ? kSampledBand : kNearBand);
+        settings.maxBytes = maxBytes;
+        settings.mayBeEmpty = true;
+        const LevelSet made = sampleField(*field, settings, progress);
+        return told(inBand(made, own.halfWidth, progress),
+                    field == mField ? explainedOf(made, progress) : nullptr, progress);
+    }
+
+protected:
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved&) const override
+    {
+        return fieldNode(makeMovedField(mField, motion), name());
+    }
+    Ptr warpedSelf(const std::shared_ptr<const Warp>& warp, const std::string& how,
+                   Moved&) const override
+    {
+        return fieldNode(makeWarpedField(mField, warp), name() + ", " + how);
+    }
+
+private:
+    /// Points are what a field may be held against.
+    std::shared_ptr<const Explained> explainedOf(const LevelSet& made, Progress& progress) const
+    {
+        const auto* const points = dynamic_cast<const MpuField*>(mField.get());
+        if (!points) return nullptr;
+        auto explained = std::make_shared<Explained>();
+        explained->by = explain(made, *points, std::nullopt, progress);
+        return explained;
+    }
+
+    FieldPtr mField;
+};
+
+Box3d boundsOf(const LevelSet& levelSet)
+{
+    openvdb::CoordBBox box;
+    const openvdb::FloatGrid& grid = levelSet.grid();
+    if (!grid.tree().evalActiveVoxelBoundingBox(box)) return {};
+    const Lattice lattice = levelSet.lattice();
+    const auto world = [&](const openvdb::Coord& c) {
+        return Vec3d(lattice.origin + lattice.voxelSize * Vec3d(c.x(), c.y(), c.z()));
+    };
+    return {world(box.min()), world(box.max())};
+}
+
+class GridNode final : public Shape::Node
+{
+public:
+    GridNode(LevelSet levelSet, std::string name)
+        : Node(std::move(name), {}, boundsOf(levelSet)), mLevelSet(std::move(levelSet)),
+          mLattice(mLevelSet.lattice())
+    {
+    }
+
+    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+
+    /// The band holds 2 x half-width voxels for each of the surface's.
+    double area(const Box3d&) const override
+    {
+        const double h = mLattice.voxelSize;
+        return double(mLevelSet.grid().activeVoxelCount()) * h * h / (2 * mLevelSet.halfWidth());
+    }
+
+    double workingBytes(const Demand& own) const override
+    {
+        const double h = mLattice.voxelSize, surface = area(own.region);
+        if (isThere(own.lattice))
+            return own.halfWidth > mLevelSet.halfWidth() ? widerBytes(surface, own.halfWidth) : 0;
+        const double wanted = widthToResample(mLattice, own.lattice, own.halfWidth);
+        if (wanted > kWidestBand) return 0; // is refused
+        double bytes = kResamplingGrids * gridBytes(surface, own.lattice.voxelSize, own.halfWidth);
+        if (wanted > mLevelSet.halfWidth())
+            bytes += widerBytes(surface, wanted) + gridBytes(surface, h, wanted);
+        return bytes;
+    }
+
+    LevelSet make(const Inputs&, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        return isThere(own.lattice) ? inBand(mLevelSet, own.halfWidth, progress)
+                                    : resample(mLevelSet, own.lattice, own.halfWidth, progress);
+    }
+
+    double voxelSize() const override { return mLattice.voxelSize; }
+
+    const LevelSet& levelSet() const { return mLevelSet; }
+
+private:
+    /// To widen the band to @a halfWidth voxels about a surface of an area.
+    double widerBytes(double surface, double halfWidth) const
+    {
+        const double h = mLattice.voxelSize;
+        return distanceBytes(offsetArea(surface, halfWidth * h), h);
+    }
+    bool isThere(const Lattice& lattice) const
+    {
+        return mLattice.origin == lattice.origin && mLattice.voxelSize == lattice.voxelSize;
+    }
+
+    LevelSet mLevelSet;
+    Lattice mLattice;
+};
+
+class MeshNode final : public Shape::Node
+{
+public:
+    MeshNode(std::shared_ptr<const Mesh> mesh, std::string name)
+        : Node(std::move(name), {}, boundsOf(*mesh)), mMesh(std::move(mesh))
+    {
+    }
+
+    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+
+    double area(const Box3d&) const override
+    {
+        double area = 0;
+        for (const Mesh::Triangle& t : mMesh->triangles) {
+            const Vec3f &a = mMesh->positions[t[0]], &b = mMesh->positions[t[1]],
+                        &c = mMesh->positions[t[2]];
+            area += 0.5 * double((b - a).cross(c - a).norm());
+        }
+        return area;
+    }
+
+    LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
+                  Progress& progress) const override
+    {
+        SampleSettings settings;
+        settings.lattice = own.lattice;
+        settings.halfWidth = std::min(own.halfWidth, kSampledBand);
+        settings.maxBytes = maxBytes;
+        const LevelSet made = voxelize(*mMesh, settings, progress);
+        return told(inBand(made, own.halfWidth, progress), made.explained(), progress);
+    }
+
+protected:
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved&) const override
+    {
+        Mesh mesh;
+        mesh.frame = motion * mMesh->frame;
+        mesh.positions.reserve(mMesh->positions.size());
+        for (const Vec3f& p : mMesh->positions)
+            mesh.positions.push_back((motion.linear() * p.cast<double>()).cast<float>());
+        mesh.triangles = mMesh->triangles;
+        if (motion.linear().determinant() < 0)
+            for (Mesh::Triangle& t : mesh.triangles) std::swap(t[1], t[2]);
+        return meshNode(std::make_shared<const Mesh>(std::move(mesh)), name());
+    }
+
+private:
+    static Box3d boundsOf(const Mesh& mesh)
+    {
+        Box3d box;
+        for (const Mesh::Triangle& t : mesh.triangles)
+            for (const std::uint32_t corner : t) {
+                if (corner >= mesh.positions.size())
+                    throw InputError("mesh: a triangle names a vertex that is not there. Write it "
+                                     "again from its source");
+                box.extend(mesh.world(corner));
+            }
+        return box;
+    }
+
+    std::shared_ptr<const Mesh> mMesh;
+};
+
+} // namespace
+
+Shape::Node::Ptr fieldNode(FieldPtr field, std::string name)
+{
+    return std::make_shared<FieldNode>(std::move(field), std::move(name));
+}
+
+Shape::Node::Ptr gridNode(LevelSet levelSet, std::string name)
+{
+    return std::make_shared<GridNode>(std::move(levelSet), std::move(name));
+}
+
+Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh, std::string name)
+{
+    return std::make_shared<MeshNode>(std::move(mesh), std::move(name));
+}
+
+const LevelSet* levelSetIn(const Shape::Node& node)
+{
+    const auto* grid = dynamic_cast<const GridNode*>(&node);
+    return grid ? &grid->levelSet() : nullptr;
+}
+
+} // namespace mpuvdb

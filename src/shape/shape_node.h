@@ -1,0 +1,125 @@
+// The nodes of a shape's expression: what each needs of its inputs, and what it makes of them.
+#pragma once
+#include "core/boxes.h"
+#include <mpuvdb/shape.h>
+
+#include <map>
+
+namespace mpuvdb
+{
+
+/// What is wanted of a node: values that are right within region, in a band of halfWidth voxels.
+struct Demand {
+    Lattice lattice;
+    double halfWidth = 0; ///< voxels
+    Box3d region;         ///< world units; empty: nothing is wanted
+
+    double band() const { return halfWidth * lattice.voxelSize; }
+};
+
+/// Grids that a node works on; null where nothing was wanted of an input: it is outside there.
+using Inputs = std::vector<const LevelSet*>;
+
+class Shape::Node : public std::enable_shared_from_this<Shape::Node>
+{
+public:
+    using Ptr = std::shared_ptr<const Node>;
+    /// Nodes that are moved or warped already, by their originals: what was shared stays shared.
+    using Moved = std::map<const Node*, Ptr>;
+
+    Node(std::string name, std::vector<Ptr> inputs, const Box3d& bounds)
+        : mName(std::move(name)), mInputs(std::move(inputs)), mBounds(bounds)
+    {
+    }
+    virtual ~Node() = default;
+
+    const std::string& name() const { return mName; }
+    const std::vector<Ptr>& inputs() const { return mInputs; }
+    const Box3d& bounds() const { return mBounds; }
+
+    /// What it needs of input @a n to give @a own.
+    virtual Demand demandOf(std::size_t n, const Demand& own) const = 0;
+    /// Memory that it takes on its way to @a own beside its grid and its inputs', bytes; estimated.
+    virtual double workingBytes(const Demand&) const { return 0; }
+    /// An estimate of its surface's area within @a region, world units squared.
+    virtual double area(const Box3d& region) const;
+    /// As Shape::voxelSize().
+    virtual double voxelSize() const;
+    /// As Shape::field().
+    virtual FieldPtr field() const { return nullptr; }
+    /// @param settings  lattice, half-width and memory.
+    virtual LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
+                          Progress& progress) const = 0;
+
+    /// @{ The same solid moved or deformed, with the motion carried to the leaves where that
+    /// changes nothing else.
+    Ptr moved(const Eigen::Affine3d& motion, Moved& done) const;
+    Ptr warped(const std::shared_ptr<const Warp>& warp, const std::string& how, Moved& done) const;
+    /// @}
+
+    static const Ptr& of(const Shape& shape) { return shape.mNode; }
+    static Shape toShape(Ptr node) { return Shape(std::move(node)); }
+
+protected:
+    /// @{ As moved() and warped(), of this node itself; null if the motion has to stay above it.
+    virtual Ptr movedSelf(const Eigen::Affine3d&, Moved&) const { return nullptr; }
+    virtual Ptr warpedSelf(const std::shared_ptr<const Warp>&, const std::string&, Moved&) const
+    {
+        return nullptr;
+    }
+    /// @}
+
+private:
+    std::string mName;
+    std::vector<Ptr> mInputs;
+    Box3d mBounds;
+};
+
+/// @{ The kinds of nodes.
+Shape::Node::Ptr fieldNode(FieldPtr field, std::string name);
+Shape::Node::Ptr gridNode(LevelSet levelSet, std::string name);
+Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh, std::string name);
+Shape::Node::Ptr combineNode(Boolean kind, const std::vector<Shape::Node::Ptr>& inputs,
+                             double blendRadius);
+Shape::Node::Ptr offsetNode(const Shape::Node::Ptr& input, double distance);
+Shape::Node::Ptr shellNode(const Shape::Node::Ptr& input, double thickness, Wall wall);
+Shape::Node::Ptr smoothNode(const Shape::Node::Ptr& input, const SmoothSettings& settings);
+Shape::Node::Ptr morphNode(const Shape::Node::Ptr& a, const Shape::Node::Ptr& b, double t,
+                           Morphing how);
+/// What cannot be carried to the leaves: the input's grid is sampled through it.
+Shape::Node::Ptr warpNode(const Shape::Node::Ptr& input, std::shared_ptr<const Warp> warp,
+                          std::string name);
+Shape::Node::Ptr motionNode(const Shape::Node::Ptr& input, const Eigen::Affine3d& motion);
+/// @}
+
+/// Several fields (at least one) as one: no distance near creases, but exact on the zero set.
+/// @param bounds  of the result.
+FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& bounds);
+
+/// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
+LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress);
+
+/// The area of a solid's surface of @a area that was offset by @a distance: grown as a ball of that
+/// area would be, and any convex solid about as much; shrunk ones keep it, for what is hollow
+/// gains. All in units of one kind.
+double offsetArea(double area, double distance);
+
+/// Memory of a level set of a surface of @a area (world units squared), bytes; estimated.
+double gridBytes(double area, double voxelSize, double halfWidth);
+
+/// Memory to find distances to a surface of @a area (world units squared), as wide as may be,
+/// bytes; measured, to a quarter: the surface's patches and the front that goes out from them.
+double distanceBytes(double area, double voxelSize);
+
+/// The level set in @a node, if it holds one.
+const LevelSet* levelSetIn(const Shape::Node& node);
+
+/// @{ Boxes that may be empty or infinite.
+Box3d grown(const Box3d& box, double by);
+Box3d movedBox(const Box3d& box, const Eigen::Affine3d& motion);
+/// @}
+
+/// The factor of a motion that scales all lengths alike; 0 if it does not.
+double uniformScale(const Eigen::Affine3d& motion);
+
+} // namespace mpuvdb

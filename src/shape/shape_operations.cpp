@@ -1,0 +1,425 @@
+// Inner nodes of shapes: Booleans, offsets, filters, morphs.
+#include "grid/band_limits.h"
+#include "modelling/combine.h"
+#include "modelling/smooth_filters.h"
+#include "shape_node.h"
+
+#include <mpuvdb/error.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Node = Shape::Node;
+
+/// The level set of nothing.
+LevelSet nothing(const Demand& own)
+{
+    return emptyLevelSet(own.lattice, own.halfWidth);
+}
+
+/// The part of @a own that an input with another region has to give.
+Demand within(const Demand& own, const Box3d& region)
+{
+    return {own.lattice, own.halfWidth, region};
+}
+
+/// What an input has to give that is @a distance from what is wanted. Beyond the widest band that
+/// leaves are sampled in, offsets carry distances on themselves.
+Demand beyond(const Demand& own, double distance)
+{
+    constexpr double kWidest = 20;
+    const double halfWidth = own.halfWidth + distance / own.lattice.voxelSize;
+    return {own.lattice, std::min(halfWidth, std::max(own.halfWidth, kWidest)),
+            grown(own.region, distance)};
+}
+
+class CombineNode final : public Node
+{
+public:
+    CombineNode(Boolean kind, const std::vector<Ptr>& inputs, double blendRadius)
+        : Node(nameOf(kind, blendRadius), inputs, boundsOf(kind, inputs, blendRadius)), mKind(kind),
+          mBlendRadius(blendRadius)
+    {
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        demandBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
+        if (mBlendRadius > 0)
+            demandBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
+        Demand demand = own;
+        demand.halfWidth += mBlendRadius / own.lattice.voxelSize;
+        return demand;
+    }
+
+    double workingBytes(const Demand& own) const override
+    {
+        if (!(mBlendRadius > 0)) return 0;
+        // The surfaces that the ball touches, and those that its center goes along.
+        const double h = own.lattice.voxelSize;
+        return (1 + mBlendRadius / h / 15) * distanceBytes(Node::area(own.region), h);
+    }
+
+    FieldPtr field() const override
+    {
+        if (mBlendRadius > 0) return nullptr;
+        std::vector<FieldPtr> fields;
+        for (const Ptr& input : inputs()) {
+            fields.push_back(input->field());
+            if (!fields.back()) return nullptr;
+        }
+        return booleanField(mKind, std::move(fields), bounds());
+    }
+
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        std::vector<LevelSet> solids;
+        for (const LevelSet* input : inputs)
+            if (input) solids.push_back(*input);
+        const bool missing = solids.size() < inputs.size();
+        if (solids.empty() || (mKind == Boolean::Intersection && missing) ||
+            (mKind == Boolean::Difference && !inputs.front()))
+            return nothing(own);
+        if (solids.size() == 1) return inBand(solids.front(), own.halfWidth, progress);
+        return combineInBand(mKind, solids, mBlendRadius, own.halfWidth, progress);
+    }
+
+protected:
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved& done) const override
+    {
+        const double scale = uniformScale(motion);
+        if (scale == 0 && mBlendRadius > 0) return nullptr;
+        std::vector<Ptr> inputs;
+        for (const Ptr& input : this->inputs()) inputs.push_back(input->moved(motion, done));
+        return combineNode(mKind, inputs, mBlendRadius * scale);
+    }
+    Ptr warpedSelf(const std::shared_ptr<const Warp>& warp, const std::string& how,
+                   Moved& done) const override
+    {
+        if (mBlendRadius > 0) return nullptr;
+        // What has no end cannot be warped by itself; the whole can, where it has one.
+        for (const Ptr& input : this->inputs())
+            if (!input->bounds().isEmpty() && !isFinite(input->bounds())) return nullptr;
+        std::vector<Ptr> inputs;
+        for (const Ptr& input : this->inputs()) inputs.push_back(input->warped(warp, how, done));
+        return combineNode(mKind, inputs, 0);
+    }
+
+private:
+    static std::string nameOf(Boolean kind, double blendRadius)
+    {
+        const char* name = kind == Boolean::Union          ? "union"
+                           : kind == Boolean::Intersection ? "intersection"
+                                                           : "difference";
+        return blendRadius > 0 ? fmt::format("{}, blend {:.4g}", name, blendRadius) : name;
+    }
+
+    /// A fillet fills creases: it stays within the hull of what it fills, hence in the box.
+    static Box3d boundsOf(Boolean kind, const std::vector<Ptr>& inputs, double blendRadius)
+    {
+        if (inputs.empty()) throw UsageError("a Boolean of no shape: give at least one");
+        demandBlendRadius(blendRadius);
+        Box3d box = inputs.front()->bounds();
+        for (const Ptr& input : inputs) {
+            if (kind == Boolean::Union) box.extend(input->bounds());
+            if (kind == Boolean::Intersection) box = box.intersection(input->bounds());
+        }
+        return box;
+    }
+
+    Box3d boundsOfInputs() const
+    {
+        Box3d box;
+        for (const Ptr& input : inputs()) box.extend(input->bounds());
+        return box;
+    }
+
+    Boolean mKind;
+    double mBlendRadius;
+};
+
+class OffsetNode final : public Node
+{
+public:
+    OffsetNode(const Ptr& input, double distance)
+        : Node(fmt::format("offset {:.4g}", distance), {input}, grown(input->bounds(), distance)),
+          mDistance(distance)
+    {
+        if (!std::isfinite(distance))
+            throw UsageError(fmt::format("offset: distance is {}; it must be finite", distance));
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        return beyond(own, std::abs(mDistance));
+    }
+    double area(const Box3d& region) const override
+    {
+        return offsetArea(Node::area(grown(region, std::abs(mDistance))), mDistance);
+    }
+    double workingBytes(const Demand& own) const override
+    {
+        const Box3d region = grown(own.region, std::abs(mDistance));
+        return distanceBytes(std::max(Node::area(region), area(own.region)), own.lattice.voxelSize);
+    }
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        return inputs[0] ? inBand(mpuvdb::offset(*inputs[0], mDistance, progress), own.halfWidth,
+                                  progress)
+                         : nothing(own);
+    }
+
+protected:
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved& done) const override
+    {
+        const double scale = uniformScale(motion);
+        if (scale == 0) return nullptr;
+        return offsetNode(inputs()[0]->moved(motion, done), mDistance * scale);
+    }
+
+private:
+    double mDistance;
+};
+
+class ShellNode final : public Node
+{
+public:
+    ShellNode(const Ptr& input, double thickness, Wall wall)
+        : Node(fmt::format("shell {:.4g}", thickness), {input},
+               grown(input->bounds(), outward(thickness, wall))),
+          mThickness(thickness), mWall(wall)
+    {
+        if (!(thickness > 0) || !std::isfinite(thickness))
+            throw UsageError(fmt::format(
+                "shell: thickness is {:.6g}; it must be above 0 and finite", thickness));
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        return beyond(own, mThickness);
+    }
+    double area(const Box3d& region) const override
+    {
+        const double area = Node::area(grown(region, mThickness));
+        const double outer = outward(mThickness, mWall);
+        return offsetArea(area, outer) + offsetArea(area, outer - mThickness);
+    }
+    double workingBytes(const Demand& own) const override
+    {
+        return distanceBytes(area(own.region), own.lattice.voxelSize);
+    }
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        return inputs[0] ? inBand(mpuvdb::shell(*inputs[0], mThickness, mWall, progress),
+                                  own.halfWidth, progress)
+                         : nothing(own);
+    }
+
+protected:
+    Ptr movedSelf(const Eigen::Affine3d& motion, Moved& done) const override
+    {
+        const double scale = uniformScale(motion);
+        if (scale == 0) return nullptr;
+        return shellNode(inputs()[0]->moved(motion, done), mThickness * scale, mWall);
+    }
+
+private:
+    static double outward(double thickness, Wall wall)
+    {
+        return wall == Wall::Outward ? thickness : wall == Wall::Centered ? thickness / 2 : 0;
+    }
+    double mThickness;
+    Wall mWall;
+};
+
+class SmoothNode final : public Node
+{
+public:
+    SmoothNode(const Ptr& input, const SmoothSettings& settings)
+        : Node("smooth", {input}, input->bounds()), mSettings(settings)
+    {
+        demandSmoothSettings(settings);
+    }
+
+    Demand demandOf(std::size_t, const Demand& own) const override
+    {
+        // Filters look as far as their width in each pass; a Gaussian is four passes.
+        const int reach = 4 * mSettings.iterations * mSettings.width;
+        return within(own, grown(own.region, reach * own.lattice.voxelSize));
+    }
+    double workingBytes(const Demand& own) const override
+    {
+        // The band that a pass reads, its filtered copies, and the distances after it.
+        const double h = own.lattice.voxelSize, area = Node::area(own.region);
+        const FilterPass pass = nextPass(mSettings, 0);
+        return kFilterCopies * gridBytes(area, h, pass.halfWidth) + distanceBytes(area, h);
+    }
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        return inputs[0] ? mpuvdb::smooth(*inputs[0], mSettings, progress) : nothing(own);
+    }
+
+private:
+    static constexpr double kFilterCopies = 3;
+    SmoothSettings mSettings;
+};
+
+class MorphNode final : public Node
+{
+public:
+    MorphNode(const Ptr& a, const Ptr& b, double t, Morphing how)
+        : Node(fmt::format("morph {:.4g}", t), {a, b}, a->bounds().merged(b->bounds())), mT(t),
+          mHow(how)
+    {
+        if (!(t >= 0 && t <= 1))
+            throw UsageError(fmt::format("morph: t is {}; it must be in [0, 1]", t));
+    }
+
+    /// Both in full: how far they are apart decides.
+    Demand demandOf(std::size_t n, const Demand& own) const override
+    {
+        return within(own, inputs()[n]->bounds());
+    }
+    /// The bands are widened until they reach each other, doubled each time.
+    double workingBytes(const Demand& own) const override
+    {
+        constexpr double kOvershoot = 1.5;
+        const Box3d &a = inputs()[0]->bounds(), &b = inputs()[1]->bounds();
+        if (a.isEmpty() || b.isEmpty()) return 0;
+        const double low = (a.min() - b.min()).cwiseAbs().maxCoeff();
+        const double high = (a.max() - b.max()).cwiseAbs().maxCoeff();
+        const double h = own.lattice.voxelSize, whole = area({});
+        const double halfWidth = own.halfWidth + kOvershoot * std::max(low, high) / h;
+        return 2 * gridBytes(whole, h, halfWidth) + distanceBytes(whole, h);
+    }
+    double area(const Box3d&) const override
+    {
+        const auto whole = [&](std::size_t n) { return inputs()[n]->area(inputs()[n]->bounds()); };
+        return std::max(whole(0), whole(1));
+    }
+    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+                  Progress& progress) const override
+    {
+        const LevelSet a = inputs[0] ? *inputs[0] : nothing(own),
+                       b = inputs[1] ? *inputs[1] : nothing(own);
+        return mpuvdb::morph(a, b, mT, mHow, progress);
+    }
+
+private:
+    double mT;
+    Morphing mHow;
+};
+
+} // namespace
+
+double Node::area(const Box3d& region) const
+{
+    double area = 0;
+    for (const Ptr& input : mInputs) area += input->area(region);
+    return area;
+}
+
+double Node::voxelSize() const
+{
+    double finest = 0;
+    for (const Ptr& input : mInputs) {
+        const double size = input->voxelSize();
+        if (size > 0 && !(finest > 0 && finest < size)) finest = size;
+    }
+    return finest;
+}
+
+Node::Ptr Node::moved(const Eigen::Affine3d& motion, Moved& done) const
+{
+    Ptr& node = done[this];
+    if (!node) node = movedSelf(motion, done);
+    if (!node) node = motionNode(shared_from_this(), motion);
+    return node;
+}
+
+Node::Ptr Node::warped(const std::shared_ptr<const Warp>& warp, const std::string& how,
+                       Moved& done) const
+{
+    Ptr& node = done[this];
+    if (!node) node = warpedSelf(warp, how, done);
+    if (!node) node = warpNode(shared_from_this(), warp, how);
+    return node;
+}
+
+Node::Ptr combineNode(Boolean kind, const std::vector<Node::Ptr>& inputs, double blendRadius)
+{
+    return std::make_shared<CombineNode>(kind, inputs, blendRadius);
+}
+
+Node::Ptr offsetNode(const Node::Ptr& input, double distance)
+{
+    return std::make_shared<OffsetNode>(input, distance);
+}
+
+Node::Ptr shellNode(const Node::Ptr& input, double thickness, Wall wall)
+{
+    return std::make_shared<ShellNode>(input, thickness, wall);
+}
+
+Node::Ptr smoothNode(const Node::Ptr& input, const SmoothSettings& settings)
+{
+    return std::make_shared<SmoothNode>(input, settings);
+}
+
+Node::Ptr morphNode(const Node::Ptr& a, const Node::Ptr& b, double t, Morphing how)
+{
+    return std::make_shared<MorphNode>(a, b, t, how);
+}
+
+LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress)
+{
+    constexpr double kSame = 1e-5; // backgrounds are floats
+    return std::abs(levelSet.halfWidth() - halfWidth) <= kSame * halfWidth
+               ? levelSet
+               : withHalfWidth(levelSet, halfWidth, progress);
+}
+
+double offsetArea(double area, double distance)
+{
+    if (!(distance > 0) || !(area > 0)) return area;
+    const double radii = std::sqrt(area) + std::sqrt(4 * M_PI) * distance;
+    return radii * radii;
+}
+
+double distanceBytes(double area, double voxelSize)
+{
+    constexpr double kBytes = 370; // where a voxel's face of the surface is
+    return kBytes * area / (voxelSize * voxelSize);
+}
+
+double gridBytes(double area, double voxelSize, double halfWidth)
+{
+    constexpr double kBytesPerVoxel = 2200.0 / kBlockVoxels; // of a leaf
+    constexpr double kNodeBytes = 2.2e6; // eight of OpenVDB's upper nodes, about the origin
+    constexpr double kLeafSlack = 6;     // a leaf is touched from its half diagonal off
+    const double faces = area / (voxelSize * voxelSize), width = halfWidth + kLeafSlack;
+    // What lies within the width of a ball: outside of it, and inside, where it has an end.
+    const double outside =
+        width * (faces + width * (std::sqrt(4 * M_PI * faces) + width * 4 * M_PI / 3));
+    const double inside = std::min(faces * width, std::pow(faces, 1.5) / (6 * std::sqrt(M_PI)));
+    return kBytesPerVoxel * (faces > 0 ? outside + inside : 0) + kNodeBytes;
+}
+
+Box3d grown(const Box3d& box, double by)
+{
+    if (box.isEmpty()) return box;
+    const Vec3d d = Vec3d::Constant(by);
+    return {box.min() - d, box.max() + d};
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,206 @@
+#include "shape_plan.h"
+
+#include "grid/band_limits.h"
+#include "modelling/one_lattice.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+void demandSettings(const Shape::Node& root, const ShapeSettings& settings)
+{
+    demandHalfWidth(settings.halfWidth);
+    if (!root.bounds().isEmpty() && !isFinite(root.bounds()))
+        throw UsageError(fmt::format("the shape ({}) has no end, and a grid has one: intersect it "
+                                     "with a box or another solid",
+                                     root.name()));
+}
+
+/// Whether the voxels of @a box have indices that leave room for any band.
+bool isNear(const Lattice& lattice, const Box3d& box)
+{
+    constexpr double kFarthest = 1 << 22; // voxels
+    if (box.isEmpty()) return true;
+    const Vec3d reach =
+        (box.min() - lattice.origin).cwiseAbs().cwiseMax((box.max() - lattice.origin).cwiseAbs());
+    return reach.maxCoeff() < kFarthest * lattice.voxelSize;
+}
+
+/// That of a level set in the expression with voxels of the wanted size, so that it need not be
+/// resampled; else aligned to the world.
+Lattice latticeOfResult(const Shape::Node& root, double voxelSize)
+{
+    std::vector<const Shape::Node*> open{&root};
+    while (!open.empty()) {
+        const Shape::Node& node = *open.back();
+        open.pop_back();
+        const LevelSet* const grid = levelSetIn(node);
+        if (grid && std::abs(grid->voxelSize() - voxelSize) <= 1e-6 * voxelSize &&
+            isNear(grid->lattice(), root.bounds()))
+            return grid->lattice();
+        for (auto input = node.inputs().rbegin(); input != node.inputs().rend(); ++input)
+            open.push_back(input->get());
+    }
+    Box3d box = root.bounds();
+    if (box.isEmpty()) box.extend(Vec3d(Vec3d::Zero()));
+    return latticeFor(box, voxelSize);
+}
+
+bool same(const Lattice& a, const Lattice& b)
+{
+    return a.origin == b.origin && a.voxelSize == b.voxelSize;
+}
+
+} // namespace
+
+ShapePlan::ShapePlan(const Shape::Node& root, const ShapeSettings& settings) : mSettings(settings)
+{
+    demandSettings(root, settings);
+    find(root, latticeOfResult(root, settings.voxelSize));
+    spreadDemands(settings.halfWidth);
+}
+
+/// The task of @a node on @a lattice, with all tasks below it.
+std::size_t ShapePlan::find(const Shape::Node& node, const Lattice& lattice)
+{
+    for (std::size_t n = 0; n < mTasks.size(); ++n)
+        if (mTasks[n].node == &node && same(mTasks[n].demand.lattice, lattice)) return n;
+    Task task;
+    task.node = &node;
+    task.demand.lattice = lattice;
+    Demand any{lattice, mSettings.halfWidth, node.bounds()};
+    for (std::size_t n = 0; n < node.inputs().size(); ++n)
+        task.inputs.push_back(find(*node.inputs()[n], node.demandOf(n, any).lattice));
+    mTasks.push_back(std::move(task));
+    return mTasks.size() - 1;
+}
+
+void ShapePlan::spreadDemands(double halfWidth)
+{
+    const auto withBand = [](const Shape::Node& node, const Demand& demand) {
+        return grown(node.bounds(), demand.band() + demand.lattice.voxelSize);
+    };
+    Demand& result = mTasks.back().demand;
+    result.halfWidth = halfWidth;
+    result.region = withBand(*mTasks.back().node, result);
+    for (std::size_t n = mTasks.size(); n-- > 0;) {
+        const Task& task = mTasks[n];
+        if (!task.wanted()) continue;
+        for (std::size_t i = 0; i < task.inputs.size(); ++i) {
+            Task& input = mTasks[task.inputs[i]];
+            const Demand more = task.node->demandOf(i, task.demand);
+            const Box3d region = more.region.intersection(withBand(*input.node, more));
+            if (region.isEmpty()) continue;
+            input.demand.halfWidth = std::max(input.demand.halfWidth, more.halfWidth);
+            input.demand.region.extend(region);
+            ++input.uses;
+        }
+    }
+    for (Task& task : mTasks)
+        if (task.wanted()) task.area = task.node->area(task.demand.region);
+}
+
+std::uint64_t ShapePlan::Task::bytes() const
+{
+    return std::uint64_t(gridBytes(area, demand.lattice.voxelSize, demand.halfWidth));
+}
+
+std::vector<PlanStep> ShapePlan::steps() const
+{
+    std::vector<PlanStep> steps;
+    std::vector<bool> seen(mTasks.size(), false);
+    addSteps(mTasks.size() - 1, 0, seen, steps);
+    return steps;
+}
+
+void ShapePlan::addSteps(std::size_t n, int depth, std::vector<bool>& seen,
+                         std::vector<PlanStep>& steps) const
+{
+    const Task& task = mTasks[n];
+    PlanStep step;
+    step.what = task.node->name();
+    step.depth = depth;
+    step.shared = seen[n];
+    step.halfWidth = task.demand.halfWidth;
+    step.voxelSize = task.demand.lattice.voxelSize;
+    step.region = task.demand.region;
+    const double h = step.voxelSize;
+    step.voxels = std::uint64_t(2 * step.halfWidth * task.area / (h * h));
+    step.bytes = task.bytes();
+    steps.push_back(std::move(step));
+    if (seen[n]) return;
+    seen[n] = true;
+    for (const std::size_t input : task.inputs) addSteps(input, depth + 1, seen, steps);
+}
+
+std::uint64_t ShapePlan::peakBytes() const
+{
+    std::vector<std::size_t> left(mTasks.size());
+    std::uint64_t live = 0, peak = 0;
+    for (std::size_t n = 0; n < mTasks.size(); ++n) {
+        const Task& task = mTasks[n];
+        if (!task.wanted()) continue;
+        left[n] = task.uses;
+        live += task.bytes();
+        peak = std::max(peak, live + std::uint64_t(task.node->workingBytes(task.demand)));
+        for (const std::size_t input : task.inputs) {
+            const Task& used = mTasks[input];
+            if (used.wanted() && --left[input] == 0) live -= used.bytes();
+        }
+    }
+    return peak;
+}
+
+void ShapePlan::demandMemory() const
+{
+    if (!mSettings.maxBytes) return;
+    const std::uint64_t peak = peakBytes();
+    if (peak <= mSettings.maxBytes) return;
+    // Grids of surfaces grow with the square of the resolution.
+    const double larger = std::sqrt(double(peak) / double(mSettings.maxBytes));
+    throw LimitError(fmt::format("the shape needs about {:.0f} MB at voxels of size {}, more than "
+                                 "the limit of {:.0f} MB: voxels of size {:.3g} fit",
+                                 double(peak) / 1e6, mSettings.voxelSize,
+                                 double(mSettings.maxBytes) / 1e6,
+                                 1.05 * larger * mSettings.voxelSize));
+}
+
+void ShapePlan::demandFewVoxels() const
+{
+    std::vector<Resampled> grids;
+    for (const Task& task : mTasks)
+        if (const LevelSet* const grid = levelSetIn(*task.node); grid && task.wanted())
+            grids.push_back({double(grid->grid().activeVoxelCount()), grid->voxelSize(),
+                             task.demand.lattice.voxelSize, grid->halfWidth()});
+    mpuvdb::demandFewVoxels(grids);
+}
+
+LevelSet ShapePlan::evaluate(Progress& progress) const
+{
+    std::vector<std::optional<LevelSet>> grids(mTasks.size());
+    std::vector<std::size_t> left(mTasks.size());
+    for (std::size_t n = 0; n < mTasks.size(); ++n) {
+        const Task& task = mTasks[n];
+        if (!task.wanted()) continue;
+        progress.check();
+        left[n] = task.uses;
+        Inputs inputs;
+        for (const std::size_t input : task.inputs)
+            inputs.push_back(grids[input] ? &*grids[input] : nullptr);
+        grids[n].emplace(task.node->make(inputs, task.demand, mSettings.maxBytes, progress));
+        for (const std::size_t input : task.inputs)
+            if (mTasks[input].wanted() && --left[input] == 0) grids[input].reset();
+    }
+    const Demand& result = mTasks.back().demand;
+    return grids.back() ? *grids.back() : emptyLevelSet(result.lattice, result.halfWidth);
+}
+
+} // namespace mpuvdb

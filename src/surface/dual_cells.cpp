@@ -1,0 +1,306 @@
+#include "dual_cells.h"
+
+#include "core/lanes.h"
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <cstring>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <unordered_map>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using Leaf = openvdb::FloatTree::LeafNodeType;
+/// One that the tree does not know of: it costs nothing to make, and the tree does not change.
+using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
+
+/// Signs of a block's voxels and of those one step above, in rows along z.
+class SignHalo
+{
+public:
+    SignHalo(const Access& access, const Coord& origin)
+    {
+        for (int x = 0; x <= 1; ++x)
+            for (int y = 0; y <= 1; ++y) {
+                addRows(access, origin, x, y, 0);
+                addRows(access, origin, x, y, 1);
+            }
+    }
+
+    /// The row's voxels that are inside, bit z.
+    std::uint32_t row(int x, int y) const { return mRows[std::size_t(x)][std::size_t(y)]; }
+
+    /// The cells of a layer that the surface passes, bit z + 8 y: not all corners are alike.
+    std::uint64_t passed(int x) const
+    {
+        std::uint64_t bits = 0;
+        for (int y = 0; y < 8; ++y) {
+            const std::uint32_t a = row(x, y), b = row(x, y + 1), c = row(x + 1, y),
+                                d = row(x + 1, y + 1);
+            const std::uint32_t any = a | b | c | d, all = a & b & c & d;
+            bits |= std::uint64_t((any | any >> 1) & ~(all & all >> 1) & 0xff) << (8 * y);
+        }
+        return bits;
+    }
+
+    std::uint8_t corners(int x, int y, int z) const
+    {
+        const auto pair = [&](int dx, int dy) {
+            const std::uint32_t two = row(x + dx, y + dy) >> z & 3;
+            return two; // bit 0: z, bit 1: z + 1
+        };
+        return std::uint8_t(pair(0, 0) | pair(0, 1) << 2 | pair(1, 0) << 4 | pair(1, 1) << 6);
+    }
+
+private:
+    /// What the block so many steps above knows of the rows.
+    void addRows(const Access& access, const Coord& origin, int bx, int by, int bz)
+    {
+        using Lanes = float __attribute__((vector_size(32)));
+        const Coord at = origin.offsetBy(8 * bx, 8 * by, 8 * bz);
+        const Leaf* const leaf = access.probeConstLeaf(at);
+        const float* const values = leaf ? leaf->buffer().data() : nullptr;
+        const std::uint64_t tile = !leaf && access.getValue(at) < 0 ? 0xff : 0;
+        for (int x = 0; x < (bx ? 1 : 8); ++x)
+            for (int y = 0; y < (by ? 1 : 8); ++y) {
+                std::uint64_t inside = tile;
+                if (values) {
+                    Lanes row;
+                    std::memcpy(&row, values + 64 * x + 8 * y, sizeof row);
+                    inside = bitsOf(row < 0);
+                }
+                const int rowX = 8 * bx + x, rowY = 8 * by + y;
+                mRows[std::size_t(rowX)][std::size_t(rowY)] |=
+                    std::uint32_t(inside & (bz ? 1 : 0xff)) << (8 * bz);
+            }
+    }
+
+    std::array<std::array<std::uint32_t, 9>, 9> mRows{};
+};
+
+std::uint8_t cornersAt(const Access& access, const Coord& at)
+{
+    std::uint8_t inside = 0;
+    for (int c = 0; c < 8; ++c)
+        if (access.getValue(at.offsetBy(c >> 2 & 1, c >> 1 & 1, c & 1)) < 0)
+            inside = std::uint8_t(inside | 1 << c);
+    return inside;
+}
+
+/// Whether the cell at @a at has to turn its doubtful face: the other cell there doubts it too.
+bool isTurned(const Access& access, const Coord& at, std::uint8_t inside)
+{
+    const int face = doubtfulFace(inside);
+    if (face < 0) return false;
+    Coord next = at;
+    next[face / 2] += face % 2 ? 1 : -1;
+    return doubtfulFace(cornersAt(access, next)) == (face ^ 1);
+}
+
+/// Find the cells of @a block.
+void findCells(const Access& access, DualBlock& block)
+{
+    const SignHalo signs(access, block.origin);
+    std::size_t count = 0;
+    for (int x = 0; x < 8; ++x) {
+        const std::uint64_t passed = block.passed[std::size_t(x)] = signs.passed(x);
+        for (int y = 0; y < 8; ++y) {
+            block.rank[8 * std::size_t(x) + std::size_t(y)] = std::uint16_t(count);
+            count += kBitCounts[passed >> (8 * y) & 0xff];
+        }
+    }
+    block.cells.reserve(count);
+    for (int x = 0; x < 8; ++x)
+        for (std::uint64_t bits = block.passed[std::size_t(x)]; bits; bits &= bits - 1) {
+            const int bit = __builtin_ctzll(bits), y = bit >> 3, z = bit & 7;
+            const std::uint8_t inside = signs.corners(x, y, z);
+            const bool turned = isTurned(access, block.origin.offsetBy(x, y, z), inside);
+            block.cells.push_back({std::uint16_t(block.vertices), inside, turned});
+            block.vertices += block.cells.back().sheets().count;
+            for (int axis = 0; axis < 3; ++axis)
+                block.quads += (inside >> (4 >> axis) & 1) != (inside & 1);
+        }
+}
+
+/// Some rows along z of a leaf's values, or of a tile's.
+struct Rows {
+    const float* first; ///< or null
+    float tile;
+    int countX, countY;
+};
+
+/// How many values a row has is known beforehand: each is copied by one instruction or two.
+template <int kCount>
+void copyRows(const Rows& rows, float* to)
+{
+    for (int x = 0; x < rows.countX; ++x)
+        for (int y = 0; y < rows.countY; ++y) {
+            float* const row = to + x * BlockHalo::kStride[0] + y * BlockHalo::kStride[1];
+            if (rows.first)
+                std::copy_n(rows.first + x * 64 + y * 8, kCount, row);
+            else
+                std::fill_n(row, kCount, rows.tile);
+        }
+}
+
+using Origins = std::vector<Coord>;
+
+Origins leafOrigins(const openvdb::FloatTree& tree)
+{
+    Origins origins;
+    origins.reserve(tree.leafCount());
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) origins.push_back(leaf->origin());
+    return origins;
+}
+
+/// Which blocks around a block: so many steps on each axis.
+struct Steps {
+    int low, high;
+};
+
+/// Adds the blocks around @a block that are no leaves and not in @a known, which is sorted.
+void addAround(const Coord& block, Steps steps, const Access& access, const Origins& known,
+               Origins& found)
+{
+    for (int x = steps.low; x <= steps.high; ++x)
+        for (int y = steps.low; y <= steps.high; ++y)
+            for (int z = steps.low; z <= steps.high; ++z) {
+                const Coord at = block.offsetBy(8 * x, 8 * y, 8 * z);
+                if (!access.probeConstLeaf(at) &&
+                    !std::binary_search(known.begin(), known.end(), at))
+                    found.push_back(at);
+            }
+}
+
+/// Those around @a blocks, sorted.
+Origins around(const Origins& blocks, Steps steps, const openvdb::FloatTree& tree,
+               const Origins& known)
+{
+    tbb::enumerable_thread_specific<Origins> parts;
+    using Range = tbb::blocked_range<std::size_t>;
+    tbb::parallel_for(Range(0, blocks.size(), 256), [&](const Range& range) {
+        const Access access(tree);
+        Origins& found = parts.local();
+        for (std::size_t n = range.begin(); n < range.end(); ++n)
+            addAround(blocks[n], steps, access, known, found);
+    });
+    Origins found;
+    for (const Origins& part : parts) found.insert(found.end(), part.begin(), part.end());
+    std::sort(found.begin(), found.end());
+    found.erase(std::unique(found.begin(), found.end()), found.end());
+    return found;
+}
+
+} // namespace
+
+const std::array<std::uint8_t, 256> kBitCounts = [] {
+    std::array<std::uint8_t, 256> counts{};
+    for (std::size_t n = 1; n < 256; ++n) counts[n] = std::uint8_t(counts[n / 2] + n % 2);
+    return counts;
+}();
+
+void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
+{
+    const Access access(tree);
+    // Per axis: from the block below two voxels, from the block all eight, from the next three.
+    constexpr std::array<int, 3> kFrom = {6, 0, 0}, kTo = {-2, 0, 8}, kCount = {2, 8, 3};
+    for (std::size_t bx = 0; bx < 3; ++bx)
+        for (std::size_t by = 0; by < 3; ++by)
+            for (std::size_t bz = 0; bz < 3; ++bz) {
+                const Coord at = origin.offsetBy(8 * int(bx) - 8, 8 * int(by) - 8, 8 * int(bz) - 8);
+                const Leaf* const leaf = access.probeConstLeaf(at);
+                const int first = kFrom[bx] * 64 + kFrom[by] * 8 + kFrom[bz];
+                const Rows rows{leaf ? leaf->buffer().data() + first : nullptr,
+                                leaf ? 0 : access.getValue(at), kCount[bx], kCount[by]};
+                float* const to = &mValues[std::size_t(index(kTo[bx], kTo[by], kTo[bz]))];
+                if (bz == 0)
+                    copyRows<kCount[0]>(rows, to);
+                else if (bz == 1)
+                    copyRows<kCount[1]>(rows, to);
+                else
+                    copyRows<kCount[2]>(rows, to);
+            }
+}
+
+DualCells::DualCells(const openvdb::FloatTree& tree, Progress& progress)
+{
+    const Origins leaves = leafOrigins(tree);
+    add(tree, leaves, progress);
+    // A cell belongs to its lowest voxel, which may lie below the leaves. Where it has no leaf
+    // about it at all (two tiles of different sign meet), the surface is followed on.
+    Origins known;
+    for (Origins next = around(leaves, {-1, 0}, tree, known); !next.empty();) {
+        const std::size_t before = mBlocks.size();
+        add(tree, next, progress);
+        known.insert(known.end(), next.begin(), next.end());
+        std::sort(known.begin(), known.end());
+        Origins passed;
+        for (std::size_t n = before; n < mBlocks.size(); ++n) passed.push_back(mBlocks[n].origin);
+        next = around(passed, {-1, 1}, tree, known);
+    }
+    number();
+}
+
+/// Those of the blocks at @a origins that the surface passes.
+void DualCells::add(const openvdb::FloatTree& tree, const std::vector<Coord>& origins,
+                    Progress& progress)
+{
+    std::vector<DualBlock> found(origins.size());
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, origins.size(), 32),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                          progress.check();
+                          const Access access(tree);
+                          for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                              found[n].origin = origins[n];
+                              findCells(access, found[n]);
+                          }
+                      });
+    for (DualBlock& block : found)
+        if (!block.cells.empty()) mBlocks.push_back(std::move(block));
+}
+
+void DualCells::number()
+{
+    std::unordered_map<Coord, std::uint32_t> index; // by origin
+    index.reserve(mBlocks.size());
+    for (DualBlock& block : mBlocks) {
+        index.emplace(block.origin, std::uint32_t(index.size()));
+        block.firstVertex = mVertices;
+        block.firstQuad = mQuads;
+        mVertices += block.vertices;
+        mQuads += block.quads;
+    }
+    tbb::parallel_for(std::size_t(0), mBlocks.size(), [&](std::size_t n) {
+        for (int step = 0; step < 8; ++step) {
+            const auto found = index.find(mBlocks[n].origin.offsetBy(
+                step & 4 ? -8 : 0, step & 2 ? -8 : 0, step & 1 ? -8 : 0));
+            mBlocks[n].near[std::size_t(step)] =
+                found != index.end() ? found->second : DualBlock::kNone;
+        }
+    });
+}
+
+std::size_t DualCells::blockOf(std::uint64_t v) const
+{
+    const auto after = std::upper_bound(
+        mBlocks.begin(), mBlocks.end(), v,
+        [](std::uint64_t vertex, const DualBlock& block) { return vertex < block.firstVertex; });
+    return std::size_t(after - mBlocks.begin()) - 1;
+}
+
+std::vector<char> DualCells::withNeighbors(const std::vector<char>& selection) const
+{
+    std::vector<char> reached(selection.size(), 0);
+    tbb::parallel_for(std::size_t(0), selection.size(), [&](std::size_t n) {
+        for (const std::uint32_t near : mBlocks[n].near)
+            if (near != DualBlock::kNone && selection[near]) reached[n] = 1;
+    });
+    return reached;
+}
+
+} // namespace mpuvdb

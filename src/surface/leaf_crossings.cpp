@@ -1,0 +1,139 @@
+// Which edges are crossed is told by the signs of a leaf's voxels as bits, eight rows to a word.
+#include "leaf_crossings.h"
+
+#include "core/clones.h"
+#include "core/lanes.h"
+
+#include <array>
+#include <cstdint>
+#include <cstring>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = openvdb::FloatTree::LeafNodeType;
+using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
+using openvdb::Coord;
+
+constexpr int kDim = Leaf::DIM;
+using Lanes = float __attribute__((vector_size(4 * kDim)));
+
+/// Voxels of a leaf as its mask has them: word x, bit 8 y + z.
+using Words = std::array<std::uint64_t, kDim>;
+
+/// A leaf's values, and those of the upper neighbors across x, y and z: null, and one value, where
+/// there are only tiles.
+struct UpperRim {
+    const float* own;
+    std::array<const float*, 3> beyond{};
+    std::array<float, 3> tile{};
+};
+
+/// Inner and zero voxels, and those whose upper neighbor along each axis is on the other side.
+struct LeafSigns {
+    Words inside{}, zero{};
+    std::array<Words, 3> change;
+};
+
+MPUVDB_CLONES
+LeafSigns signsOf(const UpperRim& values)
+{
+    constexpr std::uint64_t kFirstZ = 0x0101010101010101u;
+    LeafSigns signs;
+    decltype(Lanes{} < 0) anyZero{};
+    for (std::size_t row = 0; row < kDim * kDim; ++row) {
+        const Lanes v = lanesAt<Lanes>(values.own + row * kDim);
+        signs.inside[row / kDim] |= bitsOf(v < 0) << (row % kDim * kDim);
+        anyZero |= v == 0;
+    }
+    if (bitsOf(anyZero))
+        for (std::size_t row = 0; row < kDim * kDim; ++row)
+            signs.zero[row / kDim] |= bitsOf(lanesAt<Lanes>(values.own + row * kDim) == 0)
+                                      << (row % kDim * kDim);
+    // The neighbors' layers that touch this leaf.
+    std::array<std::uint64_t, 3> tile;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        tile[axis] = values.tile[axis] < 0 ? ~std::uint64_t(0) : 0;
+    std::uint64_t layerX = tile[0];
+    Words firstY, firstZ;
+    firstY.fill(tile[1]);
+    firstZ.fill(tile[2] & kFirstZ);
+    if (values.beyond[0]) {
+        layerX = 0;
+        for (std::size_t y = 0; y < kDim; ++y)
+            layerX |= bitsOf(lanesAt<Lanes>(values.beyond[0] + y * kDim) < 0) << (y * kDim);
+    }
+    for (std::size_t x = 0; values.beyond[1] && x < kDim; ++x)
+        firstY[x] = bitsOf(lanesAt<Lanes>(values.beyond[1] + x * kDim * kDim) < 0);
+    for (std::size_t x = 0; values.beyond[2] && x < kDim; ++x) {
+        firstZ[x] = 0;
+        for (std::size_t y = 0; y < kDim; ++y)
+            firstZ[x] |= std::uint64_t(values.beyond[2][(x * kDim + y) * kDim] < 0) << (y * kDim);
+    }
+    for (std::size_t x = 0; x < kDim; ++x) {
+        const std::uint64_t m = signs.inside[x];
+        signs.change[0][x] = m ^ (x + 1 < kDim ? signs.inside[x + 1] : layerX);
+        signs.change[1][x] = m ^ (m >> kDim | firstY[x] << (kDim * (kDim - 1)));
+        signs.change[2][x] = m ^ ((m >> 1 & ~(kFirstZ << (kDim - 1))) | firstZ[x] << (kDim - 1));
+    }
+    return signs;
+}
+
+/// Whether a voxel of value 0 has both sides about it; it may only lie where two inside touch.
+bool isOnSurface(const Coord& at, Access& access)
+{
+    bool inside = false, outside = false;
+    for (int n = 0; n < 27; ++n) {
+        const float v = access.getValue(at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
+        inside |= v < 0;
+        outside |= v > 0;
+    }
+    return inside && outside;
+}
+
+} // namespace
+
+Crossings crossingsOf(const openvdb::FloatTree& tree, const Leaf& leaf)
+{
+    Access access(tree);
+    UpperRim values{leaf.buffer().data()};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        Coord at = leaf.origin();
+        at[int(axis)] += kDim;
+        const Leaf* const next = access.probeConstLeaf(at);
+        if (next)
+            values.beyond[axis] = next->buffer().data();
+        else
+            values.tile[axis] = access.getValue(at);
+    }
+    const LeafSigns signs = signsOf(values);
+    Crossings found;
+    for (std::size_t x = 0; x < kDim; ++x) {
+        std::uint64_t left =
+            signs.change[0][x] | signs.change[1][x] | signs.change[2][x] | signs.zero[x];
+        left &= leaf.getValueMask().getWord<std::uint64_t>(openvdb::Index(x));
+        for (; left; left &= left - 1) {
+            const int bit = __builtin_ctzll(left), at = int(x) * kDim * kDim + bit;
+            const Coord local(int(x), bit / kDim, bit % kDim);
+            const float v = values.own[at];
+            if (v == 0 && isOnSurface(leaf.origin() + local, access)) found.push_back(toVec(local));
+            for (std::size_t axis = 0; axis < 3; ++axis) {
+                if (!(signs.change[axis][x] >> bit & 1u)) continue;
+                const int stride = kDim * kDim >> (3 * axis);
+                const float* const next = values.beyond[axis];
+                const float u = local[int(axis)] + 1 < kDim ? values.own[at + stride]
+                                : next                      ? next[at - (kDim - 1) * stride]
+                                                            : values.tile[axis];
+                Vec3f p = toVec(local);
+                p[int(axis)] += v / (v - u);
+                found.push_back(p);
+            }
+        }
+    }
+    found.shrink_to_fit();
+    return found;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,434 @@
+#include "surface_patches.h"
+
+#include "crease_facets.h"
+#include "grid/leaf_halo.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/progress.h>
+
+#include <algorithm>
+#include <limits>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using Leaf = SurfacePatches::Leaf;
+
+constexpr int kDim = LeafHalo::kDim, kHalo = LeafHalo::kHalo;
+constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
+/// Values so near to the background, relative to it, come from beyond the band.
+constexpr float kBeyond = 1e-3f;
+constexpr float kLeastSlope = 0.3f; ///< below, a distance's gradient tells no direction
+constexpr float kLeastImplicit = 1e-6f;
+/// Where the slope changes by more from voxel to voxel, relative to itself, there may be a crease.
+constexpr float kCrease = 0.22f;
+/// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
+/// slope (other values than distances may bend more); a distance's slope is 1 to so much there.
+constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f, kPlaneImplicit = 0.06f;
+/// A patch's radius, voxels: where the next begins. Planes beside creases too blunt for facets end
+/// at these, and what they add beyond counts most from far off.
+constexpr float kExtent = 0.9f, kPlaneExtent = 0.2f;
+/// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
+constexpr float kOffSurface = 0.2f;
+
+/// How much farther off than the nearest crossing, in voxels, a foot may be: crossings err by a
+/// bend of the values between two voxels.
+constexpr float kBeyondCrossing = 0.1f;
+
+/// The values around one voxel as a quadratic function.
+struct Quadratic {
+    float value;
+    Vec3f gradient;
+    Eigen::Matrix3f hessian;
+
+    float at(const Vec3f& d) const { return value + gradient.dot(d) + 0.5f * d.dot(hessian * d); }
+    Vec3f gradientAt(const Vec3f& d) const { return gradient + hessian * d; }
+};
+
+/// Patches of one leaf's voxels.
+class PatchMaker
+{
+public:
+    PatchMaker(const openvdb::FloatTree& tree, double voxelSize, Values values)
+        : mAccess(tree), mScale(float(1 / voxelSize)),
+          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values),
+          mMostOff(values == Values::Distances ? kPlaneSlope : kPlaneImplicit)
+    {
+    }
+
+    /// Call f(voxel's number in the leaf) for all active voxels with a face neighbor of the other
+    /// sign, or of value 0.
+    template <typename F>
+    void forEachCrossing(const Leaf& leaf, F f)
+    {
+        mHalo.load(mAccess, leaf, mScale);
+        for (int row = 0; row < kDim * kDim; ++row) {
+            unsigned active = leaf.getValueMask().getWord<std::uint8_t>(openvdb::Index(row));
+            if (active == 0) continue;
+            const int in = LeafHalo::index(row / kDim + 1, row % kDim + 1, 1);
+            const unsigned own = signs(in);
+            unsigned crosses = 0;
+            for (const int stride : kStride)
+                crosses |= (own ^ signs(in - stride)) | (own ^ signs(in + stride));
+            crosses |= zeros(in);
+            for (unsigned bits = crosses & active; bits; bits &= bits - 1)
+                f(row * kDim + __builtin_ctz(bits));
+        }
+    }
+
+    /// The patch of a voxel of the leaf that forEachCrossing() is at. @param besideCrease  whether
+    /// a neighbor's is not smooth.
+    SurfacePatch make(const Leaf& leaf, int voxel, bool besideCrease, PatchKind& kind) const
+    {
+        const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
+        const int in = LeafHalo::index(x + 1, y + 1, z + 1);
+        SurfacePatch patch;
+        patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
+        patch.extent = kExtent;
+        Quadratic model = modelAt(in);
+        kind = PatchKind::Smooth;
+        const float slope = model.gradient.norm(), change = model.hessian.cwiseAbs().maxCoeff();
+        const bool isBent = model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * slope;
+        if (besideCrease || change > kCrease * slope) {
+            if (flatten(in, besideCrease ? slope : kPlane * change, model))
+                kind = PatchKind::Plane;
+            else if (isBent)
+                kind = PatchKind::Rough;
+        }
+        const bool found =
+            mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
+        SurfacePatch crossing = nearestCrossing(patch.voxel, in);
+        // No place on the surface is nearer than the nearest: a foot beyond a crossing is none.
+        if (found && patch.foot.norm() <= crossing.foot.norm() + kBeyondCrossing) return patch;
+        kind = PatchKind::Rough;
+        return crossing;
+    }
+
+private:
+    /// Signs of eight voxels in a row.
+    unsigned signs(int in) const
+    {
+        unsigned bits = 0;
+        for (int z = 0; z < kDim; ++z) bits |= unsigned(mHalo.value[in + z] < 0) << z;
+        return bits;
+    }
+
+    /// Which of eight voxels in a row are on the surface themselves: of value 0, with both sides
+    /// about them.
+    unsigned zeros(int in) const
+    {
+        unsigned bits = 0;
+        for (int z = 0; z < kDim; ++z)
+            if (mHalo.value[in + z] == 0) bits |= unsigned(isBetween(in + z)) << z;
+        return bits;
+    }
+
+    bool isBetween(int in) const
+    {
+        bool inside = false, outside = false;
+        for (int n = 0; n < 27; ++n) {
+            const float v = mHalo.value[in + (n / 9 - 1) * kStride[0] +
+                                        (n / 3 % 3 - 1) * kStride[1] + (n % 3 - 1) * kStride[2]];
+            inside |= v < 0;
+            outside |= v > 0;
+        }
+        return inside && outside;
+    }
+
+    bool known(int in) const { return std::abs(mHalo.value[in]) < mBeyond; }
+
+    /// By central differences; one-sided beside the band's rim.
+    Quadratic modelAt(int in) const
+    {
+        const auto& v = mHalo.value;
+        Quadratic q;
+        q.value = v[in];
+        q.hessian.setZero();
+        for (int axis = 0; axis < 3; ++axis) {
+            const int s = kStride[axis];
+            const bool low = known(in - s), high = known(in + s);
+            const float rise = low ? v[in] - v[in - s] : 0, next = high ? v[in + s] - v[in] : 0;
+            q.gradient[axis] = low && high ? 0.5f * (rise + next) : rise + next;
+            if (low && high) q.hessian(axis, axis) = next - rise;
+            const int t = kStride[(axis + 1) % 3];
+            if (known(in + s + t) && known(in + s - t) && known(in - s + t) && known(in - s - t))
+                q.hessian(axis, (axis + 1) % 3) = q.hessian((axis + 1) % 3, axis) =
+                    0.25f * ((v[in + s + t] - v[in + s - t]) - (v[in - s + t] - v[in - s - t]));
+        }
+        return q;
+    }
+
+    /// If the values in one octant are a plane's, let the model be that plane. @param most  by
+    /// which they may be off.
+    bool flatten(int in, float most, Quadratic& model) const
+    {
+        struct Fit {
+            Vec3f gradient;
+            float off = std::numeric_limits<float>::infinity(), slope = 0;
+        };
+        std::array<Fit, 8> fits;
+        float steepest = 0;
+        for (int octant = 0; octant < 8; ++octant) {
+            Fit fit;
+            if (!planeOf(in, octant, fit.gradient, fit.off)) continue;
+            fit.slope = fit.gradient.norm();
+            const bool isSlope =
+                mValues == Values::Implicit || std::abs(fit.slope - 1) < kPlaneSlope;
+            if (!isSlope || !(fit.off < most) || !(fit.off < mMostOff * fit.slope)) continue;
+            fits[std::size_t(octant)] = fit;
+            steepest = std::max(steepest, fit.slope);
+        }
+        // An octant across a crease may look like a plane that is less steep than either side's.
+        const Fit* best = nullptr;
+        for (const Fit& fit : fits)
+            if (fit.slope > (1 - kPlaneSlope) * steepest && (!best || fit.off < best->off))
+                best = &fit;
+        if (!best) return false;
+        model.gradient = best->gradient;
+        model.hessian.setZero();
+        return true;
+    }
+
+    /// The gradient that an octant's values have along its axes, and how far @a off these lead at
+    /// its other corners; false beside the band's rim.
+    bool planeOf(int in, int octant, Vec3f& gradient, float& off) const
+    {
+        const auto& v = mHalo.value;
+        int s[3];
+        Vec3f rise;
+        for (int axis = 0; axis < 3; ++axis) {
+            const bool up = octant >> axis & 1;
+            s[axis] = up ? kStride[axis] : -kStride[axis];
+            if (!known(in + s[axis])) return false;
+            rise[axis] = v[in + s[axis]] - v[in];
+            gradient[axis] = up ? rise[axis] : -rise[axis];
+        }
+        off = 0;
+        for (int n = 0; n < 4; ++n) { // two axes of three, and all
+            const Vec3f on(n != 0, n != 1, n != 2);
+            const int at = in + (n != 0) * s[0] + (n != 1) * s[1] + (n != 2) * s[2];
+            if (!known(at)) return false;
+            off = std::max(off, std::abs(v[at] - v[in] - on.dot(rise)));
+        }
+        return true;
+    }
+
+    /// Where the ball of the voxel's distance touches the surface.
+    static bool touch(const Quadratic& model, SurfacePatch& patch)
+    {
+        const float slope = model.gradient.norm();
+        if (!(slope >= kLeastSlope)) return false;
+        patch.normal = model.gradient / slope;
+        patch.foot = -model.value * patch.normal;
+        patch.bend(model.hessian / slope, model.value);
+        return true;
+    }
+
+    /// Where the model's gradient meets its zero set, if the interpolated values are zero there.
+    bool intersect(const Quadratic& model, int in, SurfacePatch& patch) const
+    {
+        constexpr int kSteps = 4;
+        Vec3f d = Vec3f::Zero(), g = model.gradient;
+        for (int step = 0; step < kSteps; ++step) {
+            const float g2 = g.squaredNorm();
+            if (!(g2 > kLeastImplicit * kLeastImplicit)) return false;
+            d -= model.at(d) / g2 * g;
+            if (!(d.cwiseAbs().maxCoeff() <= 1)) return false;
+            g = model.gradientAt(d);
+        }
+        const float slope = g.norm();
+        if (!(std::abs(interpolated(in, d)) <= kOffSurface * slope)) return false;
+        patch.normal = g / slope;
+        patch.foot = d;
+        patch.bend(model.hessian / slope, -d.dot(patch.normal));
+        return true;
+    }
+
+    /// The value at @a d, each of its components in [-1,1], from the voxel.
+    float interpolated(int in, const Vec3f& d) const
+    {
+        float weight[3][2];
+        for (int axis = 0; axis < 3; ++axis) {
+            const bool below = d[axis] < 0;
+            if (below) in -= kStride[axis];
+            weight[axis][1] = d[axis] + float(below);
+            weight[axis][0] = 1 - weight[axis][1];
+        }
+        float sum = 0;
+        for (int n = 0; n < 8; ++n) {
+            const int corner =
+                in + (n >> 2) * kStride[0] + (n >> 1 & 1) * kStride[1] + (n & 1) * kStride[2];
+            sum +=
+                weight[0][n >> 2] * weight[1][n >> 1 & 1] * weight[2][n & 1] * mHalo.value[corner];
+        }
+        return sum;
+    }
+
+    /// A point where the values, linear between voxels, cross zero: what is left where they tell no
+    /// direction.
+    SurfacePatch nearestCrossing(const openvdb::Coord& voxel, int in) const
+    {
+        const auto& v = mHalo.value;
+        // On the surface itself, unless a neighbor has the other sign.
+        SurfacePatch patch = SurfacePatch::point(voxel, Vec3f::Zero());
+        float best = std::numeric_limits<float>::infinity();
+        for (int axis = 0; axis < 3; ++axis) {
+            for (const int side : {-1, 1}) {
+                const float other = v[in + side * kStride[axis]];
+                if ((other < 0) == (v[in] < 0)) continue;
+                const float at = v[in] / (v[in] - other);
+                if (!(at < best)) continue;
+                best = at;
+                patch.foot = float(side) * at * Vec3f::Unit(axis);
+                patch.normal = (v[in] < 0 ? 1.0f : -1.0f) * float(side) * Vec3f::Unit(axis);
+            }
+        }
+        patch.tangent = patch.normal.unitOrthogonal();
+        return patch;
+    }
+
+    LeafHalo::Accessor mAccess;
+    LeafHalo mHalo;
+    float mScale, mBeyond;
+    Values mValues;
+    float mMostOff; ///< an octant's values from a plane, relative to the slope
+};
+
+/// Distance to a curve of curvature @a k, in its plane, from @a height above a place on it and
+/// @a along beside: exact for lines, circles and points.
+float bent(float height, float along, float k)
+{
+    // Beyond half the way to a hollow's center other places are nearer.
+    constexpr float kDeepest = -0.5f;
+    if (k * height < kDeepest) k = kDeepest / height;
+    const float a = 1 + k * height, b = k * along;
+    return (height * (1 + a) + b * along) / (std::sqrt(a * a + b * b) + 1);
+}
+
+} // namespace
+
+void demandNumbers(std::uint64_t patches)
+{
+    if (patches >= std::numeric_limits<std::uint32_t>::max())
+        throw LimitError("the surface crosses more voxels than can be numbered (4e9): use larger "
+                         "voxels");
+}
+
+SurfacePatch SurfacePatch::point(const openvdb::Coord& voxel, const Vec3f& foot)
+{
+    return {voxel, foot, Vec3f::UnitX(), Vec3f::UnitY(), {kPointCurvature, kPointCurvature}, 0};
+}
+
+std::array<float, 2> SurfacePatch::turnTangent(const Eigen::Matrix3f& hessian)
+{
+    const Vec3f a = normal.unitOrthogonal(), b = normal.cross(a);
+    const Vec3f ha = hessian * a, hb = hessian * b;
+    const float aa = a.dot(ha), ab = a.dot(hb), bb = b.dot(hb);
+    const float angle = 0.5f * std::atan2(2 * ab, aa - bb);
+    tangent = std::cos(angle) * a + std::sin(angle) * b;
+    const float mean = 0.5f * (aa + bb), half = std::hypot(0.5f * (aa - bb), ab);
+    return {mean + half, mean - half};
+}
+
+void SurfacePatch::bend(const Eigen::Matrix3f& hessian, float height)
+{
+    const std::array<float, 2> w = turnTangent(hessian);
+    // Parallel surfaces: the radius shrinks by the height.
+    for (std::size_t k = 0; k < 2; ++k)
+        curvature[k] = w[k] / std::max(1 - height * w[k], 1 / kPointCurvature);
+}
+
+float SurfacePatch::distance(const Vec3f& from, float side) const
+{
+    const Vec3f across = normal.cross(tangent);
+    const float height = side * normal.dot(from);
+    const float along[2] = {tangent.dot(from), across.dot(from)};
+    const float length = from.norm();
+    if (height < 0) return length; // behind it: the patch faces another part of the surface's side
+    float shift[2];                // of the nearest place on the patch
+    for (int n = 0; n < 2; ++n)
+        shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
+    const float reached = std::hypot(shift[0], shift[1]);
+    if (reached <= extent)
+        return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
+                                     side * curvature[0]));
+    // From the place nearest to where it should be, as far as the patch goes.
+    const float share = extent / reached;
+    float square = 0, drop = 0; // of the place below the foot's plane
+    for (int n = 0; n < 2; ++n) {
+        const float to = share * shift[n], beside = along[n] - to;
+        square += beside * beside;
+        drop += 0.5f * side * curvature[n] * to * to;
+    }
+    return std::min(length, std::sqrt((height + drop) * (height + drop) + square));
+}
+
+SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
+                              Progress& progress)
+{
+    std::vector<const Leaf*> leaves;
+    tree.getNodes(leaves);
+    return surfacePatches(tree, std::move(leaves), voxelSize, values, progress);
+}
+
+SurfacePatches surfacePatches(const openvdb::FloatTree& tree, std::vector<const Leaf*> leaves,
+                              double voxelSize, Values values, Progress& progress)
+{
+    SurfacePatches result;
+    result.leaves = std::move(leaves);
+    result.first.assign(result.leaves.size() + 1, 0);
+    const auto forEachLeaf = [&](auto f) {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, result.leaves.size(), 16),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                              progress.check();
+                              PatchMaker maker(tree, voxelSize, values);
+                              for (std::size_t n = range.begin(); n < range.end(); ++n) f(maker, n);
+                          });
+    };
+    forEachLeaf([&](PatchMaker& maker, std::size_t n) {
+        std::uint32_t count = 0;
+        maker.forEachCrossing(*result.leaves[n], [&](int) { ++count; });
+        result.first[n + 1] = count;
+    });
+    std::uint64_t sum = 0;
+    for (std::uint32_t& count : result.first) {
+        sum += count;
+        count = std::uint32_t(sum);
+    }
+    demandNumbers(sum);
+    result.patches.resize(sum);
+    result.kinds.resize(sum);
+    forEachLeaf([&](PatchMaker& maker, std::size_t n) {
+        std::uint32_t to = result.first[n];
+        const Leaf& leaf = *result.leaves[n];
+        maker.forEachCrossing(leaf, [&](int voxel) {
+            result.patches[to] = maker.make(leaf, voxel, false, result.kinds[to]);
+            ++to;
+        });
+    });
+    if (std::all_of(result.kinds.begin(), result.kinds.end(),
+                    [](PatchKind kind) { return kind == PatchKind::Smooth; }))
+        return result;
+    CreaseZone zone(result, tree, float(1 / voxelSize), values, progress);
+    forEachLeaf([&](PatchMaker& maker, std::size_t n) {
+        std::uint32_t to = result.first[n];
+        if (zone.countBeside(to, result.first[n + 1]) == 0) return;
+        const Leaf& leaf = *result.leaves[n];
+        maker.forEachCrossing(leaf, [&](int voxel) {
+            if (zone.isBeside(to))
+                result.patches[to] = maker.make(leaf, voxel, true, result.kinds[to]);
+            ++to;
+        });
+    });
+    addCreaseFacets(result, zone, progress);
+    for (std::uint32_t n = 0; n < result.voxelPatches(); ++n)
+        if (result.kinds[n] == PatchKind::Plane && !zone.isBeside(n))
+            result.patches[n].extent = kPlaneExtent;
+    return result;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,219 @@
+#include "surface_places.h"
+
+#include "grid/leaf_halo.h"
+
+#include "core/clones.h"
+#include "core/lanes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+using openvdb::FloatGrid;
+using openvdb::Index;
+using Leaf = openvdb::FloatTree::LeafNodeType;
+using Lanes = float __attribute__((vector_size(32)));
+using Flags = std::int32_t __attribute__((vector_size(32)));
+
+constexpr float kShortest = 0.5f;   ///< of a gradient, whose length should be one
+constexpr float kNearEnough = 0.2f; ///< voxels off the surface
+
+/// Unit gradients of the distance at the voxels of a leaf; zero where an axis has no neighbor in
+/// the band, or they contradict each other.
+struct Gradients {
+    std::array<float, Leaf::SIZE> x, y, z;
+};
+
+/// Of the eight voxels in a row from @a at on, along an axis: from those neighbors that are in the
+/// band.
+[[gnu::always_inline]] inline Lanes slopeAlong(const float* at, std::ptrdiff_t next,
+                                               float background, Flags& known)
+{
+    const auto here = lanesAt<Lanes>(at), above = lanesAt<Lanes>(at + next),
+               below = lanesAt<Lanes>(at - next);
+    const Flags isAbove = magnitude(above) < background, isBelow = magnitude(below) < background;
+    const Lanes rise = (isAbove ? above : here) - (isBelow ? below : here);
+    known &= isAbove | isBelow;
+    return (isAbove & isBelow) != 0 ? 0.5f * rise : rise;
+}
+
+/// @param values  of the leaf's first voxel, among rows of @a row and slabs of @a slab values.
+MPUVDB_CLONES
+void findGradients(const float* values, std::ptrdiff_t slab, std::ptrdiff_t row, float background,
+                   float shortest, Gradients& gradients)
+{
+    for (int n = 0; n < 64; ++n) {
+        const float* const at = values + (n >> 3) * slab + (n & 7) * row;
+        Flags known = Flags{} - 1;
+        const Lanes x = slopeAlong(at, slab, background, known),
+                    y = slopeAlong(at, row, background, known),
+                    z = slopeAlong(at, 1, background, known);
+        const Lanes squared = x * x + y * y + z * z;
+        known &= squared >= shortest * shortest;
+        Lanes length;
+        for (int k = 0; k < 8; ++k) length[k] = std::sqrt(squared[k]);
+        const Lanes scale = 1 / length;
+        const auto put = [&](std::array<float, Leaf::SIZE>& into, const Lanes& slope) {
+            const Lanes kept = known ? scale * slope : Lanes{};
+            std::memcpy(into.data() + 8 * n, &kept, sizeof kept);
+        };
+        put(gradients.x, x);
+        put(gradients.y, y);
+        put(gradients.z, z);
+    }
+}
+
+} // namespace
+
+/// A leaf of the band, and what is around it.
+class SurfacePlaces::Band
+{
+public:
+    explicit Band(const FloatGrid& grid)
+        : mAccess(grid.tree()), mVoxelSize(float(grid.voxelSize()[0])),
+          mBackground(grid.background() / mVoxelSize)
+    {
+    }
+
+    /// @param projections  see SurfacePlaces::append().
+    void append(const Coord& origin, const Leaf::NodeMaskType& voxels, const Lattice& lattice,
+                int projections, std::vector<SurfacePlace>& places)
+    {
+        const Leaf* const leaf = mAccess.probeConstLeaf(origin);
+        if (!leaf) return;
+        mLow = origin;
+        mHalo.load(mAccess, *leaf, float(1 / lattice.voxelSize));
+        findGradients(&mHalo.value[LeafHalo::index(1, 1, 1)], LeafHalo::index(1, 0, 0),
+                      LeafHalo::index(0, 1, 0), mBackground, kShortest, mGradients);
+        const Vec3d low =
+            lattice.origin + lattice.voxelSize * Vec3d(origin[0], origin[1], origin[2]);
+        for (auto voxel = voxels.beginOn(); voxel; ++voxel) {
+            const Index n = voxel.pos();
+            const Vec3i at(int(n >> 6), int(n >> 3 & 7), int(n & 7));
+            Vec3f gradient(mGradients.x[n], mGradients.y[n], mGradients.z[n]);
+            Vec3f x = at.cast<float>();
+            if (projections > 1 || gradient == Vec3f::Zero())
+                x = nearestTo({at[0], at[1], at[2]}, projections, gradient);
+            else
+                x -= mHalo.value[LeafHalo::index(at[0] + 1, at[1] + 1, at[2] + 1)] * gradient;
+            places.push_back({low + lattice.voxelSize * x.cast<double>(), gradient.cast<double>()});
+        }
+    }
+
+private:
+    /// The place on the zero set that is nearest to a voxel: value times gradient away. Again from
+    /// there, because outside an edge the band's values fall short of the distance. Local to the
+    /// leaf, as all coordinates here.
+    Vec3f nearestTo(Coord at, int projections, Vec3f& gradient) const
+    {
+        gradient = gradientAt(at);
+        while (gradient == Vec3f::Zero()) {
+            const Coord next = nearestToSurface(at);
+            if (next == at) break;
+            at = next;
+            gradient = gradientAt(at);
+        }
+        Vec3f x = Vec3i(at[0], at[1], at[2]).cast<float>();
+        float value = valueAt(at);
+        for (int n = 1; std::abs(value) > kNearEnough; ++n) {
+            x -= value * gradient;
+            if (n == projections) break;
+            value = sample(x, gradient);
+            gradient.normalize();
+        }
+        return x;
+    }
+    float valueAt(const Coord& at) const
+    {
+        const auto isNear = [&](int k) { return at[k] >= -1 && at[k] <= LeafHalo::kDim; };
+        return isNear(0) && isNear(1) && isNear(2)
+                   ? mHalo.value[LeafHalo::index(at[0] + 1, at[1] + 1, at[2] + 1)]
+                   : mAccess.getValue(mLow + at) / mVoxelSize;
+    }
+    bool isBand(float value) const { return std::abs(value) < mBackground; }
+
+    Vec3f gradientAt(const Coord& at) const
+    {
+        const bool inLeaf = ((at[0] | at[1] | at[2]) & ~7) == 0;
+        if (!inLeaf) return gradientBeside(at);
+        const std::size_t n = Leaf::coordToOffset(at);
+        return {mGradients.x[n], mGradients.y[n], mGradients.z[n]};
+    }
+    /// Beyond the leaf: found as those in it.
+    Vec3f gradientBeside(const Coord& at) const
+    {
+        Vec3f gradient;
+        const float here = valueAt(at);
+        for (int axis = 0; axis < 3; ++axis) {
+            Coord above = at, below = at;
+            ++above[axis];
+            --below[axis];
+            const float up = valueAt(above), down = valueAt(below);
+            const int steps = int(isBand(up)) + int(isBand(down));
+            if (!steps) return Vec3f::Zero();
+            gradient[axis] =
+                ((isBand(up) ? up : here) - (isBand(down) ? down : here)) / float(steps);
+        }
+        return gradient.norm() < kShortest ? Vec3f::Zero() : gradient.normalized();
+    }
+    /// Of a voxel and the 26 around it the one in the band that is nearest to the surface.
+    Coord nearestToSurface(const Coord& at) const
+    {
+        Coord best = at;
+        float least = std::abs(valueAt(at));
+        for (int n = 0; n < 27; ++n) {
+            const Coord next = at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            const float v = valueAt(next);
+            if (!isBand(v) || !(std::abs(v) < least)) continue;
+            best = next;
+            least = std::abs(v);
+        }
+        return best;
+    }
+    /// Value and gradient, trilinear.
+    float sample(const Vec3f& x, Vec3f& gradient) const
+    {
+        const auto floorOf = [](float v) { return int(v) - int(float(int(v)) > v); };
+        const Coord base(floorOf(x[0]), floorOf(x[1]), floorOf(x[2]));
+        std::array<float, 8> v;
+        for (int n = 0; n < 8; ++n)
+            v[std::size_t(n)] = valueAt(base.offsetBy(n >> 2, n >> 1 & 1, n & 1));
+        const float tx = x[0] - float(base[0]), ty = x[1] - float(base[1]),
+                    tz = x[2] - float(base[2]);
+        const auto between = [](float a, float b, float t) { return a + t * (b - a); };
+        // Along z, then along y, then along x.
+        const float z00 = between(v[0], v[1], tz), z01 = between(v[2], v[3], tz),
+                    z10 = between(v[4], v[5], tz), z11 = between(v[6], v[7], tz);
+        const float y0 = between(z00, z01, ty), y1 = between(z10, z11, ty);
+        gradient = {y1 - y0, between(z01 - z00, z11 - z10, tx),
+                    between(between(v[1] - v[0], v[3] - v[2], ty),
+                            between(v[5] - v[4], v[7] - v[6], ty), tx)};
+        return between(y0, y1, tx);
+    }
+
+    LeafHalo::Accessor mAccess;
+    float mVoxelSize, mBackground; ///< of the latter, voxels
+    Coord mLow;                    ///< of the leaf
+    LeafHalo mHalo;                ///< voxels
+    Gradients mGradients;
+};
+
+SurfacePlaces::SurfacePlaces(const FloatGrid& surface, const Lattice& lattice)
+    : mBand(std::make_unique<Band>(surface)), mLattice(lattice)
+{
+}
+
+SurfacePlaces::~SurfacePlaces() = default;
+
+void SurfacePlaces::append(const Leaf& leaf, int projections, std::vector<SurfacePlace>& places)
+{
+    mBand->append(leaf.origin(), leaf.valueMask(), mLattice, projections, places);
+}
+
+} // namespace mpuvdb
