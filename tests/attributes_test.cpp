@@ -62,12 +62,12 @@ constexpr double kHeatTolerance = 1.5;    ///< of +-102
 
 TEST(AttributesTest, GridsHaveWhatTheNearestSurfaceHas)
 {
-    Progress progress;
+    Interrupter progress;
     const Vec3d middle(1e5, -2e5, 3e4);
-    const Reconstruction made = reconstruct(sphere(20000, middle), settings(), progress);
+    const Reconstruction made = reconstruct(sphere(20000, middle), settings(), &progress);
     const auto attributes = made.field->attributes({"heat", kColorName, "confidence"});
     ASSERT_EQ(attributes->scalarNames(), (std::vector<std::string>{"heat", "confidence"}));
-    const auto grids = sampleAttributes(made.levelSet, *attributes, progress);
+    const auto grids = sampleAttributes(made.levelSet, *attributes, &progress);
     ASSERT_EQ(grids.size(), 3u);
     const auto colors = openvdb::gridPtrCast<openvdb::Vec3SGrid>(grids[0]);
     const auto heat = openvdb::gridPtrCast<openvdb::FloatGrid>(grids[1]);
@@ -95,10 +95,10 @@ TEST(AttributesTest, GridsHaveWhatTheNearestSurfaceHas)
 
 TEST(AttributesTest, VerticesHaveWhatThePointsAboutThemHave)
 {
-    Progress progress;
-    const Reconstruction made = reconstruct(sphere(20000, Vec3d::Zero()), settings(), progress);
-    Mesh mesh = extractMesh(made.levelSet, progress);
-    addAttributes(mesh, *made.field->attributes({kColorName, "heat"}), progress);
+    Interrupter progress;
+    const Reconstruction made = reconstruct(sphere(20000, Vec3d::Zero()), settings(), &progress);
+    Mesh mesh = extractMesh(made.levelSet, {}, &progress);
+    addAttributes(mesh, *made.field->attributes({kColorName, "heat"}), &progress);
     ASSERT_EQ(mesh.colors.size(), mesh.positions.size());
     ASSERT_EQ(mesh.scalars.size(), 1u);
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
@@ -112,7 +112,7 @@ TEST(AttributesTest, NeitherThreadsNorTheOrderOfPointsMatter)
 {
     const auto values = [](std::size_t threads, bool turnedRound) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        Progress progress;
+        Interrupter progress;
         PointCloud cloud = sphere(5000, Vec3d::Zero());
         // Two points that only their attributes tell apart.
         for (std::size_t i = 0; i < 50; ++i) {
@@ -125,9 +125,9 @@ TEST(AttributesTest, NeitherThreadsNorTheOrderOfPointsMatter)
             std::reverse(cloud.colors.begin(), cloud.colors.end());
             std::reverse(cloud.scalars[0].values.begin(), cloud.scalars[0].values.end());
         }
-        const Reconstruction made = reconstruct(std::move(cloud), settings(), progress);
-        Mesh mesh = extractMesh(made.levelSet, progress);
-        addAttributes(mesh, *made.field->attributes({kColorName, "heat"}), progress);
+        const Reconstruction made = reconstruct(std::move(cloud), settings(), &progress);
+        Mesh mesh = extractMesh(made.levelSet, {}, &progress);
+        addAttributes(mesh, *made.field->attributes({kColorName, "heat"}), &progress);
         return mesh;
     };
     const Mesh one = values(1, false), two = values(2, true);
@@ -138,12 +138,12 @@ TEST(AttributesTest, NeitherThreadsNorTheOrderOfPointsMatter)
 
 TEST(AttributesTest, NoValueDependsOnThePlacesBefore)
 {
-    Progress progress;
+    Interrupter progress;
     const PointCloud cloud = sphere(3000, Vec3d::Zero());
     MpuSettings fit;
     fit.tolerance = 0.01;
     fit.voxelSize = 0.05;
-    const MpuField field(PointCloud(cloud), fit, progress);
+    const MpuField field(PointCloud(cloud), fit, &progress);
     const auto attributes = field.attributes({"heat"});
     std::vector<SurfacePlace> places;
     for (std::size_t i = 0; i < cloud.size(); i += 7) {
@@ -164,8 +164,8 @@ MpuField fieldOf(PointCloud cloud, double voxelSize)
     MpuSettings fit;
     fit.tolerance = 0.2 * voxelSize;
     fit.voxelSize = voxelSize;
-    Progress progress;
-    return MpuField(std::move(cloud), fit, progress);
+    Interrupter progress;
+    return MpuField(std::move(cloud), fit, &progress);
 }
 
 std::vector<float> heatOf(const MpuField& field, const std::vector<SurfacePlace>& places)
@@ -308,13 +308,13 @@ TEST(AttributesTest, ChangeSlowlyFarFromPoints)
 TEST(AttributesTest, ColorsOfCasesReachTheBackOfASheet)
 {
     MPUVDB_CASE(path, "T07-coloured-open-sheet.ply");
-    Progress progress;
-    PointCloud cloud = readPoints({path}, BadPoints::Fail, progress).cloud;
+    Interrupter progress;
+    PointCloud cloud = readPoints({path}, BadPoints::Fail, {}, {}, &progress).cloud;
     const PointCloud kept = cloud;
-    clean(cloud, {}, progress);
-    const Reconstruction made = reconstruct(std::move(cloud), {}, progress);
-    Mesh mesh = extractMesh(made.levelSet, progress);
-    addAttributes(mesh, *made.field->attributes({kColorName}), progress);
+    clean(cloud, {}, &progress);
+    const Reconstruction made = reconstruct(std::move(cloud), {}, &progress);
+    Mesh mesh = extractMesh(made.levelSet, {}, &progress);
+    addAttributes(mesh, *made.field->attributes({kColorName}), &progress);
     const Vec3f shift = (mesh.frame - kept.frame).cast<float>();
     for (std::size_t v = 0; v < mesh.positions.size(); v += 97) {
         const Vec3f at = mesh.positions[v] + shift;
@@ -331,7 +331,7 @@ TEST(AttributesTest, ColorsOfCasesReachTheBackOfASheet)
 
 TEST(AttributesTest, ManyPointsInOnePlaceSpeakForIt)
 {
-    Progress progress;
+    Interrupter progress;
     PointCloud cloud = sphere(500, Vec3d::Zero());
     for (int n = 0; n < 100; ++n) {
         cloud.positions.emplace_back(1.f, 0.f, 0.f);
@@ -342,7 +342,7 @@ TEST(AttributesTest, ManyPointsInOnePlaceSpeakForIt)
     MpuSettings fit;
     fit.tolerance = 0.01;
     fit.voxelSize = 0.05;
-    const MpuField field(std::move(cloud), fit, progress);
+    const MpuField field(std::move(cloud), fit, &progress);
     const SurfacePlace there{Vec3d::UnitX(), Vec3d::UnitX()};
     std::vector<float> values;
     field.attributes({"heat"})->evaluate({there, there}, values);
@@ -352,7 +352,7 @@ TEST(AttributesTest, ManyPointsInOnePlaceSpeakForIt)
 TEST(AttributesTest, SheetsDoNotShineThrough)
 {
     // Two sides of a thin wall: red above, blue below; a point on each side above the other.
-    Progress progress;
+    Interrupter progress;
     PointCloud cloud;
     for (int i = 0; i < 100; ++i)
         for (int j = 0; j < 100; ++j)
@@ -364,7 +364,7 @@ TEST(AttributesTest, SheetsDoNotShineThrough)
     MpuSettings fit;
     fit.tolerance = 0.002;
     fit.voxelSize = 0.01;
-    const MpuField field(std::move(cloud), fit, progress);
+    const MpuField field(std::move(cloud), fit, &progress);
     std::vector<float> rgb;
     field.attributes({kColorName})
         ->evaluate({{Vec3d(0.5, 0.5, 0.01), Vec3d::UnitZ()},
@@ -378,13 +378,13 @@ TEST(AttributesTest, SheetsDoNotShineThrough)
 
 TEST(AttributesTest, FewPointsAndMissingNames)
 {
-    Progress progress;
+    Interrupter progress;
     PointCloud cloud = sphere(8, Vec3d::Zero());
     cloud.scalars[0].values.assign(8, 4.5f);
     MpuSettings fit;
     fit.tolerance = 0.1;
     fit.voxelSize = 0.2;
-    const MpuField field(std::move(cloud), fit, progress);
+    const MpuField field(std::move(cloud), fit, &progress);
     std::vector<float> values;
     field.attributes({"heat"})->evaluate({{Vec3d(50, 0, 0), Vec3d::UnitX()}}, values);
     EXPECT_EQ(values[0], 4.5f);
@@ -400,7 +400,7 @@ TEST(AttributesTest, FewPointsAndMissingNames)
 /// A file's grids carry over to a mesh, and trimming keeps what its vertices have.
 TEST_F(IoTest, GridsGiveVerticesTheirAttributesAndTrimmingKeepsThem)
 {
-    Progress progress;
+    Interrupter progress;
     const LevelSet ball(
         openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(1, openvdb::Vec3f(0), 0.05f));
     const auto onBand = [&](auto grid, const char* name, auto value) {
@@ -417,19 +417,19 @@ TEST_F(IoTest, GridsGiveVerticesTheirAttributesAndTrimmingKeepsThem)
     colors->setSaveFloatAsHalf(true);
     const auto height = onBand(openvdb::FloatGrid::create(), "height",
                                [](openvdb::Vec3d p) { return float(p.z()); });
-    writeLevelSet(path("b.vdb"), ball, {}, progress, {colors, height});
+    writeLevelSet(path("b.vdb"), ball, {}, {colors, height}, &progress);
     const auto grids = readAttributeGrids(path("b.vdb"), {"height", "width", kColorName});
     ASSERT_EQ(grids.size(), 3u);
     ASSERT_TRUE(grids[0] && !grids[1] && grids[2]);
 
-    Mesh mesh = extractMesh(ball, progress);
-    addAttribute(mesh, *grids[0], progress);
-    addAttribute(mesh, *grids[2], progress);
+    Mesh mesh = extractMesh(ball, {}, &progress);
+    addAttribute(mesh, *grids[0], &progress);
+    addAttribute(mesh, *grids[2], &progress);
     auto covered = openvdb::FloatGrid::create();
     covered = onBand(covered, kCoverageName,
                      [](openvdb::Vec3d p) { return float(p.x()) > 0.213f ? 0.0f : 1.0f; });
     TrimReport trimmed;
-    const Mesh cut = trimMesh(mesh, *covered, {}, trimmed, progress);
+    const Mesh cut = trimMesh(mesh, *covered, {}, trimmed, &progress);
     ASSERT_LT(cut.triangles.size(), mesh.triangles.size());
     for (const Mesh* each : std::array<const Mesh*, 2>{&mesh, &cut}) {
         ASSERT_EQ(each->colors.size(), each->positions.size());
@@ -456,26 +456,27 @@ TEST_F(IoTest, ScalarsAreReadByName)
     const std::string pcd = "VERSION .7\nFIELDS x y z heat\nSIZE 4 4 4 4\nTYPE F F F F\n"
                             "WIDTH 3\nHEIGHT 1\nPOINTS 3\nDATA ascii\n0 0 0 7\n1 0 0 8\n0 1 0 9\n";
     const std::string columns = "x y z heat\n0 0 0 7\n1 0 0 8\n0 1 0 9\n";
-    Progress progress;
+    Interrupter progress;
     for (const auto& [name, bytes] : {std::pair("a.ply", ascii + rows), std::pair("b.ply", binary),
                                       std::pair("p.pcd", pcd), std::pair("t.txt", columns)}) {
         const PointInput input =
-            readPoints({put(name, bytes)}, BadPoints::Fail, progress, {}, {"heat"});
+            readPoints({put(name, bytes)}, BadPoints::Fail, {}, {"heat"}, &progress);
         ASSERT_EQ(input.cloud.scalars.size(), 1u) << name;
         EXPECT_EQ(input.cloud.scalars[0].name, "heat");
         EXPECT_EQ(input.cloud.scalars[0].values, (std::vector<float>{7, 8, 9})) << name;
-        EXPECT_TRUE(readPoints({path(name)}, BadPoints::Fail, progress).cloud.scalars.empty());
+        EXPECT_TRUE(
+            readPoints({path(name)}, BadPoints::Fail, {}, {}, &progress).cloud.scalars.empty());
     }
     const PointInput cold =
-        readPoints({path("a.ply")}, BadPoints::Fail, progress, {}, {"heat", "cold"});
+        readPoints({path("a.ply")}, BadPoints::Fail, {}, {"heat", "cold"}, &progress);
     EXPECT_EQ(cold.cloud.scalars.at(1).values, (std::vector<float>{1.5f, 0, -2}));
     ASSERT_EQ(cold.notes.size(), 1u);
     EXPECT_THROW(
-        readPoints({path("a.ply"), path("p.pcd")}, BadPoints::Fail, progress, {}, {"cold"}),
+        readPoints({path("a.ply"), path("p.pcd")}, BadPoints::Fail, {}, {"cold"}, &progress),
         InputError);
-    writePoints(path("again.ply"), cold.cloud, progress);
+    writePoints(path("again.ply"), cold.cloud, &progress);
     const PointInput again =
-        readPoints({path("again.ply")}, BadPoints::Fail, progress, {}, {"cold", "heat"});
+        readPoints({path("again.ply")}, BadPoints::Fail, {}, {"cold", "heat"}, &progress);
     EXPECT_EQ(again.cloud.scalars.at(0).values, cold.cloud.scalars.at(1).values);
 }
 

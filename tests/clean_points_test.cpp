@@ -27,14 +27,14 @@ namespace
 
 std::vector<std::uint32_t> outliersOf(const PointCloud& cloud)
 {
-    Progress progress;
-    return findOutliers(cloud, measure(cloud, progress), progress);
+    Interrupter progress;
+    return findOutliers(cloud, measure(cloud, &progress), &progress);
 }
 
 std::vector<std::uint32_t> flippedOf(const PointCloud& cloud)
 {
-    Progress progress;
-    return findFlippedNormals(cloud, measure(cloud, progress), progress);
+    Interrupter progress;
+    return findFlippedNormals(cloud, measure(cloud, &progress), &progress);
 }
 
 void append(PointCloud& to, const PointCloud& from, const Vec3f& offset)
@@ -70,8 +70,8 @@ TEST(Outliers, OnePercentIsFound)
     for (const char* solid : {"blob(1,8,0.05)", "torus(1,0.3)"}) {
         const auto truth = parseSolid(solid);
         PointCloud cloud = scanned(solid, 50000, Pattern::Scan, 0.002, 0.01);
-        Progress progress;
-        const double spacing = measure(cloud, progress).spacing;
+        Interrupter progress;
+        const double spacing = measure(cloud, &progress).spacing;
         const auto away = [&](double spacings) {
             std::size_t count = 0;
             for (std::size_t i = 0; i < cloud.size(); ++i)
@@ -98,8 +98,8 @@ TEST(Outliers, EveryTenthAndEveryFifthAreFound)
             for (const double share : {0.1, 0.2}) {
                 const auto truth = parseSolid(solid);
                 PointCloud cloud = scanned(solid, 50000, pattern, 0, share);
-                Progress progress;
-                const double spacing = measure(cloud, progress).spacing;
+                Interrupter progress;
+                const double spacing = measure(cloud, &progress).spacing;
                 const auto found = outliersOf(cloud);
                 std::vector<char> isFound(cloud.size(), 0);
                 for (const std::uint32_t i : found) isFound[i] = 1;
@@ -132,8 +132,8 @@ TEST(Outliers, ThoseInBoresAndBetweenWallsAreFound)
             Eigen::AlignedBox3f box;
             for (const Vec3f& p : cloud.positions) box.extend(p);
             appendClump(cloud, int(real) * percent / 100, box.center(), 1.2f * box.sizes());
-            Progress progress;
-            const double spacing = measure(cloud, progress).spacing;
+            Interrupter progress;
+            const double spacing = measure(cloud, &progress).spacing;
             const auto found = outliersOf(cloud);
             std::size_t far = 0, farFound = 0;
             for (std::size_t i = real; i < cloud.size(); ++i) {
@@ -287,8 +287,8 @@ TEST(Outliers, FiveBallsOfAnySpacingStay)
 {
     const std::filesystem::path file = test::caseFile("T19-five-balls.ply");
     if (file.empty()) GTEST_SKIP() << "no cases beside MPUVDB_DATA_DIR";
-    Progress progress;
-    EXPECT_TRUE(outliersOf(readPoints({file}, BadPoints::Drop, progress).cloud).empty());
+    Interrupter progress;
+    EXPECT_TRUE(outliersOf(readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud).empty());
 }
 
 TEST(Outliers, FewPointsAreAllKept)
@@ -299,8 +299,8 @@ TEST(Outliers, FewPointsAreAllKept)
     cloud.normals.clear();
     cloud.positions.assign(1000, Vec3f(1, 2, 3)); // one place
     cloud.positions.push_back(Vec3f(1, 2, 4));
-    Progress progress;
-    EXPECT_NO_THROW(findOutliers(cloud, measure(cloud, progress), progress));
+    Interrupter progress;
+    EXPECT_NO_THROW(findOutliers(cloud, measure(cloud, &progress), &progress));
 }
 
 TEST(Outliers, KnowNoThreads)
@@ -485,9 +485,10 @@ TEST(FlippedNormals, RealScansKeepTheirs)
           "berger/dc_scan.ply", "dragon_stand/dragonStandRight.conf",
           "dragon_stand/dragonStandRight_216.ply", "dragon_stand/dragonStandRight_312.ply",
           "cad/908460.stl"}) {
-        Progress progress;
+        Interrupter progress;
         PointCloud cloud =
-            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, progress).cloud;
+            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, {}, {}, &progress)
+                .cloud;
         ASSERT_TRUE(cloud.hasNormals());
         EXPECT_LE(double(flippedOf(cloud).size()), 0.001 * double(cloud.size())) << file;
     }

@@ -75,7 +75,7 @@ struct Manufactured {
 
 TEST(ScreenedPoisson, SolvesWhatWasManufactured)
 {
-    Progress progress;
+    Interrupter progress;
     for (const auto& n : {std::array<int, 3>{33, 33, 33}, std::array<int, 3>{17, 49, 33},
                           std::array<int, 3>{65, 17, 17}})
         for (const bool screened : {false, true})
@@ -94,7 +94,7 @@ TEST(ScreenedPoisson, SolvesWhatWasManufactured)
 
 TEST(ScreenedPoisson, EveryCycleReducesTheResidual)
 {
-    Progress progress;
+    Interrupter progress;
     const double rounding = 1e-6; // sums of 7 floats up to 7
     for (const bool screened : {false, true}) {
         const Manufactured problem({49, 33, 33}, screened, 0.3f, 2);
@@ -112,7 +112,7 @@ TEST(ScreenedPoisson, EveryCycleReducesTheResidual)
 
 TEST(ScreenedPoisson, TakesEveryNodeOfTheBoxByItself)
 {
-    Progress progress;
+    Interrupter progress;
     const NodeGrid grid{{33, 17, 49}};
     std::vector<float> linear(grid.size()), border(grid.size(), 1e6f);
     for (int i = 0; i < grid.n[0]; ++i)
@@ -130,7 +130,7 @@ TEST(ScreenedPoisson, TakesEveryNodeOfTheBoxByItself)
 
 TEST(ScreenedPoisson, DoesNotDependOnThreads)
 {
-    Progress progress;
+    Interrupter progress;
     const Manufactured problem({33, 49, 33}, true, 0.2f, 4);
     std::vector<std::vector<float>> results;
     for (const std::size_t threads : {1u, 2u, 8u}) {
@@ -144,7 +144,7 @@ TEST(ScreenedPoisson, DoesNotDependOnThreads)
 
 TEST(ScreenedPoisson, Stops)
 {
-    Progress progress;
+    Interrupter progress;
     const Manufactured problem({17, 17, 17}, false, 0, 5);
     ScreenedPoisson solver(problem.grid, problem.screening, progress);
     progress.stop();
@@ -155,7 +155,7 @@ TEST(ScreenedPoisson, Stops)
 
 CoarseSign coarseSignOf(PointCloud cloud)
 {
-    Progress progress;
+    Interrupter progress;
     const Box3d bounds = cloud.localBounds();
     const double side = 1.6 * bounds.sizes().maxCoeff();
     const RootCube root{bounds.center() - Vec3d::Constant(side / 2), side};
@@ -352,7 +352,7 @@ TEST(CoarseSign, IsFiniteOnDegenerateClouds)
         clouds[2].emplace_back(float(i), 0.f, 0.f);
         clouds[3].push_back(Vec3f(float(random.uniform()), float(random.uniform()), 0));
     }
-    Progress progress;
+    Interrupter progress;
     for (const auto& positions : clouds) {
         PointCloud cloud;
         cloud.positions = positions;

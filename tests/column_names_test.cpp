@@ -108,16 +108,16 @@ TEST_F(ColumnNamesTest, OfTheCasesAreRefusedOrTaken)
     MPUVDB_CASE(lvis, "T16-lvis-header.txt");
     MPUVDB_CASE(survey, "T17-easting-northing.csv");
     MPUVDB_CASE(compare, "T10-cloudcompare-commas.txt");
-    Progress progress;
+    Interrupter progress;
     try {
-        readPoints({lvis}, BadPoints::Drop, progress);
+        readPoints({lvis}, BadPoints::Drop, {}, {}, &progress);
         ADD_FAILURE() << "shot number and time are no coordinates";
     } catch (const InputError& e) {
         EXPECT_NE(std::string(e.what()).find("'SHOTNUMBER'"), std::string::npos) << e.what();
         EXPECT_NE(std::string(e.what()).find("degrees"), std::string::npos) << e.what();
     }
-    EXPECT_EQ(readPoints({survey}, BadPoints::Drop, progress).cloud.size(), 1500u);
-    EXPECT_TRUE(readPoints({compare}, BadPoints::Drop, progress).cloud.hasNormals());
+    EXPECT_EQ(readPoints({survey}, BadPoints::Drop, {}, {}, &progress).cloud.size(), 1500u);
+    EXPECT_TRUE(readPoints({compare}, BadPoints::Drop, {}, {}, &progress).cloud.hasNormals());
 }
 
 } // namespace

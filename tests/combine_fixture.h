@@ -15,8 +15,8 @@ using Exact = std::function<double(const Vec3d&)>;
 
 inline LevelSet combined(Boolean kind, const std::vector<LevelSet>& inputs, double radius = 0)
 {
-    Progress progress;
-    return combine(kind, inputs, radius, progress);
+    Interrupter progress;
+    return combine(kind, inputs, radius, &progress);
 }
 
 inline LevelSet operator|(const LevelSet& a, const LevelSet& b)
@@ -36,8 +36,8 @@ inline LevelSet operator-(const LevelSet& a, const LevelSet& b)
 
 inline CheckReport checked(const LevelSet& levelSet, double gradientTolerance = 0.1)
 {
-    Progress progress;
-    return check(levelSet.grid(), progress, gradientTolerance);
+    Interrupter progress;
+    return check(levelSet.grid(), gradientTolerance, openvdb::CoordBBox::inf(), &progress);
 }
 
 inline void expectSound(const LevelSet& levelSet, double gradientTolerance = 0.1)

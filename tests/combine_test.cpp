@@ -76,8 +76,8 @@ TEST(Combine, LeavesNoBandAroundNothing)
         const LevelSet block = solidLevelSet("translate(box(1,1,1), 0.5,0.5,0.5)", 0.05);
         const LevelSet rest =
             solidLevelSet(fmt::format("translate(box(3,4,4), {},1,1)", 1.5 + left), 0.05);
-        Progress progress;
-        const LevelSet cut = combine(Boolean::Difference, {block, rest}, 0, progress);
+        Interrupter progress;
+        const LevelSet cut = combine(Boolean::Difference, {block, rest}, 0, &progress);
         EXPECT_TRUE(cut.grid().empty()) << left;
         EXPECT_EQ(cut.halfWidth(), block.halfWidth());
     }
@@ -258,8 +258,8 @@ TEST(Combine, VolumesAddUp)
         const LevelSet a = solidLevelSet("sphere(0.6)", h);
         const LevelSet b = solidLevelSet("translate(torus(0.5, 0.2), 0.5, 0.1, 0.2)", h);
         const auto volume = [](const LevelSet& s) {
-            Progress progress;
-            return measure(extractMesh(s, progress)).volume;
+            Interrupter progress;
+            return measure(extractMesh(s, {}, &progress)).volume;
         };
         const double sum = volume(a) + volume(b), parts = volume(a | b) + volume(a & b);
         EXPECT_NEAR(parts, sum, 2 * h * h);
@@ -353,8 +353,8 @@ TEST(Combine, TellsWhereTheBallHasNoRoom)
     const LevelSet a = solidLevelSet("sphere(17)", 1),
                    b = solidLevelSet("translate(sphere(17), 20, 0, 0)", 1);
     const auto notes = [&](Boolean kind, double radius) {
-        Progress progress;
-        combine(kind, {a, b}, radius, progress);
+        Interrupter progress;
+        combine(kind, {a, b}, radius, &progress);
         return progress.notes();
     };
     // What they have in common is 14 thick.
@@ -387,13 +387,13 @@ std::string heap(std::mt19937& random)
 TEST(Combine, FilletsOfNearlyParallelSurfacesLeaveNoSpecks)
 {
     const double h = 1.0 / 30;
-    Progress progress;
+    Interrupter progress;
     for (unsigned seed = 1; seed <= 4; ++seed) {
         SCOPED_TRACE(fmt::format("seed {}", seed));
         std::mt19937 random(seed);
         const LevelSet a = solidLevelSet(heap(random), h), b = solidLevelSet(heap(random), h);
-        const std::size_t parts = components(a | b, progress).size();
-        EXPECT_LE(components(combined(Boolean::Union, {a, b}, 4.8 * h), progress).size(), parts);
+        const std::size_t parts = components(a | b, &progress).size();
+        EXPECT_LE(components(combined(Boolean::Union, {a, b}, 4.8 * h), &progress).size(), parts);
     }
 }
 
@@ -402,21 +402,21 @@ TEST(Combine, FilletsOfNearlyParallelSurfacesLeaveNoSpecks)
 TEST(Combine, RefusesWhatItCannotCombine)
 {
     const LevelSet a = solidLevelSet("sphere(0.5)", 1.0 / 8);
-    Progress progress;
-    EXPECT_THROW(combine(Boolean::Union, {}, 0, progress), UsageError);
+    Interrupter progress;
+    EXPECT_THROW(combine(Boolean::Union, {}, 0, &progress), UsageError);
     for (const double bad : {-1.0, std::nan(""), HUGE_VAL})
-        EXPECT_THROW(combine(Boolean::Union, {a, a}, bad, progress), UsageError);
-    EXPECT_THROW(combine(Boolean::Union, {a, a}, 20, progress), LimitError); // it is 2 across
+        EXPECT_THROW(combine(Boolean::Union, {a, a}, bad, &progress), UsageError);
+    EXPECT_THROW(combine(Boolean::Union, {a, a}, 20, &progress), LimitError); // it is 2 across
     progress.stop();
-    EXPECT_THROW(combine(Boolean::Union, {a, a}, 0, progress), Interrupted);
+    EXPECT_THROW(combine(Boolean::Union, {a, a}, 0, &progress), Interrupted);
 }
 
 TEST(Combine, TakesTheFinestLatticeAndTheWidestBand)
 {
     const LevelSet coarse = solidLevelSet("sphere(0.5)", 1.0 / 8, 4);
     const LevelSet fine = solidLevelSet("translate(sphere(0.5), 0.4, 0, 0)", 1.0 / 16);
-    Progress progress;
-    const OneLattice shared = onOneLattice({coarse, fine, fine}, progress);
+    Interrupter progress;
+    const OneLattice shared = onOneLattice({coarse, fine, fine}, 0, &progress);
     const std::vector<LevelSet>& same = shared.levelSets;
     ASSERT_EQ(same.size(), 3u);
     EXPECT_EQ(shared.model, 1u);
@@ -441,7 +441,7 @@ struct UnlikeBalls {
 TEST(Combine, MultipliesNoVoxelsUnasked)
 {
     const UnlikeBalls balls;
-    Progress progress;
+    Interrupter progress;
     const auto expectRefused = [&](const auto& work) {
         try {
             work();
@@ -451,9 +451,9 @@ TEST(Combine, MultipliesNoVoxelsUnasked)
                 EXPECT_NE(std::string(e.what()).find(said), std::string::npos) << e.what();
         }
     };
-    expectRefused([&] { onOneLattice({balls.coarse, balls.fine}, progress); });
-    expectRefused([&] { combine(Boolean::Union, {balls.fine, balls.coarse}, 0, progress); });
-    expectRefused([&] { morph(balls.fine, balls.coarse, 0.5, Morphing::Linear, progress); });
+    expectRefused([&] { onOneLattice({balls.coarse, balls.fine}, 0, &progress); });
+    expectRefused([&] { combine(Boolean::Union, {balls.fine, balls.coarse}, 0, &progress); });
+    expectRefused([&] { morph(balls.fine, balls.coarse, 0.5, Morphing::Linear, &progress); });
     const Shape both(Shape::combine(Boolean::Union, {Shape(balls.coarse), Shape(balls.fine)}));
     ShapeSettings settings;
     settings.voxelSize = both.voxelSize();
@@ -465,24 +465,24 @@ TEST(Combine, MultipliesNoVoxelsUnasked)
 TEST(Combine, TakesTheVoxelsThatAreAskedFor)
 {
     const UnlikeBalls balls;
-    Progress progress;
+    Interrupter progress;
     for (const double h : {0.1, 0.03, 0.01}) {
-        const OneLattice shared = onOneLattice({balls.coarse, balls.fine}, progress, h);
+        const OneLattice shared = onOneLattice({balls.coarse, balls.fine}, h, &progress);
         EXPECT_EQ(shared.model.has_value(), h == 0.1);
         EXPECT_EQ(shared.resampled.size(), h == 0.1 ? 1u : 2u);
         const LevelSet both = combined(Boolean::Union, shared.levelSets);
         EXPECT_DOUBLE_EQ(both.voxelSize(), h);
         expectSound(both);
         // Second order in the voxels that each ball has, and what is as small as one may be lost.
-        EXPECT_NEAR(measure(both, progress).volume, balls.volume, 0.02 * balls.volume) << h;
+        EXPECT_NEAR(measure(both, &progress).volume, balls.volume, 0.02 * balls.volume) << h;
     }
     // What was asked for is made, however many voxels.
     const LevelSet coarse = solidLevelSet("sphere(1)", 0.2);
     const LevelSet fine = solidLevelSet("translate(sphere(0.1), 1.2, 0, 0)", 0.01);
-    EXPECT_THROW(onOneLattice({coarse, fine}, progress), LimitError);
-    const OneLattice asked = onOneLattice({coarse, fine}, progress, 0.01);
+    EXPECT_THROW(onOneLattice({coarse, fine}, 0, &progress), LimitError);
+    const OneLattice asked = onOneLattice({coarse, fine}, 0.01, &progress);
     EXPECT_EQ(asked.model, 1u);
-    EXPECT_NEAR(measure(combined(Boolean::Union, asked.levelSets), progress).volume,
+    EXPECT_NEAR(measure(combined(Boolean::Union, asked.levelSets), &progress).volume,
                 4.0 / 3 * M_PI * 1.001, 0.1);
 }
 

@@ -18,14 +18,14 @@ using openvdb::FloatGrid;
 
 std::vector<SolidComponent> componentsOf(const LevelSet& levelSet)
 {
-    Progress progress;
-    return components(levelSet, progress);
+    Interrupter progress;
+    return components(levelSet, &progress);
 }
 
 LevelSet kept(const LevelSet& levelSet, double minVolume, std::size_t count)
 {
-    Progress progress;
-    return keepComponents(levelSet, minVolume, count, progress);
+    Interrupter progress;
+    return keepComponents(levelSet, minVolume, count, &progress);
 }
 
 double ball(double radius)
@@ -163,16 +163,16 @@ TEST(Components, AreFoundAndMeasuredOnceAndThenKept)
                                          "translate(sphere(0.2),0,0,0),"
                                          "translate(sphere(0.4),0.6,0,0))",
                                          0.05);
-    Progress progress;
-    const SolidComponents found(three, progress);
+    Interrupter progress;
+    const SolidComponents found(three, &progress);
     const auto parts = componentsOf(three);
     ASSERT_EQ(found.measures().size(), parts.size());
     for (std::size_t n = 0; n < parts.size(); ++n) {
         EXPECT_EQ(found.measures()[n].volume, parts[n].volume);
         EXPECT_EQ(found.measures()[n].bounds.max(), parts[n].bounds.max());
-        EXPECT_EQ(componentsOf(found.keep(0, n, progress)).size(), n);
+        EXPECT_EQ(componentsOf(found.keep(0, n, &progress)).size(), n);
     }
-    EXPECT_TRUE(treeBytes(found.keep(0, 1, progress).grid()) ==
+    EXPECT_TRUE(treeBytes(found.keep(0, 1, &progress).grid()) ==
                 treeBytes(parts[0].levelSet.grid()));
 }
 
@@ -193,8 +193,8 @@ TEST(Components, AreTheSameForAnyNumberOfThreads)
 TEST(Components, CanBeStopped)
 {
     const LevelSet solid = solidLevelSet("difference(sphere(2),sphere(1))", 0.02);
-    expectStops([&](Progress& progress) {
-        for (;;) components(solid, progress);
+    expectStops([&](Interrupter& progress) {
+        for (;;) components(solid, &progress);
     });
 }
 

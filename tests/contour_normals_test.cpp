@@ -3,9 +3,9 @@
 #include "contour_stacks.h"
 
 #include <mpuvdb/clean.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/normals.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <gtest/gtest.h>
@@ -36,8 +36,8 @@ struct Wrong {
 Wrong wrongOf(PointCloud cloud)
 {
     const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
-    Progress progress;
-    const EstimatedNormals used = estimateNormals(cloud, {}, progress);
+    Interrupter progress;
+    const EstimatedNormals used = estimateNormals(cloud, {}, &progress);
     EXPECT_EQ(used.onLines, 0u);
     Wrong wrong;
     for (std::size_t i = 0; i < truth.size(); ++i) {
@@ -89,11 +89,11 @@ TEST(ContourNormals, ScanLinesOverAField)
 
 double volumeOf(PointCloud cloud)
 {
-    Progress progress;
+    Interrupter progress;
     ReconstructSettings settings;
-    settings.points = clean(cloud, {}, progress).statistics;
+    settings.points = clean(cloud, {}, &progress).statistics;
     return openvdb::tools::levelSetVolume(
-        reconstruct(std::move(cloud), settings, progress).levelSet.grid());
+        reconstruct(std::move(cloud), settings, &progress).levelSet.grid());
 }
 
 TEST(ContourNormals, GiveTheVolumeThatTrueOnesGive)
@@ -111,8 +111,8 @@ TEST(ContourNormals, GiveTheVolumeThatTrueOnesGive)
 TEST(ContourNormals, OfTheCase)
 {
     MPUVDB_CASE(file, "T09-contours-3to1.xyz");
-    Progress progress;
-    PointCloud cloud = readPoints({file}, BadPoints::Drop, progress).cloud;
+    Interrupter progress;
+    PointCloud cloud = readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud;
     EXPECT_NEAR(volumeOf(std::move(cloud)), 4 * M_PI / 3, 0.03);
 }
 
@@ -125,9 +125,9 @@ TEST(ContourNormals, OfSlicesInAFile)
     cloud.normals.clear();
     cloud.frame = Vec3d(-80, 340, 1205);
     const auto file = std::filesystem::path(testing::TempDir()) / "slices.ply";
-    Progress progress;
-    writePoints(file, cloud, progress);
-    const double volume = volumeOf(readPoints({file}, BadPoints::Drop, progress).cloud);
+    Interrupter progress;
+    writePoints(file, cloud, &progress);
+    const double volume = volumeOf(readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud);
     std::filesystem::remove(file);
     EXPECT_NEAR(volume / std::pow(kScale, 3), BentTube::volume(), 0.05 * BentTube::volume());
 }
@@ -140,9 +140,9 @@ TEST(ContourNormals, LinesTooFarApartAreSaid)
             lines.positions.emplace_back(float(k), 2000 * float(line), 0.f);
             even.positions.emplace_back(float(k % 200), float(k / 200 + 15 * line), 0.f);
         }
-    Progress progress;
-    EXPECT_TRUE(clean(lines, {}, progress).guessesNormals());
-    const CleanReport report = clean(even, {}, progress);
+    Interrupter progress;
+    EXPECT_TRUE(clean(lines, {}, &progress).guessesNormals());
+    const CleanReport report = clean(even, {}, &progress);
     EXPECT_EQ(report.onLines, 0);
     EXPECT_FALSE(report.guessesNormals());
 }

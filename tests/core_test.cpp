@@ -2,8 +2,8 @@
 #include "core/union_find.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/length.h>
-#include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
 
@@ -39,10 +39,10 @@ TEST(BitsOf, GivesEachLaneItsBit)
     }
 }
 
-TEST(Progress, ReportsStagesAndStops)
+TEST(Interrupter, ReportsStagesAndStops)
 {
     std::vector<std::pair<std::string, double>> seen;
-    Progress progress([&](const std::string& s, double f) { seen.emplace_back(s, f); });
+    Interrupter progress([&](const std::string& s, double f) { seen.emplace_back(s, f); });
     progress.beginStage("one", 4);
     progress.advance(1);
     progress.beginStage("two");

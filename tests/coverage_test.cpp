@@ -56,18 +56,18 @@ Covered covered(PointCloud cloud, double voxelSize)
 {
     ReconstructSettings settings;
     settings.voxelSize = Length{voxelSize, Length::Unit::World};
-    Progress progress;
-    Reconstruction made = reconstruct(std::move(cloud), settings, progress);
-    const auto coverage = made.field->coverage(progress);
-    FloatGrid::Ptr grid = sampleCoverage(made.levelSet, *coverage, progress);
+    Interrupter progress;
+    Reconstruction made = reconstruct(std::move(cloud), settings, &progress);
+    const auto coverage = made.field->coverage(&progress);
+    FloatGrid::Ptr grid = sampleCoverage(made.levelSet, *coverage, &progress);
     return {std::move(made), std::move(grid), coverage->spacing()};
 }
 
 Mesh trimmed(const Covered& model, double closeUpTo, TrimReport& report)
 {
-    Progress progress;
-    return trimMesh(extractMesh(model.made.levelSet, progress), *model.coverage,
-                    trimSettings(*model.coverage, closeUpTo), report, progress);
+    Interrupter progress;
+    return trimMesh(extractMesh(model.made.levelSet, {}, &progress), *model.coverage,
+                    trimSettings(*model.coverage, closeUpTo), report, &progress);
 }
 
 float least(const FloatGrid& grid)
@@ -251,9 +251,9 @@ TEST(Trim, DropsIslandsOfStrayPoints)
 TEST(Trim, IsManifoldHoweverTheLineRuns)
 {
     // Noise: every way in which the line can pass a triangle and a vertex.
-    Progress progress;
+    Interrupter progress;
     const Covered model = covered(holedSphere({}, 8000), 0.05);
-    const Mesh whole = extractMesh(model.made.levelSet, progress);
+    const Mesh whole = extractMesh(model.made.levelSet, {}, &progress);
     for (const std::uint64_t seed : {1, 2, 3, 4}) {
         test::Random random(seed);
         std::vector<float> values(whole.positions.size());
@@ -273,12 +273,12 @@ TEST(Trim, IsManifoldHoweverTheLineRuns)
 
 TEST(Trim, OfNothingCoveredIsNothing)
 {
-    Progress progress;
+    Interrupter progress;
     const Covered model = covered(holedSphere({}, 4000), 0.08);
     const auto none = FloatGrid::create(0);
     TrimReport report;
     const Mesh mesh =
-        trimMesh(extractMesh(model.made.levelSet, progress), *none, {}, report, progress);
+        trimMesh(extractMesh(model.made.levelSet, {}, &progress), *none, {}, report, &progress);
     EXPECT_TRUE(mesh.triangles.empty());
     EXPECT_TRUE(mesh.positions.empty());
 }
@@ -306,17 +306,17 @@ TEST(Trim, IsTheSameForAnyNumberOfThreads)
 TEST(Trim, Stops)
 {
     const Covered model = covered(holedSphere({kLarge}, 4000), 0.08);
-    Progress progress;
-    const Mesh mesh = extractMesh(model.made.levelSet, progress);
+    Interrupter progress;
+    const Mesh mesh = extractMesh(model.made.levelSet, {}, &progress);
     progress.stop();
     TrimReport report;
-    EXPECT_THROW(trimMesh(mesh, *model.coverage, {}, report, progress), Interrupted);
-    EXPECT_THROW(model.made.field->coverage(progress), Interrupted);
+    EXPECT_THROW(trimMesh(mesh, *model.coverage, {}, report, &progress), Interrupted);
+    EXPECT_THROW(model.made.field->coverage(&progress), Interrupted);
     const auto coverage = [&] {
-        Progress fresh;
+        Interrupter fresh;
         return model.made.field->coverage(fresh);
     }();
-    EXPECT_THROW(sampleCoverage(model.made.levelSet, *coverage, progress), Interrupted);
+    EXPECT_THROW(sampleCoverage(model.made.levelSet, *coverage, &progress), Interrupted);
 }
 
 } // namespace

@@ -1,8 +1,8 @@
 // Damaged heads of grids, read by a process that may not crash, hang or take what they ask for.
 #include "command_process.h"
 
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/LevelSetSphere.h>
@@ -48,10 +48,11 @@ Ended describe(const TemporaryFolder& folder, const std::string& file)
 TEST(DamagedGrid, NeverCrashesTheCommand)
 {
     const TemporaryFolder folder;
-    Progress progress;
+    Interrupter progress;
     const auto sphere = openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(
         1, openvdb::Vec3f(0.5f, 0, -3), 0.1f);
-    writeLevelSet(folder / "good.vdb", LevelSet(sphere), {{"mpuvdb:note", "something"}}, progress);
+    writeLevelSet(folder / "good.vdb", LevelSet(sphere), {{"mpuvdb:note", "something"}}, {},
+                  &progress);
     const std::string good = readFile(folder / "good.vdb");
     const Head head = headOf(good);
     ASSERT_LT(head.end, good.size());

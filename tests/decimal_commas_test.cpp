@@ -109,13 +109,13 @@ TEST_F(DecimalCommas, AreReadInEveryFormatOfText)
 
 TEST_F(DecimalCommas, AreReadInMeshesAndScanSets)
 {
-    Progress progress;
+    Interrupter progress;
     const Mesh mesh = readMesh(put("a.stl", "solid a\n facet normal 0,0 0,0 1,0\n  outer loop\n"
                                             "   vertex 0,000000e+00 0,000000e+00 0,250000e+00\n"
                                             "   vertex 1,500000e+00 0,000000e+00 0,250000e+00\n"
                                             "   vertex 0,000000e+00 1,500000e+01 0,250000e+00\n"
                                             "  endloop\n endfacet\nendsolid a\n"),
-                               progress);
+                               &progress);
     ASSERT_EQ(mesh.positions.size(), 3u);
     EXPECT_LT((mesh.world(2) - Vec3d(0, 15, 0.25)).norm(), 1e-6);
     ASSERT_FALSE(progress.notes().empty());
@@ -186,12 +186,12 @@ TEST_F(DecimalCommas, OfTheCasesAreRead)
 {
     MPUVDB_CASE(ball, "T04-decimal-comma.xyz");
     MPUVDB_CASE(solid, "T04-decimal-comma.stl");
-    Progress progress;
-    const PointInput input = readPoints({ball}, BadPoints::Drop, progress);
+    Interrupter progress;
+    const PointInput input = readPoints({ball}, BadPoints::Drop, {}, {}, &progress);
     EXPECT_EQ(input.cloud.size(), 1500u);
     for (std::size_t i = 0; i < input.cloud.size(); ++i)
         EXPECT_NEAR(input.cloud.world(i).norm(), 1, 2e-6);
-    const Mesh mesh = readMesh(solid, progress);
+    const Mesh mesh = readMesh(solid, &progress);
     EXPECT_EQ(mesh.positions.size(), 4u);
     EXPECT_LT((mesh.frame - Vec3d::Constant(0.75)).norm(), 1e-6);
 }

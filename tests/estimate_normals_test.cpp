@@ -23,8 +23,8 @@ double shareRight(const std::string& solid, std::uint64_t points, Pattern patter
 {
     PointCloud cloud = scanned(solid, points, pattern, noise);
     const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
-    Progress progress;
-    estimateNormals(cloud, {}, progress);
+    Interrupter progress;
+    estimateNormals(cloud, {}, &progress);
     double right = 0;
     for (std::size_t i = 0; i < truth.size(); ++i) right += truth[i].dot(cloud.normals[i]) > 0;
     return right / double(truth.size());
@@ -47,8 +47,8 @@ double shareRightOnSheets(double noise)
     PointCloud cloud = scanned("sheets(0.7,0.7,0.1)", 50000, Pattern::Even, noise);
     const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
     cloud.seenFrom.clear();
-    Progress progress;
-    estimateNormals(cloud, {}, progress);
+    Interrupter progress;
+    estimateNormals(cloud, {}, &progress);
     double right = 0, all = 0;
     for (std::size_t i = 0; i < truth.size(); ++i) {
         if (cloud.positions[i].head<2>().cwiseAbs().maxCoeff() > 0.33f) continue;
@@ -89,12 +89,13 @@ TEST(EstimateNormals, OfRealPointsAgreeWithTheirTriangles)
     if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
     for (const char* file : {"clouds/igea.ply", "bunny/bun_zipper.ply", "cad/rocker-arm.obj",
                              "dragon_stand/dragonStandRight.conf"}) {
-        Progress progress;
+        Interrupter progress;
         PointCloud cloud =
-            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, progress).cloud;
+            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, {}, {}, &progress)
+                .cloud;
         const std::vector<Vec3f> truth = std::exchange(cloud.normals, {});
         cloud.seenFrom.clear();
-        estimateNormals(cloud, {}, progress);
+        estimateNormals(cloud, {}, &progress);
         double wrong = 0;
         for (std::size_t i = 0; i < truth.size(); ++i) wrong += truth[i].dot(cloud.normals[i]) < 0;
         const double most = cloud.viewpoints.empty() ? 0.0001 : 0.006; // rims of scans say little
@@ -104,13 +105,13 @@ TEST(EstimateNormals, OfRealPointsAgreeWithTheirTriangles)
 
 TEST(EstimateNormals, NoiseTakesMoreNeighbors)
 {
-    Progress progress;
+    Interrupter progress;
     PointCloud clean = scanned("torus(1,0.3)", 20000, Pattern::Random);
     PointCloud noisy = scanned("torus(1,0.3)", 20000, Pattern::Random, 0.03);
     clean.normals.clear();
     noisy.normals.clear();
-    EXPECT_EQ(estimateNormals(clean, {}, progress).neighbors, 12);
-    EXPECT_GT(estimateNormals(noisy, {}, progress).neighbors, 30);
+    EXPECT_EQ(estimateNormals(clean, {}, &progress).neighbors, 12);
+    EXPECT_GT(estimateNormals(noisy, {}, &progress).neighbors, 30);
     EXPECT_EQ(shareRight("torus(1,0.3)", 20000, Pattern::Random, 0.03), 1);
 }
 
@@ -132,8 +133,8 @@ TEST(EstimateNormals, StepsOfDepthsAreOneSheet)
             truth.push_back(
                 (at(u + h, v) - at(u - h, v)).cross(at(u, v + h) - at(u, v - h)).normalized());
         }
-    Progress progress;
-    estimateNormals(cloud, {}, progress);
+    Interrupter progress;
+    estimateNormals(cloud, {}, &progress);
     double right = 0, sameWay = 0;
     for (std::size_t i = 0; i < truth.size(); ++i) {
         const double cosine = truth[i].dot(cloud.normals[i].cast<double>());
@@ -144,7 +145,7 @@ TEST(EstimateNormals, StepsOfDepthsAreOneSheet)
     EXPECT_GT(right, 0.9 * count);
     EXPECT_GT(std::max(sameWay, count - sameWay), 0.98 * count); // which side is not known
     const double noise = kStep / std::sqrt(12.0);                // of rounding
-    EXPECT_NEAR(measure(cloud, progress).noise, noise, 0.4 * noise);
+    EXPECT_NEAR(measure(cloud, &progress).noise, noise, 0.4 * noise);
 }
 
 TEST(EstimateNormals, LookTowardsTheViewpoint)
@@ -158,8 +159,8 @@ TEST(EstimateNormals, LookTowardsTheViewpoint)
     for (const double z : {-50.0, 50.0})
         for (const bool distant : {false, true}) {
             cloud.viewpoints = {{distant ? Vec3d(0, 0, z) : Vec3d(5e6, 10, z), distant}};
-            Progress progress;
-            estimateNormals(cloud, {}, progress);
+            Interrupter progress;
+            estimateNormals(cloud, {}, &progress);
             for (const Vec3f& n : cloud.normals) ASSERT_GT(double(n.z()) * z, 0);
         }
     std::vector<std::uint8_t> keep(cloud.size(), 0);

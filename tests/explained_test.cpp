@@ -6,9 +6,9 @@
 #include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/reconstruct.h>
 #include <mpuvdb/scan_sampler.h>
 
@@ -31,20 +31,20 @@ using test::Random;
 
 PointCloud cleaned(PointCloud cloud, PointStatistics& statistics)
 {
-    Progress progress;
-    statistics = clean(cloud, {}, progress).statistics;
+    Interrupter progress;
+    statistics = clean(cloud, {}, &progress).statistics;
     return cloud;
 }
 
 /// As the command does it, by default settings.
 PointsExplained explained(PointCloud cloud, double voxelSize = 0)
 {
-    Progress progress;
+    Interrupter progress;
     ReconstructSettings settings;
     settings.points.emplace();
     cloud = cleaned(std::move(cloud), *settings.points);
     if (voxelSize > 0) settings.voxelSize = Length{voxelSize, Length::Unit::World};
-    const Reconstruction made = reconstruct(std::move(cloud), settings, progress);
+    const Reconstruction made = reconstruct(std::move(cloud), settings, &progress);
     return std::get<PointsExplained>(made.levelSet.explained()->by);
 }
 
@@ -53,8 +53,8 @@ PointCloud sample(const std::string& solid, std::uint64_t points, double noise =
     ScanSettings s;
     s.points = points;
     s.noise = noise;
-    Progress progress;
-    return scan(*parseSolid(solid), s, progress);
+    Interrupter progress;
+    return scan(*parseSolid(solid), s, &progress);
 }
 
 // --- What is sound is not told of
@@ -85,8 +85,8 @@ TEST(PointsExplained, ThickNoiseIsNoSolid)
 {
     for (const double noise : {0.02, 0.06})
         for (const char* solid : {"sphere(1)", "torus(1,0.4)", "box(2,2,2)"}) {
-            Progress progress;
-            const PointStatistics statistics = measure(sample(solid, 60000, noise), progress);
+            Interrupter progress;
+            const PointStatistics statistics = measure(sample(solid, 60000, noise), &progress);
             EXPECT_FALSE(statistics.fillSolid) << solid << ", noise " << noise;
             EXPECT_NEAR(statistics.noise, noise, 0.3 * noise);
         }
@@ -153,11 +153,12 @@ TEST(PointsExplained, NothingIsToldOfRealScans)
                                             "bunny/bun_zipper.ply",
                                             "bunny/bun000.ply",
                                             "dragon_stand/dragonStandRight.conf"};
-    Progress progress;
+    Interrupter progress;
     for (const std::string& name : sound) {
         SCOPED_TRACE(name);
         const std::filesystem::path file = std::string(data) + "/" + name;
-        const PointsExplained e = explained(readPoints({file}, BadPoints::Drop, progress).cloud);
+        const PointsExplained e =
+            explained(readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud);
         EXPECT_TRUE(e.findings.empty()) << e.findings.front();
     }
 }
@@ -216,8 +217,9 @@ TEST(PointsExplained, ThePointsOfASolidAreTold)
 TEST(PointsExplained, TheCaseOfFilledVoxelsIsTold)
 {
     MPUVDB_CASE(file, "T06-filled-ball-voxel-centres.xyz");
-    Progress progress;
-    const PointsExplained e = explained(readPoints({file}, BadPoints::Drop, progress).cloud);
+    Interrupter progress;
+    const PointsExplained e =
+        explained(readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud);
     ASSERT_EQ(e.findings.size(), 1u);
     EXPECT_NE(e.findings[0].find("fill a solid"), std::string::npos);
 }
@@ -244,9 +246,9 @@ PointCloud verticesOf(const Mesh& mesh, const std::string& extension)
 {
     const auto file = std::filesystem::temp_directory_path() /
                       ("mpuvdb-explained-" + std::to_string(::getpid()) + extension);
-    Progress progress;
-    writeMesh(file, mesh, progress);
-    PointCloud cloud = readPoints({file}, BadPoints::Drop, progress).cloud;
+    Interrupter progress;
+    writeMesh(file, mesh, {}, &progress);
+    PointCloud cloud = readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud;
     std::filesystem::remove(file);
     return cloud;
 }
@@ -286,9 +288,9 @@ TEST(VertexMesh, TrianglesLongerThanTheirVerticesSpacingAreRefusedByName)
         pipe.triangles.pop_back();
     }
     MPUVDB_CASE(file, "T05-cad-plate.stl");
-    Progress progress;
-    PointCloud cloud = readPoints({file}, BadPoints::Drop, progress).cloud;
-    EXPECT_THROW(reconstruct(std::move(cloud), {}, progress), InputError);
+    Interrupter progress;
+    PointCloud cloud = readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud;
+    EXPECT_THROW(reconstruct(std::move(cloud), {}, &progress), InputError);
 }
 
 TEST(VertexMesh, ASurfaceThatIsNotTheMeshIsTold)
@@ -311,13 +313,13 @@ LevelSet levelSetOf(const Mesh& mesh, double voxelSize, const Vec3d& origin)
 {
     SampleSettings settings;
     settings.lattice = {origin, voxelSize};
-    Progress progress;
-    return voxelize(mesh, settings, progress);
+    Interrupter progress;
+    return voxelize(mesh, settings, &progress);
 }
 
 PartCounts counted(const LevelSet& levelSet)
 {
-    Progress progress;
+    Interrupter progress;
     return countParts(SolidBlocks(levelSet, progress), progress);
 }
 

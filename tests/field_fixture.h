@@ -1,7 +1,7 @@
 // What the tests of fits and reconstructions share: random numbers, clouds, grids compared.
 #pragma once
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <cmath>
@@ -47,8 +47,8 @@ private:
 
 inline PointCloud scanOf(const std::string& solid, const ScanSettings& settings)
 {
-    Progress progress;
-    return scan(*parseSolid(solid), settings, progress);
+    Interrupter progress;
+    return scan(*parseSolid(solid), settings, &progress);
 }
 
 /// Noise-free random points on @a solid.

@@ -36,8 +36,8 @@ FieldPtr fittedSphere()
     MpuSettings settings;
     settings.tolerance = 0.002;
     settings.voxelSize = 1.0 / 24;
-    Progress progress;
-    return std::make_shared<MpuField>(test::randomScan("sphere(1)", 6000), settings, progress);
+    Interrupter progress;
+    return std::make_shared<MpuField>(test::randomScan("sphere(1)", 6000), settings, &progress);
 }
 
 // --- Solids

@@ -17,8 +17,8 @@ using openvdb::FloatGrid;
 
 LevelSet smoothed(const LevelSet& levelSet, const SmoothSettings& settings)
 {
-    Progress progress;
-    return smooth(levelSet, settings, progress);
+    Interrupter progress;
+    return smooth(levelSet, settings, &progress);
 }
 
 SmoothSettings settingsFor(Filter filter, int iterations = 1, int width = 1)
@@ -84,10 +84,12 @@ TEST(Smooth, GivesASoundDistanceAndKeepsVolume)
 TEST(Smooth, RoundsTheEdgesOfABox)
 {
     const LevelSet box = solidLevelSet("box(1.6,1.6,1.6)", 0.05);
-    Progress progress;
+    Interrupter progress;
     for (const int width : {1, 3}) {
         const LevelSet after = smoothed(box, settingsFor(Filter::Gaussian, 1, width));
-        EXPECT_TRUE(check(after.grid(), progress).sound()) << texts(check(after.grid(), progress));
+        EXPECT_TRUE(
+            check(after.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound())
+            << texts(check(after.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress));
         // The corner goes, the middles of the faces stay.
         EXPECT_GT(after.grid().tree().getValue(Coord(16 - width)), 0);
         EXPECT_NEAR(measured(after).bounds.max()[0], 0.8, 0.002);
@@ -154,7 +156,7 @@ TEST(Smooth, CanBeStopped)
     const LevelSet solid = solidLevelSet("sphere(1)", 0.03);
     for (const Filter filter : {Filter::Gaussian, Filter::Median, Filter::MeanCurvature})
         expectStops(
-            [&](Progress& progress) { smooth(solid, settingsFor(filter, 1000, 8), progress); });
+            [&](Interrupter& progress) { smooth(solid, settingsFor(filter, 1000, 8), &progress); });
 }
 
 TEST(Fog, IsFullInsideAndFallsToTheSurface)
@@ -162,8 +164,8 @@ TEST(Fog, IsFullInsideAndFallsToTheSurface)
     // Large enough for tiles of 128 voxels inside.
     const LevelSet box =
         solidLevelSet("translate(roundedbox(2.9,2.9,2.9,0.2),1.28,1.28,1.28)", 0.02);
-    Progress progress;
-    const FloatGrid::Ptr fog = toFog(box, progress);
+    Interrupter progress;
+    const FloatGrid::Ptr fog = toFog(box, &progress);
     EXPECT_EQ(fog->getGridClass(), openvdb::GRID_FOG_VOLUME);
     EXPECT_EQ(fog->getName(), "density");
     EXPECT_EQ(fog->background(), 0);
@@ -184,8 +186,8 @@ TEST(Fog, IsFullInsideAndFallsToTheSurface)
 
 TEST(Fog, OfNothingIsEmpty)
 {
-    Progress progress;
-    const FloatGrid::Ptr fog = toFog(emptyLevelSet(0.1), progress);
+    Interrupter progress;
+    const FloatGrid::Ptr fog = toFog(emptyLevelSet(0.1), &progress);
     EXPECT_TRUE(fog->empty());
     EXPECT_EQ(fog->background(), 0);
     EXPECT_EQ(fog->getGridClass(), openvdb::GRID_FOG_VOLUME);
@@ -193,8 +195,8 @@ TEST(Fog, OfNothingIsEmpty)
 
 LevelSet surfaceOf(const FloatGrid& grid, double value, Inside inside = Inside::Above)
 {
-    Progress progress;
-    return isosurface(grid, value, inside, 3, progress);
+    Interrupter progress;
+    return isosurface(grid, value, inside, 3, 0, &progress);
 }
 
 /// A density of 1 in the voxels from @a low to @a high.
@@ -209,15 +211,16 @@ FloatGrid::Ptr filled(const Coord& low, const Coord& high)
 
 TEST(Isosurface, OfTilesAndVoxelsLiesBetweenThem)
 {
-    Progress progress;
+    Interrupter progress;
     // Tiles of 8 and 128 voxels, alone and among voxels; beside them is nothing.
     for (const auto& [low, high] :
          {std::pair{Coord(0), Coord(7)}, std::pair{Coord(0), Coord(127)},
           std::pair{Coord(-5, 0, 3), Coord(140, 127, 90)}, std::pair{Coord(-9), Coord(-3)}}) {
         const LevelSet box = surfaceOf(*filled(low, high), 0.5);
-        EXPECT_TRUE(check(box.grid(), progress).sound());
+        EXPECT_TRUE(
+            check(box.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound());
         // Halfway from the last voxels to those beside.
-        const SolidMeasures measures = measure(box, progress);
+        const SolidMeasures measures = measure(box, &progress);
         for (int axis = 0; axis < 3; ++axis) {
             EXPECT_NEAR(measures.bounds.min()[axis], 0.01 * (low[axis] - 0.5), 1e-6);
             EXPECT_NEAR(measures.bounds.max()[axis], 0.01 * (high[axis] + 0.5), 1e-6);
@@ -229,8 +232,8 @@ TEST(Isosurface, OfTilesAndVoxelsLiesBetweenThem)
 TEST(Isosurface, OfALinearDensityIsExact)
 {
     const LevelSet ball = solidLevelSet("sphere(1)", 0.05);
-    Progress progress;
-    const FloatGrid::Ptr fog = toFog(ball, progress);
+    Interrupter progress;
+    const FloatGrid::Ptr fog = toFog(ball, &progress);
     const LevelSet inner = surfaceOf(*fog, 0.5);
     EXPECT_TRUE(inner.grid().transform() == fog->transform());
     // Half of its band deep: 1.5 voxels. Straight lines between voxels miss a sphere by h^2 / 8 r.

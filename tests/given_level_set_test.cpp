@@ -22,11 +22,11 @@ constexpr double kVoxel = 0.05;
 
 LevelSet ball(double halfWidth = 3, double voxelSize = kVoxel)
 {
-    Progress progress;
+    Interrupter progress;
     SampleSettings settings;
     settings.lattice.voxelSize = voxelSize;
     settings.halfWidth = halfWidth;
-    return sampleField(*makeSolidField(parseSolid("sphere(1)")), settings, progress);
+    return sampleField(*makeSolidField(parseSolid("sphere(1)")), settings, &progress);
 }
 
 FloatGrid::Ptr copyOf(const LevelSet& levelSet)
@@ -53,7 +53,7 @@ void expectRefused(const FloatGrid::Ptr& grid, const std::string& part)
 {
     std::vector<std::string> notes;
     try {
-        demandDistances(takeLevelSet(grid, notes, Progress()), "The cure.", Progress());
+        demandDistances(takeLevelSet(grid, notes, Interrupter()), "The cure.", Interrupter());
         ADD_FAILURE() << "was taken";
     } catch (const InputError& e) {
         const std::string text = e.what();
@@ -65,14 +65,15 @@ void expectRefused(const FloatGrid::Ptr& grid, const std::string& part)
 std::vector<std::string> expectTaken(const FloatGrid::Ptr& grid, const LevelSet& like)
 {
     std::vector<std::string> notes;
-    const LevelSet taken = takeLevelSet(grid, notes, Progress());
-    EXPECT_NO_THROW(demandDistances(taken, "", Progress()));
+    const LevelSet taken = takeLevelSet(grid, notes, Interrupter());
+    EXPECT_NO_THROW(demandDistances(taken, "", Interrupter()));
     EXPECT_NEAR(taken.halfWidth(), like.halfWidth(), 1e-4);
     EXPECT_TRUE(taken.grid().tree().hasSameTopology(like.grid().tree()));
     for (auto on = like.grid().cbeginValueOn(); on; ++on)
         EXPECT_EQ(taken.grid().tree().getValue(on.getCoord()), *on) << on.getCoord();
-    Progress progress;
-    const CheckReport report = check(taken.grid(), progress);
+    Interrupter progress;
+    const CheckReport report =
+        check(taken.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << (report.sound() ? "" : report.findings[0].what);
     return notes;
 }
@@ -82,19 +83,19 @@ TEST(GivenLevelSet, OfOursIsTheSame)
     for (const double halfWidth : {1.5, 3.0, 12.0}) {
         const LevelSet own = ball(halfWidth);
         std::vector<std::string> notes;
-        const LevelSet taken = takeLevelSet(own.gridPtr(), notes, Progress());
+        const LevelSet taken = takeLevelSet(own.gridPtr(), notes, Interrupter());
         EXPECT_EQ(&taken.grid(), &own.grid());
         EXPECT_TRUE(notes.empty());
-        EXPECT_NO_THROW(demandDistances(taken, "", Progress()));
+        EXPECT_NO_THROW(demandDistances(taken, "", Interrupter()));
     }
-    Progress progress;
-    const LevelSet thin = shell(ball(), 2 * kVoxel, Wall::Centered, progress);
+    Interrupter progress;
+    const LevelSet thin = shell(ball(), 2 * kVoxel, Wall::Centered, &progress);
     std::vector<std::string> notes;
-    EXPECT_EQ(&takeLevelSet(thin.gridPtr(), notes, Progress()).grid(), &thin.grid());
-    EXPECT_NO_THROW(demandDistances(thin, "", Progress()));
+    EXPECT_EQ(&takeLevelSet(thin.gridPtr(), notes, Interrupter()).grid(), &thin.grid());
+    EXPECT_NO_THROW(demandDistances(thin, "", Interrupter()));
     const LevelSet nothing = emptyLevelSet({Vec3d::Zero(), kVoxel}, 3);
     EXPECT_NO_THROW(
-        demandDistances(takeLevelSet(nothing.gridPtr(), notes, Progress()), "", Progress()));
+        demandDistances(takeLevelSet(nothing.gridPtr(), notes, Interrupter()), "", Interrupter()));
     EXPECT_TRUE(notes.empty());
 }
 
@@ -144,7 +145,7 @@ TEST(GivenLevelSet, WithoutDistancesIsRefused)
         const FloatGrid::Ptr grid = copyOf(ball());
         grid->tree().root().setBackground(float(scale * grid->background()), false);
         for (auto v = grid->beginValueAll(); v; ++v) v.setValue(float(scale * *v));
-        EXPECT_NO_THROW(demandDistances(LevelSet(grid), "", Progress()));
+        EXPECT_NO_THROW(demandDistances(LevelSet(grid), "", Interrupter()));
     }
 }
 
@@ -163,18 +164,18 @@ TEST(GivenLevelSet, WithoutABandIsRefused)
     // What check() only complains of is taken.
     const FloatGrid::Ptr hole = copyOf(ball());
     for (int z = -1; z <= 1; ++z) hole->tree().setValueOff(Coord(20, 0, z));
-    EXPECT_NO_THROW(demandDistances(LevelSet(hole), "", Progress()));
+    EXPECT_NO_THROW(demandDistances(LevelSet(hole), "", Interrupter()));
 }
 
 TEST(GivenLevelSet, IsJudgedWhereAFaceLiesBetweenLeaves)
 {
-    Progress progress;
+    Interrupter progress;
     SampleSettings settings;
     settings.lattice.voxelSize = 1;
     settings.lattice.origin = Vec3d::Constant(0.5);
     const LevelSet cube =
-        sampleField(*makeSolidField(parseSolid("box(16, 16, 16)")), settings, progress);
-    EXPECT_NO_THROW(demandDistances(cube, "", Progress()));
+        sampleField(*makeSolidField(parseSolid("box(16, 16, 16)")), settings, &progress);
+    EXPECT_NO_THROW(demandDistances(cube, "", Interrupter()));
     const FloatGrid::Ptr steep = copyOf(cube);
     steep->tree().root().setBackground(10 * steep->background(), false);
     for (auto v = steep->beginValueAll(); v; ++v) v.setValue(10 * *v);

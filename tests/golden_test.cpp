@@ -113,115 +113,120 @@ PointCloud scanned(const std::string& solid, ScanSettings::Pattern pattern, doub
     return test::scanOf(solid, settings);
 }
 
-Reconstruction made(PointCloud cloud, Progress& progress, const ReconstructSettings& settings = {})
+Reconstruction made(PointCloud cloud, Interrupter& progress,
+                    const ReconstructSettings& settings = {})
 {
-    clean(cloud, {}, progress);
-    return reconstruct(std::move(cloud), settings, progress);
+    clean(cloud, {}, &progress);
+    return reconstruct(std::move(cloud), settings, &progress);
 }
 
-LevelSet sampled(const std::string& solid, double voxelSize, Progress& progress)
+LevelSet sampled(const std::string& solid, double voxelSize, Interrupter& progress)
 {
     const FieldPtr field = makeSolidField(parseSolid(solid));
     SampleSettings settings;
     settings.lattice = latticeFor(field->bounds(), voxelSize);
-    return sampleField(*field, settings, progress);
+    return sampleField(*field, settings, &progress);
 }
 
-using Case = std::function<Golden(Progress&)>;
+using Case = std::function<Golden(Interrupter&)>;
 
 /// The cases by name.
 std::map<std::string, Case> cases()
 {
     using Pattern = ScanSettings::Pattern;
-    const auto ball = [](Progress& p) { return sampled("sphere(1)", 0.08, p); };
-    const auto box = [](Progress& p) {
+    const auto ball = [](Interrupter& p) { return sampled("sphere(1)", 0.08, p); };
+    const auto box = [](Interrupter& p) {
         return sampled("translate(box(1.2, 1, 1.4), 0.6, 0.3, 0)", 0.08, p);
     };
     const auto two = [=](Boolean kind, double radius) {
-        return [=](Progress& p) { return goldenOf(combine(kind, {ball(p), box(p)}, radius, p)); };
+        return [=](Interrupter& p) {
+            return goldenOf(combine(kind, {ball(p), box(p)}, radius, &p));
+        };
     };
     return {
         {"reconstruct even",
-         [](Progress& p) {
+         [](Interrupter& p) {
              return goldenOf(made(scanned("sphere(1)", Pattern::Even, 0), p).levelSet);
          }},
         {"reconstruct noisy",
-         [](Progress& p) {
+         [](Interrupter& p) {
              return goldenOf(made(scanned("torus(1, 0.4)", Pattern::Random, 0.02), p).levelSet);
          }},
         {"reconstruct scans",
-         [](Progress& p) {
+         [](Interrupter& p) {
              return goldenOf(made(scanned("blob(1, 8, 0.1)", Pattern::Scan, 0.005), p).levelSet);
          }},
         {"reconstruct edges",
-         [](Progress& p) {
+         [](Interrupter& p) {
              return goldenOf(made(scanned("box(2, 1.4, 1)", Pattern::Even, 0), p).levelSet);
          }},
         {"reconstruct without normals",
-         [](Progress& p) {
+         [](Interrupter& p) {
              PointCloud cloud = scanned("torus(1, 0.4)", Pattern::Even, 0.004);
              cloud.normals.clear();
              return goldenOf(made(std::move(cloud), p).levelSet);
          }},
         {"reconstruct interpolated",
-         [](Progress& p) {
+         [](Interrupter& p) {
              ReconstructSettings settings;
              settings.interpolate = true;
              return goldenOf(made(scanned("sphere(1)", Pattern::Random, 0), p, settings).levelSet);
          }},
         {"coverage",
-         [](Progress& p) {
+         [](Interrupter& p) {
              const Reconstruction r = made(scanned("sphere(1)", Pattern::Scan, 0), p);
-             return goldenOf(*sampleCoverage(r.levelSet, *r.field->coverage(p), p));
+             return goldenOf(*sampleCoverage(r.levelSet, *r.field->coverage(&p), &p));
          }},
         {"colors",
-         [](Progress& p) {
+         [](Interrupter& p) {
              PointCloud cloud = scanned("sphere(1)", Pattern::Random, 0);
              for (std::size_t n = 0; n < cloud.size(); ++n)
                  cloud.colors.push_back({std::uint8_t(n), std::uint8_t(n / 7), 200});
              const Reconstruction r = made(std::move(cloud), p);
-             const auto grids = sampleAttributes(r.levelSet, *r.field->attributes({kColorName}), p);
+             const auto grids =
+                 sampleAttributes(r.levelSet, *r.field->attributes({kColorName}), &p);
              return goldenOf(*openvdb::gridPtrCast<openvdb::Vec3SGrid>(grids.front()));
          }},
         {"voxelize",
-         [](Progress& p) {
+         [](Interrupter& p) {
              Mesh one = test::ballPart(1, 8), other = test::ballPart(0.7, 8);
              test::move(other, Eigen::Matrix3d::Identity(), Vec3d(0.8, 0.1, 0));
              SampleSettings settings;
              settings.lattice = {Vec3d::Zero(), 0.08};
-             return goldenOf(voxelize(test::soupOf({one, other}), settings, p));
+             return goldenOf(voxelize(test::soupOf({one, other}), settings, &p));
          }},
         {"union", two(Boolean::Union, 0)},
         {"intersection", two(Boolean::Intersection, 0)},
         {"difference", two(Boolean::Difference, 0)},
         {"blend", two(Boolean::Union, 0.3)},
-        {"offset outward", [=](Progress& p) { return goldenOf(offset(box(p), 0.31, p)); }},
-        {"offset inward", [=](Progress& p) { return goldenOf(offset(box(p), -0.21, p)); }},
-        {"shell", [=](Progress& p) { return goldenOf(shell(ball(p), 0.25, Wall::Inward, p)); }},
-        {"smooth", [=](Progress& p) { return goldenOf(smooth(box(p), {}, p)); }},
+        {"offset outward", [=](Interrupter& p) { return goldenOf(offset(box(p), 0.31, &p)); }},
+        {"offset inward", [=](Interrupter& p) { return goldenOf(offset(box(p), -0.21, &p)); }},
+        {"shell", [=](Interrupter& p) { return goldenOf(shell(ball(p), 0.25, Wall::Inward, &p)); }},
+        {"smooth", [=](Interrupter& p) { return goldenOf(smooth(box(p), {}, &p)); }},
         {"morph",
-         [=](Progress& p) {
-             return goldenOf(morph(ball(p), box(p), 0.4, Morphing::Advection, p));
+         [=](Interrupter& p) {
+             return goldenOf(morph(ball(p), box(p), 0.4, Morphing::Advection, &p));
          }},
         {"twist",
-         [=](Progress& p) {
+         [=](Interrupter& p) {
              const auto warp = makeTwist({Vec3d::Zero(), Vec3d::UnitZ()}, 0.8);
              const FieldPtr field =
                  makeWarpedField(makeSolidField(parseSolid("box(1, 0.6, 1.4)")), warp);
              SampleSettings settings;
              settings.lattice = latticeFor(field->bounds(), 0.08);
-             return goldenOf(sampleField(*field, settings, p));
+             return goldenOf(sampleField(*field, settings, &p));
          }},
-        {"half-width", [=](Progress& p) { return goldenOf(withHalfWidth(box(p), 7, p)); }},
+        {"half-width", [=](Interrupter& p) { return goldenOf(withHalfWidth(box(p), 7, &p)); }},
         {"mesh",
-         [=](Progress& p) {
-             return goldenOf(extractMesh(combine(Boolean::Difference, {ball(p), box(p)}, 0, p), p));
+         [=](Interrupter& p) {
+             return goldenOf(
+                 extractMesh(combine(Boolean::Difference, {ball(p), box(p)}, 0, &p), {}, &p));
          }},
         {"simplified mesh",
-         [=](Progress& p) {
+         [=](Interrupter& p) {
              SimplifySettings settings;
              settings.tolerance = 0.01;
-             return goldenOf(simplify(extractMesh(ball(p), p), settings, p));
+             return goldenOf(simplify(extractMesh(ball(p), {}, &p), settings, &p));
          }},
     };
 }
@@ -243,7 +248,7 @@ File readFile()
 Golden resultOf(const Case& result, std::size_t threads)
 {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    Progress progress;
+    Interrupter progress;
     return result(progress);
 }
 

@@ -2,9 +2,9 @@
 #include "grid/voxel_topology.h"
 
 #include <mpuvdb/fields.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
@@ -59,10 +59,11 @@ MeshReport surfaceOf(const Field& field)
 {
     SampleSettings settings;
     settings.lattice = {Vec3d(0.13, 0.21, 0.37), 1};
-    Progress progress;
-    const LevelSet levelSet = sampleField(field, settings, progress);
-    EXPECT_TRUE(check(levelSet.grid(), progress).sound());
-    return measure(extractMesh(levelSet, progress));
+    Interrupter progress;
+    const LevelSet levelSet = sampleField(field, settings, &progress);
+    EXPECT_TRUE(
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound());
+    return measure(extractMesh(levelSet, {}, &progress));
 }
 
 /// Points on a circle about the z axis, some heights of it.

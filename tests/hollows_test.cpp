@@ -88,10 +88,10 @@ TEST(Hollows, OpenOnlyWhereDataFaceThem)
             settings.voxels = kVoxels[(n + s) % 3];
             SCOPED_TRACE(testing::Message()
                          << cases[n].solid << ", scan " << s << ", " << *settings.voxels);
-            Progress progress;
+            Interrupter progress;
             const Reconstruction result =
-                reconstruct(scan(*solid, scans[s], progress), settings, progress);
-            const MeshReport report = measure(extractMesh(result.levelSet, progress));
+                reconstruct(scan(*solid, scans[s], &progress), settings, &progress);
+            const MeshReport report = measure(extractMesh(result.levelSet, {}, &progress));
             EXPECT_EQ(report.components, cases[n].components);
             EXPECT_EQ(report.eulerCharacteristic, cases[n].euler);
             EXPECT_NEAR(report.volume, volume, 0.02 * volume);
@@ -122,12 +122,12 @@ TEST(UnseenParts, AreNearTheSolid)
         scanned.pattern = ScanSettings::Pattern::Scan;
         scanned.views = limit.views;
         const auto solid = parseSolid(limit.solid);
-        Progress progress;
-        const PointCloud cloud = scan(*solid, scanned, progress);
+        Interrupter progress;
+        const PointCloud cloud = scan(*solid, scanned, &progress);
         ReconstructSettings settings;
         settings.voxels = 200;
-        const Reconstruction made = reconstruct(PointCloud(cloud), settings, progress);
-        const Mesh mesh = extractMesh(made.levelSet, progress);
+        const Reconstruction made = reconstruct(PointCloud(cloud), settings, &progress);
+        const Mesh mesh = extractMesh(made.levelSet, {}, &progress);
         const test::Unseen unseen =
             test::unseenPart(mesh, *solid, cloud, test::farFrom(cloud, mesh));
         EXPECT_GT(unseen.share, 0.01);
@@ -172,8 +172,8 @@ TEST(UnseenParts, CloseSmoothly)
         ScanSettings scanned;
         scanned.points = 60000;
         scanned.pattern = ScanSettings::Pattern::Random;
-        Progress progress;
-        const PointCloud whole = scan(*parseSolid(limit.solid), scanned, progress);
+        Interrupter progress;
+        const PointCloud whole = scan(*parseSolid(limit.solid), scanned, &progress);
         PointCloud cut;
         cut.frame = whole.frame;
         for (std::size_t n = 0; n < whole.size(); ++n) {
@@ -183,8 +183,8 @@ TEST(UnseenParts, CloseSmoothly)
         }
         ReconstructSettings settings;
         settings.voxels = 150;
-        const Reconstruction made = reconstruct(PointCloud(cut), settings, progress);
-        EXPECT_LT(bendOfUnseen(extractMesh(made.levelSet, progress), cut), limit.bend);
+        const Reconstruction made = reconstruct(PointCloud(cut), settings, &progress);
+        EXPECT_LT(bendOfUnseen(extractMesh(made.levelSet, {}, &progress), cut), limit.bend);
     }
 }
 

@@ -28,8 +28,8 @@ MpuField fieldOf(PointCloud cloud, double voxelSize)
     settings.tolerance = 0.1 * voxelSize;
     settings.interpolate = true;
     settings.alpha = kInterpolationAlpha;
-    Progress progress;
-    return MpuField(std::move(cloud), settings, progress);
+    Interrupter progress;
+    return MpuField(std::move(cloud), settings, &progress);
 }
 
 /// Largest value at a point, in diagonals of the points' box.
@@ -237,8 +237,8 @@ Reconstruction interpolated(PointCloud cloud, double voxelSize)
     ReconstructSettings settings;
     settings.voxelSize = Length{voxelSize, Length::Unit::World};
     settings.interpolate = true;
-    Progress progress;
-    return reconstruct(std::move(cloud), settings, progress);
+    Interrupter progress;
+    return reconstruct(std::move(cloud), settings, &progress);
 }
 
 struct Limits {
@@ -257,11 +257,12 @@ TEST_P(InterpolatedSurface, IsSoundAccurateAndNearThePoints)
     const Limits& model = GetParam();
     const double h = model.extent / 64;
     PointCloud cloud = test::randomScan(model.solid, model.area / (h * h));
-    Progress progress;
+    Interrupter progress;
     const Reconstruction made = interpolated(cloud, h);
-    const CheckReport report = check(made.levelSet.grid(), progress);
+    const CheckReport report =
+        check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << test::texts(report);
-    const Mesh mesh = extractMesh(made.levelSet, progress);
+    const Mesh mesh = extractMesh(made.levelSet, {}, &progress);
     const MeshReport measured = measure(mesh);
     EXPECT_EQ(measured.components, 1u);
     EXPECT_EQ(measured.boundaryEdges, 0u);
@@ -292,13 +293,13 @@ TEST(Interpolation, PassesWhereAnApproximationDoesNot)
     scan.pattern = ScanSettings::Pattern::Random;
     const PointCloud cloud = test::scanOf("sphere(1)", scan);
     const double h = 0.04;
-    Progress progress;
+    Interrupter progress;
     const Reconstruction exact = interpolated(cloud, h);
     EXPECT_LT(largestAtPoints(*exact.field, cloud), kRounding);
-    EXPECT_LT(largestDistance(cloud, extractMesh(exact.levelSet, progress), 2 * h), 0.5 * h);
+    EXPECT_LT(largestDistance(cloud, extractMesh(exact.levelSet, {}, &progress), 2 * h), 0.5 * h);
     ReconstructSettings smooth;
     smooth.voxelSize = Length{h, Length::Unit::World};
-    const Reconstruction approximated = reconstruct(PointCloud(cloud), smooth, progress);
+    const Reconstruction approximated = reconstruct(PointCloud(cloud), smooth, &progress);
     EXPECT_GT(largestAtPoints(*approximated.field, cloud), 1e-3);
 }
 
@@ -322,17 +323,19 @@ TEST(Interpolation, OfRealScans)
     const char* folder = std::getenv("MPUVDB_DATA_DIR");
     if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
     for (const char* name : {"bunny/bun_zipper.ply", "clouds/kitten.xyz"}) {
-        Progress progress;
+        Interrupter progress;
         const PointCloud cloud =
-            readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, progress).cloud;
+            readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, {}, {}, &progress)
+                .cloud;
         ReconstructSettings settings;
         settings.interpolate = true;
-        const Reconstruction made = reconstruct(PointCloud(cloud), settings, progress);
+        const Reconstruction made = reconstruct(PointCloud(cloud), settings, &progress);
         const double h = made.levelSet.voxelSize();
         EXPECT_LT(largestAtPoints(*made.field, cloud), kRounding) << name;
-        EXPECT_LT(largestDistance(cloud, extractMesh(made.levelSet, progress), 2 * h), 0.5 * h)
+        EXPECT_LT(largestDistance(cloud, extractMesh(made.levelSet, {}, &progress), 2 * h), 0.5 * h)
             << name;
-        const CheckReport report = check(made.levelSet.grid(), progress);
+        const CheckReport report =
+            check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
         EXPECT_TRUE(report.sound()) << name << '\n' << test::texts(report);
     }
 }
@@ -342,31 +345,31 @@ TEST(Interpolation, OfRealScans)
 TEST(Interpolation, ChoosesItsDefaultsAndKeepsWhatIsGiven)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 2000);
-    Progress progress;
+    Interrupter progress;
     ReconstructSettings given;
-    EXPECT_DOUBLE_EQ(resolve(cloud, given, progress).fit.alpha, 0.75);
+    EXPECT_DOUBLE_EQ(resolve(cloud, given, &progress).fit.alpha, 0.75);
     given.interpolate = true;
-    const ResolvedSettings open = resolve(cloud, given, progress);
+    const ResolvedSettings open = resolve(cloud, given, &progress);
     EXPECT_TRUE(open.fit.interpolate);
     EXPECT_FALSE(open.fit.sharp);
     EXPECT_DOUBLE_EQ(open.fit.alpha, 1.25);
     given.alpha = 1.5;
     given.minPoints = 20;
     given.tolerance = Length::parse("0.5vx");
-    const MpuSettings fit = resolve(cloud, given, progress).fit;
+    const MpuSettings fit = resolve(cloud, given, &progress).fit;
     EXPECT_DOUBLE_EQ(fit.alpha, 1.5);
     EXPECT_EQ(fit.minPoints, 20);
     EXPECT_DOUBLE_EQ(fit.tolerance, 0.5 * fit.voxelSize);
     for (const double bad : {0.75, 1.04, 2.01, std::nan("")}) {
         given.alpha = bad;
-        EXPECT_THROW(reconstruct(PointCloud(cloud), given, progress), UsageError) << bad;
+        EXPECT_THROW(reconstruct(PointCloud(cloud), given, &progress), UsageError) << bad;
     }
 }
 
 TEST(Interpolation, IsZeroAtThePointsWithAllItsSettings)
 {
     const PointCloud cloud = test::randomScan("torus(1, 0.4)", 800);
-    Progress progress;
+    Interrupter progress;
     for (const double alpha : {1.05, 2.0})
         for (const int minPoints : {6, 100})
             for (const double tolerance : {1e-4, 1.0}) {
@@ -376,7 +379,7 @@ TEST(Interpolation, IsZeroAtThePointsWithAllItsSettings)
                 settings.alpha = alpha;
                 settings.minPoints = minPoints;
                 settings.tolerance = tolerance;
-                const MpuField field(PointCloud(cloud), settings, progress);
+                const MpuField field(PointCloud(cloud), settings, &progress);
                 EXPECT_LT(largestAtPoints(field, cloud), kRounding)
                     << alpha << ' ' << minPoints << ' ' << tolerance;
             }
@@ -385,7 +388,7 @@ TEST(Interpolation, IsZeroAtThePointsWithAllItsSettings)
 TEST(Interpolation, ALooseToleranceMeansFewerCellsWherePointsAreFew)
 {
     PointCloud cloud = test::randomScan("torus(1, 0.4)", 400);
-    Progress progress;
+    Interrupter progress;
     std::uint64_t cells = 0;
     for (const double tolerance : {1.0, 1e-4}) {
         MpuSettings settings;
@@ -393,7 +396,7 @@ TEST(Interpolation, ALooseToleranceMeansFewerCellsWherePointsAreFew)
         settings.interpolate = true;
         settings.alpha = kInterpolationAlpha;
         settings.tolerance = tolerance;
-        const MpuField field(PointCloud(cloud), settings, progress);
+        const MpuField field(PointCloud(cloud), settings, &progress);
         EXPECT_GT(field.statistics().cells, cells);
         cells = field.statistics().cells;
     }

@@ -24,8 +24,8 @@ namespace
 
 std::size_t foundIn(const PointCloud& cloud)
 {
-    Progress progress;
-    return findInwardSolids(cloud, measure(cloud, progress), progress).size();
+    Interrupter progress;
+    return findInwardSolids(cloud, measure(cloud, &progress), &progress).size();
 }
 
 std::size_t foundInFlipped(PointCloud cloud)
@@ -69,8 +69,8 @@ TEST(InwardSolids, FewPointsAndNoisyOnes)
     const PointCloud noisy = scanned("torus(1,0.4)", 30000, Pattern::Random, 0.01);
     EXPECT_EQ(foundIn(noisy), 0u);
     EXPECT_EQ(foundInFlipped(noisy), noisy.size());
-    Progress progress;
-    EXPECT_TRUE(findInwardSolids(PointCloud(), PointStatistics(), progress).empty());
+    Interrupter progress;
+    EXPECT_TRUE(findInwardSolids(PointCloud(), PointStatistics(), &progress).empty());
 }
 
 TEST(InwardSolids, OneAmongOthersOfAnySpacing)
@@ -216,8 +216,8 @@ TEST(InwardSolids, CleanTurnsThemUnlessTheUserDecides)
     flipNormals(inward);
     for (std::size_t i = 0; i < inward.size(); i += 50) inward.normals[i] *= -1;
     const auto cleaned = [&](CleanSettings settings, PointCloud cloud) {
-        Progress progress;
-        const CleanReport report = clean(cloud, settings, progress);
+        Interrupter progress;
+        const CleanReport report = clean(cloud, settings, &progress);
         return std::make_pair(report, shareRight(*solid, cloud));
     };
     const auto [turned, right] = cleaned({}, inward);
@@ -247,11 +247,12 @@ TEST(InwardSolids, OfRealPoints)
     const char* folder = std::getenv("MPUVDB_DATA_DIR");
     if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
     const auto read = [&](const char* file) {
-        Progress progress;
+        Interrupter progress;
         PointCloud cloud =
-            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, progress).cloud;
+            readPoints({std::filesystem::path(folder) / file}, BadPoints::Drop, {}, {}, &progress)
+                .cloud;
         cloud.mesh.reset();
-        if (!cloud.hasNormals()) estimateNormals(cloud, {}, progress);
+        if (!cloud.hasNormals()) estimateNormals(cloud, {}, &progress);
         return cloud;
     };
     for (const char* closed :
@@ -287,8 +288,8 @@ TEST(InwardSolids, OfMeshes)
             out << "4 " << q[0] << ' ' << q[flipped ? 3 : 1] << ' ' << q[2] << ' '
                 << q[flipped ? 1 : 3] << '\n';
         out.close();
-        Progress progress;
-        const PointCloud cube = readPoints({file}, BadPoints::Drop, progress).cloud;
+        Interrupter progress;
+        const PointCloud cube = readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud;
         EXPECT_EQ(foundIn(cube), flipped ? 8u : 0u);
         EXPECT_EQ(foundInFlipped(cube), 0u); // normals that are not its triangles'
         std::filesystem::remove(file);

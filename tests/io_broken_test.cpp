@@ -11,9 +11,9 @@ namespace
 // Reads whatever it is. @return whether it gave points; anything thrown must be an Error.
 bool readsOrFails(const std::filesystem::path& file)
 {
-    Progress progress;
+    Interrupter progress;
     try {
-        const PointInput input = readPoints({file}, BadPoints::Drop, progress);
+        const PointInput input = readPoints({file}, BadPoints::Drop, {}, {}, &progress);
         for (const Vec3f& p : input.cloud.positions) EXPECT_TRUE(p.allFinite());
         for (const Vec3f& n : input.cloud.normals) EXPECT_NEAR(n.norm(), 1, 1e-5);
         for (const float c : input.cloud.confidence) EXPECT_TRUE(c > 0 && c <= 1);
@@ -103,20 +103,20 @@ TEST_F(IoTest, FilesThatAreNoPoints)
     EXPECT_NE(error("a.laz", "0 0 0\n").find("pdal"), std::string::npos);
     error("v.ply", "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\n"
                    "property float z\nend_header\n");
-    Progress progress;
-    EXPECT_THROW(readPoints({path("missing.ply")}, BadPoints::Drop, progress), IoError);
+    Interrupter progress;
+    EXPECT_THROW(readPoints({path("missing.ply")}, BadPoints::Drop, {}, {}, &progress), IoError);
     std::filesystem::create_directories(path("folder.ply"));
-    EXPECT_THROW(readPoints({path("folder.ply")}, BadPoints::Drop, progress), IoError);
-    EXPECT_THROW(readPoints({}, BadPoints::Drop, progress), UsageError);
+    EXPECT_THROW(readPoints({path("folder.ply")}, BadPoints::Drop, {}, {}, &progress), IoError);
+    EXPECT_THROW(readPoints({}, BadPoints::Drop, {}, {}, &progress), UsageError);
 }
 
 TEST_F(IoTest, AStopEndsTheReading)
 {
-    Progress progress;
+    Interrupter progress;
     progress.stop();
-    EXPECT_THROW(readPoints({put("a.xyz", "0 0 0\n1 1 1\n")}, BadPoints::Drop, progress),
+    EXPECT_THROW(readPoints({put("a.xyz", "0 0 0\n1 1 1\n")}, BadPoints::Drop, {}, {}, &progress),
                  Interrupted);
-    EXPECT_THROW(writePoints(path("b.ply"), PointCloud(), progress), Interrupted);
+    EXPECT_THROW(writePoints(path("b.ply"), PointCloud(), &progress), Interrupted);
     EXPECT_FALSE(std::filesystem::exists(path("b.ply")));
 }
 
@@ -190,7 +190,7 @@ TEST_F(IoTest, StandInsAreNamed)
         SCOPED_TRACE(says);
         for (const char* const name : {"a.ply", "a.txt", "a.las", "a.e57"})
             EXPECT_NE(error(name, bytes).find(says), std::string::npos) << name;
-        Progress progress;
+        Interrupter progress;
         try {
             readLevelSet(put("a.vdb", bytes), "", 0, Purpose::Looking, &progress);
             ADD_FAILURE();

@@ -22,8 +22,8 @@ protected:
     }
     PointInput read(const fs::path& file) const
     {
-        Progress progress;
-        return readPoints({mFolder / file}, BadPoints::Drop, progress);
+        Interrupter progress;
+        return readPoints({mFolder / file}, BadPoints::Drop, {}, {}, &progress);
     }
 
     fs::path mFolder;

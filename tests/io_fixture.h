@@ -1,8 +1,8 @@
 // What the tests of readers and writers share: files of their own, and small files of every format.
 #pragma once
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
 
@@ -37,8 +37,8 @@ protected:
     PointInput read(const std::string& name, const std::string& bytes,
                     BadPoints bad = BadPoints::Drop) const
     {
-        Progress progress;
-        return readPoints({put(name, bytes)}, bad, progress);
+        Interrupter progress;
+        return readPoints({put(name, bytes)}, bad, {}, {}, &progress);
     }
     /// The message of the InputError that reading gives.
     std::string error(const std::string& name, const std::string& bytes,

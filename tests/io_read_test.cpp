@@ -163,12 +163,12 @@ TEST_F(IoTest, ScalarsThatThereAreAreListed)
                              "DATA ascii\n1 2 3 4 0 0 0 0 5\n"),
               (Names{"intensity", "ring"}));
     // Of several files, what all have; and what is not there is answered with what is.
-    Progress progress;
+    Interrupter progress;
     const auto other = put("b.ply", header + "property int label\nend_header\n5 2 3 1 0 7\n");
-    EXPECT_EQ(readPoints({path("a.ply"), other}, BadPoints::Drop, progress).scalarNames,
+    EXPECT_EQ(readPoints({path("a.ply"), other}, BadPoints::Drop, {}, {}, &progress).scalarNames,
               Names{"label"});
     try {
-        readPoints({path("a.ply"), other}, BadPoints::Drop, progress, {}, {"curvature"});
+        readPoints({path("a.ply"), other}, BadPoints::Drop, {}, {"curvature"}, &progress);
         ADD_FAILURE();
     } catch (const InputError& e) {
         EXPECT_NE(
@@ -327,8 +327,8 @@ TEST_F(IoTest, ObjFacesGoOnAfterABackslash)
 {
     const std::string vertices = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
     const auto triangles = [&](const std::string& faces) {
-        Progress progress;
-        return readMesh(put("a.obj", vertices + faces), progress).triangles;
+        Interrupter progress;
+        return readMesh(put("a.obj", vertices + faces), &progress).triangles;
     };
     const auto whole = triangles("f 1/1 2/2 3/3 4/4\nf -4 -3 -2\n");
     ASSERT_EQ(whole.size(), 3u);
@@ -367,8 +367,8 @@ TEST_F(IoTest, PcdWithRowsIsSeenFromItsViewpoint)
     // A list may have been put together, normals say more, and the user knows better.
     EXPECT_TRUE(read("c.pcd", pcd(bare, list, "VIEWPOINT 1 2 3 1 0 0 0\n")).cloud.seenFrom.empty());
     EXPECT_TRUE(read("d.pcd", pcd(oriented, picture, "")).cloud.seenFrom.empty());
-    Progress progress;
-    EXPECT_EQ(readPoints({path("a.pcd")}, BadPoints::Drop, progress, {Vec3d(0, 0, 9)})
+    Interrupter progress;
+    EXPECT_EQ(readPoints({path("a.pcd")}, BadPoints::Drop, {Vec3d(0, 0, 9)}, {}, &progress)
                   .cloud.viewpoints.at(0)
                   .place,
               Vec3d(0, 0, 9));
@@ -420,22 +420,22 @@ TEST_F(IoTest, ScanSetsAreTransformedByTheInverseRotation)
     EXPECT_LT((input.cloud.normals[0] + Vec3f::UnitY()).norm(), 1e-6);
     ASSERT_EQ(input.notes.size(), 1u);
     EXPECT_NE(input.notes[0].find("cylinder"), std::string::npos);
-    Progress progress;
-    EXPECT_THROW(
-        readPoints({put("b.conf", "bmesh none.ply 0 0 0 0 0 0 1\n")}, BadPoints::Drop, progress),
-        IoError);
+    Interrupter progress;
+    EXPECT_THROW(readPoints({put("b.conf", "bmesh none.ply 0 0 0 0 0 0 1\n")}, BadPoints::Drop, {},
+                            {}, &progress),
+                 IoError);
 }
 
 TEST_F(IoTest, InputsJoin)
 {
-    Progress progress;
+    Interrupter progress;
     const auto a = put("a.xyz", "0 0 0 0 0 1\n1 0 0 0 0 1\n"),
                b = put("b.xyz", "5 5 5 1 0 0\n7 5 5 1 0 0\n");
     const auto c = put("c.xyz", "8 8 8\n9 9 9\n");
-    const PointInput ab = readPoints({a, b}, BadPoints::Drop, progress);
+    const PointInput ab = readPoints({a, b}, BadPoints::Drop, {}, {}, &progress);
     EXPECT_EQ(ab.cloud.normals.size(), 4u);
     expectWorld(ab.cloud, 2, Vec3d(5, 5, 5));
-    const PointInput ac = readPoints({a, c}, BadPoints::Drop, progress);
+    const PointInput ac = readPoints({a, c}, BadPoints::Drop, {}, {}, &progress);
     EXPECT_EQ(ac.cloud.size(), 4u);
     EXPECT_FALSE(ac.cloud.hasNormals());
     ASSERT_EQ(ac.notes.size(), 1u);
@@ -513,9 +513,9 @@ TEST_F(IoTest, PointsSurviveARoundTrip)
         cloud.colors.push_back({std::uint8_t(i), std::uint8_t(i / 3), 1});
     }
     for (const char* name : {"a.ply", "a.xyz"}) {
-        Progress progress;
-        writePoints(path(name), cloud, progress);
-        const PointCloud back = readPoints({path(name)}, BadPoints::Fail, progress).cloud;
+        Interrupter progress;
+        writePoints(path(name), cloud, &progress);
+        const PointCloud back = readPoints({path(name)}, BadPoints::Fail, {}, {}, &progress).cloud;
         ASSERT_EQ(back.size(), cloud.size());
         const bool ply = std::string(name) == "a.ply";
         if (ply) {
@@ -527,8 +527,8 @@ TEST_F(IoTest, PointsSurviveARoundTrip)
             ASSERT_LT((back.normals[i] - cloud.normals[i]).norm(), 2e-7);
         }
     }
-    Progress progress;
-    EXPECT_THROW(writePoints(path("a.las"), cloud, progress), UsageError);
+    Interrupter progress;
+    EXPECT_THROW(writePoints(path("a.las"), cloud, &progress), UsageError);
 }
 
 TEST_F(IoTest, MeshesSurviveARoundTrip)
@@ -540,9 +540,10 @@ TEST_F(IoTest, MeshesSurviveARoundTrip)
         mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
         for (const char* name : {"m.ply", "m.obj", "m.stl"}) {
             if (far > 0 && std::string(name) == "m.stl") continue; // floats only
-            Progress progress;
-            writeMesh(path(name), mesh, progress);
-            const PointCloud back = readPoints({path(name)}, BadPoints::Fail, progress).cloud;
+            Interrupter progress;
+            writeMesh(path(name), mesh, {}, &progress);
+            const PointCloud back =
+                readPoints({path(name)}, BadPoints::Fail, {}, {}, &progress).cloud;
             ASSERT_EQ(back.size(), 4u) << name;
             Box3d box;
             for (std::size_t i = 0; i < 4; ++i) box.extend(back.world(i));
@@ -550,8 +551,8 @@ TEST_F(IoTest, MeshesSurviveARoundTrip)
             EXPECT_GT(back.normals[0].cwiseAbs().maxCoeff(), 0.5);
         }
     }
-    Progress progress;
-    EXPECT_THROW(writeMesh(path("m.xyz"), mesh, progress), UsageError);
+    Interrupter progress;
+    EXPECT_THROW(writeMesh(path("m.xyz"), mesh, {}, &progress), UsageError);
 }
 
 } // namespace

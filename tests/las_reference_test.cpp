@@ -143,8 +143,8 @@ TEST_F(LasReference, RecordsThatGoBeyondTheFile)
         cut[at] = char(0xff);
         put("a.las", cut);
         try {
-            Progress progress;
-            readPoints({path("a.las")}, BadPoints::Drop, progress);
+            Interrupter progress;
+            readPoints({path("a.las")}, BadPoints::Drop, {}, {}, &progress);
         } catch (const Error&) {
         }
     }
@@ -154,9 +154,9 @@ TEST_F(LasReference, OfTheCaseIsRefused)
 {
     MPUVDB_CASE(degrees, "T13-degrees.las");
     MPUVDB_CASE(meters, "T14-classes.las");
-    Progress progress;
-    EXPECT_THROW(readPoints({degrees}, BadPoints::Drop, progress), InputError);
-    EXPECT_EQ(readPoints({meters}, BadPoints::Drop, progress).cloud.size(), 3000u);
+    Interrupter progress;
+    EXPECT_THROW(readPoints({degrees}, BadPoints::Drop, {}, {}, &progress), InputError);
+    EXPECT_EQ(readPoints({meters}, BadPoints::Drop, {}, {}, &progress).cloud.size(), 3000u);
 }
 
 } // namespace

@@ -1,6 +1,6 @@
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
-#include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/ChangeBackground.h>
@@ -29,8 +29,8 @@ FloatGrid::Ptr sphere(float halfWidth = 3)
 
 CheckReport checked(const FloatGrid& grid)
 {
-    Progress progress;
-    return check(grid, progress);
+    Interrupter progress;
+    return check(grid, kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
 }
 
 /// The finding whose text contains @a what.
@@ -252,8 +252,8 @@ TEST(Check, KnowsLittleOfTheMeanOverFewVoxels)
         const auto grid =
             openvdb::tools::createLevelSetSphere<FloatGrid>(22.2f, openvdb::Vec3f(0), 1.f);
         for (auto v = grid->beginValueOn(); v; ++v) v.setValue(*v * factor);
-        Progress progress;
-        const CheckReport report = check(*grid, progress, kGradientTolerance, within);
+        Interrupter progress;
+        const CheckReport report = check(*grid, kGradientTolerance, within, &progress);
         EXPECT_NEAR(report.meanGradientError, factor - 1, 0.05);
         return find(report, "not a distance") != nullptr;
     };
@@ -305,9 +305,10 @@ TEST(Check, IsTheSameForAnyNumberOfThreads)
 
 TEST(Check, CanBeInterrupted)
 {
-    Progress progress;
+    Interrupter progress;
     progress.stop();
-    EXPECT_THROW(check(*sphere(), progress), Interrupted);
+    EXPECT_THROW(check(*sphere(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress),
+                 Interrupted);
 }
 
 TEST(LevelSetClass, TellsItsLattice)

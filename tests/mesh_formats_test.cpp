@@ -62,8 +62,8 @@ protected:
     std::filesystem::path write(const std::string& name, const Mesh& mesh,
                                 const SceneSettings& scene = {}) const
     {
-        Progress progress;
-        writeMesh(path(name), mesh, progress, scene);
+        Interrupter progress;
+        writeMesh(path(name), mesh, scene, &progress);
         return path(name);
     }
 };
@@ -109,8 +109,8 @@ TEST_F(MeshFormatsTest, ColorsComeBackFromFilesThatHoldThem)
     for (const double far : {0.0, 3e6}) {
         const Mesh mesh = tetrahedron(far);
         for (const char* name : {"m.ply", "m.obj", "m.off"}) {
-            Progress progress;
-            const Mesh back = readMesh(write(name, mesh), progress);
+            Interrupter progress;
+            const Mesh back = readMesh(write(name, mesh), &progress);
             ASSERT_EQ(back.triangles, mesh.triangles) << name;
             ASSERT_EQ(back.colors.size(), mesh.colors.size()) << name;
             for (std::size_t i = 0; i < 4; ++i) {

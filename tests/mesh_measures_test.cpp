@@ -1,7 +1,7 @@
 // What is said of meshes: topology, angles, crossings, distances.
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -71,8 +71,8 @@ Mesh joined(Mesh a, const Mesh& b)
 
 std::uint64_t crossings(const Mesh& mesh)
 {
-    Progress progress;
-    return findSelfIntersections(mesh, progress).size();
+    Interrupter progress;
+    return findSelfIntersections(mesh, &progress).size();
 }
 
 TEST(MeshMeasuresTest, GenusAndAngles)
@@ -157,15 +157,15 @@ TEST(MeshMeasuresTest, TheTreeFindsWhatEveryPairSays)
 
 TEST(MeshMeasuresTest, DistancesOfPlanes)
 {
-    Progress progress;
-    const TwoWayDistances shifted = distances(plane(20, 0, 0), plane(7, 0, 0.01), progress);
+    Interrupter progress;
+    const TwoWayDistances shifted = distances(plane(20, 0, 0), plane(7, 0, 0.01), &progress);
     for (const Distances& d : {shifted.there, shifted.back}) {
         EXPECT_NEAR(d.mean, 0.01, 1e-8);
         EXPECT_NEAR(d.rms, 0.01, 1e-8);
         EXPECT_NEAR(d.max, 0.01, 1e-8);
     }
     const double tilt = 0.2;
-    const Distances tilted = distances(plane(20, 0, 0), plane(7, tilt, 0), progress).there;
+    const Distances tilted = distances(plane(20, 0, 0), plane(7, tilt, 0), &progress).there;
     EXPECT_NEAR(tilted.mean, std::sin(tilt) / 2, 1e-4);
     EXPECT_NEAR(tilted.rms, std::sin(tilt) / std::sqrt(3.0), 1e-4);
     EXPECT_NEAR(tilted.max, std::sin(tilt), 1e-6);
@@ -173,11 +173,11 @@ TEST(MeshMeasuresTest, DistancesOfPlanes)
 
 TEST(MeshMeasuresTest, WhatOneSideLacksIsFarFromTheOther)
 {
-    Progress progress;
+    Interrupter progress;
     const Mesh cube = box({0, 0, 0}, {1, 1, 1});
     Mesh open = cube;
     open.triangles.resize(10); // without the side x = 1
-    const TwoWayDistances d = distances(open, cube, progress);
+    const TwoWayDistances d = distances(open, cube, &progress);
     EXPECT_LT(d.there.max, 1e-7);
     EXPECT_NEAR(d.back.mean, 1.0 / 36, 2e-4);
     EXPECT_NEAR(d.back.rms, 1.0 / 12, 4e-4);
@@ -186,47 +186,47 @@ TEST(MeshMeasuresTest, WhatOneSideLacksIsFarFromTheOther)
 
 TEST(MeshMeasuresTest, DistancesFarFromTheOriginAndBetweenFrames)
 {
-    Progress progress;
+    Interrupter progress;
     Mesh a = torus(40, 0.3), b = a;
     a.frame = Vec3d(1e7, 0, 0);
     b.frame = Vec3d(1e7 - 0.5, 0, 0);
     for (Vec3f& p : b.positions) p[0] += 0.5f;
-    EXPECT_LT(distances(a, b, progress).there.max, 1e-6);
+    EXPECT_LT(distances(a, b, &progress).there.max, 1e-6);
     b.frame[2] += 0.001;
-    EXPECT_NEAR(distances(a, b, progress).back.max, 0.001, 1e-6);
+    EXPECT_NEAR(distances(a, b, &progress).back.max, 0.001, 1e-6);
 }
 
 TEST(MeshMeasuresTest, DistancesToPoints)
 {
-    Progress progress;
+    Interrupter progress;
     PointCloud points;
     points.frame = Vec3d(0.25, 0.25, 0);
     points.positions = {Vec3f(0, 0, 2), Vec3f(0, 0, 1)};
     const Mesh sheet = plane(4, 0, 0);
-    const TwoWayDistances d = distances(sheet, points, progress);
+    const TwoWayDistances d = distances(sheet, points, &progress);
     EXPECT_NEAR(d.back.mean, 1.5, 1e-6);
     EXPECT_NEAR(d.back.rms, std::sqrt(2.5), 1e-6);
     EXPECT_NEAR(d.back.max, 2, 1e-6);
     EXPECT_NEAR(d.there.max, std::sqrt(1 + 2 * 0.75 * 0.75), 1e-6);
     EXPECT_NEAR(d.there.rms, std::sqrt(1 + 2 * (1.0 / 12 + 0.0625)), 1e-3);
-    EXPECT_THROW(distances(sheet, PointCloud(), progress), UsageError);
-    EXPECT_THROW(distances(Mesh(), sheet, progress), UsageError);
+    EXPECT_THROW(distances(sheet, PointCloud(), &progress), UsageError);
+    EXPECT_THROW(distances(Mesh(), sheet, &progress), UsageError);
 }
 
 TEST(MeshMeasuresTest, ThreadsDoNotMatterAndAStopStops)
 {
     const auto all = [](std::size_t threads) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        Progress progress;
-        const TwoWayDistances d = distances(torus(60, 0.3), torus(50, 0.31), progress);
+        Interrupter progress;
+        const TwoWayDistances d = distances(torus(60, 0.3), torus(50, 0.31), &progress);
         return std::array{d.there.mean, d.there.rms, d.there.max,
                           d.back.mean,  d.back.rms,  d.back.max};
     };
     EXPECT_EQ(all(1), all(2));
-    Progress stopped;
+    Interrupter stopped;
     stopped.stop();
-    EXPECT_THROW(findSelfIntersections(torus(20, 0.3), stopped), Interrupted);
-    EXPECT_THROW(distances(torus(9, 0.3), torus(8, 0.3), stopped), Interrupted);
+    EXPECT_THROW(findSelfIntersections(torus(20, 0.3), &stopped), Interrupted);
+    EXPECT_THROW(distances(torus(9, 0.3), torus(8, 0.3), &stopped), Interrupted);
 }
 
 } // namespace

@@ -1,6 +1,6 @@
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/LevelSetSphere.h>
@@ -48,8 +48,8 @@ LevelSet sampled(const std::function<double(const Vec3d&)>& distance, int reach)
 
 Mesh extracted(const LevelSet& levelSet)
 {
-    Progress progress;
-    return extractMesh(levelSet, progress);
+    Interrupter progress;
+    return extractMesh(levelSet, {}, &progress);
 }
 
 void expectClosed(const MeshReport& report)
@@ -239,9 +239,9 @@ TEST(ExtractMesh, LeavesItsInputAloneAndStops)
     extracted(levelSet);
     EXPECT_EQ(levelSet.grid().transform(), before->transform());
     EXPECT_TRUE(levelSet.grid().tree().hasSameTopology(before->tree()));
-    Progress progress;
+    Interrupter progress;
     progress.stop();
-    EXPECT_THROW(extractMesh(levelSet, progress), Interrupted);
+    EXPECT_THROW(extractMesh(levelSet, {}, &progress), Interrupted);
 }
 
 /// A tetrahedron about the origin, outward.

@@ -3,9 +3,9 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
@@ -27,24 +27,26 @@ constexpr double kVoxel = 0.05;
 
 LevelSet solid(const std::string& description, double voxelSize = kVoxel)
 {
-    Progress progress;
+    Interrupter progress;
     SampleSettings settings;
     settings.lattice.voxelSize = voxelSize;
-    return sampleField(*makeSolidField(parseSolid(description)), settings, progress);
+    return sampleField(*makeSolidField(parseSolid(description)), settings, &progress);
 }
 
 void write(const fs::path& file, const LevelSet& levelSet, const openvdb::GridCPtrVec& beside = {})
 {
-    Progress progress;
-    writeLevelSet(file, levelSet, {}, progress, beside);
+    Interrupter progress;
+    writeLevelSet(file, levelSet, {}, beside, &progress);
 }
 
 double volumeOf(const fs::path& file)
 {
-    Progress progress;
+    Interrupter progress;
     const LevelSet levelSet = readLevelSet(file);
-    EXPECT_TRUE(check(levelSet.grid(), progress).sound()) << file;
-    return measure(levelSet, progress).volume;
+    EXPECT_TRUE(
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound())
+        << file;
+    return measure(levelSet, &progress).volume;
 }
 
 /// A folder with a ball, a box that cuts it, and a ball on coarser voxels.
@@ -307,20 +309,20 @@ TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)
         EXPECT_NE(fog.err.find(part), std::string::npos) << fog.err;
     auto stretched = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
     stretched->transform().preScale(openvdb::Vec3d(1, 2, 1));
-    Progress progress;
-    writeGrids(folder / "stretched.vdb", {stretched}, progress);
+    Interrupter progress;
+    writeGrids(folder / "stretched.vdb", {stretched}, &progress);
     const Ended uneven = command({"union", "ball.vdb", "stretched.vdb", "-o", "x.vdb"}, 3);
     for (const char* const part : {"stretched.vdb", "0.05 x 0.1 x 0.05", "VDB Resample"})
         EXPECT_NE(uneven.err.find(part), std::string::npos) << uneven.err;
     const auto vectors = openvdb::Vec3SGrid::create();
     vectors->setName("v");
-    writeGrids(folder / "vectors.vdb", {vectors}, progress);
+    writeGrids(folder / "vectors.vdb", {vectors}, &progress);
     const Ended staggered = command({"union", "ball.vdb", "vectors.vdb", "-o", "x.vdb"}, 3);
     EXPECT_NE(staggered.err.find("as a grid of floats"), std::string::npos) << staggered.err;
     command({"isosurface", "vectors.vdb", "-o", "x.vdb"}, 3);
     command({"isosurface", "stretched.vdb", "-o", "x.vdb"}, 3);
     stretched->setGridClass(openvdb::GRID_UNKNOWN);
-    writeGrids(folder / "unknown.vdb", {stretched}, progress);
+    writeGrids(folder / "unknown.vdb", {stretched}, &progress);
     const Ended unknown = command({"union", "ball.vdb", "unknown.vdb", "-o", "x.vdb"}, 3);
     EXPECT_NE(unknown.err.find("are no cubes: resample it"), std::string::npos) << unknown.err;
     command({"union", "ball.vdb", "missing.vdb", "-o", "x.vdb"}, 3);
@@ -338,9 +340,9 @@ TEST_F(ModelVerbs, ValuesThatAreNoDistancesAreRefusedWithACure)
     auto open = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(
         emptyLevelSet({Vec3d::Zero(), kVoxel}, 3).grid());
     open->tree().addTile(1, openvdb::Coord(0), -open->background(), false);
-    Progress progress;
-    writeGrids(folder / "voxels.vdb", {voxels}, progress);
-    writeGrids(folder / "open.vdb", {open}, progress);
+    Interrupter progress;
+    writeGrids(folder / "voxels.vdb", {voxels}, &progress);
+    writeGrids(folder / "open.vdb", {open}, &progress);
     for (const std::string file : {"voxels.vdb", "open.vdb"}) {
         const std::string cure =
             "mpuvdb isosurface " + file + " --grid 'surface' --value 0 --inside below";
@@ -375,20 +377,20 @@ TEST_F(ModelVerbs, BandsAreTakenForWhatTheyAre)
 {
     auto promising = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
     promising->tree().root().setBackground(1, true);
-    Progress progress;
-    writeGrids(folder / "promising.vdb", {promising}, progress);
+    Interrupter progress;
+    writeGrids(folder / "promising.vdb", {promising}, &progress);
     const Ended ended = command({"union", "promising.vdb", "box.vdb", "-o", "both.vdb"});
     EXPECT_NE(ended.err.find("promises a band of 20 voxels, and there are 3"), std::string::npos)
         << ended.err;
     EXPECT_GT(volumeOf(folder / "both.vdb"), ballVolume);
-    write(folder / "narrow.vdb", withHalfWidth(solid("sphere(1)"), 1.5, progress));
+    write(folder / "narrow.vdb", withHalfWidth(solid("sphere(1)"), 1.5, &progress));
     auto narrow =
         openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(readLevelSet(folder / "narrow.vdb").grid());
     const auto width = float(1.2 * kVoxel);
     for (auto on = narrow->beginValueOn(); on; ++on)
         if (std::abs(*on) >= width) on.setValueOff();
     openvdb::tools::changeLevelSetBackground(narrow->tree(), width);
-    writeGrids(folder / "narrow.vdb", {narrow}, progress);
+    writeGrids(folder / "narrow.vdb", {narrow}, &progress);
     for (const std::vector<std::string>& words : {std::vector<std::string>{"twist", "--turn", "90"},
                                                   {"transform", "--scale", "1"},
                                                   {"resample", "--voxel-size", "1vx"},
@@ -442,8 +444,8 @@ TEST_F(ModelVerbs, DensitiesBecomeLevelSetsWhereTheyHaveAValue)
     auto distances = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
     distances->setGridClass(openvdb::GRID_UNKNOWN);
     distances->setName("sdf");
-    Progress progress;
-    writeGrids(folder / "sdf.vdb", {distances}, progress);
+    Interrupter progress;
+    writeGrids(folder / "sdf.vdb", {distances}, &progress);
     const Ended said = command({"shell", "sdf.vdb", "-o", "x.vdb", "--thickness", "0.2"}, 3);
     EXPECT_NE(said.err.find("--value 0 --inside below"), std::string::npos) << said.err;
     for (const char* const value : {"0.1", "0.5"}) {
@@ -460,8 +462,8 @@ TEST_F(ModelVerbs, HalfFloatsAndEmptyOnesAreTaken)
 {
     auto half = openvdb::deepCopyTypedGrid<openvdb::FloatGrid>(solid("sphere(1)").grid());
     half->setSaveFloatAsHalf(true);
-    Progress progress;
-    writeGrids(folder / "half.vdb", {half}, progress);
+    Interrupter progress;
+    writeGrids(folder / "half.vdb", {half}, &progress);
     command({"difference", "half.vdb", "box.vdb", "-o", "cut.vdb"});
     volumeOf(folder / "cut.vdb");
     write(folder / "nothing.vdb", emptyLevelSet({Vec3d::Zero(), kVoxel}, 3));

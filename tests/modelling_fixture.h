@@ -18,21 +18,22 @@ inline LevelSet sampled(const Field& field, double voxelSize, double halfWidth =
     SampleSettings settings;
     settings.lattice = {origin, voxelSize};
     settings.halfWidth = halfWidth;
-    Progress progress;
-    return sampleField(field, settings, progress);
+    Interrupter progress;
+    return sampleField(field, settings, &progress);
 }
 
 inline void expectSound(const LevelSet& levelSet)
 {
-    Progress progress;
-    const CheckReport report = check(levelSet.grid(), progress);
+    Interrupter progress;
+    const CheckReport report =
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << texts(report);
 }
 
 inline MeshReport meshed(const LevelSet& levelSet)
 {
-    Progress progress;
-    return measure(extractMesh(levelSet, progress));
+    Interrupter progress;
+    return measure(extractMesh(levelSet, {}, &progress));
 }
 
 /// How far the values are from a distance, in voxels.

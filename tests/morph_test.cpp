@@ -15,14 +15,15 @@ constexpr Morphing kBoth[] = {Morphing::Linear, Morphing::Advection};
 
 LevelSet morphed(const LevelSet& a, const LevelSet& b, double t, Morphing how)
 {
-    Progress progress;
-    return morph(a, b, t, how, progress);
+    Interrupter progress;
+    return morph(a, b, t, how, &progress);
 }
 
 void expectSound(const LevelSet& levelSet)
 {
-    Progress progress;
-    const CheckReport report = check(levelSet.grid(), progress);
+    Interrupter progress;
+    const CheckReport report =
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << texts(report);
 }
 
@@ -59,8 +60,8 @@ TEST(Morph, EndsAreTheShapesThemselves)
 {
     const LevelSet a = solidLevelSet("torus(0.8,0.3)", 0.05, 3),
                    b = solidLevelSet("box(1,0.7,0.9)", 0.05, 4);
-    Progress progress;
-    const LevelSet wideA = withHalfWidth(a, 4, progress);
+    Interrupter progress;
+    const LevelSet wideA = withHalfWidth(a, 4, &progress);
     for (const Morphing how : kBoth) {
         EXPECT_TRUE(treeBytes(morphed(a, b, 0, how).grid()) == treeBytes(wideA.grid()));
         EXPECT_TRUE(treeBytes(morphed(a, b, 1, how).grid()) == treeBytes(b.grid()));
@@ -173,7 +174,7 @@ TEST(Morph, CanBeStopped)
 {
     const LevelSet a = solidLevelSet("sphere(2)", 0.02), b = solidLevelSet("sphere(0.3)", 0.02);
     for (const Morphing how : kBoth)
-        expectStops([&](Progress& progress) { morph(a, b, 0.5, how, progress); });
+        expectStops([&](Interrupter& progress) { morph(a, b, 0.5, how, &progress); });
 }
 
 } // namespace

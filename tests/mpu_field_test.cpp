@@ -24,8 +24,8 @@ MpuField fieldOf(PointCloud cloud, double voxelSize, double tolerance = 0)
     MpuSettings settings;
     settings.voxelSize = voxelSize;
     settings.tolerance = tolerance > 0 ? tolerance : 0.1 * voxelSize;
-    Progress progress;
-    return MpuField(std::move(cloud), settings, progress);
+    Interrupter progress;
+    return MpuField(std::move(cloud), settings, &progress);
 }
 
 /// A solid, its longest side, its area: for points about a voxel apart.
@@ -295,8 +295,8 @@ TEST(MpuField, EvaluatorGivesTheSamplesToTheBit)
             settings.tolerance = 0.1 * h;
             settings.interpolate = interpolate;
             if (interpolate) settings.alpha = kInterpolationAlpha;
-            Progress progress;
-            const MpuField field(PointCloud(cloud), settings, progress);
+            Interrupter progress;
+            const MpuField field(PointCloud(cloud), settings, &progress);
             expectEvaluatorGivesSamples(field, wander(cloud, h), h);
         }
 }
@@ -316,10 +316,10 @@ TEST(MpuField, OfPointsNextToNothingApartIsOneFunctionForPlacesAndBlocks)
     settings.tolerance = 0.1 * h;
     settings.interpolate = true;
     settings.alpha = kInterpolationAlpha;
-    Progress progress;
+    Interrupter progress;
     std::vector<Vec3d> places = wander(cloud, 1e-7);
     for (std::size_t n = 0; n < 6; ++n) places.push_back(cloud.world(cloud.size() - 1 - n));
-    const MpuField field(std::move(cloud), settings, progress);
+    const MpuField field(std::move(cloud), settings, &progress);
     EXPECT_EQ(field.statistics().levels, Octree::kDeepest);
     expectEvaluatorGivesSamples(field, places, 1e-7);
     const Lattice lattice{Vec3d::Zero(), h};
@@ -454,13 +454,13 @@ TEST(MpuField, RefusesWhatItCannotFit)
     bare.positions.assign(10, Vec3f(1, 2, 3));
     EXPECT_THROW(fieldOf(bare, 0.1), InputError);
     const PointCloud cloud = test::randomScan("sphere(1)", 200);
-    Progress progress;
+    Interrupter progress;
     const auto expectRefused = [&](auto change) {
         MpuSettings settings;
         settings.voxelSize = 0.1;
         settings.tolerance = 0.01;
         change(settings);
-        EXPECT_THROW(MpuField(PointCloud(cloud), settings, progress), UsageError);
+        EXPECT_THROW(MpuField(PointCloud(cloud), settings, &progress), UsageError);
     };
     const double nan = std::nan(""), infinite = std::numeric_limits<double>::infinity();
     for (const double bad : {0.0, -1.0, nan, infinite}) {
@@ -475,7 +475,7 @@ TEST(MpuField, RefusesWhatItCannotFit)
 TEST(MpuField, AcceptsTheWholeRangeOfItsSettings)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 3000);
-    Progress progress;
+    Interrupter progress;
     for (const double alpha : {0.6, 2.0}) // as the header says
         for (const int minPoints : {6, 1000}) {
             MpuSettings settings;
@@ -483,7 +483,7 @@ TEST(MpuField, AcceptsTheWholeRangeOfItsSettings)
             settings.tolerance = 0.01;
             settings.alpha = alpha;
             settings.minPoints = minPoints;
-            const MpuField field(PointCloud(cloud), settings, progress);
+            const MpuField field(PointCloud(cloud), settings, &progress);
             EXPECT_LT(field.evaluate(Vec3d(0, 0, 0.5)).value, 0) << alpha << ' ' << minPoints;
             EXPECT_GT(field.evaluate(Vec3d(0, 0, 1.2)).value, 0) << alpha << ' ' << minPoints;
         }

@@ -370,31 +370,31 @@ PointCloud noisyScan(const std::string& solid, double points, double noise, doub
 
 TEST(Noise, OfNormalsIsMeasured)
 {
-    Progress progress;
+    Interrupter progress;
     for (const char* const solid : {"sphere(1)", "torus(1,0.4)", "box(2,2,1)"}) {
         for (const double degrees : {3.0, 10.0}) {
             for (const double noise : {0.0, 0.02}) {
                 const PointCloud cloud = noisyScan(solid, 40000, noise, degrees);
-                const double measured = measure(cloud, progress).normalNoise * 180 / M_PI;
+                const double measured = measure(cloud, &progress).normalNoise * 180 / M_PI;
                 EXPECT_NEAR(measured, degrees, 0.25 * degrees) << solid << " noise " << noise;
             }
         }
         const PointCloud exact = noisyScan(solid, 40000, 0, 0);
-        EXPECT_LT(measure(exact, progress).normalNoise, 0.02) << solid;
+        EXPECT_LT(measure(exact, &progress).normalNoise, 0.02) << solid;
     }
     PointCloud bare = noisyScan("sphere(1)", 5000, 0.01, 0);
     bare.normals.clear();
-    EXPECT_EQ(measure(bare, progress).normalNoise, 0);
+    EXPECT_EQ(measure(bare, &progress).normalNoise, 0);
 }
 
 // A thousand neighbors then fill a ball not much larger than the noise.
 TEST(Noise, OfDensePointsIsMeasured)
 {
-    Progress progress;
+    Interrupter progress;
     for (const char* const solid : {"torus(1,0.4)", "difference(box(2,2,1), cylinder(0.4,3))"}) {
         constexpr double kNoise = 0.03;
         const PointCloud cloud = noisyScan(solid, 300000, kNoise, 5);
-        EXPECT_NEAR(measure(cloud, progress).noise, kNoise, 0.15 * kNoise) << solid;
+        EXPECT_NEAR(measure(cloud, &progress).noise, kNoise, 0.15 * kNoise) << solid;
     }
 }
 
@@ -409,8 +409,8 @@ double meanOnSphere(const MpuField& field, Random& random)
 
 MpuSettings settingsFor(const PointCloud& cloud, double voxelSize)
 {
-    Progress progress;
-    const PointStatistics statistics = measure(cloud, progress);
+    Interrupter progress;
+    const PointStatistics statistics = measure(cloud, &progress);
     MpuSettings settings;
     settings.voxelSize = voxelSize;
     settings.tolerance = 0.1 * voxelSize;
@@ -425,10 +425,10 @@ TEST(Noise, MovesNoSphere)
 {
     constexpr double kNoise = 0.06, kShift = 2 * kNoise * kNoise;
     Random random(kSeed);
-    Progress progress;
+    Interrupter progress;
     PointCloud cloud = noisyScan("sphere(1)", 60000, kNoise, 5);
     const MpuSettings settings = settingsFor(cloud, 0.03);
-    const MpuField field(std::move(cloud), settings, progress);
+    const MpuField field(std::move(cloud), settings, &progress);
     // Standard error of 60 000 points' mean: 0.00025.
     EXPECT_LT(std::abs(meanOnSphere(field, random)), 0.25 * kShift) << "seed " << kSeed;
 }
@@ -460,14 +460,15 @@ double errorFrom(const std::string& solid, const LevelSet& levelSet)
 
 TEST(Noise, IsTakenOutOfTheGrid)
 {
-    Progress progress;
+    Interrupter progress;
     const double diagonal = std::sqrt(2.8 * 2.8 * 2 + 0.8 * 0.8);
     for (const double share : {0.005, 0.01}) {
         const double noise = share * diagonal;
         const Reconstruction made =
-            reconstruct(noisyScan("torus(1,0.4)", 100000, noise, 10), {}, progress);
+            reconstruct(noisyScan("torus(1,0.4)", 100000, noise, 10), {}, &progress);
         EXPECT_LT(errorFrom("torus(1,0.4)", made.levelSet), noise / 12) << share;
-        const CheckReport report = check(made.levelSet.grid(), progress);
+        const CheckReport report =
+            check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
         EXPECT_TRUE(report.sound()) << share << "\n" << test::texts(report);
     }
 }
@@ -481,12 +482,13 @@ TEST(Noise, LeavesThinWallsWhole)
     const char* const wall = "ellipsoid(1, 0.8, 0.03)";
     std::int64_t handles = 0;
     for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-        Progress progress;
+        Interrupter progress;
         const Reconstruction made =
-            reconstruct(noisyScan(wall, 60000, kNoise, 5, seed), {}, progress);
-        const CheckReport checked = check(made.levelSet.grid(), progress);
+            reconstruct(noisyScan(wall, 60000, kNoise, 5, seed), {}, &progress);
+        const CheckReport checked =
+            check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
         EXPECT_TRUE(checked.sound()) << seed << "\n" << test::texts(checked);
-        const MeshReport report = measure(extractMesh(made.levelSet, progress));
+        const MeshReport report = measure(extractMesh(made.levelSet, {}, &progress));
         handles += std::int64_t(report.components) - report.eulerCharacteristic / 2;
         EXPECT_LT(errorFrom(wall, made.levelSet), kNoise / 4) << seed;
     }
@@ -497,18 +499,19 @@ TEST(Noise, LeavesThinGapsOpen)
 {
     constexpr double kNoise = 0.02;
     const char* const gap = "difference(box(2, 2, 1), box(3, 3, 0.05))";
-    Progress progress;
-    const Reconstruction made = reconstruct(noisyScan(gap, 60000, kNoise, 5), {}, progress);
+    Interrupter progress;
+    const Reconstruction made = reconstruct(noisyScan(gap, 60000, kNoise, 5), {}, &progress);
     EXPECT_LT(errorFrom(gap, made.levelSet), 0.4 * kNoise);
 }
 
 // Fits of rods as thin as the noise disagree with each other.
 TEST(Noise, LeavesDistancesBesideThinRods)
 {
-    Progress progress;
+    Interrupter progress;
     const Reconstruction made =
-        reconstruct(noisyScan("torus(1, 0.05)", 30000, 0.04, 5), {}, progress);
-    const CheckReport checked = check(made.levelSet.grid(), progress);
+        reconstruct(noisyScan("torus(1, 0.05)", 30000, 0.04, 5), {}, &progress);
+    const CheckReport checked =
+        check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(checked.sound()) << test::texts(checked);
 }
 
@@ -522,13 +525,14 @@ TEST(Noise, LeavesLimbsAndPlatesSmooth)
     };
     for (const Part& part : {Part{"union(sphere(0.5), capsule(0.09, 2.6))", 0.03},
                              Part{"capsule(0.1, 2.4)", 0.026}, Part{"slab(2, 2, 0.15)", 0.028}}) {
-        Progress progress;
+        Interrupter progress;
         const Reconstruction made =
-            reconstruct(noisyScan(part.solid, 60000, part.noise, 0), {}, progress);
+            reconstruct(noisyScan(part.solid, 60000, part.noise, 0), {}, &progress);
         EXPECT_LT(errorFrom(part.solid, made.levelSet), 0.3 * part.noise) << part.solid;
-        const CheckReport checked = check(made.levelSet.grid(), progress);
+        const CheckReport checked =
+            check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
         EXPECT_TRUE(checked.sound()) << part.solid << "\n" << test::texts(checked);
-        const MeshReport report = measure(extractMesh(made.levelSet, progress));
+        const MeshReport report = measure(extractMesh(made.levelSet, {}, &progress));
         EXPECT_EQ(report.components, 1u) << part.solid;
         EXPECT_EQ(report.eulerCharacteristic, 2) << part.solid;
     }
@@ -536,20 +540,20 @@ TEST(Noise, LeavesLimbsAndPlatesSmooth)
 
 TEST(Noise, BelowAVoxelBlursNoEdges)
 {
-    Progress progress;
+    Interrupter progress;
     constexpr double kNoise = 0.003; // a sixth of a voxel
     const std::string solid = "difference(box(2,2,1), cylinder(0.4,3))";
-    const Reconstruction made = reconstruct(noisyScan(solid, 100000, kNoise, 0), {}, progress);
+    const Reconstruction made = reconstruct(noisyScan(solid, 100000, kNoise, 0), {}, &progress);
     EXPECT_LT(errorFrom(solid, made.levelSet), kNoise / 4);
 }
 
 // At its edges a few normals out of many are turned by a right angle or more from the mean.
 TEST(Noise, MakesNoHandlesAtEdges)
 {
-    Progress progress;
+    Interrupter progress;
     const Reconstruction made = reconstruct(
-        noisyScan("difference(box(2,2,1), cylinder(0.4,3))", 50000, 0.03, 10), {}, progress);
-    const MeshReport report = measure(extractMesh(made.levelSet, progress));
+        noisyScan("difference(box(2,2,1), cylinder(0.4,3))", 50000, 0.03, 10), {}, &progress);
+    const MeshReport report = measure(extractMesh(made.levelSet, {}, &progress));
     EXPECT_EQ(report.components, 1u);
     EXPECT_EQ(report.eulerCharacteristic, 0);
 }

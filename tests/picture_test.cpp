@@ -1,7 +1,7 @@
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/picture.h>
-#include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/Composite.h>
@@ -67,8 +67,8 @@ protected:
 
     Picture pictureOf(const LevelSet& levelSet, const PictureSettings& settings)
     {
-        Progress progress;
-        writePicture(mFolder / "a.png", levelSet, settings, progress);
+        Interrupter progress;
+        writePicture(mFolder / "a.png", levelSet, settings, &progress);
         return load(mFolder / "a.png");
     }
 
@@ -173,19 +173,19 @@ TEST_F(PictureFile, CanBeTakenFromEverywhere)
 
 TEST_F(PictureFile, RefusesNonsenseAndStops)
 {
-    Progress progress;
+    Interrupter progress;
     PictureSettings settings = small();
     settings.width = 15;
-    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, progress), UsageError);
+    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, &progress), UsageError);
     settings = small();
     settings.height = 8193;
-    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, progress), UsageError);
+    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, &progress), UsageError);
     settings = small();
     settings.azimuth = std::nan("");
-    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, progress), UsageError);
-    EXPECT_THROW(writePicture(mFolder / "no" / "b.png", sphere(), small(), progress), IoError);
+    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), settings, &progress), UsageError);
+    EXPECT_THROW(writePicture(mFolder / "no" / "b.png", sphere(), small(), &progress), IoError);
     progress.stop();
-    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), small(), progress), Interrupted);
+    EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), small(), &progress), Interrupted);
     EXPECT_TRUE(fs::is_empty(mFolder));
 }
 

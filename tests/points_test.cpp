@@ -1,7 +1,7 @@
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/normals.h>
 #include <mpuvdb/point_cloud.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
@@ -26,14 +26,14 @@ PointCloud sample(const std::string& solid, std::uint64_t points, double noise =
     s.points = points;
     s.pattern = pattern;
     s.noise = noise;
-    Progress progress;
-    return scan(*parseSolid(solid), s, progress);
+    Interrupter progress;
+    return scan(*parseSolid(solid), s, &progress);
 }
 
 PointStatistics measured(const PointCloud& cloud)
 {
-    Progress progress;
-    return measure(cloud, progress);
+    Interrupter progress;
+    return measure(cloud, &progress);
 }
 
 PointCloud shuffled(const PointCloud& cloud, std::vector<std::size_t>& order)
@@ -116,8 +116,8 @@ TEST(Measure, OutliersHardlyDisturb)
     s.points = 20000;
     s.outliers = 0.1;
     s.noise = 0.01;
-    Progress progress;
-    const PointStatistics m = measured(scan(*parseSolid("torus(1,0.3)"), s, progress));
+    Interrupter progress;
+    const PointStatistics m = measured(scan(*parseSolid("torus(1,0.3)"), s, &progress));
     EXPECT_NEAR(m.noise, 0.01, 0.0025);
 }
 
@@ -210,8 +210,8 @@ double shareRight(const std::string& solid, std::uint64_t points, double noise, 
     PointCloud cloud = sample(solid, points, noise, pattern);
     const std::vector<Vec3f> truth = cloud.normals;
     cloud.normals.clear();
-    Progress progress;
-    estimateNormals(cloud, {}, progress);
+    Interrupter progress;
+    estimateNormals(cloud, {}, &progress);
     double right = 0;
     const float cosine = float(std::cos(degrees * M_PI / 180));
     for (std::size_t i = 0; i < truth.size(); ++i) {
@@ -254,32 +254,32 @@ TEST(EstimateNormals, KnowsNoOrderAndNoThreads)
     cloud.normals.clear();
     std::vector<std::size_t> order;
     PointCloud other = shuffled(cloud, order);
-    Progress progress;
+    Interrupter progress;
     {
         tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
-        estimateNormals(cloud, 12, progress);
+        estimateNormals(cloud, 12, &progress);
     }
-    estimateNormals(other, 12, progress);
+    estimateNormals(other, 12, &progress);
     for (std::size_t i = 0; i < order.size(); ++i)
         ASSERT_EQ(other.normals[i], cloud.normals[order[i]]);
 }
 
 TEST(EstimateNormals, FewPoints)
 {
-    Progress progress;
+    Interrupter progress;
     PointCloud cloud = planeGrid(2, 1);
-    estimateNormals(cloud, 16, progress);
+    estimateNormals(cloud, 16, &progress);
     for (const Vec3f& n : cloud.normals) EXPECT_NEAR(std::abs(n.z()), 1, 1e-6);
     cloud.positions[1] = cloud.positions[0];
-    EXPECT_THROW(estimateNormals(cloud, 16, progress), InputError);
-    EXPECT_THROW(estimateNormals(cloud, 3, progress), UsageError);
+    EXPECT_THROW(estimateNormals(cloud, 16, &progress), InputError);
+    EXPECT_THROW(estimateNormals(cloud, 3, &progress), UsageError);
 
     PointCloud line;
     for (int i = 0; i < 500; ++i)
         line.positions.push_back(Vec3f(1, -2, 3) + float(i) * Vec3f(0.1f, 0.2f, 0.05f));
-    EXPECT_THROW(estimateNormals(line, {}, progress), InputError);
+    EXPECT_THROW(estimateNormals(line, {}, &progress), InputError);
     line.positions[250] += Vec3f(0.01f, 0, 0);
-    EXPECT_NO_THROW(estimateNormals(line, {}, progress));
+    EXPECT_NO_THROW(estimateNormals(line, {}, &progress));
 }
 
 struct TriangleMesh {

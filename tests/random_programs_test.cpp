@@ -124,8 +124,8 @@ private:
         if (kind > 1) return Shape(field, name);
         const LevelSet grid = sampled(*field, 0.7 * mVoxelSize, 3, mRandom.inCube(mVoxelSize));
         if (kind == 0) return Shape(grid, name + " as a grid");
-        Progress progress;
-        return Shape(std::make_shared<Mesh>(extractMesh(grid, progress)), name + " as a mesh");
+        Interrupter progress;
+        return Shape(std::make_shared<Mesh>(extractMesh(grid, {}, &progress)), name + " as a mesh");
     }
 
     Program boolean(int nodes)
@@ -163,9 +163,9 @@ private:
     {
         switch (mRandom.below(5)) {
         case 0:
-            return offset(p);
+            return offset(&p);
         case 1:
-            return shell(p);
+            return shell(&p);
         case 2:
             return twist(p);
         case 3: {
@@ -236,8 +236,8 @@ bool soundButForRim(const LevelSet& made)
 {
     constexpr double kCreased = 0.25; // of a band in which most voxels are near a crease
     constexpr std::uint64_t kFew = 3;
-    Progress progress;
-    const CheckReport report = check(made.grid(), progress, kCreased);
+    Interrupter progress;
+    const CheckReport report = check(made.grid(), kCreased, openvdb::CoordBBox::inf(), &progress);
     bool rim = false;
     for (const CheckFinding& finding : report.findings) {
         rim = finding.what.find("missing from the band") != std::string::npos;
@@ -280,8 +280,8 @@ void runPrograms(std::uint64_t first, int count)
         const int nodes = seed % 100 == 0 ? 30 : 2 + int(seed % 6);
         const Program program = programs.make(nodes);
         SCOPED_TRACE(fmt::format("seed {}", seed));
-        Progress progress;
-        const LevelSet made = program.shape.evaluate(settings, progress);
+        Interrupter progress;
+        const LevelSet made = program.shape.evaluate(settings, &progress);
         rims += soundButForRim(made);
         judged += judge(made, program, random);
         if (testing::Test::HasFailure()) FAIL() << program.shape.explain(settings);

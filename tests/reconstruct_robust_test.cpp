@@ -32,8 +32,8 @@ ReconstructSettings voxelsOf(double voxelSize)
 
 Reconstruction reconstructed(PointCloud cloud, double voxelSize)
 {
-    Progress progress;
-    return reconstruct(std::move(cloud), voxelsOf(voxelSize), progress);
+    Interrupter progress;
+    return reconstruct(std::move(cloud), voxelsOf(voxelSize), &progress);
 }
 
 // --- Where data end
@@ -193,8 +193,9 @@ TEST(Reconstruct, GivesTheSameGridFarFromTheOrigin)
 
     const openvdb::Vec3d world = there.levelSet.grid().indexToWorld(by.asVec3d());
     EXPECT_EQ(Vec3d(world[0], world[1], world[2]), shift);
-    Progress progress;
-    const CheckReport report = check(there.levelSet.grid(), progress);
+    Interrupter progress;
+    const CheckReport report =
+        check(there.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << test::texts(report);
     const FieldSample sample = there.field->evaluate(shift + Vec3d(1, 0, 0.2));
     EXPECT_NEAR(sample.value, near.field->evaluate(Vec3d(1, 0, 0.2)).value, tolerance);
@@ -219,8 +220,8 @@ TEST(Reconstruct, GivesTheRightSurfaceOfPointsScannedFarFromTheOrigin)
 TEST(Reconstruct, ChoosesWhatTheUserLeftOpen)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 10000);
-    Progress progress;
-    const ResolvedSettings open = resolve(cloud, {}, progress);
+    Interrupter progress;
+    const ResolvedSettings open = resolve(cloud, {}, &progress);
     // Random points are as far from each other as the area gives each of them.
     EXPECT_NEAR(open.fit.voxelSize, std::sqrt(4 * M_PI / 10000), 0.1 * open.fit.voxelSize);
     EXPECT_EQ(open.grid.lattice.voxelSize, open.fit.voxelSize);
@@ -230,22 +231,22 @@ TEST(Reconstruct, ChoosesWhatTheUserLeftOpen)
     ReconstructSettings given;
     given.voxels = 64;
     given.tolerance = Length::parse("0.25vx");
-    const ResolvedSettings resolved = resolve(cloud, given, progress);
+    const ResolvedSettings resolved = resolve(cloud, given, &progress);
     EXPECT_NEAR(resolved.fit.voxelSize, 2.0 / 64, 1e-3 / 64);
     EXPECT_DOUBLE_EQ(resolved.fit.tolerance, 0.25 * resolved.fit.voxelSize);
     given.voxels.reset();
     given.voxelSize = Length::parse("1%");
-    EXPECT_NEAR(resolve(cloud, given, progress).fit.voxelSize, 0.02 * std::sqrt(3.0), 1e-3);
+    EXPECT_NEAR(resolve(cloud, given, &progress).fit.voxelSize, 0.02 * std::sqrt(3.0), 1e-3);
 }
 
 TEST(Reconstruct, RefusesWhatMakesNoSense)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 1000);
-    Progress progress;
+    Interrupter progress;
     const auto run = [&](const PointCloud& points, auto change) {
         ReconstructSettings settings = voxelsOf(0.1);
         change(settings);
-        reconstruct(PointCloud(points), settings, progress);
+        reconstruct(PointCloud(points), settings, &progress);
     };
     const auto nothing = [](ReconstructSettings&) {};
     EXPECT_NO_THROW(run(cloud, nothing));
@@ -294,12 +295,12 @@ TEST(Reconstruct, RefusesWhatMakesNoSense)
 TEST(Reconstruct, StaysWithinItsMemory)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 10000);
-    Progress progress;
+    Interrupter progress;
     ReconstructSettings settings = voxelsOf(2.0 / 128);
     settings.maxBytes = 2000000;
-    EXPECT_THROW(reconstruct(PointCloud(cloud), settings, progress), LimitError);
+    EXPECT_THROW(reconstruct(PointCloud(cloud), settings, &progress), LimitError);
     settings.maxBytes = 2000000000;
-    EXPECT_NO_THROW(reconstruct(PointCloud(cloud), settings, progress));
+    EXPECT_NO_THROW(reconstruct(PointCloud(cloud), settings, &progress));
 }
 
 // --- Stopping
@@ -310,7 +311,7 @@ using Milliseconds = std::chrono::duration<double, std::milli>;
 /// How long a stop @a moment after the start takes; negative if the work ended before.
 Milliseconds stopLatency(const PointCloud& cloud, double voxelSize, Milliseconds moment)
 {
-    Progress progress;
+    Interrupter progress;
     PointCloud copy = cloud;
     std::atomic<Clock::rep> stoppedAt{0};
     std::thread stopper([&] {
@@ -320,7 +321,7 @@ Milliseconds stopLatency(const PointCloud& cloud, double voxelSize, Milliseconds
     });
     bool interrupted = false;
     try {
-        reconstruct(std::move(copy), voxelsOf(voxelSize), progress);
+        reconstruct(std::move(copy), voxelsOf(voxelSize), &progress);
     } catch (const Interrupted&) {
         interrupted = true;
     }
@@ -358,18 +359,18 @@ TEST(Reconstruct, StopsWithinAQuarterOfASecond)
 
 TEST(Reconstruct, StoppedBeforeItStartsDoesNothing)
 {
-    Progress progress;
+    Interrupter progress;
     progress.stop();
-    EXPECT_THROW(reconstruct(test::randomScan("sphere(1)", 1000), voxelsOf(0.1), progress),
+    EXPECT_THROW(reconstruct(test::randomScan("sphere(1)", 1000), voxelsOf(0.1), &progress),
                  Interrupted);
 }
 
 TEST(Reconstruct, ReportsStagesWithFractionsThatDoNotFall)
 {
     std::vector<std::pair<std::string, double>> heard;
-    Progress progress(
+    Interrupter progress(
         [&](const std::string& stage, double fraction) { heard.emplace_back(stage, fraction); });
-    reconstruct(test::randomScan("sphere(1)", 5000), voxelsOf(0.05), progress);
+    reconstruct(test::randomScan("sphere(1)", 5000), voxelsOf(0.05), &progress);
     for (std::size_t n = 0; n < heard.size(); ++n) {
         EXPECT_GE(heard[n].second, 0);
         EXPECT_LE(heard[n].second, 1);
@@ -387,10 +388,10 @@ TEST(Reconstruct, ReportsStagesWithFractionsThatDoNotFall)
 /// A level set that can be checked and meshed, or an InputError.
 void expectDefined(const PointCloud& cloud, double voxelSize)
 {
-    Progress progress;
+    Interrupter progress;
     try {
         const Reconstruction r = reconstructed(cloud, voxelSize);
-        const MeshReport mesh = measure(extractMesh(r.levelSet, progress));
+        const MeshReport mesh = measure(extractMesh(r.levelSet, {}, &progress));
         EXPECT_EQ(mesh.boundaryEdges, 0u);
         EXPECT_EQ(mesh.nonManifoldEdges, 0u);
         for (auto v = r.levelSet.grid().cbeginValueOn(); v; ++v)
@@ -437,8 +438,8 @@ TEST(Reconstruct, ClosesAFlatSheetBehind)
         for (const double voxelSize : {0.01, 0.02, 0.03, 0.05, 0.08}) {
             SCOPED_TRACE(fmt::format("{} {}", round ? "disc" : "square", voxelSize));
             const Reconstruction made = reconstructed(cloudOf(points, Vec3d::UnitZ()), voxelSize);
-            Progress progress;
-            const MeshReport mesh = measure(extractMesh(made.levelSet, progress));
+            Interrupter progress;
+            const MeshReport mesh = measure(extractMesh(made.levelSet, {}, &progress));
             EXPECT_EQ(mesh.components, 1u);
             EXPECT_EQ(mesh.boundaryEdges, 0u);
             EXPECT_EQ(mesh.eulerCharacteristic, 2);
@@ -452,9 +453,9 @@ TEST(Reconstruct, ClosesAFlatSheetBehind)
 TEST(Reconstruct, KeepsBoxesAlongTheAxes)
 {
     const auto measured = [](const std::string& solid, double points) {
-        Progress progress;
-        const Reconstruction made = reconstruct(test::randomScan(solid, points), {}, progress);
-        return measure(extractMesh(made.levelSet, progress));
+        Interrupter progress;
+        const Reconstruction made = reconstruct(test::randomScan(solid, points), {}, &progress);
+        return measure(extractMesh(made.levelSet, {}, &progress));
     };
     for (const double points : {300, 500, 1000, 3000}) {
         const MeshReport box = measured("box(1,1,1)", points);
@@ -480,9 +481,9 @@ TEST(Reconstruct, TakesObjectsFarApart)
     }
     ReconstructSettings settings = voxelsOf(0.1);
     settings.maxBytes = 200 << 20;
-    Progress progress;
-    const Reconstruction made = reconstruct(std::move(cloud), settings, progress);
-    const MeshReport mesh = measure(extractMesh(made.levelSet, progress));
+    Interrupter progress;
+    const Reconstruction made = reconstruct(std::move(cloud), settings, &progress);
+    const MeshReport mesh = measure(extractMesh(made.levelSet, {}, &progress));
     EXPECT_EQ(mesh.components, 2u);
     EXPECT_NEAR(mesh.volume, 2 * 4 * M_PI / 3, 0.2);
 }

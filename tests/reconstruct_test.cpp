@@ -31,29 +31,30 @@ Reconstruction reconstructed(const Model& model, double voxels, double spacing =
     const double h = model.extent / voxels;
     ReconstructSettings settings;
     settings.voxelSize = Length{h, Length::Unit::World};
-    Progress progress;
+    Interrupter progress;
     return reconstruct(test::randomScan(model.name, model.area / std::pow(spacing * h, 2)),
-                       settings, progress);
+                       settings, &progress);
 }
 
 Reconstruction reconstructed(PointCloud cloud, double voxelSize)
 {
     ReconstructSettings settings;
     settings.voxelSize = Length{voxelSize, Length::Unit::World};
-    Progress progress;
-    return reconstruct(std::move(cloud), settings, progress);
+    Interrupter progress;
+    return reconstruct(std::move(cloud), settings, &progress);
 }
 
 MeshReport meshOf(const LevelSet& levelSet)
 {
-    Progress progress;
-    return measure(extractMesh(levelSet, progress));
+    Interrupter progress;
+    return measure(extractMesh(levelSet, {}, &progress));
 }
 
 void expectSound(const LevelSet& levelSet)
 {
-    Progress progress;
-    const CheckReport report = check(levelSet.grid(), progress);
+    Interrupter progress;
+    const CheckReport report =
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << test::texts(report);
 }
 
@@ -148,8 +149,8 @@ TEST(Reconstruct, WallsAndSlotsThinnerThanTwoVoxelsAreWhereTheirPointsAre)
          {"box(2, 2, 0.08)", "difference(box(2, 2, 1), box(1.5, 0.08, 3))"}) {
         const auto solid = parseSolid(name);
         const Reconstruction r = reconstructed(test::randomScan(name, 60000), h);
-        Progress progress;
-        const Mesh mesh = extractMesh(r.levelSet, progress, {r.field.get()});
+        Interrupter progress;
+        const Mesh mesh = extractMesh(r.levelSet, {r.field.get()}, &progress);
         double sum = 0;
         for (std::uint32_t v = 0; v < mesh.positions.size(); ++v)
             sum += std::abs(solid->distance(mesh.world(v)));
@@ -183,9 +184,9 @@ PointCloud yard(int points)
 
 TEST(Reconstruct, UnevenPointsHaveLargerVoxels)
 {
-    Progress progress;
+    Interrupter progress;
     constexpr int kPoints = 30000;
-    const ResolvedSettings uneven = resolve(yard(kPoints), {}, progress);
+    const ResolvedSettings uneven = resolve(yard(kPoints), {}, &progress);
     const double h = uneven.grid.lattice.voxelSize;
     EXPECT_LT(6 * M_PI * 100 * 100 / (h * h), 20 * kPoints); // voxels of the band
     EXPECT_GT(6 * M_PI * 100 * 100 / std::pow(uneven.points.spacing, 2), 50 * kPoints);
@@ -193,7 +194,7 @@ TEST(Reconstruct, UnevenPointsHaveLargerVoxels)
     // The area that the points say is the disc's, to the deviation that some 1000 samples leave.
     EXPECT_NEAR(kPoints * uneven.points.areaPerPoint(), M_PI * 100 * 100, 0.15 * M_PI * 100 * 100);
     // Noise of spacings alone changes nothing.
-    const ResolvedSettings even = resolve(test::randomScan("sphere(1)", 5000), {}, progress);
+    const ResolvedSettings even = resolve(test::randomScan("sphere(1)", 5000), {}, &progress);
     EXPECT_EQ(even.grid.lattice.voxelSize, even.points.spacing);
     EXPECT_NEAR(5000 * even.points.areaPerPoint(), 4 * M_PI, 0.3 * 4 * M_PI);
 }

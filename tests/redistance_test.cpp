@@ -35,8 +35,8 @@ LevelSet sampled(const std::string& solid, double voxelSize = kVoxel, double hal
     SampleSettings settings;
     settings.lattice = {kOrigin, voxelSize};
     settings.halfWidth = halfWidth;
-    Progress progress;
-    return sampleField(*makeSolidField(parseSolid(solid)), settings, progress);
+    Interrupter progress;
+    return sampleField(*makeSolidField(parseSolid(solid)), settings, &progress);
 }
 
 struct Errors {
@@ -73,8 +73,9 @@ void expectErrors(const LevelSet& levelSet, const Distance& distance, double mea
 
 void expectSound(const LevelSet& levelSet, double gradientTolerance = 0.03)
 {
-    Progress progress;
-    const CheckReport report = check(levelSet.grid(), progress, gradientTolerance);
+    Interrupter progress;
+    const CheckReport report =
+        check(levelSet.grid(), gradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << test::texts(report);
     EXPECT_EQ(levelSet.grid().getName(), "surface");
 }
@@ -118,10 +119,10 @@ class Redistance : public testing::TestWithParam<Case>
 
 TEST_P(Redistance, WidensToTheExactDistance)
 {
-    Progress progress;
+    Interrupter progress;
     const auto solid = parseSolid(GetParam().solid);
     const LevelSet narrow = sampled(GetParam().solid);
-    const LevelSet wide = withHalfWidth(narrow, 6, progress);
+    const LevelSet wide = withHalfWidth(narrow, 6, &progress);
     EXPECT_DOUBLE_EQ(wide.halfWidth(), sampled("sphere(1)", kVoxel, 6).halfWidth());
     expectSound(wide);
     const auto exact = [&](const Vec3d& p) { return solid->distance(p); };
@@ -134,9 +135,9 @@ TEST_P(Redistance, WidensToTheExactDistance)
 
 TEST_P(Redistance, MakesDistancesOfOtherValues)
 {
-    Progress progress;
+    Interrupter progress;
     const auto solid = parseSolid(GetParam().solid);
-    const LevelSet made = redistance(*distorted(sampled(GetParam().solid)), 4, progress);
+    const LevelSet made = redistance(*distorted(sampled(GetParam().solid)), 4, &progress);
     expectSound(made);
     expectErrors(
         made, [&](const Vec3d& p) { return solid->distance(p); }, 0.012 + GetParam().mean,
@@ -145,9 +146,9 @@ TEST_P(Redistance, MakesDistancesOfOtherValues)
 
 TEST_P(Redistance, OffsetsAreTheDistanceLessTheShift)
 {
-    Progress progress;
+    Interrupter progress;
     const auto solid = parseSolid(GetParam().solid);
-    const LevelSet grown = offset(sampled(GetParam().solid), 7 * kVoxel, progress);
+    const LevelSet grown = offset(sampled(GetParam().solid), 7 * kVoxel, &progress);
     expectSound(grown);
     const auto exact = [&](const Vec3d& p) { return solid->distance(p) - 7 * kVoxel; };
     expectErrors(grown, exact, GetParam().mean, GetParam().largest);
@@ -178,19 +179,19 @@ double tubeDistance(const Vec3d& p, const Eigen::Matrix3d& turn, double inner, d
 
 TEST(Redistancing, IsExactBesideTheCreasesOfBooleans)
 {
-    Progress progress;
+    Interrupter progress;
     const LevelSet tube = combine(
         Boolean::Difference,
         {sampled("rotate(cylinder(0.9,1),1,2,3,40)"), sampled("rotate(cylinder(0.45,2),1,2,3,40)")},
-        0, progress);
+        0, &progress);
     const Eigen::Matrix3d turn =
         Eigen::AngleAxisd(40 * M_PI / 180, Vec3d(1, 2, 3).normalized()).toRotationMatrix();
     const auto exact = [&](const Vec3d& p) { return tubeDistance(p, turn, 0.45, 0.9, 1); };
-    const LevelSet made = redistance(tube.grid(), 4, progress);
+    const LevelSet made = redistance(tube.grid(), 4, &progress);
     expectSound(made);
     expectErrors(made, exact, 0.003, 0.15);
     // Inward, where all creases stay creases.
-    const LevelSet shrunk = offset(tube, -2.5 * kVoxel, progress);
+    const LevelSet shrunk = offset(tube, -2.5 * kVoxel, &progress);
     expectSound(shrunk);
     const double by = 5 * kVoxel;
     expectErrors(
@@ -203,7 +204,7 @@ TEST(Redistancing, IsExactBesideTheCreasesOfBooleans)
 // values does not tell where the nearest place is.
 TEST(Offset, GoesByTheZeroSetWhereValuesAreNoDistances)
 {
-    Progress progress;
+    Interrupter progress;
     const auto box = parseSolid("box(1.6,1.2,1.4)");
     const LevelSet start = sampled("box(1.6,1.2,1.4)");
     const FloatGrid::Ptr grid = start.grid().deepCopy();
@@ -211,7 +212,7 @@ TEST(Offset, GoesByTheZeroSetWhereValuesAreNoDistances)
         const Vec3d p = test::worldOf(start.lattice(), it.getCoord()).cwiseAbs();
         it.setValue(float((p - Vec3d(0.8, 0.6, 0.7)).maxCoeff()));
     }
-    const LevelSet grown = offset(LevelSet(grid), 7 * kVoxel, progress);
+    const LevelSet grown = offset(LevelSet(grid), 7 * kVoxel, &progress);
     expectErrors(
         grown, [&](const Vec3d& p) { return box->distance(p) - 7 * kVoxel; }, 0.0005, 0.01);
 }
@@ -219,20 +220,20 @@ TEST(Offset, GoesByTheZeroSetWhereValuesAreNoDistances)
 /// What noisy points on @a solid, some of them wrong, are reconstructed as.
 LevelSet reconstructed(const std::string& solid, double noise, double outliers)
 {
-    Progress progress;
+    Interrupter progress;
     PointCloud cloud = scanned(solid, 30000, Pattern::Random, noise, outliers);
-    clean(cloud, {}, progress);
-    return reconstruct(std::move(cloud), {}, progress).levelSet;
+    clean(cloud, {}, &progress);
+    return reconstruct(std::move(cloud), {}, &progress).levelSet;
 }
 
 /// The same surface with distances to the triangles of its mesh.
 LevelSet measuredAnew(const LevelSet& levelSet)
 {
-    Progress progress;
+    Interrupter progress;
     SampleSettings settings;
     settings.lattice = levelSet.lattice();
     settings.halfWidth = levelSet.halfWidth();
-    return voxelize(extractMesh(levelSet, progress), settings, progress);
+    return voxelize(extractMesh(levelSet, {}, &progress), settings, &progress);
 }
 
 struct Deviation {
@@ -265,17 +266,17 @@ TEST(Offset, OfNoisyPointsIsOneSmoothBody)
     };
     constexpr const char* kCross =
         "rotate(union(union(box(2,0.4,0.4),box(0.4,2,0.4)),box(0.4,0.4,2)),1,2,3,30)";
-    Progress progress;
+    Interrupter progress;
     for (const Input& input : {Input{kCross, 0.008, 0.01}, Input{"gear(12,1,0.5)", 0.01, 0}}) {
         const LevelSet body = reconstructed(input.solid, input.noise, input.outliers);
         const LevelSet exact = measuredAnew(body);
-        ASSERT_EQ(components(body, progress).size(), 1u) << input.solid;
+        ASSERT_EQ(components(body, &progress).size(), 1u) << input.solid;
         for (const double voxels : {2.0, 2.5, 2.8, 3.0, 3.5, 4.0}) {
             SCOPED_TRACE(fmt::format("{}, offset by {} voxels", input.solid, voxels));
             const double shift = voxels * body.voxelSize();
-            const LevelSet grown = offset(body, shift, progress);
-            EXPECT_EQ(components(grown, progress).size(), 1u);
-            const Deviation d = deviation(grown, offset(exact, shift, progress));
+            const LevelSet grown = offset(body, shift, &progress);
+            EXPECT_EQ(components(grown, &progress).size(), 1u);
+            const Deviation d = deviation(grown, offset(exact, shift, &progress));
             EXPECT_LE(std::abs(d.mean), 0.03);
             EXPECT_LE(d.rms, 0.1);
         }
@@ -284,9 +285,9 @@ TEST(Offset, OfNoisyPointsIsOneSmoothBody)
 
 TEST(Offset, InwardReachesIntoTheFullInside)
 {
-    Progress progress;
+    Interrupter progress;
     const LevelSet ball = sampled("sphere(1.5)");
-    const LevelSet shrunk = offset(ball, -20 * kVoxel, progress);
+    const LevelSet shrunk = offset(ball, -20 * kVoxel, &progress);
     expectSound(shrunk);
     const auto exact = [](const Vec3d& p) { return p.norm() - 1.5 + 20 * kVoxel; };
     expectErrors(shrunk, exact, 0.01, 0.06);
@@ -295,12 +296,12 @@ TEST(Offset, InwardReachesIntoTheFullInside)
 
 TEST(Offset, ThereAndBackIsTheSame)
 {
-    Progress progress;
+    Interrupter progress;
     for (const char* solid : {"sphere(1)", "torus(1,0.4)", "roundedbox(1.6,1.2,1.4,0.3)"}) {
         SCOPED_TRACE(solid);
         const auto exact = parseSolid(solid);
         const LevelSet start = sampled(solid);
-        const LevelSet back = offset(offset(start, 4 * kVoxel, progress), -4 * kVoxel, progress);
+        const LevelSet back = offset(offset(start, 4 * kVoxel, &progress), -4 * kVoxel, &progress);
         expectErrors(
             back, [&](const Vec3d& p) { return exact->distance(p); }, 0.004, 0.12);
     }
@@ -328,17 +329,17 @@ TEST(Offset, KeepsTheTipsOfAcuteEdges)
         const double half = 0.5 * degrees * M_PI / 180;
         const double radius = 0.7 / std::sin(half), c = radius * std::cos(half);
         const Lens lens{radius, c};
-        Progress progress;
+        Interrupter progress;
         const std::string ball = fmt::format("sphere({})", radius);
         const LevelSet both = combine(Boolean::Intersection,
                                       {sampled(fmt::format("translate({}, 0, 0, {})", ball, -c)),
                                        sampled(fmt::format("translate({}, 0, 0, {})", ball, c))},
-                                      0, progress);
+                                      0, &progress);
         // The tip ends up to a voxel and more beyond where signs show it.
         expectErrors(both, lens, 0.002, 0.05);
         for (const double shift : {2.0, 4.0, 8.0}) {
             SCOPED_TRACE(shift);
-            const LevelSet grown = offset(both, shift * kVoxel, progress);
+            const LevelSet grown = offset(both, shift * kVoxel, &progress);
             expectErrors(
                 grown, [&](const Vec3d& p) { return lens(p) - shift * kVoxel; }, 0.05, 0.5);
             expectSound(grown);
@@ -351,10 +352,10 @@ TEST(Offset, TellsItsProgress)
     const LevelSet ball = sampled("sphere(1)");
     for (const double voxels : {12.0, -12.0}) {
         std::vector<double> fractions;
-        Progress progress(
+        Interrupter progress(
             [&](const std::string&, double fraction) { fractions.push_back(fraction); });
         progress.beginStage("offset");
-        offset(ball, voxels * kVoxel, progress);
+        offset(ball, voxels * kVoxel, &progress);
         EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
         EXPECT_GE(fractions.size(), 5u);
         EXPECT_GT(fractions.back(), 0.5);
@@ -363,8 +364,8 @@ TEST(Offset, TellsItsProgress)
 
 TEST(Offset, ToNothingIsEmpty)
 {
-    Progress progress;
-    const LevelSet gone = offset(sampled("sphere(0.3)"), -0.5, progress);
+    Interrupter progress;
+    const LevelSet gone = offset(sampled("sphere(0.3)"), -0.5, &progress);
     EXPECT_EQ(gone.grid().activeVoxelCount(), 0u);
     EXPECT_GT(gone.grid().getConstAccessor().getValue({0, 0, 0}), 0);
     expectSound(gone);
@@ -372,11 +373,11 @@ TEST(Offset, ToNothingIsEmpty)
 
 TEST(Offset, BallsThatMeetHaveADistanceInTheirCrease)
 {
-    Progress progress;
+    Interrupter progress;
     const double radius = 0.5, apart = 0.65, shift = 8 * kVoxel;
     const LevelSet grown =
         offset(sampled("union(translate(sphere(0.5),-0.65,0,0),translate(sphere(0.5),0.65,0,0))"),
-               shift, progress);
+               shift, &progress);
     expectSound(grown);
     const double r = radius + shift, crease = std::sqrt(r * r - apart * apart);
     const auto exact = [&](const Vec3d& p) {
@@ -392,25 +393,25 @@ TEST(Offset, BallsThatMeetHaveADistanceInTheirCrease)
 
 TEST(Offset, RefusesWhatIsNoDistance)
 {
-    Progress progress;
+    Interrupter progress;
     const LevelSet ball = sampled("sphere(0.3)");
-    EXPECT_THROW(offset(ball, std::nan(""), progress), UsageError);
-    EXPECT_THROW(offset(ball, 1e9, progress), LimitError);
-    EXPECT_THROW(withHalfWidth(ball, 1, progress), UsageError);
-    EXPECT_THROW(redistance(ball.grid(), std::nan(""), progress), UsageError);
-    EXPECT_THROW(shell(ball, 0, Wall::Inward, progress), UsageError);
-    EXPECT_THROW(shell(ball, kVoxel, Wall::Inward, progress), LimitError);
+    EXPECT_THROW(offset(ball, std::nan(""), &progress), UsageError);
+    EXPECT_THROW(offset(ball, 1e9, &progress), LimitError);
+    EXPECT_THROW(withHalfWidth(ball, 1, &progress), UsageError);
+    EXPECT_THROW(redistance(ball.grid(), std::nan(""), &progress), UsageError);
+    EXPECT_THROW(shell(ball, 0, Wall::Inward, &progress), UsageError);
+    EXPECT_THROW(shell(ball, kVoxel, Wall::Inward, &progress), LimitError);
 }
 
 TEST(Shell, IsAWallBesideTheSurface)
 {
-    Progress progress;
+    Interrupter progress;
     const LevelSet ball = sampled("sphere(1)");
     const double thickness = 8 * kVoxel;
     const std::pair<Wall, double> walls[] = {
         {Wall::Inward, 1 - thickness / 2}, {Wall::Centered, 1}, {Wall::Outward, 1 + thickness / 2}};
     for (const auto& [wall, middle] : walls) {
-        const LevelSet made = shell(ball, thickness, wall, progress);
+        const LevelSet made = shell(ball, thickness, wall, &progress);
         expectSound(made);
         const auto exact = [&, m = middle](const Vec3d& p) {
             return std::abs(p.norm() - m) - thickness / 2;
@@ -422,33 +423,34 @@ TEST(Shell, IsAWallBesideTheSurface)
 
 TEST(Redistancing, AThinSlabKeepsBothSides)
 {
-    Progress progress;
+    Interrupter progress;
     const auto solid = parseSolid("box(1.5,1.5,0.06)"); // one and a half voxels thick
     const LevelSet slab = sampled("box(1.5,1.5,0.06)");
     const auto exact = [&](const Vec3d& p) { return solid->distance(p); };
-    expectErrors(redistance(slab.grid(), 3, progress), exact, 0.025, 0.7);
-    const LevelSet wide = withHalfWidth(slab, 5, progress);
+    expectErrors(redistance(slab.grid(), 3, &progress), exact, 0.025, 0.7);
+    const LevelSet wide = withHalfWidth(slab, 5, &progress);
     expectErrors(wide, exact, 0.01, 0.4);
     expectSigns(wide, exact, 30);
 }
 
 TEST(Redistancing, AnEmptyGridStaysEmpty)
 {
-    Progress progress;
+    Interrupter progress;
     const FloatGrid::Ptr grid = FloatGrid::create(0.3f);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setTransform(openvdb::math::Transform::createLinearTransform(0.1));
-    EXPECT_EQ(redistance(*grid, 3, progress).grid().activeVoxelCount(), 0u);
-    EXPECT_EQ(offset(LevelSet(grid), 1, progress).grid().activeVoxelCount(), 0u);
-    EXPECT_EQ(withHalfWidth(LevelSet(grid), 5, progress).halfWidth(), double(float(5 * 0.1)) / 0.1);
+    EXPECT_EQ(redistance(*grid, 3, &progress).grid().activeVoxelCount(), 0u);
+    EXPECT_EQ(offset(LevelSet(grid), 1, &progress).grid().activeVoxelCount(), 0u);
+    EXPECT_EQ(withHalfWidth(LevelSet(grid), 5, &progress).halfWidth(),
+              double(float(5 * 0.1)) / 0.1);
 }
 
 TEST(Redistancing, ErrorFallsWithTheSquareOfTheVoxelSize)
 {
-    Progress progress;
+    Interrupter progress;
     std::vector<double> means; // world units
     for (const double h : {0.08, 0.04, 0.02}) {
-        const LevelSet made = redistance(*distorted(sampled("torus(1,0.4)", h)), 3, progress);
+        const LevelSet made = redistance(*distorted(sampled("torus(1,0.4)", h)), 3, &progress);
         const auto solid = parseSolid("torus(1,0.4)");
         means.push_back(h *
                         errorsOf(made, [&](const Vec3d& p) { return solid->distance(p); }).mean);
@@ -464,12 +466,12 @@ TEST(Redistancing, NothingDependsOnThreadsAndInputsStay)
     std::string first;
     for (const std::size_t threads : {1, 2, 5}) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        Progress progress;
+        Interrupter progress;
         const std::string bytes =
-            test::treeBytes(redistance(start.grid(), 4, progress).grid()) +
-            test::treeBytes(offset(start, 0.3, progress).grid()) +
-            test::treeBytes(offset(start, -0.2, progress).grid()) +
-            test::treeBytes(shell(start, 0.2, Wall::Centered, progress).grid());
+            test::treeBytes(redistance(start.grid(), 4, &progress).grid()) +
+            test::treeBytes(offset(start, 0.3, &progress).grid()) +
+            test::treeBytes(offset(start, -0.2, &progress).grid()) +
+            test::treeBytes(shell(start, 0.2, Wall::Centered, &progress).grid());
         if (first.empty()) first = bytes;
         EXPECT_EQ(bytes == first, true) << threads << " threads";
     }
@@ -480,14 +482,14 @@ TEST(Redistancing, StopsWithinAQuarterSecond)
 {
     using Clock = std::chrono::steady_clock;
     const LevelSet ball = sampled("sphere(3)", 0.02);
-    Progress progress;
+    Interrupter progress;
     Clock::time_point stopped;
     std::thread stopper([&] {
         std::this_thread::sleep_for(std::chrono::milliseconds(60));
         stopped = Clock::now();
         progress.stop();
     });
-    EXPECT_THROW(offset(ball, 60 * 0.02, progress), Interrupted);
+    EXPECT_THROW(offset(ball, 60 * 0.02, &progress), Interrupted);
     const auto late = Clock::now();
     stopper.join();
     EXPECT_LT(std::chrono::duration<double>(late - stopped).count(), 0.25);

@@ -64,21 +64,22 @@ std::array<Length, 6> lengths(const Box3d& box)
 void expectSameInRegions(const PointCloud& cloud, ReconstructSettings settings, std::uint64_t seed,
                          int regions, double voxels)
 {
-    Progress progress;
-    const LevelSet whole = reconstruct(PointCloud(cloud), settings, progress).levelSet;
-    const CheckReport wholeReport = check(whole.grid(), progress);
+    Interrupter progress;
+    const LevelSet whole = reconstruct(PointCloud(cloud), settings, &progress).levelSet;
+    const CheckReport wholeReport =
+        check(whole.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(wholeReport.sound()) << test::texts(wholeReport);
     test::Random random(seed);
     for (int n = 0; n < regions; ++n) {
         const Box3d box = randomBox(whole, random, voxels);
         settings.region = lengths(box);
-        const Reconstruction part = reconstruct(PointCloud(cloud), settings, progress);
+        const Reconstruction part = reconstruct(PointCloud(cloud), settings, &progress);
         const CoordBBox inside = voxelsIn(box, whole.lattice());
         EXPECT_EQ(differences(part.levelSet, whole, inside), 0u)
             << "seed " << seed << " " << inside;
         EXPECT_TRUE(inside.isInside(part.levelSet.grid().evalActiveVoxelBoundingBox()));
         const CheckReport report =
-            check(part.levelSet.grid(), progress, kGradientTolerance, inside);
+            check(part.levelSet.grid(), kGradientTolerance, inside, &progress);
         EXPECT_TRUE(report.sound()) << test::texts(report);
     }
 }
@@ -115,13 +116,13 @@ TEST(Region, IsTheSameAsTheWholeOnScans)
 {
     const char* const folder = std::getenv("MPUVDB_DATA_DIR");
     if (!folder) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
-    Progress progress;
+    Interrupter progress;
     for (const char* name :
          {"bunny/bun000.ply", "bunny/bun.conf", "dragon_stand/dragonStandRight.conf"}) {
         SCOPED_TRACE(name);
         PointInput input =
-            readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, progress, {});
-        clean(input.cloud, {}, progress);
+            readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, {}, {}, &progress);
+        clean(input.cloud, {}, &progress);
         ReconstructSettings settings;
         settings.voxels = 250;
         expectSameInRegions(input.cloud, settings, 6, 5, 60);
@@ -136,9 +137,9 @@ TEST(Region, DoesNotDependOnThreads)
     std::vector<std::string> bytes;
     for (const std::size_t threads : {1u, 2u, 8u}) {
         tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        Progress progress;
+        Interrupter progress;
         bytes.push_back(
-            test::treeBytes(reconstruct(PointCloud(cloud), settings, progress).levelSet.grid()));
+            test::treeBytes(reconstruct(PointCloud(cloud), settings, &progress).levelSet.grid()));
     }
     EXPECT_TRUE(bytes[0] == bytes[1]);
     EXPECT_TRUE(bytes[0] == bytes[2]);
@@ -146,20 +147,20 @@ TEST(Region, DoesNotDependOnThreads)
 
 TEST(Region, KnowsInsideFromOutsideWithoutASurface)
 {
-    Progress progress;
+    Interrupter progress;
     SampleSettings settings;
     settings.lattice.voxelSize = 1.0 / 32;
     const auto ball = makeSolidField(parseSolid("sphere(1)"));
     for (const Vec3d& center : {Vec3d(0, 0, 0), Vec3d(5, 0, 0)}) {
         settings.region = Box3d(center - Vec3d::Constant(0.1), center + Vec3d::Constant(0.1));
-        const LevelSet part = sampleField(*ball, settings, progress);
+        const LevelSet part = sampleField(*ball, settings, &progress);
         EXPECT_EQ(part.grid().activeVoxelCount(), 0u);
     }
     // Half of it inside: tiles there are.
     settings.region = Box3d(Vec3d(0, -0.3, -0.3), Vec3d(1.2, 0.3, 0.3));
-    const LevelSet part = sampleField(*ball, settings, progress);
+    const LevelSet part = sampleField(*ball, settings, &progress);
     settings.region.reset();
-    const LevelSet whole = sampleField(*ball, settings, progress);
+    const LevelSet whole = sampleField(*ball, settings, &progress);
     EXPECT_EQ(
         differences(part, whole,
                     voxelsIn(Box3d(Vec3d(0, -0.3, -0.3), Vec3d(1.2, 0.3, 0.3)), settings.lattice)),
@@ -169,14 +170,14 @@ TEST(Region, KnowsInsideFromOutsideWithoutASurface)
 TEST(Region, KnowsInsideFromOutsideFarFromTheSurface)
 {
     // Of a node of the tree (128 voxels) the part that is looked at lies inside, without a surface.
-    Progress progress;
+    Interrupter progress;
     SampleSettings settings;
     settings.lattice.voxelSize = 1.0 / 160;
     const auto ball = makeSolidField(parseSolid("sphere(1)"));
-    const LevelSet whole = sampleField(*ball, settings, progress);
+    const LevelSet whole = sampleField(*ball, settings, &progress);
     const Box3d box(Vec3d(0.6, -0.1, -0.1), Vec3d(1.1, 0.1, 0.1));
     settings.region = box;
-    const LevelSet part = sampleField(*ball, settings, progress);
+    const LevelSet part = sampleField(*ball, settings, &progress);
     EXPECT_EQ(differences(part, whole, voxelsIn(box, settings.lattice)), 0u);
 }
 
@@ -224,28 +225,28 @@ private:
 
 TEST(Region, HasNoBandWhereTheFieldOnlyComesNearToZero)
 {
-    Progress progress;
+    Interrupter progress;
     SampleSettings settings;
     settings.lattice.voxelSize = NearMiss::kVoxel;
-    const LevelSet whole = sampleField(NearMiss(), settings, progress);
+    const LevelSet whole = sampleField(NearMiss(), settings, &progress);
     for (const double low : {0.9, 1.9}) { // with the ball's surface, and without
         const Box3d box(Vec3d(low, -0.2, -0.2), Vec3d(2.1, 0.2, 0.2));
         settings.region = box;
-        const LevelSet part = sampleField(NearMiss(), settings, progress);
+        const LevelSet part = sampleField(NearMiss(), settings, &progress);
         EXPECT_EQ(differences(part, whole, voxelsIn(box, settings.lattice)), 0u);
     }
 }
 
 TEST(Region, RefusesWhatIsNone)
 {
-    Progress progress;
+    Interrupter progress;
     const PointCloud cloud = test::randomScan("sphere(1)", 2000);
     ReconstructSettings settings = voxelSize(0.1);
     settings.region = lengths({Vec3d(1, 0, 0), Vec3d(0, 1, 1)});
-    EXPECT_THROW(reconstruct(PointCloud(cloud), settings, progress), UsageError);
+    EXPECT_THROW(reconstruct(PointCloud(cloud), settings, &progress), UsageError);
     SampleSettings sampling;
     sampling.region = Box3d(Vec3d(0, 0, 0), Vec3d(0, 0, std::nan("")));
-    EXPECT_THROW(sampleField(*makeSolidField(parseSolid("sphere(1)")), sampling, progress),
+    EXPECT_THROW(sampleField(*makeSolidField(parseSolid("sphere(1)")), sampling, &progress),
                  UsageError);
 }
 

@@ -92,8 +92,8 @@ protected:
 TEST_F(RoundedPositions, OfTheCaseAreSaid)
 {
     MPUVDB_CASE(file, "T25-utm-in-float32.ply");
-    Progress progress;
-    const PointInput input = readPoints({file}, BadPoints::Drop, progress);
+    Interrupter progress;
+    const PointInput input = readPoints({file}, BadPoints::Drop, {}, {}, &progress);
     ASSERT_EQ(input.warnings.size(), 1u);
     for (const char* said :
          {"0.03125 in x and 0.25 in y", "floats of 32 bits", "subtract an offset"})
@@ -153,11 +153,11 @@ TEST_F(RoundedPositions, OfFloatsAreSaidOnFlatSurfaces)
 
 TEST_F(RoundedPositions, OfArraysAreSaid)
 {
-    Progress progress;
+    Interrupter progress;
     PointArrays arrays;
     for (const Vec3d& p : ball(4, 20000, {412345.678, 5412345.678, 210.5}))
         arrays.positions.push_back(p.cast<float>().cast<double>());
-    const PointInput input = importPoints(std::move(arrays), "points", BadPoints::Drop, progress);
+    const PointInput input = importPoints(std::move(arrays), "points", BadPoints::Drop, &progress);
     ASSERT_EQ(input.warnings.size(), 1u);
     EXPECT_NE(input.warnings[0].find("0.5 in y"), std::string::npos) << input.warnings[0];
 }
@@ -250,9 +250,9 @@ TEST_F(RoundedPositions, AreNotInRealScans)
              std::filesystem::directory_iterator(std::filesystem::path(folder) / sub)) {
             const std::string extension = entry.path().extension().string();
             if (extension.empty() || extension == ".conf") continue;
-            Progress progress;
+            Interrupter progress;
             for (const std::string& warning :
-                 readPoints({entry.path()}, BadPoints::Drop, progress).warnings)
+                 readPoints({entry.path()}, BadPoints::Drop, {}, {}, &progress).warnings)
                 ADD_FAILURE() << warning;
             ++files;
         }

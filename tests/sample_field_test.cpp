@@ -27,14 +27,14 @@ LevelSet sampled(const Field& field, double voxelSize, double halfWidth = 3,
     SampleSettings settings;
     settings.lattice = {origin, voxelSize};
     settings.halfWidth = halfWidth;
-    Progress progress;
-    return sampleField(field, settings, progress);
+    Interrupter progress;
+    return sampleField(field, settings, &progress);
 }
 
 CheckReport checked(const LevelSet& levelSet)
 {
-    Progress progress;
-    return check(levelSet.grid(), progress);
+    Interrupter progress;
+    return check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
 }
 
 /// Call f(voxel) for all voxels of a box @a margin voxels larger than @a bounds.
@@ -150,8 +150,8 @@ TEST(SampleField, FindsPartsThatDoNotMeet)
     for (const Vec3i& inside : {Vec3i(-64, 0, 0), Vec3i(96, 32, 0), Vec3i(0, 0, 160)})
         EXPECT_LT(at.getValue(Coord(inside[0], inside[1], inside[2])), 0);
     EXPECT_GT(at.getValue(Coord(0, 0, 0)), 0);
-    Progress progress;
-    const MeshReport mesh = measure(extractMesh(levelSet, progress));
+    Interrupter progress;
+    const MeshReport mesh = measure(extractMesh(levelSet, {}, &progress));
     EXPECT_EQ(mesh.components, 3u);
     EXPECT_EQ(mesh.eulerCharacteristic, 6);
     EXPECT_TRUE(checked(levelSet).sound()) << test::texts(checked(levelSet));
@@ -249,8 +249,8 @@ std::uint64_t openSignChanges(const LevelSet& levelSet)
 void expectClosed(const LevelSet& levelSet)
 {
     EXPECT_EQ(openSignChanges(levelSet), 0u);
-    Progress progress;
-    const MeshReport mesh = measure(extractMesh(levelSet, progress));
+    Interrupter progress;
+    const MeshReport mesh = measure(extractMesh(levelSet, {}, &progress));
     EXPECT_GT(mesh.triangles, 0u);
     EXPECT_EQ(mesh.boundaryEdges, 0u);
     EXPECT_EQ(mesh.nonManifoldEdges, 0u);
@@ -294,9 +294,9 @@ TEST(SampleField, KeepsTheSurfaceWhereValuesRiseTooFast)
     const LevelSet levelSet =
         sampled(FunctionField(steepBall, Box3d(Vec3d::Constant(-1), Vec3d::Constant(1))), h);
     EXPECT_TRUE(checked(levelSet).sound()) << test::texts(checked(levelSet));
-    Progress progress;
+    Interrupter progress;
     double farthest = 0, turned = 0;
-    const Mesh mesh = extractMesh(levelSet, progress);
+    const Mesh mesh = extractMesh(levelSet, {}, &progress);
     for (const Mesh::Triangle& t : mesh.triangles) {
         std::array<Vec3d, 3> corner;
         for (std::size_t k = 0; k < 3; ++k) {
@@ -347,11 +347,11 @@ TEST(SampleField, StaysWithinItsMemory)
     const FieldPtr field = makeSolidField(parseSolid("sphere(1)"));
     SampleSettings settings;
     settings.lattice.voxelSize = 1.0 / 64;
-    Progress progress;
+    Interrupter progress;
     settings.maxBytes = 1000000;
-    EXPECT_THROW(sampleField(*field, settings, progress), LimitError);
+    EXPECT_THROW(sampleField(*field, settings, &progress), LimitError);
     settings.maxBytes = 1000000000;
-    EXPECT_NO_THROW(sampleField(*field, settings, progress));
+    EXPECT_NO_THROW(sampleField(*field, settings, &progress));
 }
 
 TEST(SampleField, SetsWhatALevelSetIs)
@@ -360,9 +360,9 @@ TEST(SampleField, SetsWhatALevelSetIs)
     settings.lattice = {Vec3d(10, -20, 30), 0.1};
     settings.halfWidth = 4;
     settings.name = "skin";
-    Progress progress;
+    Interrupter progress;
     const LevelSet levelSet = sampleField(
-        *makeSolidField(parseSolid("translate(sphere(1), 10, -20, 30)")), settings, progress);
+        *makeSolidField(parseSolid("translate(sphere(1), 10, -20, 30)")), settings, &progress);
     EXPECT_EQ(levelSet.grid().getGridClass(), openvdb::GRID_LEVEL_SET);
     EXPECT_EQ(levelSet.grid().getName(), "skin");
     EXPECT_NEAR(levelSet.halfWidth(), 4, 1e-6);

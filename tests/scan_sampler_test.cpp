@@ -1,7 +1,7 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
@@ -42,8 +42,8 @@ std::vector<std::string> allSolids()
 
 PointCloud take(const Solid& solid, const ScanSettings& settings)
 {
-    Progress progress;
-    return scan(solid, settings, progress);
+    Interrupter progress;
+    return scan(solid, settings, &progress);
 }
 
 PointCloud take(const std::string& solid, const ScanSettings& settings)
@@ -540,9 +540,9 @@ TEST(Scan, RefusesSettingsOutOfRange)
 
 TEST(Scan, Stops)
 {
-    Progress progress;
+    Interrupter progress;
     progress.stop();
-    EXPECT_THROW(scan(*parseSolid("sphere(1)"), {}, progress), Interrupted);
+    EXPECT_THROW(scan(*parseSolid("sphere(1)"), {}, &progress), Interrupted);
 }
 
 } // namespace

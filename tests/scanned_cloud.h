@@ -1,6 +1,6 @@
 // Clouds of the virtual scanner, whose truth is known.
 #pragma once
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <string>
@@ -20,8 +20,8 @@ inline PointCloud scanned(const std::string& solid, std::uint64_t points, Patter
     s.noise = noise;
     s.outliers = outliers;
     s.seed = kSeed;
-    Progress progress;
-    return scan(*parseSolid(solid), s, progress);
+    Interrupter progress;
+    return scan(*parseSolid(solid), s, &progress);
 }
 
 } // namespace mpuvdb

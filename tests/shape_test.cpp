@@ -1,6 +1,6 @@
 // Shapes: what is planned, that it is enough, and that it is no more than is needed.
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/scan_sampler.h>
 #include <mpuvdb/shape.h>
 
@@ -37,21 +37,22 @@ ShapeSettings voxels(double size, double halfWidth = 3)
 
 LevelSet evaluated(const Shape& shape, const ShapeSettings& settings)
 {
-    Progress progress;
-    return shape.evaluate(settings, progress);
+    Interrupter progress;
+    return shape.evaluate(settings, &progress);
 }
 
 void expectSound(const LevelSet& levelSet)
 {
-    Progress progress;
-    const CheckReport report = check(levelSet.grid(), progress);
+    Interrupter progress;
+    const CheckReport report =
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     for (const CheckFinding& finding : report.findings) ADD_FAILURE() << finding.what;
 }
 
 double volume(const LevelSet& levelSet)
 {
-    Progress progress;
-    return measure(levelSet, progress).volume;
+    Interrupter progress;
+    return measure(levelSet, &progress).volume;
 }
 
 /// A field that counts how often it is sampled.
@@ -126,11 +127,11 @@ TEST(Shape, ExplainEndsWithWhatTheLimitIsComparedWith)
     }
     EXPECT_GE(megabytes, most - 0.05);
     EXPECT_LE(megabytes, all + 0.05);
-    Progress progress;
+    Interrupter progress;
     settings.maxBytes = std::uint64_t((megabytes + 0.1) * 1e6);
-    EXPECT_NO_THROW(shape.evaluate(settings, progress));
+    EXPECT_NO_THROW(shape.evaluate(settings, &progress));
     settings.maxBytes = std::uint64_t((megabytes - 0.1) * 1e6);
-    EXPECT_THROW(shape.evaluate(settings, progress), LimitError);
+    EXPECT_THROW(shape.evaluate(settings, &progress), LimitError);
 }
 
 TEST(Shape, WhatIsSharedIsMadeOnce)
@@ -148,8 +149,8 @@ TEST(Shape, WhatIsSharedIsMadeOnce)
 TEST(Shape, WithoutEndNeedsAnIntersection)
 {
     const Shape half(makeHalfSpace(Vec3d::Zero(), Vec3d(1, 1, 0)), "half-space");
-    Progress progress;
-    EXPECT_THROW(half.evaluate(voxels(0.1), progress), UsageError);
+    Interrupter progress;
+    EXPECT_THROW(half.evaluate(voxels(0.1), &progress), UsageError);
     const auto settings = voxels(1.0 / 32);
     const LevelSet dome = evaluated(solid("sphere(1)") & half, settings);
     expectSound(dome);
@@ -165,9 +166,9 @@ TEST(Shape, MemoryIsRefusedBeforeItIsTaken)
     const auto field = counted("sphere(1)");
     auto settings = voxels(0.01);
     settings.maxBytes = 1 << 20;
-    Progress progress;
+    Interrupter progress;
     try {
-        Shape(field, "ball").offset(0.1).evaluate(settings, progress);
+        Shape(field, "ball").offset(0.1).evaluate(settings, &progress);
         FAIL() << "a megabyte cannot be enough";
     } catch (const LimitError& error) {
         EXPECT_NE(std::string(error.what()).find("voxels of size"), std::string::npos);
@@ -239,10 +240,11 @@ TEST(Shape, AMotionGoesToTheLeaves)
 
 TEST(Shape, ALevelSetKeepsItsLattice)
 {
-    Progress progress;
+    Interrupter progress;
     SampleSettings sampling;
     sampling.lattice = {Vec3d(0.013, 0.002, -0.007), 0.05};
-    const LevelSet ball = sampleField(*makeSolidField(parseSolid("sphere(1)")), sampling, progress);
+    const LevelSet ball =
+        sampleField(*makeSolidField(parseSolid("sphere(1)")), sampling, &progress);
     const LevelSet same = evaluated(Shape(ball), voxels(0.05));
     EXPECT_TRUE(same.grid().tree().hasSameTopology(ball.grid().tree()));
     for (auto it = ball.grid().cbeginValueOn(); it; ++it)

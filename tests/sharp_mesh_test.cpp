@@ -124,9 +124,9 @@ TEST_P(SharpParts, KeepTheirEdges)
     const FieldPtr field = makeSolidField(solid);
     const LevelSet levelSet = sampled(*field, h);
     const Fit before = fitOf(yardstick(levelSet), *solid, h);
-    Progress progress;
+    Interrupter progress;
     for (const bool hasField : {false, true}) {
-        const Mesh mesh = extractMesh(levelSet, progress, {hasField ? field.get() : nullptr});
+        const Mesh mesh = extractMesh(levelSet, {hasField ? field.get() : nullptr}, &progress);
         const MeshReport report = measure(mesh);
         EXPECT_EQ(report.boundaryEdges, 0u);
         EXPECT_EQ(report.nonManifoldEdges, 0u);
@@ -161,11 +161,11 @@ TEST(SharpShapes, AreAsExactAsTheirFormulas)
     const Shape shape = (leaf("box(2,2,1)") - leaf("cylinder(0.6,3)")).moved(Eigen::Affine3d(turn));
     const auto solid = parseSolid("rotate(difference(box(2,2,1),cylinder(0.6,3)),1,2,3,33)");
     ASSERT_TRUE(shape.field());
-    Progress progress;
+    Interrupter progress;
     ShapeSettings settings;
     settings.voxelSize = h;
-    const LevelSet levelSet = shape.evaluate(settings, progress);
-    const Mesh mesh = extractMesh(levelSet, progress, {shape.field().get()});
+    const LevelSet levelSet = shape.evaluate(settings, &progress);
+    const Mesh mesh = extractMesh(levelSet, {shape.field().get()}, &progress);
     const Fit fit = fitOf(mesh, *solid, h), before = fitOf(yardstick(levelSet), *solid, h);
     EXPECT_LT(fit.nearCreases, 0.01) << "voxels";
     EXPECT_LT(fit.nearCreases * 8, before.nearCreases);
@@ -188,11 +188,11 @@ TEST_P(ScannedParts, KeepTheEdgesOfExactPoints)
     ScanSettings random;
     random.pattern = ScanSettings::Pattern::Random;
     random.points = std::size_t(2 * 13 / (h * h)); // two for each voxel that the surface passes
-    Progress progress;
+    Interrupter progress;
     ReconstructSettings settings;
     settings.voxelSize = Length{h};
-    const Reconstruction made = reconstruct(scan(*solid, random, progress), settings, progress);
-    const Mesh mesh = extractMesh(made.levelSet, progress, {made.field.get()});
+    const Reconstruction made = reconstruct(scan(*solid, random, &progress), settings, &progress);
+    const Mesh mesh = extractMesh(made.levelSet, {made.field.get()}, &progress);
     const Fit fit = fitOf(mesh, *solid, h), before = fitOf(yardstick(made.levelSet), *solid, h);
     EXPECT_LT(fit.nearCreases, 0.02) << "voxels";
     EXPECT_LT(fit.nearCreases * 5, before.nearCreases);
@@ -254,12 +254,12 @@ TEST(FlatFaces, KeepTheirDullFolds)
         for (Vec3f& p : part.positions) p = (turn * p.cast<double>()).cast<float>();
         SampleSettings settings;
         settings.lattice.voxelSize = 1.0 / 40; // a side is 4 voxels wide and more
-        Progress progress;
-        const LevelSet levelSet = voxelize(part, settings, progress);
+        Interrupter progress;
+        const LevelSet levelSet = voxelize(part, settings, &progress);
         const auto error = [&](const Mesh& mesh) {
             return sideNormalError(mesh, sides, turn.conjugate());
         };
-        const double kept = error(extractMesh(levelSet, progress));
+        const double kept = error(extractMesh(levelSet, {}, &progress));
         EXPECT_LT(kept, 0.03 * 360 / sides) << "degrees, " << sides << " sides";
         EXPECT_LT(5 * kept, error(yardstick(levelSet))) << sides << " sides";
     }
@@ -295,13 +295,13 @@ TEST(FlatFaces, OfExactPointsKeepTheirDullFolds)
     const double h = 1.0 / 60; // a side is nine voxels wide
     ReconstructSettings settings;
     settings.voxelSize = Length{h};
-    Progress progress;
+    Interrupter progress;
     const Reconstruction made =
-        reconstruct(pointsOn(prism(sides), std::size_t(2 * 13 / (h * h))), settings, progress);
+        reconstruct(pointsOn(prism(sides), std::size_t(2 * 13 / (h * h))), settings, &progress);
     const auto error = [&](const Mesh& mesh) {
         return sideNormalError(mesh, sides, Eigen::Quaterniond::Identity());
     };
-    const double kept = error(extractMesh(made.levelSet, progress, {made.field.get()}));
+    const double kept = error(extractMesh(made.levelSet, {made.field.get()}, &progress));
     EXPECT_LT(3 * kept, error(yardstick(made.levelSet)));
     EXPECT_LT(kept, 0.03 * 360 / sides) << "degrees";
 }
@@ -313,8 +313,8 @@ TEST(SmoothMeshes, ConvergeWithSecondOrderAndHaveGoodAngles)
     std::vector<double> errors;
     for (const double h : {0.1, 0.05, 0.025}) {
         const FieldPtr field = makeSolidField(parseSolid("translate(sphere(1),0.013,0.027,0.009)"));
-        Progress progress;
-        const Mesh mesh = extractMesh(sampled(*field, h), progress);
+        Interrupter progress;
+        const Mesh mesh = extractMesh(sampled(*field, h), {}, &progress);
         double worst = 0;
         std::vector<double> angles;
         for (const Mesh::Triangle& t : mesh.triangles) {
@@ -431,15 +431,15 @@ TEST(ManifoldMeshes, OfRandomSolids)
         SampleSettings settings;
         settings.lattice.voxelSize = 0.09;
         settings.mayBeEmpty = true;
-        Progress progress;
-        const LevelSet levelSet = sampleField(*field, settings, progress);
+        Interrupter progress;
+        const LevelSet levelSet = sampleField(*field, settings, &progress);
         for (const Field* oracle : {static_cast<const Field*>(nullptr), field.get()}) {
-            const Mesh mesh = extractMesh(levelSet, progress, {oracle});
+            const Mesh mesh = extractMesh(levelSet, {oracle}, &progress);
             triangles += mesh.triangles.size();
-            crossings += findSelfIntersections(mesh, progress).size();
+            crossings += findSelfIntersections(mesh, &progress).size();
             inverted += countInverted(mesh, *solid, settings.lattice.voxelSize);
-            const Mesh strict = extractMesh(levelSet, progress, {oracle, true});
-            EXPECT_EQ(findSelfIntersections(strict, progress).size(), 0u) << text;
+            const Mesh strict = extractMesh(levelSet, {oracle, true}, &progress);
+            EXPECT_EQ(findSelfIntersections(strict, &progress).size(), 0u) << text;
             for (const MeshReport& report : {measure(mesh), measure(strict)}) {
                 EXPECT_EQ(report.boundaryEdges, 0u) << text;
                 EXPECT_EQ(report.nonManifoldEdges, 0u) << text;

@@ -24,14 +24,14 @@ Meshed meshOf(const std::string& text, double voxelSize)
 {
     const auto solid = parseSolid(text);
     const FieldPtr field = makeSolidField(solid);
-    Progress progress;
-    return {solid, extractMesh(sampled(*field, voxelSize), progress, {field.get()})};
+    Interrupter progress;
+    return {solid, extractMesh(sampled(*field, voxelSize), {field.get()}, &progress)};
 }
 
 Mesh simplified(const Mesh& mesh, double tolerance)
 {
-    Progress progress;
-    return simplify(mesh, {tolerance}, progress);
+    Interrupter progress;
+    return simplify(mesh, {tolerance}, &progress);
 }
 
 double squaredToSegment(const Vec3d& p, const Vec3d& a, const Vec3d& b)
@@ -127,8 +127,8 @@ TEST(SimplifiedMesh, OfALargeOneIsMadeInPartsThatLeaveNoSeams)
         EXPECT_EQ(after.eulerCharacteristic, before.eulerCharacteristic) << text;
         EXPECT_EQ(after.nonManifoldEdges + after.boundaryEdges, 0u) << text;
         EXPECT_LT(after.triangles, before.triangles / share) << text;
-        Progress progress;
-        const TwoWayDistances apart = distances(one, mesh, progress);
+        Interrupter progress;
+        const TwoWayDistances apart = distances(one, mesh, &progress);
         EXPECT_LT(std::max(apart.there.max, apart.back.max), 1.2 * tolerance) << text;
     }
 }
@@ -167,11 +167,11 @@ TEST(SimplifiedMesh, HasNoCrossingsWhereItIsStrict)
                "translate(rotate(cylinder(0.25,3),0,1,0,65),0.3,0.2,0)),1,2,3,33)",
                0.05)
             .mesh;
-    Progress progress;
-    ASSERT_EQ(findSelfIntersections(mesh, progress).size(), 0u);
+    Interrupter progress;
+    ASSERT_EQ(findSelfIntersections(mesh, &progress).size(), 0u);
     for (const double tolerance : {0.005, 0.02, 0.08}) {
-        const Mesh fewer = simplify(mesh, {tolerance, true}, progress);
-        EXPECT_EQ(findSelfIntersections(fewer, progress).size(), 0u) << tolerance;
+        const Mesh fewer = simplify(mesh, {tolerance, true}, &progress);
+        EXPECT_EQ(findSelfIntersections(fewer, &progress).size(), 0u) << tolerance;
         EXPECT_LT(fewer.triangles.size() * 3, mesh.triangles.size()) << tolerance;
     }
 }
@@ -212,8 +212,8 @@ TEST(SimplifiedMesh, OfNoiseStaysAManifoldWithinTheTolerance)
                 const double value = 2 * std::ldexp(double(random() >> 11), -53) - 1;
                 accessor.setValue({x, y, z}, border ? 1.0f : float(value));
             }
-    Progress progress;
-    const Mesh mesh = extractMesh(LevelSet(grid), progress);
+    Interrupter progress;
+    const Mesh mesh = extractMesh(LevelSet(grid), {}, &progress);
     const double tolerance = 0.5;
     const Mesh fewer = simplified(mesh, tolerance);
     // Bumps a voxel wide: corners that planes meet in may be far off, and so may what bridges them.
@@ -237,9 +237,9 @@ TEST(SimplifiedMesh, RefusesAToleranceOfNothingAndStops)
     const Mesh mesh = meshOf("sphere(1)", 0.05).mesh;
     EXPECT_THROW(simplified(mesh, 0), UsageError);
     EXPECT_THROW(simplified(mesh, std::nan("")), UsageError);
-    Progress progress;
+    Interrupter progress;
     progress.stop();
-    EXPECT_THROW(simplify(mesh, {0.01}, progress), Interrupted);
+    EXPECT_THROW(simplify(mesh, {0.01}, &progress), Interrupted);
     EXPECT_TRUE(simplified(Mesh(), 1).triangles.empty());
 }
 

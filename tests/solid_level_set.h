@@ -24,8 +24,8 @@ inline LevelSet solidLevelSet(const std::string& description, double voxelSize,
     settings.lattice = {Vec3d::Zero(), voxelSize};
     settings.halfWidth = halfWidth;
     settings.name = description;
-    Progress progress;
-    return sampleField(*makeSolidField(parseSolid(description)), settings, progress);
+    Interrupter progress;
+    return sampleField(*makeSolidField(parseSolid(description)), settings, &progress);
 }
 
 inline LevelSet emptyLevelSet(double voxelSize, double halfWidth = 3)
@@ -39,16 +39,17 @@ inline LevelSet emptyLevelSet(double voxelSize, double halfWidth = 3)
 /// Sound, and as near to a distance as smooth shapes are.
 inline void expectSmoothDistance(const LevelSet& levelSet)
 {
-    Progress progress;
-    const CheckReport report = check(levelSet.grid(), progress);
+    Interrupter progress;
+    const CheckReport report =
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << texts(report);
     EXPECT_LE(report.meanGradientError, 0.03);
 }
 
 inline SolidMeasures measured(const LevelSet& levelSet)
 {
-    Progress progress;
-    return measure(levelSet, progress);
+    Interrupter progress;
+    return measure(levelSet, &progress);
 }
 
 /// Whether @a make gives the same bytes on one thread as on two.
@@ -62,10 +63,10 @@ inline void expectSameOnAnyThreads(const std::function<openvdb::FloatGrid::Const
 }
 
 /// Stops @a work, which would take long, after a moment; expects it to end soon.
-inline void expectStops(const std::function<void(Progress&)>& work)
+inline void expectStops(const std::function<void(Interrupter&)>& work)
 {
     using Clock = std::chrono::steady_clock;
-    Progress progress;
+    Interrupter progress;
     Clock::time_point stopped;
     std::thread stopper([&] {
         std::this_thread::sleep_for(std::chrono::milliseconds(50));

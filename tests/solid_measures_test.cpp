@@ -179,8 +179,8 @@ LevelSet meshLevelSet(const Mesh& mesh, double voxelSize)
 {
     SampleSettings settings;
     settings.lattice = {Vec3d::Zero(), voxelSize};
-    Progress progress;
-    return voxelize(mesh, settings, progress);
+    Interrupter progress;
+    return voxelize(mesh, settings, &progress);
 }
 
 /// Processor time of measure() per active voxel, the least of two, nanoseconds.
@@ -215,8 +215,8 @@ TEST(Measure, TakesTimeInProportionToTheBand)
 TEST(Measure, OfAFacettedBallTakesTimeInProportionToTheBand)
 {
     MPUVDB_CASE(file, "T28-facetted-ball.obj");
-    Progress progress;
-    const Mesh ball = readMesh(file, progress);
+    Interrupter progress;
+    const Mesh ball = readMesh(file, &progress);
     expectLinear([&](double h) { return meshLevelSet(ball, h); });
 }
 
@@ -253,8 +253,8 @@ TEST(Measure, IsTheSameForAnyNumberOfThreads)
 TEST(Measure, CanBeStopped)
 {
     const LevelSet solid = solidLevelSet("sphere(1)", 0.01);
-    expectStops([&](Progress& progress) {
-        for (;;) measure(solid, progress);
+    expectStops([&](Interrupter& progress) {
+        for (;;) measure(solid, &progress);
     });
 }
 

@@ -45,7 +45,7 @@ const RootCube kRoot{Vec3d::Zero(), 8};
 
 SortedPoints sorted(PointCloud cloud)
 {
-    Progress progress;
+    Interrupter progress;
     return SortedPoints(std::move(cloud), kRoot, progress);
 }
 

@@ -18,7 +18,7 @@ namespace
 
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
-using Work = std::function<void(Progress&)>;
+using Work = std::function<void(Interrupter&)>;
 
 /// The promise is 0.25 s; a machine that runs other tests beside this one takes longer.
 constexpr Seconds kLatest{2};
@@ -27,7 +27,7 @@ constexpr Seconds kLatest{2};
 class Stopper
 {
 public:
-    Stopper(Progress& progress, Seconds after)
+    Stopper(Interrupter& progress, Seconds after)
         : mThread([this, &progress, after] {
               std::unique_lock<std::mutex> lock(mMutex);
               if (mDone.wait_for(lock, after, [this] { return mEnded; })) return;
@@ -71,7 +71,7 @@ std::size_t bytesInUse()
 /// Stop @a work after each of some parts of its duration. @return the longest it took to end.
 Seconds latency(const Work& work)
 {
-    Progress whole;
+    Interrupter whole;
     const Clock::time_point start = Clock::now();
     work(whole);
     const Seconds duration = Clock::now() - start;
@@ -79,7 +79,7 @@ Seconds latency(const Work& work)
     const std::size_t before = bytesInUse();
     Seconds longest{0};
     for (const double part : {0.1, 0.4, 0.8}) {
-        Progress progress;
+        Interrupter progress;
         Stopper stopper(progress, part * duration);
         bool stopped = false;
         try {
@@ -144,7 +144,7 @@ Work evaluation(const Shape& shape)
 {
     ShapeSettings settings;
     settings.voxelSize = 1 / radius();
-    return [=](Progress& progress) { shape.evaluate(settings, progress); };
+    return [=](Interrupter& progress) { shape.evaluate(settings, &progress); };
 }
 
 Work smoothing(Filter filter)
@@ -153,19 +153,19 @@ Work smoothing(Filter filter)
     settings.filter = filter;
     settings.width = 2;
     settings.iterations = 2;
-    return [=, a = ball()](Progress& progress) { smooth(a, settings, progress); };
+    return [=, a = ball()](Interrupter& progress) { smooth(a, settings, &progress); };
 }
 
 Work combining(Boolean kind, double blend)
 {
-    return [=, a = ball(), b = part()](Progress& progress) {
-        combine(kind, {a, b}, blend, progress);
+    return [=, a = ball(), b = part()](Interrupter& progress) {
+        combine(kind, {a, b}, blend, &progress);
     };
 }
 
 Work morphing(Morphing how)
 {
-    return [=, a = ball(), b = part()](Progress& progress) { morph(a, b, 0.4, how, progress); };
+    return [=, a = ball(), b = part()](Interrupter& progress) { morph(a, b, 0.4, how, &progress); };
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -176,41 +176,43 @@ INSTANTIATE_TEST_SUITE_P(
         std::pair{"oneLattice",
                   []() -> Work {
                       return [a = ball(), b = sampled(*makeSolidField(parseSolid("sphere(1)")),
-                                                      1.3 / radius())](Progress& progress) {
-                          onOneLattice({a, b}, progress);
+                                                      1.3 / radius())](Interrupter& progress) {
+                          onOneLattice({a, b}, 0, &progress);
                       };
                   }},
         std::pair{"resample",
                   []() -> Work {
-                      return [a = ball()](Progress& progress) {
-                          resample(a, {Vec3d::Zero(), 0.8 / radius()}, 3, progress);
+                      return [a = ball()](Interrupter& progress) {
+                          resample(a, {Vec3d::Zero(), 0.8 / radius()}, 3, &progress);
                       };
                   }},
         std::pair{"withHalfWidth",
                   []() -> Work {
-                      return [a = ball()](Progress& progress) { withHalfWidth(a, 12, progress); };
+                      return
+                          [a = ball()](Interrupter& progress) { withHalfWidth(a, 12, &progress); };
                   }},
         std::pair{"redistance",
                   []() -> Work {
-                      return
-                          [a = ball()](Progress& progress) { redistance(a.grid(), 5, progress); };
+                      return [a = ball()](Interrupter& progress) {
+                          redistance(a.grid(), 5, &progress);
+                      };
                   }},
         std::pair{"voxelize",
                   []() -> Work {
-                      Progress whole;
+                      Interrupter whole;
                       const Mesh mesh = extractMesh(ball(), whole);
                       SampleSettings settings;
                       settings.lattice = {Vec3d::Zero(), 1 / radius()};
-                      return [=](Progress& progress) { voxelize(mesh, settings, progress); };
+                      return [=](Interrupter& progress) { voxelize(mesh, settings, &progress); };
                   }},
         std::pair{"offset",
                   []() -> Work {
-                      return [a = ball()](Progress& progress) { offset(a, 0.15, progress); };
+                      return [a = ball()](Interrupter& progress) { offset(a, 0.15, &progress); };
                   }},
         std::pair{"shell",
                   []() -> Work {
-                      return [a = ball()](Progress& progress) {
-                          shell(a, 0.15, Wall::Inward, progress);
+                      return [a = ball()](Interrupter& progress) {
+                          shell(a, 0.15, Wall::Inward, &progress);
                       };
                   }},
         std::pair{"mean", [] { return smoothing(Filter::Mean); }},
@@ -219,27 +221,31 @@ INSTANTIATE_TEST_SUITE_P(
         std::pair{"curvature", [] { return smoothing(Filter::MeanCurvature); }},
         std::pair{"linear", [] { return morphing(Morphing::Linear); }},
         std::pair{"advection", [] { return morphing(Morphing::Advection); }},
-        std::pair{
-            "fog",
-            []() -> Work { return [a = solidOf("sphere(1)", 8)](Progress& p) { toFog(a, p); }; }},
-        std::pair{
-            "components",
-            []() -> Work { return [a = ball()](Progress& progress) { components(a, progress); }; }},
+        std::pair{"fog",
+                  []() -> Work {
+                      return [a = solidOf("sphere(1)", 8)](Interrupter& p) { toFog(a, &p); };
+                  }},
+        std::pair{"components",
+                  []() -> Work {
+                      return [a = ball()](Interrupter& progress) { components(a, &progress); };
+                  }},
         std::pair{"keepComponents",
                   []() -> Work {
-                      return
-                          [a = ball()](Progress& progress) { keepComponents(a, 0, 1, progress); };
+                      return [a = ball()](Interrupter& progress) {
+                          keepComponents(a, 0, 1, &progress);
+                      };
                   }},
         std::pair{"keepOneOfTwo",
                   []() -> Work {
                       // So near to each other that one has to be made anew without the other.
                       const LevelSet both = solidOf(fmt::format(
                           "union(sphere(1),translate(sphere(0.5),{},0,0))", 1.5 + 3 / radius()));
-                      return [=](Progress& progress) { keepComponents(both, 0, 1, progress); };
+                      return [=](Interrupter& progress) { keepComponents(both, 0, 1, &progress); };
                   }},
-        std::pair{
-            "measure",
-            []() -> Work { return [a = ball()](Progress& progress) { measure(a, progress); }; }}),
+        std::pair{"measure",
+                  []() -> Work {
+                      return [a = ball()](Interrupter& progress) { measure(a, &progress); };
+                  }}),
     nameOf);
 
 INSTANTIATE_TEST_SUITE_P(

@@ -131,11 +131,11 @@ TEST_F(Surplus, IsSaidOfMeshes)
     for (const char* name : {"ascii.ply", "little.ply", "mesh.off", "binary.stl"})
         for (const Tail& tail : tails()) {
             if (tail.name != name) continue;
-            Progress progress, quiet;
+            Interrupter progress, quiet;
             const std::string bytes = sampleCalled(name).bytes;
-            EXPECT_EQ(readMesh(put(name, bytes + tail.rows), progress).triangles.size(), 4u);
+            EXPECT_EQ(readMesh(put(name, bytes + tail.rows), &progress).triangles.size(), 4u);
             EXPECT_NE(surplusIn(progress.notes()).find("2 more rows"), std::string::npos) << name;
-            readMesh(put(name, bytes + tail.less), quiet);
+            readMesh(put(name, bytes + tail.less), &quiet);
             EXPECT_EQ(surplusIn(quiet.notes()), "") << name;
         }
 }
@@ -175,8 +175,8 @@ TEST_F(Surplus, IsNotWaveformsOrExtendedRecords)
 TEST_F(Surplus, OfTheCaseIsSaid)
 {
     MPUVDB_CASE(file, "T20-header-says-160.ply");
-    Progress progress;
-    const PointInput input = readPoints({file}, BadPoints::Drop, progress);
+    Interrupter progress;
+    const PointInput input = readPoints({file}, BadPoints::Drop, {}, {}, &progress);
     EXPECT_EQ(input.cloud.size(), 160u);
     EXPECT_NE(surplusIn(input.notes).find("'element vertex 160', and 1833 more rows follow"),
               std::string::npos);

@@ -1,7 +1,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/files.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/progress.h>
 
 #include <gtest/gtest.h>
 #include <openvdb/io/Archive.h>
@@ -38,8 +38,8 @@ LevelSet sphere(const std::string& name = "surface", float radius = 1)
 void save(const fs::path& file, const LevelSet& levelSet,
           const std::map<std::string, std::string>& metadata = {})
 {
-    Progress progress;
-    writeLevelSet(file, levelSet, metadata, progress);
+    Interrupter progress;
+    writeLevelSet(file, levelSet, metadata, {}, &progress);
 }
 
 std::string bytesOf(const fs::path& file)
@@ -56,7 +56,7 @@ void write(const fs::path& file, const std::string& bytes)
 /// Grids read with a Progress, which takes another way, have to be those read without.
 void expectSameWithProgress(const fs::path& file)
 {
-    const Progress progress;
+    const Interrupter progress;
     const openvdb::GridPtrVec usual = readGrids(file), other = readGrids(file, 0, &progress);
     ASSERT_EQ(usual.size(), other.size()) << file;
     for (std::size_t n = 0; n < usual.size(); ++n) {
@@ -130,8 +130,8 @@ TEST_F(VdbFile, ComesBackAsItWas)
     EXPECT_EQ(b.metaValue<openvdb::Int64>("file_voxel_count"),
               openvdb::Int64(a.activeVoxelCount()));
     EXPECT_TRUE(b["file_bbox_min"] && b["file_bbox_max"] && b["file_compression"]);
-    Progress progress;
-    EXPECT_TRUE(check(b, progress).sound());
+    Interrupter progress;
+    EXPECT_TRUE(check(b, kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound());
 }
 
 TEST_F(VdbFile, HoldsGridsBesideTheLevelSet)
@@ -141,9 +141,9 @@ TEST_F(VdbFile, HoldsGridsBesideTheLevelSet)
     coverage->setTransform(surface.grid().transform().copy());
     coverage->setName("coverage");
     coverage->tree().setValue(openvdb::Coord(1, 2, 3), 0.25f);
-    Progress progress;
+    Interrupter progress;
     const fs::path file = mFolder / "a.vdb";
-    writeLevelSet(file, surface, {{"mpuvdb:tolerance", "0.001"}}, progress, {coverage});
+    writeLevelSet(file, surface, {{"mpuvdb:tolerance", "0.001"}}, {coverage}, &progress);
 
     EXPECT_EQ(readLevelSet(file).grid().getName(), "surface");
     const FloatGrid::Ptr read = readCoverage(file);
@@ -156,7 +156,7 @@ TEST_F(VdbFile, HoldsGridsBesideTheLevelSet)
     ASSERT_EQ(readGrids(file).size(), 2u);
 
     // Other programs give several grids one name; they pass through.
-    writeLevelSet(mFolder / "twice.vdb", surface, {}, progress, {coverage, coverage->deepCopy()});
+    writeLevelSet(mFolder / "twice.vdb", surface, {}, {coverage, coverage->deepCopy()}, &progress);
     EXPECT_EQ(readGrids(mFolder / "twice.vdb").size(), 3u);
 
     // What a grid takes counts, whichever it is.
@@ -224,8 +224,8 @@ TEST_F(VdbFile, HasTheBytesThatOpenVdbWrites)
     for (int i = 0; i < 100; ++i)
         colors->tree().setValue(openvdb::Coord(i, 3 * i, -i), openvdb::Vec3f(float(i), 0, 1));
     const openvdb::GridCPtrVec grids = {large, half, colors, FloatGrid::create(2)};
-    Progress progress;
-    writeGrids(mFolder / "a.vdb", grids, progress);
+    Interrupter progress;
+    writeGrids(mFolder / "a.vdb", grids, &progress);
     EXPECT_TRUE(withoutHead(bytesOf(mFolder / "a.vdb")) == withoutHead(writtenByOpenVdb(grids)));
 }
 
@@ -279,7 +279,7 @@ TEST_F(VdbFile, CanBeStoppedWhileItIsRead)
     }
     expectSameWithProgress(streamed);
 
-    Progress stopped;
+    Interrupter stopped;
     stopped.stop();
     EXPECT_THROW(readGrids(file, 0, &stopped), Interrupted);
     EXPECT_THROW(readLevelSet(file, "instance", 0, Purpose::Modelling, &stopped), Interrupted);
@@ -351,8 +351,8 @@ TEST_F(VdbFile, OfFormat225IsReadByEveryReaderAndWrittenAs224)
     const fs::path known = mFolder / "224.vdb", newer = mFolder / "225.vdb";
     const auto coverage = FloatGrid::create(0);
     coverage->setName("coverage");
-    Progress progress;
-    writeLevelSet(known, sphere(), {}, progress, {coverage});
+    Interrupter progress;
+    writeLevelSet(known, sphere(), {}, {coverage}, &progress);
     setVersion(known, newer, 225);
     EXPECT_EQ(readLevelSet(newer).grid().getName(), "surface");
     EXPECT_EQ(readLevelSetFile(newer).others.size(), 1u);
@@ -360,7 +360,7 @@ TEST_F(VdbFile, OfFormat225IsReadByEveryReaderAndWrittenAs224)
     EXPECT_TRUE(readCoverage(newer));
     EXPECT_TRUE(readAttributeGrids(newer, {"coverage"})[0]);
     const LevelSetFile read = readLevelSetFile(newer);
-    writeLevelSet(mFolder / "again.vdb", read.levelSet, {}, progress, read.others);
+    writeLevelSet(mFolder / "again.vdb", read.levelSet, {}, read.others, &progress);
     const std::uint32_t written = 224;
     EXPECT_EQ(bytesOf(mFolder / "again.vdb").substr(8, 4),
               std::string(reinterpret_cast<const char*>(&written), 4));
@@ -461,9 +461,9 @@ TEST_F(VdbFile, StaysAsItWasWhenAWriteFails)
     EXPECT_EQ(bytesOf(file), "old");
     EXPECT_EQ(names(), Names{"a.txt"});
 
-    Progress progress;
+    Interrupter progress;
     progress.stop();
-    EXPECT_THROW(writeLevelSet(file, sphere(), {}, progress), Interrupted);
+    EXPECT_THROW(writeLevelSet(file, sphere(), {}, {}, &progress), Interrupted);
     EXPECT_EQ(bytesOf(file), "old");
     EXPECT_EQ(names(), Names{"a.txt"});
 }

@@ -84,8 +84,8 @@ LevelSet voxelized(const Mesh& mesh, double voxelSize = 1)
 {
     SampleSettings settings;
     settings.lattice = {Vec3d::Zero(), voxelSize};
-    Progress progress;
-    return voxelize(mesh, settings, progress);
+    Interrupter progress;
+    return voxelize(mesh, settings, &progress);
 }
 
 /// What lies nearest to a place among all triangles.
@@ -204,9 +204,9 @@ TEST(VoxelizeParts, MayBeOffsetAndHollowed)
         const Mesh mesh = test::soupOf(parts);
         const std::vector<Vec3d> boundary = boundaryPlaces(mesh, random, kPerArea);
         const LevelSet solid = voxelized(mesh);
-        Progress progress;
-        const LevelSet grown = offset(solid, 2, progress), shrunk = offset(solid, -1.2, progress),
-                       hollow = shell(solid, 2.2, Wall::Inward, progress);
+        Interrupter progress;
+        const LevelSet grown = offset(solid, 2, &progress), shrunk = offset(solid, -1.2, &progress),
+                       hollow = shell(solid, 2.2, Wall::Inward, &progress);
         const openvdb::CoordBBox box = grown.grid().evalActiveVoxelBoundingBox();
         for (int k = 0; k < kPlaces; ++k) {
             const openvdb::Coord voxel = randomVoxel(box, random);
@@ -233,8 +233,8 @@ struct Expected {
 
 void expectParts(const LevelSet& levelSet, const Expected& expected, double tolerance)
 {
-    Progress progress;
-    const SolidComponents found(levelSet, progress);
+    Interrupter progress;
+    const SolidComponents found(levelSet, &progress);
     double volume = 0;
     std::size_t parts = 0; // a voxel in a corner that no axis enters may be alone
     for (const ComponentMeasures& part : found.measures()) {
@@ -251,7 +251,7 @@ constexpr double kOfEdges = 0.2;
 
 TEST(VoxelizeParts, OverlappingBoxesAreOneSolid)
 {
-    Progress progress;
+    Interrupter progress;
     for (const Vec3d& shift : {Vec3d(0, 0, 0), Vec3d(0.013, 0.007, 0.031)})
         for (const double h : {0.1, 0.11, 0.125}) {
             SCOPED_TRACE(h);
@@ -261,14 +261,14 @@ TEST(VoxelizeParts, OverlappingBoxesAreOneSolid)
             const LevelSet solid = voxelized(test::soupOf(parts), h);
             const double edges = 12 * 4 + 8 * 2 + 4 * 2;
             expectParts(solid, {72}, kOfEdges * edges * h * h);
-            expectParts(offset(solid, -0.4, progress), {3.2 * 3.2 * 3.2 + 2 * 1.2 * 1.2 + 0.128},
+            expectParts(offset(solid, -0.4, &progress), {3.2 * 3.2 * 3.2 + 2 * 1.2 * 1.2 + 0.128},
                         kOfEdges * edges * h * h);
         }
 }
 
 TEST(VoxelizeParts, CasesOfPeople)
 {
-    Progress progress;
+    Interrupter progress;
     struct Case {
         const char* name;
         double voxelSize, shift;
@@ -283,9 +283,9 @@ TEST(VoxelizeParts, CasesOfPeople)
                           Case{"T03-touching-boxes.obj", 0.09, -0.4, {72}, {35.65}, 0.01}}) {
         SCOPED_TRACE(fmt::format("{} at {}", c.name, c.voxelSize));
         MPUVDB_CASE(file, c.name);
-        const LevelSet solid = voxelized(readMesh(file, progress), c.voxelSize);
+        const LevelSet solid = voxelized(readMesh(file, &progress), c.voxelSize);
         expectParts(solid, c.whole, c.tolerance * c.whole.volume);
-        expectParts(offset(solid, c.shift, progress), c.moved, c.tolerance * c.moved.volume);
+        expectParts(offset(solid, c.shift, &progress), c.moved, c.tolerance * c.moved.volume);
     }
 }
 
@@ -352,8 +352,8 @@ MeshExplained explained(const Mesh& mesh, double voxelSize)
 {
     SampleSettings settings;
     settings.lattice = {Vec3d(0.01, 0.02, 0.03), voxelSize};
-    Progress progress;
-    return std::get<MeshExplained>(voxelize(mesh, settings, progress).explained()->by);
+    Interrupter progress;
+    return std::get<MeshExplained>(voxelize(mesh, settings, &progress).explained()->by);
 }
 
 double longestSide(const Mesh& mesh)
@@ -384,8 +384,8 @@ TEST(MeshExplained, KnowsTheSolidOfItsParts)
 TEST(MeshExplained, WallsThinnerThanAVoxelAreTold)
 {
     MPUVDB_CASE(file, "T08-thin-tube.stl");
-    Progress progress;
-    const Mesh tube = readMesh(file, progress);
+    Interrupter progress;
+    const Mesh tube = readMesh(file, &progress);
     for (const double voxels : {20.0, 60.0, 100.0})
         EXPECT_EQ(explained(tube, longestSide(tube) / voxels).findings.size(), 1u) << voxels;
     EXPECT_TRUE(explained(tube, 0.1).findings.empty());
@@ -434,12 +434,12 @@ TEST(MeshExplained, NothingIsToldOfSoundMeshes)
             EXPECT_TRUE(explained(mesh, h).findings.empty());
     const char* const data = std::getenv("MPUVDB_DATA_DIR");
     if (!data) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
-    Progress progress;
+    Interrupter progress;
     for (const char* name :
          {"cad/472042.stl", "cad/58011.stl", "cad/908460.stl", "cad/fandisk_large.off",
           "cad/joint.off", "cad/rocker-arm.obj", "berger/anchor.off", "berger/dc.off"})
         for (const double voxels : {60.0, 128.0}) {
-            const Mesh mesh = readMesh(std::string(data) + "/" + name, progress);
+            const Mesh mesh = readMesh(std::string(data) + "/" + name, &progress);
             EXPECT_TRUE(explained(mesh, longestSide(mesh) / voxels).findings.empty())
                 << name << voxels;
         }

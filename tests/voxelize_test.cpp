@@ -71,8 +71,8 @@ LevelSet voxelized(const Mesh& mesh, double voxelSize, double halfWidth = 3,
     SampleSettings settings;
     settings.lattice = {origin, voxelSize};
     settings.halfWidth = halfWidth;
-    Progress progress;
-    return voxelize(mesh, settings, progress);
+    Interrupter progress;
+    return voxelize(mesh, settings, &progress);
 }
 
 // --- Meshes
@@ -197,12 +197,12 @@ std::vector<double> sortedErrors(const LevelSet& levelSet, int stride,
 // beyond it is too near; the values a voxel or two off tell where it ends.
 TEST(Voxelize, OffsetsOfBluntRidgesAreTheirDistance)
 {
-    Progress progress;
+    Interrupter progress;
     for (const std::uint32_t tube : {16u, 24u, 60u})
         for (const double shift : {8.0, 20.0}) {
             SCOPED_TRACE(fmt::format("{} facets around the tube, offset {}", tube, shift));
             const Mesh mesh = torusMesh(60, 24, 2 * tube, tube);
-            const LevelSet grown = offset(voxelized(mesh, 1), shift, progress);
+            const LevelSet grown = offset(voxelized(mesh, 1), shift, &progress);
             const auto errors = sortedErrors(
                 grown, 80, [&](const Vec3d& p) { return distanceTo(mesh, p) - shift; });
             const auto quantile = [&](double q) {
@@ -218,19 +218,21 @@ TEST(Voxelize, GivesSoundGridsOfCadParts)
 {
     const char* data = std::getenv("MPUVDB_DATA_DIR");
     if (!data) GTEST_SKIP() << "MPUVDB_DATA_DIR is not set: no real data";
-    Progress progress;
+    Interrupter progress;
     for (const char* name : {"fandisk_large.off", "rocker-arm.obj", "908460.stl", "58011.stl"})
         for (const double voxels : {80.0, 130.0}) {
             SCOPED_TRACE(name + std::string(" at ") + std::to_string(voxels));
-            const Mesh mesh = readMesh(std::string(data) + "/cad/" + name, progress);
+            const Mesh mesh = readMesh(std::string(data) + "/cad/" + name, &progress);
             const MeshReport truth = measure(mesh);
             Box3d box;
             for (std::size_t v = 0; v < mesh.positions.size(); ++v) box.extend(mesh.world(v));
             const double h = box.sizes().maxCoeff() / voxels;
             const LevelSet levelSet = voxelized(mesh, h);
-            EXPECT_TRUE(check(levelSet.grid(), progress).sound());
+            EXPECT_TRUE(
+                check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress)
+                    .sound());
             // Linear between voxels, edges are cut: at most half a voxel deep, and wide.
-            EXPECT_NEAR(measure(extractMesh(levelSet, progress)).volume, truth.volume,
+            EXPECT_NEAR(measure(extractMesh(levelSet, {}, &progress)).volume, truth.volume,
                         0.02 * truth.area * h);
         }
 }
@@ -242,9 +244,9 @@ TEST(Voxelize, ClosesGapsAndRefusesHoles)
     gap.triangles.erase(gap.triangles.begin() + 400); // sides of 0.1
     const LevelSet closed = voxelized(gap, 0.2);
     test::expectSound(closed);
-    Progress progress;
-    EXPECT_NEAR(measure(extractMesh(closed, progress)).volume,
-                measure(extractMesh(voxelized(whole, 0.2), progress)).volume, 0.02);
+    Interrupter progress;
+    EXPECT_NEAR(measure(extractMesh(closed, {}, &progress)).volume,
+                measure(extractMesh(voxelized(whole, 0.2), {}, &progress)).volume, 0.02);
     hole.triangles.resize(hole.triangles.size() - 240); // four rings of the tube
     EXPECT_THROW(voxelized(hole, 0.02), InputError);
 }
@@ -264,11 +266,11 @@ TEST(Voxelize, DoesNotDependOnThreads)
     std::vector<std::string> bytes;
     for (const std::size_t threads : {1u, 2u, 8u}) {
         tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        Progress progress;
+        Interrupter progress;
         const LevelSet made = voxelized(mesh, 1.0 / 32);
         bytes.push_back(test::treeBytes(made.grid()) +
-                        test::treeBytes(offset(made, 0.3, progress).grid()) +
-                        test::treeBytes(offset(made, -0.2, progress).grid()));
+                        test::treeBytes(offset(made, 0.3, &progress).grid()) +
+                        test::treeBytes(offset(made, -0.2, &progress).grid()));
     }
     EXPECT_TRUE(bytes[0] == bytes[1]);
     EXPECT_TRUE(bytes[0] == bytes[2]);
@@ -292,12 +294,12 @@ TEST(Voxelize, RefusesWhatIsNoSolid)
     SampleSettings settings;
     settings.lattice.voxelSize = 0.01;
     settings.maxBytes = 1000000;
-    Progress progress;
-    EXPECT_THROW(voxelize(boxMesh({1, 1, 1}), settings, progress), LimitError);
+    Interrupter progress;
+    EXPECT_THROW(voxelize(boxMesh({1, 1, 1}), settings, &progress), LimitError);
     settings.maxBytes = 100000000;
-    EXPECT_NO_THROW(voxelize(boxMesh({1, 1, 1}), settings, progress));
+    EXPECT_NO_THROW(voxelize(boxMesh({1, 1, 1}), settings, &progress));
     progress.stop();
-    EXPECT_THROW(voxelize(boxMesh({1, 1, 1}), settings, progress), Interrupted);
+    EXPECT_THROW(voxelize(boxMesh({1, 1, 1}), settings, &progress), Interrupted);
 }
 
 class ReadMesh : public test::IoTest
@@ -306,12 +308,12 @@ class ReadMesh : public test::IoTest
 
 TEST_F(ReadMesh, ReadsWhatIsWritten)
 {
-    Progress progress;
+    Interrupter progress;
     const Mesh mesh = boxMesh({1, 2, 3}, {10, 20, 30});
     for (const char* name : {"box.ply", "box.obj", "box.stl"}) {
         SCOPED_TRACE(name);
-        writeMesh(path(name), mesh, progress);
-        const Mesh back = readMesh(path(name), progress);
+        writeMesh(path(name), mesh, {}, &progress);
+        const Mesh back = readMesh(path(name), &progress);
         const MeshReport report = measure(back);
         EXPECT_EQ(report.vertices, 8u);
         EXPECT_EQ(report.triangles, 12u);
@@ -323,9 +325,9 @@ TEST_F(ReadMesh, ReadsWhatIsWritten)
 
 TEST_F(ReadMesh, LeavesOutVerticesWithoutTriangles)
 {
-    Progress progress;
+    Interrupter progress;
     const auto read = [&](const char* name, const std::string& text) {
-        return readMesh(put(name, text), progress);
+        return readMesh(put(name, text), &progress);
     };
     const Mesh mesh = read("a.off", "OFF\n5 2 0\n9 9 9\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
                                     "4 1 2 3 4\n3 1 2 3\n");
@@ -397,9 +399,9 @@ TEST(Resample, GoesToSmallerAndLargerVoxels)
         for (const double size : {1.0 / 60, 1.0 / 31, 1.0 / 24, 1.0 / 17, 1.0 / 8}) {
             SCOPED_TRACE(size);
             for (const double halfWidth : {1.5, 3.0, 5.0}) {
-                Progress progress;
+                Interrupter progress;
                 const Lattice lattice{Vec3d(0.011, -0.007, 0.003), size};
-                const LevelSet result = resample(levelSet, lattice, halfWidth, progress);
+                const LevelSet result = resample(levelSet, lattice, halfWidth, &progress);
                 test::expectSound(result);
                 EXPECT_NEAR(result.halfWidth(), halfWidth, 1e-5);
                 EXPECT_EQ(result.lattice().origin, lattice.origin);
@@ -417,9 +419,10 @@ TEST(Resample, GoesToSmallerAndLargerVoxels)
 TEST(Resample, GoesThereAndBack)
 {
     const LevelSet levelSet = sampled(*solidField("torus(1, 0.4)"), 1.0 / 24);
-    Progress progress;
-    const LevelSet there = resample(levelSet, {Vec3d(0.011, -0.007, 0.003), 1.0 / 29}, 3, progress);
-    const LevelSet back = resample(there, levelSet.lattice(), 3, progress);
+    Interrupter progress;
+    const LevelSet there =
+        resample(levelSet, {Vec3d(0.011, -0.007, 0.003), 1.0 / 29}, 3, &progress);
+    const LevelSet back = resample(there, levelSet.lattice(), 3, &progress);
     const test::Deviation d = test::deviation(back, exactly("torus(1, 0.4)"));
     RecordProperty("mean", std::to_string(d.mean));
     EXPECT_LT(d.mean, 0.005);
@@ -429,17 +432,17 @@ TEST(Resample, GoesThereAndBack)
 TEST(Resample, KeepsValuesWhereVoxelsCoincide)
 {
     const LevelSet levelSet = sampled(*solidField("torus(1, 0.4)"), 0.05);
-    Progress progress;
+    Interrupter progress;
     const Lattice shifted{Vec3d(3 * 0.05, -7 * 0.05, 16 * 0.05), 0.05};
-    const LevelSet result = resample(levelSet, shifted, 3, progress);
+    const LevelSet result = resample(levelSet, shifted, 3, &progress);
     EXPECT_EQ(result.grid().activeVoxelCount(), levelSet.grid().activeVoxelCount());
     const auto at = result.grid().getConstAccessor();
     for (auto on = levelSet.grid().cbeginValueOn(); on; ++on)
         ASSERT_EQ(*on, at.getValue(on.getCoord() - openvdb::Coord(3, -7, 16)));
-    EXPECT_EQ(test::treeBytes(resample(levelSet, levelSet.lattice(), 3, progress).grid()),
+    EXPECT_EQ(test::treeBytes(resample(levelSet, levelSet.lattice(), 3, &progress).grid()),
               test::treeBytes(levelSet.grid()));
-    EXPECT_THROW(resample(levelSet, {Vec3d::Zero(), 0}, 3, progress), UsageError);
-    EXPECT_THROW(resample(levelSet, shifted, 1, progress), UsageError);
+    EXPECT_THROW(resample(levelSet, {Vec3d::Zero(), 0}, 3, &progress), UsageError);
+    EXPECT_THROW(resample(levelSet, shifted, 1, &progress), UsageError);
 }
 
 TEST(Resample, KeepsWhatIsEmpty)
@@ -447,8 +450,8 @@ TEST(Resample, KeepsWhatIsEmpty)
     auto grid = openvdb::FloatGrid::create(0.3f);
     grid->setTransform(openvdb::math::Transform::createLinearTransform(0.1));
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
-    Progress progress;
-    const LevelSet result = resample(LevelSet(grid), {Vec3d::Zero(), 0.2}, 4, progress);
+    Interrupter progress;
+    const LevelSet result = resample(LevelSet(grid), {Vec3d::Zero(), 0.2}, 4, &progress);
     EXPECT_EQ(result.grid().activeVoxelCount(), 0u);
     EXPECT_NEAR(result.halfWidth(), 4, 1e-6);
 }

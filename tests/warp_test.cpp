@@ -159,11 +159,11 @@ TEST(WarpedField, TwistedFitIsTheTwistedSolid)
     MpuSettings settings;
     settings.tolerance = 0.002;
     settings.voxelSize = 1.0 / 24;
-    Progress progress;
+    Interrupter progress;
     const std::string solid = "union(translate(torus(0.6, 0.2), 0, 0, 0.5), "
                               "translate(torus(0.6, 0.2), 0, 0, -0.5))";
     const FieldPtr fitted =
-        std::make_shared<MpuField>(test::randomScan(solid, 20000), settings, progress);
+        std::make_shared<MpuField>(test::randomScan(solid, 20000), settings, &progress);
     const WarpPtr twist = makeTwist({Vec3d(0.4, 0, 0), Vec3d(0, 1, 0.2)}, 0.8);
     const FieldPtr exact = makeWarpedField(solidField(solid), twist);
     const FieldPtr warped = makeWarpedField(fitted, twist);

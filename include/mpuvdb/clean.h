@@ -48,6 +48,7 @@ struct CleanReport {
 /// are all of these together, see findInwardSolids(), unless flipNormals decides. Normals of points
 /// whose viewpoints are known stay, too.
 /// @throws InputError for too few points, Interrupted.
-CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Progress& progress);
+CleanReport clean(PointCloud& cloud, const CleanSettings& settings,
+                  Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

@@ -63,7 +63,7 @@ public:
     explicit LimitError(const std::string& m) : Error(ExitCode::Limit, "LimitError", m) {}
 };
 
-/// Progress::stop() was called; nothing partial is left behind.
+/// Interrupter::stop() was called; nothing partial is left behind.
 class Interrupted : public Error
 {
 public:

@@ -75,6 +75,6 @@ struct Explained {
 /// Hold @a levelSet, sampled from @a field, against the field's points. @param region  of the
 /// world, if only a part was sampled. The same for any number of threads. @throws Interrupted.
 PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
-                        const std::optional<Box3d>& region, Progress& progress);
+                        const std::optional<Box3d>& region, Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

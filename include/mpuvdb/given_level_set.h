@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// @a grid as operations expect it: the grid itself, or a copy in which
 /// - what is active and has the background's magnitude or more is inactive, as are active tiles:
@@ -19,13 +19,14 @@ class Progress;
 /// @param notes  gets what changes the half-width, if anything does.
 /// @throws InputError as LevelSet's constructor and demandFinite() do, Interrupted.
 LevelSet takeLevelSet(const openvdb::FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
-                      const Progress& progress);
+                      Interrupter* interrupter = nullptr);
 
 /// Look whether the values of @a levelSet may be distances at all; check() looks closer.
 /// @param cure  ends the error's text: how to make distances of them.
 /// @throws InputError if the median slope beside the zero set, where a distance has 1, is outside
 /// [0.4, 2.5], or if more than one in ten faces between inside and outside lie beside an inactive
 /// voxel or tile, where there is no distance; Interrupted.
-void demandDistances(const LevelSet& levelSet, const std::string& cure, const Progress& progress);
+void demandDistances(const LevelSet& levelSet, const std::string& cure,
+                     Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

@@ -16,7 +16,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// What to do with points that cannot be used as they are: not finite, absurdly far, zero normal.
 enum class BadPoints {
@@ -47,14 +47,15 @@ struct PointInput {
 /// @throws IoError (cannot read), InputError (malformed: file, line or byte, and the cure; an input
 /// without one of the scalars), UsageError (another number of viewpoints, too many scalars).
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
-                      Progress& progress, const std::vector<Vec3d>& viewpoints = {},
-                      const std::vector<std::string>& scalars = {});
+                      const std::vector<Vec3d>& viewpoints = {},
+                      const std::vector<std::string>& scalars = {},
+                      Interrupter* interrupter = nullptr);
 
 /// Read a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
 /// (PLY). Polygons become fans; vertices without a triangle are left out. Colors of the vertices
 /// are kept. The frame is the middle of the mesh.
 /// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite).
-Mesh readMesh(const std::filesystem::path& file, Progress& progress);
+Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter = nullptr);
 
 /// Points that a program holds in memory: attributes are empty, or one per point.
 struct PointArrays {
@@ -67,10 +68,11 @@ struct PointArrays {
 /// What readPoints() does to the points of a file, done to these. @param name  for messages.
 /// @throws UsageError (another number of normals or confidences than of points), InputError.
 PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints badPoints,
-                        Progress& progress);
+                        Interrupter* interrupter = nullptr);
 
 /// Write points as binary PLY (float offsets become doubles) or XYZ text.
-void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress);
+void writePoints(const std::filesystem::path& file, const PointCloud& cloud,
+                 Interrupter* interrupter = nullptr);
 
 /// What the world's axes and units are, for the formats that tell it: GLB and USDA.
 struct SceneSettings {
@@ -85,8 +87,8 @@ struct SceneSettings {
 /// scalars to PLY, GLB ("_NAME") and USDA ("primvars:NAME").
 /// @throws UsageError (another extension, attributes of another number, settings out of range),
 /// LimitError (more than the format can hold: 4 GiB for GLB), IoError, Interrupted.
-void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& progress,
-               const SceneSettings& scene = {});
+void writeMesh(const std::filesystem::path& file, const Mesh& mesh, const SceneSettings& scene = {},
+               Interrupter* interrupter = nullptr);
 
 /// The extensions that writeMesh() knows, lower case, with their dots.
 const std::vector<std::string>& meshExtensions();
@@ -105,13 +107,12 @@ enum class Purpose {
 
 /// Read one level set of a .vdb file, as takeLevelSet() takes it: the grid called @a name, or, if
 /// empty, "surface" or the only level set. @param maxBytes  that the grid may take, by what its
-/// file says; 0: no limit. @param progress  gets notes of what was mended, and may stop it; or
-/// null.
+/// file says; 0: no limit. @param interrupter  gets notes of what was mended.
 /// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there; no
 /// distances), LimitError, Interrupted.
 LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {},
                       std::uint64_t maxBytes = 0, Purpose purpose = Purpose::Modelling,
-                      Progress* progress = nullptr);
+                      Interrupter* interrupter = nullptr);
 
 /// A level set, and the other grids of its file.
 struct LevelSetFile {
@@ -122,7 +123,7 @@ struct LevelSetFile {
 
 /// As readLevelSet() for modelling, with all that is beside.
 LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::string& name = {},
-                              std::uint64_t maxBytes = 0);
+                              std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr);
 
 /// A grid of floats, of any class, and the other grids of its file.
 struct FloatGridFile {
@@ -132,35 +133,36 @@ struct FloatGridFile {
 
 /// Read the grid called @a name, or, if empty, the first of floats. @throws as readLevelSet().
 FloatGridFile readFloatGridFile(const std::filesystem::path& file, const std::string& name = {},
-                                std::uint64_t maxBytes = 0);
+                                std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr);
 
 /// The grid that sampleCoverage() made, from a .vdb file. @throws IoError, InputError (as
 /// readLevelSet; no such grid), LimitError.
-openvdb::FloatGrid::Ptr readCoverage(const std::filesystem::path& file, std::uint64_t maxBytes = 0);
+openvdb::FloatGrid::Ptr readCoverage(const std::filesystem::path& file, std::uint64_t maxBytes = 0,
+                                     Interrupter* interrupter = nullptr);
 
 /// The grids called @a names of a .vdb file, in their order: null where there is none of floats or
 /// Vec3f. @param maxBytes  for all of them. @throws IoError, InputError (as readLevelSet),
 /// LimitError.
 std::vector<openvdb::GridBase::Ptr> readAttributeGrids(const std::filesystem::path& file,
                                                        const std::vector<std::string>& names,
-                                                       std::uint64_t maxBytes = 0);
+                                                       std::uint64_t maxBytes = 0,
+                                                       Interrupter* interrupter = nullptr);
 
 /// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
 /// Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels: damage
 /// there may crash, so read strangers' files in a process of their own.
-/// @param progress  may stop it; or null.
 openvdb::GridPtrVec readGrids(const std::filesystem::path& file, std::uint64_t maxBytes = 0,
-                              const Progress* progress = nullptr);
+                              Interrupter* interrupter = nullptr);
 
 /// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the grids
 /// of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.
 /// @throws IoError, Interrupted.
 void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
-                   const std::map<std::string, std::string>& metadata, Progress& progress,
-                   const openvdb::GridCPtrVec& beside = {});
+                   const std::map<std::string, std::string>& metadata,
+                   const openvdb::GridCPtrVec& beside = {}, Interrupter* interrupter = nullptr);
 
 /// Write @a grids as they are, as writeLevelSet() does.
 void writeGrids(const std::filesystem::path& file, const openvdb::GridCPtrVec& grids,
-                Progress& progress);
+                Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

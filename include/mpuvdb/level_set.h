@@ -17,7 +17,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 struct Explained;
 
 /// An immutable narrow-band level set.
@@ -93,8 +93,8 @@ struct CheckReport {
 /// is sound. The report does not depend on the number of threads. @param within  judged are only
 /// leaves and tiles that lie in it with the voxels around them: of a region, which ends somewhere.
 /// @throws Interrupted.
-CheckReport check(const openvdb::FloatGrid& grid, Progress& progress,
-                  double gradientTolerance = kGradientTolerance,
-                  const openvdb::CoordBBox& within = openvdb::CoordBBox::inf());
+CheckReport check(const openvdb::FloatGrid& grid, double gradientTolerance = kGradientTolerance,
+                  const openvdb::CoordBBox& within = openvdb::CoordBBox::inf(),
+                  Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

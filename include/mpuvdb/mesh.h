@@ -24,8 +24,8 @@ struct ExtractSettings {
 /// and manifold whatever the values are [Wenger13 §3.3]; triangles face outwards, those that would
 /// fold over at creases are drawn back. Far from the origin nothing is rounded. The same for any
 /// number of threads. @throws LimitError beyond 2^32 vertices, Interrupted. [Ju02]
-Mesh extractMesh(const LevelSet& levelSet, Progress& progress,
-                 const ExtractSettings& settings = {});
+Mesh extractMesh(const LevelSet& levelSet, const ExtractSettings& settings = {},
+                 Interrupter* interrupter = nullptr);
 
 /// How a mesh is simplified.
 struct SimplifySettings {
@@ -41,7 +41,8 @@ struct SimplifySettings {
 /// boundaries stay as they are; colors change by at most 6 % of white, other attributes are
 /// interpolated. The same for any number of threads, of which it uses one: about 20 us for each
 /// vertex. @throws UsageError for a tolerance that is not above 0, Interrupted. [Garland97]
-Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& progress);
+Mesh simplify(const Mesh& mesh, const SimplifySettings& settings,
+              Interrupter* interrupter = nullptr);
 
 /// What stays of a mesh that is trimmed where coverage is below one half. Sizes are the largest
 /// distance between two places of an uncovered patch or of a covered part, its rim included.
@@ -70,16 +71,17 @@ TrimSettings trimSettings(const openvdb::FloatGrid& coverage, double closeUpTo);
 /// Where there is no active voxel, nothing is covered. The same for any number of threads.
 /// @throws Interrupted.
 Mesh trimMesh(Mesh mesh, const openvdb::FloatGrid& coverage, const TrimSettings& settings,
-              TrimReport& report, Progress& progress);
+              TrimReport& report, Interrupter* interrupter = nullptr);
 
 /// Give the vertices what @a attributes say of them: colors, and scalars beside those that there
 /// are. @throws Interrupted.
-void addAttributes(Mesh& mesh, const SurfaceAttributes& attributes, Progress& progress);
+void addAttributes(Mesh& mesh, const SurfaceAttributes& attributes,
+                   Interrupter* interrupter = nullptr);
 
 /// Give the vertices what @a grid, of any lattice, says there: a Vec3f grid colors, a float grid a
 /// scalar of its name, others nothing. Only active voxels count; 0 where there are none.
 /// @throws Interrupted.
-void addAttribute(Mesh& mesh, const openvdb::GridBase& grid, Progress& progress);
+void addAttribute(Mesh& mesh, const openvdb::GridBase& grid, Interrupter* interrupter = nullptr);
 
 /// What is known of a mesh without looking at it.
 struct MeshReport {
@@ -106,7 +108,8 @@ using TrianglePair = std::array<std::uint32_t, 2>;
 /// Pairs with a common edge do not count, nor does what only touches or overlaps within one plane.
 /// Exact on positions rounded to 2^-30 of the mesh's size. The same for any number of threads.
 /// @throws Interrupted.
-std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh, Progress& progress);
+std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh,
+                                                Interrupter* interrupter = nullptr);
 
 /// Distances from places on one surface to the nearest place of another, world units.
 struct Distances {
@@ -121,10 +124,11 @@ struct TwoWayDistances {
 /// Distances between two meshes that have triangles, weighted by area: from half a million places
 /// on each, spread evenly, to the nearest place of the other; the largest looks at the vertices
 /// too. The same for any number of threads. @throws UsageError without triangles, Interrupted.
-TwoWayDistances distances(const Mesh& mesh, const Mesh& other, Progress& progress);
+TwoWayDistances distances(const Mesh& mesh, const Mesh& other, Interrupter* interrupter = nullptr);
 
 /// Distances from places on a mesh to the nearest point, and from each point to the mesh; otherwise
 /// as above. @throws UsageError without triangles or points, Interrupted.
-TwoWayDistances distances(const Mesh& mesh, const PointCloud& points, Progress& progress);
+TwoWayDistances distances(const Mesh& mesh, const PointCloud& points,
+                          Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

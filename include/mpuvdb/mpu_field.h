@@ -9,7 +9,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// The paper's alpha for interpolation.
 constexpr double kInterpolationAlpha = 1.25;
@@ -65,7 +65,8 @@ struct MpuEstimate {
 
 /// Estimate what fitting @a cloud takes, by fitting a part of it: about a hundred thousand points
 /// of cells that are spread evenly over the surface. @throws as MpuField.
-MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& settings, Progress& progress);
+MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& settings,
+                        Interrupter* interrupter = nullptr);
 
 /// The blended local fits of an adaptive octree, normalized to a distance by the blended gradient;
 /// and a coarse field of the whole model where no data support them.
@@ -77,7 +78,7 @@ public:
     /// number of threads nor on the order of the points.
     /// @throws InputError without points or normals, UsageError for settings out of range,
     /// Interrupted.
-    MpuField(PointCloud&& cloud, const MpuSettings& settings, Progress& progress);
+    MpuField(PointCloud&& cloud, const MpuSettings& settings, Interrupter* interrupter = nullptr);
     ~MpuField() override;
 
     Box3d bounds() const override;
@@ -98,7 +99,7 @@ public:
     /// neighbors has it; a = 1 where the normals of p and of the surface differ by at most 90
     /// degrees, and falls with their cosine to 0 at 120: a sheet close behind supports nothing. The
     /// result refers to this field, which has to outlive it. @throws Interrupted.
-    std::unique_ptr<const Coverage> coverage(Progress& progress) const;
+    std::unique_ptr<const Coverage> coverage(Interrupter* interrupter = nullptr) const;
 
     /// The points' attributes @a names on the surface: kColorName, "confidence", or scalars of the
     /// cloud. A place has the mean, by confidence, of what the points about it have: of about a

@@ -24,7 +24,7 @@ struct EstimatedNormals {
 /// @param neighbors  points per plane, in [4, 1000]; without a value 12, and up to 200 where the
 /// points are noisy. @throws InputError for fewer than 4, or on a line.
 EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors,
-                                 Progress& progress);
+                                 Interrupter* interrupter = nullptr);
 
 /// Area-weighted normals of a triangle mesh's vertices. Unused and degenerate vertices get zero.
 /// @param triangles  three indices below positions.size() each.
@@ -46,8 +46,9 @@ void flipNormals(PointCloud& cloud);
 /// Costs about 0.13 us of processor time per point where there is nothing to find.
 /// @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none without normals. @throws Interrupted.
-std::vector<std::uint32_t>
-findFlippedNormals(const PointCloud& cloud, const PointStatistics& statistics, Progress& progress);
+std::vector<std::uint32_t> findFlippedNormals(const PointCloud& cloud,
+                                              const PointStatistics& statistics,
+                                              Interrupter* interrupter = nullptr);
 
 /// Find the normals of solids that are inside out: of connected parts that, from whatever side they
 /// are seen, show their backs, and with each the parts that lie in it, so that cavities stay what
@@ -57,7 +58,8 @@ findFlippedNormals(const PointCloud& cloud, const PointStatistics& statistics, P
 /// processor time per point. @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none without normals. @throws Interrupted.
 std::vector<std::uint32_t> findInwardSolids(const PointCloud& cloud,
-                                            const PointStatistics& statistics, Progress& progress);
+                                            const PointStatistics& statistics,
+                                            Interrupter* interrupter = nullptr);
 
 /// Reverse the normals of the points @a indices.
 void flipNormals(PointCloud& cloud, const std::vector<std::uint32_t>& indices);

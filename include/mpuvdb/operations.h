@@ -14,7 +14,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// How solids combine.
 enum class Boolean {
@@ -36,7 +36,7 @@ enum class Boolean {
 /// of 1000 voxels are too narrow, or larger than all solids together and than 100 voxels; voxels as
 /// of onOneLattice()), Interrupted.
 LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
-                 Progress& progress);
+                 Interrupter* interrupter = nullptr);
 
 /// Level sets that share a lattice, and how they came to.
 struct OneLattice {
@@ -51,24 +51,25 @@ struct OneLattice {
 /// resampled.
 /// @throws LimitError where @a voxelSize is 0 and the inputs together would take more than 64 times
 /// the voxels that they have, which is to be asked for; Interrupted.
-OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress,
-                        double voxelSize = 0);
+OneLattice onOneLattice(const std::vector<LevelSet>& inputs, double voxelSize = 0,
+                        Interrupter* interrupter = nullptr);
 
 /// @a levelSet sampled on @a lattice with @a halfWidth voxels of it.
 LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
-                  Progress& progress);
+                  Interrupter* interrupter = nullptr);
 
 /// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the
 /// exact distance to the surface minus @a distance. An empty level set if nothing is left.
 /// Advances the running stage of @a progress by about one unit.
-LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress);
+LevelSet offset(const LevelSet& levelSet, double distance, Interrupter* interrupter = nullptr);
 
 /// Where the wall of a shell lies beside the surface.
 enum class Wall { Inward, Outward, Centered };
 
 /// The wall of @a thickness > 0 along the surface. Thinner than two voxels is a LimitError: no
 /// level set can show it. Advances the running stage of @a progress by about one unit.
-LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& progress);
+LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall,
+               Interrupter* interrupter = nullptr);
 
 /// How smooth() filters the values.
 enum class Filter {
@@ -92,7 +93,8 @@ struct SmoothSettings {
 /// are. Away from the mask nothing changes, to the bit. A median costs as the cube of its width.
 /// @throws UsageError for settings out of range, InputError for a mask that is not finite,
 /// Interrupted.
-LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Progress& progress);
+LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings,
+                Interrupter* interrupter = nullptr);
 
 /// How morph() goes from one surface to the other.
 enum class Morphing {
@@ -107,12 +109,13 @@ enum class Morphing {
 /// infinitely far away. Takes memory for bands as wide as the shapes differ (Linear: of both;
 /// Advection: of a). @throws UsageError for t outside [0,1], LimitError where that is more than
 /// 1000 voxels, Interrupted.
-LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Progress& progress);
+LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how,
+               Interrupter* interrupter = nullptr);
 
 /// Density 1 inside, falling over the band's inner half to 0 at the surface: class fog volume,
 /// called "density", on the same lattice. A solid that is nowhere as deep as its band has 1 where
 /// it is deepest.
-openvdb::FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress);
+openvdb::FloatGrid::Ptr toFog(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
 
 /// What can be said of a connected part of a solid.
 struct ComponentMeasures {
@@ -129,13 +132,13 @@ class SolidComponents
 {
 public:
     /// @throws Interrupted.
-    SolidComponents(const LevelSet& levelSet, Progress& progress);
+    explicit SolidComponents(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
 
     /// The largest first; of equals, by the first voxel.
     const std::vector<ComponentMeasures>& measures() const { return mMeasures; }
     /// The parts together again: those of at least @a minVolume, at most @a count of them, the
     /// largest first. @throws UsageError for a volume below 0, Interrupted.
-    LevelSet keep(double minVolume, std::size_t count, Progress& progress) const;
+    LevelSet keep(double minVolume, std::size_t count, Interrupter* interrupter = nullptr) const;
 
 private:
     LevelSet mLevelSet;
@@ -150,11 +153,12 @@ struct SolidComponent : ComponentMeasures {
 };
 
 /// The parts of SolidComponents, each alone.
-std::vector<SolidComponent> components(const LevelSet& levelSet, Progress& progress);
+std::vector<SolidComponent> components(const LevelSet& levelSet,
+                                       Interrupter* interrupter = nullptr);
 
 /// SolidComponents::keep() at once.
 LevelSet keepComponents(const LevelSet& levelSet, double minVolume, std::size_t count,
-                        Progress& progress);
+                        Interrupter* interrupter = nullptr);
 
 /// What can be measured of a solid.
 struct SolidMeasures {
@@ -169,6 +173,6 @@ struct SolidMeasures {
 };
 
 /// Measure the solid; second order in the voxel size.
-SolidMeasures measure(const LevelSet& levelSet, Progress& progress);
+SolidMeasures measure(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

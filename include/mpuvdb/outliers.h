@@ -19,7 +19,7 @@ namespace mpuvdb
 /// @param statistics  of this cloud, from measure().
 /// @return indices, ascending; none of fewer than 200 points. @throws Interrupted.
 std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,
-                                        Progress& progress);
+                                        Interrupter* interrupter = nullptr);
 
 /// Take the points @a indices (ascending) out of @a cloud; the others keep their order.
 void dropPoints(PointCloud& cloud, const std::vector<std::uint32_t>& indices);

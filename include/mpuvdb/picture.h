@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// A shaded picture of the zero set as PNG, by OpenVDB's ray tracer.
 /// @throws UsageError for settings out of range, IoError, Interrupted.
@@ -20,6 +20,6 @@ struct PictureSettings {
     UpAxis up = UpAxis::Y;
 };
 void writePicture(const std::filesystem::path& file, const LevelSet& levelSet,
-                  const PictureSettings& settings, Progress& progress);
+                  const PictureSettings& settings, Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

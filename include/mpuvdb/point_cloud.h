@@ -14,7 +14,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Where a scanner stood, or from where it looked if it is far away.
 struct Viewpoint {
@@ -86,6 +86,6 @@ struct PointStatistics {
 /// neighbors; spacing = sqrt(pi/12) * distance to the 12th, noise = residual of a local quadric,
 /// normal noise = that of normals that change linearly.
 /// @throws InputError for fewer than two distinct points, UsageError as demandWhole().
-PointStatistics measure(const PointCloud& cloud, Progress& progress);
+PointStatistics measure(const PointCloud& cloud, Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

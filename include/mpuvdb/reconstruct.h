@@ -57,7 +57,7 @@ struct ReconstructionEstimate {
 
 /// Derive what the user left open. @throws UsageError, InputError, LimitError (index range).
 ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& settings,
-                         Progress& progress);
+                         Interrupter* interrupter = nullptr);
 
 /// Estimate what reconstruct() would take, without it: a part of the points is fitted as it would
 /// fit them, and a surface with larger voxels through every so many points tells the area, filled
@@ -66,10 +66,10 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
 /// 70 a leaf of the octree (twice that while it is built), and 18 an active voxel.
 /// @throws as reconstruct().
 ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettings& settings,
-                                Progress& progress);
+                                Interrupter* interrupter = nullptr);
 
 /// Fit and sample. @a cloud has outward normals and is consumed.
 Reconstruction reconstruct(PointCloud&& cloud, const ReconstructSettings& settings,
-                           Progress& progress);
+                           Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

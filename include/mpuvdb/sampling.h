@@ -10,7 +10,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// How a field becomes a grid.
 struct SampleSettings {
@@ -39,7 +39,8 @@ openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice);
 /// Sample @a field into a narrow band: searched from its seeds by continuation, closed so that no
 /// sign change lies between inactive voxels, inactive space signed.
 /// @throws LimitError (memory, index range), InputError if there is no zero crossing, Interrupted.
-LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress);
+LevelSet sampleField(const Field& field, const SampleSettings& settings,
+                     Interrupter* interrupter = nullptr);
 
 /// Name of the grid that says where data support the surface beside it.
 constexpr const char* kCoverageName = "coverage";
@@ -50,7 +51,7 @@ constexpr const char* kCoverageName = "coverage";
 /// kCoverageName, with metadata that say what it is and the data's spacing. The same for any number
 /// of threads. @throws Interrupted.
 openvdb::FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage& coverage,
-                                       Progress& progress);
+                                       Interrupter* interrupter = nullptr);
 
 /// The data's spacing as sampleCoverage() noted it in @a coverage, or the size of its voxels if
 /// that is more (or nothing is noted): world units.
@@ -65,7 +66,8 @@ double coverageScale(const openvdb::FloatGrid& coverage);
 /// held against the mesh: LevelSet::explained().
 /// @throws InputError (no triangles, indices out of range, not finite, open), LimitError,
 /// Interrupted.
-LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress);
+LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings,
+                  Interrupter* interrupter = nullptr);
 
 /// Which side of a value is inside.
 enum class Inside {
@@ -80,6 +82,6 @@ enum class Inside {
 /// are no cubes, values that are not finite, nothing inside), LimitError (memory, before it is
 /// taken), Interrupted.
 LevelSet isosurface(const openvdb::FloatGrid& grid, double value, Inside inside, double halfWidth,
-                    Progress& progress, std::uint64_t maxBytes = 0);
+                    std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

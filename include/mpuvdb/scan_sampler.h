@@ -10,7 +10,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// A solid with a known signed distance.
 class Solid
@@ -63,6 +63,7 @@ struct ScanSettings {
 
 /// Sample @a solid. The same for any number of threads.
 /// @throws UsageError for settings out of range, InputError if the solid has no surface.
-PointCloud scan(const Solid& solid, const ScanSettings& settings, Progress& progress);
+PointCloud scan(const Solid& solid, const ScanSettings& settings,
+                Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

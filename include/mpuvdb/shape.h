@@ -17,7 +17,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// What a shape is evaluated to.
 struct ShapeSettings {
@@ -91,7 +91,7 @@ public:
     void demandMemory(const ShapeSettings& settings) const;
     /// @throws UsageError (settings, an unbounded solid), LimitError (memory, before it is taken),
     /// InputError, Interrupted.
-    LevelSet evaluate(const ShapeSettings& settings, Progress& progress) const;
+    LevelSet evaluate(const ShapeSettings& settings, Interrupter* interrupter = nullptr) const;
 
     class Node;
 

@@ -1,6 +1,6 @@
 // Parallel loops that can be stopped, and find the same for any number of threads.
 #pragma once
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -15,7 +15,7 @@ namespace mpuvdb
 /// Call f(i) for i below @a count. @param grain  calls between two looks at the progress.
 /// @throws Interrupted.
 template <class F>
-void forEachParallel(std::size_t count, std::size_t grain, const Progress& progress, F&& f)
+void forEachParallel(std::size_t count, std::size_t grain, const Interrupter& progress, F&& f)
 {
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, grain), [&](const auto& range) {
         progress.check();
@@ -25,7 +25,8 @@ void forEachParallel(std::size_t count, std::size_t grain, const Progress& progr
 
 /// The same for f(i, found), which appends to @a found. @return all that was, in the order of i.
 template <class T, class F>
-std::vector<T> gatherParallel(std::size_t count, std::size_t grain, const Progress& progress, F&& f)
+std::vector<T> gatherParallel(std::size_t count, std::size_t grain, const Interrupter& progress,
+                              F&& f)
 {
     std::vector<std::vector<T>> chunks((count + grain - 1) / grain);
     forEachParallel(chunks.size(), 1, progress, [&](std::size_t chunk) {

@@ -6,7 +6,7 @@
 
 #include "core/lanes.h"
 #include "core/release.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -102,7 +102,7 @@ class Front
 {
 public:
     Front(const openvdb::FloatTree& signs, const SurfacePatches& patches, const Reach& reach,
-          const FinishLeaf& finish, Progress& progress)
+          const FinishLeaf& finish, Interrupter& progress)
         : mSigns(signs), mSurface(patches), mPatches(patches.patches), mFinish(finish),
           mProgress(progress), mReach{std::max(reach.outside, 0.0f), std::max(reach.inside, 0.0f)}
     {
@@ -393,7 +393,7 @@ private:
     const SurfacePatches& mSurface;
     const std::vector<SurfacePatch>& mPatches;
     const FinishLeaf& mFinish;
-    Progress& mProgress;
+    Interrupter& mProgress;
     float mReach[2], mLimit2[2]; ///< outside, inside
     float mBeyond2[2];           ///< the least that is above the limit
     float mBound2 = 0;
@@ -407,7 +407,7 @@ private:
 
 std::vector<FinishedLeaf> spreadDistances(const openvdb::FloatTree& signs,
                                           const SurfacePatches& patches, const Reach& reach,
-                                          const FinishLeaf& finish, Progress& progress,
+                                          const FinishLeaf& finish, Interrupter& progress,
                                           double units)
 {
     return Front(signs, patches, reach, finish, progress).run(units);

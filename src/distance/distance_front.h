@@ -48,7 +48,7 @@ using FinishLeaf = std::function<FinishedLeaf(
 /// @param units  by which the running stage advances, in all. @throws Interrupted.
 std::vector<FinishedLeaf> spreadDistances(const openvdb::FloatTree& signs,
                                           const SurfacePatches& patches, const Reach& reach,
-                                          const FinishLeaf& finish, Progress& progress,
+                                          const FinishLeaf& finish, Interrupter& progress,
                                           double units);
 
 } // namespace mpuvdb

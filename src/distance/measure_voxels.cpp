@@ -2,7 +2,7 @@
 
 #include "distance_front.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -110,7 +110,7 @@ void drop(const KnownVoxels& known, float background, Leaf& leaf)
 } // namespace
 
 void measureUnplaced(openvdb::FloatTree& tree, double voxelSize, std::vector<KnownVoxels>& known,
-                     Progress& progress)
+                     Interrupter& progress)
 {
     const float background = tree.background(), h = float(voxelSize), reach = background / h;
     std::vector<const Leaf*> leaves =

@@ -12,6 +12,6 @@ namespace mpuvdb
 /// @param voxelSize  world units. @param known  leaves of the tree by origin, in order.
 /// @throws LimitError, Interrupted.
 void measureUnplaced(openvdb::FloatTree& tree, double voxelSize, std::vector<KnownVoxels>& known,
-                     Progress& progress);
+                     Interrupter& progress);
 
 } // namespace mpuvdb

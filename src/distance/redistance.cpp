@@ -7,7 +7,7 @@
 
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -142,7 +142,7 @@ struct Sources {
 /// and signs.
 FloatTree::Ptr assemble(const FloatTree& old, const Sources& sources,
                         std::vector<FinishedLeaf>&& reached, const BandMaker& maker,
-                        Progress& progress)
+                        Interrupter& progress)
 {
     auto tree = std::make_shared<FloatTree>(maker.background());
     auto tile = old.cbeginValueAll();
@@ -192,7 +192,7 @@ enum class Own {
 };
 
 /// The worse of what the two sides' values are.
-Sight sightFromBothSides(const FloatGrid& grid, Progress& progress)
+Sight sightFromBothSides(const FloatGrid& grid, Interrupter& progress)
 {
     const double voxelSize = grid.voxelSize()[0];
     const Sight outside = sightFrom(grid.tree(), voxelSize, 1, progress);
@@ -201,7 +201,7 @@ Sight sightFromBothSides(const FloatGrid& grid, Progress& progress)
 }
 
 /// @param reach  how far distances to the zero set of @a grid are wanted.
-Sources sourcesOf(const FloatGrid& grid, Own own, const Reach& reach, Progress& progress)
+Sources sourcesOf(const FloatGrid& grid, Own own, const Reach& reach, Interrupter& progress)
 {
     const double voxelSize = grid.voxelSize()[0];
     if (own == Own::Implicit)
@@ -222,7 +222,7 @@ Sources sourcesOf(const FloatGrid& grid, Own own, const Reach& reach, Progress& 
 /// A level set on the lattice of @a grid with the new values that the distances to its zero set
 /// make, as far as @a reach. @param units  by which the running stage advances.
 FloatGrid::Ptr remade(const FloatGrid& grid, Own own, const Reach& reach, const BandMaker& maker,
-                      Progress& progress, double units = 0)
+                      Interrupter& progress, double units = 0)
 {
     constexpr double kPatches = 0.2; // of the time
     const Sources sources = sourcesOf(grid, own, reach, progress);
@@ -275,7 +275,7 @@ NewValue shifted(float shift, float background)
 /// behind it values are the distance to what the other front has swallowed. Give those on one side
 /// (1 outside, -1 inside) the distance to what is there.
 FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth,
-                             Progress& progress)
+                             Interrupter& progress)
 {
     const auto reach = float(halfWidth), wedge = float(kWedge * grid.voxelSize()[0]);
     const auto newValue = [side, wedge](const Leaf* leaf, int n, const Distances& distances) {
@@ -306,8 +306,9 @@ void demandTellable(const char* what, double distance, double voxelSize)
 
 } // namespace
 
-LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& progress)
+LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, levelSet.voxelSize(), changed([](float d) { return d; }));
@@ -317,15 +318,17 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Progress& pro
     return LevelSet(made);
 }
 
-FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach, Progress& progress)
+FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach,
+                                 Interrupter& progress)
 {
     const float widest = std::max(reach.outside, reach.inside);
     const BandMaker maker(widest, levelSet.voxelSize(), changed([](float d) { return d; }));
     return remade(levelSet.grid(), Own::Kept, reach, maker, progress)->constTreePtr();
 }
 
-LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
+LevelSet redistance(const FloatGrid& grid, double halfWidth, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
@@ -335,8 +338,9 @@ LevelSet redistance(const FloatGrid& grid, double halfWidth, Progress& progress)
     return LevelSet(made);
 }
 
-LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
+LevelSet offset(const LevelSet& levelSet, double distance, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (!std::isfinite(distance))
         throw UsageError(fmt::format("offset: distance is {}; it must be finite", distance));
     demandTellable("offset: distance", distance, levelSet.voxelSize());
@@ -350,8 +354,9 @@ LevelSet offset(const LevelSet& levelSet, double distance, Progress& progress)
     return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
 }
 
-LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Progress& progress)
+LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (!(thickness > 0) || !std::isfinite(thickness))
         throw UsageError(
             fmt::format("shell: thickness is {:.6g}; it must be above 0 and finite", thickness));

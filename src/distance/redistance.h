@@ -10,6 +10,6 @@ namespace mpuvdb
 /// As withHalfWidth(), with distances as far as @a reach (not less than the band), and the wider
 /// side's as background. @throws Interrupted.
 openvdb::FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach,
-                                          Progress& progress);
+                                          Interrupter& progress);
 
 } // namespace mpuvdb

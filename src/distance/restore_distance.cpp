@@ -5,7 +5,7 @@
 
 #include "core/clones.h"
 #include "core/lanes.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/vec.h>
 
 #include <algorithm>
@@ -126,7 +126,7 @@ RowFlags examineRow(const float* row, float halfWidth)
 class Restorer
 {
 public:
-    Restorer(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from, Progress& progress)
+    Restorer(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from, Interrupter& progress)
         : mTree(tree), mProgress(progress), mFrom(from), mVoxelSize(float(voxelSize)),
           mHalfWidth(tree.background() / float(voxelSize)),
           mReach((int(std::ceil(mHalfWidth)) + kDim - 1) / kDim)
@@ -462,7 +462,7 @@ private:
     }
 
     openvdb::FloatTree& mTree;
-    Progress& mProgress;
+    Interrupter& mProgress;
     ValuesFrom mFrom;
     const std::vector<KnownVoxels>* mKnown = nullptr;
     float mVoxelSize, mHalfWidth; ///< world units; voxels
@@ -475,18 +475,18 @@ private:
 } // namespace
 
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
-                              Progress& progress)
+                              Interrupter& progress)
 {
     return Restorer(tree, voxelSize, from, progress).run();
 }
 
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
-                              const std::vector<KnownVoxels>& known, Progress& progress)
+                              const std::vector<KnownVoxels>& known, Interrupter& progress)
 {
     return Restorer(tree, voxelSize, ValuesFrom::Distances, progress).run(known);
 }
 
-std::uint64_t completeBand(openvdb::FloatTree& tree, double voxelSize, Progress& progress)
+std::uint64_t completeBand(openvdb::FloatTree& tree, double voxelSize, Interrupter& progress)
 {
     std::vector<KnownVoxels> known;
     for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf)

@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Where a band's values come from.
 enum class ValuesFrom : std::uint8_t {
@@ -22,7 +22,7 @@ enum class ValuesFrom : std::uint8_t {
 /// values, and where the zero set crosses, stay as they are. Returns the number of voxels changed.
 /// @param voxelSize  world units.
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
-                              Progress& progress);
+                              Interrupter& progress);
 
 /// What is known of the voxels of one leaf.
 struct KnownVoxels {
@@ -38,10 +38,10 @@ struct KnownVoxels {
 /// The same in and about the doubtful leaves, and from there as far as values change.
 /// @param known  leaves by origin, in order; all of others is exact.
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,
-                              const std::vector<KnownVoxels>& known, Progress& progress);
+                              const std::vector<KnownVoxels>& known, Interrupter& progress);
 
 /// The same for a band cut from a wider one: what was a little too far there may be missed here.
 /// Of the values only those change that jump.
-std::uint64_t completeBand(openvdb::FloatTree& tree, double voxelSize, Progress& progress);
+std::uint64_t completeBand(openvdb::FloatTree& tree, double voxelSize, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -2,7 +2,7 @@
 
 #include "distance_front.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <openvdb/tree/LeafManager.h>
 
@@ -26,7 +26,8 @@ constexpr float kBand = 4;
 
 /// Leaves of either solid within @a reach of @a origins, in order.
 std::vector<Coord> leavesAbout(const ScaledSolid& a, const ScaledSolid& b,
-                               const std::vector<Coord>& origins, float reach, Progress& progress)
+                               const std::vector<Coord>& origins, float reach,
+                               Interrupter& progress)
 {
     const int around = 8 * ((int(std::ceil(reach)) + 7) / 8);
     const openvdb::tree::ValueAccessor<const FloatTree> inA(a.tree), inB(b.tree);
@@ -67,7 +68,7 @@ private:
 
 /// A level set of where the ball's center cannot be.
 FloatTree roomTree(const ScaledSolid& a, const ScaledSolid& b, float radius,
-                   const std::vector<Coord>& origins, Progress& progress)
+                   const std::vector<Coord>& origins, Interrupter& progress)
 {
     FloatTree tree(kBand);
     for (const Coord& origin : origins) tree.touchLeaf(origin);
@@ -88,7 +89,7 @@ FloatTree roomTree(const ScaledSolid& a, const ScaledSolid& b, float radius,
 
 std::vector<RoomDistances> roomDistances(const ScaledSolid& a, const ScaledSolid& b, float radius,
                                          float reach, const std::vector<Coord>& origins,
-                                         Progress& progress)
+                                         Interrupter& progress)
 {
     std::vector<RoomDistances> distances(origins.size(), RoomDistances(Leaf::SIZE, reach));
     tbb::parallel_for(std::size_t(0), origins.size(), [&](std::size_t n) {

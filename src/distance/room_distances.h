@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// One solid: @a scale makes voxels of its values; negative for the complement.
 struct ScaledSolid {
@@ -24,6 +24,6 @@ using RoomDistances = std::vector<float>;
 /// outside as the radius and the band of a level set. @throws LimitError, Interrupted.
 std::vector<RoomDistances> roomDistances(const ScaledSolid& a, const ScaledSolid& b, float radius,
                                          float reach, const std::vector<openvdb::Coord>& origins,
-                                         Progress& progress);
+                                         Interrupter& progress);
 
 } // namespace mpuvdb

@@ -8,7 +8,7 @@
 #include "grid/leaf_halo.h"
 
 #include "core/release.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <atomic>
@@ -187,7 +187,7 @@ private:
 /// Let the shell's voxels of each of @a leaves have patches: f(number, patches).
 template <typename F>
 Shell forEachShellLeaf(const openvdb::FloatTree& tree, const std::vector<const Leaf*>& leaves,
-                       double voxelSize, float side, Progress& progress, F f)
+                       double voxelSize, float side, Interrupter& progress, F f)
 {
     tbb::combinable<Shell> shells;
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, leaves.size(), 16),
@@ -208,7 +208,7 @@ Shell forEachShellLeaf(const openvdb::FloatTree& tree, const std::vector<const L
 /// The patches that the voxels of the shell are nearest to, about one for each voxel that the
 /// surface passes; none at all unless @a sight becomes that of distances.
 SurfacePatches shellPatches(const openvdb::FloatTree& tree, double voxelSize, float side,
-                            Sight& sight, Progress& progress)
+                            Sight& sight, Interrupter& progress)
 {
     SurfacePatches result;
     tree.getNodes(result.leaves);
@@ -275,7 +275,7 @@ private:
 
 } // namespace
 
-Sight sightFrom(const openvdb::FloatTree& tree, double voxelSize, float side, Progress& progress)
+Sight sightFrom(const openvdb::FloatTree& tree, double voxelSize, float side, Interrupter& progress)
 {
     std::vector<const Leaf*> leaves;
     tree.getNodes(leaves);
@@ -285,7 +285,7 @@ Sight sightFrom(const openvdb::FloatTree& tree, double voxelSize, float side, Pr
 }
 
 Sight amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, double voxelSize,
-                   float side, Progress& progress)
+                   float side, Interrupter& progress)
 {
     Sight sight = Sight::TooNarrow;
     const SurfacePatches shell = shellPatches(tree, voxelSize, side, sight, progress);

@@ -1,7 +1,7 @@
 #include "triangle_band.h"
 
 #include "spatial/point_triangle.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/task_group.h>
@@ -226,7 +226,7 @@ private:
 class Descent
 {
 public:
-    Descent(const PlacedTriangles& triangles, double reach, Progress& progress)
+    Descent(const PlacedTriangles& triangles, double reach, Interrupter& progress)
         : mTriangles(triangles), mReach(reach), mProgress(progress),
           mMeasures([this] { return LeafMeasure(mTriangles, mReach); })
     {
@@ -271,14 +271,14 @@ private:
 
     const PlacedTriangles& mTriangles;
     double mReach;
-    Progress& mProgress;
+    Interrupter& mProgress;
     tbb::enumerable_thread_specific<LeafMeasure> mMeasures;
     tbb::enumerable_thread_specific<Leaves> mLeaves;
 };
 
 } // namespace
 
-Leaves leavesNear(const PlacedTriangles& triangles, double reach, Progress& progress)
+Leaves leavesNear(const PlacedTriangles& triangles, double reach, Interrupter& progress)
 {
     return Descent(triangles, reach, progress).run();
 }

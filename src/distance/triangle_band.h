@@ -10,7 +10,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// The triangles of a mesh, and where voxels are among them.
 struct PlacedTriangles {
@@ -31,6 +31,6 @@ struct PlacedTriangles {
 /// that it has at the nearest place: where the triangles bound a solid and face outward, that is
 /// inside [Baerentzen05]. @throws Interrupted
 std::vector<std::unique_ptr<openvdb::FloatTree::LeafNodeType>>
-leavesNear(const PlacedTriangles& triangles, double reach, Progress& progress);
+leavesNear(const PlacedTriangles& triangles, double reach, Interrupter& progress);
 
 } // namespace mpuvdb

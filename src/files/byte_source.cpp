@@ -1,7 +1,7 @@
 #include "byte_source.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 
@@ -35,7 +35,7 @@ constexpr std::size_t kChunk = std::size_t(1) << 20;
 
 } // namespace
 
-ByteSource::ByteSource(const std::filesystem::path& file, Progress& progress)
+ByteSource::ByteSource(const std::filesystem::path& file, Interrupter& progress)
     : mName(file == "-" ? "stdin" : file.string())
 {
     mFile = file == "-" ? dup(STDIN_FILENO) : open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
@@ -60,7 +60,7 @@ ByteSource::~ByteSource()
     close(mFile);
 }
 
-void ByteSource::readPipe(Progress& progress)
+void ByteSource::readPipe(Interrupter& progress)
 {
     for (;;) {
         progress.check();

@@ -11,7 +11,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// An input opened for reading at any offset, from many threads. Nothing is mapped, so what has
 /// been read does not stay resident.
@@ -19,7 +19,7 @@ class ByteSource
 {
 public:
     /// @param file  a file, a pipe, or "-" for stdin. @throws IoError saying why it cannot be read.
-    ByteSource(const std::filesystem::path& file, Progress& progress);
+    ByteSource(const std::filesystem::path& file, Interrupter& progress);
     ~ByteSource();
     ByteSource(const ByteSource&) = delete;
     ByteSource& operator=(const ByteSource&) = delete;
@@ -38,7 +38,7 @@ public:
     void setCommas(Commas commas) const { mCommas.store(commas, std::memory_order_relaxed); }
 
 private:
-    void readPipe(Progress& progress);
+    void readPipe(Interrupter& progress);
 
     std::string mName;
     std::vector<char> mPiped;

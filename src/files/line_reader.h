@@ -2,7 +2,7 @@
 #pragma once
 #include "byte_source.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -77,7 +77,7 @@ void forEachLine(const LineBatch& batch, F&& f)
 /// merge(Result&&) in the input's order. Of several errors the first in the input is thrown.
 /// @return number of lines parsed.
 template <class Result, class Parse, class Merge>
-std::uint64_t parseLines(LineReader& reader, std::uint64_t maxLines, Progress& progress,
+std::uint64_t parseLines(LineReader& reader, std::uint64_t maxLines, Interrupter& progress,
                          const Parse& parse, Merge&& merge)
 {
     std::uint64_t parsed = 0;

@@ -1,7 +1,7 @@
 // What a level set promises, looked at voxel by voxel, and what is wrong with it in words.
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
-#include <mpuvdb/progress.h>
 
 #include "leaf_check.h"
 #include "transform_lattice.h"
@@ -92,7 +92,7 @@ bool isAmongItsLike(const Node& node, openvdb::Index n, const CheckLimits& limit
 /// Judge the tiles of all nodes of one level.
 template <typename Node>
 FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                          const openvdb::CoordBBox& within, Progress& progress)
+                          const openvdb::CoordBBox& within, Interrupter& progress)
 {
     constexpr int kDim = Node::ChildNodeType::DIM;
     std::vector<const Node*> nodes;
@@ -117,7 +117,7 @@ FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& lim
 }
 
 FaultTallies judgeTiles(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                        const openvdb::CoordBBox& within, Progress& progress)
+                        const openvdb::CoordBBox& within, Interrupter& progress)
 {
     using Upper = Tree::RootNodeType::ChildNodeType;
     using Lower = Upper::ChildNodeType;
@@ -178,9 +178,10 @@ std::vector<CheckFinding> findingsOfGrid(const openvdb::FloatGrid& grid)
 
 } // namespace
 
-CheckReport check(const openvdb::FloatGrid& grid, Progress& progress, double gradientTolerance,
-                  const openvdb::CoordBBox& within)
+CheckReport check(const openvdb::FloatGrid& grid, double gradientTolerance,
+                  const openvdb::CoordBBox& within, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     CheckReport report;
     report.activeVoxels = grid.activeVoxelCount();
     report.findings = findingsOfGrid(grid);

@@ -1,7 +1,7 @@
 #include "core/lanes.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/given_level_set.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include "band_limits.h"
 #include "prune.h"
@@ -132,7 +132,7 @@ struct Band {
     std::vector<float> rims;              ///< values where the band ends
 };
 
-Band measureBand(const FloatTree& tree, float limit, const Progress& progress)
+Band measureBand(const FloatTree& tree, float limit, const Interrupter& progress)
 {
     const std::vector<const Leaf*> leaves = leavesOf(tree);
     const float background = tree.background();
@@ -238,7 +238,7 @@ void addSlopes(const Leaf& leaf, FloatGrid::ConstAccessor& at, double voxelSize,
 }
 
 /// The median slope beside the zero set, of up to kMost leaves; 1 where there is none.
-double medianSlope(const FloatGrid& grid, double voxelSize, const Progress& progress)
+double medianSlope(const FloatGrid& grid, double voxelSize, const Interrupter& progress)
 {
     constexpr std::size_t kMost = 128;
     std::vector<const Leaf*> leaves = leavesOf(grid.tree());
@@ -346,7 +346,7 @@ Faces facesOfTiles(const FloatGrid& grid)
     return faces;
 }
 
-Faces facesOf(const FloatGrid& grid, const Progress& progress)
+Faces facesOf(const FloatGrid& grid, const Interrupter& progress)
 {
     const std::vector<const Leaf*> leaves = leavesOf(grid.tree());
     std::vector<Faces> parts(leaves.size());
@@ -365,8 +365,9 @@ Faces facesOf(const FloatGrid& grid, const Progress& progress)
 } // namespace
 
 LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
-                      const Progress& progress)
+                      Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     constexpr double kFew = 0.01; // of the active voxels: rounding may put them at the background
     constexpr double kSlack = 2;  // voxels
     const LevelSet given(grid);
@@ -391,8 +392,9 @@ LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>&
     return isFull || band.odd > 0 ? LevelSet(cutOff(*grid, background)) : given;
 }
 
-void demandDistances(const LevelSet& levelSet, const std::string& cure, const Progress& progress)
+void demandDistances(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     constexpr double kLeast = 0.4, kMost = 2.5;
     constexpr double kOpen = 0.1;
     const FloatGrid& grid = levelSet.grid();

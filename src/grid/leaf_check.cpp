@@ -5,7 +5,7 @@
 #include "core/clones.h"
 #include "core/lanes.h"
 #include <mpuvdb/field.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
@@ -288,7 +288,8 @@ private:
 } // namespace
 
 FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                         const openvdb::CoordBBox& within, SideSums& steepness, Progress& progress)
+                         const openvdb::CoordBBox& within, SideSums& steepness,
+                         Interrupter& progress)
 {
     std::vector<const Leaf*> leaves;
     grid.tree().getNodes(leaves);

@@ -9,7 +9,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// What a voxel can be at fault for, or a tile.
 enum class Fault {
@@ -87,6 +87,7 @@ inline bool isWellWithin(const openvdb::Coord& origin, int dim, const openvdb::C
 /// Judge all leaves well within @a within; @a steepness becomes the sums of ||grad| - 1|, added up
 /// in the leaves' order. The stage "check" begins. @throws Interrupted.
 FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
-                         const openvdb::CoordBBox& within, SideSums& steepness, Progress& progress);
+                         const openvdb::CoordBBox& within, SideSums& steepness,
+                         Interrupter& progress);
 
 } // namespace mpuvdb

@@ -3,7 +3,7 @@
 #include "cut_mesh.h"
 
 #include "core/union_find.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -21,7 +21,7 @@ constexpr std::size_t kStride = 1 << 16; ///< triangles between two looks at the
 
 /// Call f(from, to) for each side of each triangle.
 template <typename F>
-void forEachSide(const Mesh& mesh, const Progress& progress, F f)
+void forEachSide(const Mesh& mesh, const Interrupter& progress, F f)
 {
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
         if (t % kStride == 0) progress.check();
@@ -32,7 +32,7 @@ void forEachSide(const Mesh& mesh, const Progress& progress, F f)
 
 /// Of each vertex its part: vertices that edges between vertices of one sign connect.
 std::vector<std::uint32_t> partsOf(const Mesh& mesh, const std::vector<float>& values,
-                                   const Progress& progress)
+                                   const Interrupter& progress)
 {
     UnionFind parts(mesh.positions.size());
     forEachSide(mesh, progress, [&](std::uint32_t a, std::uint32_t b) {
@@ -72,7 +72,7 @@ double extentOf(const std::vector<Vec3f>& places)
 std::unordered_map<std::uint32_t, Part> gatherParts(const Mesh& mesh,
                                                     const std::vector<float>& values,
                                                     const std::vector<std::uint32_t>& parts,
-                                                    bool covered, const Progress& progress)
+                                                    bool covered, const Interrupter& progress)
 {
     std::unordered_map<std::uint32_t, Part> gathered;
     std::vector<char> used(mesh.positions.size(), 0);
@@ -95,7 +95,7 @@ std::unordered_map<std::uint32_t, Part> gatherParts(const Mesh& mesh,
 
 } // namespace
 
-void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Progress& progress)
+void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Interrupter& progress)
 {
     std::vector<std::uint32_t> start(mesh.positions.size() + 1, 0);
     forEachSide(mesh, progress, [&](std::uint32_t from, std::uint32_t) { ++start[from + 1]; });
@@ -121,7 +121,7 @@ void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Progress& pro
 }
 
 void decideParts(const Mesh& mesh, const TrimSettings& settings, std::vector<float>& values,
-                 TrimReport& report, Progress& progress)
+                 TrimReport& report, Interrupter& progress)
 {
     for (const bool covered : {false, true}) {
         const std::vector<std::uint32_t> parts = partsOf(mesh, values, progress);

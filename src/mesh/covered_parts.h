@@ -7,14 +7,14 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Average @a values with those of the neighbors along edges, a few times.
-void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Progress& progress);
+void smoothOverEdges(const Mesh& mesh, std::vector<float>& values, Interrupter& progress);
 
 /// Turn the sign of @a values (0 and above: covered) on uncovered patches that are small enough to
 /// stay closed, and then on covered parts that are nothing but islands in a hole.
 void decideParts(const Mesh& mesh, const TrimSettings& settings, std::vector<float>& values,
-                 TrimReport& report, Progress& progress);
+                 TrimReport& report, Interrupter& progress);
 
 } // namespace mpuvdb

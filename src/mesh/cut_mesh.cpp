@@ -1,6 +1,6 @@
 #include "cut_mesh.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <array>
@@ -31,7 +31,7 @@ std::uint64_t edgeKey(std::uint32_t a, std::uint32_t b)
 class Cut
 {
 public:
-    Cut(Mesh mesh, const std::vector<float>& values, Progress& progress)
+    Cut(Mesh mesh, const std::vector<float>& values, Interrupter& progress)
         : mMesh(std::move(mesh)), mValues(values), mProgress(progress), mSign(values.size())
     {
         for (std::size_t v = 0; v < values.size(); ++v) mSign[v] = isCovered(values[v]) ? 1 : -1;
@@ -79,7 +79,7 @@ private:
 
     Mesh mMesh;
     const std::vector<float>& mValues;
-    Progress& mProgress;
+    Interrupter& mProgress;
     std::vector<signed char> mSign;      ///< per vertex: 1 stays, -1 goes, 0 lies on the line
     std::vector<std::uint32_t> mCrossed; ///< triangles with both signs before snapping
     std::vector<std::uint64_t> mEdges;   ///< keys of the edges that are cut, sorted
@@ -297,7 +297,7 @@ void Cut::dropUnused()
 
 } // namespace
 
-Mesh cutMesh(Mesh mesh, const std::vector<float>& values, Progress& progress)
+Mesh cutMesh(Mesh mesh, const std::vector<float>& values, Interrupter& progress)
 {
     return Cut(std::move(mesh), values, progress).run();
 }

@@ -7,7 +7,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Whether a vertex of @a value stays.
 inline bool isCovered(float value)
@@ -25,6 +25,6 @@ inline float crossing(float from, float to)
 /// The part of @a mesh where @a values are 0 or above, with new vertices on the edges that the zero
 /// line crosses; vertices within a quarter of an edge of it are drawn onto it. No vertex belongs to
 /// two fans of triangles.
-Mesh cutMesh(Mesh mesh, const std::vector<float>& values, Progress& progress);
+Mesh cutMesh(Mesh mesh, const std::vector<float>& values, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -1,8 +1,8 @@
 #include "surface/sheet_vertex.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
@@ -156,7 +156,7 @@ private:
 class Extraction
 {
 public:
-    Extraction(const LevelSet& levelSet, const ExtractSettings& settings, Progress& progress)
+    Extraction(const LevelSet& levelSet, const ExtractSettings& settings, Interrupter& progress)
         : mTree(levelSet.grid().tree()), mLattice(levelSet.lattice()), mSettings(settings),
           mProgress(progress), mCells(mTree, progress)
     {
@@ -414,7 +414,7 @@ private:
     Vertices crossing()
     {
         Vertices found;
-        for (const TrianglePair& pair : findSelfIntersections(mMesh, mProgress))
+        for (const TrianglePair& pair : findSelfIntersections(mMesh, &mProgress))
             for (const std::uint32_t t : pair)
                 found.insert(found.end(), mMesh.triangles[t].begin(), mMesh.triangles[t].end());
         return found;
@@ -433,7 +433,7 @@ private:
     const openvdb::FloatTree& mTree;
     Lattice mLattice;
     ExtractSettings mSettings;
-    Progress& mProgress;
+    Interrupter& mProgress;
     DualCells mCells;
     openvdb::Coord mFrame;
     Mesh mMesh;
@@ -444,8 +444,10 @@ private:
 
 } // namespace
 
-Mesh extractMesh(const LevelSet& levelSet, Progress& progress, const ExtractSettings& settings)
+Mesh extractMesh(const LevelSet& levelSet, const ExtractSettings& settings,
+                 Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     progress.beginStage("mesh", 3);
     Extraction extraction(levelSet, settings, progress);
     progress.advance();

@@ -1,8 +1,8 @@
 #include "active_value.h"
 
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/normals.h>
-#include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -15,7 +15,7 @@ namespace
 constexpr std::size_t kVerticesAtOnce = 4096;
 
 template <class F>
-void forEachBlock(std::size_t vertices, Progress& progress, const F& f)
+void forEachBlock(std::size_t vertices, Interrupter& progress, const F& f)
 {
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, vertices, kVerticesAtOnce),
                       [&](const tbb::blocked_range<std::size_t>& range) {
@@ -26,7 +26,8 @@ void forEachBlock(std::size_t vertices, Progress& progress, const F& f)
 
 /// What @a grid says at the vertices, each through @a take.
 template <class Grid, class Value, class F>
-std::vector<Value> valuesAt(const Mesh& mesh, const Grid& grid, Progress& progress, const F& take)
+std::vector<Value> valuesAt(const Mesh& mesh, const Grid& grid, Interrupter& progress,
+                            const F& take)
 {
     std::vector<Value> values(mesh.positions.size());
     forEachBlock(values.size(), progress, [&](std::size_t begin, std::size_t end) {
@@ -42,8 +43,9 @@ std::vector<Value> valuesAt(const Mesh& mesh, const Grid& grid, Progress& progre
 
 } // namespace
 
-void addAttributes(Mesh& mesh, const SurfaceAttributes& attributes, Progress& progress)
+void addAttributes(Mesh& mesh, const SurfaceAttributes& attributes, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const std::vector<Vec3f> normals = vertexNormals(mesh.positions, mesh.triangles);
     const std::size_t channels = attributes.channels(), vertices = mesh.positions.size();
     const std::size_t colors = attributes.hasColors() ? 3 : 0, before = mesh.scalars.size();
@@ -65,8 +67,9 @@ void addAttributes(Mesh& mesh, const SurfaceAttributes& attributes, Progress& pr
     });
 }
 
-void addAttribute(Mesh& mesh, const openvdb::GridBase& grid, Progress& progress)
+void addAttribute(Mesh& mesh, const openvdb::GridBase& grid, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (const auto* colors = dynamic_cast<const openvdb::Vec3SGrid*>(&grid))
         mesh.colors = valuesAt<openvdb::Vec3SGrid, Vec3f>(
             mesh, *colors, progress,

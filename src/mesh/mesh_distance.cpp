@@ -2,8 +2,8 @@
 
 #include "spatial/kd_tree.h"
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
@@ -89,7 +89,7 @@ struct Sums {
 /// Squared distances of @a count places, block by block. @a place(n) is a world position;
 /// @a measure() makes for a block what gives a world position its squared distance.
 template <class Place, class Measure>
-Sums sumOver(std::size_t count, const Place& place, const Measure& measure, Progress& progress)
+Sums sumOver(std::size_t count, const Place& place, const Measure& measure, Interrupter& progress)
 {
     return tbb::parallel_deterministic_reduce(
         tbb::blocked_range<std::size_t>(0, count, kBlock), Sums(),
@@ -130,7 +130,7 @@ auto toPoints(const PointCloud& points, const KdTree& tree)
 /// From places all over @a mesh.
 template <class Measure>
 Distances fromMesh(const Mesh& mesh, const TriangleTree& tree, const Measure& measure,
-                   Progress& progress)
+                   Interrupter& progress)
 {
     const Sums sums = sumOver(kSamples, Samples(mesh, tree), measure, progress);
     const std::vector<std::uint32_t> vertices = verticesInOrder(mesh, tree);
@@ -148,8 +148,9 @@ void demandTriangles(const Mesh& mesh)
 
 } // namespace
 
-TwoWayDistances distances(const Mesh& mesh, const Mesh& other, Progress& progress)
+TwoWayDistances distances(const Mesh& mesh, const Mesh& other, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandTriangles(mesh);
     demandTriangles(other);
     progress.beginStage("distances", 2.0 * kSamples + double(mesh.positions.size()) +
@@ -161,8 +162,9 @@ TwoWayDistances distances(const Mesh& mesh, const Mesh& other, Progress& progres
     return result;
 }
 
-TwoWayDistances distances(const Mesh& mesh, const PointCloud& points, Progress& progress)
+TwoWayDistances distances(const Mesh& mesh, const PointCloud& points, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandTriangles(mesh);
     if (points.empty()) throw UsageError("no points to measure distances to");
     progress.beginStage("distances",

@@ -1,7 +1,7 @@
 #include "spatial/triangle_tree.h"
 
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
@@ -193,8 +193,9 @@ private:
 
 } // namespace
 
-std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh, Progress& progress)
+std::vector<TrianglePair> findSelfIntersections(const Mesh& mesh, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (mesh.triangles.empty()) return {};
     progress.beginStage("intersections");
     const TriangleTree tree(mesh, progress);

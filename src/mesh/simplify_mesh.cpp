@@ -6,8 +6,8 @@
 
 #include "spatial/triangle_tree.h"
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
@@ -114,7 +114,7 @@ public:
     /// @param original  of the mesh; has to outlive this.
     /// @param held  flags of vertices that stay where they are.
     Simplifier(Mesh mesh, const TriangleTree& original, double tolerance, std::vector<char> held,
-               const Progress& progress)
+               const Interrupter& progress)
         : mMesh(std::move(mesh)), mOriginal(original), mTolerance(tolerance),
           mReach(kVertexShare * tolerance), mPositions(mMesh.positions.size()),
           mQuadrics(mMesh.positions.size()), mFaces(mMesh.positions.size()),
@@ -142,7 +142,7 @@ public:
         holdBoundaries(progress);
     }
 
-    void run(Progress& progress)
+    void run(Interrupter& progress)
     {
         progress.beginStage("simplify", double(mPositions.size()));
         const std::vector<Part> parts = divide(progress);
@@ -208,7 +208,7 @@ private:
 
     /// The vertices in parts, along the order of the original's tree. Vertices beside those of
     /// other parts are held: what is done to the others of a part touches and sees no other.
-    std::vector<Part> divide(const Progress& progress)
+    std::vector<Part> divide(const Interrupter& progress)
     {
         std::vector<Part> parts(1 + (mOriginal.size() - 1) / kPartTriangles);
         if (parts.size() == 1) {
@@ -233,7 +233,7 @@ private:
     /// Every collapse of an edge of @a part that can be made, and of the edges that come of it.
     /// @param isTaken  of the vertices of an edge, the first of the part.
     template <typename IsTaken>
-    void simplifyAmong(const Part& part, const IsTaken& isTaken, Progress& progress)
+    void simplifyAmong(const Part& part, const IsTaken& isTaken, Interrupter& progress)
     {
         Queue queue;
         std::size_t nearest = 0; // of the original's triangles, one near the last place asked for
@@ -276,7 +276,7 @@ private:
     }
 
     /// Vertices with an edge that has not two triangles stay where they are.
-    void holdBoundaries(const Progress& progress)
+    void holdBoundaries(const Interrupter& progress)
     {
         for (Index v = 0; v < mPositions.size(); ++v) {
             progress.check();
@@ -473,8 +473,9 @@ private:
 
 } // namespace
 
-Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& progress)
+Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (!(settings.tolerance > 0))
         throw UsageError(fmt::format("simplify: the tolerance is {}; give a length above 0, world "
                                      "units",
@@ -487,7 +488,7 @@ Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Progress& prog
         simplifier.run(progress);
         Mesh result = simplifier.result();
         if (!settings.strict) return result;
-        const std::vector<TrianglePair> pairs = findSelfIntersections(result, progress);
+        const std::vector<TrianglePair> pairs = findSelfIntersections(result, &progress);
         if (pairs.empty() || !simplifier.hold(pairs, held)) return result;
         const std::vector<char> core = held; // and those beside, so that few rounds are enough
         for (const Mesh::Triangle& t : mesh.triangles)

@@ -2,7 +2,7 @@
 #include "covered_parts.h"
 #include "cut_mesh.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <tbb/blocked_range.h>
@@ -23,7 +23,7 @@ constexpr double kGapScale = 2;     ///< times the data's spacing: a hole betwee
 constexpr double kIslandScale = 12; ///< the disc about a dozen stray points
 
 /// Coverage less one half at the vertices.
-std::vector<float> valuesAt(const Mesh& mesh, const FloatGrid& coverage, Progress& progress)
+std::vector<float> valuesAt(const Mesh& mesh, const FloatGrid& coverage, Interrupter& progress)
 {
     std::vector<float> values(mesh.positions.size());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, values.size(), 4096),
@@ -48,8 +48,9 @@ TrimSettings trimSettings(const FloatGrid& coverage, double closeUpTo)
 }
 
 Mesh trimMesh(Mesh mesh, const FloatGrid& coverage, const TrimSettings& settings,
-              TrimReport& report, Progress& progress)
+              TrimReport& report, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     report = {};
     progress.beginStage("trim", 4);
     std::vector<float> values = valuesAt(mesh, coverage, progress);

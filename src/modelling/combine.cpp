@@ -8,8 +8,8 @@
 #include "grid/prune.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <openvdb/tools/ChangeBackground.h>
 
@@ -76,7 +76,7 @@ struct Bands {
     double inside = 0, outside = 0; ///< voxels
     float background = 0;           ///< world units
 
-    FloatTree::ConstPtr treeOf(const LevelSet& solid, Progress& progress) const
+    FloatTree::ConstPtr treeOf(const LevelSet& solid, Interrupter& progress) const
     {
         const double least = std::max(inside, outside);
         if (solid.halfWidth() >= least * (1 - kSameWidth))
@@ -96,7 +96,7 @@ public:
     {
     }
 
-    FloatTree::Ptr sharp(Progress& progress) const
+    FloatTree::Ptr sharp(Interrupter& progress) const
     {
         const float background = std::max(
             {float(mHalfWidth * mVoxelSize), mA.grid().background(), mB.grid().background()});
@@ -110,7 +110,7 @@ public:
     }
 
     /// Change @a sharp where the ball of @a radius (world units) fillets it.
-    void fillet(FloatTree& sharp, double radius, Progress& progress) const
+    void fillet(FloatTree& sharp, double radius, Interrupter& progress) const
     {
         const double reach = std::max(mHalfWidth, kAroundPath) + radius / mVoxelSize;
         const auto bands = [&](bool rollsOutside) {
@@ -140,7 +140,7 @@ private:
     }
 
     /// What the user may not expect of the blend.
-    void tell(const CsgTree& csg, double radius, Progress& progress) const
+    void tell(const CsgTree& csg, double radius, Interrupter& progress) const
     {
         constexpr float kWorthwhile = 0.5f; // voxels: what is shallower, no grid shows
         if (csg.filleted.empty() && csg.isDoubtful)
@@ -158,7 +158,7 @@ private:
                                   2 * depth, at.x(), at.y(), at.z(), radius, depth));
     }
 
-    static void copyFillet(const CsgTree& from, FloatTree& to, Progress& progress)
+    static void copyFillet(const CsgTree& from, FloatTree& to, Interrupter& progress)
     {
         openvdb::tree::ValueAccessor<FloatTree> access(to);
         for (const LeafVoxels& leaf : from.filleted) {
@@ -195,20 +195,21 @@ LevelSet likeGrid(const FloatGrid& model, const FloatTree::Ptr& tree)
 } // namespace
 
 LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
-                 Progress& progress)
+                 Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (inputs.empty())
         throw UsageError("Boolean operation: there is no level set. Give at least one");
     demandBlendRadius(blendRadius);
     if (inputs.size() == 1) return inputs.front();
-    const std::vector<LevelSet> solids = onOneLattice(inputs, progress).levelSets;
+    const std::vector<LevelSet> solids = onOneLattice(inputs, 0, &progress).levelSets;
     double halfWidth = 0;
     for (const LevelSet& solid : solids) halfWidth = std::max(halfWidth, solid.halfWidth());
     return combineInBand(kind, solids, blendRadius, halfWidth, progress);
 }
 
 LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
-                       double halfWidth, Progress& progress)
+                       double halfWidth, Interrupter& progress)
 {
     if (blendRadius > 0) {
         const double voxelSize = inputs.front().voxelSize();
@@ -228,7 +229,7 @@ LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double
     // What is thinner than a voxel lies between voxels: a band without an inside is of nothing.
     if (!hasInside(result.grid().tree())) return emptyLevelSet(result.lattice(), halfWidth);
     return result.halfWidth() > halfWidth * (1 + kSameWidth)
-               ? withHalfWidth(result, halfWidth, progress)
+               ? withHalfWidth(result, halfWidth, &progress)
                : result;
 }
 

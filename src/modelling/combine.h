@@ -7,6 +7,6 @@ namespace mpuvdb
 
 /// As combine(), in a band of @a halfWidth voxels. What the inputs know beyond it, a fillet uses.
 LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
-                       double halfWidth, Progress& progress);
+                       double halfWidth, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -3,8 +3,8 @@
 #include "solid_parts.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -18,7 +18,7 @@ namespace mpuvdb
 namespace
 {
 
-ComponentMeasures measuresOf(const LevelSet& levelSet, Progress& progress)
+ComponentMeasures measuresOf(const LevelSet& levelSet, Interrupter& progress)
 {
     const SurfaceIntegrals sums = integrateSurface(measurable(levelSet, progress), progress);
     return {sums.volume, sums.area, sums.bounds, sums.genus()};
@@ -46,7 +46,7 @@ void uncanceled(const Work& work)
 
 /// Calls @a give with each part's number, level set and measures, in any order.
 template <typename Give>
-void forEachPart(const SolidParts& parts, Progress& progress, const Give& give)
+void forEachPart(const SolidParts& parts, Interrupter& progress, const Give& give)
 {
     tbb::parallel_for(std::size_t(0), parts.parts().size(), [&](std::size_t n) {
         progress.check();
@@ -60,9 +60,10 @@ void forEachPart(const SolidParts& parts, Progress& progress, const Give& give)
 
 } // namespace
 
-SolidComponents::SolidComponents(const LevelSet& levelSet, Progress& progress)
+SolidComponents::SolidComponents(const LevelSet& levelSet, Interrupter* interrupter)
     : mLevelSet(levelSet), mParts(std::make_shared<const SolidParts>(levelSet, progress))
 {
+    Interrupter& progress = orSilent(interrupter);
     std::vector<ComponentMeasures> found(mParts->parts().size());
     forEachPart(*mParts, progress,
                 [&](std::size_t n, const LevelSet&, const ComponentMeasures& m) { found[n] = m; });
@@ -70,8 +71,9 @@ SolidComponents::SolidComponents(const LevelSet& levelSet, Progress& progress)
     for (const std::uint32_t n : mOrder) mMeasures.push_back(found[n]);
 }
 
-LevelSet SolidComponents::keep(double minVolume, std::size_t count, Progress& progress) const
+LevelSet SolidComponents::keep(double minVolume, std::size_t count, Interrupter* interrupter) const
 {
+    Interrupter& progress = orSilent(interrupter);
     if (!(minVolume >= 0))
         throw UsageError(fmt::format("components: the least volume is {}; it must be 0 or more "
                                      "cubic world units",
@@ -82,8 +84,9 @@ LevelSet SolidComponents::keep(double minVolume, std::size_t count, Progress& pr
     return mParts->extract({mOrder.begin(), mOrder.begin() + std::ptrdiff_t(kept)}, progress);
 }
 
-std::vector<SolidComponent> components(const LevelSet& levelSet, Progress& progress)
+std::vector<SolidComponent> components(const LevelSet& levelSet, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const SolidParts parts(levelSet, progress);
     std::vector<ComponentMeasures> measures(parts.parts().size());
     std::vector<LevelSet> alone(measures.size(), levelSet);
@@ -97,9 +100,10 @@ std::vector<SolidComponent> components(const LevelSet& levelSet, Progress& progr
 }
 
 LevelSet keepComponents(const LevelSet& levelSet, double minVolume, std::size_t count,
-                        Progress& progress)
+                        Interrupter* interrupter)
 {
-    return SolidComponents(levelSet, progress).keep(minVolume, count, progress);
+    Interrupter& progress = orSilent(interrupter);
+    return SolidComponents(levelSet, &progress).keep(minVolume, count, &progress);
 }
 
 } // namespace mpuvdb

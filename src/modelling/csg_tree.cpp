@@ -4,7 +4,7 @@
 #include "distance/room_distances.h"
 #include "fill_specks.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <openvdb/tools/Merge.h>
 #include <openvdb/tree/NodeManager.h>
@@ -124,7 +124,7 @@ public:
 
     /// Where creases do not tell all of a fillet, what they tell of the rest may be wrong, too:
     /// give its voxels the distance to what is the nearest place for the ball of all.
-    void settleFillet(FloatTree& tree, Progress& progress) const
+    void settleFillet(FloatTree& tree, Interrupter& progress) const
     {
         if (mUnsettled.empty()) return;
         const std::vector<FilletLeaf> fillet = filletByLeaf();
@@ -339,7 +339,7 @@ template <typename Merge>
 struct Merger {
     const Merge& merge;
     const LeafCombiner& leaves;
-    Progress& progress;
+    Interrupter& progress;
 
     template <typename Node>
     bool operator()(Node& node, std::size_t index) const
@@ -357,7 +357,7 @@ struct Merger {
 
 template <typename Merge>
 void mergeInto(FloatTree& tree, const FloatTree& other, const LeafCombiner& leaves,
-               Progress& progress)
+               Interrupter& progress)
 {
     const Merge merge(other, openvdb::DeepCopy());
     openvdb::tree::DynamicNodeManager<FloatTree> nodes(tree);
@@ -367,7 +367,7 @@ void mergeInto(FloatTree& tree, const FloatTree& other, const LeafCombiner& leav
 } // namespace
 
 CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double voxelSize,
-                double halfWidth, double radius, Progress& progress)
+                double halfWidth, double radius, Interrupter& progress)
 {
     const LeafCombiner leaves(kind, a, b, voxelSize, halfWidth, radius);
     progress.check();

@@ -39,6 +39,6 @@ struct CsgTree {
 /// from the result's surface within which that counts; a fillet reads bands that are wider by its
 /// radius. @throws Interrupted.
 CsgTree csgTree(Boolean kind, const openvdb::FloatTree& a, const openvdb::FloatTree& b,
-                double voxelSize, double halfWidth, double radius, Progress& progress);
+                double voxelSize, double halfWidth, double radius, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -1,6 +1,6 @@
 #include "fill_specks.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <unordered_set>
@@ -30,7 +30,7 @@ void forEachFaceNeighbor(const Coord& at, F f)
 class FillMender
 {
 public:
-    FillMender(FloatTree& tree, Fill&& fill, Progress& progress)
+    FillMender(FloatTree& tree, Fill&& fill, Interrupter& progress)
         : mAccess(tree), mFill(std::move(fill)), mProgress(progress)
     {
         std::sort(mFill.voxels.begin(), mFill.voxels.end());
@@ -130,13 +130,13 @@ private:
 
     openvdb::tree::ValueAccessor<FloatTree> mAccess;
     Fill mFill;
-    Progress& mProgress;
+    Interrupter& mProgress;
     bool mSide = false; ///< whether what is filled is below zero
 };
 
 } // namespace
 
-std::vector<Coord> mendFill(FloatTree& tree, Fill fill, Progress& progress)
+std::vector<Coord> mendFill(FloatTree& tree, Fill fill, Interrupter& progress)
 {
     if (fill.voxels.empty()) return {};
     return FillMender(tree, std::move(fill), progress).mend();

@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// What a rolling ball has filled, and what is known of it.
 struct Fill {
@@ -23,6 +23,6 @@ struct Fill {
 /// leaves open, the ball has room in. Let voxels change sides that are not so, by the faces of
 /// voxels: they are rounding, where surfaces run nearly parallel.
 /// @return those. @throws Interrupted.
-std::vector<openvdb::Coord> mendFill(openvdb::FloatTree& tree, Fill fill, Progress& progress);
+std::vector<openvdb::Coord> mendFill(openvdb::FloatTree& tree, Fill fill, Interrupter& progress);
 
 } // namespace mpuvdb

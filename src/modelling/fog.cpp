@@ -1,7 +1,7 @@
 // Level sets as densities: what openvdb::tools::sdfToFogVolume makes, but stoppable, for it takes
 // long on large grids.
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -24,7 +24,7 @@ using Range = tbb::blocked_range<std::size_t>;
 
 /// Calls @a visit with the level, a voxel and the value of each tile.
 template <typename Visit>
-void forEachTile(const FloatTree& tree, Progress& progress, const Visit& visit)
+void forEachTile(const FloatTree& tree, Interrupter& progress, const Visit& visit)
 {
     auto tile = tree.cbeginValueAll();
     tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
@@ -35,7 +35,7 @@ void forEachTile(const FloatTree& tree, Progress& progress, const Visit& visit)
 }
 
 /// How deep the solid's deepest voxel or tile is; 0 without any.
-float depthOf(const FloatTree& tree, const Leaves& leaves, Progress& progress)
+float depthOf(const FloatTree& tree, const Leaves& leaves, Interrupter& progress)
 {
     float deepest = 0;
     forEachTile(tree, progress, [&](openvdb::Index, const openvdb::Coord&, float value) {
@@ -67,8 +67,9 @@ std::unique_ptr<Leaf> densities(const Leaf& leaf, float depth)
 
 } // namespace
 
-FloatGrid::Ptr toFog(const LevelSet& levelSet, Progress& progress)
+FloatGrid::Ptr toFog(const LevelSet& levelSet, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const FloatTree& tree = levelSet.grid().tree();
     Leaves leaves;
     tree.getNodes(leaves);

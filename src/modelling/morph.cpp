@@ -3,8 +3,8 @@
 #include "grid/prune.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
 #include <openvdb/tools/ChangeBackground.h>
@@ -31,14 +31,14 @@ using Leaves = openvdb::tree::LeafManager<FloatTree>;
 using ConstAccess = openvdb::tree::ValueAccessor<const FloatTree>;
 
 /// A wider band; the next to try is twice as wide.
-LevelSet wider(const LevelSet& levelSet, double& halfWidth, Progress& progress)
+LevelSet wider(const LevelSet& levelSet, double& halfWidth, Interrupter& progress)
 {
     if (halfWidth >= kWidestBand)
         throw LimitError(fmt::format("morph: the shapes differ by more than {} voxels of {:g}, "
                                      "more than a band can be wide. Use larger voxels",
                                      kWidestBand, levelSet.voxelSize()));
     halfWidth = std::min(2 * halfWidth, kWidestBand);
-    return withHalfWidth(levelSet, halfWidth, progress);
+    return withHalfWidth(levelSet, halfWidth, &progress);
 }
 
 /// The voxels and tiles that are inside one of the two only.
@@ -63,7 +63,7 @@ bool hasActive(const BoolTree& tree)
 /// @a f(value of a, value of b) wherever a band is, with the background of @a halfWidth: values
 /// beyond it are inactive. Elsewhere the two have one sign, and so has the result.
 template <typename F>
-FloatTree::Ptr joined(const LevelSet& a, const LevelSet& b, double halfWidth, Progress& progress,
+FloatTree::Ptr joined(const LevelSet& a, const LevelSet& b, double halfWidth, Interrupter& progress,
                       F f)
 {
     const auto tree = std::make_shared<FloatTree>(a.grid().tree());
@@ -94,7 +94,7 @@ FloatTree::Ptr joined(const LevelSet& a, const LevelSet& b, double halfWidth, Pr
 class LinearMorph
 {
 public:
-    LinearMorph(const LevelSet& a, const LevelSet& b, double t, Progress& progress)
+    LinearMorph(const LevelSet& a, const LevelSet& b, double t, Interrupter& progress)
         : mA(a), mB(b), mT(float(t)), mProgress(progress)
     {
     }
@@ -152,11 +152,11 @@ private:
 
     const LevelSet &mA, &mB;
     float mT;
-    Progress& mProgress;
+    Interrupter& mProgress;
 };
 
 /// The largest |distance| of @a a over the voxels of @a where, all of which are in its band.
-double largestDistance(const LevelSet& a, const BoolTree& where, Progress& progress)
+double largestDistance(const LevelSet& a, const BoolTree& where, Interrupter& progress)
 {
     std::vector<const Leaf*> leaves;
     a.grid().tree().getNodes(leaves);
@@ -178,7 +178,7 @@ double largestDistance(const LevelSet& a, const BoolTree& where, Progress& progr
 /// The two in bands as wide as their zero sets at @a t need: about the largest distance of either
 /// at a place where that zero set lies. The bands, about 8 bytes per voxel between the shapes, are
 /// the memory that it takes.
-FloatTree::Ptr linear(LevelSet a, LevelSet b, double t, double halfWidth, Progress& progress)
+FloatTree::Ptr linear(LevelSet a, LevelSet b, double t, double halfWidth, Interrupter& progress)
 {
     for (double width = halfWidth;;) {
         const LinearMorph at(a, b, t, progress);
@@ -193,7 +193,7 @@ FloatTree::Ptr linear(LevelSet a, LevelSet b, double t, double halfWidth, Progre
 /// form: b held within s of a after the time s. Only a's band has to be wide: as the largest
 /// distance that the front travels.
 FloatTree::Ptr advected(LevelSet a, const LevelSet& b, double t, double halfWidth,
-                        Progress& progress)
+                        Interrupter& progress)
 {
     const BoolTree::Ptr between = difference(a, b);
     for (double width = halfWidth;; a = wider(a, width, progress)) {
@@ -204,7 +204,7 @@ FloatTree::Ptr advected(LevelSet a, const LevelSet& b, double t, double halfWidt
     const double farthest = largestDistance(a, *between, progress), h = a.voxelSize();
     constexpr double kBeside = 2; // voxels beside those that the front passes
     if (const double width = farthest / h + kBeside; width > a.halfWidth())
-        a = withHalfWidth(a, width, progress);
+        a = withHalfWidth(a, width, &progress);
     const auto s = float(t * farthest);
     return joined(a, b, halfWidth, progress,
                   [s](float u, float v) { return std::clamp(v, u - s, u + s); });
@@ -212,16 +212,18 @@ FloatTree::Ptr advected(LevelSet a, const LevelSet& b, double t, double halfWidt
 
 } // namespace
 
-LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Progress& progress)
+LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how,
+               Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (!(t >= 0 && t <= 1))
         throw UsageError(fmt::format("morph: t is {}; it must be in [0, 1], 0 for the first shape "
                                      "and 1 for the second",
                                      t));
-    std::vector<LevelSet> both = onOneLattice({a, b}, progress).levelSets;
+    std::vector<LevelSet> both = onOneLattice({a, b}, 0, &progress).levelSets;
     const double halfWidth = std::max(both[0].halfWidth(), both[1].halfWidth());
     for (LevelSet& one : both)
-        if (one.halfWidth() < halfWidth) one = withHalfWidth(one, halfWidth, progress);
+        if (one.halfWidth() < halfWidth) one = withHalfWidth(one, halfWidth, &progress);
     if (t == 0) return both[0];
     if (t == 1) return both[1];
     const FloatGrid::Ptr grid =
@@ -234,7 +236,7 @@ LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how, Pro
         grid->setTree(linear(both[0], both[1], t, halfWidth, progress));
     else
         grid->setTree(advected(both[0], both[1], t, halfWidth, progress));
-    return nothing ? LevelSet(grid) : redistance(*grid, halfWidth, progress);
+    return nothing ? LevelSet(grid) : redistance(*grid, halfWidth, &progress);
 }
 
 } // namespace mpuvdb

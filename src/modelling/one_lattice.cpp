@@ -84,8 +84,10 @@ void demandFewVoxels(const std::vector<Resampled>& grids)
         1.05 * fitting, finest));
 }
 
-OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress, double voxelSize)
+OneLattice onOneLattice(const std::vector<LevelSet>& inputs, double voxelSize,
+                        Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     OneLattice result;
     if (inputs.empty()) return result;
     result.model = findModel(inputs, voxelSize);
@@ -98,7 +100,7 @@ OneLattice onOneLattice(const std::vector<LevelSet>& inputs, Progress& progress,
             result.levelSets.push_back(input);
             continue;
         }
-        result.levelSets.push_back(resample(input, lattice, input.halfWidth(), progress));
+        result.levelSets.push_back(resample(input, lattice, input.halfWidth(), &progress));
         result.resampled.push_back(n);
     }
     return result;

@@ -4,8 +4,8 @@
 #include "grid/transform_lattice.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
 
@@ -64,14 +64,15 @@ double widthToResample(const Lattice& from, const Lattice& to, double halfWidth)
 }
 
 LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
-                  Progress& progress)
+                  Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandVoxelSize(lattice.voxelSize);
     demandHalfWidth(halfWidth);
     const Lattice from = levelSet.lattice();
     if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize) {
         const bool same = std::abs(levelSet.halfWidth() - halfWidth) <= kRounding * halfWidth;
-        return same ? levelSet : withHalfWidth(levelSet, halfWidth, progress);
+        return same ? levelSet : withHalfWidth(levelSet, halfWidth, &progress);
     }
     const std::string name = levelSet.grid().getName();
     if (levelSet.grid().tree().activeVoxelCount() == 0) return emptyOn(lattice, halfWidth, name);
@@ -84,15 +85,15 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
                                      "set, and may be {:.3g} times: take voxels of at most {:.4g}",
                                      lattice.voxelSize, ratio, most, most * from.voxelSize));
     const LevelSet source = levelSet.halfWidth() < least * (1 - kRounding)
-                                ? withHalfWidth(levelSet, least, progress)
+                                ? withHalfWidth(levelSet, least, &progress)
                                 : levelSet;
     const double known = std::max((source.halfWidth() - outer) / ratio, crossing);
     SampleSettings settings;
     settings.lattice = lattice;
     settings.halfWidth = std::min(known < halfWidth * (1 - kRounding) ? known : halfWidth, 100.0);
     settings.name = name;
-    const LevelSet result = sampleField(*makeGridField(source), settings, progress);
-    return settings.halfWidth < halfWidth ? withHalfWidth(result, halfWidth, progress) : result;
+    const LevelSet result = sampleField(*makeGridField(source), settings, &progress);
+    return settings.halfWidth < halfWidth ? withHalfWidth(result, halfWidth, &progress) : result;
 }
 
 } // namespace mpuvdb

@@ -3,8 +3,8 @@
 #include "smooth_filters.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
 #include <openvdb/tools/Morphology.h>
@@ -42,7 +42,7 @@ openvdb::MaskTree::Ptr changedVoxels(const FloatTree& before, const FloatTree& a
 /// @a before, but where the nearest place of the surface may be another one in @a after: around the
 /// voxels of @a changed.
 LevelSet changedOnly(const LevelSet& before, const LevelSet& after, openvdb::MaskTree& changed,
-                     Progress& progress)
+                     Interrupter& progress)
 {
     // A voxel's nearest place is in its band's reach, and the voxels around it two farther.
     openvdb::tools::dilateActiveValues(changed, int(std::ceil(before.halfWidth())) + 2,
@@ -90,8 +90,9 @@ void demandSmoothSettings(const SmoothSettings& settings)
                                      settings.width));
 }
 
-LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Progress& progress)
+LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandSmoothSettings(settings);
     if (settings.mask) demandFinite(*settings.mask);
     const double halfWidth = levelSet.halfWidth();
@@ -100,12 +101,12 @@ LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Progre
     for (int done = 0; done < passesOf(settings) && !result.grid().empty();) {
         const FilterPass pass = nextPass(settings, done);
         const LevelSet wide =
-            halfWidth < pass.halfWidth ? withHalfWidth(result, pass.halfWidth, progress) : result;
+            halfWidth < pass.halfWidth ? withHalfWidth(result, pass.halfWidth, &progress) : result;
         const FloatGrid::Ptr filtered = filter(wide, settings, pass, progress);
         const auto changed = changedVoxels(wide.grid().tree(), filtered->tree());
         progress.check();
         if (!changed->empty()) {
-            const LevelSet after = redistance(*filtered, halfWidth, progress);
+            const LevelSet after = redistance(*filtered, halfWidth, &progress);
             result = settings.mask ? changedOnly(result, after, *changed, progress) : after;
         }
         done += pass.steps;

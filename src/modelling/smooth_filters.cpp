@@ -1,6 +1,6 @@
 #include "smooth_filters.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <openvdb/math/Stencils.h>
 #include <openvdb/tools/Filter.h>
@@ -70,7 +70,7 @@ private:
 /// Set the values of @a grid within @a reach (world units) to a mixture of theirs and of
 /// @a filtered(index of the leaf, accessor, voxel), as the mask says.
 template <typename MakeFiltered>
-void mix(FloatGrid& grid, const SmoothSettings& settings, float reach, Progress& progress,
+void mix(FloatGrid& grid, const SmoothSettings& settings, float reach, Interrupter& progress,
          MakeFiltered makeFiltered)
 {
     Leaves leaves(grid.tree(), 1);
@@ -89,11 +89,12 @@ void mix(FloatGrid& grid, const SmoothSettings& settings, float reach, Progress&
     leaves.swapLeafBuffer(1);
 }
 
-FloatGrid::Ptr mean(const LevelSet& wide, const SmoothSettings& settings, Progress& progress)
+FloatGrid::Ptr mean(const LevelSet& wide, const SmoothSettings& settings, Interrupter& progress)
 {
     const FloatGrid::Ptr means = wide.grid().deepCopy(), grid = wide.grid().deepCopy();
     progress.check();
-    openvdb::tools::Filter<FloatGrid, FloatGrid, Progress>(*means, &progress).mean(settings.width);
+    openvdb::tools::Filter<FloatGrid, FloatGrid, Interrupter>(*means, &progress)
+        .mean(settings.width);
     progress.check();
     mix(*grid, settings, float(reachOf(settings) * wide.voxelSize()), progress, [&] {
         return [access = means->getConstAccessor()](const Leaf::ValueOnCIter& voxel) {
@@ -103,7 +104,7 @@ FloatGrid::Ptr mean(const LevelSet& wide, const SmoothSettings& settings, Progre
     return grid;
 }
 
-FloatGrid::Ptr median(const LevelSet& wide, const SmoothSettings& settings, Progress& progress)
+FloatGrid::Ptr median(const LevelSet& wide, const SmoothSettings& settings, Interrupter& progress)
 {
     const FloatGrid::Ptr grid = wide.grid().deepCopy();
     const int width = settings.width;
@@ -127,7 +128,7 @@ FloatGrid::Ptr median(const LevelSet& wide, const SmoothSettings& settings, Prog
 /// Forward steps of h^2 / 6, the longest that are stable, of the flow by the sum of the principal
 /// curvatures.
 FloatGrid::Ptr flow(const LevelSet& wide, const SmoothSettings& settings, int steps,
-                    Progress& progress)
+                    Interrupter& progress)
 {
     const FloatGrid::Ptr grid = wide.grid().deepCopy();
     const auto h = float(wide.voxelSize());
@@ -158,7 +159,7 @@ FilterPass nextPass(const SmoothSettings& settings, int done)
 }
 
 FloatGrid::Ptr filter(const LevelSet& wide, const SmoothSettings& settings, const FilterPass& pass,
-                      Progress& progress)
+                      Interrupter& progress)
 {
     switch (settings.filter) {
     case Filter::MeanCurvature:

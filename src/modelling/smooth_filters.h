@@ -23,6 +23,6 @@ FilterPass nextPass(const SmoothSettings& settings, int done);
 /// The values of @a wide filtered wherever the filtered zero set may come to lie: same topology,
 /// signs right. @throws Interrupted.
 openvdb::FloatGrid::Ptr filter(const LevelSet& wide, const SmoothSettings& settings,
-                               const FilterPass& pass, Progress& progress);
+                               const FilterPass& pass, Interrupter& progress);
 
 } // namespace mpuvdb

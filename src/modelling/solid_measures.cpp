@@ -2,22 +2,23 @@
 #include "solid_measures.h"
 #include "thickness.h"
 
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 namespace mpuvdb
 {
 
-LevelSet measurable(const LevelSet& levelSet, Progress& progress)
+LevelSet measurable(const LevelSet& levelSet, Interrupter& progress)
 {
     constexpr double kRounding = 1e-5; // backgrounds are floats
     return levelSet.halfWidth() < kMeasuredHalfWidth * (1 - kRounding)
-               ? withHalfWidth(levelSet, kMeasuredHalfWidth, progress)
+               ? withHalfWidth(levelSet, kMeasuredHalfWidth, &progress)
                : levelSet;
 }
 
-SolidMeasures measure(const LevelSet& levelSet, Progress& progress)
+SolidMeasures measure(const LevelSet& levelSet, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const LevelSet band = measurable(levelSet, progress);
     progress.beginStage("measure", 2);
     const SurfaceIntegrals sums = integrateSurface(band, progress);

@@ -6,6 +6,6 @@ namespace mpuvdb
 {
 
 /// @a levelSet, in a wider band where it has less than kMeasuredHalfWidth.
-LevelSet measurable(const LevelSet& levelSet, Progress& progress);
+LevelSet measurable(const LevelSet& levelSet, Interrupter& progress);
 
 } // namespace mpuvdb

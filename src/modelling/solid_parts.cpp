@@ -1,8 +1,8 @@
 #include "solid_parts.h"
 
 #include "core/union_find.h"
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <openvdb/tools/Composite.h>
 #include <tbb/parallel_for.h>
@@ -89,7 +89,7 @@ struct SolidParts::Labels {
     }
 };
 
-SolidParts::SolidParts(const LevelSet& levelSet, Progress& progress) : mLevelSet(levelSet)
+SolidParts::SolidParts(const LevelSet& levelSet, Interrupter& progress) : mLevelSet(levelSet)
 {
     levelSet.grid().tree().getNodes(mLeaves);
     for (std::size_t n = 0; n < mLeaves.size(); ++n)
@@ -150,7 +150,7 @@ std::uint32_t SolidParts::tileAt(const Coord& at) const
     return kNone;
 }
 
-SolidParts::Labels SolidParts::label(bool band, Progress& progress) const
+SolidParts::Labels SolidParts::label(bool band, Interrupter& progress) const
 {
     std::vector<std::vector<SignWords>> parts(mLeaves.size());
     tbb::parallel_for(std::size_t(0), mLeaves.size(), [&](std::size_t n) {
@@ -234,7 +234,7 @@ void SolidParts::joinStrays(Labels& labels, UnionFind& nodes) const
 }
 
 void SolidParts::copy(const std::vector<Piece>& pieces, Side side, FloatTree& tree,
-                      Progress& progress) const
+                      Interrupter& progress) const
 {
     for (std::size_t n = 0; n < pieces.size(); ++n) {
         if (n % 1024 == 0) progress.check();
@@ -256,7 +256,7 @@ void SolidParts::fill(const std::vector<Tile>& tiles, FloatTree& tree)
 /// Those pieces of a region that the bands of some of its parts reach.
 std::vector<SolidParts::Piece> SolidParts::piecesNear(const std::vector<std::uint32_t>& parts,
                                                       const Region& region,
-                                                      Progress& progress) const
+                                                      Interrupter& progress) const
 {
     constexpr double kBeyond = 2; // voxels
     const int reach = (int(std::ceil(mLevelSet.halfWidth() + kBeyond)) + kLeaf - 1) / kLeaf;
@@ -278,7 +278,7 @@ std::vector<SolidParts::Piece> SolidParts::piecesNear(const std::vector<std::uin
     return near;
 }
 
-LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Progress& progress) const
+LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Interrupter& progress) const
 {
     std::map<std::uint32_t, std::vector<std::uint32_t>> byRegion;
     for (const std::uint32_t part : chosen) byRegion[mParts[part].region].push_back(part);
@@ -299,7 +299,7 @@ LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Progress&
         }
     }
     if (broken->tree().empty()) return LevelSet(whole);
-    LevelSet mended = redistance(*broken, mLevelSet.halfWidth(), progress);
+    LevelSet mended = redistance(*broken, mLevelSet.halfWidth(), &progress);
     if (whole->tree().empty()) return mended;
     openvdb::tools::csgUnion(*whole, *mended.grid().deepCopy());
     return LevelSet(whole);

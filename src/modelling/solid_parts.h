@@ -11,7 +11,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 class UnionFind;
 
 /// The connected parts of a solid (by faces), and of its band: a region is a connected part of all
@@ -43,27 +43,27 @@ public:
         std::uint32_t parts = 0; ///< how many
     };
 
-    SolidParts(const LevelSet& levelSet, Progress& progress);
+    SolidParts(const LevelSet& levelSet, Interrupter& progress);
 
     const std::vector<Part>& parts() const { return mParts; }
     /// The solid of @a chosen parts alone: values as they are where no part of a region is missing,
     /// else distances to what is left. As fast as what is chosen is small. @throws Interrupted.
-    LevelSet extract(const std::vector<std::uint32_t>& chosen, Progress& progress) const;
+    LevelSet extract(const std::vector<std::uint32_t>& chosen, Interrupter& progress) const;
 
 private:
     /// Connected pieces; their tiles come after them.
     struct Labels;
 
-    Labels label(bool band, Progress& progress) const;
+    Labels label(bool band, Interrupter& progress) const;
     void joinTiles(UnionFind& nodes, std::uint32_t firstTile) const;
     void joinStrays(Labels& labels, UnionFind& nodes) const;
     void findTiles();
     std::uint32_t tileAt(const openvdb::Coord& at) const;
     std::vector<Piece> piecesNear(const std::vector<std::uint32_t>& parts, const Region& region,
-                                  Progress& progress) const;
+                                  Interrupter& progress) const;
     enum class Side { AsIs, Outside };
     void copy(const std::vector<Piece>& pieces, Side side, openvdb::FloatTree& tree,
-              Progress& progress) const;
+              Interrupter& progress) const;
     static void fill(const std::vector<Tile>& tiles, openvdb::FloatTree& tree);
 
     LevelSet mLevelSet;

@@ -3,7 +3,7 @@
 #include "surface/place_tree.h"
 #include "surface/surface_cells.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -69,7 +69,7 @@ void addPlaces(const LeafWindow& window, const Coord& origin, const Coord& home,
     }
 }
 
-Places findPlaces(const LevelSet& levelSet, std::uint64_t stride, Progress& progress)
+Places findPlaces(const LevelSet& levelSet, std::uint64_t stride, Interrupter& progress)
 {
     std::vector<const Leaf*> leaves;
     levelSet.grid().tree().getNodes(leaves);
@@ -207,7 +207,7 @@ private:
 
 } // namespace
 
-Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings, Progress& progress)
+Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings, Interrupter& progress)
 {
     const std::uint64_t stride = crossings / kMostPlaces + 1;
     Places places = findPlaces(levelSet, stride, progress);

@@ -15,6 +15,7 @@ struct Thickness {
 /// of the balls held between walls that face each other, for along convex edges balls shrink to
 /// nothing. The band has at least kMeasuredHalfWidth. The same for any number of threads.
 /// @throws Interrupted.
-Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings, Progress& progress);
+Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings,
+                           Interrupter& progress);
 
 } // namespace mpuvdb

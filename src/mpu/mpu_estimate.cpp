@@ -2,7 +2,7 @@
 #include "mpu/fill/coarse_sign.h"
 #include "mpu/octree/octree.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -115,8 +115,9 @@ private:
 
 } // namespace
 
-MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Progress& progress)
+MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     checkSettings(cloud, given);
     MpuSettings settings = given;
     settings.sharp &= !settings.interpolate;

@@ -9,7 +9,7 @@
 #include "mpu/sample/leaf_finder.h"
 #include "mpu/sample/mpu_block_sampler.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <tbb/parallel_for.h>
@@ -104,8 +104,9 @@ struct MpuField::Impl {
     double weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const;
 };
 
-MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Progress& progress)
+MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     checkSettings(cloud, given);
     MpuSettings settings = given;
     settings.sharp &= !settings.interpolate;
@@ -277,8 +278,9 @@ FieldPoints MpuField::points() const
             p.ny.data(),  p.nz.data(), p.size(),   mImpl->mesh};
 }
 
-std::unique_ptr<const Coverage> MpuField::coverage(Progress& progress) const
+std::unique_ptr<const Coverage> MpuField::coverage(Interrupter* interrupter) const
 {
+    Interrupter& progress = orSilent(interrupter);
     return std::make_unique<DataCoverage>(*mImpl->points, mImpl->frame, progress);
 }
 

@@ -5,7 +5,7 @@
 #include "spatial/kd_tree.h"
 #include "spatial/position_order.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -44,7 +44,8 @@ double squaredDistance(const Vec3f& a, const Vec3f& b)
 
 /// Radius of a ball about every chosen point that mostly holds k other points of all.
 std::vector<double> guessRadii(const std::vector<Vec3f>& positions,
-                               const std::vector<Vec3f>& chosen, std::size_t k, Progress& progress)
+                               const std::vector<Vec3f>& chosen, std::size_t k,
+                               Interrupter& progress)
 {
     // A finer cloud takes longer to sort, a coarser one makes balls that hold far too much.
     constexpr std::size_t kMany = 32768, kThinning = 40, kThinningOfFew = 4;
@@ -171,7 +172,7 @@ bool neighborBefore(const Neighbor& a, const Neighbor& b)
 /// Put into each member's neighborhood all positions of its ball but its own, sorted.
 void collect(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
              const std::vector<double>& radii, const std::vector<std::uint32_t>& members,
-             std::vector<Neighborhood>& neighborhoods, Progress& progress)
+             std::vector<Neighborhood>& neighborhoods, Interrupter& progress)
 {
     struct Hit {
         std::uint32_t member, point;
@@ -206,7 +207,7 @@ void collect(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
 } // namespace
 
 std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::size_t count,
-                                   Progress& progress)
+                                   Interrupter& progress)
 {
     std::vector<Vec3f> chosen;
     double share = double(count) / double(std::max<std::size_t>(positions.size(), 1));
@@ -225,7 +226,7 @@ std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::siz
 }
 
 std::vector<Neighborhood> nearestOfChosen(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
-                                          std::size_t k, Progress& progress)
+                                          std::size_t k, Interrupter& progress)
 {
     const std::vector<Vec3f>& positions = cloud.positions;
     std::vector<Neighborhood> neighborhoods(chosen.size());

@@ -26,12 +26,12 @@ struct Neighborhood {
 /// About @a count positions, all of them in a smaller cloud: those whose bits have the smallest
 /// hash. Sorted by (x,y,z), without duplicates; the same for any order of the points.
 std::vector<Vec3f> choosePositions(const std::vector<Vec3f>& positions, std::size_t count,
-                                   Progress& progress);
+                                   Interrupter& progress);
 
 /// The @a k nearest other positions of every chosen one; fewer only where the cloud has not more.
 /// A kd-tree over all points would take longer than all else that is done to them: a thinned
 /// cloud bounds the balls that hold k neighbors, and one pass collects what lies in the balls.
 std::vector<Neighborhood> nearestOfChosen(const PointCloud& cloud, const std::vector<Vec3f>& chosen,
-                                          std::size_t k, Progress& progress);
+                                          std::size_t k, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -4,7 +4,7 @@
 #include "spatial/position_order.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <Eigen/Dense>
 #include <tbb/parallel_for.h>
@@ -138,7 +138,8 @@ double expected(const Quantile& of, std::size_t freedom)
 /// A quantile of the residuals of sheets of @a k neighbors, scaled to the standard deviation that
 /// it stands for. 0 if no sheet has enough points.
 double residualAmong(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
-                     Residual (*residualOf)(const Sheet&), const Quantile& of, Progress& progress)
+                     Residual (*residualOf)(const Sheet&), const Quantile& of,
+                     Interrupter& progress)
 {
     std::vector<double> noise(neighborhoods.size(), -1);
     tbb::parallel_for(std::size_t(0), noise.size(), [&](std::size_t i) {
@@ -156,7 +157,7 @@ double residualAmong(const std::vector<Neighborhood>& neighborhoods, std::size_t
 /// radius, and so of k: two sizes tell them apart.
 /// @param growth  of its square where k doubles.
 double robustNoise(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
-                   Residual (*residualOf)(const Sheet&), double growth, Progress& progress)
+                   Residual (*residualOf)(const Sheet&), double growth, Interrupter& progress)
 {
     const double whole = residualAmong(neighborhoods, k, residualOf, kLowerQuartile, progress);
     const double half = residualAmong(neighborhoods, k / 2, residualOf, kLowerQuartile, progress);
@@ -175,7 +176,7 @@ double medianReach(const std::vector<Neighborhood>& neighborhoods)
 
 /// Whether the points lie throughout their neighborhoods, as those of a solid do, and are no
 /// sheets: most have residuals as large as they are in a ball that is filled.
-bool fillBalls(const std::vector<Neighborhood>& neighborhoods, std::size_t k, Progress& progress)
+bool fillBalls(const std::vector<Neighborhood>& neighborhoods, std::size_t k, Interrupter& progress)
 {
     // [derived: points of a ball have a standard deviation of 0.45 of its radius along an axis, in
     // halves, about those at a solid's sides, 0.22; noise that is thin against its balls has less]
@@ -186,7 +187,7 @@ bool fillBalls(const std::vector<Neighborhood>& neighborhoods, std::size_t k, Pr
 
 /// About @a count points of a cloud, positions and normals alone, for balls that reach far with few
 /// neighbors; a smaller choice of points is among them.
-PointCloud thinned(const PointCloud& cloud, std::size_t count, Progress& progress)
+PointCloud thinned(const PointCloud& cloud, std::size_t count, Interrupter& progress)
 {
     constexpr std::size_t kGrain = 1 << 14; // points
     const std::vector<Vec3f> chosen = choosePositions(cloud.positions, count, progress);
@@ -204,8 +205,9 @@ PointCloud thinned(const PointCloud& cloud, std::size_t count, Progress& progres
 
 } // namespace
 
-PointStatistics measure(const PointCloud& cloud, Progress& progress)
+PointStatistics measure(const PointCloud& cloud, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     cloud.demandWhole();
     const std::vector<Vec3f> chosen = choosePositions(cloud.positions, kSamples, progress);
     if (chosen.size() < 2)

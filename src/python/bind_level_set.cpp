@@ -27,14 +27,14 @@ namespace
 {
 
 /// A level set made elsewhere, if its values may be distances; what was mended becomes a note.
-LevelSet taken(const openvdb::FloatGrid::ConstPtr& grid, Progress& progress)
+LevelSet taken(const openvdb::FloatGrid::ConstPtr& grid, Interrupter& progress)
 {
     std::vector<std::string> notes;
-    LevelSet levelSet = takeLevelSet(grid, notes, progress);
+    LevelSet levelSet = takeLevelSet(grid, notes, &progress);
     demandDistances(levelSet,
                     "Make distances: LevelSet.isosurface(source, 0, "
                     "inside='below')",
-                    progress);
+                    &progress);
     for (const std::string& text : notes) progress.note(text);
     return levelSet;
 }
@@ -74,7 +74,7 @@ void bindFiles(LevelSetClass& levelSets)
         .def_static(
             "read",
             [](const std::filesystem::path& file, const std::optional<std::string>& grid) {
-                return run(py::none(), [&](Progress& p) {
+                return run(py::none(), [&](Interrupter& p) {
                     return readLevelSet(file, grid.value_or(""), 0, Purpose::Modelling, &p);
                 });
             },
@@ -87,7 +87,7 @@ void bindFiles(LevelSetClass& levelSets)
             [](const LevelSet& levelSet, const std::filesystem::path& file,
                const std::map<std::string, std::string>& metadata, const py::object& progress) {
                 runWork(progress,
-                        [&](Progress& p) { writeAny(file, levelSet, nullptr, metadata, p); });
+                        [&](Interrupter& p) { writeAny(file, levelSet, nullptr, metadata, p); });
             },
             "file"_a, "metadata"_a = std::map<std::string, std::string>(),
             "progress"_a = py::none(),
@@ -106,7 +106,7 @@ void bindArrays(LevelSetClass& levelSets)
             "from_numpy",
             [](const py::array_t<float, py::array::forcecast>& values, const Vec3d& origin,
                double voxelSize, double halfWidth) {
-                return run(py::none(), [&](Progress& p) {
+                return run(py::none(), [&](Interrupter& p) {
                     return taken(levelSetOf(values, origin, voxelSize, halfWidth, p).gridPtr(), p);
                 });
             },
@@ -122,7 +122,7 @@ void bindArrays(LevelSetClass& levelSets)
             "from_pyopenvdb",
             [](const py::object& grid) {
                 const openvdb::FloatGrid::Ptr made = fromPyOpenVdb(grid, "grid");
-                return run(py::none(), [&](Progress& p) { return taken(made, p); });
+                return run(py::none(), [&](Interrupter& p) { return taken(made, p); });
             },
             "grid"_a,
             "The level set of a FloatGrid of OpenVDB's own Python module.\n\n"
@@ -140,21 +140,21 @@ void bindIsosurface(LevelSetClass& levelSets)
            double halfWidth, const py::object& progress) {
             const auto side = choose<Inside>(inside, "inside",
                                              {{"above", Inside::Above}, {"below", Inside::Below}});
-            const auto surfaceOf = [&](const openvdb::FloatGrid& grid, Progress& p) {
-                return isosurface(grid, value, side, halfWidth, p);
+            const auto surfaceOf = [&](const openvdb::FloatGrid& grid, Interrupter& p) {
+                return isosurface(grid, value, side, halfWidth, 0, &p);
             };
             if (py::isinstance<py::array>(source)) {
                 if (!voxelSize) throw UsageError("voxel_size: an array of values needs one");
                 const auto values = source.cast<py::array_t<float, py::array::forcecast>>();
                 const Vec3d first = origin.value_or(Vec3d::Zero());
-                return run(progress, [&](Progress& p) {
+                return run(progress, [&](Interrupter& p) {
                     return surfaceOf(*gridOf(values, first, *voxelSize, value, side, p), p);
                 });
             }
             if (origin || voxelSize)
                 throw UsageError("origin and voxel_size go with an array: a grid has its own");
             const auto grid = fromPyOpenVdb(source, "source");
-            return run(progress, [&](Progress& p) { return surfaceOf(*grid, p); });
+            return run(progress, [&](Interrupter& p) { return surfaceOf(*grid, p); });
         },
         "source"_a, "value"_a = 0.5, py::kw_only(), "inside"_a = "above", "origin"_a = py::none(),
         "voxel_size"_a = py::none(), "half_width"_a = 3.0, "progress"_a = py::none(),
@@ -176,8 +176,9 @@ void bindQuestions(LevelSetClass& levelSets)
                     throw UsageError(fmt::format("check: gradient_tolerance is {}; it must be 0 or "
                                                  "above",
                                                  tolerance));
-                return run(progress,
-                           [&](Progress& p) { return check(levelSet.grid(), p, tolerance); });
+                return run(progress, [&](Interrupter& p) {
+                    return check(levelSet.grid(), tolerance, openvdb::CoordBBox::inf(), &p);
+                });
             },
             "gradient_tolerance"_a = 0.1, "progress"_a = py::none(),
             "Whether it is a true signed distance in a complete band: a CheckReport. "
@@ -186,15 +187,15 @@ void bindQuestions(LevelSetClass& levelSets)
         .def(
             "measure",
             [](const LevelSet& levelSet, const py::object& progress) {
-                return run(progress, [&](Progress& p) { return measure(levelSet, p); });
+                return run(progress, [&](Interrupter& p) { return measure(levelSet, &p); });
             },
             "progress"_a = py::none(),
             "Volume, area, bounds, genus, thickness: SolidMeasures." MPUVDB_PROGRESS_DOC)
         .def(
             "to_mesh",
             [](const LevelSet& levelSet, const py::object& progress) {
-                return run(progress, [&](Progress& p) {
-                    return std::make_shared<Mesh>(extractMesh(levelSet, p));
+                return run(progress, [&](Interrupter& p) {
+                    return std::make_shared<Mesh>(extractMesh(levelSet, {}, &p));
                 });
             },
             "progress"_a = py::none(), "The surface as triangles: a Mesh." MPUVDB_PROGRESS_DOC)
@@ -217,18 +218,18 @@ void demandWritable(const std::filesystem::path& file)
 }
 
 void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const Field* field,
-              const std::map<std::string, std::string>& metadata, Progress& progress)
+              const std::map<std::string, std::string>& metadata, Interrupter& progress)
 {
     demandWritable(file);
     if (file.extension() == ".vdb") {
         std::map<std::string, std::string> all = {{"mpuvdb:version", MPUVDB_VERSION}};
         all.insert(metadata.begin(), metadata.end());
-        return writeLevelSet(file, levelSet, all, progress);
+        return writeLevelSet(file, levelSet, all, {}, &progress);
     }
-    writeMesh(file, extractMesh(levelSet, progress, {field}), progress);
+    writeMesh(file, extractMesh(levelSet, {field}, &progress), {}, &progress);
 }
 
-void noteIfEmpty(const LevelSet& made, Progress& progress)
+void noteIfEmpty(const LevelSet& made, Interrupter& progress)
 {
     if (made.grid().activeVoxelCount() > 0) return;
     progress.note(fmt::format("nothing is left: the level set is empty. Walls thinner than its "

@@ -24,7 +24,7 @@ Scale scaleOf(const LevelSet& levelSet)
 template <class Work>
 auto runStage(const py::object& listener, const char* name, Work&& work)
 {
-    return run(listener, [&](Progress& progress) {
+    return run(listener, [&](Interrupter& progress) {
         progress.beginStage(name);
         return work(progress);
     });
@@ -34,7 +34,7 @@ auto runStage(const py::object& listener, const char* name, Work&& work)
 template <class Work>
 LevelSet runOn(const LevelSet& from, const py::object& listener, const char* name, Work&& work)
 {
-    return runStage(listener, name, [&](Progress& progress) {
+    return runStage(listener, name, [&](Interrupter& progress) {
         LevelSet made = work(progress);
         if (from.grid().activeVoxelCount() > 0) noteIfEmpty(made, progress);
         return made;
@@ -50,7 +50,7 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
                const py::object& progress) {
                 const double d = worldLength(distance, scaleOf(levelSet));
                 return runOn(levelSet, progress, "offset",
-                             [&](Progress& p) { return offset(levelSet, d, p); });
+                             [&](Interrupter& p) { return offset(levelSet, d, &p); });
             },
             "distance"_a, "progress"_a = py::none(),
             "Grown by distance, or shrunk by a negative one." MPUVDB_PROGRESS_DOC)
@@ -61,7 +61,7 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
                 const double t = worldLength(thickness, scaleOf(levelSet));
                 const Wall where = wallOf(wall);
                 return runOn(levelSet, progress, "shell",
-                             [&](Progress& p) { return shell(levelSet, t, where, p); });
+                             [&](Interrupter& p) { return shell(levelSet, t, where, &p); });
             },
             "thickness"_a, "wall"_a = "inward", "progress"_a = py::none(),
             "The wall along the surface; wall is 'inward', 'outward' or 'centered'. Thinner than "
@@ -72,7 +72,7 @@ void bindSurfaceOperations(LevelSetClass& levelSets)
                const py::object& mask, const py::object& progress) {
                 const SmoothSettings settings = smoothSettings(filter, iterations, width, mask);
                 return runOn(levelSet, progress, "smooth",
-                             [&](Progress& p) { return smooth(levelSet, settings, p); });
+                             [&](Interrupter& p) { return smooth(levelSet, settings, &p); });
             },
             "filter"_a = "gaussian", "iterations"_a = 1, "width"_a = 1, "mask"_a = py::none(),
             "progress"_a = py::none(), MPUVDB_SMOOTH_DOC MPUVDB_PROGRESS_DOC);
@@ -84,8 +84,9 @@ void bindLatticeOperations(LevelSetClass& levelSets)
         .def(
             "with_half_width",
             [](const LevelSet& levelSet, double halfWidth, const py::object& progress) {
-                return runOn(levelSet, progress, "widen",
-                             [&](Progress& p) { return withHalfWidth(levelSet, halfWidth, p); });
+                return runOn(levelSet, progress, "widen", [&](Interrupter& p) {
+                    return withHalfWidth(levelSet, halfWidth, &p);
+                });
             },
             "half_width"_a, "progress"_a = py::none(),
             "The same surface in a band of half_width voxels, in [1.5, 1000]." MPUVDB_PROGRESS_DOC)
@@ -96,10 +97,10 @@ void bindLatticeOperations(LevelSetClass& levelSets)
                 const Scale scale = scaleOf(levelSet);
                 const double h = worldLength(voxelSize, scale);
                 const double width = halfWidth.value_or(levelSet.halfWidth());
-                return runOn(levelSet, progress, "resample", [&](Progress& p) {
+                return runOn(levelSet, progress, "resample", [&](Interrupter& p) {
                     const Lattice lattice =
                         scale.box.isEmpty() ? Lattice{Vec3d::Zero(), h} : latticeFor(scale.box, h);
-                    return resample(levelSet, lattice, width, p);
+                    return resample(levelSet, lattice, width, &p);
                 });
             },
             "voxel_size"_a, "half_width"_a = py::none(), "progress"_a = py::none(),
@@ -113,8 +114,9 @@ void bindComponents(LevelSetClass& levelSets)
         .def(
             "components",
             [](const LevelSet& levelSet, const py::object& progress) {
-                const auto parts = runStage(progress, "components",
-                                            [&](Progress& p) { return components(levelSet, p); });
+                const auto parts = runStage(progress, "components", [&](Interrupter& p) {
+                    return components(levelSet, &p);
+                });
                 py::list result;
                 for (const SolidComponent& part : parts)
                     result.append(py::make_tuple(part.levelSet, part.volume));
@@ -128,8 +130,8 @@ void bindComponents(LevelSetClass& levelSets)
             [](const LevelSet& levelSet, double minVolume, std::optional<std::size_t> count,
                const py::object& progress) {
                 const std::size_t most = count.value_or(std::numeric_limits<std::size_t>::max());
-                return runOn(levelSet, progress, "components", [&](Progress& p) {
-                    return keepComponents(levelSet, minVolume, most, p);
+                return runOn(levelSet, progress, "components", [&](Interrupter& p) {
+                    return keepComponents(levelSet, minVolume, most, &p);
                 });
             },
             "min_volume"_a = 0.0, "count"_a = py::none(), "progress"_a = py::none(),

@@ -70,7 +70,7 @@ void bindMesh(MeshClass& meshes)
         .def(
             "measure",
             [](const Mesh& mesh) {
-                return run(py::none(), [&](Progress&) { return measure(mesh); });
+                return run(py::none(), [&](Interrupter&) { return measure(mesh); });
             },
             "Count, and measure area and volume: a MeshReport.")
         .def(
@@ -80,8 +80,8 @@ void bindMesh(MeshClass& meshes)
                 Box3d box;
                 for (const Vec3f& p : mesh.positions) box.extend(p.cast<double>());
                 const double length = worldLength(tolerance, {box});
-                return run(progress, [&](Progress& p) {
-                    return std::make_shared<Mesh>(simplify(mesh, {length, strict}, p));
+                return run(progress, [&](Interrupter& p) {
+                    return std::make_shared<Mesh>(simplify(mesh, {length, strict}, &p));
                 });
             },
             "tolerance"_a, "strict"_a = false, "progress"_a = py::none(),
@@ -92,7 +92,7 @@ void bindMesh(MeshClass& meshes)
             "self_intersections",
             [](const Mesh& mesh, const py::object& progress) {
                 return run(progress,
-                           [&](Progress& p) { return findSelfIntersections(mesh, p).size(); });
+                           [&](Interrupter& p) { return findSelfIntersections(mesh, &p).size(); });
             },
             "progress"_a = py::none(), "How many pairs of triangles cross." MPUVDB_PROGRESS_DOC)
         .def(
@@ -104,7 +104,7 @@ void bindMesh(MeshClass& meshes)
         .def(
             "write",
             [](const Mesh& mesh, const std::filesystem::path& file, const py::object& progress) {
-                runWork(progress, [&](Progress& p) { writeMesh(file, mesh, p); });
+                runWork(progress, [&](Interrupter& p) { writeMesh(file, mesh, {}, &p); });
             },
             "file"_a, "progress"_a = py::none(),
             "Write .ply, .obj, .off, .stl, .glb or .usda; it appears whole or not at "

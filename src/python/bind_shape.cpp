@@ -56,9 +56,9 @@ ShapeSettings settingsToWork(const Shape& shape, const VoxelSize& voxelSize, dou
 }
 
 /// As Shape::evaluate(), with a note where nothing is left of a solid.
-LevelSet evaluated(const Shape& shape, const ShapeSettings& settings, Progress& progress)
+LevelSet evaluated(const Shape& shape, const ShapeSettings& settings, Interrupter& progress)
 {
-    LevelSet made = shape.evaluate(settings, progress);
+    LevelSet made = shape.evaluate(settings, &progress);
     if (!shape.bounds().isEmpty()) noteIfEmpty(made, progress);
     return made;
 }
@@ -71,7 +71,7 @@ void bindEvaluation(ShapeClass& shapes)
             [](const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
                const MaxBytes& maxBytes, const py::object& progress) {
                 const ShapeSettings s = settingsToWork(shape, voxelSize, halfWidth, maxBytes);
-                return run(progress, [&](Progress& p) { return evaluated(shape, s, p); });
+                return run(progress, [&](Interrupter& p) { return evaluated(shape, s, p); });
             },
             "voxel_size"_a = py::none(), "half_width"_a = 3.0, "max_bytes"_a = py::none(),
             "progress"_a = py::none(),
@@ -81,10 +81,10 @@ void bindEvaluation(ShapeClass& shapes)
             [](const Shape& shape, const VoxelSize& voxelSize, const MaxBytes& maxBytes,
                const py::object& progress) {
                 const ShapeSettings s = settingsToWork(shape, voxelSize, 3, maxBytes);
-                return run(progress, [&](Progress& p) {
+                return run(progress, [&](Interrupter& p) {
                     const FieldPtr field = shape.field();
                     return std::make_shared<Mesh>(
-                        extractMesh(evaluated(shape, s, p), p, {field.get()}));
+                        extractMesh(evaluated(shape, s, p), {field.get()}, &p));
                 });
             },
             "voxel_size"_a = py::none(), "max_bytes"_a = py::none(), "progress"_a = py::none(),
@@ -98,7 +98,7 @@ void bindEvaluation(ShapeClass& shapes)
                const MaxBytes& maxBytes, const py::object& progress) {
                 demandWritable(file);
                 const ShapeSettings s = settingsToWork(shape, voxelSize, halfWidth, maxBytes);
-                runWork(progress, [&](Progress& p) {
+                runWork(progress, [&](Interrupter& p) {
                     const FieldPtr field = shape.field();
                     writeAny(file, evaluated(shape, s, p), field.get(), metadata, p);
                 });
@@ -113,7 +113,7 @@ void bindEvaluation(ShapeClass& shapes)
             "explain",
             [](const Shape& shape, const VoxelSize& voxelSize, double halfWidth) {
                 const ShapeSettings s = settingsFor(shape, voxelSize, halfWidth, 0);
-                return run(py::none(), [&](Progress&) { return shape.explain(s); });
+                return run(py::none(), [&](Interrupter&) { return shape.explain(s); });
             },
             "voxel_size"_a = py::none(), "half_width"_a = 3.0,
             "What level_set() would do: a line for each part, with its band, voxels and memory.")

@@ -38,17 +38,17 @@ struct FittedPoints {
     CleanReport cleaned;
 };
 
-FittedPoints fit(PointInput input, PointsRequest request, Progress& progress)
+FittedPoints fit(PointInput input, PointsRequest request, Interrupter& progress)
 {
     FittedPoints made;
     made.notes = std::move(input.notes);
     made.warnings = std::move(input.warnings);
     for (const auto& [reason, count] : input.dropped)
         made.notes.push_back(fmt::format("{} points left out: {}", count, reason));
-    made.cleaned = clean(input.cloud, request.clean, progress);
+    made.cleaned = clean(input.cloud, request.clean, &progress);
     request.fit.points = made.cleaned.statistics;
-    const ResolvedSettings settings = resolve(input.cloud, request.fit, progress);
-    made.field = std::make_shared<MpuField>(std::move(input.cloud), settings.fit, progress);
+    const ResolvedSettings settings = resolve(input.cloud, request.fit, &progress);
+    made.field = std::make_shared<MpuField>(std::move(input.cloud), settings.fit, &progress);
     return made;
 }
 
@@ -121,13 +121,13 @@ FittedPoints fittedPoints(const py::object& source, const py::object& normals,
         const auto* one = std::get_if<Path>(&*paths);
         const std::vector<Path> files =
             one ? std::vector<Path>{*one} : std::get<std::vector<Path>>(*paths);
-        return run(progress, [&](Progress& p) {
-            return fit(readPoints(files, request.badPoints, p, viewpoints), request, p);
+        return run(progress, [&](Interrupter& p) {
+            return fit(readPoints(files, request.badPoints, viewpoints, {}, &p), request, p);
         });
     }
     PointArrays arrays = arraysOf(source, normals, confidence, viewpoints);
-    return run(progress, [&](Progress& p) {
-        return fit(importPoints(std::move(arrays), "points", request.badPoints, p), request, p);
+    return run(progress, [&](Interrupter& p) {
+        return fit(importPoints(std::move(arrays), "points", request.badPoints, &p), request, p);
     });
 }
 
@@ -199,8 +199,8 @@ void bindMeshes(py::module_& module)
                                  "faces (m, 3)");
             }
             const auto file = py::detail::cast_op<Path>(caster);
-            return run(progress, [&](Progress& p) {
-                return Shape(std::make_shared<const Mesh>(readMesh(file, p)));
+            return run(progress, [&](Interrupter& p) {
+                return Shape(std::make_shared<const Mesh>(readMesh(file, &p)));
             });
         },
         "source"_a, "faces"_a = py::none(), "progress"_a = py::none(),
@@ -213,7 +213,7 @@ void bindGrids(py::module_& module)
     module.def(
         "load",
         [](const Path& file, const std::optional<std::string>& grid) {
-            return run(py::none(), [&](Progress& p) {
+            return run(py::none(), [&](Interrupter& p) {
                 return Shape(readLevelSet(file, grid.value_or(""), 0, Purpose::Modelling, &p),
                              file.filename().string());
             });

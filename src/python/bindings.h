@@ -31,10 +31,10 @@ void bindSources(pybind11::module_& module);
 /// Write a level set, or the mesh of it, as the extension says.
 /// @param field  what the level set was sampled from, or null.
 void writeAny(const std::filesystem::path& file, const LevelSet& levelSet, const Field* field,
-              const std::map<std::string, std::string>& metadata, Progress& progress);
+              const std::map<std::string, std::string>& metadata, Interrupter& progress);
 
 /// A note for the user if @a made has no voxels.
-void noteIfEmpty(const LevelSet& made, Progress& progress);
+void noteIfEmpty(const LevelSet& made, Interrupter& progress);
 
 /// Whether writeAny() knows the extension. @throws UsageError
 void demandWritable(const std::filesystem::path& file);

@@ -38,7 +38,7 @@ void demandBlock(const py::array_t<float>& values, const Vec3d& origin, double v
 
 /// Call @a use(place, value) for all voxels, which have to be finite, and outside at the border.
 template <typename IsInside, typename Use>
-void forEachVoxel(const Values& values, const Progress& progress, IsInside isInside, Use use)
+void forEachVoxel(const Values& values, const Interrupter& progress, IsInside isInside, Use use)
 {
     const auto nx = values.shape(0), ny = values.shape(1), nz = values.shape(2);
     for (py::ssize_t x = 0; x < nx; ++x)
@@ -61,7 +61,7 @@ void forEachVoxel(const Values& values, const Progress& progress, IsInside isIns
 }
 
 /// The values of @a grid, some rows at a time.
-void fill(Dense& dense, const openvdb::FloatGrid& grid, const Progress& progress)
+void fill(Dense& dense, const openvdb::FloatGrid& grid, const Interrupter& progress)
 {
     using Rows = tbb::blocked_range2d<int>;
     constexpr int kAtOnce = 32;
@@ -89,14 +89,14 @@ py::tuple denseOf(const LevelSet& levelSet)
     const openvdb::Coord size = box.dim(), first = box.min();
     py::array_t<float> values(std::vector<py::ssize_t>{size.x(), size.y(), size.z()});
     Dense dense(box, values.mutable_data());
-    runWork(py::none(), [&](const Progress& progress) { fill(dense, grid, progress); });
+    runWork(py::none(), [&](const Interrupter& progress) { fill(dense, grid, progress); });
     const Lattice lattice = levelSet.lattice();
     const Vec3d index(first.x(), first.y(), first.z());
     return py::make_tuple(values, arrayOf(lattice.origin + lattice.voxelSize * index));
 }
 
 LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, double voxelSize,
-                    double halfWidth, const Progress& progress)
+                    double halfWidth, const Interrupter& progress)
 {
     demandBlock(values, origin, voxelSize);
     const LevelSet nothing = emptyLevelSet({origin, voxelSize}, halfWidth);
@@ -116,7 +116,7 @@ LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, doubl
 
 openvdb::FloatGrid::Ptr gridOf(const py::array_t<float>& values, const Vec3d& origin,
                                double voxelSize, double value, Inside inside,
-                               const Progress& progress)
+                               const Interrupter& progress)
 {
     demandBlock(values, origin, voxelSize);
     const bool above = inside == Inside::Above;

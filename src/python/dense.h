@@ -1,7 +1,7 @@
 // Level sets as dense arrays.
 #pragma once
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <pybind11/numpy.h>
 
@@ -16,7 +16,7 @@ pybind11::tuple denseOf(const LevelSet& levelSet);
 /// @throws UsageError (shape, sizes), InputError (not finite, the solid meets the array's border),
 /// Interrupted.
 LevelSet levelSetOf(const pybind11::array_t<float>& values, const Vec3d& origin, double voxelSize,
-                    double halfWidth, const Progress& progress);
+                    double halfWidth, const Interrupter& progress);
 
 /// A block of any values as a grid, whose background is the one of them that is farthest outside.
 /// Needs no lock of the interpreter.
@@ -24,6 +24,6 @@ LevelSet levelSetOf(const pybind11::array_t<float>& values, const Vec3d& origin,
 /// Interrupted.
 openvdb::FloatGrid::Ptr gridOf(const pybind11::array_t<float>& values, const Vec3d& origin,
                                double voxelSize, double value, Inside inside,
-                               const Progress& progress);
+                               const Interrupter& progress);
 
 } // namespace mpuvdb::python

@@ -70,7 +70,7 @@ py::object toPyOpenVdb(const openvdb::FloatGrid& grid)
     const py::module_ module = openvdbModule();
     const TemporaryFolder folder;
     const std::string file = folder.file();
-    runWork(py::none(), [&](Progress& p) { writeGrids(file, {grid.copy()}, p); });
+    runWork(py::none(), [&](Interrupter& p) { writeGrids(file, {grid.copy()}, &p); });
     return module.attr("read")(file, grid.getName());
 }
 
@@ -84,7 +84,7 @@ openvdb::FloatGrid::Ptr fromPyOpenVdb(const py::object& object, const char* what
     const TemporaryFolder folder;
     const std::string file = folder.file();
     module.attr("write")(file, object);
-    return run(py::none(), [&](Progress& p) {
+    return run(py::none(), [&](Interrupter& p) {
         auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(readGrids(file, 0, &p).front());
         p.check();
         demandFinite(*grid);

@@ -19,7 +19,7 @@ namespace
 constexpr std::chrono::milliseconds kNap{20};
 
 /// Of the work that runs on this thread.
-thread_local const Progress* tProgress = nullptr;
+thread_local const Interrupter* tProgress = nullptr;
 
 struct Report {
     std::string stage;
@@ -87,15 +87,15 @@ void checkWork()
     if (tProgress) tProgress->check();
 }
 
-void runWork(const py::object& listener, const std::function<void(Progress&)>& work)
+void runWork(const py::object& listener, const std::function<void(Interrupter&)>& work)
 {
     if (!listener.is_none() && !PyCallable_Check(listener.ptr()))
         throw py::type_error("progress: must be callable with (stage, fraction), or None");
     Desk desk;
-    Progress::Listener hear;
+    Interrupter::Listener hear;
     if (!listener.is_none())
         hear = [&](const std::string& stage, double fraction) { desk.report(stage, fraction); };
-    Progress progress(hear);
+    Interrupter progress(hear);
     std::exception_ptr failed, stopped;
     std::thread worker([&] {
         tProgress = &progress;

@@ -1,6 +1,6 @@
 // Long work of the library, called from Python.
 #pragma once
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <pybind11/pybind11.h>
 
@@ -15,7 +15,7 @@ namespace mpuvdb::python
 /// call @a listener(stage, fraction), unless it is None. The work is stopped if the listener
 /// returns False or raises; either is thrown here, after the work has ended. Its notes become
 /// UserWarnings.
-void runWork(const pybind11::object& listener, const std::function<void(Progress&)>& work);
+void runWork(const pybind11::object& listener, const std::function<void(Interrupter&)>& work);
 
 /// End here if the work that runs on this thread is to stop: for long loops of Python functions.
 /// @throws Interrupted
@@ -25,8 +25,8 @@ void checkWork();
 template <class Work>
 auto run(const pybind11::object& listener, Work&& work)
 {
-    std::optional<decltype(work(std::declval<Progress&>()))> result;
-    runWork(listener, [&](Progress& progress) { result.emplace(work(progress)); });
+    std::optional<decltype(work(std::declval<Interrupter&>()))> result;
+    runWork(listener, [&](Interrupter& progress) { result.emplace(work(progress)); });
     return std::move(*result);
 }
 

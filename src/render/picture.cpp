@@ -1,7 +1,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/files.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/picture.h>
-#include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
 #include <openvdb/tools/RayIntersector.h>
@@ -39,7 +39,8 @@ openvdb::Vec3d toOpenVdb(const Vec3d& v)
 }
 
 /// Boxes, one per leaf, about the voxels beside the zero set; multiples of the voxel size.
-std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize, const Progress& progress)
+std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize,
+                                const Interrupter& progress)
 {
     std::vector<Box3d> boxes;
     for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
@@ -202,7 +203,7 @@ void renderPixel(Tracer& tracer, Image& image, int column, int row)
         pixel[channel] = encode(sum[channel] / (kSamples * kSamples));
 }
 
-Image render(const LevelSet& levelSet, const PictureSettings& settings, Progress& progress)
+Image render(const LevelSet& levelSet, const PictureSettings& settings, Interrupter& progress)
 {
     // Without the translation, so that coordinates are small however far from the origin the grid
     // is. The voxels keep their size: the intersector takes values and voxels in the same units.
@@ -237,7 +238,7 @@ struct PngWriter {
 /// Nothing with a destructor may live here: libpng leaves by longjmp.
 /// @return false if writing failed or was stopped.
 bool writeRows(png_structp png, png_infop info, std::FILE* file, const Image& image,
-               const Progress& progress)
+               const Interrupter& progress)
 {
     if (setjmp(png_jmpbuf(png))) return false;
     png_init_io(png, file);
@@ -253,7 +254,7 @@ bool writeRows(png_structp png, png_infop info, std::FILE* file, const Image& im
 }
 
 void writePng(const fs::path& file, const fs::path& temporary, const Image& image,
-              const Progress& progress)
+              const Interrupter& progress)
 {
     PngWriter writer;
     std::FILE* stream = std::fopen(temporary.c_str(), "wb");
@@ -276,8 +277,9 @@ void requireRange(const char* name, double value, double low, double high)
 } // namespace
 
 void writePicture(const fs::path& file, const LevelSet& levelSet, const PictureSettings& settings,
-                  Progress& progress)
+                  Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     requireRange("width", settings.width, 16, 8192);
     requireRange("height", settings.height, 16, 8192);
     requireRange("azimuth", settings.azimuth, -360, 360);

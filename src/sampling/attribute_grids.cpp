@@ -3,7 +3,7 @@
 #include "surface/surface_places.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
@@ -122,9 +122,11 @@ std::vector<LeafGroup> groupsOf(const openvdb::tree::LeafManager<const FloatTree
 
 } // namespace
 
-std::vector<openvdb::GridBase::Ptr>
-sampleAttributes(const LevelSet& levelSet, const SurfaceAttributes& attributes, Progress& progress)
+std::vector<openvdb::GridBase::Ptr> sampleAttributes(const LevelSet& levelSet,
+                                                     const SurfaceAttributes& attributes,
+                                                     Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandNames(levelSet, attributes);
     const openvdb::FloatGrid& surface = levelSet.grid();
     const Lattice lattice = levelSet.lattice();

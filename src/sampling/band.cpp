@@ -5,7 +5,7 @@
 #include "core/lanes.h"
 #include "core/union_find.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cstring>
@@ -137,7 +137,7 @@ struct Band::Gap {
 };
 
 Band::Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
-           Progress& progress, const std::optional<BlockBox>& zone)
+           Interrupter& progress, const std::optional<BlockBox>& zone)
     : mField(field), mLattice(lattice), mBackground(float(halfWidth * lattice.voxelSize)),
       mMaxBytes(maxBytes), mProgress(progress), mZone(zone), mReach(reachOf(field, lattice))
 {

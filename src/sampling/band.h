@@ -17,7 +17,7 @@ namespace mpuvdb
 {
 
 class BlockMosaic;
-class Progress;
+class Interrupter;
 
 /// A voxel: 512 times its block's number, plus its place in the block.
 using VoxelId = std::uint64_t;
@@ -50,7 +50,7 @@ public:
     /// @param zone  blocks beyond it are not looked at, and nothing is known of them; null: there
     /// are none.
     Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
-         Progress& progress, const std::optional<BlockBox>& zone = {});
+         Interrupter& progress, const std::optional<BlockBox>& zone = {});
 
     /// Sample @a blocks that are not sampled yet, and on from them wherever the band goes on.
     /// Returns the number of blocks sampled.
@@ -124,7 +124,7 @@ private:
     Lattice mLattice;
     float mBackground;
     std::uint64_t mMaxBytes;
-    Progress& mProgress;
+    Interrupter& mProgress;
     std::optional<BlockBox> mZone;
     Box3d mReach; ///< that no block's corner leaves, world units
     std::vector<Block> mBlocks;

@@ -6,7 +6,7 @@
 #include "band.h"
 #include "block_mosaic.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <map>
@@ -84,7 +84,7 @@ public:
     /// Open the gaps as long as the topology stays, from their middle on.
     /// @param depth  of a voxel outside of the set.
     template <typename Depth>
-    void open(Depth depth, Progress& progress)
+    void open(Depth depth, Interrupter& progress)
     {
         using Entry = std::pair<float, VoxelId>;
         std::vector<Entry> all;
@@ -187,7 +187,7 @@ bool reachesDeep(const BlockMosaic& mosaic, const std::vector<SignWords>& set, V
 /// @param depth  of a voxel in its side, world units.
 template <typename Depth>
 std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
-                            double voxelSize, Depth depth, Progress& progress)
+                            double voxelSize, Depth depth, Interrupter& progress)
 {
     const auto isDeep = [&](VoxelId v) { return double(depth(v)) >= kDeep * voxelSize; };
     std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());

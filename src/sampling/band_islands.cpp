@@ -2,7 +2,7 @@
 #include "band.h"
 
 #include "core/union_find.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <array>

@@ -1,7 +1,7 @@
 // Bands of which only a part is looked at.
 #include "band.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 #include "solid_blocks.h"
 
 #include "core/union_find.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -58,7 +58,7 @@ void forEachSlotOfFace(int axis, const F& f)
 class LeafPieces
 {
 public:
-    LeafPieces(const SolidBlocks& blocks, Progress& progress)
+    LeafPieces(const SolidBlocks& blocks, Interrupter& progress)
     {
         constexpr std::size_t kTogether = 256; // leaves
         const std::size_t leaves = blocks.leaves().size();
@@ -102,7 +102,7 @@ private:
 class SolidForest
 {
 public:
-    SolidForest(const SolidBlocks& blocks, Progress& progress)
+    SolidForest(const SolidBlocks& blocks, Interrupter& progress)
         : mBlocks(blocks), mPieces(blocks, progress), mLowerTiles(mPieces.count()),
           mUpperTiles(mLowerTiles + std::uint32_t(blocks.lowers().size()) * Lower::NUM_VALUES),
           mRoot(mUpperTiles + blocks.upperTiles()), mNodes(mRoot + 1)
@@ -224,7 +224,7 @@ private:
         });
     }
 
-    void joinAll(Progress& progress)
+    void joinAll(Interrupter& progress)
     {
         const auto lowers = std::uint32_t(mBlocks.lowers().size());
         tbb::parallel_for(std::uint32_t(0), lowers, [&](std::uint32_t n) {
@@ -246,7 +246,7 @@ private:
 
 } // namespace
 
-PartCounts countParts(const SolidBlocks& blocks, Progress& progress)
+PartCounts countParts(const SolidBlocks& blocks, Interrupter& progress)
 {
     constexpr std::uint64_t kSpeck = 8; // voxels
     return SolidForest(blocks, progress).count(kSpeck);

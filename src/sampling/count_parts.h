@@ -5,7 +5,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 class SolidBlocks;
 
 struct PartCounts {
@@ -15,6 +15,6 @@ struct PartCounts {
 
 /// Parts and cavities of at least eight voxels, two along each axis: a corner of something larger
 /// may hold fewer that are alone. @throws Interrupted.
-PartCounts countParts(const SolidBlocks& blocks, Progress& progress);
+PartCounts countParts(const SolidBlocks& blocks, Interrupter& progress);
 
 } // namespace mpuvdb

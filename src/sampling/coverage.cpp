@@ -1,6 +1,6 @@
 #include "surface/surface_places.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
@@ -23,8 +23,9 @@ constexpr const char* kSpacingKey = "mpuvdb:spacing";
 } // namespace
 
 FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage& coverage,
-                              Progress& progress)
+                              Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const FloatGrid& surface = levelSet.grid();
     const Lattice lattice = levelSet.lattice();
     auto tree = std::make_shared<FloatTree>(surface.tree(), 0.0f, openvdb::TopologyCopy());

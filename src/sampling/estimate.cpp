@@ -2,7 +2,7 @@
 #include "surface/surface_integrals.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <algorithm>
@@ -63,7 +63,7 @@ PointCloud everySoManyth(const PointCloud& cloud)
 }
 
 Trial tryWithLargerVoxels(const PointCloud& cloud, const ResolvedSettings& resolved,
-                          Progress& progress)
+                          Interrupter& progress)
 {
     PointCloud some = everySoManyth(cloud);
     const double sparser = std::sqrt(double(cloud.size()) / double(some.size()));
@@ -83,8 +83,8 @@ Trial tryWithLargerVoxels(const PointCloud& cloud, const ResolvedSettings& resol
     grid.halfWidth = kMeasuredHalfWidth;
     grid.mayBeEmpty = true;
     grid.region.reset();
-    const MpuField field(std::move(some), fit, progress);
-    const LevelSet levelSet = sampleField(field, grid, progress);
+    const MpuField field(std::move(some), fit, &progress);
+    const LevelSet levelSet = sampleField(field, grid, &progress);
     const double area = integrateSurface(levelSet, progress).area;
     if (!(area > 0)) return trial; // too thin for such voxels: what the points say has to do
     trial.area = area;
@@ -108,11 +108,12 @@ double shareIn(const Box3d& region, double margin, const PointCloud& cloud)
 } // namespace
 
 ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettings& settings,
-                                Progress& progress)
+                                Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     ReconstructionEstimate estimate;
-    const ResolvedSettings& resolved = estimate.settings = resolve(cloud, settings, progress);
-    estimate.fit = estimateFit(cloud, resolved.fit, progress);
+    const ResolvedSettings& resolved = estimate.settings = resolve(cloud, settings, &progress);
+    estimate.fit = estimateFit(cloud, resolved.fit, &progress);
     const Trial trial = tryWithLargerVoxels(cloud, resolved, progress);
     estimate.area = trial.area;
     const double h = resolved.grid.lattice.voxelSize, width = resolved.grid.halfWidth;

@@ -4,7 +4,7 @@
 #include "solid_blocks.h"
 
 #include "core/even_places.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -34,7 +34,7 @@ constexpr double kOfSmallBall = 3.0 / 16;
 /// Those of @a places around which all voxels are on one side; voxels on the surface are on both.
 std::vector<TrianglePlace> missed(const std::vector<TrianglePlace>& places,
                                   const PlacedTriangles& triangles, const LevelSet& levelSet,
-                                  Progress& progress)
+                                  Interrupter& progress)
 {
     const auto on = float(kOn * levelSet.voxelSize());
     std::vector<std::uint8_t> isMissed(places.size());
@@ -106,7 +106,7 @@ void judge(MeshExplained& e, const std::vector<TrianglePlace>& places,
 } // namespace
 
 MeshExplained explainMesh(const SolidBoundary& solid, const PlacedTriangles& triangles,
-                          const LevelSet& levelSet, Progress& progress)
+                          const LevelSet& levelSet, Interrupter& progress)
 {
     const SolidBoundary::Report& in = solid.report();
     const SolidBlocks blocks(levelSet, progress);

@@ -10,6 +10,6 @@ namespace mpuvdb
 
 /// Compares them, and names what the voxel size does not explain. @throws Interrupted.
 MeshExplained explainMesh(const SolidBoundary& solid, const PlacedTriangles& triangles,
-                          const LevelSet& levelSet, Progress& progress);
+                          const LevelSet& levelSet, Interrupter& progress);
 
 } // namespace mpuvdb

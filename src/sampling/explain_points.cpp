@@ -3,7 +3,7 @@
 #include "solid_blocks.h"
 
 #include <mpuvdb/explained.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <openvdb/tree/LeafManager.h>
@@ -82,7 +82,7 @@ struct Counts {
 };
 
 Counts countPoints(const LevelSet& levelSet, const FieldPoints& points, double limit,
-                   const std::optional<Box3d>& region, Progress& progress)
+                   const std::optional<Box3d>& region, Interrupter& progress)
 {
     constexpr std::size_t kTogether = 4096;
     const Lattice lattice = levelSet.lattice();
@@ -110,7 +110,7 @@ Counts countPoints(const LevelSet& levelSet, const FieldPoints& points, double l
 }
 
 /// The share of the band's voxels that are in leaves without points nearby.
-double unsupportedShare(const LevelSet& levelSet, const MpuField& field, Progress& progress)
+double unsupportedShare(const LevelSet& levelSet, const MpuField& field, Interrupter& progress)
 {
     const Lattice lattice = levelSet.lattice();
     openvdb::tree::LeafManager<const Tree> leaves(levelSet.grid().tree());
@@ -183,8 +183,9 @@ void judgePoints(PointsExplained& e, const LevelSet& levelSet, const PointStatis
 } // namespace
 
 PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
-                        const std::optional<Box3d>& region, Progress& progress)
+                        const std::optional<Box3d>& region, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const MpuSettings& fit = field.settings();
     const FieldPoints points = field.points();
     PointsExplained e;

@@ -3,7 +3,7 @@
 
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
@@ -55,7 +55,7 @@ void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& t
 
 /// @throws LimitError where the tiles' surface takes more than @a maxBytes.
 void demandMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree& tree,
-                  std::uint64_t maxBytes, Progress& progress)
+                  std::uint64_t maxBytes, Interrupter& progress)
 {
     std::uint64_t faces = 0;
     for (const openvdb::CoordBBox& box : tiles) {
@@ -72,7 +72,7 @@ void demandMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree&
 
 /// The values of @a grid outward, with voxels beside its leaves active and all else inactive.
 FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint64_t maxBytes,
-                       Progress& progress)
+                       Interrupter& progress)
 {
     auto tree = std::make_shared<FloatTree>(outside(grid.background()));
     std::vector<openvdb::CoordBBox> inside;
@@ -120,8 +120,9 @@ std::string hintFor(const FloatGrid& grid, Inside inside)
 } // namespace
 
 LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double halfWidth,
-                    Progress& progress, std::uint64_t maxBytes)
+                    std::uint64_t maxBytes, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandUniformVoxels(grid);
     demandFinite(grid);
     const bool above = inside == Inside::Above;
@@ -136,7 +137,7 @@ LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double h
     implicit->setTransform(grid.transform().copy());
     implicit->setGridClass(openvdb::GRID_LEVEL_SET);
     implicit->setName("surface");
-    LevelSet made = redistance(*implicit, halfWidth, progress);
+    LevelSet made = redistance(*implicit, halfWidth, &progress);
     progress.endStage();
     if (made.grid().empty()) {
         const auto range = openvdb::tools::minMax(grid.tree());

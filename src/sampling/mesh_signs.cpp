@@ -1,7 +1,7 @@
 #include "mesh_signs.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -44,7 +44,7 @@ public:
         for (std::size_t n = 0; n < mBand.leafCount(); ++n) mNumbers[mBand.leaf(n).origin()] = n;
     }
 
-    void run(Progress& progress)
+    void run(Interrupter& progress)
     {
         std::vector<Dispute> disputes = find();
         while (askAbout(disputes, progress)) disputes = find();
@@ -89,7 +89,7 @@ private:
 
     /// Give the voxels of disputes the signs that winding numbers tell, each once. @return whether
     /// there were any that had not been asked about.
-    bool askAbout(const std::vector<Dispute>& disputes, Progress& progress)
+    bool askAbout(const std::vector<Dispute>& disputes, Interrupter& progress)
     {
         std::vector<openvdb::Coord> voxels;
         for (const Dispute& d : disputes)
@@ -143,7 +143,7 @@ private:
 } // namespace
 
 void settleSigns(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid,
-                 Progress& progress)
+                 Interrupter& progress)
 {
     Settlement(tree, triangles, solid).run(progress);
 }

@@ -12,6 +12,6 @@ namespace mpuvdb
 /// @param band  active: the distances, signed.
 /// @throws InputError where a hole wider than a voxel leaves no inside to tell, Interrupted.
 void settleSigns(openvdb::FloatTree& band, const PlacedTriangles& triangles,
-                 const SolidBoundary& solid, Progress& progress);
+                 const SolidBoundary& solid, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -1,6 +1,6 @@
 #include "oriented_triangles.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
@@ -257,7 +257,7 @@ void dropContradicting(OrientedTriangles& of)
 
 } // namespace
 
-OrientedTriangles orientTriangles(const Mesh& mesh, Progress& progress)
+OrientedTriangles orientTriangles(const Mesh& mesh, Interrupter& progress)
 {
     OrientedTriangles of;
     of.mesh.frame = mesh.frame;

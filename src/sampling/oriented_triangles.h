@@ -9,7 +9,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// A mesh with its neighborhoods. Vertices at the same position are one.
 struct OrientedTriangles {
@@ -31,6 +31,6 @@ struct OrientedTriangles {
 /// Copies of a triangle become one with their number, those of opposite directions cancel;
 /// triangles without three different corners go. Where neighbors contradict each other, all of
 /// their part are turned to face as most of its area does. @throws Interrupted.
-OrientedTriangles orientTriangles(const Mesh& mesh, Progress& progress);
+OrientedTriangles orientTriangles(const Mesh& mesh, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -2,7 +2,7 @@
 #include <mpuvdb/explained.h>
 #include <mpuvdb/reconstruct.h>
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -85,12 +85,13 @@ Box3d resolveRegion(const std::array<Length, 6>& region, const ResolvedSettings&
 } // namespace
 
 ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& settings,
-                         Progress& progress)
+                         Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (cloud.empty()) throw InputError("no points: the input is empty");
     ResolvedSettings resolved;
     if (!settings.points) progress.beginStage("measure");
-    resolved.points = settings.points ? *settings.points : measure(cloud, progress);
+    resolved.points = settings.points ? *settings.points : measure(cloud, &progress);
     progress.endStage();
     if (cloud.mesh) demandSupport(*cloud.mesh, resolved.points.spacing);
     const Box3d box = cloud.localBounds();
@@ -126,14 +127,15 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
 }
 
 Reconstruction reconstruct(PointCloud&& cloud, const ReconstructSettings& settings,
-                           Progress& progress)
+                           Interrupter* interrupter)
 {
-    const ResolvedSettings resolved = resolve(cloud, settings, progress);
-    auto field = std::make_shared<const MpuField>(std::move(cloud), resolved.fit, progress);
-    LevelSet levelSet = sampleField(*field, resolved.grid, progress);
+    Interrupter& progress = orSilent(interrupter);
+    const ResolvedSettings resolved = resolve(cloud, settings, &progress);
+    auto field = std::make_shared<const MpuField>(std::move(cloud), resolved.fit, &progress);
+    LevelSet levelSet = sampleField(*field, resolved.grid, &progress);
     progress.beginStage("explain");
     auto explained = std::make_shared<Explained>();
-    explained->by = explain(levelSet, *field, resolved.grid.region, progress);
+    explained->by = explain(levelSet, *field, resolved.grid.region, &progress);
     progress.endStage();
     return {LevelSet(levelSet.gridPtr(), std::move(explained)), std::move(field), resolved};
 }

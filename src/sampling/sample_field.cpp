@@ -4,8 +4,8 @@
 
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/sampling.h>
 
 #include <algorithm>
@@ -63,11 +63,11 @@ BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
 /// Whether values are distances, as check() asks, after @a restored of them were made anew: noise
 /// as thick as what was scanned can leave few that are, and then all are made anew. A region cannot
 /// know that of the whole: its values stay.
-bool areDistances(const openvdb::FloatGrid& grid, std::uint64_t restored, Progress& progress)
+bool areDistances(const openvdb::FloatGrid& grid, std::uint64_t restored, Interrupter& progress)
 {
     constexpr double kMuch = 0.05; // share of the band; with less of it nobody need ask
     return double(restored) < kMuch * double(grid.activeVoxelCount()) ||
-           check(grid, progress).sound();
+           check(grid, kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound();
 }
 
 /// Only what is in @a region; the rest is outside.
@@ -94,8 +94,9 @@ openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
     return voxels;
 }
 
-LevelSet sampleField(const Field& field, const SampleSettings& settings, Progress& progress)
+LevelSet sampleField(const Field& field, const SampleSettings& settings, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     demandSettings(field, settings);
     const Lattice& lattice = settings.lattice;
     const bool isDistance = field.isDistance();
@@ -135,7 +136,7 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Progres
     progress.endStage();
     const bool areLengths = isDistance && (zone || areDistances(*grid, restored, progress));
     const LevelSet levelSet =
-        areLengths ? LevelSet(grid) : redistance(*grid, settings.halfWidth, progress);
+        areLengths ? LevelSet(grid) : redistance(*grid, settings.halfWidth, &progress);
     return zone ? cropped(levelSet, region) : levelSet;
 }
 

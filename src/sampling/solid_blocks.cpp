@@ -1,13 +1,13 @@
 #include "solid_blocks.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
 
-SolidBlocks::SolidBlocks(const LevelSet& levelSet, Progress& progress)
+SolidBlocks::SolidBlocks(const LevelSet& levelSet, Interrupter& progress)
     : mTree(levelSet.grid().tree())
 {
     findNodes();

@@ -14,7 +14,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Where the leaves and tiles of a tree are, and what one pass over their values tells of the
 /// solid. The tree outlives it.
@@ -43,7 +43,7 @@ public:
     };
 
     /// @throws Interrupted.
-    SolidBlocks(const LevelSet& levelSet, Progress& progress);
+    SolidBlocks(const LevelSet& levelSet, Interrupter& progress);
 
     const std::vector<const Leaf*>& leaves() const { return mLeaves; }
     /// The voxels of a leaf that are inside.

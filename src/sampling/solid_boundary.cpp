@@ -4,7 +4,7 @@
 #include "triangle_contacts.h"
 
 #include "core/union_find.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -100,7 +100,7 @@ public:
     {
     }
 
-    void find(const std::vector<Contact>& contacts, Progress& progress)
+    void find(const std::vector<Contact>& contacts, Interrupter& progress)
     {
         findFirst(contacts);
         joinRegions();
@@ -188,7 +188,7 @@ private:
         });
     }
 
-    void cut(const std::vector<Contact>& contacts, Progress& progress)
+    void cut(const std::vector<Contact>& contacts, Interrupter& progress)
     {
         constexpr std::size_t kTogether = 64; // triangles, near each other as a rule
         std::vector<std::uint32_t> touched;
@@ -347,7 +347,7 @@ Mesh boundaryOf(const Faces& faces, double sign, const Vec3d& frame)
 
 } // namespace
 
-SolidBoundary::SolidBoundary(const Mesh& mesh, double voxelSize, Progress& progress)
+SolidBoundary::SolidBoundary(const Mesh& mesh, double voxelSize, Interrupter& progress)
     : mTriangles(orientTriangles(mesh, progress))
 {
     mReport.openEdges = mTriangles.openEdges;

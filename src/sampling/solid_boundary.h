@@ -11,7 +11,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// The solid of all places around which a mesh winds at least once: the union of its parts that
 /// face outward, less what those that face inward take away. Places are relative to the mesh's
@@ -38,7 +38,7 @@ public:
 
     /// @param mesh  has triangles whose indices are valid. @param voxelSize  world units: gaps and
     /// walls of a thousandth of it are none. @throws Interrupted.
-    SolidBoundary(const Mesh& mesh, double voxelSize, Progress& progress);
+    SolidBoundary(const Mesh& mesh, double voxelSize, Interrupter& progress);
 
     const Report& report() const { return mReport; }
     bool isEmpty() const { return !mTree; }

@@ -1,6 +1,6 @@
 #include "triangle_contacts.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
@@ -236,7 +236,7 @@ bool isBefore(const Contact& a, const Contact& b)
 } // namespace
 
 std::vector<Contact> findContacts(const OrientedTriangles& triangles, const TriangleTree& tree,
-                                  const ContactLengths& lengths, Progress& progress)
+                                  const ContactLengths& lengths, Interrupter& progress)
 {
     const LeafContacts leaves(triangles, tree, lengths);
     const auto apart = float(lengths.touch);

@@ -28,6 +28,6 @@ struct Contact {
 /// each other; and if they share a corner, they meet elsewhere too. The same for any number of
 /// threads. @throws Interrupted.
 std::vector<Contact> findContacts(const OrientedTriangles& triangles, const TriangleTree& tree,
-                                  const ContactLengths& lengths, Progress& progress);
+                                  const ContactLengths& lengths, Interrupter& progress);
 
 } // namespace mpuvdb

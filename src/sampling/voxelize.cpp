@@ -6,7 +6,7 @@
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
@@ -104,8 +104,9 @@ std::string emptyText(const SolidBoundary::Report& report)
 
 } // namespace
 
-LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Progress& progress)
+LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const Lattice& lattice = settings.lattice;
     demandVoxelSize(lattice.voxelSize);
     if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))

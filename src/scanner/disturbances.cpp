@@ -3,7 +3,7 @@
 #include "core/parallel_each.h"
 #include "core/random.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <numeric>
@@ -91,7 +91,7 @@ void scaleToLargestOne(std::vector<float>& values)
 } // namespace
 
 void cutHoles(const Solid& solid, const ScanSettings& settings, RangeScans& scans,
-              Progress& progress)
+              Interrupter& progress)
 {
     if (settings.holes == 0 || !(settings.holeRadius > 0)) return;
     const std::uint64_t seed = CounterRandom(settings.seed, RandomStream::Holes, 0).next();
@@ -109,7 +109,7 @@ void cutHoles(const Solid& solid, const ScanSettings& settings, RangeScans& scan
 }
 
 PointCloud measureWithNoise(const Solid& solid, const ScanSettings& settings, RangeScans&& scans,
-                            Progress& progress)
+                            Interrupter& progress)
 {
     const Box3d box = solid.bounds();
     const Measurement measurement(settings, box.diagonal().norm());

@@ -7,11 +7,11 @@ namespace mpuvdb
 
 /// Remove the points within settings.holeRadius of settings.holes random surface points.
 void cutHoles(const Solid& solid, const ScanSettings& settings, RangeScans& scans,
-              Progress& progress);
+              Interrupter& progress);
 
 /// The cloud a device would deliver: noise along the ray (without rays: along the normal), turned
 /// normals, outliers, confidences.
 PointCloud measureWithNoise(const Solid& solid, const ScanSettings& settings, RangeScans&& scans,
-                            Progress& progress);
+                            Interrupter& progress);
 
 } // namespace mpuvdb

@@ -2,7 +2,7 @@
 
 #include "core/morton.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
@@ -115,7 +115,7 @@ std::uint32_t volleyEnd(std::uint32_t begin, std::size_t darts)
 
 /// The darts of each volley, those near each other one after the other.
 std::vector<std::uint32_t> orderInSpace(const std::vector<SurfacePoint>& darts, double cell,
-                                        Progress& progress)
+                                        Interrupter& progress)
 {
     std::vector<std::uint64_t> keys(darts.size());
     std::vector<std::uint32_t> order(darts.size());
@@ -146,7 +146,7 @@ std::vector<std::uint32_t> orderInSpace(const std::vector<SurfacePoint>& darts, 
 /// that find one among earlier volleys' are left out first, on all threads, and change nothing.
 DartBoard throwDarts(const std::vector<SurfacePoint>& darts,
                      const std::vector<std::uint32_t>& inSpace, double radius, std::size_t expected,
-                     Progress& progress)
+                     Interrupter& progress)
 {
     DartBoard board(darts, radius, expected);
     std::vector<std::uint8_t> isFree;
@@ -170,7 +170,7 @@ DartBoard throwDarts(const std::vector<SurfacePoint>& darts,
 } // namespace
 
 std::vector<SurfacePoint> sampleEven(const Solid& solid, std::uint64_t count, std::uint64_t seed,
-                                     Progress& progress)
+                                     Interrupter& progress)
 {
     constexpr std::uint64_t kDartsPerPoint = 8;
     if (count > std::numeric_limits<std::uint32_t>::max() / kDartsPerPoint)

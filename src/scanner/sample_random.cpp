@@ -3,7 +3,7 @@
 #include "surface_sampling.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -120,7 +120,7 @@ private:
 } // namespace
 
 RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_t seed,
-                           Progress& progress)
+                           Interrupter& progress)
 {
     constexpr std::uint64_t kFirstRound = 16, kLargestRound = 4096, kHopeless = 16384; // chunks
     const LineThrower thrower(solid, seed);

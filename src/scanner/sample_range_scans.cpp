@@ -3,7 +3,7 @@
 #include "surface_sampling.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -79,7 +79,8 @@ struct RangeImage {
     }
 };
 
-RangeImage takeImage(const LineTracer& tracer, const Camera& camera, int size, Progress& progress)
+RangeImage takeImage(const LineTracer& tracer, const Camera& camera, int size,
+                     Interrupter& progress)
 {
     RangeImage image{size, std::vector<double>(std::size_t(size) * size, 0.0)};
     tbb::parallel_for(0, size, [&](int row) {
@@ -155,7 +156,7 @@ void appendImage(const Solid& solid, const Camera& camera, const RangeImage& ima
 
 /// Pixels along an image's side so that all images together show @a points points.
 int imageSize(const LineTracer& tracer, const std::vector<Camera>& cameras, std::uint64_t points,
-              Progress& progress)
+              Interrupter& progress)
 {
     constexpr int kTrial = 64, kLargest = 30000;
     std::size_t hits = 0;
@@ -169,7 +170,7 @@ int imageSize(const LineTracer& tracer, const std::vector<Camera>& cameras, std:
 
 } // namespace
 
-RangeScans sampleRangeScans(const Solid& solid, const ScanSettings& settings, Progress& progress)
+RangeScans sampleRangeScans(const Solid& solid, const ScanSettings& settings, Interrupter& progress)
 {
     const Box3d box = solid.bounds();
     const LineTracer tracer(solid);

@@ -2,7 +2,7 @@
 #include "surface_sampling.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 
@@ -40,7 +40,7 @@ void checkSettings(const ScanSettings& s)
             "the radius of holes is negative or not finite", "Give parts of the diagonal");
 }
 
-RangeScans samplePattern(const Solid& solid, const ScanSettings& s, Progress& progress)
+RangeScans samplePattern(const Solid& solid, const ScanSettings& s, Interrupter& progress)
 {
     RangeScans scans;
     if (s.pattern == ScanSettings::Pattern::Scan) return sampleRangeScans(solid, s, progress);
@@ -53,8 +53,9 @@ RangeScans samplePattern(const Solid& solid, const ScanSettings& s, Progress& pr
 
 } // namespace
 
-PointCloud scan(const Solid& solid, const ScanSettings& settings, Progress& progress)
+PointCloud scan(const Solid& solid, const ScanSettings& settings, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     checkSettings(settings);
     progress.beginStage("sample");
     RangeScans scans = samplePattern(solid, settings, progress);

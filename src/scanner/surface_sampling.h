@@ -23,12 +23,12 @@ struct RandomSurface {
 /// crossings of each line. On a convex solid, that is one, the points are independent.
 /// @throws InputError if no line finds a surface.
 RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_t seed,
-                           Progress& progress);
+                           Interrupter& progress);
 
 /// Blue noise of @a count points: darts thrown in random order stick where no other is near on
 /// the same side of the surface [Cook86; the radius that fits the count is searched].
 std::vector<SurfacePoint> sampleEven(const Solid& solid, std::uint64_t count, std::uint64_t seed,
-                                     Progress& progress);
+                                     Interrupter& progress);
 
 /// What range images measured.
 struct RangeScans {
@@ -40,6 +40,7 @@ struct RangeScans {
 /// Range images of about settings.points points: from each viewpoint a square grid of rays over
 /// the solid's bounding sphere, each ending at the first surface.
 /// @throws UsageError if a viewpoint lies inside the solid, InputError if no ray hits it.
-RangeScans sampleRangeScans(const Solid& solid, const ScanSettings& settings, Progress& progress);
+RangeScans sampleRangeScans(const Solid& solid, const ScanSettings& settings,
+                            Interrupter& progress);
 
 } // namespace mpuvdb

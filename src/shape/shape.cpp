@@ -136,11 +136,12 @@ void Shape::demandMemory(const ShapeSettings& settings) const
     ShapePlan(*mNode, settings).demandMemory();
 }
 
-LevelSet Shape::evaluate(const ShapeSettings& settings, Progress& progress) const
+LevelSet Shape::evaluate(const ShapeSettings& settings, Interrupter* interrupter) const
 {
+    Interrupter& progress = orSilent(interrupter);
     const ShapePlan plan(*mNode, settings);
     plan.demandMemory();
-    return plan.evaluate(progress);
+    return plan.evaluate(&progress);
 }
 
 } // namespace mpuvdb

@@ -7,7 +7,7 @@
 #include "field/point_field.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -33,7 +33,7 @@ Box3d clipBox(const Demand& own)
 
 /// @a made, which is held against what it was made of; what that finds becomes a note.
 LevelSet told(const LevelSet& made, const std::shared_ptr<const Explained>& explained,
-              Progress& progress)
+              Interrupter& progress)
 {
     if (!explained) return made;
     for (const std::string& finding : explained->findings()) progress.note(finding);
@@ -78,7 +78,7 @@ public:
     }
 
     LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
         const Box3d box = clipBox(own);
         const FieldPtr field = box.contains(bounds()) ? mField : makeClippedField(mField, box);
@@ -88,7 +88,7 @@ public:
             std::min(own.halfWidth, field->isDistanceFar() ? kSampledBand : kNearBand);
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
-        const LevelSet made = sampleField(*field, settings, progress);
+        const LevelSet made = sampleField(*field, settings, &progress);
         return told(inBand(made, own.halfWidth, progress),
                     field == mField ? explainedOf(made, progress) : nullptr, progress);
     }
@@ -106,12 +106,12 @@ protected:
 
 private:
     /// Points are what a field may be held against.
-    std::shared_ptr<const Explained> explainedOf(const LevelSet& made, Progress& progress) const
+    std::shared_ptr<const Explained> explainedOf(const LevelSet& made, Interrupter& progress) const
     {
         const auto* const points = dynamic_cast<const MpuField*>(mField.get());
         if (!points) return nullptr;
         auto explained = std::make_shared<Explained>();
-        explained->by = explain(made, *points, std::nullopt, progress);
+        explained->by = explain(made, *points, std::nullopt, &progress);
         return explained;
     }
 
@@ -162,10 +162,10 @@ public:
     }
 
     LevelSet make(const Inputs&, const Demand& own, std::uint64_t,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
         return isThere(own.lattice) ? inBand(mLevelSet, own.halfWidth, progress)
-                                    : resample(mLevelSet, own.lattice, own.halfWidth, progress);
+                                    : resample(mLevelSet, own.lattice, own.halfWidth, &progress);
     }
 
     double voxelSize() const override { return mLattice.voxelSize; }
@@ -210,13 +210,13 @@ public:
     }
 
     LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
         SampleSettings settings;
         settings.lattice = own.lattice;
         settings.halfWidth = std::min(own.halfWidth, kSampledBand);
         settings.maxBytes = maxBytes;
-        const LevelSet made = voxelize(*mMesh, settings, progress);
+        const LevelSet made = voxelize(*mMesh, settings, &progress);
         return told(inBand(made, own.halfWidth, progress), made.explained(), progress);
     }
 

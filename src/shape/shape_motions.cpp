@@ -26,7 +26,7 @@ public:
     }
 
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
         if (!inputs[0]) return emptyLevelSet(own.lattice, own.halfWidth);
         SampleSettings settings;
@@ -35,7 +35,7 @@ public:
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
         const LevelSet sampled =
-            sampleField(*through(makeGridField(*inputs[0])), settings, progress);
+            sampleField(*through(makeGridField(*inputs[0])), settings, &progress);
         return inBand(sampled, own.halfWidth, progress);
     }
 

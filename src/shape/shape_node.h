@@ -49,7 +49,7 @@ public:
     virtual FieldPtr field() const { return nullptr; }
     /// @param settings  lattice, half-width and memory.
     virtual LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
-                          Progress& progress) const = 0;
+                          Interrupter& progress) const = 0;
 
     /// @{ The same solid moved or deformed, with the motion carried to the leaves where that
     /// changes nothing else.
@@ -97,7 +97,7 @@ Shape::Node::Ptr motionNode(const Shape::Node::Ptr& input, const Eigen::Affine3d
 FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& bounds);
 
 /// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
-LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress);
+LevelSet inBand(const LevelSet& levelSet, double halfWidth, Interrupter& progress);
 
 /// The area of a solid's surface of @a area that was offset by @a distance: grown as a ball of that
 /// area would be, and any convex solid about as much; shrunk ones keep it, for what is hollow

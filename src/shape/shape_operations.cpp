@@ -78,7 +78,7 @@ public:
     }
 
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
         std::vector<LevelSet> solids;
         for (const LevelSet* input : inputs)
@@ -170,9 +170,9 @@ public:
         return distanceBytes(std::max(Node::area(region), area(own.region)), own.lattice.voxelSize);
     }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
-        return inputs[0] ? inBand(mpuvdb::offset(*inputs[0], mDistance, progress), own.halfWidth,
+        return inputs[0] ? inBand(mpuvdb::offset(*inputs[0], mDistance, &progress), own.halfWidth,
                                   progress)
                          : nothing(own);
     }
@@ -217,9 +217,9 @@ public:
         return distanceBytes(area(own.region), own.lattice.voxelSize);
     }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
-        return inputs[0] ? inBand(mpuvdb::shell(*inputs[0], mThickness, mWall, progress),
+        return inputs[0] ? inBand(mpuvdb::shell(*inputs[0], mThickness, mWall, &progress),
                                   own.halfWidth, progress)
                          : nothing(own);
     }
@@ -264,9 +264,9 @@ public:
         return kFilterCopies * gridBytes(area, h, pass.halfWidth) + distanceBytes(area, h);
     }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
-        return inputs[0] ? mpuvdb::smooth(*inputs[0], mSettings, progress) : nothing(own);
+        return inputs[0] ? mpuvdb::smooth(*inputs[0], mSettings, &progress) : nothing(own);
     }
 
 private:
@@ -308,11 +308,11 @@ public:
         return std::max(whole(0), whole(1));
     }
     LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
-                  Progress& progress) const override
+                  Interrupter& progress) const override
     {
         const LevelSet a = inputs[0] ? *inputs[0] : nothing(own),
                        b = inputs[1] ? *inputs[1] : nothing(own);
-        return mpuvdb::morph(a, b, mT, mHow, progress);
+        return mpuvdb::morph(a, b, mT, mHow, &progress);
     }
 
 private:
@@ -381,12 +381,12 @@ Node::Ptr morphNode(const Node::Ptr& a, const Node::Ptr& b, double t, Morphing h
     return std::make_shared<MorphNode>(a, b, t, how);
 }
 
-LevelSet inBand(const LevelSet& levelSet, double halfWidth, Progress& progress)
+LevelSet inBand(const LevelSet& levelSet, double halfWidth, Interrupter& progress)
 {
     constexpr double kSame = 1e-5; // backgrounds are floats
     return std::abs(levelSet.halfWidth() - halfWidth) <= kSame * halfWidth
                ? levelSet
-               : withHalfWidth(levelSet, halfWidth, progress);
+               : withHalfWidth(levelSet, halfWidth, &progress);
 }
 
 double offsetArea(double area, double distance)

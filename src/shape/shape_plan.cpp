@@ -4,7 +4,7 @@
 #include "modelling/one_lattice.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -183,8 +183,9 @@ void ShapePlan::demandFewVoxels() const
     mpuvdb::demandFewVoxels(grids);
 }
 
-LevelSet ShapePlan::evaluate(Progress& progress) const
+LevelSet ShapePlan::evaluate(Interrupter* interrupter) const
 {
+    Interrupter& progress = orSilent(interrupter);
     std::vector<std::optional<LevelSet>> grids(mTasks.size());
     std::vector<std::size_t> left(mTasks.size());
     for (std::size_t n = 0; n < mTasks.size(); ++n) {

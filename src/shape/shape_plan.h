@@ -21,7 +21,7 @@ public:
     void demandMemory() const;
     /// As Shape::demandFewVoxels().
     void demandFewVoxels() const;
-    LevelSet evaluate(Progress& progress) const;
+    LevelSet evaluate(Interrupter& progress) const;
 
 private:
     /// A node on a lattice, evaluated once.

@@ -3,7 +3,7 @@
 #include "position_order.h"
 
 #include "core/release.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -85,7 +85,7 @@ std::uint64_t CellGrid::keyAt(const Vec3f& p) const
     return keyOf(((p.cast<double>() - mCorner) / mSide).cast<int>());
 }
 
-CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Progress& progress)
+CellGrid::CellGrid(const std::vector<Vec3f>& positions, double side, Interrupter& progress)
     : mSide(side)
 {
     const std::size_t points = positions.size();

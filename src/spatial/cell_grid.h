@@ -9,7 +9,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Cubic cells that hold points, found by hashing. Built part by part so that each part's table
 /// fits a cache.
@@ -26,7 +26,7 @@ public:
 
     /// @param side  of a cell, positive; made larger where the positions' box would be more than
     /// 2^19 cells long. @throws Interrupted.
-    CellGrid(const std::vector<Vec3f>& positions, double side, Progress& progress);
+    CellGrid(const std::vector<Vec3f>& positions, double side, Interrupter& progress);
 
     double side() const { return mSide; }
     /// In no particular order, but the same for any number of threads and order of the points.

@@ -2,7 +2,7 @@
 
 #include "core/morton.h"
 #include "point_triangle.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -34,7 +34,7 @@ double squaredDistanceTo(const TriangleTree::Box& box, const Vec3d& p)
 
 } // namespace
 
-TriangleTree::TriangleTree(const Mesh& mesh, Progress& progress)
+TriangleTree::TriangleTree(const Mesh& mesh, Interrupter& progress)
 {
     sortTriangles(mesh);
     progress.check();

@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// The triangles in the order of a space-filling curve, a few per leaf, under a complete binary
 /// tree of boxes: node n has the children 2n and 2n+1, the root is 1. The same for any number of
@@ -20,7 +20,7 @@ public:
     using Box = Eigen::AlignedBox3f;
 
     /// @param mesh  has triangles; need not outlive this. @throws Interrupted.
-    TriangleTree(const Mesh& mesh, Progress& progress);
+    TriangleTree(const Mesh& mesh, Interrupter& progress);
 
     std::size_t size() const { return mOrder.size(); }
     /// Of the triangle at place @a slot, its index in the mesh and its corners.

@@ -8,7 +8,7 @@
 #include "face_patches.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -64,7 +64,7 @@ std::array<Coord, 4> cellsAbout(const Coord& voxel, int axis)
 }
 
 template <typename F>
-void inParallel(std::size_t count, Progress& progress, F f)
+void inParallel(std::size_t count, Interrupter& progress, F f)
 {
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 64),
                       [&](const tbb::blocked_range<std::size_t>& range) {
@@ -76,7 +76,7 @@ void inParallel(std::size_t count, Progress& progress, F f)
 class FacetMaker
 {
 public:
-    FacetMaker(SurfacePatches& patches, const CreaseZone& zone, Progress& progress)
+    FacetMaker(SurfacePatches& patches, const CreaseZone& zone, Interrupter& progress)
         : mPatches(patches), mZone(zone), mProgress(progress)
     {
     }
@@ -271,7 +271,7 @@ private:
 
     SurfacePatches& mPatches;
     const CreaseZone& mZone;
-    Progress& mProgress;
+    Interrupter& mProgress;
     VoxelIndex mCells; ///< by their lowest corner
     std::vector<Coord> mCellAt;
     std::array<VoxelIndex, 3> mEdges; ///< crossed, by axis and first voxel
@@ -282,7 +282,7 @@ private:
 
 } // namespace
 
-void addCreaseFacets(SurfacePatches& patches, CreaseZone& zone, Progress& progress)
+void addCreaseFacets(SurfacePatches& patches, CreaseZone& zone, Interrupter& progress)
 {
     fitToFaces(patches, zone, progress);
     FacetMaker(patches, zone, progress).run();

@@ -7,6 +7,6 @@ namespace mpuvdb
 
 /// Add vertices and facets to @a patches, the zone's, for the cells between voxels beside creases,
 /// and mark the patches superseded by them. @throws LimitError, Interrupted.
-void addCreaseFacets(SurfacePatches& patches, CreaseZone& zone, Progress& progress);
+void addCreaseFacets(SurfacePatches& patches, CreaseZone& zone, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -1,6 +1,6 @@
 #include "crease_zone.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 namespace mpuvdb
 {
@@ -8,7 +8,7 @@ namespace mpuvdb
 using openvdb::Coord;
 
 CreaseZone::CreaseZone(const SurfacePatches& patches, const openvdb::FloatTree& tree, float scale,
-                       Values values, Progress& progress)
+                       Values values, Interrupter& progress)
     : mPatches(patches), mTree(tree), mScale(scale), mValues(values),
       mBeside(patches.patches.size())
 {

@@ -15,7 +15,7 @@ class CreaseZone
 public:
     /// @param scale  1 / voxel size. @throws Interrupted.
     CreaseZone(const SurfacePatches& patches, const openvdb::FloatTree& tree, float scale,
-               Values values, Progress& progress);
+               Values values, Interrupter& progress);
 
     const SurfacePatches& patches() const { return mPatches; }
     const VoxelIndex& index() const { return mIndex; }

@@ -1,7 +1,7 @@
 #include "dual_cells.h"
 
 #include "core/lanes.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cstring>
@@ -227,7 +227,7 @@ void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
             }
 }
 
-DualCells::DualCells(const openvdb::FloatTree& tree, Progress& progress)
+DualCells::DualCells(const openvdb::FloatTree& tree, Interrupter& progress)
 {
     const Origins leaves = leafOrigins(tree);
     add(tree, leaves, progress);
@@ -248,7 +248,7 @@ DualCells::DualCells(const openvdb::FloatTree& tree, Progress& progress)
 
 /// Those of the blocks at @a origins that the surface passes.
 void DualCells::add(const openvdb::FloatTree& tree, const std::vector<Coord>& origins,
-                    Progress& progress)
+                    Interrupter& progress)
 {
     std::vector<DualBlock> found(origins.size());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, origins.size(), 32),

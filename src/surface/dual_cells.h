@@ -13,7 +13,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Values of a block's voxels and those around: from two below the block on each axis to three
 /// above.
@@ -88,7 +88,7 @@ class DualCells
 {
 public:
     /// @throws Interrupted.
-    DualCells(const openvdb::FloatTree& tree, Progress& progress);
+    DualCells(const openvdb::FloatTree& tree, Interrupter& progress);
 
     const std::vector<DualBlock>& blocks() const { return mBlocks; }
     std::uint64_t vertices() const { return mVertices; }
@@ -107,7 +107,7 @@ public:
 
 private:
     void add(const openvdb::FloatTree& tree, const std::vector<openvdb::Coord>& origins,
-             Progress& progress);
+             Interrupter& progress);
     void number();
 
     std::vector<DualBlock> mBlocks;

@@ -1,6 +1,6 @@
 #include "face_patches.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -164,7 +164,7 @@ private:
 
 } // namespace
 
-void fitToFaces(SurfacePatches& patches, CreaseZone& zone, Progress& progress)
+void fitToFaces(SurfacePatches& patches, CreaseZone& zone, Interrupter& progress)
 {
     std::vector<std::uint32_t> numbers;
     for (std::uint32_t n = 0; n < patches.patches.size(); ++n)

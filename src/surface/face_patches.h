@@ -10,6 +10,6 @@ namespace mpuvdb
 /// from both sides of a crease, or from one octant of a voxel. Those that no others lie beside, as
 /// planes between two faces may be, become rough. Leaves that few faces are found in stay as they
 /// are, and leave the zone. @throws Interrupted.
-void fitToFaces(SurfacePatches& patches, CreaseZone& zone, Progress& progress);
+void fitToFaces(SurfacePatches& patches, CreaseZone& zone, Interrupter& progress);
 
 } // namespace mpuvdb

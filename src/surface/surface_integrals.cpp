@@ -3,7 +3,7 @@
 #include "surface_cells.h"
 
 #include "core/union_find.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -150,7 +150,7 @@ private:
 
 /// The number of connected surfaces, of pieces that meet in vertices.
 std::uint64_t countSurfaces(const std::vector<const Leaf*>& leaves,
-                            const std::vector<LeafSurface>& surfaces, Progress& progress)
+                            const std::vector<LeafSurface>& surfaces, Interrupter& progress)
 {
     std::unordered_map<Coord, std::size_t> at;
     std::vector<std::uint32_t> first(leaves.size() + 1, 0);
@@ -185,7 +185,7 @@ std::uint64_t countSurfaces(const std::vector<const Leaf*>& leaves,
 
 } // namespace
 
-SurfaceIntegrals integrateSurface(const LevelSet& levelSet, Progress& progress)
+SurfaceIntegrals integrateSurface(const LevelSet& levelSet, Interrupter& progress)
 {
     SurfaceIntegrals sums;
     std::vector<const Leaf*> leaves;

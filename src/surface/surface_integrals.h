@@ -22,6 +22,6 @@ struct SurfaceIntegrals {
 /// linear one for what is counted; for volume and area each triangle is moved to where the second
 /// derivatives put the surface, which leaves errors of third order and less. The same for any
 /// number of threads. @throws Interrupted.
-SurfaceIntegrals integrateSurface(const LevelSet& levelSet, Progress& progress);
+SurfaceIntegrals integrateSurface(const LevelSet& levelSet, Interrupter& progress);
 
 } // namespace mpuvdb

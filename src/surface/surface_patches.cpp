@@ -4,7 +4,7 @@
 #include "grid/leaf_halo.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <limits>
@@ -368,7 +368,7 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
 }
 
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
-                              Progress& progress)
+                              Interrupter& progress)
 {
     std::vector<const Leaf*> leaves;
     tree.getNodes(leaves);
@@ -376,7 +376,7 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, 
 }
 
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, std::vector<const Leaf*> leaves,
-                              double voxelSize, Values values, Progress& progress)
+                              double voxelSize, Values values, Interrupter& progress)
 {
     SurfacePatches result;
     result.leaves = std::move(leaves);

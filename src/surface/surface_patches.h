@@ -12,7 +12,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// The curvature of a point: its radius is below what counts.
 constexpr float kPointCurvature = 1e3f;
@@ -95,13 +95,13 @@ struct SurfacePatches {
 /// The same of some of a tree's leaves.
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree,
                               std::vector<const SurfacePatches::Leaf*> leaves, double voxelSize,
-                              Values values, Progress& progress);
+                              Values values, Interrupter& progress);
 
 /// @throws LimitError if there are more @a patches than can be numbered.
 void demandNumbers(std::uint64_t patches);
 
 /// The patches of @a tree. @param voxelSize  world units. @throws LimitError, Interrupted.
 SurfacePatches surfacePatches(const openvdb::FloatTree& tree, double voxelSize, Values values,
-                              Progress& progress);
+                              Interrupter& progress);
 
 } // namespace mpuvdb

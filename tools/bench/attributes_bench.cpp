@@ -10,8 +10,8 @@
 
 #include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/clean.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/reconstruct.h>
 #include <mpuvdb/scan_sampler.h>
 
@@ -41,8 +41,8 @@ PointCloud sampled(const std::string& solid, ScanSettings::Pattern pattern, doub
     settings.points = kPoints;
     settings.pattern = pattern;
     settings.noise = noise;
-    Progress progress;
-    PointCloud cloud = scan(*parseSolid(solid), settings, progress);
+    Interrupter progress;
+    PointCloud cloud = scan(*parseSolid(solid), settings, &progress);
     for (std::size_t n = 0; n < cloud.size(); ++n) {
         const Vec3d p = cloud.frame + cloud.positions[n].cast<double>();
         const Vec3d c = (127.5 + 100 * (3 * p).array().sin()).round();
@@ -80,7 +80,7 @@ struct Parts {
 
 Parts run(const PointCloud& given, std::optional<double> voxels, bool keepNormals)
 {
-    Progress progress;
+    Interrupter progress;
     const auto file = std::filesystem::temp_directory_path() /
                       fmt::format("attributes_bench_{}.vdb", std::random_device()());
     bench::Times surface, grid, plain, colored;
@@ -90,20 +90,20 @@ Parts run(const PointCloud& given, std::optional<double> voxels, bool keepNormal
         surface.add([&] {
             CleanSettings cleaning;
             if (keepNormals) cleaning.normals = NormalsFrom::Keep;
-            clean(cloud, cleaning, progress);
+            clean(cloud, cleaning, &progress);
             ReconstructSettings settings;
             settings.voxels = voxels;
-            made.emplace(reconstruct(std::move(cloud), settings, progress));
+            made.emplace(reconstruct(std::move(cloud), settings, &progress));
         });
         openvdb::GridCPtrVec colors;
         std::unique_ptr<const SurfaceAttributes> attributes;
         grid.add([&] {
             attributes = made->field->attributes({kColorName});
-            for (const auto& g : sampleAttributes(made->levelSet, *attributes, progress))
+            for (const auto& g : sampleAttributes(made->levelSet, *attributes, &progress))
                 colors.push_back(g);
         });
-        plain.add([&] { writeLevelSet(file, made->levelSet, {}, progress); });
-        colored.add([&] { writeLevelSet(file, made->levelSet, {}, progress, colors); });
+        plain.add([&] { writeLevelSet(file, made->levelSet, {}, {}, &progress); });
+        colored.add([&] { writeLevelSet(file, made->levelSet, {}, colors, &progress); });
     }
     std::filesystem::remove(file);
     const double without = plain.cpu[0];
@@ -145,8 +145,8 @@ double rmsOf(ScanSettings::Pattern pattern, const ValueAt& value, double deviati
     MpuSettings fit;
     fit.tolerance = 0.001;
     fit.voxelSize = 0.016;
-    Progress progress;
-    const MpuField field(std::move(cloud), fit, progress);
+    Interrupter progress;
+    const MpuField field(std::move(cloud), fit, &progress);
     std::vector<SurfacePlace> places;
     for (int n = 0; n < kPlaces; ++n) {
         const Vec3d at = Vec3d(normal(random), normal(random), normal(random)).normalized();
@@ -179,9 +179,10 @@ int main(int argc, char** argv)
     using Pattern = ScanSettings::Pattern;
     try {
         std::vector<std::string> lines;
-        Progress progress;
+        Interrupter progress;
         for (int n = 1; n < argc; ++n)
-            lines.push_back(timed(argv[n], readPoints({argv[n]}, BadPoints::Drop, progress).cloud));
+            lines.push_back(
+                timed(argv[n], readPoints({argv[n]}, BadPoints::Drop, {}, {}, &progress).cloud));
         if (argc < 2) {
             const PointCloud ball = sampled("sphere(1)", Pattern::Random, 0),
                              torus = sampled("torus(1, 0.4)", Pattern::Random, 0);

@@ -2,8 +2,8 @@
 // csg_bench [radius in voxels]; JSON on standard output.
 #include "timing.h"
 
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
 #include <openvdb/tools/Composite.h>
@@ -82,9 +82,9 @@ int main(int argc, char** argv)
     for (int n = 0; n < 3; ++n) {
         copy.run([&] { return openvdb::tools::csgUnionCopy(*a, *b); });
         combined.run([&] {
-            mpuvdb::Progress progress;
+            mpuvdb::Interrupter progress;
             return mpuvdb::combine(mpuvdb::Boolean::Union,
-                                   {mpuvdb::LevelSet(a), mpuvdb::LevelSet(b)}, 0, progress)
+                                   {mpuvdb::LevelSet(a), mpuvdb::LevelSet(b)}, 0, &progress)
                 .gridPtr();
         });
     }

@@ -6,10 +6,10 @@
 // voxels of a crease, in voxels, and the mean angle between the normals of mesh and part, degrees.
 #include "spatial/kd_tree.h"
 #include "spatial/triangle_tree.h"
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <openvdb/openvdb.h>
@@ -109,7 +109,7 @@ PointCloud pointsOn(const Mesh& mesh, double voxelSize)
 class Part
 {
 public:
-    Part(const Mesh& mesh, double voxelSize, double degrees, Progress& progress)
+    Part(const Mesh& mesh, double voxelSize, double degrees, Interrupter& progress)
         : mTree(mesh, progress), mFrame(mesh.frame), mVoxelSize(voxelSize),
           mCreases(creasesOf(mesh, degrees, 0.25 * voxelSize)), mCreaseTree(mCreases)
     {
@@ -166,8 +166,8 @@ Mesh volumeToMesh(const LevelSet& levelSet)
 
 void compare(const char* path, double voxels, double degrees)
 {
-    Progress progress;
-    const Mesh mesh = readMesh(path, progress);
+    Interrupter progress;
+    const Mesh mesh = readMesh(path, &progress);
     Box3d box;
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) box.extend(mesh.world(v));
     const double h = box.sizes().maxCoeff() / voxels;
@@ -175,19 +175,19 @@ void compare(const char* path, double voxels, double degrees)
 
     ReconstructSettings settings;
     settings.voxelSize = Length{h};
-    const Reconstruction made = reconstruct(pointsOn(mesh, h), settings, progress);
+    const Reconstruction made = reconstruct(pointsOn(mesh, h), settings, &progress);
     std::printf("{\n  \"from_points\": {\n");
-    part.print("with_field", extractMesh(made.levelSet, progress, {made.field.get()}));
+    part.print("with_field", extractMesh(made.levelSet, {made.field.get()}, &progress));
     std::printf(",\n");
-    part.print("grid_alone", extractMesh(made.levelSet, progress));
+    part.print("grid_alone", extractMesh(made.levelSet, {}, &progress));
     std::printf(",\n");
     part.print("volumeToMesh", volumeToMesh(made.levelSet));
 
     SampleSettings sampling;
     sampling.lattice.voxelSize = h;
-    const LevelSet exact = voxelize(mesh, sampling, progress);
+    const LevelSet exact = voxelize(mesh, sampling, &progress);
     std::printf("\n  },\n  \"voxelized\": {\n");
-    part.print("grid_alone", extractMesh(exact, progress));
+    part.print("grid_alone", extractMesh(exact, {}, &progress));
     std::printf(",\n");
     part.print("volumeToMesh", volumeToMesh(exact));
     std::printf("\n  }\n}\n");

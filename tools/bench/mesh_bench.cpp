@@ -5,8 +5,8 @@
 #include "timing.h"
 
 #include <mpuvdb/fields.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>
@@ -32,14 +32,14 @@ std::string json(const char* name, const bench::Times& times)
 /// @param field  what the level set was sampled from, or null.
 void run(const LevelSet& levelSet, const Field* field, int runs)
 {
-    Progress progress;
+    Interrupter progress;
     bench::Times theirs, fromGrid, fromField, simplified;
     Mesh mesh, fewer;
     for (int n = 0; n < runs; ++n) {
         theirs.add([&] { openvdb::tools::VolumeToMesh()(levelSet.grid()); });
-        fromGrid.add([&] { mesh = extractMesh(levelSet, progress); });
-        if (field) fromField.add([&] { mesh = extractMesh(levelSet, progress, {field}); });
-        simplified.add([&] { fewer = simplify(mesh, {0.1 * levelSet.voxelSize()}, progress); });
+        fromGrid.add([&] { mesh = extractMesh(levelSet, {}, &progress); });
+        if (field) fromField.add([&] { mesh = extractMesh(levelSet, {field}, &progress); });
+        simplified.add([&] { fewer = simplify(mesh, {0.1 * levelSet.voxelSize()}, &progress); });
     }
     fmt::print(
         "{{\n  \"active_voxels\": {},\n  \"triangles\": {},\n  \"simplified_triangles\": {},\n",
@@ -58,8 +58,8 @@ void runSolid(const std::string& description, double voxelSize, int runs)
     const FieldPtr field = makeSolidField(parseSolid(description));
     SampleSettings settings;
     settings.lattice.voxelSize = voxelSize;
-    Progress progress;
-    run(sampleField(*field, settings, progress), field.get(), runs);
+    Interrupter progress;
+    run(sampleField(*field, settings, &progress), field.get(), runs);
 }
 
 } // namespace

@@ -7,8 +7,8 @@
 // where a path to it is given.
 #include "peer.h"
 
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>
@@ -49,7 +49,7 @@ struct Result {
 
 /// @param truth  points spread evenly on the solid.
 Result held(const Mesh& mesh, const Solid& solid, const PointCloud& truth, double noise,
-            Progress& progress)
+            Interrupter& progress)
 {
     double area = 0, squares = 0;
     for (const Mesh::Triangle& t : mesh.triangles) {
@@ -62,7 +62,7 @@ Result held(const Mesh& mesh, const Solid& solid, const PointCloud& truth, doubl
     const MeshReport report = measure(mesh);
     Result result;
     result.there = std::sqrt(squares / area) / noise;
-    result.back = distances(mesh, truth, progress).back.rms / noise;
+    result.back = distances(mesh, truth, &progress).back.rms / noise;
     result.error = (result.there + result.back) / 2;
     result.components = report.components;
     result.genus = report.genus;
@@ -84,17 +84,17 @@ struct Case {
 
 std::string measured(const Case& chosen, const std::string& program)
 {
-    Progress progress;
+    Interrupter progress;
     const auto solid = parseSolid(chosen.solid);
     const double noise = chosen.noise * solid->bounds().diagonal().norm();
     ScanSettings exact;
     exact.points = kPoints;
-    const PointCloud truth = scan(*solid, exact, progress);
+    const PointCloud truth = scan(*solid, exact, &progress);
     ScanSettings scanned = exact;
     scanned.pattern = chosen.pattern;
     scanned.noise = noise;
     scanned.normalNoise = kNormalNoise;
-    const PointCloud cloud = scan(*solid, scanned, progress);
+    const PointCloud cloud = scan(*solid, scanned, &progress);
 
     const Result ours =
         held(bench::ourMesh(cloud, kVoxels, progress), *solid, truth, noise, progress);

@@ -6,10 +6,10 @@
 #include "timing.h"
 
 #include "spatial/triangle_tree.h"
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/operations.h>
-#include <mpuvdb/progress.h>
 
 #include <openvdb/tools/LevelSetFilter.h>
 #include <openvdb/tools/LevelSetRebuild.h>
@@ -37,7 +37,7 @@ class Exact
 {
 public:
     Exact(const mpuvdb::Mesh& mesh, const openvdb::math::Transform& transform,
-          mpuvdb::Progress& progress)
+          mpuvdb::Interrupter& progress)
         : mTree(mesh, progress), mFrame(mesh.frame), mTransform(transform)
     {
     }
@@ -142,13 +142,13 @@ void run(const char* name, const Exact& exact, double shift, F f)
     printErrors(name, *result, exact, shift, times.cpu.front());
 }
 
-mpuvdb::LevelSet voxelized(const mpuvdb::Mesh& mesh, double across, mpuvdb::Progress& progress)
+mpuvdb::LevelSet voxelized(const mpuvdb::Mesh& mesh, double across, mpuvdb::Interrupter& progress)
 {
     mpuvdb::Box3d box;
     for (std::size_t n = 0; n < mesh.positions.size(); ++n) box.extend(mesh.world(n));
     mpuvdb::SampleSettings settings;
     settings.lattice.voxelSize = box.sizes().maxCoeff() / across;
-    return mpuvdb::voxelize(mesh, settings, progress);
+    return mpuvdb::voxelize(mesh, settings, &progress);
 }
 
 bool isGrid(const std::string& path)
@@ -158,21 +158,21 @@ bool isGrid(const std::string& path)
 
 void compare(const std::string& path, double voxels, double across, bool alone)
 {
-    mpuvdb::Progress progress;
-    const mpuvdb::Mesh given = isGrid(path) ? mpuvdb::Mesh() : mpuvdb::readMesh(path, progress);
+    mpuvdb::Interrupter progress;
+    const mpuvdb::Mesh given = isGrid(path) ? mpuvdb::Mesh() : mpuvdb::readMesh(path, &progress);
     const mpuvdb::LevelSet levelSet =
         isGrid(path) ? mpuvdb::LevelSet(bench::readGrid(path)) : voxelized(given, across, progress);
     const FloatGrid& grid = levelSet.grid();
     const double distance = voxels * levelSet.voxelSize();
-    const Exact exact(isGrid(path) ? mpuvdb::extractMesh(levelSet, progress) : given,
+    const Exact exact(isGrid(path) ? mpuvdb::extractMesh(levelSet, {}, &progress) : given,
                       grid.transform(), progress);
     std::printf("{\n");
     run("offset", exact, voxels,
-        [&] { return mpuvdb::offset(levelSet, distance, progress).gridPtr(); });
+        [&] { return mpuvdb::offset(levelSet, distance, &progress).gridPtr(); });
     const double halfWidth = levelSet.halfWidth();
     std::printf(",\n");
     run("redistance", exact, 0,
-        [&] { return mpuvdb::redistance(grid, halfWidth, progress).gridPtr(); });
+        [&] { return mpuvdb::redistance(grid, halfWidth, &progress).gridPtr(); });
     if (!alone) {
         std::printf(",\n");
         run("levelSetRebuild", exact, 0, [&] {

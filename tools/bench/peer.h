@@ -1,9 +1,9 @@
 // Meshes of the same points: ours, and PoissonRecon's.
 #pragma once
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/point_cloud.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <fmt/format.h>
@@ -34,25 +34,27 @@ struct Folder {
 };
 
 /// Ours, by default settings but for the @a voxels along the longest side.
-inline mpuvdb::Mesh ourMesh(const mpuvdb::PointCloud& cloud, int voxels, mpuvdb::Progress& progress)
+inline mpuvdb::Mesh ourMesh(const mpuvdb::PointCloud& cloud, int voxels,
+                            mpuvdb::Interrupter& progress)
 {
     mpuvdb::ReconstructSettings settings;
     settings.voxels = voxels;
     return mpuvdb::extractMesh(
-        mpuvdb::reconstruct(mpuvdb::PointCloud(cloud), settings, progress).levelSet, progress);
+        mpuvdb::reconstruct(mpuvdb::PointCloud(cloud), settings, &progress).levelSet, {},
+        &progress);
 }
 
 /// PoissonRecon's mesh of @a cloud. @param program  its path.
 inline mpuvdb::Mesh poissonMesh(const std::string& program, int depth,
-                                const mpuvdb::PointCloud& cloud, mpuvdb::Progress& progress)
+                                const mpuvdb::PointCloud& cloud, mpuvdb::Interrupter& progress)
 {
     const Folder folder;
     const auto points = folder.path / "points.ply", made = folder.path / "mesh.ply";
-    mpuvdb::writePoints(points, cloud, progress);
+    mpuvdb::writePoints(points, cloud, &progress);
     const std::string command = fmt::format("'{}' --in '{}' --out '{}' --depth {} > /dev/null 2>&1",
                                             program, points.string(), made.string(), depth);
     if (std::system(command.c_str()) != 0) throw std::runtime_error(command + ": failed");
-    return mpuvdb::readMesh(made, progress);
+    return mpuvdb::readMesh(made, &progress);
 }
 
 } // namespace bench

@@ -3,7 +3,7 @@
 //     plan_bench [VOXEL_SIZE]
 // Each way runs in a process of its own, whose largest resident set is reported.
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/scan_sampler.h>
 #include <mpuvdb/shape.h>
 
@@ -50,7 +50,7 @@ struct Planned {
 struct Widest {
     using Solid = LevelSet;
     ShapeSettings settings;
-    Progress& progress;
+    Interrupter& progress;
 
     SampleSettings sampling() const
     {
@@ -63,24 +63,24 @@ struct Widest {
     {
         const FieldPtr field = makeMovedField(makeSolidField(parseSolid(description)),
                                               Eigen::Affine3d(Eigen::Translation3d(at)));
-        return sampleField(*field, sampling(), progress);
+        return sampleField(*field, sampling(), &progress);
     }
     Solid combine(Boolean kind, const std::vector<Solid>& solids, double blend = 0) const
     {
-        return mpuvdb::combine(kind, solids, blend, progress);
+        return mpuvdb::combine(kind, solids, blend, &progress);
     }
     Solid offset(const Solid& solid, double by) const
     {
-        return mpuvdb::offset(solid, by, progress);
+        return mpuvdb::offset(solid, by, &progress);
     }
     Solid shell(const Solid& solid, double thickness) const
     {
-        return mpuvdb::shell(solid, thickness, Wall::Inward, progress);
+        return mpuvdb::shell(solid, thickness, Wall::Inward, &progress);
     }
     Solid twist(const Solid& solid, double angle) const
     {
         return sampleField(*makeWarpedField(makeGridField(solid), makeTwist({}, angle)), sampling(),
-                           progress);
+                           &progress);
     }
 };
 
@@ -115,7 +115,7 @@ struct Result {
 template <class Work>
 int report(Work&& work, int pipe)
 try {
-    Progress progress;
+    Interrupter progress;
     const LevelSet made = work(progress);
     Result result;
     result.activeVoxels = made.grid().activeVoxelCount();
@@ -169,12 +169,12 @@ try {
     for (const PlanStep& step : shape.plan(settings))
         widest.halfWidth = std::max(widest.halfWidth, step.halfWidth);
 
-    const Result nothing = measured([&](Progress&) {
+    const Result nothing = measured([&](Interrupter&) {
         return emptyLevelSet({Vec3d::Zero(), settings.voxelSize}, settings.halfWidth);
     });
     const Result planned =
-        measured([&](Progress& progress) { return shape.evaluate(settings, progress); });
-    const Result wide = measured([&](Progress& progress) {
+        measured([&](Interrupter& progress) { return shape.evaluate(settings, &progress); });
+    const Result wide = measured([&](Interrupter& progress) {
         return scene(Widest{widest, progress});
     });
     fmt::print("{{\n");

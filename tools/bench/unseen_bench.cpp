@@ -6,8 +6,8 @@
 #include "peer.h"
 #include "unseen_part.h"
 
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>
@@ -57,7 +57,7 @@ std::string json(const char* name, const test::Unseen& part)
 
 std::string measured(const Case& chosen, const std::string& program, int depth)
 {
-    Progress progress;
+    Interrupter progress;
     const auto solid = parseSolid(chosen.solid);
     ScanSettings scanned;
     scanned.points = kPoints;
@@ -65,7 +65,7 @@ std::string measured(const Case& chosen, const std::string& program, int depth)
     scanned.views = chosen.views;
     scanned.holes = chosen.holes;
     scanned.noise = chosen.noise * solid->bounds().diagonal().norm();
-    const PointCloud cloud = scan(*solid, scanned, progress);
+    const PointCloud cloud = scan(*solid, scanned, &progress);
     const Mesh mesh = bench::ourMesh(cloud, kVoxels, progress);
     const double far = test::farFrom(cloud, mesh);
 

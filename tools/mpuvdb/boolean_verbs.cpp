@@ -42,7 +42,7 @@ protected:
         settings()["blend"] = radius;
         settings()["inputs"] = inputs.size();
         if (mBlend) session.note("blend       " + lengthText(radius, solids.front().voxelSize()));
-        return combine(mKind, solids, radius, session.progress());
+        return combine(mKind, solids, radius, &session.progress());
     }
 
 private:

@@ -90,7 +90,8 @@ private:
             found = gridsToCheck(path, mGrid, session.options().maxBytes);
         });
         for (const auto& grid : found.grids) {
-            const CheckReport report = check(*grid, session.progress());
+            const CheckReport report =
+                check(*grid, kGradientTolerance, openvdb::CoordBBox::inf(), &session.progress());
             mSound = mSound && report.sound();
             grids.push_back({{"name", grid->getName()}});
             grids.back().update(toJson(report));

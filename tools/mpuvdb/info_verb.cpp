@@ -51,7 +51,7 @@ Json describeGrid(const openvdb::GridBase& grid)
     return json;
 }
 
-Json describePoints(const PointInput& input, Progress& progress)
+Json describePoints(const PointInput& input, Interrupter& progress)
 {
     const PointCloud& cloud = input.cloud;
     const Box3d box = cloud.localBounds();
@@ -65,7 +65,7 @@ Json describePoints(const PointInput& input, Progress& progress)
                {{"min", command::toJson(Vec3d(cloud.frame + box.min()))},
                 {"max", command::toJson(Vec3d(cloud.frame + box.max()))}}},
               {"diagonal", box.diagonal().norm()}};
-    const PointStatistics statistics = measure(cloud, progress);
+    const PointStatistics statistics = measure(cloud, &progress);
     json["spacing"] = statistics.spacing;
     json["noise"] = statistics.noise;
     if (cloud.hasNormals()) json["normal_noise"] = statistics.normalNoise * 180 / M_PI;
@@ -82,30 +82,30 @@ struct Other {
 
     Other(const std::string& name, Session& session) : file(name)
     {
-        Progress& progress = session.progress();
+        Interrupter& progress = session.progress();
         progress.beginStage("read");
         if (extensionOf(file) == ".vdb") {
             mesh = extractMesh(readLevelSet(file, {}, session.options().maxBytes, Purpose::Looking),
-                               progress);
+                               {}, &progress);
             return;
         }
-        PointInput input = readPoints({file}, BadPoints::Drop, progress);
+        PointInput input = readPoints({file}, BadPoints::Drop, {}, {}, &progress);
         if (input.triangles > 0)
-            mesh = readMesh(file, progress);
+            mesh = readMesh(file, &progress);
         else
             points = std::move(input.cloud);
     }
-    TwoWayDistances distancesFrom(const Mesh& from, Progress& progress) const
+    TwoWayDistances distancesFrom(const Mesh& from, Interrupter& progress) const
     {
-        return mesh.triangles.empty() ? distances(from, points, progress)
-                                      : distances(from, mesh, progress);
+        return mesh.triangles.empty() ? distances(from, points, &progress)
+                                      : distances(from, mesh, &progress);
     }
 };
 
-Json describeMesh(const Mesh& mesh, const std::optional<Other>& other, Progress& progress)
+Json describeMesh(const Mesh& mesh, const std::optional<Other>& other, Interrupter& progress)
 {
     Json json = command::toJson(measure(mesh));
-    json["self_intersections"] = findSelfIntersections(mesh, progress).size();
+    json["self_intersections"] = findSelfIntersections(mesh, &progress).size();
     json["colors"] = !mesh.colors.empty();
     if (!other) return json;
     const TwoWayDistances both = other->distancesFrom(mesh, progress);
@@ -177,15 +177,15 @@ private:
     static Json describe(const std::string& file, const std::optional<Other>& other,
                          Session& session)
     {
-        Progress& progress = session.progress();
+        Interrupter& progress = session.progress();
         Json json{{"file", file}};
         progress.beginStage("read");
         if (extensionOf(file) != ".vdb") {
-            const PointInput input = readPoints({file}, BadPoints::Drop, progress);
+            const PointInput input = readPoints({file}, BadPoints::Drop, {}, {}, &progress);
             json.update(describePoints(input, progress));
             // Standard input cannot be read again.
             const bool isMesh = input.triangles > 0 && file != "-";
-            if (isMesh) json["mesh"] = describeMesh(readMesh(file, progress), other, progress);
+            if (isMesh) json["mesh"] = describeMesh(readMesh(file, &progress), other, progress);
             if (other && !isMesh) throwNoMesh(file);
             return json;
         }

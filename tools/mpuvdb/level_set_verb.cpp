@@ -35,7 +35,7 @@ GridInput readGridInput(const std::string& file, const std::string& name, Sessio
             fmt::format("{}: its band of {:.3g} voxels is too narrow to work with, and was "
                         "made {:g} wide",
                         file, there->levelSet.halfWidth(), kHalfWidth));
-        there->levelSet = withHalfWidth(there->levelSet, kHalfWidth, session.progress());
+        there->levelSet = withHalfWidth(there->levelSet, kHalfWidth, &session.progress());
     }
     session.hold(there->levelSet.grid().memUsage());
     for (const auto& other : there->others) session.hold(other->memUsage());
@@ -48,9 +48,10 @@ ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
                          const std::map<std::string, std::string>& metadata,
                          const openvdb::GridCPtrVec& beside, Session& session)
 {
-    const CheckReport checked = check(levelSet.grid(), session.progress());
+    const CheckReport checked =
+        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &session.progress());
     const auto write = [&](const std::filesystem::path& file) {
-        writeLevelSet(file, levelSet, metadata, session.progress(), beside);
+        writeLevelSet(file, levelSet, metadata, beside, &session.progress());
     };
     if (output == "-")
         printFile(".vdb", write);
@@ -184,7 +185,7 @@ std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, const S
     std::vector<LevelSet> levelSets;
     levelSets.reserve(inputs.size());
     for (const GridInput& input : inputs) levelSets.push_back(input.levelSet);
-    OneLattice shared = onOneLattice(levelSets, session.progress(), chosen);
+    OneLattice shared = onOneLattice(levelSets, chosen, &session.progress());
     const std::string model = shared.model ? "the lattice of " + nameOf(inputs[*shared.model])
                                            : fmt::format("voxels of {:g}", chosen);
     for (const std::size_t n : shared.resampled) {

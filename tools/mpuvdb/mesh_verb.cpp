@@ -77,8 +77,8 @@ private:
                           mHoles.closeUpTo.resolve(h, h * size.asVec3d().length())};
         }
         if (!grids.empty())
-            mMesh.addAttributes = [&grids](Mesh& mesh, Progress& progress) {
-                for (const auto& grid : grids) addAttribute(mesh, *grid, progress);
+            mMesh.addAttributes = [&grids](Mesh& mesh, Interrupter& progress) {
+                for (const auto& grid : grids) addAttribute(mesh, *grid, &progress);
             };
         return writeMeshOf(levelSet, mMesh, session);
     }
@@ -110,7 +110,7 @@ Mesh trimmed(Mesh mesh, const Trim& trim, Session& session)
 {
     TrimReport report;
     const TrimSettings settings = trimSettings(*trim.coverage, trim.closeUpTo);
-    mesh = trimMesh(std::move(mesh), *trim.coverage, settings, report, session.progress());
+    mesh = trimMesh(std::move(mesh), *trim.coverage, settings, report, &session.progress());
     session.report()["holes"] = {{"open", report.open},
                                  {"closed", report.closed},
                                  {"islands_removed", report.islands},
@@ -228,12 +228,12 @@ public:
         double within = 0; // of the full mesh
         if (shape.tolerance) {
             within = shape.tolerance->resolve(mVoxelSize, mDiagonal);
-            mesh = simplify(mesh, {within, shape.strict}, mSession.progress());
+            mesh = simplify(mesh, {within, shape.strict}, &mSession.progress());
         }
         mSession.report()["mesh"] = writeOne(mesh, mOutput.path, within);
         double next = within > 0 ? 4 * within : kFirstLod * mVoxelSize;
         for (int level = 1; level <= shape.lods; ++level, next *= 4) {
-            mesh = simplify(mesh, {next - within, shape.strict}, mSession.progress());
+            mesh = simplify(mesh, {next - within, shape.strict}, &mSession.progress());
             within = next;
             const nlohmann::ordered_json lod = writeOne(mesh, lodPath(mOutput.path, level), within);
             mSession.report()["lods"].push_back(lod);
@@ -247,7 +247,7 @@ private:
     nlohmann::ordered_json writeOne(const Mesh& mesh, const std::string& path, double within)
     {
         const auto toFile = [&](const std::filesystem::path& file) {
-            writeMesh(file, mesh, mSession.progress(), mOutput.scene);
+            writeMesh(file, mesh, mOutput.scene, &mSession.progress());
         };
         if (path == "-")
             printFile(".ply", toFile);
@@ -258,7 +258,7 @@ private:
         nlohmann::ordered_json json = toJson(report);
         if (within > 0) json["tolerance"] = within;
         if (mOutput.shape.strict || !mSession.options().report.empty()) {
-            const auto pairs = findSelfIntersections(mesh, mSession.progress());
+            const auto pairs = findSelfIntersections(mesh, &mSession.progress());
             json["self_intersections"] = pairs.size();
             if (mOutput.shape.strict && !pairs.empty()) {
                 mCrossing = true;
@@ -296,9 +296,9 @@ std::vector<Output> filesOf(const MeshOutput& output, const std::string& option)
 
 ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session)
 {
-    Mesh mesh = extractMesh(levelSet, session.progress(), {output.field, output.shape.strict});
+    Mesh mesh = extractMesh(levelSet, {output.field, output.shape.strict}, &session.progress());
     if (output.trim.coverage) mesh = trimmed(std::move(mesh), output.trim, session);
-    if (output.addAttributes) output.addAttributes(mesh, session.progress());
+    if (output.addAttributes) output.addAttributes(mesh, &session.progress());
     return MeshWriter(levelSet, output, session).write(std::move(mesh));
 }
 

@@ -88,7 +88,7 @@ protected:
         session.note(fmt::format("twist       {:.4g} degrees per unit", rate));
         demandNearAxis(shape.bounds(), axis, rate * kRadians, solid.voxelSize(), session);
         return shape.warped(makeTwist(axis, rate * kRadians), "twist")
-            .evaluate(settingsLike(solid, session), session.progress());
+            .evaluate(settingsLike(solid, session), &session.progress());
     }
 
 private:
@@ -144,7 +144,7 @@ protected:
             shape.voxelSize *= std::abs(mScale.x());
         }
         settings()["voxel_size"] = shape.voxelSize;
-        return Shape(solid).moved(motion).evaluate(shape, session.progress());
+        return Shape(solid).moved(motion).evaluate(shape, &session.progress());
     }
 
 private:
@@ -192,9 +192,9 @@ protected:
         ShapeSettings wanted = settingsLike(solid, session);
         wanted.voxelSize = voxelSize;
         wanted.halfWidth = halfWidth;
-        if (mVoxelSize) return shape.evaluate(wanted, session.progress());
+        if (mVoxelSize) return shape.evaluate(wanted, &session.progress());
         shape.demandMemory(wanted);
-        return withHalfWidth(solid, halfWidth, session.progress());
+        return withHalfWidth(solid, halfWidth, &session.progress());
     }
 
 private:

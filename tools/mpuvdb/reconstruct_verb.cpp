@@ -103,7 +103,7 @@ public:
         }
         estimator.demand(mSettings.maxBytes, session.progress());
         const Reconstruction made =
-            reconstruct(std::move(input.cloud), mSettings, session.progress());
+            reconstruct(std::move(input.cloud), mSettings, &session.progress());
         describeSettings(session, made.settings);
         describeFit(session, made);
         const PointsExplained& explained = std::get<PointsExplained>(made.levelSet.explained()->by);
@@ -112,7 +112,7 @@ public:
         const openvdb::FloatGrid::ConstPtr coverage = coverageOf(made, session);
         openvdb::GridCPtrVec beside = attributeGrids(made, session);
         if (coverage) beside.insert(beside.begin(), coverage);
-        writeLevelSet(mOutput, made.levelSet, metadata(made), session.progress(), beside);
+        writeLevelSet(mOutput, made.levelSet, metadata(made), beside, &session.progress());
         session.report()["grid"] = toJson(made.levelSet);
         session.report()["check"] = toJson(checked);
         if (!mUsd.empty()) {
@@ -152,8 +152,9 @@ private:
     {
         const SampleSettings& s = made.settings.grid;
         const openvdb::FloatGrid& grid = made.levelSet.grid();
-        if (!s.region) return check(grid, session.progress());
-        return check(grid, session.progress(), kGradientTolerance, voxelsIn(*s.region, s.lattice));
+        if (!s.region)
+            return check(grid, kGradientTolerance, openvdb::CoordBBox::inf(), &session.progress());
+        return check(grid, kGradientTolerance, voxelsIn(*s.region, s.lattice), &session.progress());
     }
 
     bool wantsCoverage() const { return mCoverage || !mHoles.close; }
@@ -163,8 +164,8 @@ private:
     {
         if (!wantsCoverage()) return nullptr;
         session.progress().beginStage("spacing");
-        const auto coverage = made.field->coverage(session.progress());
-        const auto grid = sampleCoverage(made.levelSet, *coverage, session.progress());
+        const auto coverage = made.field->coverage(&session.progress());
+        const auto grid = sampleCoverage(made.levelSet, *coverage, &session.progress());
         session.report()["coverage"] = {{"name", grid->getName()},
                                         {"spacing", coverage->spacing()},
                                         {"active_voxels", grid->activeVoxelCount()},
@@ -178,10 +179,10 @@ private:
         if (mAttributes.names.empty()) return {};
         const std::shared_ptr<const SurfaceAttributes> attributes =
             made.field->attributes(mAttributes.names);
-        mMesh.addAttributes = [attributes](Mesh& mesh, Progress& progress) {
-            addAttributes(mesh, *attributes, progress);
+        mMesh.addAttributes = [attributes](Mesh& mesh, Interrupter& progress) {
+            addAttributes(mesh, *attributes, &progress);
         };
-        const auto grids = sampleAttributes(made.levelSet, *attributes, session.progress());
+        const auto grids = sampleAttributes(made.levelSet, *attributes, &session.progress());
         return {grids.begin(), grids.end()};
     }
 
@@ -299,7 +300,7 @@ private:
             viewpoints.push_back(parseTriple("--viewpoint", text));
         PointInput input = readPoints({mInputs.begin(), mInputs.end()},
                                       mBadPoints == "fail" ? BadPoints::Fail : BadPoints::Drop,
-                                      session.progress(), viewpoints, mAttributes.scalars());
+                                      viewpoints, mAttributes.scalars(), &session.progress());
         for (const std::string& note : input.notes) session.note(note);
         for (const std::string& warning : input.warnings) session.warn(warning);
         return input;
@@ -314,7 +315,7 @@ private:
                                                     : NormalsFrom::Auto;
         settings.dropOutliers = mOutliers == "drop";
         settings.flipNormals = mFlipNormals;
-        const CleanReport report = mpuvdb::clean(cloud, settings, session.progress());
+        const CleanReport report = mpuvdb::clean(cloud, settings, &session.progress());
         mSettings.points = report.statistics;
         if (report.outliers > 0) mDropped["outlier"] += report.outliers;
         mFlipped = report.flipped;
@@ -351,7 +352,7 @@ private:
 
     void foresee(Session& session, const RunEstimator& estimator) const
     {
-        const RunEstimate run = estimator.estimate(session.progress());
+        const RunEstimate run = estimator.estimate(&session.progress());
         const ResolvedSettings& s = run.work.settings;
         describeSettings(session, s);
         Json& report = session.report()["estimate"];

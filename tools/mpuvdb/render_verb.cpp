@@ -77,7 +77,7 @@ public:
                                         {"elevation", mPicture.elevation},
                                         {"up", mPicture.up == UpAxis::Z ? "z" : "y"}};
         session.report()["grid"] = toJson(levelSet);
-        writePicture(mOutput, levelSet, mPicture, session.progress());
+        writePicture(mOutput, levelSet, mPicture, &session.progress());
         session.progress().endStage();
         session.note(
             fmt::format("picture     {} x {}: {}", mPicture.width, mPicture.height, mOutput));

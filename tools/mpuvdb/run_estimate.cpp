@@ -3,7 +3,7 @@
 #include "memory_limit.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -31,10 +31,12 @@ double squaresOf(const ReconstructionEstimate& work)
 
 } // namespace
 
-RunEstimate RunEstimator::estimate(const ReconstructSettings& settings, Progress& progress) const
+RunEstimate RunEstimator::estimate(const ReconstructSettings& settings,
+                                   Interrupter* interrupter) const
 {
+    Interrupter& progress = orSilent(interrupter);
     RunEstimate run;
-    run.work = mpuvdb::estimate(mCloud, settings, progress);
+    run.work = mpuvdb::estimate(mCloud, settings, &progress);
     const std::uint64_t grid = run.work.gridBytes, points = mCloud.size();
     std::uint64_t held = run.work.fit.bytes + grid, peak = run.work.peakBytes;
     run.fileBytes = std::uint64_t(kFileBytes * double(run.work.activeVoxels));
@@ -52,9 +54,9 @@ RunEstimate RunEstimator::estimate(const ReconstructSettings& settings, Progress
     return run;
 }
 
-void RunEstimator::demand(std::uint64_t maxBytes, Progress& progress) const
+void RunEstimator::demand(std::uint64_t maxBytes, Interrupter& progress) const
 {
-    const ResolvedSettings resolved = resolve(mCloud, mSettings, progress);
+    const ResolvedSettings resolved = resolve(mCloud, mSettings, &progress);
     // From the points' number and spacing alone; holes and uneven sampling make it more.
     constexpr double kSafety = 6, kPointBytes = 200, kSquareBytes = 400;
     const double squares = double(mCloud.size()) * resolved.points.areaPerPoint() /
@@ -62,7 +64,7 @@ void RunEstimator::demand(std::uint64_t maxBytes, Progress& progress) const
                            3;
     const double guess = double(mCloud.size()) * kPointBytes + squares * kSquareBytes;
     if (double(mBareBytes + kWorkingBytes) + kSafety * guess < double(maxBytes)) return;
-    const RunEstimate run = estimate(progress);
+    const RunEstimate run = estimate(&progress);
     if (run.peakBytes <= maxBytes) return;
     const std::optional<double> fitting = fittingVoxelSize(run, maxBytes, progress);
     throw LimitError(fmt::format(
@@ -74,7 +76,7 @@ void RunEstimator::demand(std::uint64_t maxBytes, Progress& progress) const
 
 std::optional<double> RunEstimator::fittingVoxelSize(const RunEstimate& tooLarge,
                                                      std::uint64_t maxBytes,
-                                                     Progress& progress) const
+                                                     Interrupter& progress) const
 {
     constexpr double kRoom = 0.95; // left for what estimates do not know
     constexpr double kLeastVoxels = 8;
@@ -88,7 +90,7 @@ std::optional<double> RunEstimator::fittingVoxelSize(const RunEstimate& tooLarge
         h = std::ceil(h / digit) * digit; // as it will be written
         if (h * kLeastVoxels > resolved.boxSize.maxCoeff()) return {};
         settings.voxelSize = Length{h, Length::Unit::World};
-        need = double(estimate(settings, progress).peakBytes);
+        need = double(estimate(settings, &progress).peakBytes);
     }
     return h;
 }

@@ -32,15 +32,19 @@ public:
     {
     }
 
-    RunEstimate estimate(Progress& progress) const { return estimate(mSettings, progress); }
+    RunEstimate estimate(Interrupter* interrupter) const
+    {
+        Interrupter& progress = orSilent(interrupter);
+        return estimate(mSettings, &progress);
+    }
     /// Leave at once if the run is far from taking @a maxBytes. Else estimate it.
     /// @throws LimitError if it takes more, with the voxel size that would do.
-    void demand(std::uint64_t maxBytes, Progress& progress) const;
+    void demand(std::uint64_t maxBytes, Interrupter& progress) const;
 
 private:
-    RunEstimate estimate(const ReconstructSettings& settings, Progress& progress) const;
+    RunEstimate estimate(const ReconstructSettings& settings, Interrupter* interrupter) const;
     std::optional<double> fittingVoxelSize(const RunEstimate& tooLarge, std::uint64_t maxBytes,
-                                           Progress& progress) const;
+                                           Interrupter& progress) const;
 
     const PointCloud& mCloud;
     const ReconstructSettings& mSettings;

@@ -74,9 +74,9 @@ public:
         session.checkFiles({{"-o", mOutput, {".ply", ".xyz"}, true}}, {});
         const std::shared_ptr<const Solid> solid = parseSolid(mSolid);
         resolve(*solid);
-        const PointCloud cloud = scan(*solid, mScan, session.progress());
+        const PointCloud cloud = scan(*solid, mScan, &session.progress());
         const auto write = [&](const std::filesystem::path& file) {
-            writePoints(file, cloud, session.progress());
+            writePoints(file, cloud, &session.progress());
         };
         if (mOutput == "-")
             printFile(".ply", write);

@@ -3,7 +3,7 @@
 #include "output_check.h"
 #include "progress_display.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <cstdint>
 #include <memory>
@@ -30,7 +30,7 @@ class Session
 public:
     Session(std::string verb, const CommonOptions& options);
 
-    Progress& progress() { return mProgress; }
+    Interrupter& progress() { return mProgress; }
     const CommonOptions& options() const { return mOptions; }
     /// What the limit leaves beside the inputs that were read; 0: there is no limit.
     std::uint64_t bytesLeft() const;
@@ -58,7 +58,7 @@ private:
     std::uint64_t mHeld = 0; ///< bytes
     std::string mReportFile; ///< once it is known to be writable
     ProgressDisplay mDisplay;
-    Progress mProgress;
+    Interrupter mProgress;
     nlohmann::ordered_json mReport = nlohmann::ordered_json::object();
     std::unique_ptr<tbb::global_control> mThreads;
 };

@@ -4,7 +4,7 @@
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/files.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <atomic>
 #include <cerrno>
@@ -23,7 +23,7 @@ namespace
 
 constexpr std::chrono::milliseconds kPatience{200};
 
-std::atomic<Progress*> theProgress{nullptr};
+std::atomic<Interrupter*> theProgress{nullptr};
 std::atomic<int> theSignal{0};
 int theBell = -1; // an eventfd: rung by the handler, heard by the watchdog
 
@@ -69,7 +69,7 @@ void handle(int signal)
 
 } // namespace
 
-void stopOnSignals(Progress& progress)
+void stopOnSignals(Interrupter& progress)
 {
     theProgress = &progress;
     theBell = eventfd(0, EFD_CLOEXEC);

@@ -35,7 +35,7 @@ protected:
         settings()["distance"] = distance;
         session.note("distance    " + lengthText(distance, solid.voxelSize()));
         Shape(solid).offset(distance).demandMemory(settingsLike(solid, session));
-        return offset(solid, distance, session.progress());
+        return offset(solid, distance, &session.progress());
     }
 
 private:
@@ -74,7 +74,7 @@ protected:
         session.note(
             fmt::format("wall        {} {}", lengthText(thickness, solid.voxelSize()), mWall));
         Shape(solid).shell(thickness, wall).demandMemory(settingsLike(solid, session));
-        return shell(solid, thickness, wall, session.progress());
+        return shell(solid, thickness, wall, &session.progress());
     }
 
 private:
@@ -137,7 +137,7 @@ protected:
         session.note(fmt::format("filter      {}, width {} vx, {} times{}", mFilter, mSmooth.width,
                                  mSmooth.iterations, mSmooth.mask ? ", masked" : ""));
         Shape(solid).smooth(mSmooth).demandMemory(settingsLike(solid, session));
-        return smooth(solid, mSmooth, session.progress());
+        return smooth(solid, mSmooth, &session.progress());
     }
 
 private:

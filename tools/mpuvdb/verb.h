@@ -124,7 +124,7 @@ struct MeshOutput {
     Trim trim;
     MeshShape shape;
     const Field* field = nullptr; ///< what the level set was sampled from, if known
-    std::function<void(Mesh&, Progress&)> addAttributes; ///< empty: there are none
+    std::function<void(Mesh&, Interrupter&)> addAttributes; ///< empty: there are none
     SceneSettings scene;
 };
 

@@ -39,12 +39,12 @@ public:
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("fog");
-        openvdb::GridCPtrVec grids{toFog(input.levelSet, session.progress())};
+        openvdb::GridCPtrVec grids{toFog(input.levelSet, &session.progress())};
         if (mKeepSurface) grids.push_back(input.levelSet.gridPtr());
         const auto others = besides(input.others, grids.front()->getName(), session);
         grids.insert(grids.end(), others.begin(), others.end());
         const auto write = [&](const std::filesystem::path& file) {
-            writeGrids(file, grids, session.progress());
+            writeGrids(file, grids, &session.progress());
         };
         if (mOutput == "-")
             printFile(".vdb", write);
@@ -113,7 +113,7 @@ public:
         session.note(fmt::format("grid        '{}', {} {:g} is inside", name, mInside, mValue));
         const LevelSet made =
             isosurface(*input.grid, mValue, mInside == "above" ? Inside::Above : Inside::Below,
-                       mHalfWidth, session.progress(), session.bytesLeft());
+                       mHalfWidth, session.bytesLeft(), &session.progress());
         session.report()["settings"] = {
             {"grid", name}, {"value", mValue}, {"inside", mInside}, {"half_width", mHalfWidth}};
         const ExitCode code =
@@ -167,12 +167,12 @@ public:
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("components");
-        const SolidComponents found(input.levelSet, session.progress());
+        const SolidComponents found(input.levelSet, &session.progress());
         list(found.measures(), session);
         if (mOutput.empty()) return ExitCode::Ok;
         const LevelSet kept =
             found.keep(mMinVolume, std::size_t(mKeep.value_or(std::numeric_limits<int>::max())),
-                       session.progress());
+                       &session.progress());
         return writeGridOutput(kept, mOutput,
                                {{"mpuvdb:version", MPUVDB_VERSION},
                                 {"mpuvdb:operation", "components"},
@@ -242,14 +242,14 @@ public:
     {
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
         session.progress().beginStage("read");
-        const Mesh mesh = readMesh(mInput, session.progress());
+        const Mesh mesh = readMesh(mInput, &session.progress());
         Box3d box;
         for (std::size_t n = 0; n < mesh.positions.size(); ++n) box.extend(mesh.world(n));
         SampleSettings settings;
         settings.halfWidth = mHalfWidth;
         settings.maxBytes = session.options().maxBytes;
         settings.lattice = latticeFor(box, voxelSize(box));
-        const LevelSet made = voxelize(mesh, settings, session.progress());
+        const LevelSet made = voxelize(mesh, settings, &session.progress());
         const MeshExplained& explained = std::get<MeshExplained>(made.explained()->by);
         for (const std::string& note : session.progress().notes()) session.warn(note);
         const double h = settings.lattice.voxelSize;

@@ -3,8 +3,8 @@
 #pragma once
 #include "files/output_stream.h"
 
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/progress.h>
 
 #include <string>
 
@@ -16,7 +16,7 @@ struct MeshJob {
     const Mesh& mesh;
     const SceneSettings& scene;
     const std::string name; ///< of the file, for messages
-    Progress& progress;
+    Interrupter& progress;
 };
 
 void writePly(const MeshJob& job, OutputBuffer& out);
@@ -28,7 +28,7 @@ void writeUsda(const MeshJob& job, OutputBuffer& out);
 
 /// Calls f(i) for i < count, and progress now and then.
 template <class F>
-void forEachItem(std::size_t count, OutputBuffer& out, Progress& progress, const F& f)
+void forEachItem(std::size_t count, OutputBuffer& out, Interrupter& progress, const F& f)
 {
     constexpr std::size_t kItemsAtOnce = 1 << 12;
     for (std::size_t i = 0; i < count; ++i) {

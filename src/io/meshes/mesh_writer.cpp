@@ -60,9 +60,10 @@ void demandScene(const SceneSettings& scene)
             fmt::format("meters per unit are {}; they must be above 0", scene.metersPerUnit));
 }
 
-void writeMesh(const std::filesystem::path& file, const Mesh& mesh, Progress& progress,
-               const SceneSettings& scene)
+void writeMesh(const std::filesystem::path& file, const Mesh& mesh, const SceneSettings& scene,
+               Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const std::string extension = lowerCase(file.extension().string());
     const auto* const format =
         std::find_if(std::begin(kFormats), std::end(kFormats),

@@ -3,7 +3,7 @@
 #include "io/points/surplus.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 
@@ -28,8 +28,9 @@ std::uint32_t numberUsed(const Triangles& triangles, std::vector<std::uint32_t>&
 
 } // namespace
 
-Mesh readMesh(const std::filesystem::path& file, Progress& progress)
+Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     std::error_code error;
     const auto bytes = std::filesystem::file_size(file, error);
     progress.beginStage("read", error ? 1 : double(bytes));

@@ -3,7 +3,7 @@
 
 #include "core/release.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -151,7 +151,7 @@ void mendScalars(FilePoints& points)
 
 } // namespace
 
-void cleanPoints(FilePoints& points, BadPoints badPoints, Progress& progress)
+void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress)
 {
     progress.check();
     ignoreEmptyAttributes(points);

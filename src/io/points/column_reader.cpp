@@ -45,7 +45,7 @@ bool isTag(std::string_view word)
 class ColumnReader
 {
 public:
-    ColumnReader(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+    ColumnReader(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
         : mSource(source), mScalars(scalars), mProgress(progress)
     {
     }
@@ -308,13 +308,13 @@ private:
 
     const ByteSource& mSource;
     const ScalarNames& mScalars;
-    Progress& mProgress;
+    Interrupter& mProgress;
     Preamble mBegin;
 };
 
 } // namespace
 
-FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
 {
     return ColumnReader(source, scalars, progress).read();
 }

@@ -1,7 +1,7 @@
 // Exact copies of points: found by hashing, part by part so that each table fits a cache.
 #include "raw_points.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -124,7 +124,7 @@ void markPart(const PointCloud& cloud, const std::uint64_t* keys, std::size_t be
 
 } // namespace
 
-std::uint64_t dropDuplicates(PointCloud& cloud, Progress& progress)
+std::uint64_t dropDuplicates(PointCloud& cloud, Interrupter& progress)
 {
     const std::size_t points = cloud.size();
     std::vector<std::uint8_t> keep(points, 1);

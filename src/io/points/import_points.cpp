@@ -1,7 +1,7 @@
 #include "rounded_positions.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 
@@ -9,8 +9,9 @@ namespace mpuvdb
 {
 
 PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints badPoints,
-                        Progress& progress)
+                        Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const auto demand = [&](std::size_t count, const char* what) {
         if (count != 0 && count != points.positions.size())
             throw UsageError(fmt::format("{}: {} {} for {} points. Give one for each, or none",

@@ -5,7 +5,7 @@
 
 #include "core/release.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
@@ -247,7 +247,7 @@ void requirePoints(const Inputs& inputs, std::uint64_t points,
 } // namespace
 
 PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
-                      const ScalarNames& scalars, Progress& progress)
+                      const ScalarNames& scalars, Interrupter& progress)
 {
     PointInput result;
     progress.check();

@@ -5,7 +5,7 @@
 #include "surplus.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <tbb/blocked_range.h>
@@ -95,7 +95,7 @@ RecordLayout layoutOf(const LasHeader& header, const ScalarNames& scalars)
 
 } // namespace
 
-FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
 {
     const LasHeader header = parseHeader(source);
     refuseDegrees(source);

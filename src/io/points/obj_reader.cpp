@@ -169,7 +169,7 @@ private:
 
 } // namespace
 
-FilePoints readObj(const ByteSource& source, const ScalarNames&, Progress& progress)
+FilePoints readObj(const ByteSource& source, const ScalarNames&, Interrupter& progress)
 {
     LineReader lines(source);
     ObjFile file;

@@ -17,7 +17,7 @@ namespace
 class OffReader
 {
 public:
-    OffReader(const ByteSource& source, Progress& progress)
+    OffReader(const ByteSource& source, Interrupter& progress)
         : mSource(source), mProgress(progress), mLines(source)
     {
     }
@@ -132,7 +132,7 @@ private:
     }
 
     const ByteSource& mSource;
-    Progress& mProgress;
+    Interrupter& mProgress;
     LineReader mLines;
     std::uint64_t mVertices = 0, mFaces = 0;
     bool mHasNormals = false, mHasColors = false;
@@ -140,7 +140,7 @@ private:
 
 } // namespace
 
-FilePoints readOff(const ByteSource& source, const ScalarNames&, Progress& progress)
+FilePoints readOff(const ByteSource& source, const ScalarNames&, Interrupter& progress)
 {
     return OffReader(source, progress).read();
 }

@@ -244,7 +244,7 @@ std::string countsOf(const PcdHeader& header)
 }
 
 void readText(const ByteSource& source, const PcdHeader& header, FilePoints& result,
-              Progress& progress)
+              Interrupter& progress)
 {
     const AttributeSet has = layoutOf(header, false).attributes();
     LineReader lines(source, header.dataOffset, header.lines);
@@ -266,7 +266,7 @@ void readText(const ByteSource& source, const PcdHeader& header, FilePoints& res
 }
 
 void readBinary(const ByteSource& source, const PcdHeader& header, FilePoints& result,
-                Progress& progress)
+                Interrupter& progress)
 {
     result.blocks.push_back(readRecords(source, header.dataOffset, header.points,
                                         layoutOf(header, false), "point", progress));
@@ -276,7 +276,7 @@ void readBinary(const ByteSource& source, const PcdHeader& header, FilePoints& r
 
 } // namespace
 
-FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
 {
     const PcdHeader header = PcdHeaderParser(source, scalars).parse();
     FilePoints result;

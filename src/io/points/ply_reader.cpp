@@ -184,7 +184,7 @@ void takeRow(const Plan& plan, std::uint64_t index, bool swap, ByteCursor& curso
 class PlyReader
 {
 public:
-    PlyReader(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+    PlyReader(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
         : mSource(source), mScalars(scalars), mProgress(progress), mHeader(readPlyHeader(source))
     {
         mResult.unit = "vertex";
@@ -339,7 +339,7 @@ private:
 
     const ByteSource& mSource;
     const ScalarNames& mScalars;
-    Progress& mProgress;
+    Interrupter& mProgress;
     PlyHeader mHeader;
     FilePoints mResult;
     std::vector<std::uint32_t> mGrid;
@@ -347,7 +347,7 @@ private:
 
 } // namespace
 
-FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Progress& progress)
+FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
 {
     return PlyReader(source, scalars, progress).read();
 }

@@ -3,8 +3,8 @@
 #include "files/text_scan.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/progress.h>
 
 #include <fmt/format.h>
 
@@ -17,7 +17,7 @@ constexpr std::size_t kPointsAtOnce = 1 << 12;
 
 // Calls f(i) for all points, and progress now and then.
 template <class F>
-void forEachPoint(const PointCloud& cloud, OutputBuffer& out, Progress& progress, const F& f)
+void forEachPoint(const PointCloud& cloud, OutputBuffer& out, Interrupter& progress, const F& f)
 {
     for (std::size_t i = 0; i < cloud.size(); ++i) {
         f(i);
@@ -28,7 +28,7 @@ void forEachPoint(const PointCloud& cloud, OutputBuffer& out, Progress& progress
     }
 }
 
-void writePly(const PointCloud& cloud, OutputBuffer& out, Progress& progress)
+void writePly(const PointCloud& cloud, OutputBuffer& out, Interrupter& progress)
 {
     out.text(fmt::format("ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
                          "property double x\nproperty double y\nproperty double z\n",
@@ -52,7 +52,7 @@ void writePly(const PointCloud& cloud, OutputBuffer& out, Progress& progress)
 }
 
 // Shortest decimals that give the same numbers back.
-void writeText(const PointCloud& cloud, OutputBuffer& out, Progress& progress)
+void writeText(const PointCloud& cloud, OutputBuffer& out, Interrupter& progress)
 {
     forEachPoint(cloud, out, progress, [&](std::size_t i) {
         const Vec3d p = cloud.world(i);
@@ -67,8 +67,10 @@ void writeText(const PointCloud& cloud, OutputBuffer& out, Progress& progress)
 
 } // namespace
 
-void writePoints(const std::filesystem::path& file, const PointCloud& cloud, Progress& progress)
+void writePoints(const std::filesystem::path& file, const PointCloud& cloud,
+                 Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     const std::string extension = lowerCase(file.extension().string());
     const bool text = extension == ".xyz" || extension == ".txt" || extension == ".pwn";
     if (!text && extension != ".ply" && file != "-")

@@ -20,7 +20,7 @@ namespace
 class PtxReader
 {
 public:
-    PtxReader(const ByteSource& source, Progress& progress)
+    PtxReader(const ByteSource& source, Interrupter& progress)
         : mSource(source), mProgress(progress), mLines(source)
     {
     }
@@ -179,14 +179,14 @@ private:
     }
 
     const ByteSource& mSource;
-    Progress& mProgress;
+    Interrupter& mProgress;
     LineReader mLines;
     std::uint64_t mRays = 0; ///< of all scans so far
 };
 
 } // namespace
 
-FilePoints readPtx(const ByteSource& source, const ScalarNames&, Progress& progress)
+FilePoints readPtx(const ByteSource& source, const ScalarNames&, Interrupter& progress)
 {
     return PtxReader(source, progress).read();
 }

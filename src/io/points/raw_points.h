@@ -141,23 +141,23 @@ constexpr std::size_t kPointsPerSlice = 1 << 14;
 std::uint8_t colorByte(double value);
 /// Make the raw colors of a file bytes. Files have components in [0, 1], [0, 255] or [0, 65535],
 /// whatever type they store: the largest one of all points tells which.
-void scaleColors(FilePoints& points, Progress& progress);
+void scaleColors(FilePoints& points, Interrupter& progress);
 
 /// Leave out what cannot be used (not finite, too far, zero normal, no confidence), counted by
 /// reason, and scale confidences to a largest one of 1. Normals or confidences that say nothing
 /// at all are ignored, with a note.
 /// @throws InputError for BadPoints::Fail, naming the first bad point.
-void cleanPoints(FilePoints& points, BadPoints badPoints, Progress& progress);
+void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress);
 
 /// Join all inputs about one frame, the middle of their bounding box, leaving out points that lie
 /// absurdly far from all the others, and exact copies. Consumes @a inputs.
 /// @throws InputError without points, or where an input has not all the @a scalars; LimitError for
 /// more than 2^32-1.
 PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
-                      const ScalarNames& scalars, Progress& progress);
+                      const ScalarNames& scalars, Interrupter& progress);
 
 /// Leave out all but one of points that are the same in every attribute.
 /// @return number left out. The rest keep their order.
-std::uint64_t dropDuplicates(PointCloud& cloud, Progress& progress);
+std::uint64_t dropDuplicates(PointCloud& cloud, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -6,7 +6,7 @@
 #include "stand_ins.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -19,7 +19,7 @@ namespace mpuvdb
 namespace
 {
 
-using Reader = FilePoints (*)(const ByteSource&, const ScalarNames&, Progress&);
+using Reader = FilePoints (*)(const ByteSource&, const ScalarNames&, Interrupter&);
 
 // The reader that the content asks for by its first bytes; null where they do not tell.
 Reader readerByMagic(const std::string& head)
@@ -53,7 +53,7 @@ Reader readerByExtension(const std::string& extension)
 } // namespace
 
 FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scalars,
-                      Progress& progress)
+                      Interrupter& progress)
 {
     const ByteSource source(file, progress);
     if (source.size() == 0)
@@ -85,7 +85,7 @@ namespace
 {
 
 FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints,
-                    const ScalarNames& scalars, Progress& progress)
+                    const ScalarNames& scalars, Interrupter& progress)
 {
     FilePoints points = readFormat(file, scalars, progress);
     addMeshNormals(points);
@@ -103,7 +103,7 @@ struct Part {
 };
 
 std::vector<Part> listParts(const std::vector<std::filesystem::path>& files,
-                            std::vector<std::string>& notes, Progress& progress)
+                            std::vector<std::string>& notes, Interrupter& progress)
 {
     std::vector<Part> parts;
     for (std::size_t f = 0; f < files.size(); ++f) {
@@ -157,9 +157,10 @@ double bytesOf(const std::vector<Part>& parts)
 } // namespace
 
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
-                      Progress& progress, const std::vector<Vec3d>& viewpoints,
-                      const std::vector<std::string>& scalars)
+                      const std::vector<Vec3d>& viewpoints, const std::vector<std::string>& scalars,
+                      Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     if (files.empty()) throw UsageError("no input: name at least one file of points");
     if (viewpoints.size() > 1 && viewpoints.size() != files.size())
         throw UsageError(fmt::format("{} viewpoints for {} inputs. Give one for all of them, or "

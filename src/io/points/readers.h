@@ -8,20 +8,20 @@
 namespace mpuvdb
 {
 
-FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 /// XYZ, PTS, PWN, TXT, CSV: numbers in columns, told apart by their values.
-FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
-FilePoints readPtx(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
-FilePoints readObj(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
-FilePoints readOff(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
-FilePoints readStl(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
-FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
-FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Progress& progress);
+FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
+FilePoints readPtx(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
+FilePoints readObj(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
+FilePoints readOff(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
+FilePoints readStl(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
+FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
+FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 
 /// Points and triangles as the file has them, by the reader that its first bytes or its extension
 /// ask for, with those of the @a scalars that it has.
 FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scalars,
-                      Progress& progress);
+                      Interrupter& progress);
 
 /// A scan of a Stanford .conf set: world = rotation * p + translation.
 struct PlacedScan {
@@ -32,6 +32,6 @@ struct PlacedScan {
 /// The scans of a set that are there. Scans named without an extension and not there go to @a
 /// notes: Stanford's sets list cylindrical scans that were never given out.
 std::vector<PlacedScan> readScanSet(const std::filesystem::path& file,
-                                    std::vector<std::string>& notes, Progress& progress);
+                                    std::vector<std::string>& notes, Interrupter& progress);
 
 } // namespace mpuvdb

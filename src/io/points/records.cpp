@@ -1,7 +1,7 @@
 #include "records.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 #include <tbb/enumerable_thread_specific.h>
@@ -188,7 +188,7 @@ void requireRecords(const ByteSource& source, std::uint64_t offset, std::uint64_
 }
 
 PointBlock readRecords(const ByteSource& source, std::uint64_t offset, std::uint64_t count,
-                       const RecordLayout& layout, const char* unit, Progress& progress)
+                       const RecordLayout& layout, const char* unit, Interrupter& progress)
 {
     requireRecords(source, offset, count, layout.stride, unit);
     const AttributeSet has = layout.attributes();

@@ -53,7 +53,7 @@ PointBlock decodeRecords(const char* data, std::size_t count, const RecordLayout
 /// Read and decode @a count records of layout.stride bytes at @a offset, in parallel.
 /// @throws InputError if the input is too short for them, before any memory is taken.
 PointBlock readRecords(const ByteSource& source, std::uint64_t offset, std::uint64_t count,
-                       const RecordLayout& layout, const char* unit, Progress& progress);
+                       const RecordLayout& layout, const char* unit, Interrupter& progress);
 
 /// @throws InputError unless @a count records of @a stride bytes follow @a offset.
 void requireRecords(const ByteSource& source, std::uint64_t offset, std::uint64_t count,

@@ -1,6 +1,6 @@
 #include "rounded_positions.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 
@@ -127,7 +127,7 @@ Columns someColumns(std::uint64_t points, const std::vector<double>& sample, dou
 
 /// The cubes along @a axis of some columns, by column and layer.
 std::vector<Cube> cubesOf(const FilePoints& points, int axis, const Steps& steps,
-                          const std::vector<double>& sampleAcross, Progress& progress)
+                          const std::vector<double>& sampleAcross, Interrupter& progress)
 {
     const int across[2] = {(axis + 1) % 3, (axis + 2) % 3};
     const Vec3d origin = points.blocks.front().positions.front();
@@ -219,7 +219,7 @@ bool isOfFloats(const Steps& steps)
 
 } // namespace
 
-std::vector<std::string> findRounding(const FilePoints& points, Progress& progress)
+std::vector<std::string> findRounding(const FilePoints& points, Interrupter& progress)
 {
     if (points.size() < kFewest) return {};
     std::array<std::optional<Steps>, 3> steps;

@@ -13,6 +13,6 @@ namespace mpuvdb
 /// floats far from the origin, text with few decimals, LAS of a coarse scale. Points that have a
 /// step's distance from each other (voxels, rasters), and slices, whose points lie on curves, are
 /// not rounded. Looks closely at 65 thousand of them.
-std::vector<std::string> findRounding(const FilePoints& points, Progress& progress);
+std::vector<std::string> findRounding(const FilePoints& points, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -2,7 +2,7 @@
 #include "raw_points.h"
 
 #include "core/release.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_for.h>
 
@@ -33,7 +33,7 @@ float largestOf(const std::vector<PointBlock>& blocks)
 
 } // namespace
 
-void scaleColors(FilePoints& points, Progress& progress)
+void scaleColors(FilePoints& points, Interrupter& progress)
 {
     const float scale = byteScale(largestOf(points.blocks));
     for (PointBlock& block : points.blocks) {

@@ -37,7 +37,7 @@ PlacedScan parseScan(const ByteSource& source, std::uint64_t line, LineScanner& 
 } // namespace
 
 std::vector<PlacedScan> readScanSet(const std::filesystem::path& file,
-                                    std::vector<std::string>& notes, Progress& progress)
+                                    std::vector<std::string>& notes, Interrupter& progress)
 {
     const ByteSource source(file, progress);
     LineReader lines(source);

@@ -61,7 +61,7 @@ private:
     std::vector<std::uint32_t> mCorners;
 };
 
-FilePoints readBinary(const ByteSource& source, std::uint32_t triangles, Progress& progress)
+FilePoints readBinary(const ByteSource& source, std::uint32_t triangles, Interrupter& progress)
 {
     requireRecords(source, kHeaderBytes, triangles, kTriangleBytes, "triangle");
     ByteCursor cursor(source, kHeaderBytes);
@@ -80,7 +80,7 @@ FilePoints readBinary(const ByteSource& source, std::uint32_t triangles, Progres
     return result;
 }
 
-FilePoints readText(const ByteSource& source, Progress& progress)
+FilePoints readText(const ByteSource& source, Interrupter& progress)
 {
     LineReader lines(source);
     Welder welder;
@@ -109,7 +109,7 @@ FilePoints readText(const ByteSource& source, Progress& progress)
 
 } // namespace
 
-FilePoints readStl(const ByteSource& source, const ScalarNames&, Progress& progress)
+FilePoints readStl(const ByteSource& source, const ScalarNames&, Interrupter& progress)
 {
     // Binary files may begin with "solid" too: their size tells.
     const std::string head = source.head(kHeaderBytes);

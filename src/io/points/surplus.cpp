@@ -10,7 +10,7 @@
 namespace mpuvdb
 {
 
-std::uint64_t rowsLeft(LineReader& lines, Progress& progress)
+std::uint64_t rowsLeft(LineReader& lines, Interrupter& progress)
 {
     std::uint64_t rows = 0;
     parseLines<std::uint64_t>(
@@ -26,7 +26,7 @@ std::uint64_t rowsLeft(LineReader& lines, Progress& progress)
 }
 
 std::uint64_t recordsLeft(const ByteSource& source, std::uint64_t begin, std::uint64_t stride,
-                          Progress& progress, std::uint64_t end)
+                          Interrupter& progress, std::uint64_t end)
 {
     end = std::min(end, source.size());
     if (stride == 0 || begin >= end || end - begin < stride) return 0;

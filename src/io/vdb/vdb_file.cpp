@@ -1,8 +1,8 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/files.h>
 #include <mpuvdb/given_level_set.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/progress.h>
 #include <mpuvdb/sampling.h>
 
 #include "vdb_layout.h"
@@ -32,15 +32,13 @@ void initializeOpenVdb()
 }
 
 /// Run @a read on the opened file; what OpenVDB throws becomes ours.
-/// @param progress  may stop it; or null.
 template <typename Read>
-auto withVdbFile(const fs::path& file, const Progress* progress, const Read& read)
+auto withVdbFile(const fs::path& file, Interrupter* interrupter, const Read& read)
 {
     initializeOpenVdb();
     checkVdbLayout(file);
     try {
-        const Progress unstoppable;
-        VdbReader archive(file, progress ? *progress : unstoppable);
+        VdbReader archive(file, orSilent(interrupter));
         return read(archive);
     } catch (const Error&) {
         throw;
@@ -161,21 +159,19 @@ private:
     double mBytes = 0;
 };
 
-/// @param notes  get the file's name too. @param progress  may stop it; or null.
+/// @param notes  get the file's name too.
 LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Purpose purpose,
-                    std::vector<std::string>& notes, const Progress* progress = nullptr)
+                    std::vector<std::string>& notes, Interrupter* interrupter)
 {
     try {
-        const Progress unstoppable;
-        const Progress& check = progress ? *progress : unstoppable;
         std::vector<std::string> said;
-        LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said, check);
+        LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said, interrupter);
         if (purpose == Purpose::Modelling)
             demandDistances(levelSet,
                             fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
                                         "--value 0 --inside below -o surface.vdb",
                                         file.string(), grid->getName()),
-                            check);
+                            interrupter);
         for (const std::string& note : said) notes.push_back(file.string() + ": " + note);
         return levelSet;
     } catch (const InputError& e) {
@@ -193,7 +189,7 @@ public:
             openvdb::io::COMPRESS_ACTIVE_MASK |
             (hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC : openvdb::io::COMPRESS_ZIP));
     }
-    void writeTo(std::ostream& out, openvdb::GridCPtrVec grids, const Progress& progress) const
+    void writeTo(std::ostream& out, openvdb::GridCPtrVec grids, const Interrupter& progress) const
     {
         for (GridBase::ConstPtr& grid : grids) grid = compressingInParallel(grid, progress);
         Archive::write(out, grids, /*seekable=*/true, {});
@@ -256,7 +252,8 @@ void identifyByContent(const fs::path& file)
     stream.close();
 }
 
-void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids, const Progress& progress)
+void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids,
+                 const Interrupter& progress)
 {
     StoppableBuffer buffer(progress);
     if (!buffer.open(file, std::ios::out | std::ios::binary | std::ios::trunc))
@@ -293,21 +290,21 @@ void verify(const fs::path& temporary, const fs::path& file, const openvdb::Grid
 } // namespace
 
 LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64_t maxBytes,
-                      Purpose purpose, Progress* progress)
+                      Purpose purpose, Interrupter* interrupter)
 {
-    const auto grid = withVdbFile(file, progress, [&](VdbReader& archive) {
+    const auto grid = withVdbFile(file, interrupter, [&](VdbReader& archive) {
         return GridReader(archive, maxBytes).read(chooseLevelSet(archive, name));
     });
     std::vector<std::string> notes;
-    LevelSet levelSet = toLevelSet(file, grid, purpose, notes, progress);
-    if (progress)
-        for (std::string& note : notes) progress->note(std::move(note));
+    LevelSet levelSet = toLevelSet(file, grid, purpose, notes, interrupter);
+    for (std::string& note : notes) orSilent(interrupter).note(std::move(note));
     return levelSet;
 }
 
-LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std::uint64_t maxBytes)
+LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std::uint64_t maxBytes,
+                              Interrupter* interrupter)
 {
-    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+    return withVdbFile(file, interrupter, [&](VdbReader& archive) {
         const std::string chosen = chooseLevelSet(archive, name);
         GridReader reader(archive, maxBytes);
         GridBase::Ptr levelSet;
@@ -320,15 +317,15 @@ LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std
                 others.push_back(grid);
         }
         std::vector<std::string> notes;
-        const LevelSet taken = toLevelSet(file, levelSet, Purpose::Modelling, notes);
+        const LevelSet taken = toLevelSet(file, levelSet, Purpose::Modelling, notes, interrupter);
         return LevelSetFile{taken, std::move(others), std::move(notes)};
     });
 }
 
 FloatGridFile readFloatGridFile(const fs::path& file, const std::string& name,
-                                std::uint64_t maxBytes)
+                                std::uint64_t maxBytes, Interrupter* interrupter)
 {
-    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+    return withVdbFile(file, interrupter, [&](VdbReader& archive) {
         GridReader reader(archive, maxBytes);
         FloatGridFile result;
         std::vector<std::string> there;
@@ -349,9 +346,9 @@ FloatGridFile readFloatGridFile(const fs::path& file, const std::string& name,
     });
 }
 
-FloatGrid::Ptr readCoverage(const fs::path& file, std::uint64_t maxBytes)
+FloatGrid::Ptr readCoverage(const fs::path& file, std::uint64_t maxBytes, Interrupter* interrupter)
 {
-    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+    return withVdbFile(file, interrupter, [&](VdbReader& archive) {
         std::vector<std::string> there;
         for (const std::string& name : archive.names()) {
             const auto grid = archive.metadata(name);
@@ -369,11 +366,11 @@ FloatGrid::Ptr readCoverage(const fs::path& file, std::uint64_t maxBytes)
 
 std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
                                               const std::vector<std::string>& names,
-                                              std::uint64_t maxBytes)
+                                              std::uint64_t maxBytes, Interrupter* interrupter)
 {
     std::vector<GridBase::Ptr> grids(names.size());
     if (names.empty()) return grids;
-    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+    return withVdbFile(file, interrupter, [&](VdbReader& archive) {
         GridReader reader(archive, maxBytes);
         for (const std::string& there : archive.names()) {
             const auto found = std::find(names.begin(), names.end(), there);
@@ -387,9 +384,9 @@ std::vector<GridBase::Ptr> readAttributeGrids(const fs::path& file,
 }
 
 openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes,
-                              const Progress* progress)
+                              Interrupter* interrupter)
 {
-    return withVdbFile(file, progress, [&](VdbReader& archive) {
+    return withVdbFile(file, interrupter, [&](VdbReader& archive) {
         GridReader reader(archive, maxBytes);
         openvdb::GridPtrVec grids;
         for (const std::string& item : archive.names()) grids.push_back(reader.read(item));
@@ -398,16 +395,18 @@ openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes,
 }
 
 void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
-                   const std::map<std::string, std::string>& metadata, Progress& progress,
-                   const openvdb::GridCPtrVec& beside)
+                   const std::map<std::string, std::string>& metadata,
+                   const openvdb::GridCPtrVec& beside, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     openvdb::GridCPtrVec grids{described(levelSet, metadata)};
     grids.insert(grids.end(), beside.begin(), beside.end());
-    writeGrids(file, grids, progress);
+    writeGrids(file, grids, &progress);
 }
 
-void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids, Progress& progress)
+void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids, Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     initializeOpenVdb();
     progress.beginStage("write", 1);
     writeAtomically(file, [&](const fs::path& temporary) {

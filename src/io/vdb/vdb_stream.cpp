@@ -38,7 +38,7 @@ template <typename GridT>
 class ParallelGrid final : public GridT
 {
 public:
-    ParallelGrid(const GridT& grid, const Progress& progress)
+    ParallelGrid(const GridT& grid, const Interrupter& progress)
         : GridT(const_cast<GridT&>(grid), openvdb::ShallowCopy()), mProgress(progress)
     {
     }
@@ -66,11 +66,11 @@ public:
 private:
     static constexpr std::size_t kPart = 64, kPartsAtOnce = 64; ///< leaves; 8 MB of floats
 
-    const Progress& mProgress;
+    const Interrupter& mProgress;
 };
 
 template <typename GridT>
-GridBase::ConstPtr inParallel(const GridBase& grid, const Progress& progress)
+GridBase::ConstPtr inParallel(const GridBase& grid, const Interrupter& progress)
 {
     return openvdb::SharedPtr<const GridT>(
         new ParallelGrid<GridT>(static_cast<const GridT&>(grid), progress));
@@ -78,7 +78,7 @@ GridBase::ConstPtr inParallel(const GridBase& grid, const Progress& progress)
 
 } // namespace
 
-VdbReader::VdbReader(const std::filesystem::path& file, const Progress& progress)
+VdbReader::VdbReader(const std::filesystem::path& file, const Interrupter& progress)
     : mFile(file.string()), mMetadata(new openvdb::io::StreamMetadata), mBuffer(progress),
       mStream(&mBuffer)
 {
@@ -194,7 +194,8 @@ GridBase::Ptr VdbReader::read(const GridDescriptor& descriptor)
     return grid;
 }
 
-GridBase::ConstPtr compressingInParallel(const GridBase::ConstPtr& grid, const Progress& progress)
+GridBase::ConstPtr compressingInParallel(const GridBase::ConstPtr& grid,
+                                         const Interrupter& progress)
 {
     if (grid->isType<openvdb::FloatGrid>()) return inParallel<openvdb::FloatGrid>(*grid, progress);
     if (grid->isType<openvdb::Vec3SGrid>()) return inParallel<openvdb::Vec3SGrid>(*grid, progress);

@@ -1,7 +1,7 @@
 // What OpenVDB's files lack: streams that can be stopped, formats of newer ones that differ in
 // nothing that is read, and leaves compressed on all threads.
 #pragma once
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/GridDescriptor.h>
@@ -21,7 +21,7 @@ namespace mpuvdb
 class StoppableBuffer : public std::filebuf
 {
 public:
-    explicit StoppableBuffer(const Progress& progress) : mProgress(progress) {}
+    explicit StoppableBuffer(const Interrupter& progress) : mProgress(progress) {}
 
 protected:
     std::streamsize xsputn(const char* data, std::streamsize size) override
@@ -36,7 +36,7 @@ protected:
     }
 
 private:
-    const Progress& mProgress;
+    const Interrupter& mProgress;
 };
 
 /// What openvdb::io::File does, under the same names. Grids are read whole: delayed loading maps
@@ -48,7 +48,7 @@ public:
     /// whatever is read; has to outlive the reader.
     /// @throws InputError (a grid of a type that this OpenVDB does not have), Interrupted, and what
     /// OpenVDB throws.
-    VdbReader(const std::filesystem::path& file, const Progress& progress);
+    VdbReader(const std::filesystem::path& file, const Interrupter& progress);
 
     const std::string& filename() const { return mFile; }
     /// In File's order; of several grids with one name the file has names with numbers.
@@ -79,6 +79,6 @@ private:
 /// writes it: the same bytes, in less time. Grids of other values than floats and vectors of them
 /// are returned as they are. @param progress  may stop the writing; has to outlive the grid.
 openvdb::GridBase::ConstPtr compressingInParallel(const openvdb::GridBase::ConstPtr& grid,
-                                                  const Progress& progress);
+                                                  const Interrupter& progress);
 
 } // namespace mpuvdb

@@ -1,6 +1,6 @@
 #include "data_coverage.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <array>
@@ -74,7 +74,7 @@ private:
     std::size_t mCount = 0;
 };
 
-DataCoverage::DataCoverage(const SortedPoints& points, const Vec3d& frame, Progress& progress)
+DataCoverage::DataCoverage(const SortedPoints& points, const Vec3d& frame, Interrupter& progress)
     : mPoints(points.points()), mFrame(frame), mTree(points, kBucketPoints)
 {
     progress.check();
@@ -92,7 +92,7 @@ inline float DataCoverage::ratioOf(std::uint32_t n, float spacing, const Vec3f& 
 
 /// The spacing at one point of each bucket; then what the median of its neighbors' buckets have:
 /// the neighbors of an outlier know better.
-void DataCoverage::measureSpacings(Progress& progress)
+void DataCoverage::measureSpacings(Interrupter& progress)
 {
     const std::size_t count = mTree.buckets().size();
     const auto forEachBucket = [&](auto f) {

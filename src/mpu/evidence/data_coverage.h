@@ -13,7 +13,7 @@ class DataCoverage final : public Coverage
 {
 public:
     /// @param points  have to outlive this. @param frame  world position of their origin.
-    DataCoverage(const SortedPoints& points, const Vec3d& frame, Progress& progress);
+    DataCoverage(const SortedPoints& points, const Vec3d& frame, Interrupter& progress);
 
     void evaluate(const std::vector<SurfacePlace>& places,
                   std::vector<float>& values) const override;
@@ -30,7 +30,7 @@ private:
     };
 
     Vec3f position(std::size_t n) const { return {mPoints.x[n], mPoints.y[n], mPoints.z[n]}; }
-    void measureSpacings(Progress& progress);
+    void measureSpacings(Interrupter& progress);
     void gather(Neighbors& neighbors) const;
     float ratioOf(std::uint32_t point, float spacing, const Vec3f& p, const Vec3f& normal) const;
     Support bestSupport(const Vec3f& p, const Vec3f& normal) const;

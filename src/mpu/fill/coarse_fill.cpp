@@ -59,7 +59,7 @@ std::vector<float> faded(std::vector<float> weight)
 
 /// Unit vectors everywhere, on from the data's normals.
 std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const NodeData& data,
-                                                Progress& progress)
+                                                Interrupter& progress)
 {
     std::array<std::vector<float>, 3> spread;
     ScreenedPoisson solver(grid, faded(data.weight), progress);
@@ -90,7 +90,7 @@ bool saysAsOneSheet(const NodeData& data, std::size_t n, std::size_t other)
 /// How much concave data bend, spread beyond them: the sum of principal curvatures, at most 0.
 /// It spreads through the air that the data face; all nodes behind data hold it at 0, or dents
 /// would open a cavity in the solid beneath them.
-std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Progress& progress)
+std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
 {
     const auto stride = strides(grid);
     std::vector<float> weight(grid.size(), 0.0f), rightHand(grid.size(), 0.0f);
@@ -124,7 +124,7 @@ NodeGrid halved(const NodeGrid& grid)
     return {{grid.n[0] / 2 + 1, grid.n[1] / 2 + 1, grid.n[2] / 2 + 1}};
 }
 
-std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Progress& progress)
+std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
 {
     const std::array<std::vector<float>, 3> normals = spreadNormals(grid, data, progress);
     std::vector<float> bends = spreadHollows(grid, data, progress);
@@ -136,7 +136,7 @@ std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Progr
 }
 
 std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& bends,
-                               std::vector<float> borderDistance, Progress& progress)
+                               std::vector<float> borderDistance, Interrupter& progress)
 {
     const NodeGrid half = halved(grid);
     std::vector<float>& rightHand = data.distance; // of which no more is asked

@@ -24,7 +24,7 @@ NodeGrid halved(const NodeGrid& grid);
 /// How the function bends where there are no data, at every node, per node step: as the data do at
 /// their rims.
 /// @param data  with normals.
-std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Progress& progress);
+std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Interrupter& progress);
 
 /// The function at every node, node steps, inside negative. Far from data only its sign and the
 /// direction of its slope mean something.
@@ -32,6 +32,6 @@ std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Progr
 /// @param borderDistance  distance from the nodes of the grid's box to the nearest data, node
 ///                        steps; of the other nodes nothing is asked.
 std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& bends,
-                               std::vector<float> borderDistance, Progress& progress);
+                               std::vector<float> borderDistance, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -4,7 +4,7 @@
 #include "mpu/octree/point_group.h"
 
 #include "core/clones.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -210,7 +210,7 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
 }
 
 NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const Vec3d& corner,
-               double step, double noise, bool withNormals, Progress& progress)
+               double step, double noise, bool withNormals, Interrupter& progress)
 {
     const Bins bins = binDipoles(dipoles, grid, corner, step);
     NodeData data(grid, withNormals);
@@ -278,7 +278,7 @@ float nearestSquared(const Places& places, float x, float y, float z)
 
 /// Distance from the nodes of the box to the nearest dipole, node steps; 0 at the other nodes.
 std::vector<float> borderDistance(const std::vector<Dipole>& dipoles, const NodeGrid& grid,
-                                  const Vec3d& corner, double step, Progress& progress)
+                                  const Vec3d& corner, double step, Interrupter& progress)
 {
     const Places places(dipoles);
     std::vector<float> distance(grid.size(), 0.0f);
@@ -368,7 +368,7 @@ std::uint64_t CoarseSign::makingBytes(const SortedPoints& some, const Box3d& bou
 }
 
 CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root,
-                       double noise, Progress& progress)
+                       double noise, Interrupter& progress)
 {
     const NodeBox box(bounds, meanSpacing(points, root));
     mStep = box.step;

@@ -20,7 +20,7 @@ class CoarseSign
 public:
     /// @param noise  standard deviation of the points, world units.
     CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root, double noise,
-               Progress& progress);
+               Interrupter& progress);
 
     /// The most memory that making one takes, of points with @a bounds that are as dense as @a some
     /// of them.

@@ -1,7 +1,7 @@
 #include "multigrid.h"
 
 #include "core/clones.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -144,7 +144,7 @@ void residualRow(const float* u, const float* b, const float* screening, const S
 } // namespace
 
 ScreenedPoisson::ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening,
-                                 Progress& progress)
+                                 Interrupter& progress)
     : mProgress(progress)
 {
     mLevels.push_back({grid, std::move(screening), {}, {}});

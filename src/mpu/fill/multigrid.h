@@ -7,7 +7,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Dimensions of a node grid; node (i,j,k) is element (i ny + j) nz + k.
 struct NodeGrid {
@@ -33,7 +33,7 @@ class ScreenedPoisson
 {
 public:
     /// @param screening  D >= 0, one per node. Each dimension of @a grid is 8 a + 1.
-    ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening, Progress& progress);
+    ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening, Interrupter& progress);
 
     /// @param border  u on the box's nodes; other nodes' values are not read.
     /// @param cycles  V-cycles on the finest level after the full multigrid pass; 0: two sweeps.
@@ -52,7 +52,7 @@ private:
     void relax(Level& level, int sweeps) const;
 
     std::vector<Level> mLevels; ///< finest first
-    Progress& mProgress;
+    Interrupter& mProgress;
 };
 
 } // namespace mpuvdb

@@ -152,6 +152,6 @@ RootCube rootCube(const Box3d& bounds, double voxelSize);
 
 /// Fit @a points [Ohtake03 §3]. The same for any number of threads.
 Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
-                   Progress& progress);
+                   Interrupter& progress);
 
 } // namespace mpuvdb

@@ -4,7 +4,7 @@
 #include "mpu/fit/point_fitter.h"
 #include "octree.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <deque>
@@ -59,7 +59,7 @@ class SubtreeBuilder
 {
 public:
     SubtreeBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
-                   Progress& progress)
+                   Interrupter& progress)
         : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress),
           mFitter(points, root, settings), mPointFitter(points, root, settings),
           mTree(emptyTree(root, settings))
@@ -227,7 +227,7 @@ private:
     const SortedPoints& mPoints;
     const RootCube& mRoot;
     const MpuSettings& mSettings;
-    Progress& mProgress;
+    Interrupter& mProgress;
     CellFitter mFitter;
     PointFitter mPointFitter;
     Octree mTree;
@@ -250,7 +250,7 @@ class UpperBuilder
 {
 public:
     UpperBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
-                 Progress& progress)
+                 Interrupter& progress)
         : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress)
     {
     }
@@ -361,13 +361,13 @@ private:
     const SortedPoints& mPoints;
     const RootCube& mRoot;
     const MpuSettings& mSettings;
-    Progress& mProgress;
+    Interrupter& mProgress;
 };
 
 } // namespace
 
 Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
-                   Progress& progress)
+                   Interrupter& progress)
 {
     return UpperBuilder(points, root, settings, progress).build();
 }

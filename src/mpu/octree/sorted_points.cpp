@@ -2,7 +2,7 @@
 
 #include "core/morton.h"
 #include "core/release.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <numeric>
@@ -21,7 +21,7 @@ struct KeyedIndex {
 };
 
 /// Stable sort by key: least significant digit first, each pass over equal chunks in parallel.
-void radixSort(std::vector<KeyedIndex>& items, Progress& progress)
+void radixSort(std::vector<KeyedIndex>& items, Interrupter& progress)
 {
     constexpr int kDigitBits = 11, kKeyBits = 3 * SortedPoints::kMaxLevel;
     constexpr std::size_t kDigits = std::size_t(1) << kDigitBits, kChunk = std::size_t(1) << 16;
@@ -64,7 +64,7 @@ bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
 
 /// The points' order by key; where keys are equal, by everything else they have.
 std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& root,
-                                    Progress& progress)
+                                    Interrupter& progress)
 {
     std::vector<KeyedIndex> order(cloud.size());
     const double scale = std::ldexp(1 / root.side, SortedPoints::kMaxLevel);
@@ -103,7 +103,7 @@ std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& roo
 
 } // namespace
 
-SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress,
+SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter& progress,
                            Copies copies)
     : mRoot(root)
 {

@@ -12,7 +12,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// A cube of the octree: integer position at its level.
 struct OctreeCell {
@@ -63,7 +63,7 @@ public:
     };
 
     /// Takes over positions, normals, confidences, colors and scalars of @a cloud, and frees them.
-    SortedPoints(PointCloud&& cloud, const RootCube& root, Progress& progress,
+    SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter& progress,
                  Copies copies = Copies::Keep);
 
     std::size_t size() const { return mPoints.size(); }

@@ -312,7 +312,8 @@ private:
 
 void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
                     const CellGrid& grid, const std::vector<std::uint32_t>& asked,
-                    const PointStatistics& statistics, std::vector<char>& flags, Progress& progress)
+                    const PointStatistics& statistics, std::vector<char>& flags,
+                    Interrupter& progress)
 {
     constexpr int kPasses = 3; // an outlier may hide another
     constexpr std::size_t kGrain = 64;

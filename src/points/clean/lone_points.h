@@ -9,7 +9,7 @@ namespace mpuvdb
 {
 
 class CellGrid;
-class Progress;
+class Interrupter;
 
 /// Flag points that have no other near and are off the plane of their neighbors by many times
 /// their scatter; and those about which others are several times closer together, unless they lie
@@ -26,6 +26,6 @@ class Progress;
 void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
                     const CellGrid& grid, const std::vector<std::uint32_t>& asked,
                     const PointStatistics& statistics, std::vector<char>& flags,
-                    Progress& progress);
+                    Interrupter& progress);
 
 } // namespace mpuvdb

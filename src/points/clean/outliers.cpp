@@ -8,8 +8,8 @@
 #include "spatial/kd_tree.h"
 
 #include "core/union_find.h"
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/outliers.h>
-#include <mpuvdb/progress.h>
 
 #include <algorithm>
 #include <cmath>
@@ -42,7 +42,7 @@ class CellGroups
 {
 public:
     /// @param weights  of the cells: how many points count in each.
-    CellGroups(const CellGrid& grid, std::vector<std::uint32_t>&& weights, Progress& progress)
+    CellGroups(const CellGrid& grid, std::vector<std::uint32_t>&& weights, Interrupter& progress)
         : mGrid(grid), mWeights(std::move(weights)), mGroups(grid.cells().size())
     {
         const auto& cells = grid.cells();
@@ -91,7 +91,7 @@ class SparsePoints
 {
 public:
     /// @param positions  those in doubt, then those that stand for surfaces.
-    SparsePoints(const std::vector<Vec3f>& positions, std::size_t doubtful, Progress& progress)
+    SparsePoints(const std::vector<Vec3f>& positions, std::size_t doubtful, Interrupter& progress)
         : mPositions(positions), mDoubtful(doubtful), mProgress(progress)
     {
         findNeighbors();
@@ -217,7 +217,7 @@ private:
 
     const std::vector<Vec3f>& mPositions;
     const std::size_t mDoubtful;
-    Progress& mProgress;
+    Interrupter& mProgress;
     /// reachable() for each doubtful position and each beside one, nearest first
     std::vector<std::uint32_t> mNeighbors;
     std::vector<float> mDistances;
@@ -246,7 +246,8 @@ class SparseParts
 {
 public:
     /// @param cloud  the sparse points, then those that stand for denser surfaces.
-    SparseParts(const PointCloud& cloud, const std::vector<SparsePoint>& points, Progress& progress)
+    SparseParts(const PointCloud& cloud, const std::vector<SparsePoint>& points,
+                Interrupter& progress)
         : mCloud(cloud), mPoints(points), mProgress(progress), mVerdicts(points.size(), kNone)
     {
     }
@@ -347,7 +348,7 @@ private:
 
     const PointCloud& mCloud;
     const std::vector<SparsePoint>& mPoints;
-    Progress& mProgress;
+    Interrupter& mProgress;
     std::vector<char> mVerdicts;
 };
 
@@ -357,7 +358,7 @@ class Screen
 public:
     /// @param normals  of the positions; or none.
     Screen(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
-           const PointStatistics& statistics, Progress& progress)
+           const PointStatistics& statistics, Interrupter& progress)
         : mPositions(positions), mNormals(normals), mStatistics(statistics), mProgress(progress),
           mGrid(positions, cellSide(statistics), progress), mOutlier(positions.size(), 0)
     {
@@ -410,7 +411,7 @@ private:
     const std::vector<Vec3f>& mPositions;
     const std::vector<Vec3f>& mNormals;
     const PointStatistics& mStatistics;
-    Progress& mProgress;
+    Interrupter& mProgress;
     CellGrid mGrid;
     std::vector<std::uint32_t> mApart;   // points
     std::vector<std::uint32_t> mSurface; // cells
@@ -420,8 +421,9 @@ private:
 } // namespace
 
 std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,
-                                        Progress& progress)
+                                        Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     constexpr double kMany = 0.02; // share of outliers that may have passed for surfaces
     constexpr int kRounds = 3;
     std::vector<std::uint32_t> result, left(cloud.size());

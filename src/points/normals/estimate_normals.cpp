@@ -8,8 +8,8 @@
 #include "spatial/spanning_neighbors.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/normals.h>
-#include <mpuvdb/progress.h>
 
 #include <Eigen/Dense>
 #include <tbb/blocked_range.h>
@@ -75,7 +75,7 @@ bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, 
 }
 
 PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors, double noise,
-                     Progress& progress)
+                     Interrupter& progress)
 {
     constexpr std::size_t kLinks = 12; // nearest neighbors that are linked
     const std::size_t count = positions.size();
@@ -126,7 +126,7 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
 /// Turn the normals of each part to one side: towards the scanners, or else outward.
 /// @param sight  of each position the unit direction to its scanner, zero without; or empty.
 void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight, PlaneGraph& graph,
-            Progress& progress)
+            Interrupter& progress)
 {
     // The scanners are one node more, which is never turned.
     const auto scanners = std::uint32_t(positions.size());
@@ -208,7 +208,7 @@ double explainedBySlope(const Neighborhood& n)
 /// Whether what passes for sheets that look opposite ways are the steps of a single one, as depth
 /// cameras make them: nearly everywhere, and not over each other, as the sides of a wall are, but
 /// beside, so that a slope explains a good part of their heights.
-bool areSteps(const PointCloud& cloud, Progress& progress)
+bool areSteps(const PointCloud& cloud, Interrupter& progress)
 {
     constexpr std::size_t kSamples = 1000, kNeighbors = 40, kOpposite = 5;
     constexpr std::size_t kFewest = 1000; // points: with fewer, forty are a good part of the shape
@@ -239,8 +239,9 @@ int neighborsFor(const PointStatistics& statistics)
 } // namespace
 
 EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors,
-                                 Progress& progress)
+                                 Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     constexpr int kFewest = 4, kMost = 1000;
     if (neighbors && (*neighbors < kFewest || *neighbors > kMost))
         throw UsageError(fmt::format("normals from {} neighbors: out of range. Give {} to {}",
@@ -269,11 +270,11 @@ EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors
     // then is noise, a second round knows how much.
     constexpr double kLittle = 0.1; // spacings
     pass(neighbors.value_or(int(kFewestChosen)), 0);
-    PointStatistics statistics = measure(distinct, progress);
+    PointStatistics statistics = measure(distinct, &progress);
     if (statistics.noise <= kLittle * statistics.spacing && areSteps(distinct, progress)) {
         PointCloud bare;
         bare.positions = distinct.positions;
-        statistics = measure(bare, progress);
+        statistics = measure(bare, &progress);
     }
     if (statistics.noise > kLittle * statistics.spacing)
         pass(neighbors.value_or(neighborsFor(statistics)), statistics.noise);

@@ -6,8 +6,8 @@
 #include "spatial/cell_grid.h"
 
 #include "core/union_find.h"
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/normals.h>
-#include <mpuvdb/progress.h>
 
 #include <algorithm>
 #include <array>
@@ -54,7 +54,7 @@ public:
     }
 
     /// @return how often one was turned.
-    std::size_t run(Progress& progress)
+    std::size_t run(Interrupter& progress)
     {
         const std::vector<std::uint32_t> mixed = mixedCells(progress);
         std::size_t turned = turnOutvoted(mixed, kClear, progress);
@@ -71,7 +71,7 @@ private:
 
     /// Rounds until none is turned: where every fifth is flipped, some are not outvoted at first.
     std::size_t turnOutvoted(const std::vector<std::uint32_t>& cells, float against,
-                             Progress& progress)
+                             Interrupter& progress)
     {
         constexpr int kRounds = 8;
         std::size_t turned = 0;
@@ -91,7 +91,7 @@ private:
     }
 
     /// Cells with normals that look opposite ways.
-    std::vector<std::uint32_t> mixedCells(Progress& progress) const
+    std::vector<std::uint32_t> mixedCells(Interrupter& progress) const
     {
         const auto findMixed = [&](std::size_t c, std::vector<std::uint32_t>& mixed) {
             if (isMixed(mGrid.cells()[c])) mixed.push_back(std::uint32_t(c));
@@ -178,7 +178,7 @@ class Patches
 public:
     /// @param voted  how many were turned before.
     Patches(const CellGrid& grid, const PointStatistics& statistics, std::size_t voted,
-            TurnedNormals& normals, Progress& progress)
+            TurnedNormals& normals, Interrupter& progress)
         : mGrid(grid), mNoise(float(statistics.noise)),
           mSheet(float(statistics.spacing / 5 + statistics.noise)), mVoted(double(voted)),
           mNormals(normals), mProgress(progress)
@@ -390,15 +390,17 @@ private:
     const float mSheet; // height that one sheet may have over a cell
     const double mVoted;
     TurnedNormals& mNormals;
-    Progress& mProgress;
+    Interrupter& mProgress;
     std::vector<Patchlet> mPatchlets; // two of each cell
 };
 
 } // namespace
 
 std::vector<std::uint32_t> findFlippedNormals(const PointCloud& cloud,
-                                              const PointStatistics& statistics, Progress& progress)
+                                              const PointStatistics& statistics,
+                                              Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     std::vector<std::uint32_t> flipped;
     if (cloud.empty() || !cloud.hasNormals()) return flipped;
     const CellGrid grid(cloud.positions, kCellSpacings * statistics.spacing, progress);

@@ -5,8 +5,8 @@
 #include "spatial/kd_tree.h"
 
 #include "core/union_find.h"
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/normals.h>
-#include <mpuvdb/progress.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,7 +21,7 @@ constexpr std::size_t kGrain = 256; // cells
 constexpr double kPerPixel = 48;    // points; none is empty by chance
 
 /// The middles of the points in each cell.
-std::vector<Vec3f> middlesOf(const CellGrid& grid, Progress& progress)
+std::vector<Vec3f> middlesOf(const CellGrid& grid, Interrupter& progress)
 {
     std::vector<Vec3f> middles(grid.cells().size());
     forEachParallel(middles.size(), kGrain, progress, [&](std::size_t c) {
@@ -36,7 +36,7 @@ std::vector<Vec3f> middlesOf(const CellGrid& grid, Progress& progress)
 
 /// Of each point the part that it belongs to. Cells hang together that are among each other's
 /// nearest, however far apart: of parts of any spacing, a coarse one beside a fine one too.
-std::vector<std::uint32_t> partsOf(const CellGrid& grid, Progress& progress)
+std::vector<std::uint32_t> partsOf(const CellGrid& grid, Interrupter& progress)
 {
     constexpr std::size_t kNearest = 8; // those around a cell on a surface
     const std::vector<Vec3f> middles = middlesOf(grid, progress);
@@ -175,8 +175,10 @@ double facingOfAll(const PointCloud& cloud)
 } // namespace
 
 std::vector<std::uint32_t> findInwardSolids(const PointCloud& cloud,
-                                            const PointStatistics& statistics, Progress& progress)
+                                            const PointStatistics& statistics,
+                                            Interrupter* interrupter)
 {
+    Interrupter& progress = orSilent(interrupter);
     std::vector<std::uint32_t> found;
     if (cloud.size() < 2 || !cloud.hasNormals()) return found;
     const double facing = facingOfAll(cloud);

@@ -1,7 +1,7 @@
 #include "orientation.h"
 
 #include "core/release.h"
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <tbb/parallel_sort.h>
 
@@ -66,7 +66,7 @@ private:
 };
 
 /// Join nodes by sure links one by one, the surest first: in classes, which is as good as sorted.
-void joinSure(const std::vector<OrientationLink>& links, Forest& forest, Progress& progress)
+void joinSure(const std::vector<OrientationLink>& links, Forest& forest, Interrupter& progress)
 {
     constexpr float kClasses[] = {2, 0.99f, 0.97f, 0.94f, 0.9f};
     for (std::size_t c = 1; c < std::size(kClasses); ++c)
@@ -93,7 +93,7 @@ bool betweenBefore(const PatchLink& x, const PatchLink& y)
 
 /// Links as they stand between the trees' roots, one for each pair; what is within a tree is left
 /// out.
-void gather(std::vector<PatchLink>& links, Forest& forest, Progress& progress)
+void gather(std::vector<PatchLink>& links, Forest& forest, Interrupter& progress)
 {
     std::size_t kept = 0;
     for (std::size_t k = 0; k < links.size(); ++k) {
@@ -120,7 +120,7 @@ void gather(std::vector<PatchLink>& links, Forest& forest, Progress& progress)
 class PatchJoiner
 {
 public:
-    PatchJoiner(std::size_t nodes, Forest& forest, Progress& progress)
+    PatchJoiner(std::size_t nodes, Forest& forest, Interrupter& progress)
         : mForest(forest), mProgress(progress), mSizes(nodes, 0), mBest(nodes)
     {
         for (std::uint32_t i = 0; i < nodes; ++i) ++mSizes[forest.find(i).first];
@@ -175,7 +175,7 @@ private:
     }
 
     Forest& mForest;
-    Progress& mProgress;
+    Interrupter& mProgress;
     std::vector<std::uint32_t> mSizes; ///< of trees, by root
     std::vector<std::uint32_t> mBest;  ///< of each tree its strongest link
 };
@@ -220,7 +220,7 @@ OrientationLink linkAcrossSheets(std::uint32_t a, std::uint32_t b, const Vec3f& 
 }
 
 Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
-                             Progress& progress)
+                             Interrupter& progress)
 {
     Forest forest(nodes);
     joinSure(links, forest, progress);

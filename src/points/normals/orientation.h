@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// What two neighbors say about each other's normals: 1 the same side, -1 opposite sides, and 0
 /// nothing; reversing one normal reverses the sign.
@@ -38,6 +38,6 @@ struct Orientation {
 /// are patches is joined by the sum of all links between two, so that a few wrong ones do not turn
 /// a whole patch [a minimum spanning tree (Hoppe92) would hang on a single one].
 Orientation solveOrientation(std::size_t nodes, std::vector<OrientationLink> links,
-                             Progress& progress);
+                             Interrupter& progress);
 
 } // namespace mpuvdb

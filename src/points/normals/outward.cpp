@@ -1,6 +1,6 @@
 #include "outward.h"
 
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <cmath>
@@ -159,7 +159,7 @@ private:
 
 } // namespace
 
-std::vector<char> findInwardParts(const OrientedParts& points, Progress& progress)
+std::vector<char> findInwardParts(const OrientedParts& points, Interrupter& progress)
 {
     const std::vector<Part> parts = collectParts(points);
     std::vector<std::size_t> largestFirst(parts.size());

@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class Progress;
+class Interrupter;
 
 /// Which parts look inward, by part up to the last, the largest decided first. One that fills a gap
 /// of those decided, or lies on them, looks to where their winding number [Barill18] drops. One
@@ -17,6 +17,6 @@ class Progress;
 /// is seen of it votes; unless it lies within an odd number of others: then it is the wall of a
 /// cavity, and looks the other way.
 /// @throws Interrupted.
-std::vector<char> findInwardParts(const OrientedParts& points, Progress& progress);
+std::vector<char> findInwardParts(const OrientedParts& points, Interrupter& progress);
 
 } // namespace mpuvdb

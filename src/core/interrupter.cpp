@@ -1,5 +1,5 @@
 #include <mpuvdb/error.h>
-#include <mpuvdb/progress.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <ctime>
@@ -26,13 +26,32 @@ std::uint64_t peakResidentBytes()
 
 } // namespace
 
-void Progress::check() const
+Interrupter& Interrupter::silent()
 {
-    if (stopped()) throw Interrupted();
+    static Interrupter none{Silent{}};
+    return none;
 }
 
-void Progress::beginStage(const std::string& name, double units)
+void Interrupter::throwInterrupted()
 {
+    throw Interrupted();
+}
+
+void Interrupter::ask() const
+{
+    /// Nanoseconds between two questions. [derived: a stop may take 250 ms, most of which is work]
+    constexpr std::int64_t kBetween = 20'000'000;
+    const std::int64_t now = std::chrono::steady_clock::now().time_since_epoch().count();
+    if (now < mAskAt.load(std::memory_order_relaxed)) return;
+    std::unique_lock<std::mutex> lock(mAsking, std::try_to_lock);
+    if (!lock) return;
+    mAskAt.store(now + kBetween, std::memory_order_relaxed);
+    if (mWantsToStop()) mStopped.store(true, std::memory_order_relaxed);
+}
+
+void Interrupter::beginStage(const std::string& name, double units)
+{
+    if (mSilent) return;
     check();
     std::lock_guard<std::mutex> lock(mMutex);
     closeStage();
@@ -45,8 +64,9 @@ void Progress::beginStage(const std::string& name, double units)
     if (mListener) mListener(name, 0);
 }
 
-void Progress::advance(double units)
+void Interrupter::advance(double units)
 {
+    if (mSilent) return;
     check();
     std::lock_guard<std::mutex> lock(mMutex);
     mDone += units;
@@ -58,13 +78,13 @@ void Progress::advance(double units)
     }
 }
 
-void Progress::endStage()
+void Interrupter::endStage()
 {
     std::lock_guard<std::mutex> lock(mMutex);
     closeStage();
 }
 
-void Progress::closeStage()
+void Interrupter::closeStage()
 {
     if (!mOpen) return;
     mOpen = false;
@@ -75,20 +95,21 @@ void Progress::closeStage()
     mStages.push_back(mStage);
 }
 
-std::vector<StageTime> Progress::stages() const
+std::vector<StageTime> Interrupter::stages() const
 {
     std::lock_guard<std::mutex> lock(mMutex);
     return mStages;
 }
 
-void Progress::note(std::string text)
+void Interrupter::note(std::string text)
 {
+    if (mSilent) return;
     std::lock_guard<std::mutex> lock(mMutex);
     if (std::find(mNotes.begin(), mNotes.end(), text) == mNotes.end())
         mNotes.push_back(std::move(text));
 }
 
-std::vector<std::string> Progress::notes() const
+std::vector<std::string> Interrupter::notes() const
 {
     std::lock_guard<std::mutex> lock(mMutex);
     return mNotes;
