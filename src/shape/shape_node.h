@@ -1,6 +1,7 @@
 // The nodes of a shape's expression: what each needs of its inputs, and what it makes of them.
 #pragma once
 #include "core/boxes.h"
+#include "grid/band_bytes.h"
 #include <mpuvdb/shape.h>
 
 #include <map>
@@ -98,18 +99,6 @@ FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& b
 
 /// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Interrupter& progress);
-
-/// The area of a solid's surface of @a area that was offset by @a distance: grown as a ball of that
-/// area would be, and any convex solid about as much; shrunk ones keep it, for what is hollow
-/// gains. All in units of one kind.
-double offsetArea(double area, double distance);
-
-/// Memory of a level set of a surface of @a area (world units squared), bytes; estimated.
-double gridBytes(double area, double voxelSize, double halfWidth);
-
-/// Memory to find distances to a surface of @a area (world units squared), as wide as may be,
-/// bytes; measured, to a quarter: the surface's patches and the front that goes out from them.
-double distanceBytes(double area, double voxelSize);
 
 /// The level set in @a node, if it holds one.
 const LevelSet* levelSetIn(const Shape::Node& node);
