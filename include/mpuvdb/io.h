@@ -3,7 +3,7 @@
 #pragma once
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/mesh.h>
-#include <mpuvdb/point_cloud.h>
+#include <mpuvdb/point_input.h>
 
 #include <filesystem>
 #include <functional>
@@ -17,25 +17,6 @@ namespace mpuvdb
 {
 
 class Interrupter;
-
-/// What to do with points that cannot be used as they are: not finite, absurdly far, zero normal.
-enum class BadPoints {
-    Drop, ///< leave them out, count them
-    Fail  ///< InputError at the first
-};
-
-/// Points read from one or more files, joined.
-struct PointInput {
-    PointCloud cloud;
-    /// Points left out, by reason ("not finite", "zero normal", "duplicate" ...).
-    std::map<std::string, std::uint64_t> dropped;
-    std::uint64_t triangles = 0; ///< of the files that are meshes; their vertices are the points
-    std::vector<std::string> scalarNames; ///< that all files have, whether asked for or not
-    /// What a user should know ("bunny.ply: normals computed from its 69451 faces").
-    std::vector<std::string> notes;
-    /// What a user has to know: that positions were rounded far above the points' spacing.
-    std::vector<std::string> warnings;
-};
 
 /// Read points: PLY, Stanford .conf scan sets, XYZ/PTS/PWN/TXT, PTX, OBJ, OFF, STL, PCD, LAS.
 /// A mesh gives its vertices with area-weighted normals, a range grid normals and confidences
@@ -56,19 +37,6 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
 /// are kept. The frame is the middle of the mesh.
 /// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite).
 Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter = nullptr);
-
-/// Points that a program holds in memory: attributes are empty, or one per point.
-struct PointArrays {
-    std::vector<Vec3d> positions;   ///< world units
-    std::vector<Vec3f> normals;     ///< outward, of any length
-    std::vector<float> confidence;  ///< of any scale
-    std::optional<Vec3d> viewpoint; ///< where all were seen from, world units
-};
-
-/// What readPoints() does to the points of a file, done to these. @param name  for messages.
-/// @throws UsageError (another number of normals or confidences than of points), InputError.
-PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints badPoints,
-                        Interrupter* interrupter = nullptr);
 
 /// Write points as binary PLY (float offsets become doubles) or XYZ text.
 void writePoints(const std::filesystem::path& file, const PointCloud& cloud,

@@ -15,7 +15,7 @@ class Interrupter;
 /// How a field becomes a grid.
 struct SampleSettings {
     Lattice lattice;
-    double halfWidth = 3; ///< voxels, in [1.5, 100]
+    double halfWidth = 3; ///< voxels, in [1.5, 1000]
     std::string name = "surface";
     std::uint64_t maxBytes = 0; ///< memory the grid may take; 0: no limit
     bool mayBeEmpty = false;    ///< without a zero crossing: an empty level set, and no InputError

@@ -1,5 +1,7 @@
 #include <mpuvdb/memory.h>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -45,6 +47,15 @@ std::uint64_t defaultMemoryLimit()
     const std::uint64_t physical =
         std::uint64_t(sysconf(_SC_PHYS_PAGES)) * std::uint64_t(sysconf(_SC_PAGE_SIZE));
     return std::min(physical, controlGroupLimit()) / 10 * 9;
+}
+
+std::string sizeText(std::uint64_t bytes)
+{
+    const char* const units[] = {"B", "KB", "MB", "GB", "TB"};
+    double number = double(bytes);
+    int unit = 0;
+    for (; number >= 1024 && unit < 4; ++unit) number /= 1024;
+    return fmt::format(unit == 0 || number >= 100 ? "{:.0f} {}" : "{:.1f} {}", number, units[unit]);
 }
 
 } // namespace mpuvdb

@@ -32,16 +32,16 @@ void forRows(std::size_t rows, F&& f)
                                  py::str(array.attr("shape")).cast<std::string>(), wanted));
 }
 
-/// Three numbers per row of @a from, as @a To.
-template <class From, class To>
-std::vector<Eigen::Matrix<To, 3, 1>> convertRows(const py::array& from)
+/// Three numbers per row of @a from.
+template <class From>
+std::vector<Vec3d> convertRows(const py::array& from)
 {
     const py::array_t<From> typed(from); // the same memory: it has this type
     const auto in = typed.template unchecked<2>();
-    std::vector<Eigen::Matrix<To, 3, 1>> rows(std::size_t(in.shape(0)));
+    std::vector<Vec3d> rows(std::size_t(in.shape(0)));
     forRows(rows.size(), [&](std::size_t i) {
         const auto at = py::ssize_t(i);
-        rows[i] = {To(in(at, 0)), To(in(at, 1)), To(in(at, 2))};
+        rows[i] = {double(in(at, 0)), double(in(at, 1)), double(in(at, 2))};
     });
     return rows;
 }
@@ -69,14 +69,6 @@ py::array asNumbers(const py::array& array, const char* what)
     return numbers;
 }
 
-template <class To>
-std::vector<Eigen::Matrix<To, 3, 1>> rows(const py::object& object, const char* what)
-{
-    const py::array array = asNumbers(asArray(object, what), what);
-    if (array.ndim() != 2 || array.shape(1) != 3) throwShape(array, what, "(n, 3)");
-    return py::isinstance<py::array_t<float>>(array) ? convertRows<float, To>(array)
-                                                     : convertRows<double, To>(array);
-}
 
 std::vector<Mesh::Triangle> trianglesOf(const py::object& object, std::size_t vertices)
 {
@@ -110,22 +102,33 @@ std::vector<Mesh::Triangle> trianglesOf(const py::object& object, std::size_t ve
 
 std::vector<Vec3d> rowsOf(const py::object& array, const char* what)
 {
-    return rows<double>(array, what);
+    const py::array numbers = asNumbers(asArray(array, what), what);
+    if (numbers.ndim() != 2 || numbers.shape(1) != 3) throwShape(numbers, what, "(n, 3)");
+    return py::isinstance<py::array_t<float>>(numbers) ? convertRows<float>(numbers)
+                                                       : convertRows<double>(numbers);
 }
 
-std::vector<Vec3f> floatRowsOf(const py::object& array, const char* what)
+ArrayView arrayViewOf(const py::object& object, py::ssize_t columns, const char* what)
 {
-    return rows<float>(array, what);
-}
-
-std::vector<float> columnOf(const py::object& array, const char* what)
-{
-    const py::array_t<float, py::array::forcecast> column(asNumbers(asArray(array, what), what));
-    if (column.ndim() != 1) throwShape(column, what, "(n,)");
-    const auto in = column.unchecked<1>();
-    std::vector<float> values(std::size_t(in.shape(0)));
-    for (std::size_t i = 0; i < values.size(); ++i) values[i] = in(py::ssize_t(i));
-    return values;
+    py::array array = asArray(object, what);
+    const bool isBytes = py::isinstance<py::array_t<std::uint8_t>>(array);
+    if (!isBytes) array = asNumbers(array, what);
+    const bool isTable = array.ndim() == 2 && array.shape(1) == columns;
+    const bool isColumn = array.ndim() == 1 && columns == 1;
+    if (!isTable && !isColumn)
+        throwShape(array, what, columns == 1 ? "(n,)" : fmt::format("(n, {})", columns).c_str());
+    const bool isFloat = py::isinstance<py::array_t<float>>(array);
+    const bool sideBySide = isColumn || array.strides(1) == array.itemsize();
+    if (!sideBySide || array.strides(0) < 0) array = py::array(array.attr("copy")("C"));
+    const auto rows = std::size_t(array.shape(0)), stride = std::size_t(array.strides(0));
+    const auto width = std::size_t(columns);
+    const void* const data = array.data();
+    NumberView numbers;
+    if (rows > 0)
+        numbers = isBytes   ? NumberView(static_cast<const std::uint8_t*>(data), rows, width, stride)
+                  : isFloat ? NumberView(static_cast<const float*>(data), rows, width, stride)
+                            : NumberView(static_cast<const double*>(data), rows, width, stride);
+    return {std::move(array), numbers};
 }
 
 Mesh meshOf(const py::object& vertices, const py::object& faces)

@@ -1,5 +1,6 @@
 // Numpy arrays in and out.
 #pragma once
+#include <mpuvdb/point_input.h>
 #include <mpuvdb/triangle_mesh.h>
 
 #include <pybind11/numpy.h>
@@ -14,9 +15,16 @@ namespace mpuvdb::python
 /// else as a copy that is converted to doubles. @param what  for messages.
 /// @throws UsageError unless @a array has the shape (n, 3).
 std::vector<Vec3d> rowsOf(const pybind11::object& array, const char* what);
-std::vector<Vec3f> floatRowsOf(const pybind11::object& array, const char* what);
-/// @throws UsageError unless @a array has the shape (n,).
-std::vector<float> columnOf(const pybind11::object& array, const char* what);
+
+/// Numbers of an array, where they are if they are floats, doubles or bytes that lie side by side in
+/// a row; else a copy as doubles. The array that holds them stays alive with this.
+struct ArrayView {
+    pybind11::array holder;
+    NumberView numbers;
+};
+/// @param columns  numbers in a row. @throws UsageError unless @a array has the shape (n, columns),
+/// or (n,) for one column.
+ArrayView arrayViewOf(const pybind11::object& array, pybind11::ssize_t columns, const char* what);
 
 /// A mesh about the middle of its vertices.
 /// @throws UsageError unless the shapes are (n, 3) and (m, 3), with integers for the faces;

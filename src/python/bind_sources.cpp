@@ -4,7 +4,6 @@
 #include "bindings.h"
 #include "run.h"
 
-#include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/reconstruct.h>
@@ -24,33 +23,11 @@ namespace
 using Path = std::filesystem::path;
 using PathOrPaths = std::variant<Path, std::vector<Path>>;
 
-/// How points are read and fitted.
-struct PointsRequest {
-    BadPoints badPoints = BadPoints::Drop;
-    CleanSettings clean;
-    ReconstructSettings fit;
+/// What Python's points() and reconstruct() both take.
+struct PointsArguments {
+    py::object source, normals, confidence, colors, scalars, viewpoint;
+    ReconstructOptions options;
 };
-
-/// What came of them.
-struct FittedPoints {
-    FieldPtr field;
-    std::vector<std::string> notes, warnings;
-    CleanReport cleaned;
-};
-
-FittedPoints fit(PointInput input, PointsRequest request, Interrupter& progress)
-{
-    FittedPoints made;
-    made.notes = std::move(input.notes);
-    made.warnings = std::move(input.warnings);
-    for (const auto& [reason, count] : input.dropped)
-        made.notes.push_back(fmt::format("{} points left out: {}", count, reason));
-    made.cleaned = clean(input.cloud, request.clean, &progress);
-    request.fit.points = made.cleaned.statistics;
-    const ResolvedSettings settings = resolve(input.cloud, request.fit, &progress);
-    made.field = std::make_shared<MpuField>(std::move(input.cloud), settings.fit, &progress);
-    return made;
-}
 
 void warn(const std::string& text)
 {
@@ -58,13 +35,14 @@ void warn(const std::string& text)
 }
 
 /// Notes go where Python's programs expect them; what is likely wrong is a warning.
-void tell(const FittedPoints& made)
+void tell(const ReconstructReport& made)
 {
     const py::object log = py::module_::import("logging").attr("getLogger")("mpuvdb");
     const auto note = [&](const std::string& text) { log.attr("info")("%s", text); };
     for (const std::string& text : made.notes) note(text);
+    for (const auto& [reason, count] : made.dropped)
+        note(fmt::format("{} points left out: {}", count, reason));
     const CleanReport& cleaned = made.cleaned;
-    if (cleaned.outliers > 0) note(fmt::format("{} outliers left out", cleaned.outliers));
     if (cleaned.estimateNeighbors)
         note(fmt::format("normals estimated from {} neighbors each", *cleaned.estimateNeighbors));
     if (cleaned.flipped > 0)
@@ -80,18 +58,7 @@ void tell(const FittedPoints& made)
     if (cleaned.inward)
         warn("the normals point inward, so that inside and outside are exchanged; "
              "flip_normals=True turns them, unless it did so already");
-}
-
-PointArrays arraysOf(const py::object& points, const py::object& normals,
-                     const py::object& confidence, const std::vector<Vec3d>& viewpoints)
-{
-    PointArrays arrays;
-    arrays.positions = rowsOf(points, "points");
-    if (!normals.is_none()) arrays.normals = floatRowsOf(normals, "normals");
-    if (!confidence.is_none()) arrays.confidence = columnOf(confidence, "confidence");
-    if (viewpoints.size() > 1) throw UsageError("viewpoint: an array of points has one, or none");
-    if (!viewpoints.empty()) arrays.viewpoint = viewpoints.front();
-    return arrays;
+    for (const std::string& finding : made.explained.findings) warn(finding);
 }
 
 std::optional<PathOrPaths> pathsOf(const py::object& source)
@@ -109,27 +76,111 @@ std::vector<Vec3d> placesOf(const py::object& viewpoint)
     return rowsOf(viewpoint, "viewpoint");
 }
 
-FittedPoints fittedPoints(const py::object& source, const py::object& normals,
-                          const py::object& confidence, const py::object& viewpoint,
-                          const PointsRequest& request, const py::object& progress)
+/// The names among @a names that are scalars.
+std::vector<std::string> scalarsAmong(const std::vector<std::string>& names)
 {
-    const std::vector<Vec3d> viewpoints = placesOf(viewpoint);
-    if (const auto paths = pathsOf(source)) {
-        if (!normals.is_none() || !confidence.is_none())
-            throw UsageError("normals and confidence go with an array of points: files bring "
-                             "their own");
+    std::vector<std::string> scalars;
+    for (const std::string& name : names)
+        if (name != kColorName && name != "confidence") scalars.push_back(name);
+    return scalars;
+}
+
+/// Arrays of numpy as points, read where they are.
+struct ArrayPoints {
+    PointView view;
+    std::vector<py::array> holders; ///< what the view looks at
+
+    explicit ArrayPoints(const PointsArguments& a)
+    {
+        const auto add = [&](NumberView& to, const py::object& array, py::ssize_t columns,
+                             const char* what) {
+            if (array.is_none()) return;
+            ArrayView found = arrayViewOf(array, columns, what);
+            holders.push_back(std::move(found.holder));
+            to = found.numbers;
+        };
+        add(view.positions, a.source, 3, "points");
+        add(view.normals, a.normals, 3, "normals");
+        add(view.confidences, a.confidence, 1, "confidence");
+        add(view.colors, a.colors, 3, "colors");
+        if (!a.scalars.is_none())
+            for (const auto& [name, values] : a.scalars.cast<py::dict>()) {
+                view.scalars.emplace_back(py::str(name), NumberView());
+                add(view.scalars.back().second, py::reinterpret_borrow<py::object>(values), 1,
+                    view.scalars.back().first.c_str());
+            }
+        view.viewpoints = placesOf(a.viewpoint);
+        if (view.viewpoints.size() > 1)
+            throw UsageError("viewpoint: an array of points has one, or none");
+    }
+};
+
+/// Read what @a arguments name, and give it to @a work(PointInput, interrupter), apart from Python.
+template <class Work>
+auto withPoints(const PointsArguments& arguments, const py::object& progress, const Work& work)
+{
+    const ReconstructOptions& options = arguments.options;
+    if (const auto paths = pathsOf(arguments.source)) {
+        for (const py::object* const array : {&arguments.normals, &arguments.confidence,
+                                              &arguments.colors, &arguments.scalars})
+            if (!array->is_none())
+                throw UsageError("normals, confidence, colors and scalars go with an array of "
+                                 "points: files bring their own");
         const auto* one = std::get_if<Path>(&*paths);
         const std::vector<Path> files =
             one ? std::vector<Path>{*one} : std::get<std::vector<Path>>(*paths);
+        const std::vector<Vec3d> viewpoints = placesOf(arguments.viewpoint);
         return run(progress, [&](Interrupter& p) {
-            return fit(readPoints(files, request.badPoints, viewpoints, {}, &p), request, p);
+            return work(readPoints(files, options.badPoints, viewpoints,
+                                   scalarsAmong(options.attributes), &p),
+                        p);
         });
     }
-    PointArrays arrays = arraysOf(source, normals, confidence, viewpoints);
+    const ArrayPoints points(arguments);
     return run(progress, [&](Interrupter& p) {
-        return fit(importPoints(std::move(arrays), "points", request.badPoints, &p), request, p);
+        return work(importPoints(points.view, "points", options.badPoints, &p), p);
     });
 }
+
+/// The options that points() and reconstruct() share.
+ReconstructOptions optionsOf(const std::optional<LengthArgument>& tolerance,
+                             const std::optional<LengthArgument>& voxelSize,
+                             const std::string& orient, const std::string& outliers,
+                             bool flipNormals, const std::string& badPoints,
+                             std::optional<double> alpha, std::optional<int> minPoints, bool sharp,
+                             bool interpolate)
+{
+    ReconstructOptions options;
+    options.badPoints = choose<BadPoints>(badPoints, "bad_points",
+                                          {{"drop", BadPoints::Drop}, {"fail", BadPoints::Fail}});
+    options.clean->normals = choose<NormalsFrom>(orient, "orient",
+                                                 {{"auto", NormalsFrom::Auto},
+                                                  {"keep", NormalsFrom::Keep},
+                                                  {"estimate", NormalsFrom::Estimate}});
+    options.clean->dropOutliers =
+        choose<bool>(outliers, "outliers", {{"drop", true}, {"keep", false}});
+    options.clean->flipNormals = flipNormals;
+    if (tolerance) options.tolerance = lengthOf(*tolerance);
+    if (voxelSize) options.voxelSize = lengthOf(*voxelSize);
+    options.alpha = alpha;
+    options.minPoints = minPoints;
+    options.sharp = sharp;
+    options.interpolate = interpolate;
+    return options;
+}
+
+#define MPUVDB_POINTS_DOC                                                                          \
+    "source: a file, a list of files, or an array (n, 3) of float32 or float64, read in place, "   \
+    "world units; to it normals (n, 3), outward, and confidence (n,).\n"                           \
+    "tolerance: largest distance of a local fit from its points, world units, '0.1%' of the "      \
+    "points' diagonal or '0.2vx'; None: from their spacing and measured noise.\n"                  \
+    "viewpoint: where the scanner stood, (3,), or (n, 3) for n files, world units.\n"              \
+    "orient: 'auto' turns normals that are flipped among the others, or all those of a closed "    \
+    "solid, and estimates where there are none; 'keep' leaves them; 'estimate' always "            \
+    "estimates.\n"                                                                                 \
+    "outliers: 'drop' or 'keep'. bad_points: 'drop' or 'fail' at the first that is not finite "    \
+    "or has no normal. flip_normals: they point inward.\n"                                         \
+    "alpha, min_points, sharp, interpolate: as the command's options of reconstruct.\n"
 
 void bindPoints(py::module_& module)
 {
@@ -141,25 +192,17 @@ void bindPoints(py::module_& module)
            const std::string& orient, const std::string& outliers, bool flipNormals,
            const std::string& badPoints, std::optional<double> alpha, std::optional<int> minPoints,
            bool sharp, bool interpolate, const py::object& progress) {
-            PointsRequest request;
-            request.badPoints = choose<BadPoints>(
-                badPoints, "bad_points", {{"drop", BadPoints::Drop}, {"fail", BadPoints::Fail}});
-            request.clean.normals = choose<NormalsFrom>(orient, "orient",
-                                                        {{"auto", NormalsFrom::Auto},
-                                                         {"keep", NormalsFrom::Keep},
-                                                         {"estimate", NormalsFrom::Estimate}});
-            request.clean.dropOutliers =
-                choose<bool>(outliers, "outliers", {{"drop", true}, {"keep", false}});
-            request.clean.flipNormals = flipNormals;
-            if (tolerance) request.fit.tolerance = lengthOf(*tolerance);
-            if (voxelSize) request.fit.voxelSize = lengthOf(*voxelSize);
-            request.fit.alpha = alpha;
-            request.fit.minPoints = minPoints;
-            request.fit.sharp = sharp;
-            request.fit.interpolate = interpolate;
+            const PointsArguments arguments{
+                source,    normals,
+                confidence, py::none(),
+                py::none(), viewpoint,
+                optionsOf(tolerance, voxelSize, orient, outliers, flipNormals, badPoints, alpha,
+                          minPoints, sharp, interpolate)};
             const FittedPoints made =
-                fittedPoints(source, normals, confidence, viewpoint, request, progress);
-            tell(made);
+                withPoints(arguments, progress, [&](PointInput&& input, Interrupter& p) {
+                    return fitPoints(preparePoints(std::move(input), arguments.options, &p), &p);
+                });
+            tell(made.report);
             return Shape(made.field, "points");
         },
         "source"_a, "normals"_a = py::none(), py::kw_only(), "confidence"_a = py::none(),
@@ -168,20 +211,63 @@ void bindPoints(py::module_& module)
         "bad_points"_a = "drop", "alpha"_a = py::none(), "min_points"_a = py::none(),
         "sharp"_a = true, "interpolate"_a = false, "progress"_a = py::none(),
         "The solid that points on its surface bound: read, cleaned and fitted at once.\n\n"
-        "source: a file, a list of files, or an array (n, 3) of float32 or float64, read in place, "
-        "world units; to it normals (n, 3), outward, and confidence (n,).\n"
-        "tolerance: largest distance of a local fit from its points, world units, '0.1%' of the "
-        "points' diagonal or '0.2vx'; None: from their spacing and measured noise.\n"
-        "voxel_size: the finest that the fit is for; None: the measured spacing.\n"
-        "viewpoint: where the scanner stood, (3,), or (n, 3) for n files, world units.\n"
-        "orient: 'auto' turns normals that are flipped among the others, or all those of a closed "
-        "solid, and estimates where there are none; 'keep' leaves them; 'estimate' always "
-        "estimates.\n"
-        "outliers: 'drop' or 'keep'. bad_points: 'drop' or 'fail' at the first that is not finite "
-        "or has no normal. flip_normals: they point inward.\n"
-        "alpha, min_points, sharp, interpolate: as the command's options of reconstruct.\n\n"
+        MPUVDB_POINTS_DOC
+        "voxel_size: the finest that the fit is for; None: the measured spacing.\n\n"
         "What was found is logged to the logger 'mpuvdb'; inward normals are a UserWarning."
-        "" MPUVDB_PROGRESS_DOC);
+        MPUVDB_PROGRESS_DOC);
+}
+
+void bindReconstruct(py::module_& module)
+{
+    module.def(
+        "reconstruct",
+        [](const py::object& source, const py::object& normals, const py::object& confidence,
+           const py::object& colors, const py::object& scalars,
+           const std::optional<LengthArgument>& tolerance,
+           const std::optional<LengthArgument>& voxelSize, std::optional<double> voxels,
+           double halfWidth, const py::object& viewpoint, const std::string& orient,
+           const std::string& outliers, bool flipNormals, const std::string& badPoints,
+           std::optional<double> alpha, std::optional<int> minPoints, bool sharp, bool interpolate,
+           bool coverage, const std::vector<std::string>& attributes,
+           std::optional<std::uint64_t> maxBytes, const py::object& progress) {
+            PointsArguments arguments{source,
+                                      normals,
+                                      confidence,
+                                      colors,
+                                      scalars,
+                                      viewpoint,
+                                      optionsOf(tolerance, voxelSize, orient, outliers, flipNormals,
+                                                badPoints, alpha, minPoints, sharp, interpolate)};
+            ReconstructOptions& options = arguments.options;
+            options.voxels = voxels;
+            options.halfWidth = halfWidth;
+            options.coverage = coverage;
+            options.attributes = attributes;
+            options.maxBytes = maxBytes;
+            ReconstructResult made =
+                withPoints(arguments, progress, [&](PointInput&& input, Interrupter& p) {
+                    return reconstruct(std::move(input), options, &p);
+                });
+            tell(made.report);
+            return made;
+        },
+        "source"_a, "normals"_a = py::none(), py::kw_only(), "confidence"_a = py::none(),
+        "colors"_a = py::none(), "scalars"_a = py::none(), "tolerance"_a = py::none(),
+        "voxel_size"_a = py::none(), "voxels"_a = py::none(), "half_width"_a = 3.0,
+        "viewpoint"_a = py::none(), "orient"_a = "auto", "outliers"_a = "drop",
+        "flip_normals"_a = false, "bad_points"_a = "drop", "alpha"_a = py::none(),
+        "min_points"_a = py::none(), "sharp"_a = true, "interpolate"_a = false,
+        "coverage"_a = false, "attributes"_a = std::vector<std::string>(),
+        "max_bytes"_a = py::none(), "progress"_a = py::none(),
+        "Points to a level set at once, as the command's reconstruct does it.\n\n"
+        MPUVDB_POINTS_DOC
+        "colors: (n, 3), sRGB, uint8 or floats in [0, 1]. scalars: a dict of names to (n,).\n"
+        "voxel_size: edge of a voxel; or voxels: their number along the longest side; None: from "
+        "the measured spacing. half_width: voxels, in [1.5, 1000].\n"
+        "coverage: also say where data support the surface. attributes: grids beside it: 'Cd', "
+        "'confidence', scalars by name. max_bytes: that the work may take.\n\n"
+        "What was found is in the result's report, and logged to the logger 'mpuvdb'; what is "
+        "likely wrong is a UserWarning." MPUVDB_PROGRESS_DOC);
 }
 
 void bindMeshes(py::module_& module)
@@ -228,6 +314,7 @@ void bindGrids(py::module_& module)
 void bindSources(py::module_& module)
 {
     bindPoints(module);
+    bindReconstruct(module);
     bindMeshes(module);
     bindGrids(module);
 }

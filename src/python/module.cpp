@@ -40,5 +40,6 @@ PYBIND11_MODULE(mpuvdb, module)
     py::implicitly_convertible<LevelSet, Shape>();
     bindBooleans(module);
     bindPrimitives(module);
+    bindReconstruction(module);
     bindSources(module);
 }

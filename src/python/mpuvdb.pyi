@@ -255,6 +255,21 @@ class LevelSet:
         self, min_volume: float = 0.0, count: Optional[int] = None, progress: Progress = None
     ) -> LevelSet: ...
 
+class Reconstruction:
+    @property
+    def level_set(self) -> LevelSet: ...
+    @property
+    def shape(self) -> Shape: ...
+    @property
+    def report(self) -> dict[str, Any]: ...
+    @property
+    def grids(self) -> list[str]: ...
+    def voxels(self, grid: str) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]: ...
+    def to_mesh(self, progress: Progress = None) -> Mesh: ...
+    def write(
+        self, file: Path, metadata: dict[str, str] = {}, progress: Progress = None
+    ) -> None: ...
+
 class Shape:
     def __init__(self, level_set: LevelSet) -> None: ...
     def level_set(
@@ -375,6 +390,31 @@ def points(
     interpolate: bool = False,
     progress: Progress = None,
 ) -> Shape: ...
+def reconstruct(
+    source: Union[Path, Sequence[Path], npt.ArrayLike],
+    normals: Optional[npt.ArrayLike] = None,
+    *,
+    confidence: Optional[npt.ArrayLike] = None,
+    colors: Optional[npt.ArrayLike] = None,
+    scalars: Optional[dict[str, npt.ArrayLike]] = None,
+    tolerance: Optional[Length] = None,
+    voxel_size: Optional[Length] = None,
+    voxels: Optional[float] = None,
+    half_width: float = 3.0,
+    viewpoint: Optional[npt.ArrayLike] = None,
+    orient: str = "auto",
+    outliers: str = "drop",
+    flip_normals: bool = False,
+    bad_points: str = "drop",
+    alpha: Optional[float] = None,
+    min_points: Optional[int] = None,
+    sharp: bool = True,
+    interpolate: bool = False,
+    coverage: bool = False,
+    attributes: list[str] = [],
+    max_bytes: Optional[int] = None,
+    progress: Progress = None,
+) -> Reconstruction: ...
 def mesh(
     source: Union[Path, Mesh, npt.ArrayLike],
     faces: Optional[npt.ArrayLike] = None,

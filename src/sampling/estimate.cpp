@@ -1,12 +1,16 @@
 // What a reconstruction takes, told by a small one.
+#include "resolve.h"
 #include "surface/surface_integrals.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
+#include <mpuvdb/memory.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -105,14 +109,21 @@ double shareIn(const Box3d& region, double margin, const PointCloud& cloud)
     return double(inside) / double(cloud.size());
 }
 
-} // namespace
+/// What the work holds of itself, and threads of their scratch, bytes.
+constexpr std::uint64_t kWorkingBytes = 12 << 20;
+/// Of the .vdb file, per active voxel, and of the grid of coverage in it, bytes.
+constexpr double kFileBytes = 4.6, kCoverageFileBytes = 1.15;
+/// Per square of a voxel's edge on the surface: triangles, and bytes while they are made.
+constexpr double kTriangles = 2.96, kMeshBytes = 218;
+/// Per point: bytes while coverage learns what is around it, and of what it keeps.
+constexpr std::uint64_t kCoveragePointBytes = 56, kCoverageKeptBytes = 12;
 
-ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettings& settings,
-                                Interrupter* interrupter)
+/// What is made of the level set itself. @param resolved  of @a cloud, for the voxels in question.
+ReconstructionEstimate estimateLevelSet(const PointCloud& cloud, const ResolvedSettings& resolved,
+                                        Interrupter& progress)
 {
-    Interrupter& progress = orSilent(interrupter);
     ReconstructionEstimate estimate;
-    const ResolvedSettings& resolved = estimate.settings = resolve(cloud, settings, &progress);
+    estimate.settings = resolved;
     estimate.fit = estimateFit(cloud, resolved.fit, &progress);
     const Trial trial = tryWithLargerVoxels(cloud, resolved, progress);
     estimate.area = trial.area;
@@ -132,6 +143,99 @@ ReconstructionEstimate estimate(const PointCloud& cloud, const ReconstructSettin
         std::max(estimate.fit.peakBytes, estimate.fit.bytes + std::uint64_t(kBandShare * sampled));
     progress.endStage();
     return estimate;
+}
+
+/// Add what else is made: coverage, a mesh, the file.
+void addExtras(ReconstructionEstimate& estimate, std::uint64_t points, bool withCoverage,
+               bool withMesh)
+{
+    const double h = estimate.settings.grid.lattice.voxelSize, squares = estimate.area / (h * h);
+    const std::uint64_t grid = estimate.gridBytes;
+    std::uint64_t held = estimate.fit.bytes + grid;
+    std::uint64_t& peak = estimate.peakBytes;
+    double fileBytes = kFileBytes;
+    if (withCoverage) {
+        peak = std::max(peak, held + std::max(kCoveragePointBytes * points,
+                                              kCoverageKeptBytes * points + grid));
+        held += grid;
+        fileBytes += kCoverageFileBytes;
+    }
+    estimate.fileBytes = std::uint64_t(fileBytes * double(estimate.activeVoxels));
+    estimate.triangles = std::uint64_t(kTriangles * squares);
+    if (withMesh) peak = std::max(peak, held + std::uint64_t(kMeshBytes * squares));
+    peak += kWorkingBytes;
+}
+
+ReconstructionEstimate estimateWith(const PreparedPoints& points, const ResolvedSettings& resolved,
+                                    bool withMesh, Interrupter& progress)
+{
+    ReconstructionEstimate estimate = estimateLevelSet(points.cloud, resolved, progress);
+    addExtras(estimate, points.cloud.size(), points.options.coverage, withMesh);
+    return estimate;
+}
+
+/// Bytes that the number of points and their spacing alone say; holes and uneven sampling make it
+/// more.
+double roughBytes(const PreparedPoints& points)
+{
+    constexpr double kPointBytes = 200, kSquareBytes = 400;
+    const ResolvedSettings& resolved = points.report.settings;
+    const double count = double(points.cloud.size());
+    const double squares = count * resolved.points.areaPerPoint() /
+                           std::pow(resolved.grid.lattice.voxelSize, 2) * resolved.grid.halfWidth /
+                           3;
+    return count * kPointBytes + squares * kSquareBytes;
+}
+
+/// A voxel size with which the work takes no more than @a maxBytes, if there is one.
+std::optional<double> fittingVoxelSize(const PreparedPoints& points,
+                                       const ReconstructionEstimate& tooLarge, bool withMesh,
+                                       double maxBytes, Interrupter& progress)
+{
+    constexpr double kRoom = 0.95; // left for what estimates do not know
+    constexpr double kLeastVoxels = 8;
+    ReconstructOptions options = points.options;
+    options.voxels.reset();
+    double h = tooLarge.settings.grid.lattice.voxelSize;
+    for (double need = double(tooLarge.peakBytes); need > kRoom * maxBytes;) {
+        h *= std::clamp(std::sqrt(need / (kRoom * maxBytes)), 1.05, 4.0);
+        const double digit = std::pow(10, std::floor(std::log10(h)) - 2);
+        h = std::ceil(h / digit) * digit; // as it will be written
+        if (h * kLeastVoxels > tooLarge.settings.boxSize.maxCoeff()) return {};
+        options.voxelSize = Length{h, Length::Unit::World};
+        const ResolvedSettings resolved =
+            resolve(points.cloud, points.report.cleaned.statistics, options);
+        need = double(estimateWith(points, resolved, withMesh, progress).peakBytes);
+    }
+    return h;
+}
+
+} // namespace
+
+ReconstructionEstimate estimate(const PreparedPoints& points, bool withMesh,
+                                Interrupter* interrupter)
+{
+    return estimateWith(points, points.report.settings, withMesh, orSilent(interrupter));
+}
+
+void requireMemory(const PreparedPoints& points, bool withMesh, std::uint64_t heldBytes,
+                   Interrupter* interrupter)
+{
+    if (!points.options.maxBytes) return;
+    constexpr double kSafety = 6; // between a rough guess and what may come
+    const std::uint64_t maxBytes = *points.options.maxBytes;
+    if (double(heldBytes + kWorkingBytes) + kSafety * roughBytes(points) < double(maxBytes)) return;
+    Interrupter& progress = orSilent(interrupter);
+    const ReconstructionEstimate run = estimate(points, withMesh, &progress);
+    const std::uint64_t peakBytes = heldBytes + run.peakBytes;
+    if (peakBytes <= maxBytes) return;
+    const std::optional<double> fitting =
+        fittingVoxelSize(points, run, withMesh, double(maxBytes) - double(heldBytes), progress);
+    throw LimitError(fmt::format(
+        "voxels of size {:.4g} would take about {} of memory, and the limit is {}: {}",
+        run.settings.grid.lattice.voxelSize, sizeText(peakBytes), sizeText(maxBytes),
+        fitting ? fmt::format("--voxel-size {:.3g} would fit, or raise --max-memory", *fitting)
+                : "no voxel size makes so many points fit; raise --max-memory"));
 }
 
 } // namespace mpuvdb

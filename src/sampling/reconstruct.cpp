@@ -1,8 +1,9 @@
-#include <mpuvdb/error.h>
-#include <mpuvdb/explained.h>
-#include <mpuvdb/reconstruct.h>
+#include "resolve.h"
 
+#include <mpuvdb/attribute_grids.h>
+#include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
+#include <mpuvdb/reconstruct.h>
 
 #include <algorithm>
 #include <cmath>
@@ -31,21 +32,21 @@ double defaultVoxelSize(const PointStatistics& points)
                       widest * points.spacing);
 }
 
-double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSettings& resolved)
+double resolveVoxelSize(const ReconstructOptions& options, const ResolvedSettings& resolved)
 {
     const double longest = resolved.boxSize.maxCoeff();
-    if (settings.voxelSize && settings.voxels)
+    if (options.voxelSize && options.voxels)
         throw UsageError("give the voxel size or the number of voxels, not both");
-    if (settings.voxels) {
-        if (!(*settings.voxels >= 4 && *settings.voxels <= 100000))
+    if (options.voxels) {
+        if (!(*options.voxels >= 4 && *options.voxels <= 100000))
             throw UsageError(fmt::format(
-                "{} voxels along the longest side; it must be in [4, 100000]", *settings.voxels));
-        return longest / *settings.voxels;
+                "{} voxels along the longest side; it must be in [4, 100000]", *options.voxels));
+        return longest / *options.voxels;
     }
-    if (settings.voxelSize) {
-        if (settings.voxelSize->unit == Length::Unit::Voxels)
+    if (options.voxelSize) {
+        if (options.voxelSize->unit == Length::Unit::Voxels)
             throw UsageError("a voxel size in voxels says nothing: give world units or %");
-        const double h = settings.voxelSize->resolve(0, resolved.diagonal);
+        const double h = options.voxelSize->resolve(0, resolved.diagonal);
         if (!(h > 0)) throw UsageError(fmt::format("voxel size is {}; it must be above 0", h));
         return h;
     }
@@ -53,7 +54,7 @@ double resolveVoxelSize(const ReconstructSettings& settings, const ResolvedSetti
 }
 
 /// @throws InputError if the vertices of a mesh are too far from most of its surface to show it.
-void demandSupport(const VertexMesh& mesh, double spacing)
+void requireSupport(const VertexMesh& mesh, double spacing)
 {
     // [derived: twice the distance from points up to which MpuField::coverage() has support]
     constexpr double kSpanned = 10; // spacings
@@ -82,22 +83,31 @@ Box3d resolveRegion(const std::array<Length, 6>& region, const ResolvedSettings&
     return box;
 }
 
+/// Leave out the attributes of @a cloud that @a names does not have.
+void keepNamed(PointCloud& cloud, const std::vector<std::string>& names)
+{
+    const auto isNamed = [&](const std::string& name) {
+        return std::find(names.begin(), names.end(), name) != names.end();
+    };
+    if (!isNamed(kColorName)) cloud.colors = {};
+    cloud.scalars.erase(
+        std::remove_if(cloud.scalars.begin(), cloud.scalars.end(),
+                       [&](const NamedScalars& scalars) { return !isNamed(scalars.name); }),
+        cloud.scalars.end());
+}
+
 } // namespace
 
-ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& settings,
-                         Interrupter* interrupter)
+ResolvedSettings resolve(const PointCloud& cloud, const PointStatistics& statistics,
+                         const ReconstructOptions& options)
 {
-    Interrupter& progress = orSilent(interrupter);
-    if (cloud.empty()) throw InputError("no points: the input is empty");
     ResolvedSettings resolved;
-    if (!settings.points) progress.beginStage("measure");
-    resolved.points = settings.points ? *settings.points : measure(cloud, &progress);
-    progress.endStage();
-    if (cloud.mesh) demandSupport(*cloud.mesh, resolved.points.spacing);
+    resolved.points = statistics;
+    if (cloud.mesh) requireSupport(*cloud.mesh, resolved.points.spacing);
     const Box3d box = cloud.localBounds();
     resolved.boxSize = box.sizes();
     resolved.diagonal = resolved.boxSize.norm();
-    const double h = resolveVoxelSize(settings, resolved);
+    const double h = resolveVoxelSize(options, resolved);
     const double across = resolved.boxSize.maxCoeff() / h;
     if (!(across <= 4e6))
         throw LimitError(
@@ -105,39 +115,109 @@ ResolvedSettings resolve(const PointCloud& cloud, const ReconstructSettings& set
                         "index range: use larger voxels",
                         across, h));
     resolved.grid.lattice = latticeFor(box.translated(cloud.frame), h);
-    resolved.grid.halfWidth = settings.halfWidth;
-    resolved.grid.maxBytes = settings.maxBytes;
-    if (settings.region) resolved.grid.region = resolveRegion(*settings.region, resolved);
+    resolved.grid.halfWidth = options.halfWidth;
+    resolved.grid.maxBytes = options.maxBytes.value_or(0);
+    if (options.region) resolved.grid.region = resolveRegion(*options.region, resolved);
 
     MpuSettings& fit = resolved.fit;
     fit.voxelSize = h;
     fit.points = resolved.points;
-    fit.interpolate = settings.interpolate;
-    fit.alpha = settings.alpha.value_or(fit.interpolate ? kInterpolationAlpha : fit.alpha);
-    fit.sharp = settings.sharp && !fit.interpolate;
-    if (settings.tolerance) {
-        fit.tolerance = settings.tolerance->resolve(h, resolved.diagonal);
+    fit.interpolate = options.interpolate;
+    fit.alpha = options.alpha.value_or(fit.interpolate ? kInterpolationAlpha : fit.alpha);
+    fit.sharp = options.sharp && !fit.interpolate;
+    if (options.tolerance) {
+        fit.tolerance = options.tolerance->resolve(h, resolved.diagonal);
     } else {
         fit.tolerance = kToleranceVoxels * h;
         fit.noise = resolved.points.noise;
         fit.normalNoise = resolved.points.normalNoise;
     }
-    fit.minPoints = settings.minPoints.value_or(MpuSettings{}.minPoints);
+    fit.minPoints = options.minPoints.value_or(MpuSettings{}.minPoints);
     return resolved;
 }
 
-Reconstruction reconstruct(PointCloud&& cloud, const ReconstructSettings& settings,
-                           Interrupter* interrupter)
+PreparedPoints preparePoints(PointInput&& points, const ReconstructOptions& options,
+                             Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    const ResolvedSettings resolved = resolve(cloud, settings, &progress);
-    auto field = std::make_shared<const MpuField>(std::move(cloud), resolved.fit, &progress);
-    LevelSet levelSet = sampleField(*field, resolved.grid, &progress);
+    if (points.cloud.empty()) throw InputError("no points: the input is empty");
+    PreparedPoints prepared;
+    PointCloud& cloud = prepared.cloud;
+    ReconstructReport& report = prepared.report;
+    cloud = std::move(points.cloud);
+    prepared.options = options;
+    report.dropped = std::move(points.dropped);
+    report.notes = std::move(points.notes);
+    report.warnings = std::move(points.warnings);
+    keepNamed(cloud, options.attributes);
+    if (options.clean) {
+        report.cleaned = clean(cloud, *options.clean, &progress);
+        if (report.cleaned.outliers > 0) report.dropped["outlier"] += report.cleaned.outliers;
+    } else {
+        progress.beginStage("measure");
+        report.cleaned.statistics = measure(cloud, &progress);
+        progress.endStage();
+    }
+    report.points = cloud.size();
+    report.settings = resolve(cloud, report.cleaned.statistics, options);
+    return prepared;
+}
+
+FittedPoints fitPoints(PreparedPoints&& points, Interrupter* interrupter)
+{
+    FittedPoints fitted{nullptr, std::move(points.options), std::move(points.report)};
+    fitted.field = std::make_shared<const MpuField>(std::move(points.cloud),
+                                                    fitted.report.settings.fit, interrupter);
+    fitted.report.fit = fitted.field->statistics();
+    return fitted;
+}
+
+ReconstructResult sampleFit(const FittedPoints& fitted, Interrupter* interrupter)
+{
+    Interrupter& progress = orSilent(interrupter);
+    const MpuField& field = *fitted.field;
+    const SampleSettings& settings = fitted.report.settings.grid;
+    ReconstructResult result;
+    result.field = fitted.field;
+    result.report = fitted.report;
+    const LevelSet levelSet = sampleField(field, settings, &progress);
     progress.beginStage("explain");
-    auto explained = std::make_shared<Explained>();
-    explained->by = explain(levelSet, *field, resolved.grid.region, &progress);
+    result.report.explained = explain(levelSet, field, settings.region, &progress);
     progress.endStage();
-    return {LevelSet(levelSet.gridPtr(), std::move(explained)), std::move(field), resolved};
+    if (fitted.options.coverage) {
+        progress.beginStage("spacing");
+        const auto coverage = field.coverage(&progress);
+        result.report.coverageSpacing = coverage->spacing();
+        result.coverage = sampleCoverage(levelSet, *coverage, &progress);
+    }
+    if (!fitted.options.attributes.empty())
+        result.attributes =
+            sampleAttributes(levelSet, *field.attributes(fitted.options.attributes), &progress);
+    // Nobody else holds the grid: the level set is made here, and goes now.
+    result.grid = std::const_pointer_cast<openvdb::FloatGrid>(levelSet.gridPtr());
+    return result;
+}
+
+LevelSet ReconstructResult::levelSet() const
+{
+    auto explained = std::make_shared<Explained>();
+    explained->by = report.explained;
+    return LevelSet(grid, std::move(explained));
+}
+
+ReconstructResult reconstruct(PointInput&& points, const ReconstructOptions& options,
+                              Interrupter* interrupter)
+{
+    PreparedPoints prepared = preparePoints(std::move(points), options, interrupter);
+    requireMemory(prepared, false, 0, interrupter);
+    return sampleFit(fitPoints(std::move(prepared), interrupter), interrupter);
+}
+
+ReconstructResult reconstruct(const PointView& points, const ReconstructOptions& options,
+                              Interrupter* interrupter)
+{
+    return reconstruct(importPoints(points, "points", options.badPoints, interrupter), options,
+                       interrupter);
 }
 
 } // namespace mpuvdb

@@ -1,5 +1,6 @@
 #include "band.h"
 #include "distance/restore_distance.h"
+#include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
 
 #include <mpuvdb/distances.h>
@@ -22,12 +23,18 @@ namespace
 /// the surface: all corners of a cell that it crosses.
 constexpr double kCrossingWidth = 2;
 
+/// Half-widths up to which distances are taken from the field, voxels: of fields that are distances
+/// everywhere, and of those that are near their zero set only. What lies farther off is measured
+/// from the zero set. [tuned: csg_bench, noise_bench]
+constexpr double kSampledBand = 20, kNearBand = 6;
+
+/// Voxels beyond a band that distances at its end still depend on. [derived: a leaf]
+constexpr int kStencil = 8;
+
 void demandSettings(const Field& field, const SampleSettings& settings)
 {
     demandVoxelSize(settings.lattice.voxelSize);
-    if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
-        throw UsageError(
-            fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));
+    demandHalfWidth(settings.halfWidth);
     const Box3d box = field.bounds();
     if (!box.isEmpty() && !(box.min().allFinite() && box.max().allFinite()))
         throw UsageError("the solid goes on without end, which no grid can hold: intersect it with "
@@ -78,35 +85,14 @@ LevelSet cropped(const LevelSet& whole, const openvdb::CoordBBox& region)
     return LevelSet(grid);
 }
 
-} // namespace
-
-openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
+/// The level set of @a field in a band that is sampled as a whole. @param region  voxels; or null.
+LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
+                      const openvdb::CoordBBox* region, Interrupter& progress)
 {
-    constexpr double kMost = 1 << 23; // beyond the index range of blocks
-    openvdb::CoordBBox voxels;
-    for (int axis = 0; axis < 3; ++axis) {
-        const auto index = [&](double x) {
-            return std::clamp((x - lattice.origin[axis]) / lattice.voxelSize, -kMost, kMost);
-        };
-        voxels.min()[axis] = int(std::ceil(index(region.min()[axis])));
-        voxels.max()[axis] = int(std::floor(index(region.max()[axis])));
-    }
-    return voxels;
-}
-
-LevelSet sampleField(const Field& field, const SampleSettings& settings, Interrupter* interrupter)
-{
-    Interrupter& progress = orSilent(interrupter);
-    demandSettings(field, settings);
     const Lattice& lattice = settings.lattice;
     const bool isDistance = field.isDistance();
     std::optional<BlockBox> zone;
-    openvdb::CoordBBox region;
-    if (settings.region) {
-        region = voxelsIn(*settings.region, lattice);
-        if (region.empty()) return emptyLevelSet(lattice, settings.halfWidth);
-        zone = zoneOf(region, settings.halfWidth);
-    }
+    if (region) zone = zoneOf(*region, settings.halfWidth);
     progress.beginStage("sample");
     Band band(field, lattice, isDistance ? settings.halfWidth : kCrossingWidth * field.steepness(),
               settings.maxBytes, progress, zone);
@@ -137,7 +123,56 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Interru
     const bool areLengths = isDistance && (zone || areDistances(*grid, restored, progress));
     const LevelSet levelSet =
         areLengths ? LevelSet(grid) : redistance(*grid, settings.halfWidth, &progress);
-    return zone ? cropped(levelSet, region) : levelSet;
+    return region ? cropped(levelSet, *region) : levelSet;
+}
+
+
+/// The same for wider bands: what the field does not tell is measured from its zero set.
+LevelSet sampleWide(const Field& field, const SampleSettings& settings, double sampledBand,
+                    const openvdb::CoordBBox* region, Interrupter& progress)
+{
+    SampleSettings narrow = settings;
+    narrow.halfWidth = sampledBand;
+    openvdb::CoordBBox around;
+    if (region) {
+        around = *region;
+        around.expand(int(std::ceil(settings.halfWidth)) + kStencil);
+    }
+    const LevelSet near = sampleNarrow(field, narrow, region ? &around : nullptr, progress);
+    const LevelSet wide = withHalfWidth(near, settings.halfWidth, &progress);
+    return region ? cropped(wide, *region) : wide;
+}
+
+} // namespace
+
+openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
+{
+    constexpr double kMost = 1 << 23; // beyond the index range of blocks
+    openvdb::CoordBBox voxels;
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto index = [&](double x) {
+            return std::clamp((x - lattice.origin[axis]) / lattice.voxelSize, -kMost, kMost);
+        };
+        voxels.min()[axis] = int(std::ceil(index(region.min()[axis])));
+        voxels.max()[axis] = int(std::floor(index(region.max()[axis])));
+    }
+    return voxels;
+}
+
+LevelSet sampleField(const Field& field, const SampleSettings& settings, Interrupter* interrupter)
+{
+    Interrupter& progress = orSilent(interrupter);
+    demandSettings(field, settings);
+    openvdb::CoordBBox region;
+    if (settings.region) {
+        region = voxelsIn(*settings.region, settings.lattice);
+        if (region.empty()) return emptyLevelSet(settings.lattice, settings.halfWidth);
+    }
+    const openvdb::CoordBBox* const part = settings.region ? &region : nullptr;
+    const double sampledBand = field.isDistanceFar() ? kSampledBand : kNearBand;
+    return field.isDistance() && settings.halfWidth > sampledBand
+               ? sampleWide(field, settings, sampledBand, part, progress)
+               : sampleNarrow(field, settings, part, progress);
 }
 
 } // namespace mpuvdb

@@ -1,5 +1,6 @@
 #include "distance/triangle_band.h"
 #include "explain_mesh.h"
+#include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
 #include "mesh_signs.h"
 
@@ -109,9 +110,7 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Interrupter*
     Interrupter& progress = orSilent(interrupter);
     const Lattice& lattice = settings.lattice;
     demandVoxelSize(lattice.voxelSize);
-    if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
-        throw UsageError(
-            fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));
+    demandHalfWidth(settings.halfWidth);
     progress.beginStage("voxelize");
     demandMesh(mesh);
     const IndexMesh indexMesh(mesh, lattice);

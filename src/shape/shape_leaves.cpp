@@ -17,9 +17,9 @@ namespace mpuvdb
 namespace
 {
 
-/// Fields are sampled into bands of at most this many voxels; those that are no distances far from
-/// their zero set, into narrower ones. What lies farther off is measured from the zero set.
-constexpr double kSampledBand = 20, kNearBand = 6;
+/// The half-width up to which no field is measured from its zero set, voxels. [derived:
+/// sampleField()]
+constexpr double kNearBand = 6;
 
 /// Blocks that a surface of random orientation meets, times their face, by its area: 1.5 where it
 /// meets their cubes, more as seeds are found by the balls around them.
@@ -84,13 +84,11 @@ public:
         const FieldPtr field = box.contains(bounds()) ? mField : makeClippedField(mField, box);
         SampleSettings settings;
         settings.lattice = own.lattice;
-        settings.halfWidth =
-            std::min(own.halfWidth, field->isDistanceFar() ? kSampledBand : kNearBand);
+        settings.halfWidth = own.halfWidth;
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
         const LevelSet made = sampleField(*field, settings, &progress);
-        return told(inBand(made, own.halfWidth, progress),
-                    field == mField ? explainedOf(made, progress) : nullptr, progress);
+        return told(made, field == mField ? explainedOf(made, progress) : nullptr, progress);
     }
 
 protected:
@@ -202,10 +200,10 @@ public:
     {
         SampleSettings settings;
         settings.lattice = own.lattice;
-        settings.halfWidth = std::min(own.halfWidth, kSampledBand);
+        settings.halfWidth = own.halfWidth;
         settings.maxBytes = maxBytes;
         const LevelSet made = voxelize(*mMesh, settings, &progress);
-        return told(inBand(made, own.halfWidth, progress), made.explained(), progress);
+        return told(made, made.explained(), progress);
     }
 
 protected:

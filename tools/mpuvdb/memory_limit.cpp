@@ -72,15 +72,6 @@ std::uint64_t parseSize(const std::string& text)
     return std::uint64_t(bytes);
 }
 
-std::string sizeText(std::uint64_t bytes)
-{
-    const char* const units[] = {"B", "KB", "MB", "GB", "TB"};
-    double number = double(bytes);
-    int unit = 0;
-    for (; number >= 1024 && unit < 4; ++unit) number /= 1024;
-    return fmt::format(unit == 0 || number >= 100 ? "{:.0f} {}" : "{:.1f} {}", number, units[unit]);
-}
-
 void limitMemory(std::uint64_t bytes)
 {
     rlimit limit{};

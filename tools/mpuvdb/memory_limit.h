@@ -1,5 +1,7 @@
 // How much memory the process may take.
 #pragma once
+#include <mpuvdb/memory.h>
+
 #include <cstdint>
 #include <string>
 
@@ -9,9 +11,6 @@ namespace mpuvdb::command
 /// A size as users write it: "4G", "512M", "1.5GB", "800000000"; K, M, G, T are powers of 1024.
 /// @throws UsageError for anything else, and for zero.
 std::uint64_t parseSize(const std::string& text);
-
-/// A size for people: "1.5 GB".
-std::string sizeText(std::uint64_t bytes);
 
 /// Let allocations beyond @a bytes more than now held fail (std::bad_alloc) rather than the
 /// machine.

@@ -3,7 +3,6 @@
 #include "level_set_verb.h"
 #include "memory_limit.h"
 #include "presets.h"
-#include "run_estimate.h"
 #include "verb.h"
 
 #include <mpuvdb/clean.h>
@@ -58,7 +57,7 @@ public:
                      "voxels, memory (to a fifth), size of the file. Writes nothing but a report");
         app.callback([this, &app] {
             if (mOutput.empty() && !mDryRun) throw CLI::RequiredError("--output");
-            if (mSettings.region && (!mMesh.path.empty() || wantsCoverage()))
+            if (mOptions.region && (!mMesh.path.empty() || wantsCoverage()))
                 throw UsageError("--region ends the band at its sides: there is no --mesh, "
                                  "--coverage or --holes of a part");
             mPresetOptions = applyPreset(app, mPreset);
@@ -87,46 +86,25 @@ public:
         outputs.push_back({"--usd", mUsd, {".usda"}});
         if (!mOutput.empty()) outputs.push_back({"-o", mOutput, {".vdb"}});
         session.checkFiles(outputs, mInputs);
-        PointInput input = readInput(session);
-        mDropped = input.dropped;
-        mAttributes.choose(!input.cloud.colors.empty());
-        if (!mAttributes.has(kColorName)) input.cloud.colors = {};
-        clean(session, input.cloud);
-        mPoints = input.cloud.size();
-
-        mSettings.maxBytes = session.options().maxBytes;
-        const RunEstimator estimator(input.cloud, mSettings, {!mMesh.path.empty(), wantsCoverage()},
-                                     bareBytes);
+        Interrupter* const interrupter = &session.progress();
+        PreparedPoints prepared = preparePoints(readInput(session), mOptions, interrupter);
+        describeCleaning(session, prepared.report);
         if (mDryRun) {
-            foresee(session, estimator);
+            foresee(session, prepared, bareBytes);
             return ExitCode::Ok;
         }
-        estimator.demand(mSettings.maxBytes, session.progress());
-        const Reconstruction made =
-            reconstruct(std::move(input.cloud), mSettings, &session.progress());
-        describeSettings(session, made.settings);
-        describeFit(session, made);
-        const PointsExplained& explained = std::get<PointsExplained>(made.levelSet.explained()->by);
-        session.report()["explained"] = toJson(explained);
+        requireMemory(prepared, !mMesh.path.empty(), bareBytes, interrupter);
+        ReconstructResult made =
+            sampleFit(fitPoints(std::move(prepared), interrupter), interrupter);
+        describe(session, made);
         const CheckReport checked = checkOf(made, session);
-        const openvdb::FloatGrid::ConstPtr coverage = coverageOf(made, session);
-        openvdb::GridCPtrVec beside = attributeGrids(made, session);
-        if (coverage) beside.insert(beside.begin(), coverage);
-        writeLevelSet(mOutput, made.levelSet, metadata(made), beside, &session.progress());
-        session.report()["grid"] = toJson(made.levelSet);
         session.report()["check"] = toJson(checked);
-        if (!mUsd.empty()) {
-            beside.insert(beside.begin(), made.levelSet.gridPtr());
-            writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene);
-        }
+        writeGrids(session, made);
         ExitCode meshCode = ExitCode::Ok;
-        if (!mMesh.path.empty()) {
-            mMesh.trim = trimOf(made, coverage);
-            mMesh.field = made.field.get();
-            meshCode = writeMeshOf(made.levelSet, mMesh, session);
-        }
+        if (!mMesh.path.empty()) meshCode = writeMesh(session, made);
         session.progress().endStage();
         summarize(session, made);
+        const PointsExplained& explained = made.report.explained;
         session.note("explained   " + explainedText(explained));
         for (const CheckFinding& finding : checked.findings)
             session.warn(fmt::format("{}: {}", mOutput, findingText(finding)));
@@ -148,60 +126,51 @@ private:
             ->group(group);
     }
 
-    static CheckReport checkOf(const Reconstruction& made, Session& session)
+    static CheckReport checkOf(const ReconstructResult& made, Session& session)
     {
-        const SampleSettings& s = made.settings.grid;
-        const openvdb::FloatGrid& grid = made.levelSet.grid();
-        if (!s.region)
-            return check(grid, kGradientTolerance, openvdb::CoordBBox::inf(), &session.progress());
-        return check(grid, kGradientTolerance, voxelsIn(*s.region, s.lattice), &session.progress());
+        const SampleSettings& s = made.report.settings.grid;
+        const openvdb::CoordBBox within =
+            s.region ? voxelsIn(*s.region, s.lattice) : openvdb::CoordBBox::inf();
+        return check(*made.grid, kGradientTolerance, within, &session.progress());
     }
 
     bool wantsCoverage() const { return mCoverage || !mHoles.close; }
 
-    /// Null where nobody asked for it.
-    openvdb::FloatGrid::ConstPtr coverageOf(const Reconstruction& made, Session& session) const
+    void writeGrids(Session& session, const ReconstructResult& made) const
     {
-        if (!wantsCoverage()) return nullptr;
-        session.progress().beginStage("spacing");
-        const auto coverage = made.field->coverage(&session.progress());
-        const auto grid = sampleCoverage(made.levelSet, *coverage, &session.progress());
-        session.report()["coverage"] = {{"name", grid->getName()},
-                                        {"spacing", coverage->spacing()},
-                                        {"active_voxels", grid->activeVoxelCount()},
-                                        {"bytes", grid->memUsage()}};
-        return grid;
+        openvdb::GridCPtrVec beside(made.attributes.begin(), made.attributes.end());
+        if (made.coverage) beside.insert(beside.begin(), made.coverage);
+        writeLevelSet(mOutput, made.levelSet(), metadata(made), beside, &session.progress());
+        if (mUsd.empty()) return;
+        beside.insert(beside.begin(), made.grid);
+        writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene);
     }
 
-    /// What --attributes names; a mesh will get it from the field itself.
-    openvdb::GridCPtrVec attributeGrids(const Reconstruction& made, Session& session)
+    /// Attributes come to the mesh from the field itself.
+    ExitCode writeMesh(Session& session, const ReconstructResult& made)
     {
-        if (mAttributes.names.empty()) return {};
-        const std::shared_ptr<const SurfaceAttributes> attributes =
-            made.field->attributes(mAttributes.names);
-        mMesh.addAttributes = [attributes](Mesh& mesh, Interrupter& progress) {
-            addAttributes(mesh, *attributes, &progress);
-        };
-        const auto grids = sampleAttributes(made.levelSet, *attributes, &session.progress());
-        return {grids.begin(), grids.end()};
-    }
-
-    Trim trimOf(const Reconstruction& made, openvdb::FloatGrid::ConstPtr coverage) const
-    {
-        if (mHoles.close) return {};
-        const ResolvedSettings& s = made.settings;
-        return {std::move(coverage),
-                mHoles.closeUpTo.resolve(s.grid.lattice.voxelSize, s.diagonal)};
+        mMesh.field = made.field.get();
+        if (!mOptions.attributes.empty())
+            mMesh.addAttributes = [attributes = std::shared_ptr<const SurfaceAttributes>(
+                                       made.field->attributes(mOptions.attributes))](
+                                      Mesh& mesh, Interrupter& progress) {
+                addAttributes(mesh, *attributes, &progress);
+            };
+        const ResolvedSettings& s = made.report.settings;
+        if (!mHoles.close)
+            mMesh.trim = {made.coverage,
+                          mHoles.closeUpTo.resolve(s.grid.lattice.voxelSize, s.diagonal)};
+        return writeMeshOf(made.levelSet(), mMesh, session);
     }
 
     void addGridOptions(CLI::App& app)
     {
         const char* const group = "Grid";
         CLI::Option* const size =
-            addLength(app, "--voxel-size", mSettings.voxelSize,
+            addLength(app, "--voxel-size", mOptions.voxelSize,
                       "Edge of a voxel; default: the measured spacing of the points")
                 ->group(group);
-        app.add_option("--voxels", mSettings.voxels,
+        app.add_option("--voxels", mOptions.voxels,
                        "Instead: voxels along the longest side of the points' box")
             ->type_name("N")
             ->excludes(size)
@@ -216,7 +185,7 @@ private:
             ->type_name("LENGTH")
             ->expected(6)
             ->group(group);
-        app.add_option("--half-width", mSettings.halfWidth,
+        app.add_option("--half-width", mOptions.halfWidth,
                        "Voxels of the narrow band on either side of the surface")
             ->type_name("VOXELS")
             ->capture_default_str()
@@ -225,33 +194,33 @@ private:
 
     void setRegion(const std::vector<std::string>& words)
     {
-        mSettings.region.emplace();
-        std::transform(words.begin(), words.end(), mSettings.region->begin(),
+        mOptions.region.emplace();
+        std::transform(words.begin(), words.end(), mOptions.region->begin(),
                        [](const std::string& word) { return Length::parse(word); });
     }
 
     void addFitOptions(CLI::App& app)
     {
         const char* const group = "Fit";
-        addLength(app, "--tolerance", mSettings.tolerance,
+        addLength(app, "--tolerance", mOptions.tolerance,
                   "Largest distance of a local fit from its points; default: from the voxel size\n"
                   "and the measured noise")
             ->group(group);
-        app.add_option("--alpha", mSettings.alpha,
+        app.add_option("--alpha", mOptions.alpha,
                        "Radius of a fit's support, in diagonals of its cell; larger is smoother;\n"
                        "default: 0.75, with --interpolate 1.25")
             ->type_name("RATIO")
             ->group(group);
-        app.add_option("--min-points", mSettings.minPoints,
+        app.add_option("--min-points", mOptions.minPoints,
                        "Points that a local fit needs; default: 15")
             ->type_name("N")
             ->group(group);
         app.add_flag_callback(
-               "--no-sharp", [this] { mSettings.sharp = false; },
+               "--no-sharp", [this] { mOptions.sharp = false; },
                "Fit no edges and corners: smooth everywhere")
             ->group(group);
         app.add_flag(
-               "--interpolate", mSettings.interpolate,
+               "--interpolate", mOptions.interpolate,
                "Pass through every point: for points that are exact. No edges and corners;\n"
                "--tolerance still rules where cells are large beside the spacing, --min-points\n"
                "the neighbors of a point that shape the surface at it; --alpha from 1.05 on")
@@ -293,8 +262,17 @@ private:
             ->group(group);
     }
 
-    PointInput readInput(Session& session) const
+    PointInput readInput(Session& session)
     {
+        CleanSettings cleaning;
+        cleaning.normals = mNormals == "keep"       ? NormalsFrom::Keep
+                           : mNormals == "estimate" ? NormalsFrom::Estimate
+                                                    : NormalsFrom::Auto;
+        cleaning.dropOutliers = mOutliers == "drop";
+        cleaning.flipNormals = mFlipNormals;
+        mOptions.clean = cleaning;
+        mOptions.coverage = wantsCoverage();
+        mOptions.maxBytes = session.options().maxBytes;
         std::vector<Vec3d> viewpoints;
         for (const std::string& text : mViewpoints)
             viewpoints.push_back(parseTriple("--viewpoint", text));
@@ -303,41 +281,33 @@ private:
                                       viewpoints, mAttributes.scalars(), &session.progress());
         for (const std::string& note : input.notes) session.note(note);
         for (const std::string& warning : input.warnings) session.warn(warning);
+        mAttributes.choose(!input.cloud.colors.empty());
+        mOptions.attributes = mAttributes.names;
         return input;
     }
 
-    /// Leave out outliers, and see to the normals.
-    void clean(Session& session, PointCloud& cloud)
+    /// Say what was done to the points.
+    void describeCleaning(Session& session, const ReconstructReport& made) const
     {
-        CleanSettings settings;
-        settings.normals = mNormals == "keep"       ? NormalsFrom::Keep
-                           : mNormals == "estimate" ? NormalsFrom::Estimate
-                                                    : NormalsFrom::Auto;
-        settings.dropOutliers = mOutliers == "drop";
-        settings.flipNormals = mFlipNormals;
-        const CleanReport report = mpuvdb::clean(cloud, settings, &session.progress());
-        mSettings.points = report.statistics;
-        if (report.outliers > 0) mDropped["outlier"] += report.outliers;
-        mFlipped = report.flipped;
+        const CleanReport& report = made.cleaned;
         if (report.estimateNeighbors)
             session.note(fmt::format("normals     estimated from {} neighbors each{}",
                                      *report.estimateNeighbors,
                                      report.hadNormals ? "" : " (the points have none)"));
-        if (mFlipped > 0)
+        if (report.flipped > 0)
             session.note(fmt::format("normals     {} looked the wrong way and were turned; "
                                      "--normals keep leaves them",
-                                     mFlipped));
+                                     report.flipped));
         if (report.turned > 0)
             session.note(fmt::format("normals     {} looked inward and were turned; --normals keep "
                                      "leaves them",
                                      report.turned));
-        mFlipped += report.turned;
         constexpr double kDoubtful = 0.25; // of all normals
-        if (double(report.flipped) > kDoubtful * double(cloud.size()))
+        if (double(report.flipped) > kDoubtful * double(made.points))
             session.warn(
                 fmt::format("{} of {} normals looked the wrong way; of so many some are "
                             "not found, and leave warts: --normals estimate makes new ones",
-                            report.flipped, cloud.size()));
+                            report.flipped, made.points));
         if (report.guessesNormals())
             session.warn(fmt::format("{:.0f} % of the points have neighbors on one line only, "
                                      "which tell no plane: their normals are guessed. Give "
@@ -350,35 +320,38 @@ private:
                                                   : "turn them with --flip-normals"));
     }
 
-    void foresee(Session& session, const RunEstimator& estimator) const
+    void foresee(Session& session, const PreparedPoints& points, std::uint64_t bareBytes) const
     {
-        const RunEstimate run = estimator.estimate(&session.progress());
-        const ResolvedSettings& s = run.work.settings;
-        describeSettings(session, s);
+        const bool withMesh = !mMesh.path.empty();
+        const ReconstructionEstimate run = estimate(points, withMesh, &session.progress());
+        const std::uint64_t peakBytes = bareBytes + run.peakBytes;
+        const ResolvedSettings& s = run.settings;
+        describeSettings(session, points.report);
         Json& report = session.report()["estimate"];
-        report = {{"area", run.work.area},
-                  {"leaves", run.work.fit.leaves},
-                  {"active_voxels", run.work.activeVoxels},
-                  {"field_bytes", run.work.fit.bytes},
-                  {"grid_bytes", run.work.gridBytes},
+        report = {{"area", run.area},
+                  {"leaves", run.fit.leaves},
+                  {"active_voxels", run.activeVoxels},
+                  {"field_bytes", run.fit.bytes},
+                  {"grid_bytes", run.gridBytes},
                   {"file_bytes", run.fileBytes},
-                  {"peak_bytes", run.peakBytes}};
-        if (!mMesh.path.empty()) report["triangles"] = run.triangles;
-        summarizeSettings(session, s);
+                  {"peak_bytes", peakBytes}};
+        if (withMesh) report["triangles"] = run.triangles;
+        summarizeSettings(session, points.report);
         const double h = s.grid.lattice.voxelSize;
         const Vec3d size = (s.boxSize / h).array() + 2 * s.grid.halfWidth;
         session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, about {:.0f} x "
                                  "{:.0f} x {:.0f}, {:.3g} active voxels",
                                  h, s.grid.halfWidth, size.x(), size.y(), size.z(),
-                                 double(run.work.activeVoxels)));
+                                 double(run.activeVoxels)));
         session.note(fmt::format("would take  about {} of memory (limit {}), {} on disk",
-                                 sizeText(run.peakBytes), sizeText(mSettings.maxBytes),
+                                 sizeText(peakBytes), sizeText(*mOptions.maxBytes),
                                  sizeText(run.fileBytes)));
         session.progress().endStage();
     }
 
-    void describeSettings(Session& session, const ResolvedSettings& s) const
+    void describeSettings(Session& session, const ReconstructReport& made) const
     {
+        const ResolvedSettings& s = made.settings;
         Json& report = session.report();
         report["settings"] = {{"voxel_size", s.grid.lattice.voxelSize},
                               {"half_width", s.grid.halfWidth},
@@ -397,28 +370,40 @@ private:
                               {"holes", mHoles.text()},
                               {"attributes", mAttributes.names},
                               {"coverage", wantsCoverage()},
-                              {"max_memory", mSettings.maxBytes}};
+                              {"max_memory", *mOptions.maxBytes}};
         if (s.grid.region)
             report["settings"]["region"] = {toJson(Vec3d(s.grid.region->min())),
                                             toJson(Vec3d(s.grid.region->max()))};
-        report["input"] = {
-            {"points", mPoints},          {"dropped", mDropped},
-            {"normals_turned", mFlipped}, {"spacing", s.points.spacing},
-            {"noise", s.points.noise},    {"normal_noise", s.points.normalNoise * 180 / M_PI},
-            {"box", toJson(s.boxSize)},   {"diagonal", s.diagonal}};
+        report["input"] = {{"points", made.points},
+                           {"dropped", made.dropped},
+                           {"normals_turned", made.cleaned.flipped + made.cleaned.turned},
+                           {"spacing", s.points.spacing},
+                           {"noise", s.points.noise},
+                           {"normal_noise", s.points.normalNoise * 180 / M_PI},
+                           {"box", toJson(s.boxSize)},
+                           {"diagonal", s.diagonal}};
     }
 
-    static void describeFit(Session& session, const Reconstruction& made)
+    void describe(Session& session, const ReconstructResult& made) const
     {
-        const MpuStatistics& fit = made.field->statistics();
-        session.report()["field"] = {{"cells", fit.cells},
-                                     {"leaves", fit.leaves},
-                                     {"levels", fit.levels},
-                                     {"fits", fit.fits},
-                                     {"sharp_fits", fit.sharpFits},
-                                     {"max_error", fit.maxError},
-                                     {"over_tolerance", fit.overTolerance},
-                                     {"bytes", fit.bytes}};
+        describeSettings(session, made.report);
+        const MpuStatistics& fit = made.report.fit;
+        Json& report = session.report();
+        report["field"] = {{"cells", fit.cells},
+                           {"leaves", fit.leaves},
+                           {"levels", fit.levels},
+                           {"fits", fit.fits},
+                           {"sharp_fits", fit.sharpFits},
+                           {"max_error", fit.maxError},
+                           {"over_tolerance", fit.overTolerance},
+                           {"bytes", fit.bytes}};
+        report["explained"] = toJson(made.report.explained);
+        report["grid"] = toJson(made.levelSet());
+        if (made.coverage)
+            report["coverage"] = {{"name", made.coverage->getName()},
+                                  {"spacing", *made.report.coverageSpacing},
+                                  {"active_voxels", made.coverage->activeVoxelCount()},
+                                  {"bytes", made.coverage->memUsage()}};
     }
 
     static std::string regionText(const Box3d& box)
@@ -427,19 +412,19 @@ private:
         return fmt::format("{} {} {} {} {} {}", a.x(), a.y(), a.z(), b.x(), b.y(), b.z());
     }
 
-    std::map<std::string, std::string> metadata(const Reconstruction& made) const
+    std::map<std::string, std::string> metadata(const ReconstructResult& made) const
     {
-        const ResolvedSettings& s = made.settings;
+        const ResolvedSettings& s = made.report.settings;
         const auto text = [](const auto& value) { return fmt::format("{}", value); };
         std::map<std::string, std::string> result = {
             {"mpuvdb:version", MPUVDB_VERSION},
-            {"mpuvdb:points", text(mPoints)},
+            {"mpuvdb:points", text(made.report.points)},
             {"mpuvdb:spacing", text(s.points.spacing)},
             {"mpuvdb:noise", text(s.points.noise)},
             {"mpuvdb:voxel_size", text(s.grid.lattice.voxelSize)},
             {"mpuvdb:half_width", text(s.grid.halfWidth)},
             {"mpuvdb:tolerance", text(s.fit.tolerance)},
-            {"mpuvdb:max_error", text(made.field->statistics().maxError)},
+            {"mpuvdb:max_error", text(made.report.fit.maxError)},
             {"mpuvdb:alpha", text(s.fit.alpha)},
             {"mpuvdb:min_points", text(s.fit.minPoints)},
             {"mpuvdb:sharp", text(s.fit.sharp)}};
@@ -448,11 +433,12 @@ private:
         return result;
     }
 
-    void summarizeSettings(Session& session, const ResolvedSettings& s) const
+    void summarizeSettings(Session& session, const ReconstructReport& made) const
     {
+        const ResolvedSettings& s = made.settings;
         const double h = s.grid.lattice.voxelSize;
-        const std::string dropped = droppedText(mDropped);
-        session.note(fmt::format("points      {}, spacing {:.4g}, noise {:.2g}{}", mPoints,
+        const std::string dropped = droppedText(made.dropped);
+        session.note(fmt::format("points      {}, spacing {:.4g}, noise {:.2g}{}", made.points,
                                  s.points.spacing, s.points.noise,
                                  dropped.empty() ? "" : "; dropped: " + dropped));
         session.note(
@@ -463,15 +449,15 @@ private:
                                           : "no-sharp"));
     }
 
-    void summarize(Session& session, const Reconstruction& made) const
+    void summarize(Session& session, const ReconstructResult& made) const
     {
-        const ResolvedSettings& s = made.settings;
-        summarizeSettings(session, s);
-        const auto size = made.levelSet.grid().evalActiveVoxelDim();
+        const ResolvedSettings& s = made.report.settings;
+        summarizeSettings(session, made.report);
+        const auto size = made.grid->evalActiveVoxelDim();
         session.note(fmt::format("grid        voxel size {:.4g}, half-width {}, {} x {} x {}, {} "
                                  "active voxels: {}",
                                  s.grid.lattice.voxelSize, s.grid.halfWidth, size.x(), size.y(),
-                                 size.z(), made.levelSet.grid().activeVoxelCount(), mOutput));
+                                 size.z(), made.grid->activeVoxelCount(), mOutput));
         session.note("time        " + session.timesText());
     }
 
@@ -484,9 +470,7 @@ private:
     bool mFlipNormals = false, mCoverage = false, mDryRun = false;
     Holes mHoles;
     Attributes mAttributes;
-    ReconstructSettings mSettings;
-    std::uint64_t mPoints = 0, mFlipped = 0;
-    std::map<std::string, std::uint64_t> mDropped;
+    ReconstructOptions mOptions;
 };
 
 } // namespace

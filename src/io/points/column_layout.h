@@ -1,6 +1,6 @@
 // What the columns of a plain text file mean.
 #pragma once
-#include "raw_points.h"
+#include "points/import/raw_points.h"
 
 namespace mpuvdb
 {

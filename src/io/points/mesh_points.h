@@ -1,6 +1,6 @@
 // Points out of meshes.
 #pragma once
-#include "raw_points.h"
+#include "points/import/raw_points.h"
 
 namespace mpuvdb
 {

@@ -1,6 +1,6 @@
 // Range images: points on a grid of rays, of which neighbors lie on one surface or do not.
 #pragma once
-#include "raw_points.h"
+#include "points/import/raw_points.h"
 
 namespace mpuvdb
 {

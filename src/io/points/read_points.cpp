@@ -2,7 +2,7 @@
 #include "files/text_scan.h"
 #include "mesh_points.h"
 #include "readers.h"
-#include "rounded_positions.h"
+#include "points/import/rounded_positions.h"
 #include "stand_ins.h"
 
 #include <mpuvdb/error.h>

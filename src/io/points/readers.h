@@ -3,7 +3,7 @@
 // columns with names have scalars; the others have none.
 #pragma once
 #include "files/byte_source.h"
-#include "raw_points.h"
+#include "points/import/raw_points.h"
 
 namespace mpuvdb
 {

@@ -1,7 +1,7 @@
 // Binary records: values of known type at known offsets.
 #pragma once
 #include "files/byte_source.h"
-#include "raw_points.h"
+#include "points/import/raw_points.h"
 
 #include <cstring>
 

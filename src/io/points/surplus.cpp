@@ -53,9 +53,4 @@ void noteSurplus(FilePoints& points, std::uint64_t rows, const std::string& said
                     rows == 1 ? "it belongs" : "they belong"));
 }
 
-std::string butNotes(const FilePoints& points)
-{
-    return points.notes.empty() ? "" : fmt::format(" ({})", fmt::join(points.notes, "; "));
-}
-
 } // namespace mpuvdb

@@ -1,7 +1,7 @@
 // Rows that follow those which a file's header counts.
 #pragma once
 #include "files/line_reader.h"
-#include "raw_points.h"
+#include "points/import/raw_points.h"
 
 namespace mpuvdb
 {
@@ -16,8 +16,5 @@ std::uint64_t recordsLeft(const ByteSource& source, std::uint64_t begin, std::ui
 
 /// Note that @a rows follow those of @a said ("160 vertices") and are left out, if there are any.
 void noteSurplus(FilePoints& points, std::uint64_t rows, const std::string& said);
-
-/// The notes of @a points as part of an error that nothing is in them: they may tell why.
-std::string butNotes(const FilePoints& points);
 
 } // namespace mpuvdb

@@ -1,6 +1,6 @@
 // Points as they come through the door: doubles, with what attributes their file has.
 #pragma once
-#include <mpuvdb/io.h>
+#include <mpuvdb/point_input.h>
 
 #include <array>
 #include <optional>
@@ -155,6 +155,9 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress)
 /// more than 2^32-1.
 PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
                       const ScalarNames& scalars, Interrupter& progress);
+
+/// The notes of @a points as part of an error that nothing is in them: they may tell why.
+std::string butNotes(const FilePoints& points);
 
 /// Leave out all but one of points that are the same in every attribute.
 /// @return number left out. The rest keep their order.

@@ -1,7 +1,6 @@
 // All inputs about one frame.
 #include "files/text_scan.h"
 #include "raw_points.h"
-#include "surplus.h"
 
 #include "core/release.h"
 #include <mpuvdb/error.h>

@@ -2,6 +2,8 @@
 
 #include "files/text_scan.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstring>
 #include <sys/mman.h>
@@ -238,6 +240,11 @@ PointBlock& FilePoints::joined()
         blocks.push_back(std::move(all));
     }
     return blocks.front();
+}
+
+std::string butNotes(const FilePoints& points)
+{
+    return points.notes.empty() ? "" : fmt::format(" ({})", fmt::join(points.notes, "; "));
 }
 
 } // namespace mpuvdb
