@@ -1,6 +1,7 @@
 // Colors and scalars of points, on grids and on meshes.
 #include "case_files.h"
 #include "io_fixture.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/clean.h>
@@ -50,10 +51,11 @@ PointCloud sphere(std::size_t count, const Vec3d& middle)
     return cloud;
 }
 
-ReconstructSettings settings()
+test::Uncleaned settings()
 {
-    ReconstructSettings result;
+    test::Uncleaned result;
     result.voxelSize = Length{0.04, Length::Unit::World};
+    result.attributes = {"heat", kColorName};
     return result;
 }
 
@@ -64,10 +66,10 @@ TEST(AttributesTest, GridsHaveWhatTheNearestSurfaceHas)
 {
     Interrupter progress;
     const Vec3d middle(1e5, -2e5, 3e4);
-    const Reconstruction made = reconstruct(sphere(20000, middle), settings(), &progress);
+    const ReconstructResult made = reconstruct(sphere(20000, middle), settings(), &progress);
     const auto attributes = made.field->attributes({"heat", kColorName, "confidence"});
     ASSERT_EQ(attributes->scalarNames(), (std::vector<std::string>{"heat", "confidence"}));
-    const auto grids = sampleAttributes(made.levelSet, *attributes, &progress);
+    const auto grids = sampleAttributes(made.levelSet(), *attributes, &progress);
     ASSERT_EQ(grids.size(), 3u);
     const auto colors = openvdb::gridPtrCast<openvdb::Vec3SGrid>(grids[0]);
     const auto heat = openvdb::gridPtrCast<openvdb::FloatGrid>(grids[1]);
@@ -76,9 +78,9 @@ TEST(AttributesTest, GridsHaveWhatTheNearestSurfaceHas)
     EXPECT_EQ(heat->getName(), "heat");
     const openvdb::Coord anywhere(7, -3, 11);
     const openvdb::Vec3d off =
-        colors->indexToWorld(anywhere) - made.levelSet.grid().indexToWorld(anywhere);
+        colors->indexToWorld(anywhere) - made.levelSet().grid().indexToWorld(anywhere);
     EXPECT_LT(off.length(), 1e-9);
-    EXPECT_TRUE(colors->tree().hasSameTopology(made.levelSet.grid().tree()));
+    EXPECT_TRUE(colors->tree().hasSameTopology(made.levelSet().grid().tree()));
     double worstColor = 0, worstHeat = 0;
     for (auto voxel = colors->cbeginValueOn(); voxel; ++voxel) {
         const openvdb::Vec3d w = colors->indexToWorld(voxel.getCoord());
@@ -96,8 +98,8 @@ TEST(AttributesTest, GridsHaveWhatTheNearestSurfaceHas)
 TEST(AttributesTest, VerticesHaveWhatThePointsAboutThemHave)
 {
     Interrupter progress;
-    const Reconstruction made = reconstruct(sphere(20000, Vec3d::Zero()), settings(), &progress);
-    Mesh mesh = extractMesh(made.levelSet, {}, &progress);
+    const ReconstructResult made = reconstruct(sphere(20000, Vec3d::Zero()), settings(), &progress);
+    Mesh mesh = extractMesh(made.levelSet(), {}, &progress);
     addAttributes(mesh, *made.field->attributes({kColorName, "heat"}), &progress);
     ASSERT_EQ(mesh.colors.size(), mesh.positions.size());
     ASSERT_EQ(mesh.scalars.size(), 1u);
@@ -125,8 +127,8 @@ TEST(AttributesTest, NeitherThreadsNorTheOrderOfPointsMatter)
             std::reverse(cloud.colors.begin(), cloud.colors.end());
             std::reverse(cloud.scalars[0].values.begin(), cloud.scalars[0].values.end());
         }
-        const Reconstruction made = reconstruct(std::move(cloud), settings(), &progress);
-        Mesh mesh = extractMesh(made.levelSet, {}, &progress);
+        const ReconstructResult made = reconstruct(std::move(cloud), settings(), &progress);
+        Mesh mesh = extractMesh(made.levelSet(), {}, &progress);
         addAttributes(mesh, *made.field->attributes({kColorName, "heat"}), &progress);
         return mesh;
     };
@@ -312,8 +314,10 @@ TEST(AttributesTest, ColorsOfCasesReachTheBackOfASheet)
     PointCloud cloud = readPoints({path}, BadPoints::Fail, {}, {}, &progress).cloud;
     const PointCloud kept = cloud;
     clean(cloud, {}, &progress);
-    const Reconstruction made = reconstruct(std::move(cloud), {}, &progress);
-    Mesh mesh = extractMesh(made.levelSet, {}, &progress);
+    test::Uncleaned colored;
+    colored.attributes = {kColorName};
+    const ReconstructResult made = reconstruct(std::move(cloud), colored, &progress);
+    Mesh mesh = extractMesh(made.levelSet(), {}, &progress);
     addAttributes(mesh, *made.field->attributes({kColorName}), &progress);
     const Vec3f shift = (mesh.frame - kept.frame).cast<float>();
     for (std::size_t v = 0; v < mesh.positions.size(); v += 97) {

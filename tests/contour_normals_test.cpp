@@ -89,11 +89,7 @@ TEST(ContourNormals, ScanLinesOverAField)
 
 double volumeOf(PointCloud cloud)
 {
-    Interrupter progress;
-    ReconstructSettings settings;
-    settings.points = clean(cloud, {}, &progress).statistics;
-    return openvdb::tools::levelSetVolume(
-        reconstruct(std::move(cloud), settings, &progress).levelSet.grid());
+    return openvdb::tools::levelSetVolume(*reconstruct(std::move(cloud)).grid);
 }
 
 TEST(ContourNormals, GiveTheVolumeThatTrueOnesGive)

@@ -1,6 +1,7 @@
 // Where data support a surface: the grid that says so, and meshes trimmed by it.
 #include "field_fixture.h"
 #include "mesh/cut_mesh.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>
@@ -47,26 +48,26 @@ PointCloud holedSphere(const std::vector<Hole>& holes, std::uint64_t points = 20
 
 /// A level set with its coverage.
 struct Covered {
-    Reconstruction made;
+    ReconstructResult made;
     FloatGrid::Ptr coverage;
     double spacing;
 };
 
 Covered covered(PointCloud cloud, double voxelSize)
 {
-    ReconstructSettings settings;
+    test::Uncleaned settings;
     settings.voxelSize = Length{voxelSize, Length::Unit::World};
     Interrupter progress;
-    Reconstruction made = reconstruct(std::move(cloud), settings, &progress);
+    ReconstructResult made = reconstruct(std::move(cloud), settings, &progress);
     const auto coverage = made.field->coverage(&progress);
-    FloatGrid::Ptr grid = sampleCoverage(made.levelSet, *coverage, &progress);
+    FloatGrid::Ptr grid = sampleCoverage(made.levelSet(), *coverage, &progress);
     return {std::move(made), std::move(grid), coverage->spacing()};
 }
 
 Mesh trimmed(const Covered& model, double closeUpTo, TrimReport& report)
 {
     Interrupter progress;
-    return trimMesh(extractMesh(model.made.levelSet, {}, &progress), *model.coverage,
+    return trimMesh(extractMesh(model.made.levelSet(), {}, &progress), *model.coverage,
                     trimSettings(*model.coverage, closeUpTo), report, &progress);
 }
 
@@ -126,7 +127,7 @@ TEST(Coverage, SitsOnTheBandAndFollowsItsFormula)
 {
     const double h = 0.03;
     const Covered model = covered(holedSphere({kLarge}), h);
-    const FloatGrid& surface = model.made.levelSet.grid();
+    const FloatGrid& surface = model.made.levelSet().grid();
     EXPECT_TRUE(surface.tree().hasSameTopology(model.coverage->tree()));
     EXPECT_EQ(surface.transform(), model.coverage->transform());
     EXPECT_EQ(model.coverage->background(), 0);
@@ -137,7 +138,7 @@ TEST(Coverage, SitsOnTheBandAndFollowsItsFormula)
     // disc of neighbors, and may be larger by sqrt(2).
     std::size_t inside = 0;
     for (auto v = model.coverage->cbeginValueOn(); v; ++v) {
-        const Vec3d p = test::worldOf(model.made.levelSet.lattice(), v.getCoord()).normalized();
+        const Vec3d p = test::worldOf(model.made.levelSet().lattice(), v.getCoord()).normalized();
         const double angle = std::acos(std::clamp(p.dot(kLarge.axis), -1.0, 1.0));
         const double beyond = 2 * std::sin((kLarge.angle - angle) / 2) / model.spacing;
         ASSERT_GE(*v, 0);
@@ -253,7 +254,7 @@ TEST(Trim, IsManifoldHoweverTheLineRuns)
     // Noise: every way in which the line can pass a triangle and a vertex.
     Interrupter progress;
     const Covered model = covered(holedSphere({}, 8000), 0.05);
-    const Mesh whole = extractMesh(model.made.levelSet, {}, &progress);
+    const Mesh whole = extractMesh(model.made.levelSet(), {}, &progress);
     for (const std::uint64_t seed : {1, 2, 3, 4}) {
         test::Random random(seed);
         std::vector<float> values(whole.positions.size());
@@ -278,7 +279,7 @@ TEST(Trim, OfNothingCoveredIsNothing)
     const auto none = FloatGrid::create(0);
     TrimReport report;
     const Mesh mesh =
-        trimMesh(extractMesh(model.made.levelSet, {}, &progress), *none, {}, report, &progress);
+        trimMesh(extractMesh(model.made.levelSet(), {}, &progress), *none, {}, report, &progress);
     EXPECT_TRUE(mesh.triangles.empty());
     EXPECT_TRUE(mesh.positions.empty());
 }
@@ -307,7 +308,7 @@ TEST(Trim, Stops)
 {
     const Covered model = covered(holedSphere({kLarge}, 4000), 0.08);
     Interrupter progress;
-    const Mesh mesh = extractMesh(model.made.levelSet, {}, &progress);
+    const Mesh mesh = extractMesh(model.made.levelSet(), {}, &progress);
     progress.stop();
     TrimReport report;
     EXPECT_THROW(trimMesh(mesh, *model.coverage, {}, report, &progress), Interrupted);
@@ -316,7 +317,7 @@ TEST(Trim, Stops)
         Interrupter fresh;
         return model.made.field->coverage(fresh);
     }();
-    EXPECT_THROW(sampleCoverage(model.made.levelSet, *coverage, &progress), Interrupted);
+    EXPECT_THROW(sampleCoverage(model.made.levelSet(), *coverage, &progress), Interrupted);
 }
 
 } // namespace

@@ -2,6 +2,7 @@
 #include "case_files.h"
 #include "closed_parts.h"
 #include "field_fixture.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
@@ -36,16 +37,12 @@ PointCloud cleaned(PointCloud cloud, PointStatistics& statistics)
     return cloud;
 }
 
-/// As the command does it, by default settings.
+/// As the command does it, by default options.
 PointsExplained explained(PointCloud cloud, double voxelSize = 0)
 {
-    Interrupter progress;
-    ReconstructSettings settings;
-    settings.points.emplace();
-    cloud = cleaned(std::move(cloud), *settings.points);
-    if (voxelSize > 0) settings.voxelSize = Length{voxelSize, Length::Unit::World};
-    const Reconstruction made = reconstruct(std::move(cloud), settings, &progress);
-    return std::get<PointsExplained>(made.levelSet.explained()->by);
+    ReconstructOptions options;
+    if (voxelSize > 0) options.voxelSize = Length{voxelSize, Length::Unit::World};
+    return reconstruct(std::move(cloud), options).report.explained;
 }
 
 PointCloud sample(const std::string& solid, std::uint64_t points, double noise = 0)
@@ -290,7 +287,7 @@ TEST(VertexMesh, TrianglesLongerThanTheirVerticesSpacingAreRefusedByName)
     MPUVDB_CASE(file, "T05-cad-plate.stl");
     Interrupter progress;
     PointCloud cloud = readPoints({file}, BadPoints::Drop, {}, {}, &progress).cloud;
-    EXPECT_THROW(reconstruct(std::move(cloud), {}, &progress), InputError);
+    EXPECT_THROW(reconstruct(std::move(cloud), test::Uncleaned(), &progress), InputError);
 }
 
 TEST(VertexMesh, ASurfaceThatIsNotTheMeshIsTold)

@@ -113,10 +113,9 @@ PointCloud scanned(const std::string& solid, ScanSettings::Pattern pattern, doub
     return test::scanOf(solid, settings);
 }
 
-Reconstruction made(PointCloud cloud, Interrupter& progress,
-                    const ReconstructSettings& settings = {})
+ReconstructResult made(PointCloud cloud, Interrupter& progress,
+                       const ReconstructOptions& settings = {})
 {
-    clean(cloud, {}, &progress);
     return reconstruct(std::move(cloud), settings, &progress);
 }
 
@@ -146,46 +145,48 @@ std::map<std::string, Case> cases()
     return {
         {"reconstruct even",
          [](Interrupter& p) {
-             return goldenOf(made(scanned("sphere(1)", Pattern::Even, 0), p).levelSet);
+             return goldenOf(made(scanned("sphere(1)", Pattern::Even, 0), p).levelSet());
          }},
         {"reconstruct noisy",
          [](Interrupter& p) {
-             return goldenOf(made(scanned("torus(1, 0.4)", Pattern::Random, 0.02), p).levelSet);
+             return goldenOf(made(scanned("torus(1, 0.4)", Pattern::Random, 0.02), p).levelSet());
          }},
         {"reconstruct scans",
          [](Interrupter& p) {
-             return goldenOf(made(scanned("blob(1, 8, 0.1)", Pattern::Scan, 0.005), p).levelSet);
+             return goldenOf(made(scanned("blob(1, 8, 0.1)", Pattern::Scan, 0.005), p).levelSet());
          }},
         {"reconstruct edges",
          [](Interrupter& p) {
-             return goldenOf(made(scanned("box(2, 1.4, 1)", Pattern::Even, 0), p).levelSet);
+             return goldenOf(made(scanned("box(2, 1.4, 1)", Pattern::Even, 0), p).levelSet());
          }},
         {"reconstruct without normals",
          [](Interrupter& p) {
              PointCloud cloud = scanned("torus(1, 0.4)", Pattern::Even, 0.004);
              cloud.normals.clear();
-             return goldenOf(made(std::move(cloud), p).levelSet);
+             return goldenOf(made(std::move(cloud), p).levelSet());
          }},
         {"reconstruct interpolated",
          [](Interrupter& p) {
-             ReconstructSettings settings;
+             ReconstructOptions settings;
              settings.interpolate = true;
-             return goldenOf(made(scanned("sphere(1)", Pattern::Random, 0), p, settings).levelSet);
+             return goldenOf(
+                 made(scanned("sphere(1)", Pattern::Random, 0), p, settings).levelSet());
          }},
         {"coverage",
          [](Interrupter& p) {
-             const Reconstruction r = made(scanned("sphere(1)", Pattern::Scan, 0), p);
-             return goldenOf(*sampleCoverage(r.levelSet, *r.field->coverage(&p), &p));
+             ReconstructOptions settings;
+             settings.coverage = true;
+             return goldenOf(*made(scanned("sphere(1)", Pattern::Scan, 0), p, settings).coverage);
          }},
         {"colors",
          [](Interrupter& p) {
              PointCloud cloud = scanned("sphere(1)", Pattern::Random, 0);
              for (std::size_t n = 0; n < cloud.size(); ++n)
                  cloud.colors.push_back({std::uint8_t(n), std::uint8_t(n / 7), 200});
-             const Reconstruction r = made(std::move(cloud), p);
-             const auto grids =
-                 sampleAttributes(r.levelSet, *r.field->attributes({kColorName}), &p);
-             return goldenOf(*openvdb::gridPtrCast<openvdb::Vec3SGrid>(grids.front()));
+             ReconstructOptions settings;
+             settings.attributes = {kColorName};
+             const ReconstructResult r = made(std::move(cloud), p, settings);
+             return goldenOf(*openvdb::gridPtrCast<openvdb::Vec3SGrid>(r.attributes.front()));
          }},
         {"voxelize",
          [](Interrupter& p) {

@@ -1,6 +1,7 @@
 // Solids with dents, bores and gaps: what their data leave open closes without cavities inside, and
 // near to where they are.
 #include "field_fixture.h"
+#include "uncleaned.h"
 #include "unseen_part.h"
 
 #include <mpuvdb/mesh.h>
@@ -84,14 +85,14 @@ TEST(Hollows, OpenOnlyWhereDataFaceThem)
         for (std::size_t s = 0; s < scans.size(); ++s) {
             // Each solid with each number of voxels, and each kind of scan.
             constexpr double kVoxels[] = {60, 100, 150};
-            ReconstructSettings settings;
+            test::Uncleaned settings;
             settings.voxels = kVoxels[(n + s) % 3];
             SCOPED_TRACE(testing::Message()
                          << cases[n].solid << ", scan " << s << ", " << *settings.voxels);
             Interrupter progress;
-            const Reconstruction result =
+            const ReconstructResult result =
                 reconstruct(scan(*solid, scans[s], &progress), settings, &progress);
-            const MeshReport report = measure(extractMesh(result.levelSet, {}, &progress));
+            const MeshReport report = measure(extractMesh(result.levelSet(), {}, &progress));
             EXPECT_EQ(report.components, cases[n].components);
             EXPECT_EQ(report.eulerCharacteristic, cases[n].euler);
             EXPECT_NEAR(report.volume, volume, 0.02 * volume);
@@ -124,10 +125,10 @@ TEST(UnseenParts, AreNearTheSolid)
         const auto solid = parseSolid(limit.solid);
         Interrupter progress;
         const PointCloud cloud = scan(*solid, scanned, &progress);
-        ReconstructSettings settings;
+        test::Uncleaned settings;
         settings.voxels = 200;
-        const Reconstruction made = reconstruct(PointCloud(cloud), settings, &progress);
-        const Mesh mesh = extractMesh(made.levelSet, {}, &progress);
+        const ReconstructResult made = reconstruct(PointCloud(cloud), settings, &progress);
+        const Mesh mesh = extractMesh(made.levelSet(), {}, &progress);
         const test::Unseen unseen =
             test::unseenPart(mesh, *solid, cloud, test::farFrom(cloud, mesh));
         EXPECT_GT(unseen.share, 0.01);
@@ -181,10 +182,10 @@ TEST(UnseenParts, CloseSmoothly)
             cut.positions.push_back(whole.positions[n]);
             cut.normals.push_back(whole.normals[n]);
         }
-        ReconstructSettings settings;
+        test::Uncleaned settings;
         settings.voxels = 150;
-        const Reconstruction made = reconstruct(PointCloud(cut), settings, &progress);
-        EXPECT_LT(bendOfUnseen(extractMesh(made.levelSet, {}, &progress), cut), limit.bend);
+        const ReconstructResult made = reconstruct(PointCloud(cut), settings, &progress);
+        EXPECT_LT(bendOfUnseen(extractMesh(made.levelSet(), {}, &progress), cut), limit.bend);
     }
 }
 

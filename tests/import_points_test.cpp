@@ -2,11 +2,12 @@
 #include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
-#include <mpuvdb/io.h>
+#include <mpuvdb/point_input.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <limits>
 
 namespace mpuvdb
@@ -22,22 +23,32 @@ PointCloud sphere(std::uint64_t points)
     return scan(*parseSolid("sphere(1)"), settings, &progress);
 }
 
-PointArrays arraysOf(const PointCloud& cloud)
-{
-    PointArrays arrays;
-    for (std::size_t i = 0; i < cloud.size(); ++i) arrays.positions.push_back(cloud.world(i));
-    arrays.normals = cloud.normals;
-    return arrays;
-}
+/// Points as a program may hold them.
+struct Arrays {
+    std::vector<Vec3d> positions;
+    std::vector<Vec3f> normals;
+    std::vector<float> confidences;
+
+    explicit Arrays(const PointCloud& cloud) : normals(cloud.normals)
+    {
+        for (std::size_t i = 0; i < cloud.size(); ++i) positions.push_back(cloud.world(i));
+    }
+    PointView view() const
+    {
+        PointView view(positions);
+        view.normals = normals;
+        view.confidences = confidences;
+        return view;
+    }
+};
 
 TEST(ImportPoints, AreThoseGiven)
 {
     const PointCloud cloud = sphere(500);
-    PointArrays arrays = arraysOf(cloud);
+    Arrays arrays(cloud);
     for (Vec3f& n : arrays.normals) n *= 3;
-    arrays.confidence.assign(cloud.size(), 5);
-    Interrupter progress;
-    const PointInput input = importPoints(std::move(arrays), "mine", BadPoints::Fail, &progress);
+    arrays.confidences.assign(cloud.size(), 5);
+    const PointInput input = importPoints(arrays.view(), "mine", BadPoints::Fail);
     ASSERT_EQ(input.cloud.size(), cloud.size());
     for (std::size_t i = 0; i < cloud.size(); ++i) {
         EXPECT_LT((input.cloud.world(i) - cloud.world(i)).norm(), 1e-6);
@@ -50,39 +61,78 @@ TEST(ImportPoints, AreThoseGiven)
 TEST(ImportPoints, LeavesOutWhatCannotBeUsed)
 {
     const PointCloud cloud = sphere(500);
-    PointArrays arrays = arraysOf(cloud);
+    Arrays arrays(cloud);
     arrays.positions[3].x() = std::numeric_limits<double>::quiet_NaN();
     arrays.normals[5].setZero();
     arrays.positions.push_back(arrays.positions[0]);
     arrays.normals.push_back(arrays.normals[0]);
-    const PointArrays same = arrays;
-    Interrupter progress;
-    const PointInput input = importPoints(std::move(arrays), "mine", BadPoints::Drop, &progress);
+    const PointInput input = importPoints(arrays.view());
     EXPECT_EQ(input.cloud.size(), cloud.size() - 2);
     const std::map<std::string, std::uint64_t> dropped = {
         {"not finite", 1}, {"zero normal", 1}, {"duplicate", 1}};
     EXPECT_EQ(input.dropped, dropped);
-    EXPECT_THROW(importPoints(PointArrays(same), "mine", BadPoints::Fail, &progress), InputError);
+    EXPECT_THROW(importPoints(arrays.view(), "mine", BadPoints::Fail), InputError);
 }
 
 TEST(ImportPoints, WantsOneNormalForEach)
 {
-    PointArrays arrays = arraysOf(sphere(500));
+    Arrays arrays(sphere(500));
     arrays.normals.pop_back();
-    Interrupter progress;
-    EXPECT_THROW(importPoints(std::move(arrays), "mine", BadPoints::Drop, &progress), UsageError);
-    EXPECT_THROW(importPoints({}, "mine", BadPoints::Drop, &progress), InputError);
+    EXPECT_THROW(importPoints(arrays.view()), UsageError);
+    EXPECT_THROW(importPoints({}), InputError);
+    arrays.normals.clear();
+    PointView view = arrays.view();
+    view.scalars = {{"heat", arrays.confidences}};
+    EXPECT_THROW(importPoints(view), UsageError);
+    view.scalars.clear();
+    view.viewpoints = {Vec3d::Zero()};
+    const std::vector<std::uint32_t> beyond(arrays.positions.size(), 1);
+    view.seenFrom = beyond.data();
+    EXPECT_THROW(importPoints(view), UsageError);
 }
 
-TEST(ImportPoints, KnowsTheViewpoint)
+TEST(ImportPoints, KnowsTheViewpoints)
 {
-    PointArrays arrays = arraysOf(sphere(500));
-    arrays.viewpoint = Vec3d(0, 0, 5);
-    Interrupter progress;
-    const PointCloud cloud =
-        importPoints(std::move(arrays), "mine", BadPoints::Drop, &progress).cloud;
-    ASSERT_EQ(cloud.seenFrom.size(), cloud.size());
-    EXPECT_EQ(cloud.viewpoints.at(cloud.seenFrom[0]).place, Vec3d(0, 0, 5));
+    const Arrays arrays(sphere(500));
+    PointView view = arrays.view();
+    view.viewpoints = {{0, 0, 5}, {0, 0, -5}};
+    const PointCloud one = importPoints(view).cloud;
+    ASSERT_EQ(one.seenFrom.size(), one.size());
+    EXPECT_EQ(one.viewpoints.at(one.seenFrom[0]).place, Vec3d(0, 0, 5));
+    std::vector<std::uint32_t> seenFrom;
+    for (const Vec3d& p : arrays.positions) seenFrom.push_back(p.z() < 0);
+    view.seenFrom = seenFrom.data();
+    const PointCloud two = importPoints(view).cloud;
+    ASSERT_EQ(two.seenFrom.size(), arrays.positions.size());
+    for (std::size_t i = 0; i < two.size(); ++i)
+        EXPECT_GE(two.viewpoints.at(two.seenFrom[i]).place.z() * two.world(i).z(), 0);
+}
+
+/// Any type, side by side or not, is read where it is.
+TEST(ImportPoints, ReadsEveryLayout)
+{
+    struct Vertex {
+        std::array<float, 3> position;
+        std::array<std::uint8_t, 3> color;
+        double heat;
+    };
+    const PointCloud cloud = sphere(300);
+    std::vector<Vertex> vertices;
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+        const Vec3f p = cloud.world(i).cast<float>();
+        vertices.push_back({{p.x(), p.y(), p.z()}, {std::uint8_t(i), 7, 9}, 0.5 * double(i)});
+    }
+    const Vertex& first = vertices.front();
+    PointView view(NumberView(first.position.data(), vertices.size(), 3, sizeof(Vertex)));
+    view.colors = NumberView(first.color.data(), vertices.size(), 3, sizeof(Vertex));
+    view.scalars = {{"heat", NumberView(&first.heat, vertices.size(), 1, sizeof(Vertex))}};
+    const PointCloud taken = importPoints(view).cloud;
+    ASSERT_EQ(taken.size(), vertices.size());
+    for (std::size_t i = 0; i < vertices.size(); ++i) {
+        EXPECT_LT((taken.world(i) - cloud.world(i)).norm(), 1e-6);
+        EXPECT_EQ(taken.colors[i], (Rgb{std::uint8_t(i), 7, 9}));
+        EXPECT_EQ(taken.scalars[0].values[i], 0.5f * float(i));
+    }
 }
 
 TEST(Clean, SaysWhatItDid)

@@ -1,5 +1,6 @@
 // Interpolation: a field that is zero at every point, and the surface it makes.
 #include "field_fixture.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
@@ -232,9 +233,9 @@ double largestDistance(const PointCloud& cloud, const Mesh& mesh, double far)
     return largest;
 }
 
-Reconstruction interpolated(PointCloud cloud, double voxelSize)
+ReconstructResult interpolated(PointCloud cloud, double voxelSize)
 {
-    ReconstructSettings settings;
+    test::Uncleaned settings;
     settings.voxelSize = Length{voxelSize, Length::Unit::World};
     settings.interpolate = true;
     Interrupter progress;
@@ -258,11 +259,11 @@ TEST_P(InterpolatedSurface, IsSoundAccurateAndNearThePoints)
     const double h = model.extent / 64;
     PointCloud cloud = test::randomScan(model.solid, model.area / (h * h));
     Interrupter progress;
-    const Reconstruction made = interpolated(cloud, h);
+    const ReconstructResult made = interpolated(cloud, h);
     const CheckReport report =
-        check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
+        check(made.levelSet().grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << test::texts(report);
-    const Mesh mesh = extractMesh(made.levelSet, {}, &progress);
+    const Mesh mesh = extractMesh(made.levelSet(), {}, &progress);
     const MeshReport measured = measure(mesh);
     EXPECT_EQ(measured.components, 1u);
     EXPECT_EQ(measured.boundaryEdges, 0u);
@@ -272,10 +273,11 @@ TEST_P(InterpolatedSurface, IsSoundAccurateAndNearThePoints)
 
     const auto solid = parseSolid(model.solid);
     double sum = 0;
-    for (auto v = made.levelSet.grid().cbeginValueOn(); v; ++v)
-        sum += std::pow(
-            double(*v) - solid->distance(test::worldOf(made.levelSet.lattice(), v.getCoord())), 2);
-    EXPECT_LT(std::sqrt(sum / double(made.levelSet.grid().activeVoxelCount())), model.rms * h);
+    for (auto v = made.levelSet().grid().cbeginValueOn(); v; ++v)
+        sum += std::pow(double(*v) -
+                            solid->distance(test::worldOf(made.levelSet().lattice(), v.getCoord())),
+                        2);
+    EXPECT_LT(std::sqrt(sum / double(made.levelSet().grid().activeVoxelCount())), model.rms * h);
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -294,12 +296,12 @@ TEST(Interpolation, PassesWhereAnApproximationDoesNot)
     const PointCloud cloud = test::scanOf("sphere(1)", scan);
     const double h = 0.04;
     Interrupter progress;
-    const Reconstruction exact = interpolated(cloud, h);
+    const ReconstructResult exact = interpolated(cloud, h);
     EXPECT_LT(largestAtPoints(*exact.field, cloud), kRounding);
-    EXPECT_LT(largestDistance(cloud, extractMesh(exact.levelSet, {}, &progress), 2 * h), 0.5 * h);
-    ReconstructSettings smooth;
+    EXPECT_LT(largestDistance(cloud, extractMesh(exact.levelSet(), {}, &progress), 2 * h), 0.5 * h);
+    test::Uncleaned smooth;
     smooth.voxelSize = Length{h, Length::Unit::World};
-    const Reconstruction approximated = reconstruct(PointCloud(cloud), smooth, &progress);
+    const ReconstructResult approximated = reconstruct(PointCloud(cloud), smooth, &progress);
     EXPECT_GT(largestAtPoints(*approximated.field, cloud), 1e-3);
 }
 
@@ -311,7 +313,7 @@ TEST(Interpolation, OneThreadAndManyGiveTheSameBytes)
         addPoint(cloud, cloud.positions[i], -cloud.normals[i]);
     const auto bytesWith = [&](std::size_t threads, PointCloud points) {
         const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-        return test::treeBytes(interpolated(std::move(points), 0.07).levelSet.grid());
+        return test::treeBytes(interpolated(std::move(points), 0.07).levelSet().grid());
     };
     const std::string one = bytesWith(1, cloud);
     EXPECT_TRUE(bytesWith(4, cloud) == one);
@@ -327,15 +329,16 @@ TEST(Interpolation, OfRealScans)
         const PointCloud cloud =
             readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, {}, {}, &progress)
                 .cloud;
-        ReconstructSettings settings;
+        test::Uncleaned settings;
         settings.interpolate = true;
-        const Reconstruction made = reconstruct(PointCloud(cloud), settings, &progress);
-        const double h = made.levelSet.voxelSize();
+        const ReconstructResult made = reconstruct(PointCloud(cloud), settings, &progress);
+        const double h = made.levelSet().voxelSize();
         EXPECT_LT(largestAtPoints(*made.field, cloud), kRounding) << name;
-        EXPECT_LT(largestDistance(cloud, extractMesh(made.levelSet, {}, &progress), 2 * h), 0.5 * h)
+        EXPECT_LT(largestDistance(cloud, extractMesh(made.levelSet(), {}, &progress), 2 * h),
+                  0.5 * h)
             << name;
         const CheckReport report =
-            check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
+            check(made.levelSet().grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
         EXPECT_TRUE(report.sound()) << name << '\n' << test::texts(report);
     }
 }
@@ -346,17 +349,19 @@ TEST(Interpolation, ChoosesItsDefaultsAndKeepsWhatIsGiven)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 2000);
     Interrupter progress;
-    ReconstructSettings given;
-    EXPECT_DOUBLE_EQ(resolve(cloud, given, &progress).fit.alpha, 0.75);
+    test::Uncleaned given;
+    EXPECT_DOUBLE_EQ(preparePoints(PointCloud(cloud), given, &progress).report.settings.fit.alpha,
+                     0.75);
     given.interpolate = true;
-    const ResolvedSettings open = resolve(cloud, given, &progress);
+    const ResolvedSettings open =
+        preparePoints(PointCloud(cloud), given, &progress).report.settings;
     EXPECT_TRUE(open.fit.interpolate);
     EXPECT_FALSE(open.fit.sharp);
     EXPECT_DOUBLE_EQ(open.fit.alpha, 1.25);
     given.alpha = 1.5;
     given.minPoints = 20;
     given.tolerance = Length::parse("0.5vx");
-    const MpuSettings fit = resolve(cloud, given, &progress).fit;
+    const MpuSettings fit = preparePoints(PointCloud(cloud), given, &progress).report.settings.fit;
     EXPECT_DOUBLE_EQ(fit.alpha, 1.5);
     EXPECT_EQ(fit.minPoints, 20);
     EXPECT_DOUBLE_EQ(fit.tolerance, 0.5 * fit.voxelSize);

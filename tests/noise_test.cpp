@@ -2,6 +2,7 @@
 #include "field_fixture.h"
 #include "mpu/fit/fit_quality.h"
 #include "mpu/fit/local_fit.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/reconstruct.h>
@@ -464,11 +465,11 @@ TEST(Noise, IsTakenOutOfTheGrid)
     const double diagonal = std::sqrt(2.8 * 2.8 * 2 + 0.8 * 0.8);
     for (const double share : {0.005, 0.01}) {
         const double noise = share * diagonal;
-        const Reconstruction made =
-            reconstruct(noisyScan("torus(1,0.4)", 100000, noise, 10), {}, &progress);
-        EXPECT_LT(errorFrom("torus(1,0.4)", made.levelSet), noise / 12) << share;
+        const ReconstructResult made =
+            reconstruct(noisyScan("torus(1,0.4)", 100000, noise, 10), test::Uncleaned(), &progress);
+        EXPECT_LT(errorFrom("torus(1,0.4)", made.levelSet()), noise / 12) << share;
         const CheckReport report =
-            check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
+            check(made.levelSet().grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
         EXPECT_TRUE(report.sound()) << share << "\n" << test::texts(report);
     }
 }
@@ -483,14 +484,14 @@ TEST(Noise, LeavesThinWallsWhole)
     std::int64_t handles = 0;
     for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
         Interrupter progress;
-        const Reconstruction made =
-            reconstruct(noisyScan(wall, 60000, kNoise, 5, seed), {}, &progress);
+        const ReconstructResult made =
+            reconstruct(noisyScan(wall, 60000, kNoise, 5, seed), test::Uncleaned(), &progress);
         const CheckReport checked =
-            check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
+            check(made.levelSet().grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
         EXPECT_TRUE(checked.sound()) << seed << "\n" << test::texts(checked);
-        const MeshReport report = measure(extractMesh(made.levelSet, {}, &progress));
+        const MeshReport report = measure(extractMesh(made.levelSet(), {}, &progress));
         handles += std::int64_t(report.components) - report.eulerCharacteristic / 2;
-        EXPECT_LT(errorFrom(wall, made.levelSet), kNoise / 4) << seed;
+        EXPECT_LT(errorFrom(wall, made.levelSet()), kNoise / 4) << seed;
     }
     EXPECT_LT(handles, std::int64_t(kSeeds) / 2);
 }
@@ -500,18 +501,19 @@ TEST(Noise, LeavesThinGapsOpen)
     constexpr double kNoise = 0.02;
     const char* const gap = "difference(box(2, 2, 1), box(3, 3, 0.05))";
     Interrupter progress;
-    const Reconstruction made = reconstruct(noisyScan(gap, 60000, kNoise, 5), {}, &progress);
-    EXPECT_LT(errorFrom(gap, made.levelSet), 0.4 * kNoise);
+    const ReconstructResult made =
+        reconstruct(noisyScan(gap, 60000, kNoise, 5), test::Uncleaned(), &progress);
+    EXPECT_LT(errorFrom(gap, made.levelSet()), 0.4 * kNoise);
 }
 
 // Fits of rods as thin as the noise disagree with each other.
 TEST(Noise, LeavesDistancesBesideThinRods)
 {
     Interrupter progress;
-    const Reconstruction made =
-        reconstruct(noisyScan("torus(1, 0.05)", 30000, 0.04, 5), {}, &progress);
+    const ReconstructResult made =
+        reconstruct(noisyScan("torus(1, 0.05)", 30000, 0.04, 5), test::Uncleaned(), &progress);
     const CheckReport checked =
-        check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
+        check(made.levelSet().grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(checked.sound()) << test::texts(checked);
 }
 
@@ -526,13 +528,13 @@ TEST(Noise, LeavesLimbsAndPlatesSmooth)
     for (const Part& part : {Part{"union(sphere(0.5), capsule(0.09, 2.6))", 0.03},
                              Part{"capsule(0.1, 2.4)", 0.026}, Part{"slab(2, 2, 0.15)", 0.028}}) {
         Interrupter progress;
-        const Reconstruction made =
-            reconstruct(noisyScan(part.solid, 60000, part.noise, 0), {}, &progress);
-        EXPECT_LT(errorFrom(part.solid, made.levelSet), 0.3 * part.noise) << part.solid;
+        const ReconstructResult made =
+            reconstruct(noisyScan(part.solid, 60000, part.noise, 0), test::Uncleaned(), &progress);
+        EXPECT_LT(errorFrom(part.solid, made.levelSet()), 0.3 * part.noise) << part.solid;
         const CheckReport checked =
-            check(made.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
+            check(made.levelSet().grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
         EXPECT_TRUE(checked.sound()) << part.solid << "\n" << test::texts(checked);
-        const MeshReport report = measure(extractMesh(made.levelSet, {}, &progress));
+        const MeshReport report = measure(extractMesh(made.levelSet(), {}, &progress));
         EXPECT_EQ(report.components, 1u) << part.solid;
         EXPECT_EQ(report.eulerCharacteristic, 2) << part.solid;
     }
@@ -543,17 +545,19 @@ TEST(Noise, BelowAVoxelBlursNoEdges)
     Interrupter progress;
     constexpr double kNoise = 0.003; // a sixth of a voxel
     const std::string solid = "difference(box(2,2,1), cylinder(0.4,3))";
-    const Reconstruction made = reconstruct(noisyScan(solid, 100000, kNoise, 0), {}, &progress);
-    EXPECT_LT(errorFrom(solid, made.levelSet), kNoise / 4);
+    const ReconstructResult made =
+        reconstruct(noisyScan(solid, 100000, kNoise, 0), test::Uncleaned(), &progress);
+    EXPECT_LT(errorFrom(solid, made.levelSet()), kNoise / 4);
 }
 
 // At its edges a few normals out of many are turned by a right angle or more from the mean.
 TEST(Noise, MakesNoHandlesAtEdges)
 {
     Interrupter progress;
-    const Reconstruction made = reconstruct(
-        noisyScan("difference(box(2,2,1), cylinder(0.4,3))", 50000, 0.03, 10), {}, &progress);
-    const MeshReport report = measure(extractMesh(made.levelSet, {}, &progress));
+    const ReconstructResult made =
+        reconstruct(noisyScan("difference(box(2,2,1), cylinder(0.4,3))", 50000, 0.03, 10),
+                    test::Uncleaned(), &progress);
+    const MeshReport report = measure(extractMesh(made.levelSet(), {}, &progress));
     EXPECT_EQ(report.components, 1u);
     EXPECT_EQ(report.eulerCharacteristic, 0);
 }

@@ -1,5 +1,6 @@
 // Points to level set: the same bytes always, far from the origin, stopped, refused.
 #include "field_fixture.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/mesh.h>
@@ -23,14 +24,14 @@ namespace
 using openvdb::Coord;
 using test::Random;
 
-ReconstructSettings voxelsOf(double voxelSize)
+test::Uncleaned voxelsOf(double voxelSize)
 {
-    ReconstructSettings settings;
+    test::Uncleaned settings;
     settings.voxelSize = Length{voxelSize, Length::Unit::World};
     return settings;
 }
 
-Reconstruction reconstructed(PointCloud cloud, double voxelSize)
+ReconstructResult reconstructed(PointCloud cloud, double voxelSize)
 {
     Interrupter progress;
     return reconstruct(std::move(cloud), voxelsOf(voxelSize), &progress);
@@ -91,7 +92,7 @@ TEST(Reconstruct, InventsWithoutACrease)
             cloud.normals.push_back(whole.normals[i]);
         }
         const double h = 0.02;
-        const Reconstruction result = reconstructed(cloud, h);
+        const ReconstructResult result = reconstructed(cloud, h);
         // Turns within a voxel, from well within the data to well within the hole, the surface's
         // own among them: where support ends, and the largest per place on the rim.
         std::vector<double> atSeam, largest;
@@ -155,12 +156,13 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadsAndAnyOrder)
     for (std::size_t n = 0; n < clouds.size(); ++n) {
         SCOPED_TRACE(n);
         const double h = 2.0 / 48;
-        const Reconstruction first = reconstructed(clouds[n], h);
-        const std::string bytes = test::treeBytes(first.levelSet.grid());
+        const ReconstructResult first = reconstructed(clouds[n], h);
+        const std::string bytes = test::treeBytes(first.levelSet().grid());
         for (const std::size_t threads : {1u, 2u, 8u}) {
             tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-            const Reconstruction other = reconstructed(test::shuffled(clouds[n], 10 + threads), h);
-            EXPECT_TRUE(bytes == test::treeBytes(other.levelSet.grid())) << threads;
+            const ReconstructResult other =
+                reconstructed(test::shuffled(clouds[n], 10 + threads), h);
+            EXPECT_TRUE(bytes == test::treeBytes(other.levelSet().grid())) << threads;
             EXPECT_EQ(first.field->statistics().cells, other.field->statistics().cells);
             EXPECT_EQ(first.field->statistics().maxError, other.field->statistics().maxError);
         }
@@ -176,26 +178,27 @@ TEST(Reconstruct, GivesTheSameGridFarFromTheOrigin)
     const PointCloud cloud = test::randomScan("torus(1, 0.4)", 16000);
     PointCloud moved = cloud;
     moved.frame += shift;
-    const Reconstruction near = reconstructed(cloud, h), there = reconstructed(moved, h);
+    const ReconstructResult near = reconstructed(cloud, h), there = reconstructed(moved, h);
 
-    const Lattice lattice = there.levelSet.lattice();
-    const Vec3d offset = (shift - lattice.origin + near.levelSet.lattice().origin) / h;
+    const Lattice lattice = there.levelSet().lattice();
+    const Vec3d offset = (shift - lattice.origin + near.levelSet().lattice().origin) / h;
     const Vec3i steps = offset.array().round().cast<int>();
     ASSERT_EQ(steps.cast<double>(), offset); // whole voxels
     ASSERT_LT(offset.cwiseAbs().maxCoeff(), 1 << 20);
     const Coord by(steps[0], steps[1], steps[2]);
-    const auto at = there.levelSet.grid().getConstAccessor();
-    EXPECT_EQ(near.levelSet.grid().activeVoxelCount(), there.levelSet.grid().activeVoxelCount());
+    const auto at = there.levelSet().grid().getConstAccessor();
+    EXPECT_EQ(near.levelSet().grid().activeVoxelCount(),
+              there.levelSet().grid().activeVoxelCount());
     // A double near 5e6 is a multiple of 2^-30, and takes part in a few sums.
     const double tolerance = 3e-4 * h;
-    for (auto v = near.levelSet.grid().cbeginValueOn(); v; ++v)
+    for (auto v = near.levelSet().grid().cbeginValueOn(); v; ++v)
         ASSERT_NEAR(double(at.getValue(v.getCoord() + by)), double(*v), tolerance) << v.getCoord();
 
-    const openvdb::Vec3d world = there.levelSet.grid().indexToWorld(by.asVec3d());
+    const openvdb::Vec3d world = there.levelSet().grid().indexToWorld(by.asVec3d());
     EXPECT_EQ(Vec3d(world[0], world[1], world[2]), shift);
     Interrupter progress;
     const CheckReport report =
-        check(there.levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
+        check(there.levelSet().grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(report.sound()) << test::texts(report);
     const FieldSample sample = there.field->evaluate(shift + Vec3d(1, 0, 0.2));
     EXPECT_NEAR(sample.value, near.field->evaluate(Vec3d(1, 0, 0.2)).value, tolerance);
@@ -206,10 +209,10 @@ TEST(Reconstruct, GivesTheRightSurfaceOfPointsScannedFarFromTheOrigin)
     const std::string description = "translate(sphere(1), 5000000, 5000000, -5000000)";
     const auto solid = parseSolid(description);
     const double h = 1.0 / 32;
-    const Reconstruction r = reconstructed(test::randomScan(description, 13000), h);
+    const ReconstructResult r = reconstructed(test::randomScan(description, 13000), h);
     double worst = 0;
-    for (auto v = r.levelSet.grid().cbeginValueOn(); v; ++v) {
-        const double d = solid->distance(test::worldOf(r.levelSet.lattice(), v.getCoord()));
+    for (auto v = r.levelSet().grid().cbeginValueOn(); v; ++v) {
+        const double d = solid->distance(test::worldOf(r.levelSet().lattice(), v.getCoord()));
         if (std::abs(d) < 2 * h) worst = std::max(worst, std::abs(double(*v) - d));
     }
     EXPECT_LT(worst, 0.05 * h);
@@ -221,22 +224,25 @@ TEST(Reconstruct, ChoosesWhatTheUserLeftOpen)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 10000);
     Interrupter progress;
-    const ResolvedSettings open = resolve(cloud, {}, &progress);
+    const ResolvedSettings open =
+        preparePoints(PointCloud(cloud), test::Uncleaned(), &progress).report.settings;
     // Random points are as far from each other as the area gives each of them.
     EXPECT_NEAR(open.fit.voxelSize, std::sqrt(4 * M_PI / 10000), 0.1 * open.fit.voxelSize);
     EXPECT_EQ(open.grid.lattice.voxelSize, open.fit.voxelSize);
     EXPECT_GE(open.fit.tolerance, 0.1 * open.fit.voxelSize);
     EXPECT_NEAR(open.diagonal, 2 * std::sqrt(3.0), 0.02);
 
-    ReconstructSettings given;
+    test::Uncleaned given;
     given.voxels = 64;
     given.tolerance = Length::parse("0.25vx");
-    const ResolvedSettings resolved = resolve(cloud, given, &progress);
+    const ResolvedSettings resolved =
+        preparePoints(PointCloud(cloud), given, &progress).report.settings;
     EXPECT_NEAR(resolved.fit.voxelSize, 2.0 / 64, 1e-3 / 64);
     EXPECT_DOUBLE_EQ(resolved.fit.tolerance, 0.25 * resolved.fit.voxelSize);
     given.voxels.reset();
     given.voxelSize = Length::parse("1%");
-    EXPECT_NEAR(resolve(cloud, given, &progress).fit.voxelSize, 0.02 * std::sqrt(3.0), 1e-3);
+    EXPECT_NEAR(preparePoints(PointCloud(cloud), given, &progress).report.settings.fit.voxelSize,
+                0.02 * std::sqrt(3.0), 1e-3);
 }
 
 TEST(Reconstruct, RefusesWhatMakesNoSense)
@@ -244,11 +250,11 @@ TEST(Reconstruct, RefusesWhatMakesNoSense)
     const PointCloud cloud = test::randomScan("sphere(1)", 1000);
     Interrupter progress;
     const auto run = [&](const PointCloud& points, auto change) {
-        ReconstructSettings settings = voxelsOf(0.1);
+        test::Uncleaned settings = voxelsOf(0.1);
         change(settings);
         reconstruct(PointCloud(points), settings, &progress);
     };
-    const auto nothing = [](ReconstructSettings&) {};
+    const auto nothing = [](test::Uncleaned&) {};
     EXPECT_NO_THROW(run(cloud, nothing));
     PointCloud tiny = cloud; // OpenVDB takes such a transform for singular
     for (Vec3f& p : tiny.positions) p *= 1e-5f;
@@ -261,7 +267,7 @@ TEST(Reconstruct, RefusesWhatMakesNoSense)
     PointCloud bare = cloud;
     bare.normals.clear();
     EXPECT_THROW(run(bare, nothing), InputError);
-    using S = ReconstructSettings;
+    using S = test::Uncleaned;
     EXPECT_THROW(run(cloud, [](S& s) { s.voxels = 10; }), UsageError); // and the size
     EXPECT_THROW(run(cloud, [](S& s) { s.voxelSize = Length::parse("2vx"); }), UsageError);
     for (const double bad : {0.0, -1.0, std::nan("")}) {
@@ -296,7 +302,7 @@ TEST(Reconstruct, StaysWithinItsMemory)
 {
     const PointCloud cloud = test::randomScan("sphere(1)", 10000);
     Interrupter progress;
-    ReconstructSettings settings = voxelsOf(2.0 / 128);
+    test::Uncleaned settings = voxelsOf(2.0 / 128);
     settings.maxBytes = 2000000;
     EXPECT_THROW(reconstruct(PointCloud(cloud), settings, &progress), LimitError);
     settings.maxBytes = 2000000000;
@@ -390,11 +396,11 @@ void expectDefined(const PointCloud& cloud, double voxelSize)
 {
     Interrupter progress;
     try {
-        const Reconstruction r = reconstructed(cloud, voxelSize);
-        const MeshReport mesh = measure(extractMesh(r.levelSet, {}, &progress));
+        const ReconstructResult r = reconstructed(cloud, voxelSize);
+        const MeshReport mesh = measure(extractMesh(r.levelSet(), {}, &progress));
         EXPECT_EQ(mesh.boundaryEdges, 0u);
         EXPECT_EQ(mesh.nonManifoldEdges, 0u);
-        for (auto v = r.levelSet.grid().cbeginValueOn(); v; ++v)
+        for (auto v = r.levelSet().grid().cbeginValueOn(); v; ++v)
             ASSERT_TRUE(std::isfinite(*v)) << v.getCoord();
     } catch (const InputError& error) {
         EXPECT_GT(std::string(error.what()).size(), 20u);
@@ -437,9 +443,10 @@ TEST(Reconstruct, ClosesAFlatSheetBehind)
         }
         for (const double voxelSize : {0.01, 0.02, 0.03, 0.05, 0.08}) {
             SCOPED_TRACE(fmt::format("{} {}", round ? "disc" : "square", voxelSize));
-            const Reconstruction made = reconstructed(cloudOf(points, Vec3d::UnitZ()), voxelSize);
+            const ReconstructResult made =
+                reconstructed(cloudOf(points, Vec3d::UnitZ()), voxelSize);
             Interrupter progress;
-            const MeshReport mesh = measure(extractMesh(made.levelSet, {}, &progress));
+            const MeshReport mesh = measure(extractMesh(made.levelSet(), {}, &progress));
             EXPECT_EQ(mesh.components, 1u);
             EXPECT_EQ(mesh.boundaryEdges, 0u);
             EXPECT_EQ(mesh.eulerCharacteristic, 2);
@@ -454,8 +461,9 @@ TEST(Reconstruct, KeepsBoxesAlongTheAxes)
 {
     const auto measured = [](const std::string& solid, double points) {
         Interrupter progress;
-        const Reconstruction made = reconstruct(test::randomScan(solid, points), {}, &progress);
-        return measure(extractMesh(made.levelSet, {}, &progress));
+        const ReconstructResult made =
+            reconstruct(test::randomScan(solid, points), test::Uncleaned(), &progress);
+        return measure(extractMesh(made.levelSet(), {}, &progress));
     };
     for (const double points : {300, 500, 1000, 3000}) {
         const MeshReport box = measured("box(1,1,1)", points);
@@ -479,11 +487,11 @@ TEST(Reconstruct, TakesObjectsFarApart)
         cloud.positions.push_back(cloud.positions[i] + Vec3f(3000, 3000, 0));
         cloud.normals.push_back(cloud.normals[i]);
     }
-    ReconstructSettings settings = voxelsOf(0.1);
+    test::Uncleaned settings = voxelsOf(0.1);
     settings.maxBytes = 200 << 20;
     Interrupter progress;
-    const Reconstruction made = reconstruct(std::move(cloud), settings, &progress);
-    const MeshReport mesh = measure(extractMesh(made.levelSet, {}, &progress));
+    const ReconstructResult made = reconstruct(std::move(cloud), settings, &progress);
+    const MeshReport mesh = measure(extractMesh(made.levelSet(), {}, &progress));
     EXPECT_EQ(mesh.components, 2u);
     EXPECT_NEAR(mesh.volume, 2 * 4 * M_PI / 3, 0.2);
 }

@@ -1,5 +1,6 @@
 // Points to level set: how near the surface comes, how fast it converges, what shape it has.
 #include "field_fixture.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/reconstruct.h>
@@ -26,19 +27,19 @@ const Model kTorus{"torus(1, 0.4)", 2.8, 4 * M_PI* M_PI * 0.4, 2 * M_PI* M_PI * 
 const Model kRoundedBox{"roundedbox(2, 1.6, 1.2, 0.3)", 2, 12.46, 0};
 
 /// Random points @a spacing voxels apart, and a grid of @a voxels along the longest side.
-Reconstruction reconstructed(const Model& model, double voxels, double spacing = 1)
+ReconstructResult reconstructed(const Model& model, double voxels, double spacing = 1)
 {
     const double h = model.extent / voxels;
-    ReconstructSettings settings;
+    test::Uncleaned settings;
     settings.voxelSize = Length{h, Length::Unit::World};
     Interrupter progress;
     return reconstruct(test::randomScan(model.name, model.area / std::pow(spacing * h, 2)),
                        settings, &progress);
 }
 
-Reconstruction reconstructed(PointCloud cloud, double voxelSize)
+ReconstructResult reconstructed(PointCloud cloud, double voxelSize)
 {
-    ReconstructSettings settings;
+    test::Uncleaned settings;
     settings.voxelSize = Length{voxelSize, Length::Unit::World};
     Interrupter progress;
     return reconstruct(std::move(cloud), settings, &progress);
@@ -89,11 +90,11 @@ TEST(Reconstruct, IsNearTheExactDistanceAtTheDefaultTolerance)
     };
     for (const Limit& limit :
          {Limit{kSphere, 0.002}, Limit{kTorus, 0.006}, Limit{kRoundedBox, 0.01}}) {
-        const Reconstruction r = reconstructed(limit.model, 128);
-        const double h = r.levelSet.voxelSize();
-        EXPECT_LE(bandError(r.levelSet, *parseSolid(limit.model.name)), limit.rms * h)
+        const ReconstructResult r = reconstructed(limit.model, 128);
+        const double h = r.levelSet().voxelSize();
+        EXPECT_LE(bandError(r.levelSet(), *parseSolid(limit.model.name)), limit.rms * h)
             << limit.model.name;
-        expectSound(r.levelSet);
+        expectSound(r.levelSet());
     }
 }
 
@@ -114,13 +115,13 @@ TEST(Reconstruct, KeepsTheEdgesOfABox)
     const Vec3d size(2, 1.5, 1);
     const Eigen::AngleAxisd turn(25 * M_PI / 180, Vec3d(1, 2, 3).normalized());
     const Model box{"rotate(box(2, 1.5, 1), 1, 2, 3, 25)", 2.4, 13, 3};
-    const Reconstruction r = reconstructed(box, 128);
+    const ReconstructResult r = reconstructed(box, 128);
     const auto solid = parseSolid(box.name);
-    const Lattice lattice = r.levelSet.lattice();
-    const auto at = r.levelSet.grid().getConstAccessor();
+    const Lattice lattice = r.levelSet().lattice();
+    const auto at = r.levelSet().grid().getConstAccessor();
     double sum = 0, worst = 0;
     std::size_t crossings = 0;
-    for (auto v = r.levelSet.grid().cbeginValueOn(); v; ++v) {
+    for (auto v = r.levelSet().grid().cbeginValueOn(); v; ++v) {
         const Coord c = v.getCoord();
         for (const Coord& step : {Coord(1, 0, 0), Coord(0, 1, 0), Coord(0, 0, 1)}) {
             const double a = double(*v), b = double(at.getValue(c + step));
@@ -137,8 +138,8 @@ TEST(Reconstruct, KeepsTheEdgesOfABox)
     ASSERT_GT(crossings, 2000u);
     EXPECT_LE(std::sqrt(sum / double(crossings)), 0.05) << "largest " << worst;
     EXPECT_GT(r.field->statistics().sharpFits, 100u);
-    expectTopology(r.levelSet, 1, 2);
-    expectSound(r.levelSet);
+    expectTopology(r.levelSet(), 1, 2);
+    expectSound(r.levelSet());
 }
 
 TEST(Reconstruct, WallsAndSlotsThinnerThanTwoVoxelsAreWhereTheirPointsAre)
@@ -148,9 +149,9 @@ TEST(Reconstruct, WallsAndSlotsThinnerThanTwoVoxelsAreWhereTheirPointsAre)
     for (const char* const name :
          {"box(2, 2, 0.08)", "difference(box(2, 2, 1), box(1.5, 0.08, 3))"}) {
         const auto solid = parseSolid(name);
-        const Reconstruction r = reconstructed(test::randomScan(name, 60000), h);
+        const ReconstructResult r = reconstructed(test::randomScan(name, 60000), h);
         Interrupter progress;
-        const Mesh mesh = extractMesh(r.levelSet, {r.field.get()}, &progress);
+        const Mesh mesh = extractMesh(r.levelSet(), {r.field.get()}, &progress);
         double sum = 0;
         for (std::uint32_t v = 0; v < mesh.positions.size(); ++v)
             sum += std::abs(solid->distance(mesh.world(v)));
@@ -186,7 +187,8 @@ TEST(Reconstruct, UnevenPointsHaveLargerVoxels)
 {
     Interrupter progress;
     constexpr int kPoints = 30000;
-    const ResolvedSettings uneven = resolve(yard(kPoints), {}, &progress);
+    const ResolvedSettings uneven =
+        preparePoints(PointCloud(yard(kPoints)), test::Uncleaned(), &progress).report.settings;
     const double h = uneven.grid.lattice.voxelSize;
     EXPECT_LT(6 * M_PI * 100 * 100 / (h * h), 20 * kPoints); // voxels of the band
     EXPECT_GT(6 * M_PI * 100 * 100 / std::pow(uneven.points.spacing, 2), 50 * kPoints);
@@ -207,11 +209,11 @@ TEST(Reconstruct, ConvergesWithTheSquareOfTheVoxelSize)
         const auto solid = parseSolid(model.name);
         std::vector<double> distance, area, volume;
         for (const double voxels : {32.0, 64.0, 128.0}) {
-            const Reconstruction r = reconstructed(model, voxels);
-            EXPECT_NEAR(r.settings.fit.tolerance, 0.1 * model.extent / voxels,
+            const ReconstructResult r = reconstructed(model, voxels);
+            EXPECT_NEAR(r.report.settings.fit.tolerance, 0.1 * model.extent / voxels,
                         0.05 * model.extent / voxels);
-            const MeshReport mesh = meshOf(r.levelSet);
-            distance.push_back(bandError(r.levelSet, *solid));
+            const MeshReport mesh = meshOf(r.levelSet());
+            distance.push_back(bandError(r.levelSet(), *solid));
             area.push_back(std::abs(mesh.area - model.area));
             volume.push_back(std::abs(mesh.volume - model.volume));
         }
@@ -245,10 +247,10 @@ class ReconstructShape : public testing::TestWithParam<Shape>
 TEST_P(ReconstructShape, HasItsTopology)
 {
     const Shape& shape = GetParam();
-    const Reconstruction r =
+    const ReconstructResult r =
         reconstructed(test::randomScan(shape.description, shape.points), shape.voxelSize);
-    expectTopology(r.levelSet, shape.components, shape.euler);
-    if (shape.wall >= 2) expectSound(r.levelSet); // a thinner wall has no room for slopes
+    expectTopology(r.levelSet(), shape.components, shape.euler);
+    if (shape.wall >= 2) expectSound(r.levelSet()); // a thinner wall has no room for slopes
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -284,10 +286,10 @@ TEST(Reconstruct, ClosesHoles)
         scan.holes = 3;
         scan.holeRadius = 0.1; // of the diagonal: 0.35
         scan.seed = seed;
-        const Reconstruction r = reconstructed(test::scanOf("sphere(1)", scan), 2.0 / 64);
-        expectTopology(r.levelSet, 1, 2);
-        EXPECT_NEAR(meshOf(r.levelSet).volume, kSphere.volume, 0.1 * kSphere.volume);
-        expectSound(r.levelSet);
+        const ReconstructResult r = reconstructed(test::scanOf("sphere(1)", scan), 2.0 / 64);
+        expectTopology(r.levelSet(), 1, 2);
+        EXPECT_NEAR(meshOf(r.levelSet()).volume, kSphere.volume, 0.1 * kSphere.volume);
+        expectSound(r.levelSet());
     }
 }
 
@@ -301,11 +303,11 @@ TEST(Reconstruct, ClosesHalfASphere)
         half.positions.push_back(whole.positions[i]);
         half.normals.push_back(whole.normals[i]);
     }
-    const Reconstruction r = reconstructed(half, 2.0 / 64);
-    expectTopology(r.levelSet, 1, 2);
-    EXPECT_GT(meshOf(r.levelSet).volume, 0.4 * kSphere.volume);
-    EXPECT_LT(meshOf(r.levelSet).volume, 1.2 * kSphere.volume);
-    expectSound(r.levelSet);
+    const ReconstructResult r = reconstructed(half, 2.0 / 64);
+    expectTopology(r.levelSet(), 1, 2);
+    EXPECT_GT(meshOf(r.levelSet()).volume, 0.4 * kSphere.volume);
+    EXPECT_LT(meshOf(r.levelSet()).volume, 1.2 * kSphere.volume);
+    expectSound(r.levelSet());
 }
 
 TEST(Reconstruct, ClosesRangeScans)
@@ -325,9 +327,9 @@ TEST(Reconstruct, ClosesRangeScans)
         scan.pattern = ScanSettings::Pattern::Scan;
         scan.views = view.views;
         scan.confidence = true;
-        const Reconstruction r = reconstructed(test::scanOf(view.solid, scan), view.voxelSize);
-        expectTopology(r.levelSet, 1, view.euler);
-        expectSound(r.levelSet);
+        const ReconstructResult r = reconstructed(test::scanOf(view.solid, scan), view.voxelSize);
+        expectTopology(r.levelSet(), 1, view.euler);
+        expectSound(r.levelSet());
     }
 }
 

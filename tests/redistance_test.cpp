@@ -1,6 +1,7 @@
 // Re-distancing, widening, offsets and shells beside exact distances.
 #include "field_fixture.h"
 #include "scanned_cloud.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
@@ -223,7 +224,7 @@ LevelSet reconstructed(const std::string& solid, double noise, double outliers)
     Interrupter progress;
     PointCloud cloud = scanned(solid, 30000, Pattern::Random, noise, outliers);
     clean(cloud, {}, &progress);
-    return reconstruct(std::move(cloud), {}, &progress).levelSet;
+    return reconstruct(std::move(cloud), test::Uncleaned(), &progress).levelSet();
 }
 
 /// The same surface with distances to the triangles of its mesh.

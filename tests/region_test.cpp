@@ -1,5 +1,6 @@
 // A part of a level set, beside the whole: the same voxels with the same values.
 #include "field_fixture.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
@@ -61,11 +62,11 @@ std::array<Length, 6> lengths(const Box3d& box)
 }
 
 /// Parts of a reconstruction beside the whole.
-void expectSameInRegions(const PointCloud& cloud, ReconstructSettings settings, std::uint64_t seed,
+void expectSameInRegions(const PointCloud& cloud, test::Uncleaned settings, std::uint64_t seed,
                          int regions, double voxels)
 {
     Interrupter progress;
-    const LevelSet whole = reconstruct(PointCloud(cloud), settings, &progress).levelSet;
+    const LevelSet whole = reconstruct(PointCloud(cloud), settings, &progress).levelSet();
     const CheckReport wholeReport =
         check(whole.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
     EXPECT_TRUE(wholeReport.sound()) << test::texts(wholeReport);
@@ -73,20 +74,20 @@ void expectSameInRegions(const PointCloud& cloud, ReconstructSettings settings, 
     for (int n = 0; n < regions; ++n) {
         const Box3d box = randomBox(whole, random, voxels);
         settings.region = lengths(box);
-        const Reconstruction part = reconstruct(PointCloud(cloud), settings, &progress);
+        const ReconstructResult part = reconstruct(PointCloud(cloud), settings, &progress);
         const CoordBBox inside = voxelsIn(box, whole.lattice());
-        EXPECT_EQ(differences(part.levelSet, whole, inside), 0u)
+        EXPECT_EQ(differences(part.levelSet(), whole, inside), 0u)
             << "seed " << seed << " " << inside;
-        EXPECT_TRUE(inside.isInside(part.levelSet.grid().evalActiveVoxelBoundingBox()));
+        EXPECT_TRUE(inside.isInside(part.levelSet().grid().evalActiveVoxelBoundingBox()));
         const CheckReport report =
-            check(part.levelSet.grid(), kGradientTolerance, inside, &progress);
+            check(part.levelSet().grid(), kGradientTolerance, inside, &progress);
         EXPECT_TRUE(report.sound()) << test::texts(report);
     }
 }
 
-ReconstructSettings voxelSize(double h)
+test::Uncleaned voxelSize(double h)
 {
-    ReconstructSettings settings;
+    test::Uncleaned settings;
     settings.voxelSize = Length{h, Length::Unit::World};
     return settings;
 }
@@ -123,7 +124,7 @@ TEST(Region, IsTheSameAsTheWholeOnScans)
         PointInput input =
             readPoints({std::filesystem::path(folder) / name}, BadPoints::Drop, {}, {}, &progress);
         clean(input.cloud, {}, &progress);
-        ReconstructSettings settings;
+        test::Uncleaned settings;
         settings.voxels = 250;
         expectSameInRegions(input.cloud, settings, 6, 5, 60);
     }
@@ -132,14 +133,14 @@ TEST(Region, IsTheSameAsTheWholeOnScans)
 TEST(Region, DoesNotDependOnThreads)
 {
     const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
-    ReconstructSettings settings = voxelSize(0.02);
+    test::Uncleaned settings = voxelSize(0.02);
     settings.region = lengths({Vec3d(0.3, -0.5, -1), Vec3d(2, 0.5, 1)});
     std::vector<std::string> bytes;
     for (const std::size_t threads : {1u, 2u, 8u}) {
         tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
         Interrupter progress;
         bytes.push_back(
-            test::treeBytes(reconstruct(PointCloud(cloud), settings, &progress).levelSet.grid()));
+            test::treeBytes(reconstruct(PointCloud(cloud), settings, &progress).levelSet().grid()));
     }
     EXPECT_TRUE(bytes[0] == bytes[1]);
     EXPECT_TRUE(bytes[0] == bytes[2]);
@@ -241,7 +242,7 @@ TEST(Region, RefusesWhatIsNone)
 {
     Interrupter progress;
     const PointCloud cloud = test::randomScan("sphere(1)", 2000);
-    ReconstructSettings settings = voxelSize(0.1);
+    test::Uncleaned settings = voxelSize(0.1);
     settings.region = lengths({Vec3d(1, 0, 0), Vec3d(0, 1, 1)});
     EXPECT_THROW(reconstruct(PointCloud(cloud), settings, &progress), UsageError);
     SampleSettings sampling;

@@ -1,5 +1,6 @@
 // Meshes keep the edges and corners of what was sampled.
 #include "modelling_fixture.h"
+#include "uncleaned.h"
 
 #include <mpuvdb/fields.h>
 #include <mpuvdb/reconstruct.h>
@@ -189,11 +190,12 @@ TEST_P(ScannedParts, KeepTheEdgesOfExactPoints)
     random.pattern = ScanSettings::Pattern::Random;
     random.points = std::size_t(2 * 13 / (h * h)); // two for each voxel that the surface passes
     Interrupter progress;
-    ReconstructSettings settings;
+    test::Uncleaned settings;
     settings.voxelSize = Length{h};
-    const Reconstruction made = reconstruct(scan(*solid, random, &progress), settings, &progress);
-    const Mesh mesh = extractMesh(made.levelSet, {made.field.get()}, &progress);
-    const Fit fit = fitOf(mesh, *solid, h), before = fitOf(yardstick(made.levelSet), *solid, h);
+    const ReconstructResult made =
+        reconstruct(scan(*solid, random, &progress), settings, &progress);
+    const Mesh mesh = extractMesh(made.levelSet(), {made.field.get()}, &progress);
+    const Fit fit = fitOf(mesh, *solid, h), before = fitOf(yardstick(made.levelSet()), *solid, h);
     EXPECT_LT(fit.nearCreases, 0.02) << "voxels";
     EXPECT_LT(fit.nearCreases * 5, before.nearCreases);
     EXPECT_LT(fit.normalError * 3, before.normalError);
@@ -293,16 +295,16 @@ TEST(FlatFaces, OfExactPointsKeepTheirDullFolds)
 {
     const unsigned sides = 40;
     const double h = 1.0 / 60; // a side is nine voxels wide
-    ReconstructSettings settings;
+    test::Uncleaned settings;
     settings.voxelSize = Length{h};
     Interrupter progress;
-    const Reconstruction made =
+    const ReconstructResult made =
         reconstruct(pointsOn(prism(sides), std::size_t(2 * 13 / (h * h))), settings, &progress);
     const auto error = [&](const Mesh& mesh) {
         return sideNormalError(mesh, sides, Eigen::Quaterniond::Identity());
     };
-    const double kept = error(extractMesh(made.levelSet, {made.field.get()}, &progress));
-    EXPECT_LT(3 * kept, error(yardstick(made.levelSet)));
+    const double kept = error(extractMesh(made.levelSet(), {made.field.get()}, &progress));
+    EXPECT_LT(3 * kept, error(yardstick(made.levelSet())));
     EXPECT_LT(kept, 0.03 * 360 / sides) << "degrees";
 }
 

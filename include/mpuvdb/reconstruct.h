@@ -1,7 +1,7 @@
 // The door: points to a level set in one call, with defaults that the data choose.
 //
-// reconstruct() is what the command and Python call, too. Where more than one level set is wanted of
-// the same points, or a look at what it will take, its three steps stand alone: preparePoints(),
+// reconstruct() is what the command and Python call, too. Where more than one level set is wanted
+// of the same points, or a look at what it will take, its three steps stand alone: preparePoints(),
 // fitPoints(), sampleFit().
 #pragma once
 #include <mpuvdb/clean.h>
@@ -64,10 +64,10 @@ struct ReconstructReport {
     CleanReport cleaned;
     ResolvedSettings settings;
     MpuStatistics fit;
-    PointsExplained explained;              ///< the level set, held against the points
-    std::optional<double> coverageSpacing;  ///< world units: the points' as coverage measures it
-    std::vector<std::string> notes;         ///< what a user should know
-    std::vector<std::string> warnings;      ///< what a user has to know
+    PointsExplained explained;             ///< the level set, held against the points
+    std::optional<double> coverageSpacing; ///< world units: the points' as coverage measures it
+    std::vector<std::string> notes;        ///< what a user should know
+    std::vector<std::string> warnings;     ///< what a user has to know
 };
 
 /// Points on their way to the fit.
@@ -126,16 +126,17 @@ struct ReconstructionEstimate {
     double area = 0;                ///< of the surface, world units squared
     std::uint64_t activeVoxels = 0; ///< of the level set
     std::uint64_t gridBytes = 0;    ///< held by the level set
-    std::uint64_t fileBytes = 0;    ///< of a .vdb file with level set and coverage, if that is asked for
-    std::uint64_t triangles = 0;    ///< of a mesh of it
-    std::uint64_t peakBytes = 0;    ///< the most that the work takes, the points included
+    std::uint64_t fileBytes =
+        0; ///< of a .vdb file with level set and coverage, if that is asked for
+    std::uint64_t triangles = 0; ///< of a mesh of it
+    std::uint64_t peakBytes = 0; ///< the most that the work takes, the points included
 };
 
-/// Estimate what the rest of reconstruct() would take, without it: a part of the points is fitted as
-/// it would fit them, and a surface with larger voxels through every so many points tells the area,
-/// filled holes and all. Takes as long as reconstructing a hundred thousand points or so. Peak memory
-/// comes out to a fifth. In short: 56 bytes a point while they are sorted; then 36 a point, about
-/// 70 a leaf of the octree (twice that while it is built), and 18 an active voxel.
+/// Estimate what the rest of reconstruct() would take, without it: a part of the points is fitted
+/// as it would fit them, and a surface with larger voxels through every so many points tells the
+/// area, filled holes and all. Takes as long as reconstructing a hundred thousand points or so.
+/// Peak memory comes out to a fifth. In short: 56 bytes a point while they are sorted; then 36 a
+/// point, about 70 a leaf of the octree (twice that while it is built), and 18 an active voxel.
 /// @param withMesh  whether a mesh is extracted at the end. @throws as reconstruct().
 ReconstructionEstimate estimate(const PreparedPoints& points, bool withMesh = false,
                                 Interrupter* interrupter = nullptr);

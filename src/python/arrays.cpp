@@ -69,7 +69,6 @@ py::array asNumbers(const py::array& array, const char* what)
     return numbers;
 }
 
-
 std::vector<Mesh::Triangle> trianglesOf(const py::object& object, std::size_t vertices)
 {
     const py::array array = asArray(object, "faces");
@@ -125,7 +124,7 @@ ArrayView arrayViewOf(const py::object& object, py::ssize_t columns, const char*
     const void* const data = array.data();
     NumberView numbers;
     if (rows > 0)
-        numbers = isBytes   ? NumberView(static_cast<const std::uint8_t*>(data), rows, width, stride)
+        numbers = isBytes ? NumberView(static_cast<const std::uint8_t*>(data), rows, width, stride)
                   : isFloat ? NumberView(static_cast<const float*>(data), rows, width, stride)
                             : NumberView(static_cast<const double*>(data), rows, width, stride);
     return {std::move(array), numbers};

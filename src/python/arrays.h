@@ -16,8 +16,8 @@ namespace mpuvdb::python
 /// @throws UsageError unless @a array has the shape (n, 3).
 std::vector<Vec3d> rowsOf(const pybind11::object& array, const char* what);
 
-/// Numbers of an array, where they are if they are floats, doubles or bytes that lie side by side in
-/// a row; else a copy as doubles. The array that holds them stays alive with this.
+/// Numbers of an array, where they are if they are floats, doubles or bytes that lie side by side
+/// in a row; else a copy as doubles. The array that holds them stays alive with this.
 struct ArrayView {
     pybind11::array holder;
     NumberView numbers;

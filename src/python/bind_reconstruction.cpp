@@ -61,11 +61,10 @@ py::dict reportOf(const ReconstructReport& made)
     return py::dict("points"_a = made.points, "dropped"_a = made.dropped,
                     "normals_turned"_a = cleaned.flipped + cleaned.turned,
                     "spacing"_a = s.points.spacing, "noise"_a = s.points.noise,
-                    "normal_noise"_a = s.points.normalNoise * 180 / M_PI,
-                    "diagonal"_a = s.diagonal, "voxel_size"_a = s.grid.lattice.voxelSize,
-                    "half_width"_a = s.grid.halfWidth, "tolerance"_a = s.fit.tolerance,
-                    "leaves"_a = made.fit.leaves, "sharp_fits"_a = made.fit.sharpFits,
-                    "max_error"_a = made.fit.maxError,
+                    "normal_noise"_a = s.points.normalNoise * 180 / M_PI, "diagonal"_a = s.diagonal,
+                    "voxel_size"_a = s.grid.lattice.voxelSize, "half_width"_a = s.grid.halfWidth,
+                    "tolerance"_a = s.fit.tolerance, "leaves"_a = made.fit.leaves,
+                    "sharp_fits"_a = made.fit.sharpFits, "max_error"_a = made.fit.maxError,
                     "coverage_spacing"_a = made.coverageSpacing, "notes"_a = made.notes,
                     "warnings"_a = made.warnings);
 }
@@ -122,8 +121,8 @@ void bindReconstruction(py::module_& module)
                 return run(progress, [&](Interrupter& p) { return meshOf(r, p); });
             },
             "progress"_a = py::none(),
-            "The mesh of the level set, with the attributes that were asked for."
-            MPUVDB_PROGRESS_DOC)
+            "The mesh of the level set, with the attributes that were asked "
+            "for." MPUVDB_PROGRESS_DOC)
         .def(
             "write",
             [](const R& r, const std::filesystem::path& file,

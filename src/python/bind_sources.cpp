@@ -121,8 +121,8 @@ auto withPoints(const PointsArguments& arguments, const py::object& progress, co
 {
     const ReconstructOptions& options = arguments.options;
     if (const auto paths = pathsOf(arguments.source)) {
-        for (const py::object* const array : {&arguments.normals, &arguments.confidence,
-                                              &arguments.colors, &arguments.scalars})
+        for (const py::object* const array :
+             {&arguments.normals, &arguments.confidence, &arguments.colors, &arguments.scalars})
             if (!array->is_none())
                 throw UsageError("normals, confidence, colors and scalars go with an array of "
                                  "points: files bring their own");
@@ -192,12 +192,15 @@ void bindPoints(py::module_& module)
            const std::string& orient, const std::string& outliers, bool flipNormals,
            const std::string& badPoints, std::optional<double> alpha, std::optional<int> minPoints,
            bool sharp, bool interpolate, const py::object& progress) {
-            const PointsArguments arguments{
-                source,    normals,
-                confidence, py::none(),
-                py::none(), viewpoint,
-                optionsOf(tolerance, voxelSize, orient, outliers, flipNormals, badPoints, alpha,
-                          minPoints, sharp, interpolate)};
+            const PointsArguments arguments{source,
+                                            normals,
+                                            confidence,
+                                            py::none(),
+                                            py::none(),
+                                            viewpoint,
+                                            optionsOf(tolerance, voxelSize, orient, outliers,
+                                                      flipNormals, badPoints, alpha, minPoints,
+                                                      sharp, interpolate)};
             const FittedPoints made =
                 withPoints(arguments, progress, [&](PointInput&& input, Interrupter& p) {
                     return fitPoints(preparePoints(std::move(input), arguments.options, &p), &p);
@@ -210,11 +213,11 @@ void bindPoints(py::module_& module)
         "orient"_a = "auto", "outliers"_a = "drop", "flip_normals"_a = false,
         "bad_points"_a = "drop", "alpha"_a = py::none(), "min_points"_a = py::none(),
         "sharp"_a = true, "interpolate"_a = false, "progress"_a = py::none(),
-        "The solid that points on its surface bound: read, cleaned and fitted at once.\n\n"
-        MPUVDB_POINTS_DOC
+        "The solid that points on its surface bound: read, cleaned and fitted at "
+        "once.\n\n" MPUVDB_POINTS_DOC
         "voxel_size: the finest that the fit is for; None: the measured spacing.\n\n"
-        "What was found is logged to the logger 'mpuvdb'; inward normals are a UserWarning."
-        MPUVDB_PROGRESS_DOC);
+        "What was found is logged to the logger 'mpuvdb'; inward normals are a "
+        "UserWarning." MPUVDB_PROGRESS_DOC);
 }
 
 void bindReconstruct(py::module_& module)
@@ -259,8 +262,7 @@ void bindReconstruct(py::module_& module)
         "min_points"_a = py::none(), "sharp"_a = true, "interpolate"_a = false,
         "coverage"_a = false, "attributes"_a = std::vector<std::string>(),
         "max_bytes"_a = py::none(), "progress"_a = py::none(),
-        "Points to a level set at once, as the command's reconstruct does it.\n\n"
-        MPUVDB_POINTS_DOC
+        "Points to a level set at once, as the command's reconstruct does it.\n\n" MPUVDB_POINTS_DOC
         "colors: (n, 3), sRGB, uint8 or floats in [0, 1]. scalars: a dict of names to (n,).\n"
         "voxel_size: edge of a voxel; or voxels: their number along the longest side; None: from "
         "the measured spacing. half_width: voxels, in [1.5, 1000].\n"

@@ -126,7 +126,6 @@ LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
     return region ? cropped(levelSet, *region) : levelSet;
 }
 
-
 /// The same for wider bands: what the field does not tell is measured from its zero set.
 LevelSet sampleWide(const Field& field, const SampleSettings& settings, double sampledBand,
                     const openvdb::CoordBBox* region, Interrupter& progress)

@@ -86,24 +86,26 @@ Parts run(const PointCloud& given, std::optional<double> voxels, bool keepNormal
     bench::Times surface, grid, plain, colored;
     {
         PointCloud cloud = given;
-        std::optional<Reconstruction> made;
+        std::optional<ReconstructResult> made;
         surface.add([&] {
-            CleanSettings cleaning;
-            if (keepNormals) cleaning.normals = NormalsFrom::Keep;
-            clean(cloud, cleaning, &progress);
-            ReconstructSettings settings;
-            settings.voxels = voxels;
-            made.emplace(reconstruct(std::move(cloud), settings, &progress));
+            ReconstructOptions options;
+            if (keepNormals) options.clean->normals = NormalsFrom::Keep;
+            options.voxels = voxels;
+            options.attributes = {kColorName};
+            FittedPoints fitted =
+                fitPoints(preparePoints(std::move(cloud), options, &progress), &progress);
+            fitted.options.attributes.clear(); // they are sampled below
+            made.emplace(sampleFit(fitted, &progress));
         });
         openvdb::GridCPtrVec colors;
         std::unique_ptr<const SurfaceAttributes> attributes;
         grid.add([&] {
             attributes = made->field->attributes({kColorName});
-            for (const auto& g : sampleAttributes(made->levelSet, *attributes, &progress))
+            for (const auto& g : sampleAttributes(made->levelSet(), *attributes, &progress))
                 colors.push_back(g);
         });
-        plain.add([&] { writeLevelSet(file, made->levelSet, {}, {}, &progress); });
-        colored.add([&] { writeLevelSet(file, made->levelSet, {}, colors, &progress); });
+        plain.add([&] { writeLevelSet(file, made->levelSet(), {}, {}, &progress); });
+        colored.add([&] { writeLevelSet(file, made->levelSet(), {}, colors, &progress); });
     }
     std::filesystem::remove(file);
     const double without = plain.cpu[0];

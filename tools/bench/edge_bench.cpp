@@ -173,15 +173,16 @@ void compare(const char* path, double voxels, double degrees)
     const double h = box.sizes().maxCoeff() / voxels;
     const Part part(mesh, h, degrees, progress);
 
-    ReconstructSettings settings;
+    ReconstructOptions settings;
+    settings.clean.reset();
     settings.voxelSize = Length{h};
-    const Reconstruction made = reconstruct(pointsOn(mesh, h), settings, &progress);
+    const ReconstructResult made = reconstruct(pointsOn(mesh, h), settings, &progress);
     std::printf("{\n  \"from_points\": {\n");
-    part.print("with_field", extractMesh(made.levelSet, {made.field.get()}, &progress));
+    part.print("with_field", extractMesh(made.levelSet(), {made.field.get()}, &progress));
     std::printf(",\n");
-    part.print("grid_alone", extractMesh(made.levelSet, {}, &progress));
+    part.print("grid_alone", extractMesh(made.levelSet(), {}, &progress));
     std::printf(",\n");
-    part.print("volumeToMesh", volumeToMesh(made.levelSet));
+    part.print("volumeToMesh", volumeToMesh(made.levelSet()));
 
     SampleSettings sampling;
     sampling.lattice.voxelSize = h;

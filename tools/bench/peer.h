@@ -1,5 +1,6 @@
 // Meshes of the same points: ours, and PoissonRecon's.
 #pragma once
+
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/mesh.h>
@@ -37,10 +38,10 @@ struct Folder {
 inline mpuvdb::Mesh ourMesh(const mpuvdb::PointCloud& cloud, int voxels,
                             mpuvdb::Interrupter& progress)
 {
-    mpuvdb::ReconstructSettings settings;
+    mpuvdb::ReconstructOptions settings;
     settings.voxels = voxels;
     return mpuvdb::extractMesh(
-        mpuvdb::reconstruct(mpuvdb::PointCloud(cloud), settings, &progress).levelSet, {},
+        mpuvdb::reconstruct(mpuvdb::PointCloud(cloud), settings, &progress).levelSet(), {},
         &progress);
 }
 

@@ -21,16 +21,19 @@ void forEachRow(const NumberView& view, const std::vector<std::uint32_t>* rows, 
     const std::size_t count = rows ? rows->size() : view.rows;
     const auto go = [&](auto number) {
         using Number = decltype(number);
-        tbb::parallel_for(
-            tbb::blocked_range<std::size_t>(0, count, kPointsPerSlice), [&](const auto& range) {
-                for (std::size_t n = range.begin(); n != range.end(); ++n)
-                    use(view.row<Number>(rows ? (*rows)[n] : n), n);
-            });
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kPointsPerSlice),
+                          [&](const auto& range) {
+                              for (std::size_t n = range.begin(); n != range.end(); ++n)
+                                  use(view.row<Number>(rows ? (*rows)[n] : n), n);
+                          });
     };
     switch (view.type) {
-    case NumberView::Type::Float: return go(float());
-    case NumberView::Type::Double: return go(double());
-    case NumberView::Type::Byte: return go(std::uint8_t());
+    case NumberView::Type::Float:
+        return go(float());
+    case NumberView::Type::Double:
+        return go(double());
+    case NumberView::Type::Byte:
+        return go(std::uint8_t());
     }
 }
 
