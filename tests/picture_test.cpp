@@ -1,7 +1,7 @@
+#include "render/picture.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/picture.h>
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/Composite.h>

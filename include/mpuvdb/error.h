@@ -6,32 +6,17 @@
 namespace mpuvdb
 {
 
-/// The status a command ends with; the part of every Error that a script sees.
-enum class ExitCode : int {
-    Ok = 0,
-    Internal = 1,
-    Usage = 2,
-    BadInput = 3,
-    CheckFailed = 4,
-    Limit = 5,
-    Interrupted = 130
-};
-
 /// Base of everything this library throws on purpose.
 class Error : public std::runtime_error
 {
 public:
-    Error(ExitCode code, const char* type, const std::string& message)
-        : std::runtime_error(message), mCode(code), mType(type)
+    Error(const char* type, const std::string& message) : std::runtime_error(message), mType(type)
     {
     }
-    /// Exit status of a command that ends with this error.
-    ExitCode code() const noexcept { return mCode; }
     /// Name of the type, as it stands in reports ("InputError").
     const char* type() const noexcept { return mType; }
 
 private:
-    ExitCode mCode;
     const char* mType;
 };
 
@@ -39,35 +24,35 @@ private:
 class UsageError : public Error
 {
 public:
-    explicit UsageError(const std::string& m) : Error(ExitCode::Usage, "UsageError", m) {}
+    explicit UsageError(const std::string& m) : Error("UsageError", m) {}
 };
 
 /// The data are unusable: a malformed file, no points, a grid that is not a level set.
 class InputError : public Error
 {
 public:
-    explicit InputError(const std::string& m) : Error(ExitCode::BadInput, "InputError", m) {}
+    explicit InputError(const std::string& m) : Error("InputError", m) {}
 };
 
 /// The operating system refused: a file that cannot be opened, read, written or renamed.
 class IoError : public Error
 {
 public:
-    explicit IoError(const std::string& m) : Error(ExitCode::BadInput, "IoError", m) {}
+    explicit IoError(const std::string& m) : Error("IoError", m) {}
 };
 
 /// The work would exceed a limit: memory, voxels, index range.
 class LimitError : public Error
 {
 public:
-    explicit LimitError(const std::string& m) : Error(ExitCode::Limit, "LimitError", m) {}
+    explicit LimitError(const std::string& m) : Error("LimitError", m) {}
 };
 
 /// Interrupter::stop() was called; nothing partial is left behind.
 class Interrupted : public Error
 {
 public:
-    Interrupted() : Error(ExitCode::Interrupted, "Interrupted", "interrupted") {}
+    Interrupted() : Error("Interrupted", "interrupted") {}
 };
 
 } // namespace mpuvdb

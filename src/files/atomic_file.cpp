@@ -1,6 +1,6 @@
 // Output that appears whole or not at all: a temporary file beside the target, flushed and renamed.
+#include "atomic_file.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/files.h>
 
 #include <fmt/format.h>
 

@@ -1,7 +1,7 @@
 #include "output_stream.h"
 
+#include "atomic_file.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/files.h>
 
 #include <fmt/format.h>
 

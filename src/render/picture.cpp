@@ -1,7 +1,7 @@
+#include "picture.h"
+#include "files/atomic_file.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/files.h>
 #include <mpuvdb/interrupter.h>
-#include <mpuvdb/picture.h>
 
 #include <fmt/format.h>
 #include <openvdb/tools/RayIntersector.h>

@@ -28,6 +28,6 @@ int main()
         return sound ? 0 : 1;
     } catch (const mpuvdb::Error& error) {
         std::fprintf(stderr, "%s: %s\n", error.type(), error.what());
-        return int(error.code());
+        return 1;
     }
 }

@@ -42,7 +42,8 @@ protected:
         settings()["blend"] = radius;
         settings()["inputs"] = inputs.size();
         if (mBlend) session.note("blend       " + lengthText(radius, solids.front().voxelSize()));
-        return combine(mKind, solids, radius, &session.progress());
+        return Shape::combine(mKind, shapesOf(solids), radius)
+            .evaluate(settingsLike(solids, session), &session.progress());
     }
 
 private:

@@ -205,6 +205,22 @@ ShapeSettings settingsLike(const LevelSet& levelSet, const Session& session)
     return settings;
 }
 
+ShapeSettings settingsLike(const std::vector<LevelSet>& levelSets, const Session& session)
+{
+    ShapeSettings settings = settingsLike(levelSets.front(), session);
+    for (const LevelSet& levelSet : levelSets)
+        settings.halfWidth = std::max(settings.halfWidth, levelSet.halfWidth());
+    return settings;
+}
+
+std::vector<Shape> shapesOf(const std::vector<LevelSet>& levelSets)
+{
+    std::vector<Shape> shapes;
+    shapes.reserve(levelSets.size());
+    for (const LevelSet& levelSet : levelSets) shapes.emplace_back(levelSet);
+    return shapes;
+}
+
 std::string lengthText(double length, double voxelSize)
 {
     return fmt::format("{:.4g} ({:.3g} vx)", length, length / voxelSize);

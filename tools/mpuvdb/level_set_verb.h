@@ -74,6 +74,10 @@ std::vector<LevelSet> onOneLattice(const std::vector<GridInput>& inputs, const S
 
 /// To evaluate a shape on voxels like those of @a levelSet, in as wide a band.
 ShapeSettings settingsLike(const LevelSet& levelSet, const Session& session);
+/// The same for level sets on one lattice; the widest band counts.
+ShapeSettings settingsLike(const std::vector<LevelSet>& levelSets, const Session& session);
+
+std::vector<Shape> shapesOf(const std::vector<LevelSet>& levelSets);
 
 /// "0.01 (5 vx)"
 std::string lengthText(double length, double voxelSize);

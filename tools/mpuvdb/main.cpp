@@ -39,7 +39,7 @@ int guarded(Session& session, const Work& work)
         return interruptedStatus();
     } catch (const Error& e) {
         session.fail(e.type(), e.what());
-        return int(e.code());
+        return int(exitCodeOf(e));
     } catch (const std::bad_alloc&) {
         return outOfMemory(session);
     } catch (const std::exception& e) {
@@ -80,7 +80,7 @@ int main(int argc, char** argv)
         return line.verb ? command::runVerb(*line.verb, line.options) : int(ExitCode::Ok);
     } catch (const Error& e) {
         std::fprintf(stderr, "%s\n", e.what());
-        return int(e.code());
+        return int(exitCodeOf(e));
     } catch (const std::exception& e) {
         std::fprintf(stderr, "mpuvdb: internal error: %s\n", e.what());
         return int(ExitCode::Internal);

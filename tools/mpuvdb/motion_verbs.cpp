@@ -192,9 +192,7 @@ protected:
         ShapeSettings wanted = settingsLike(solid, session);
         wanted.voxelSize = voxelSize;
         wanted.halfWidth = halfWidth;
-        if (mVoxelSize) return shape.evaluate(wanted, &session.progress());
-        shape.demandMemory(wanted);
-        return withHalfWidth(solid, halfWidth, &session.progress());
+        return shape.evaluate(wanted, &session.progress());
     }
 
 private:

@@ -3,8 +3,8 @@
 #include "standard_output.h"
 #include "verb.h"
 
+#include "render/picture.h"
 #include <mpuvdb/io.h>
-#include <mpuvdb/picture.h>
 
 #include <charconv>
 #include <fmt/format.h>

@@ -3,8 +3,8 @@
 #include "memory_limit.h"
 #include "standard_output.h"
 
+#include "files/atomic_file.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/files.h>
 #include <mpuvdb/io.h>
 
 #include <algorithm>

@@ -2,8 +2,8 @@
 
 #include "standard_output.h"
 
+#include "files/atomic_file.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/files.h>
 #include <mpuvdb/interrupter.h>
 
 #include <atomic>

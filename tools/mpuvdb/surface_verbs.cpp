@@ -34,8 +34,8 @@ protected:
         const double distance = inputs.front().resolve(*mDistance);
         settings()["distance"] = distance;
         session.note("distance    " + lengthText(distance, solid.voxelSize()));
-        Shape(solid).offset(distance).demandMemory(settingsLike(solid, session));
-        return offset(solid, distance, &session.progress());
+        return Shape(solid).offset(distance).evaluate(settingsLike(solid, session),
+                                                      &session.progress());
     }
 
 private:
@@ -73,8 +73,9 @@ protected:
         settings()["wall"] = mWall;
         session.note(
             fmt::format("wall        {} {}", lengthText(thickness, solid.voxelSize()), mWall));
-        Shape(solid).shell(thickness, wall).demandMemory(settingsLike(solid, session));
-        return shell(solid, thickness, wall, &session.progress());
+        return Shape(solid)
+            .shell(thickness, wall)
+            .evaluate(settingsLike(solid, session), &session.progress());
     }
 
 private:
@@ -136,8 +137,8 @@ protected:
         if (mSmooth.mask) settings()["mask"] = mSmooth.mask->getName();
         session.note(fmt::format("filter      {}, width {} vx, {} times{}", mFilter, mSmooth.width,
                                  mSmooth.iterations, mSmooth.mask ? ", masked" : ""));
-        Shape(solid).smooth(mSmooth).demandMemory(settingsLike(solid, session));
-        return smooth(solid, mSmooth, &session.progress());
+        return Shape(solid).smooth(mSmooth).evaluate(settingsLike(solid, session),
+                                                     &session.progress());
     }
 
 private:

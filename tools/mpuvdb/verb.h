@@ -1,5 +1,6 @@
 // A verb of the command: its options and what it does.
 #pragma once
+#include "exit_code.h"
 #include "output_check.h"
 #include "session.h"
 

@@ -1,5 +1,5 @@
+#include "files/atomic_file.h"
 #include <mpuvdb/error.h>
-#include <mpuvdb/files.h>
 #include <mpuvdb/given_level_set.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
