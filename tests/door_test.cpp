@@ -7,10 +7,11 @@
 #include <mpuvdb/shape.h>
 
 #include <gtest/gtest.h>
+#include <openvdb/util/NullInterrupter.h>
 
-#include <chrono>
+#include <array>
+#include <atomic>
 #include <cstring>
-#include <thread>
 
 namespace mpuvdb
 {
@@ -162,8 +163,8 @@ TEST(Door, OpenVdbsInterrupterStopsIt)
     StopAfter never(1 << 30);
     InterrupterOf<openvdb::util::NullInterrupter> patient(never);
     EXPECT_NO_THROW(reconstruct(points.view(), options(), &patient));
-    StopAfter at_once(0);
-    InterrupterOf<openvdb::util::NullInterrupter> impatient(at_once);
+    StopAfter atOnce(0);
+    InterrupterOf<openvdb::util::NullInterrupter> impatient(atOnce);
     EXPECT_THROW(reconstruct(points.view(), options(), &impatient), Interrupted);
 }
 

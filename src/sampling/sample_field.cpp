@@ -24,9 +24,9 @@ namespace
 constexpr double kCrossingWidth = 2;
 
 /// Half-widths up to which distances are taken from the field, voxels: of fields that are distances
-/// everywhere, and of those that are near their zero set only. What lies farther off is measured
-/// from the zero set. [tuned: csg_bench, noise_bench]
-constexpr double kSampledBand = 20, kNearBand = 6;
+/// everywhere [tuned: csg_bench], and of those that are near their zero set only [derived: the
+/// default half-width]. What lies farther off is measured from the zero set.
+constexpr double kSampledBand = 20, kNearBand = 3;
 
 /// Voxels beyond a band that distances at its end still depend on. [derived: a leaf]
 constexpr int kStencil = 8;
@@ -126,7 +126,7 @@ LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
     return region ? cropped(levelSet, *region) : levelSet;
 }
 
-/// The same for wider bands: what the field does not tell is measured from its zero set.
+/// The same for wider bands, whose values are all measured from the zero set.
 LevelSet sampleWide(const Field& field, const SampleSettings& settings, double sampledBand,
                     const openvdb::CoordBBox* region, Interrupter& progress)
 {
@@ -138,7 +138,7 @@ LevelSet sampleWide(const Field& field, const SampleSettings& settings, double s
         around.expand(int(std::ceil(settings.halfWidth)) + kStencil);
     }
     const LevelSet near = sampleNarrow(field, narrow, region ? &around : nullptr, progress);
-    const LevelSet wide = withHalfWidth(near, settings.halfWidth, &progress);
+    const LevelSet wide = redistance(near.grid(), settings.halfWidth, &progress);
     return region ? cropped(wide, *region) : wide;
 }
 

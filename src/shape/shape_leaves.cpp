@@ -19,7 +19,7 @@ namespace
 
 /// The half-width up to which no field is measured from its zero set, voxels. [derived:
 /// sampleField()]
-constexpr double kNearBand = 6;
+constexpr double kNearBand = 3;
 
 /// Blocks that a surface of random orientation meets, times their face, by its area: 1.5 where it
 /// meets their cubes, more as seeds are found by the balls around them.

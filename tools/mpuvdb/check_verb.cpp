@@ -75,7 +75,7 @@ private:
         try {
             checkFile(session, file);
         } catch (const Error& e) {
-            if (e.code() != ExitCode::BadInput) throw;
+            if (exitCodeOf(e) != ExitCode::BadInput) throw;
             mMissing = true;
             session.warn(e.what());
             mFiles.push_back({{"file", file}, {"error", e.what()}});

@@ -77,12 +77,12 @@ int main(int argc, char** argv)
     command::reuseFreedMemory();
     try {
         const command::CommandLine line = command::parseCommandLine(argc, argv);
-        return line.verb ? command::runVerb(*line.verb, line.options) : int(ExitCode::Ok);
+        return line.verb ? command::runVerb(*line.verb, line.options) : int(command::ExitCode::Ok);
     } catch (const Error& e) {
         std::fprintf(stderr, "%s\n", e.what());
-        return int(exitCodeOf(e));
+        return int(command::exitCodeOf(e));
     } catch (const std::exception& e) {
         std::fprintf(stderr, "mpuvdb: internal error: %s\n", e.what());
-        return int(ExitCode::Internal);
+        return int(command::ExitCode::Internal);
     }
 }

@@ -3,6 +3,7 @@
 #include "io/points/surplus.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
 #include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>

@@ -6,6 +6,7 @@
 #include "stand_ins.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
 #include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
