@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
+#include <regex>
 #include <set>
 #include <sstream>
 
@@ -38,6 +40,25 @@ struct Page {
                 text += line + "\n";
             }
         }
+    }
+
+    /// Names of the headings in links, as forges make them.
+    std::set<std::string> anchors() const
+    {
+        std::set<std::string> found;
+        std::istringstream lines(text);
+        for (std::string line; std::getline(lines, line);) {
+            if (line.rfind('#', 0) != 0) continue;
+            std::string anchor;
+            for (const char c : line.substr(line.find_first_not_of("# "))) {
+                if (std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_')
+                    anchor += char(std::tolower(static_cast<unsigned char>(c)));
+                else if (c == ' ')
+                    anchor += '-';
+            }
+            found.insert(anchor);
+        }
+        return found;
     }
 };
 
@@ -127,6 +148,32 @@ TEST(Readme, IsShort)
         EXPECT_LE(characters, 160) << line;
     }
     EXPECT_LE(count, 150);
+}
+
+TEST(Readme, LinksLeadSomewhere)
+{
+    std::vector<std::string> all = pages();
+    all.insert(all.end(), {"CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md",
+                           "houdini_free_examples/README.md"});
+    const std::regex link(R"(\]\(([^)#\s]*)(#[^)\s]*)?\))");
+    int links = 0;
+    for (const std::string& name : all) {
+        const std::string text = Page(name).text;
+        for (std::sregex_iterator at(text.begin(), text.end(), link), end; at != end; ++at) {
+            const std::string target = (*at)[1], anchor = (*at)[2];
+            if (target.find("://") != std::string::npos) continue;
+            ++links;
+            const std::filesystem::path file =
+                target.empty() ? std::filesystem::path(name)
+                               : std::filesystem::path(name).parent_path() / target;
+            ASSERT_TRUE(std::filesystem::exists(kSource / file)) << name << ": " << target;
+            if (!anchor.empty()) {
+                EXPECT_EQ(Page(file.string()).anchors().count(anchor.substr(1)), 1)
+                    << name << ": " << target << anchor;
+            }
+        }
+    }
+    EXPECT_GT(links, 40);
 }
 
 } // namespace
