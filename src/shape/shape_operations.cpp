@@ -1,6 +1,7 @@
 // Inner nodes of shapes: Booleans, offsets, filters, morphs.
 #include "grid/band_limits.h"
 #include "modelling/combine.h"
+#include "modelling/half_widths.h"
 #include "modelling/smooth_filters.h"
 #include "shape_node.h"
 
@@ -247,7 +248,7 @@ public:
     SmoothNode(const Ptr& input, const SmoothSettings& settings)
         : Node("smooth", {input}, input->bounds()), mSettings(settings)
     {
-        demandSmoothSettings(settings);
+        requireSmoothSettings(settings);
     }
 
     Demand demandOf(std::size_t, const Demand& own) const override
@@ -383,8 +384,7 @@ Node::Ptr morphNode(const Node::Ptr& a, const Node::Ptr& b, double t, Morphing h
 
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Interrupter& progress)
 {
-    constexpr double kSame = 1e-5; // backgrounds are floats
-    return std::abs(levelSet.halfWidth() - halfWidth) <= kSame * halfWidth
+    return std::abs(levelSet.halfWidth() - halfWidth) <= kSameHalfWidth * halfWidth
                ? levelSet
                : withHalfWidth(levelSet, halfWidth, &progress);
 }
