@@ -85,10 +85,10 @@ public:
     std::uint64_t peakBytes(const ShapeSettings& settings) const;
     /// @throws LimitError where the level sets that it is made of would take more than 64 times the
     /// voxels that they have: for voxel sizes that nobody chose, see onOneLattice().
-    void demandFewVoxels(const ShapeSettings& settings) const;
+    void requireFewVoxels(const ShapeSettings& settings) const;
     /// @throws LimitError if evaluate() would take more memory than @a settings allow, and as
     /// plan().
-    void demandMemory(const ShapeSettings& settings) const;
+    void requireMemory(const ShapeSettings& settings) const;
     /// @throws UsageError (settings, an unbounded solid), LimitError (memory, before it is taken),
     /// InputError, Interrupted.
     LevelSet evaluate(const ShapeSettings& settings, Interrupter* interrupter = nullptr) const;

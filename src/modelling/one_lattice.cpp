@@ -49,19 +49,19 @@ Lattice latticeAbout(const std::vector<LevelSet>& inputs, double voxelSize)
     return latticeFor(box, voxelSize);
 }
 
-void demandFewVoxels(const std::vector<LevelSet>& inputs, const Lattice& lattice)
+void requireFewVoxels(const std::vector<LevelSet>& inputs, const Lattice& lattice)
 {
     std::vector<Resampled> grids;
     grids.reserve(inputs.size());
     for (const LevelSet& input : inputs)
         grids.push_back({double(input.grid().activeVoxelCount()), input.voxelSize(),
                          lattice.voxelSize, input.halfWidth()});
-    demandFewVoxels(grids);
+    requireFewVoxels(grids);
 }
 
 } // namespace
 
-void demandFewVoxels(const std::vector<Resampled>& grids)
+void requireFewVoxels(const std::vector<Resampled>& grids)
 {
     double now = 0, then = 0, bytes = 0, coarsest = 0, finest = 0;
     for (const Resampled& grid : grids) {
@@ -93,7 +93,7 @@ OneLattice onOneLattice(const std::vector<LevelSet>& inputs, double voxelSize,
     result.model = findModel(inputs, voxelSize);
     const Lattice lattice =
         result.model ? inputs[*result.model].lattice() : latticeAbout(inputs, voxelSize);
-    if (!(voxelSize > 0)) demandFewVoxels(inputs, lattice);
+    if (!(voxelSize > 0)) requireFewVoxels(inputs, lattice);
     for (std::size_t n = 0; n < inputs.size(); ++n) {
         const LevelSet& input = inputs[n];
         if (isSame(input.lattice(), lattice)) {

@@ -15,6 +15,6 @@ struct Resampled {
 
 /// Checks the size of a lattice that no user chose. @throws LimitError where @a grids would take
 /// more than 64 times the voxels that they have.
-void demandFewVoxels(const std::vector<Resampled>& grids);
+void requireFewVoxels(const std::vector<Resampled>& grids);
 
 } // namespace mpuvdb

@@ -17,23 +17,24 @@ namespace mpuvdb
 namespace
 {
 
-/// Fields are sampled into bands of at most this many voxels; those that are no distances far from
-/// their zero set, into narrower ones. What lies farther off is measured from the zero set.
-constexpr double kSampledBand = 20, kNearBand = 6;
+/// The widest band, in voxels, that fields are sampled into that are no distances far from their
+/// zero set; the rest is measured from that. [tuned: plan_bench]
+constexpr double kMaxNearBand = 6;
 
-/// Blocks that a surface of random orientation meets, times their face, by its area: 1.5 where it
-/// meets their cubes, more as seeds are found by the balls around them.
+/// The number of seed blocks of a surface of random orientation, times their face, by its area:
+/// 1.5 where it meets their cubes, more as seeds are found by the balls around them.
+/// [tuned: plan_bench]
 constexpr double kBlocksPerArea = 1.7;
 
-/// Where the band inside @a region is to be told from the clipping box's own.
-Box3d clipBox(const Demand& own)
+/// The box where a field is clipped, so far from the region that its faces' band does not reach in.
+Box3d clipBox(const Request& own)
 {
     return grown(own.region, own.band() + 2 * own.lattice.voxelSize);
 }
 
-/// @a made, which is held against what it was made of; what that finds becomes a note.
-LevelSet told(const LevelSet& made, const std::shared_ptr<const Explained>& explained,
-              Interrupter& progress)
+/// @a made, with its comparison with its source, whose findings become notes.
+LevelSet withExplained(const LevelSet& made, const std::shared_ptr<const Explained>& explained,
+                       Interrupter& progress)
 {
     if (!explained) return made;
     for (const std::string& finding : explained->findings()) progress.note(finding);
@@ -48,11 +49,11 @@ public:
     {
     }
 
-    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+    Request requestOf(std::size_t, const Request&) const override { return {}; }
 
     double area(const Box3d& region) const override
     {
-        constexpr double kBlocksAcross = 24;
+        constexpr double kBlocksAcross = 24; // blocks along the box [tuned: plan_bench]
         const Box3d box = bounds().intersection(region);
         if (box.isEmpty() || !isFinite(box)) return 0;
         const double edge = box.sizes().maxCoeff() / kBlocksAcross;
@@ -66,18 +67,18 @@ public:
     FieldPtr field() const override
     {
         const auto* const points = dynamic_cast<const PointField*>(mField.get());
-        const bool isSlow = points && points->inBatches(); // where one place is asked for
+        const bool isSlow = points && points->inBatches(); // at single places
         return isSlow ? nullptr : mField;
     }
 
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         const double h = own.lattice.voxelSize;
-        const bool sampled = mField->isDistance() && own.halfWidth <= kNearBand;
+        const bool sampled = mField->isDistance() && own.halfWidth <= kMaxNearBand;
         return sampled ? 0 : distanceBytes(area(own.region), h);
     }
 
-    LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
+    LevelSet make(const Inputs&, const Request& own, std::uint64_t maxBytes,
                   Interrupter& progress) const override
     {
         const Box3d box = clipBox(own);
@@ -85,12 +86,12 @@ public:
         SampleSettings settings;
         settings.lattice = own.lattice;
         settings.halfWidth =
-            std::min(own.halfWidth, field->isDistanceFar() ? kSampledBand : kNearBand);
+            std::min(own.halfWidth, field->isDistanceFar() ? kMaxSampledBand : kMaxNearBand);
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
         const LevelSet made = sampleField(*field, settings, &progress);
-        return told(inBand(made, own.halfWidth, progress),
-                    field == mField ? explainedOf(made, progress) : nullptr, progress);
+        return withExplained(inBand(made, own.halfWidth, progress),
+                             field == mField ? explainedOf(made, progress) : nullptr, progress);
     }
 
 protected:
@@ -105,7 +106,7 @@ protected:
     }
 
 private:
-    /// Points are what a field may be held against.
+    /// The comparison with the points; null where the field was not made of points.
     std::shared_ptr<const Explained> explainedOf(const LevelSet& made, Interrupter& progress) const
     {
         const auto* const points = dynamic_cast<const MpuField*>(mField.get());
@@ -139,29 +140,29 @@ public:
     {
     }
 
-    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+    Request requestOf(std::size_t, const Request&) const override { return {}; }
 
-    /// The band holds 2 x half-width voxels for each of the surface's.
+    /// The band holds 2 x half-width voxels for each one that the surface meets.
     double area(const Box3d&) const override
     {
         const double h = mLattice.voxelSize;
         return double(mLevelSet.grid().activeVoxelCount()) * h * h / (2 * mLevelSet.halfWidth());
     }
 
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         const double h = mLattice.voxelSize, surface = area(own.region);
         if (isThere(own.lattice))
             return own.halfWidth > mLevelSet.halfWidth() ? widerBytes(surface, own.halfWidth) : 0;
-        const double wanted = widthToResample(mLattice, own.lattice, own.halfWidth);
-        if (wanted > kWidestBand) return 0; // is refused
+        const double needed = widthToResample(mLattice, own.lattice, own.halfWidth);
+        if (needed > kWidestBand) return 0; // is refused
         double bytes = kResamplingGrids * gridBytes(surface, own.lattice.voxelSize, own.halfWidth);
-        if (wanted > mLevelSet.halfWidth())
-            bytes += widerBytes(surface, wanted) + gridBytes(surface, h, wanted);
+        if (needed > mLevelSet.halfWidth())
+            bytes += widerBytes(surface, needed) + gridBytes(surface, h, needed);
         return bytes;
     }
 
-    LevelSet make(const Inputs&, const Demand& own, std::uint64_t,
+    LevelSet make(const Inputs&, const Request& own, std::uint64_t,
                   Interrupter& progress) const override
     {
         return isThere(own.lattice) ? inBand(mLevelSet, own.halfWidth, progress)
@@ -173,7 +174,7 @@ public:
     const LevelSet& levelSet() const { return mLevelSet; }
 
 private:
-    /// To widen the band to @a halfWidth voxels about a surface of an area.
+    /// Memory to widen the band to @a halfWidth voxels about a surface of an area, bytes.
     double widerBytes(double surface, double halfWidth) const
     {
         const double h = mLattice.voxelSize;
@@ -196,7 +197,7 @@ public:
     {
     }
 
-    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+    Request requestOf(std::size_t, const Request&) const override { return {}; }
 
     double area(const Box3d&) const override
     {
@@ -209,15 +210,15 @@ public:
         return area;
     }
 
-    LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
+    LevelSet make(const Inputs&, const Request& own, std::uint64_t maxBytes,
                   Interrupter& progress) const override
     {
         SampleSettings settings;
         settings.lattice = own.lattice;
-        settings.halfWidth = std::min(own.halfWidth, kSampledBand);
+        settings.halfWidth = std::min(own.halfWidth, kMaxSampledBand);
         settings.maxBytes = maxBytes;
         const LevelSet made = voxelize(*mMesh, settings, &progress);
-        return told(inBand(made, own.halfWidth, progress), made.explained(), progress);
+        return withExplained(inBand(made, own.halfWidth, progress), made.explained(), progress);
     }
 
 protected:
@@ -241,8 +242,8 @@ private:
         for (const Mesh::Triangle& t : mesh.triangles)
             for (const std::uint32_t corner : t) {
                 if (corner >= mesh.positions.size())
-                    throw InputError("mesh: a triangle names a vertex that is not there. Write it "
-                                     "again from its source");
+                    throw InputError("mesh: a triangle names a vertex that is not there. Write the "
+                                     "mesh again from its source");
                 box.extend(mesh.world(corner));
             }
         return box;

@@ -121,7 +121,7 @@ private:
         session.progress().beginStage("morph");
         session.note(fmt::format("morph       at {:.4g}", step.t));
         Shape::morph(Shape(ends[0]), Shape(ends[1]), step.t, how())
-            .demandMemory(settingsLike(ends[0], session));
+            .requireMemory(settingsLike(ends[0], session));
         const LevelSet made = morph(ends[0], ends[1], step.t, how(), &session.progress());
         return writeGridOutput(made, step.file,
                                {{"mpuvdb:version", MPUVDB_VERSION},

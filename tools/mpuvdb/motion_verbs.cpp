@@ -193,7 +193,7 @@ protected:
         wanted.voxelSize = voxelSize;
         wanted.halfWidth = halfWidth;
         if (mVoxelSize) return shape.evaluate(wanted, &session.progress());
-        shape.demandMemory(wanted);
+        shape.requireMemory(wanted);
         return withHalfWidth(solid, halfWidth, &session.progress());
     }
 

@@ -34,7 +34,7 @@ protected:
         const double distance = inputs.front().resolve(*mDistance);
         settings()["distance"] = distance;
         session.note("distance    " + lengthText(distance, solid.voxelSize()));
-        Shape(solid).offset(distance).demandMemory(settingsLike(solid, session));
+        Shape(solid).offset(distance).requireMemory(settingsLike(solid, session));
         return offset(solid, distance, &session.progress());
     }
 
@@ -73,7 +73,7 @@ protected:
         settings()["wall"] = mWall;
         session.note(
             fmt::format("wall        {} {}", lengthText(thickness, solid.voxelSize()), mWall));
-        Shape(solid).shell(thickness, wall).demandMemory(settingsLike(solid, session));
+        Shape(solid).shell(thickness, wall).requireMemory(settingsLike(solid, session));
         return shell(solid, thickness, wall, &session.progress());
     }
 
@@ -136,7 +136,7 @@ protected:
         if (mSmooth.mask) settings()["mask"] = mSmooth.mask->getName();
         session.note(fmt::format("filter      {}, width {} vx, {} times{}", mFilter, mSmooth.width,
                                  mSmooth.iterations, mSmooth.mask ? ", masked" : ""));
-        Shape(solid).smooth(mSmooth).demandMemory(settingsLike(solid, session));
+        Shape(solid).smooth(mSmooth).requireMemory(settingsLike(solid, session));
         return smooth(solid, mSmooth, &session.progress());
     }
 
