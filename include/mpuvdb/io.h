@@ -100,8 +100,8 @@ void writeVolumeLayer(const std::filesystem::path& file, const std::filesystem::
                       const openvdb::GridCPtrVec& grids, const SceneSettings& scene = {});
 
 /// What a level set is read for.
-enum class Purpose {
-    Modelling, ///< its values have to be distances, see demandDistances()
+enum class Validation {
+XX
     Looking    ///< its zero set is all that counts
 };
 
@@ -111,7 +111,7 @@ enum class Purpose {
 /// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there; no
 /// distances), LimitError, Interrupted.
 LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {},
-                      std::uint64_t maxBytes = 0, Purpose purpose = Purpose::Modelling,
+                      std::uint64_t maxBytes = 0, Validation validation = Validation::Distances,
                       Interrupter* interrupter = nullptr);
 
 /// A level set, and the other grids of its file.

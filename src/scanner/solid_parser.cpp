@@ -269,8 +269,7 @@ private:
 
     SolidPtr parseSolidAt(int depth)
     {
-        // The depth of recursion, in parsing and in evaluation. [derived: a thread's stack holds
-        // it]
+        // The depth of recursion, in parsing and in evaluation. [tuned: a thread's stack]
         constexpr int kMaxDepth = 100;
         skipSpace();
         const std::size_t start = mAt;

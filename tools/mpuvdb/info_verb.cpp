@@ -85,7 +85,7 @@ struct Other {
         Interrupter& progress = session.progress();
         progress.beginStage("read");
         if (extensionOf(file) == ".vdb") {
-            mesh = extractMesh(readLevelSet(file, {}, session.options().maxBytes, Purpose::Looking),
+            mesh = extractMesh(readLevelSet(file, {}, session.options().maxBytes, Validation::SignsOnly),
                                {}, &progress);
             return;
         }

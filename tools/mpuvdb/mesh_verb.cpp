@@ -65,7 +65,7 @@ private:
     /// @param file  what is read, whatever its name was.
     ExitCode meshFile(const std::filesystem::path& file, Session& session)
     {
-        const LevelSet levelSet = readLevelSet(file, mGrid, session.bytesLeft(), Purpose::Looking);
+        const LevelSet levelSet = readLevelSet(file, mGrid, session.bytesLeft(), Validation::SignsOnly);
         session.hold(levelSet.grid().memUsage());
         const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids(file, session.bytesLeft());
         for (const auto& grid : grids) session.hold(grid->memUsage());

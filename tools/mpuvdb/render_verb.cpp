@@ -68,7 +68,7 @@ public:
         session.progress().beginStage("read");
         std::optional<LevelSet> read;
         readFile(mInput, ".vdb", [&](const std::filesystem::path& file) {
-            read = readLevelSet(file, mGrid, session.options().maxBytes, Purpose::Looking);
+            read = readLevelSet(file, mGrid, session.options().maxBytes, Validation::SignsOnly);
         });
         const LevelSet& levelSet = *read;
         session.report()["settings"] = {{"width", mPicture.width},

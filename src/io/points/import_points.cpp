@@ -12,13 +12,13 @@ PointInput importPoints(PointArrays&& points, const std::string& name, BadPoints
                         Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    const auto demand = [&](std::size_t count, const char* what) {
+    const auto require = [&](std::size_t count, const char* what) {
         if (count != 0 && count != points.positions.size())
             throw UsageError(fmt::format("{}: {} {} for {} points. Give one for each, or none",
                                          name, count, what, points.positions.size()));
     };
-    demand(points.normals.size(), "normals");
-    demand(points.confidence.size(), "confidences");
+    require(points.normals.size(), "normals");
+    require(points.confidence.size(), "confidences");
     progress.beginStage("read");
     FilePoints input;
     input.name = name;
