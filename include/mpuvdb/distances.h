@@ -1,4 +1,4 @@
-// Distances made anew where values are not, or where the band is too narrow.
+// Distances to a surface: made anew where values are not, in wider bands, offset, as a shell.
 #pragma once
 #include <mpuvdb/level_set.h>
 
@@ -15,5 +15,18 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth,
 /// what LevelSet demands of it. @param halfWidth  voxels, in [1.5, 1000].
 LevelSet redistance(const openvdb::FloatGrid& grid, double halfWidth,
                     Interrupter* interrupter = nullptr);
+
+/// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the
+/// exact distance to the surface minus @a distance. An empty level set if nothing is left.
+/// Advances the running stage of @a progress by about one unit.
+LevelSet offset(const LevelSet& levelSet, double distance, Interrupter* interrupter = nullptr);
+
+/// Where the wall of a shell lies beside the surface.
+enum class Wall { Inward, Outward, Centered };
+
+/// The wall of @a thickness > 0 along the surface. Thinner than two voxels is a LimitError: no
+/// level set can show it. Advances the running stage of @a progress by about one unit.
+LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall,
+               Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

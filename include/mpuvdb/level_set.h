@@ -36,6 +36,8 @@ public:
     /// Background in voxels.
     double halfWidth() const;
     Lattice lattice() const;
+    /// The centers of the active voxels, world units; empty without any.
+    Box3d bounds() const;
     /// How it compares with what it was made of (explained.h); null for what operations make, and
     /// for what comes from files.
     const std::shared_ptr<const Explained>& explained() const { return mExplained; }

@@ -59,19 +59,6 @@ OneLattice onOneLattice(const std::vector<LevelSet>& inputs, double voxelSize = 
 LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,
                   Interrupter* interrupter = nullptr);
 
-/// The solid grown by @a distance (shrunk where it is negative), by as many voxels as may be: the
-/// exact distance to the surface minus @a distance. An empty level set if nothing is left.
-/// Advances the running stage of @a progress by about one unit.
-LevelSet offset(const LevelSet& levelSet, double distance, Interrupter* interrupter = nullptr);
-
-/// Where the wall of a shell lies beside the surface.
-enum class Wall { Inward, Outward, Centered };
-
-/// The wall of @a thickness > 0 along the surface. Thinner than two voxels is a LimitError: no
-/// level set can show it. Advances the running stage of @a progress by about one unit.
-LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall,
-               Interrupter* interrupter = nullptr);
-
 /// The filters of smooth().
 enum class Filter {
     Mean,         ///< mean over a cube of 2 width + 1 voxels

@@ -91,6 +91,17 @@ LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid) : mGrid(std::move(grid))
                                      mGrid->getName(), mGrid->background()));
 }
 
+Box3d LevelSet::bounds() const
+{
+    openvdb::CoordBBox box;
+    if (!mGrid->tree().evalActiveVoxelBoundingBox(box)) return {};
+    const Lattice of = lattice();
+    const auto world = [&](const openvdb::Coord& c) {
+        return Vec3d(of.origin + of.voxelSize * Vec3d(c.x(), c.y(), c.z()));
+    };
+    return {world(box.min()), world(box.max())};
+}
+
 void demandFinite(const openvdb::FloatGrid& grid)
 {
     using Leaf = openvdb::FloatTree::LeafNodeType;

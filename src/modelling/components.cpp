@@ -61,7 +61,8 @@ void forEachPart(const SolidParts& parts, Interrupter& progress, const Give& giv
 } // namespace
 
 SolidComponents::SolidComponents(const LevelSet& levelSet, Interrupter* interrupter)
-    : mLevelSet(levelSet), mParts(std::make_shared<const SolidParts>(levelSet, progress))
+    : mLevelSet(levelSet),
+      mParts(std::make_shared<const SolidParts>(levelSet, orSilent(interrupter)))
 {
     Interrupter& progress = orSilent(interrupter);
     std::vector<ComponentMeasures> found(mParts->parts().size());

@@ -1,8 +1,10 @@
 #include "one_lattice.h"
 
+#include "grid/band_bytes.h"
 #include "resample.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
 
 #include <algorithm>
@@ -44,7 +46,7 @@ std::optional<std::size_t> findModel(const std::vector<LevelSet>& inputs, double
 Lattice latticeAbout(const std::vector<LevelSet>& inputs, double voxelSize)
 {
     Box3d box;
-    for (const LevelSet& input : inputs) box.extend(Shape(input).bounds());
+    for (const LevelSet& input : inputs) box.extend(input.bounds());
     if (box.isEmpty()) box.extend(Vec3d(Vec3d::Zero()));
     return latticeFor(box, voxelSize);
 }

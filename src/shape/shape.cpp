@@ -3,6 +3,7 @@
 #include "shape_plan.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 

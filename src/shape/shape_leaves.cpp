@@ -119,23 +119,11 @@ private:
     FieldPtr mField;
 };
 
-Box3d boundsOf(const LevelSet& levelSet)
-{
-    openvdb::CoordBBox box;
-    const openvdb::FloatGrid& grid = levelSet.grid();
-    if (!grid.tree().evalActiveVoxelBoundingBox(box)) return {};
-    const Lattice lattice = levelSet.lattice();
-    const auto world = [&](const openvdb::Coord& c) {
-        return Vec3d(lattice.origin + lattice.voxelSize * Vec3d(c.x(), c.y(), c.z()));
-    };
-    return {world(box.min()), world(box.max())};
-}
-
 class GridNode final : public Shape::Node
 {
 public:
     GridNode(LevelSet levelSet, std::string name)
-        : Node(std::move(name), {}, boundsOf(levelSet)), mLevelSet(std::move(levelSet)),
+        : Node(std::move(name), {}, levelSet.bounds()), mLevelSet(std::move(levelSet)),
           mLattice(mLevelSet.lattice())
     {
     }

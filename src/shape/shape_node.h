@@ -1,6 +1,7 @@
 // The nodes of a shape's expression: each says what it needs of its inputs, and makes its grid.
 #pragma once
 #include "core/boxes.h"
+#include "grid/band_bytes.h"
 #include <mpuvdb/shape.h>
 
 #include <map>
@@ -102,17 +103,6 @@ FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& b
 
 /// @a levelSet in a band of @a halfWidth voxels: itself where its own is that wide.
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Interrupter& progress);
-
-/// The area of a surface of @a area offset by @a distance: as of a ball of that area, and about as
-/// of any convex solid; kept where solids shrink, as hollow ones gain. In consistent units.
-double offsetArea(double area, double distance);
-
-/// The memory of a level set of a surface of @a area (world units squared), bytes; estimated.
-double gridBytes(double area, double voxelSize, double halfWidth);
-
-/// The working memory of distances to a surface of @a area (world units squared) in any band, for
-/// the surface's patches and the front that starts there, bytes; estimated, to a quarter.
-double distanceBytes(double area, double voxelSize);
 
 /// The level set in @a node, if it holds one.
 const LevelSet* levelSetIn(const Shape::Node& node);

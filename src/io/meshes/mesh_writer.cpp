@@ -3,6 +3,7 @@
 #include "mesh_formats.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 
 #include <fmt/format.h>
 
