@@ -422,7 +422,7 @@ TEST_F(ModelVerbs, ChecksTellWhereThereIsNoLevelSet)
 {
     command({"fog", "ball.vdb", "-o", "fog.vdb"});
     const Ended fog = command({"check", "fog.vdb", "ball.vdb"}, 3);
-    EXPECT_NE(fog.err.find("fog.vdb: no level set in it, but 'density' (fog volume, float)"),
+    EXPECT_NE(fog.err.find("fog.vdb: has no level set, but 'density' (fog volume, float)"),
               std::string::npos)
         << fog.err;
     EXPECT_NE(fog.out.find("ball.vdb: surface: sound"), std::string::npos) << fog.out;

@@ -14,13 +14,13 @@ namespace mpuvdb::command
 namespace
 {
 
-/// What the libraries touch of themselves, and threads of their scratch.
+/// The resident memory of libraries and of threads' scratch, bytes. [tuned: measured]
 constexpr std::uint64_t kWorkingBytes = 12 << 20;
-/// Of the .vdb file, per active voxel, and of the grid of coverage in it.
+/// The bytes of the .vdb file per active voxel, and those of its coverage. [tuned: measured]
 constexpr double kFileBytes = 4.6, kCoverageFileBytes = 1.15;
-/// Per square of a voxel's edge on the surface: triangles, and bytes while they are made.
+/// The triangles per voxel's face of surface, and their working memory, bytes. [tuned: measured]
 constexpr double kTriangles = 2.96, kMeshBytes = 218;
-/// Per point: while coverage learns what is around it, and of what it keeps.
+/// The bytes of coverage per point, while it is made and after. [tuned: measured]
 constexpr std::uint64_t kCoveragePointBytes = 56, kCoverageKeptBytes = 12;
 
 double squaresOf(const ReconstructionEstimate& work)
@@ -57,7 +57,7 @@ RunEstimate RunEstimator::estimate(const ReconstructSettings& settings,
 void RunEstimator::demand(std::uint64_t maxBytes, Interrupter& progress) const
 {
     const ResolvedSettings resolved = resolve(mCloud, mSettings, &progress);
-    // From the points' number and spacing alone; holes and uneven sampling make it more.
+    // By the points' number and spacing alone; holes and uneven sampling take more.
     constexpr double kSafety = 6, kPointBytes = 200, kSquareBytes = 400;
     const double squares = double(mCloud.size()) * resolved.points.areaPerPoint() /
                            std::pow(resolved.grid.lattice.voxelSize, 2) * resolved.grid.halfWidth /
@@ -78,8 +78,8 @@ std::optional<double> RunEstimator::fittingVoxelSize(const RunEstimate& tooLarge
                                                      std::uint64_t maxBytes,
                                                      Interrupter& progress) const
 {
-    constexpr double kRoom = 0.95; // left for what estimates do not know
-    constexpr double kLeastVoxels = 8;
+    constexpr double kRoom = 0.95;   // part of the limit that an estimate may take
+    constexpr double kMinVoxels = 8; // along the longest side
     ReconstructSettings settings = mSettings;
     settings.voxels.reset();
     const ResolvedSettings& resolved = tooLarge.work.settings;
@@ -87,8 +87,8 @@ std::optional<double> RunEstimator::fittingVoxelSize(const RunEstimate& tooLarge
     for (double need = double(tooLarge.peakBytes); need > kRoom * double(maxBytes);) {
         h *= std::clamp(std::sqrt(need / (kRoom * double(maxBytes))), 1.05, 4.0);
         const double digit = std::pow(10, std::floor(std::log10(h)) - 2);
-        h = std::ceil(h / digit) * digit; // as it will be written
-        if (h * kLeastVoxels > resolved.boxSize.maxCoeff()) return {};
+        h = std::ceil(h / digit) * digit; // rounded as it is printed
+        if (h * kMinVoxels > resolved.boxSize.maxCoeff()) return {};
         settings.voxelSize = Length{h, Length::Unit::World};
         need = double(estimate(settings, &progress).peakBytes);
     }

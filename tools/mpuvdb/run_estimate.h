@@ -1,4 +1,4 @@
-// What a run of reconstruct will take, said before it is taken.
+// Estimates of the memory and output of a run of reconstruct.
 #pragma once
 #include <mpuvdb/reconstruct.h>
 
@@ -8,12 +8,12 @@
 namespace mpuvdb::command
 {
 
-/// What is made beside the level set.
+/// The outputs beside the level set.
 struct Extras {
     bool mesh = false, coverage = false;
 };
 
-/// What a run comes to.
+/// The estimate of a run.
 struct RunEstimate {
     ReconstructionEstimate work;
     std::uint64_t peakBytes = 0; ///< the process's largest resident set
@@ -37,8 +37,8 @@ public:
         Interrupter& progress = orSilent(interrupter);
         return estimate(mSettings, &progress);
     }
-    /// Leave at once if the run is far from taking @a maxBytes. Else estimate it.
-    /// @throws LimitError if it takes more, with the voxel size that would do.
+    /// Checks the memory of the run, by an estimate only where it may be near @a maxBytes.
+    /// @throws LimitError above that, with a voxel size that fits.
     void demand(std::uint64_t maxBytes, Interrupter& progress) const;
 
 private:
