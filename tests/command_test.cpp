@@ -81,7 +81,7 @@ TEST_F(CommandTest, UnknownWordsAreUsageErrorsThatSayWhatWasMeant)
         Words words;
         const char* said;
     } cases[] = {
-        {{}, "give a verb"},
+        {{}, "Give a verb"},
         {{"reconstrct", "a.ply"}, "did you mean reconstruct?"},
         {{"--threads", "1", "offset", "a.vdb"}, "--threads stands before the verb: put it after"},
         {{"reconstruct", "a.ply", "-o", "a.vdb", "--voxel-sise", "1"},

@@ -125,7 +125,7 @@ public:
             printText(mRoot.help());
             return {};
         } catch (const CLI::ParseError& error) {
-            throwUsage(mRoot, argc < 2 ? "there is no verb: give one" : error.what());
+            throwUsage(mRoot, argc < 2 ? "the verb is missing. Give a verb" : error.what());
         } catch (const UsageError& error) {
             throwUsage(mRoot, error.what());
         }
