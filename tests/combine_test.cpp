@@ -457,9 +457,9 @@ TEST(Combine, MultipliesNoVoxelsUnasked)
     const Shape both(Shape::combine(Boolean::Union, {Shape(balls.coarse), Shape(balls.fine)}));
     ShapeSettings settings;
     settings.voxelSize = both.voxelSize();
-    expectRefused([&] { both.demandFewVoxels(settings); });
+    expectRefused([&] { both.requireFewVoxels(settings); });
     settings.voxelSize = 0.02;
-    both.demandFewVoxels(settings);
+    both.requireFewVoxels(settings);
 }
 
 TEST(Combine, TakesTheVoxelsThatAreAskedFor)

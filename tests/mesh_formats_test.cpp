@@ -192,10 +192,10 @@ TEST_F(MeshFormatsTest, EmptyMeshesMakeValidFiles)
 
 TEST_F(MeshFormatsTest, WhatGlbCannotHoldIsALimitError)
 {
-    EXPECT_NO_THROW(demandGlbFits(GlbSizes(300000000, 50000000).indices, 1000, "m.glb"));
+    EXPECT_NO_THROW(requireGlbFits(GlbSizes(300000000, 50000000).indices, 1000, "m.glb"));
     const GlbSizes sizes(340000000, 170000000);
     try {
-        demandGlbFits(sizes.indices + sizes.positions, 1000, "m.glb");
+        requireGlbFits(sizes.indices + sizes.positions, 1000, "m.glb");
         ADD_FAILURE() << "it fits";
     } catch (const LimitError& e) {
         EXPECT_NE(std::string(e.what()).find("5.70 GiB"), std::string::npos) << e.what();

@@ -324,7 +324,7 @@ TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)
     stretched->setGridClass(openvdb::GRID_UNKNOWN);
     writeGrids(folder / "unknown.vdb", {stretched}, &progress);
     const Ended unknown = command({"union", "ball.vdb", "unknown.vdb", "-o", "x.vdb"}, 3);
-    EXPECT_NE(unknown.err.find("are no cubes: resample it"), std::string::npos) << unknown.err;
+    EXPECT_NE(unknown.err.find("are not cubes: resample it"), std::string::npos) << unknown.err;
     command({"union", "ball.vdb", "missing.vdb", "-o", "x.vdb"}, 3);
     command({"union", "ball.vdb", "-o", "ball.vdb"}, 2);
     EXPECT_FALSE(fs::exists(folder / "x.vdb"));
@@ -422,7 +422,7 @@ TEST_F(ModelVerbs, ChecksTellWhereThereIsNoLevelSet)
 {
     command({"fog", "ball.vdb", "-o", "fog.vdb"});
     const Ended fog = command({"check", "fog.vdb", "ball.vdb"}, 3);
-    EXPECT_NE(fog.err.find("fog.vdb: no level set in it, but 'density' (fog volume, float)"),
+    EXPECT_NE(fog.err.find("fog.vdb: has no level set, but 'density' (fog volume, float)"),
               std::string::npos)
         << fog.err;
     EXPECT_NE(fog.out.find("ball.vdb: surface: sound"), std::string::npos) << fog.out;

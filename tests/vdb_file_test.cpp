@@ -282,7 +282,7 @@ TEST_F(VdbFile, CanBeStoppedWhileItIsRead)
     Interrupter stopped;
     stopped.stop();
     EXPECT_THROW(readGrids(file, 0, &stopped), Interrupted);
-    EXPECT_THROW(readLevelSet(file, "instance", 0, Purpose::Modelling, &stopped), Interrupted);
+    EXPECT_THROW(readLevelSet(file, "instance", 0, Validation::Distances, &stopped), Interrupted);
 }
 
 TEST_F(VdbFile, OfOtherProgramsCanBeRead)

@@ -1,5 +1,5 @@
-// Files in and out. Readers take their format from the content where it has a magic number, else
-// from the extension; writers from the extension. Output appears whole or not at all.
+// Reading and writing files. Readers take the format from the content where it has a magic number,
+// else from the extension; writers from the extension. Output appears whole or not at all.
 #pragma once
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/mesh.h>
@@ -18,78 +18,82 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// Read points: PLY, Stanford .conf scan sets, XYZ/PTS/PWN/TXT, PTX, OBJ, OFF, STL, PCD, LAS.
-/// A mesh gives its vertices with area-weighted normals, a range grid normals and confidences
-/// [Curless96]. Normals are kept only if every file has them; "-" is stdin (PLY or text).
-/// Range grids, PTX, and PCD with rows and without normals tell the viewpoints of their points.
-/// @param viewpoints  instead of those: none, one for all files, or one for each; world units.
+/// Reads points: PLY, Stanford .conf scan sets, XYZ/PTS/PWN/TXT, PTX, OBJ, OFF, STL, PCD, LAS; "-"
+/// is stdin (PLY or text). A mesh gives its vertices with area-weighted normals, a range grid
+/// normals and confidences [Curless96]. Normals are kept only if every file has them. Range grids,
+/// PTX, and PCD with rows and without normals have viewpoints.
+/// @param viewpoints  replace these: none, one for all files, or one for each; world units.
 /// @param scalars  names of numbers to keep with the points, at most 8: properties of PLY and PCD,
-/// named columns of text, LAS's "intensity". What is not finite there becomes 0.
+/// named columns of text, LAS's "intensity". Values that are not finite become 0.
 /// @throws IoError (cannot read), InputError (malformed: file, line or byte, and the cure; an input
-/// without one of the scalars), UsageError (another number of viewpoints, too many scalars).
+/// without one of the scalars), UsageError (another number of viewpoints, too many scalars),
+/// Interrupted.
 PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints badPoints,
                       const std::vector<Vec3d>& viewpoints = {},
                       const std::vector<std::string>& scalars = {},
                       Interrupter* interrupter = nullptr);
 
-/// Read a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
-/// (PLY). Polygons become fans; vertices without a triangle are left out. Colors of the vertices
-/// are kept. The frame is the middle of the mesh.
-/// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite).
+/// Reads a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
+/// (PLY). Polygons become fans; vertices without a triangle are left out; colors are kept. The
+/// frame is the middle of the mesh.
+/// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite),
+/// Interrupted.
 Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter = nullptr);
 
-/// Write points as binary PLY (float offsets become doubles) or XYZ text.
+/// Writes points as binary PLY, with double positions, or as text (.xyz, .txt, .pwn).
+/// @throws UsageError (another extension), IoError, Interrupted.
 void writePoints(const std::filesystem::path& file, const PointCloud& cloud,
                  Interrupter* interrupter = nullptr);
 
-/// What the world's axes and units are, for the formats that tell it: GLB and USDA.
+/// The world's up axis and unit, for the formats that store them: GLB and USDA.
 struct SceneSettings {
     UpAxis up = UpAxis::Y;
     double metersPerUnit = 1; ///< meters in a world unit, above 0
 };
 
-/// Write a mesh by extension: .ply (binary), .obj, .off, .stl (binary), .glb (binary glTF 2.0),
-/// .usda. Positions keep the precision that they have about the frame, except in STL: PLY, OBJ and
-/// OFF get doubles far from the origin, GLB and USDA a translation. GLB is turned to Y up and
-/// scaled to meters by its node. Colors go to all but STL (linear in GLB and USDA, else sRGB),
-/// scalars to PLY, GLB ("_NAME") and USDA ("primvars:NAME").
+/// Writes a mesh by extension: .ply (binary), .obj, .off, .stl (binary), .glb (binary glTF 2.0),
+/// .usda. Positions keep their precision, except in STL: PLY, OBJ and OFF have doubles far from the
+/// origin, GLB and USDA a translation. GLB is turned to Y up and scaled to meters by its node. All
+/// but STL have colors (linear in GLB and USDA, else sRGB); PLY, GLB ("_NAME") and USDA
+/// ("primvars:NAME") have scalars.
 /// @throws UsageError (another extension, attributes of another number, settings out of range),
 /// LimitError (more than the format can hold: 4 GiB for GLB), IoError, Interrupted.
 void writeMesh(const std::filesystem::path& file, const Mesh& mesh, const SceneSettings& scene = {},
                Interrupter* interrupter = nullptr);
 
-/// The extensions that writeMesh() knows, lower case, with their dots.
+/// The extensions of writeMesh(), lower case, with their dots.
 const std::vector<std::string>& meshExtensions();
 
-/// Write a .usda layer whose volume shows the grids of @a vdb by a path relative to the layer.
-/// @param grids  of the file: all have names; their boxes give the extent.
+/// Writes a .usda layer with a volume of the grids of @a vdb, by a path relative to the layer.
+/// @param grids  of that file: all have names; their boxes give the extent.
 /// @throws UsageError (settings out of range), IoError.
 void writeVolumeLayer(const std::filesystem::path& file, const std::filesystem::path& vdb,
                       const openvdb::GridCPtrVec& grids, const SceneSettings& scene = {});
 
-/// What a level set is read for.
-enum class Purpose {
-    Modelling, ///< its values have to be distances, see demandDistances()
-    Looking    ///< its zero set is all that counts
+/// The checks of a level set that is read.
+enum class Validation {
+    Distances, ///< values have to be distances, see demandDistances()
+    SignsOnly  ///< any values with the right zero set
 };
 
-/// Read one level set of a .vdb file, as takeLevelSet() takes it: the grid called @a name, or, if
-/// empty, "surface" or the only level set. @param maxBytes  that the grid may take, by what its
-/// file says; 0: no limit. @param interrupter  gets notes of what was mended.
-/// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there; no
+/// Reads one level set of a .vdb file, as takeLevelSet() takes it.
+/// @param name  of the grid; empty: "surface", or the only level set.
+/// @param maxBytes  limit of the grid's memory by its metadata; 0: none.
+/// @param interrupter  gets notes of repairs.
+/// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists the others; no
 /// distances), LimitError, Interrupted.
 LevelSet readLevelSet(const std::filesystem::path& file, const std::string& name = {},
-                      std::uint64_t maxBytes = 0, Purpose purpose = Purpose::Modelling,
+                      std::uint64_t maxBytes = 0, Validation validation = Validation::Distances,
                       Interrupter* interrupter = nullptr);
 
 /// A level set, and the other grids of its file.
 struct LevelSetFile {
     LevelSet levelSet;
     openvdb::GridCPtrVec others;
-    std::vector<std::string> notes; ///< what was mended, for the user
+    std::vector<std::string> notes; ///< of repairs, for the user
 };
 
-/// As readLevelSet() for modelling, with all that is beside.
+/// As readLevelSet() with Validation::Distances, and the file's other grids.
 LevelSetFile readLevelSetFile(const std::filesystem::path& file, const std::string& name = {},
                               std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr);
 
@@ -99,37 +103,37 @@ struct FloatGridFile {
     openvdb::GridCPtrVec others;
 };
 
-/// Read the grid called @a name, or, if empty, the first of floats. @throws as readLevelSet().
+/// Reads the grid called @a name, or, if empty, the first float grid. @throws as readLevelSet().
 FloatGridFile readFloatGridFile(const std::filesystem::path& file, const std::string& name = {},
                                 std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr);
 
-/// The grid that sampleCoverage() made, from a .vdb file. @throws IoError, InputError (as
+/// Reads the grid of sampleCoverage() from a .vdb file. @throws IoError, InputError (as
 /// readLevelSet; no such grid), LimitError.
 openvdb::FloatGrid::Ptr readCoverage(const std::filesystem::path& file, std::uint64_t maxBytes = 0,
                                      Interrupter* interrupter = nullptr);
 
-/// The grids called @a names of a .vdb file, in their order: null where there is none of floats or
-/// Vec3f. @param maxBytes  for all of them. @throws IoError, InputError (as readLevelSet),
-/// LimitError.
+/// Reads the grids called @a names of a .vdb file, in their order: null where there is no float or
+/// Vec3f grid. @param maxBytes  limit of their memory together; 0: none. @throws IoError,
+/// InputError (as readLevelSet), LimitError.
 std::vector<openvdb::GridBase::Ptr> readAttributeGrids(const std::filesystem::path& file,
                                                        const std::vector<std::string>& names,
                                                        std::uint64_t maxBytes = 0,
                                                        Interrupter* interrupter = nullptr);
 
-/// All grids of a .vdb file, with the checks of readLevelSet that do not depend on class or type.
-/// Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels: damage
-/// there may crash, so read strangers' files in a process of their own.
+/// Reads all grids of a .vdb file, with the checks of readLevelSet() that do not depend on class or
+/// type. Truncated files and damaged heads are refused. OpenVDB and Blosc trust compressed voxels:
+/// damage there may crash, so read untrusted files in a process of their own.
 openvdb::GridPtrVec readGrids(const std::filesystem::path& file, std::uint64_t maxBytes = 0,
                               Interrupter* interrupter = nullptr);
 
-/// Write a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the grids
-/// of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.
+/// Writes a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the
+/// grids of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.
 /// @throws IoError, Interrupted.
 void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
                    const std::map<std::string, std::string>& metadata,
                    const openvdb::GridCPtrVec& beside = {}, Interrupter* interrupter = nullptr);
 
-/// Write @a grids as they are, as writeLevelSet() does.
+/// Writes @a grids as they are, else as writeLevelSet().
 void writeGrids(const std::filesystem::path& file, const openvdb::GridCPtrVec& grids,
                 Interrupter* interrupter = nullptr);
 

@@ -91,22 +91,22 @@ struct PointView {
     }
 };
 
-/// What to do with points that cannot be used as they are: not finite, absurdly far, zero normal.
+/// The treatment of unusable points: not finite, absurdly far, zero normal.
 enum class BadPoints {
-    Drop, ///< leave them out, count them
+    Drop, ///< leave them out and count them
     Fail  ///< InputError at the first
 };
 
-/// Points read from one or more files, joined.
+/// Points read from one or more files, joined, or taken from memory.
 struct PointInput {
     PointCloud cloud;
-    /// Points left out, by reason ("not finite", "zero normal", "duplicate" ...).
+    /// Number of points left out, by reason ("not finite", "zero normal", "duplicate" ...).
     std::map<std::string, std::uint64_t> dropped;
     std::uint64_t triangles = 0; ///< of the files that are meshes; their vertices are the points
-    std::vector<std::string> scalarNames; ///< that all files have, whether asked for or not
-    /// What a user should know ("bunny.ply: normals computed from its 69451 faces").
+    std::vector<std::string> scalarNames; ///< that all files have, requested or not
+    /// Information for the user ("bunny.ply: normals computed from its 69451 faces").
     std::vector<std::string> notes;
-    /// What a user has to know: that positions were rounded far above the points' spacing.
+    /// Warnings for the user: positions were rounded far above the points' spacing.
     std::vector<std::string> warnings;
 
     PointInput() = default;

@@ -1,10 +1,9 @@
-// Solids as expressions: described now, planned and evaluated when a level set is asked for.
+// Solids as expressions: planned and evaluated when a level set is requested.
 //
-// A narrow band forgets what lies beyond it, so operations need more of their inputs than they give
-// back: a blend of radius r a band wider by r, a warp one wider by its stretch, a linear morph one
-// that reaches from surface to surface. Evaluation walks down from the result, finds for each node
-// the band and the region its consumers need, samples every leaf once, and lets go of every grid
-// after its last use.
+// A narrow band has no distances beyond it, so operations need wider bands of their inputs: a blend
+// of radius r one wider by r, a warp one wider by its stretch, a linear morph one that reaches from
+// surface to surface. Evaluation walks down from the result, finds for each node the band and the
+// region that its consumers need, samples every leaf once, and frees every grid after its last use.
 #pragma once
 #include <mpuvdb/fields.h>
 #include <mpuvdb/operations.h>
@@ -19,21 +18,21 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// What a shape is evaluated to.
+/// Settings of an evaluation.
 struct ShapeSettings {
     double voxelSize = 0;       ///< world units, > 0
     double halfWidth = 3;       ///< voxels, in [1.5, 1000]
-    std::uint64_t maxBytes = 0; ///< memory that all grids together may take; 0: no limit
+    std::uint64_t maxBytes = 0; ///< limit of the memory of all grids together; 0: none
 };
 
-/// One step of a plan, as the expression reads: a node before its inputs.
+/// One step of a plan, in the order of the expression: a node before its inputs.
 struct PlanStep {
     std::string what;         ///< "union", "sphere", ...
     int depth = 0;            ///< below the result
-    bool shared = false;      ///< evaluated before, by an equal step
+    bool shared = false;      ///< listed before, by an equal step
     double halfWidth = 0;     ///< voxels
     double voxelSize = 0;     ///< world units
-    Box3d region;             ///< where it is evaluated, world units
+    Box3d region;             ///< of the evaluation, world units
     std::uint64_t voxels = 0; ///< active, estimated
     std::uint64_t bytes = 0;  ///< of its grid, estimated
 };
@@ -44,9 +43,9 @@ class Shape
 {
 public:
     /// @{ Leaves.
-    /// @param name  how plans call it.
+    /// @param name  in plans.
     Shape(FieldPtr field, std::string name);
-    /// A level set of its own lattice; resampled where the result's differs.
+    /// A level set; resampled where the result's lattice differs.
     explicit Shape(LevelSet levelSet, std::string name = "grid");
     /// A closed triangle mesh, by voxelize().
     explicit Shape(std::shared_ptr<const Mesh> mesh, std::string name = "mesh");
@@ -59,8 +58,8 @@ public:
     friend Shape operator-(const Shape& a, const Shape& b);
     /// @}
 
-    /// @{ See operations.h and fields.h. Fields are moved and warped before they are sampled, so
-    /// that nothing is lost.
+    /// @{ See operations.h and fields.h. Fields are moved and warped exactly, before they are
+    /// sampled.
     Shape offset(double distance) const;
     Shape shell(double thickness, Wall wall) const;
     Shape smooth(const SmoothSettings& settings) const;
@@ -69,28 +68,27 @@ public:
     static Shape morph(const Shape& a, const Shape& b, double t, Morphing how);
     /// @}
 
-    /// A box around the solid, world units; infinite where the solid is.
+    /// A box that holds the solid, world units; infinite where the solid is.
     Box3d bounds() const;
-    /// The voxel size of the finest level set that it is made of, world units; 0 if of none.
+    /// The voxel size of the finest level set in the expression, world units; 0 without any.
     double voxelSize() const;
-    /// A field with the solid's zero set, creases included: what makes meshes exact, see
-    /// ExtractSettings. Null where there is none: of grids and meshes, of offsets, shells, blends,
-    /// filters and morphs, and of functions that cost much at single places.
+    /// A field with the solid's exact zero set, creases included, for ExtractSettings. Null for
+    /// grids and meshes, offsets, shells, blends, filters and morphs, and functions that are slow
+    /// at single places.
     FieldPtr field() const;
-    /// What evaluate() would do. @throws as evaluate(), but for memory.
+    /// The plan of evaluate(). @throws as evaluate(), but for memory.
     std::vector<PlanStep> plan(const ShapeSettings& settings) const;
-    /// The plan as text, one line per step; and the memory of the grids that there are at once.
+    /// The plan as text, one line per step, and the peak of memory.
     std::string explain(const ShapeSettings& settings) const;
-    /// Memory of all grids that evaluate() has at the same time, at most, bytes; estimated.
+    /// The largest memory of all grids that exist at the same time in evaluate(), bytes; estimated.
     std::uint64_t peakBytes(const ShapeSettings& settings) const;
-    /// @throws LimitError where the level sets that it is made of would take more than 64 times the
-    /// voxels that they have: for voxel sizes that nobody chose, see onOneLattice().
-    void demandFewVoxels(const ShapeSettings& settings) const;
-    /// @throws LimitError if evaluate() would take more memory than @a settings allow, and as
-    /// plan().
-    void demandMemory(const ShapeSettings& settings) const;
-    /// @throws UsageError (settings, an unbounded solid), LimitError (memory, before it is taken),
-    /// InputError, Interrupted.
+    /// Checks voxel sizes that no user chose, see onOneLattice(). @throws LimitError where the
+    /// level sets in the expression would take more than 64 times the voxels that they have.
+    void requireFewVoxels(const ShapeSettings& settings) const;
+    /// @throws LimitError if peakBytes() is above the limit of @a settings; as plan().
+    void requireMemory(const ShapeSettings& settings) const;
+    /// The level set of the solid. @throws UsageError (settings, an unbounded solid), LimitError
+    /// (memory, before it is taken), InputError, Interrupted.
     LevelSet evaluate(const ShapeSettings& settings, Interrupter* interrupter = nullptr) const;
 
     class Node;

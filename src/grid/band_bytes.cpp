@@ -17,17 +17,17 @@ double offsetArea(double area, double distance)
 
 double distanceBytes(double area, double voxelSize)
 {
-    constexpr double kBytes = 370; // where a voxel's face of the surface is
+    constexpr double kBytes = 370; // for a voxel's face of surface [tuned: plan_bench]
     return kBytes * area / (voxelSize * voxelSize);
 }
 
 double gridBytes(double area, double voxelSize, double halfWidth)
 {
-    constexpr double kBytesPerVoxel = 2200.0 / kBlockVoxels; // of a leaf
-    constexpr double kNodeBytes = 2.2e6; // eight of OpenVDB's upper nodes, about the origin
-    constexpr double kLeafSlack = 6;     // a leaf is touched from its half diagonal off
+    constexpr double kBytesPerVoxel = 2200.0 / kBlockVoxels; // of a leaf [derived: its size]
+    constexpr double kNodeBytes = 2.2e6; // [derived: eight upper nodes about the origin]
+    constexpr double kLeafSlack = 6;     // voxels [tuned: plan_bench; about a leaf's half diagonal]
     const double faces = area / (voxelSize * voxelSize), width = halfWidth + kLeafSlack;
-    // What lies within the width of a ball: outside of it, and inside, where it has an end.
+    // The volumes within the width of a ball of that area: outside of it, and inside at most all.
     const double outside =
         width * (faces + width * (std::sqrt(4 * M_PI * faces) + width * 4 * M_PI / 3));
     const double inside = std::min(faces * width, std::pow(faces, 1.5) / (6 * std::sqrt(M_PI)));

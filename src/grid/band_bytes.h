@@ -1,19 +1,18 @@
-// Memory of bands, estimated before it is taken.
+// Estimates of the memory of bands.
 #pragma once
 
 namespace mpuvdb
 {
 
-/// The area of a solid's surface of @a area that was offset by @a distance: grown as a ball of that
-/// area would be, and any convex solid about as much; shrunk ones keep it, for what is hollow
-/// gains. All in units of one kind.
+/// The area of a surface of @a area offset by @a distance: as of a ball of that area, and about as
+/// of any convex solid; kept where solids shrink, as hollow ones gain. In consistent units.
 double offsetArea(double area, double distance);
 
-/// Memory of a level set of a surface of @a area (world units squared), bytes; estimated.
+/// The memory of a level set of a surface of @a area (world units squared), bytes; estimated.
 double gridBytes(double area, double voxelSize, double halfWidth);
 
-/// Memory to find distances to a surface of @a area (world units squared), as wide as may be,
-/// bytes; measured, to a quarter: the surface's patches and the front that goes out from them.
+/// The working memory of distances to a surface of @a area (world units squared) in any band, for
+/// the surface's patches and the front that starts there, bytes; estimated, to a quarter.
 double distanceBytes(double area, double voxelSize);
 
 } // namespace mpuvdb

@@ -1,4 +1,4 @@
-// Grids that know something of a band's voxels only, anywhere.
+// Interpolation in grids with values in a band only.
 #pragma once
 #include <openvdb/openvdb.h>
 
@@ -8,8 +8,8 @@
 namespace mpuvdb
 {
 
-/// Trilinear in the eight voxels about @a at (index space), of which only active ones count; 0
-/// without any.
+/// The trilinear mean of the active ones of the eight voxels about @a at (index space); 0 without
+/// any.
 template <class Accessor>
 typename Accessor::ValueType activeValue(const Accessor& grid, const openvdb::Vec3d& at)
 {

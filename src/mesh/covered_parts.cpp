@@ -16,21 +16,21 @@ namespace mpuvdb
 namespace
 {
 
+/// The number of averages over neighbors. [tuned: coverage_test]
 constexpr int kSmoothings = 12;
-constexpr std::size_t kStride = 1 << 16; ///< triangles between two looks at the progress
 
-/// Call f(from, to) for each side of each triangle.
+/// Calls f(from, to) for each side of each triangle.
 template <typename F>
 void forEachSide(const Mesh& mesh, const Interrupter& progress, F f)
 {
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-        if (t % kStride == 0) progress.check();
+        if (t % kCheckStride == 0) progress.check();
         const Mesh::Triangle& v = mesh.triangles[t];
         for (std::size_t side = 0; side < 3; ++side) f(v[side], v[(side + 1) % 3]);
     }
 }
 
-/// Of each vertex its part: vertices that edges between vertices of one sign connect.
+/// Each vertex's part, connected by edges between vertices of one sign.
 std::vector<std::uint32_t> partsOf(const Mesh& mesh, const std::vector<float>& values,
                                    const Interrupter& progress)
 {
@@ -41,14 +41,14 @@ std::vector<std::uint32_t> partsOf(const Mesh& mesh, const std::vector<float>& v
     return parts.roots();
 }
 
-/// One part of a sign, as far as its size is asked for.
+/// One connected part of a sign.
 struct Part {
-    std::vector<Vec3f> places; ///< vertices, and where the line crosses the edges at its rim
+    std::vector<Vec3f> places; ///< vertices, and crossings of edges at the rim
     bool hasRim = false;
 };
 
-/// Largest distance between two of @a places: from the first to the farthest, from there to the
-/// farthest, until it grows no more.
+/// The largest distance between two of @a places, by going from each to the farthest until it grows
+/// no more.
 double extentOf(const std::vector<Vec3f>& places)
 {
     Vec3f from = places.front();

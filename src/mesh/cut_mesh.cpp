@@ -12,10 +12,11 @@ namespace mpuvdb
 namespace
 {
 
-constexpr float kSnap = 0.25f; ///< of an edge: what would be cut nearer to its end moves the end
-constexpr std::size_t kStride = 1 << 16; ///< triangles between two looks at the progress
+/// The largest distance of a cut from the end of an edge, in parts of the edge, at which that
+/// vertex is moved instead. [tuned: coverage_test]
+constexpr float kSnap = 0.25f;
 
-/// What is at @a at, in parts of the way from @a a to @a b.
+/// The value at @a at, in parts of the way from @a a to @a b.
 template <class T>
 T between(const T& a, const T& b, float at)
 {
@@ -27,7 +28,7 @@ std::uint64_t edgeKey(std::uint32_t a, std::uint32_t b)
     return std::uint64_t(std::min(a, b)) << 32 | std::max(a, b);
 }
 
-/// One cut: signs of the vertices, the vertices moved, the vertices added.
+/// Cuts one mesh: moves vertices to the line, and adds others.
 class Cut
 {
 public:
@@ -61,7 +62,7 @@ private:
     void forEachTriangle(F f)
     {
         for (std::size_t t = 0; t < mMesh.triangles.size(); ++t) {
-            if (t % kStride == 0) mProgress.check();
+            if (t % kCheckStride == 0) mProgress.check();
             f(t, mMesh.triangles[t]);
         }
     }
@@ -94,7 +95,7 @@ void Cut::findCrossed()
     });
 }
 
-/// Draw vertices onto the nearest crossing of an edge of theirs, where that is near.
+/// Moves vertices to the nearest crossing of their edges, where that is near.
 void Cut::snap()
 {
     std::vector<Move> moves; // the nearest of each vertex, once sorted
@@ -123,7 +124,7 @@ void Cut::snap()
         mMesh.positions[move.vertex] = move.to;
         mSign[move.vertex] = 0;
     }
-    // A triangle with all of its vertices on the line would be neither here nor there.
+    // A triangle with all of its vertices on the line would be on neither side.
     const auto moveOf = [&](std::uint32_t vertex) {
         return std::lower_bound(moves.begin(), moves.end(), vertex,
                                 [](const Move& m, std::uint32_t v) { return m.vertex < v; });
@@ -142,7 +143,7 @@ void Cut::snap()
     mMesh.forEachAttribute([&](auto& values) { moveAttribute(moves, values); });
 }
 
-/// Vertices that were moved get what an attribute is where they are now.
+/// Interpolates an attribute at the new places of vertices that were moved.
 template <class T>
 void Cut::moveAttribute(const std::vector<Move>& moves, std::vector<T>& values) const
 {
@@ -168,7 +169,7 @@ void Cut::addCrossings()
     mFirstCrossing = std::uint32_t(mMesh.positions.size());
     for (const std::uint64_t edge : mEdges) {
         const auto a = std::uint32_t(edge >> 32), b = std::uint32_t(edge);
-        // A vertex that was drawn back has its crossing at the end of the edge.
+        // A vertex that was moved back has its crossing at the end of the edge.
         const float at = std::clamp(crossing(mValues[a], mValues[b]), kSnap, 1 - kSnap);
         mMesh.positions.push_back(between(mMesh.positions[a], mMesh.positions[b], at));
         mMesh.forEachAttribute(
@@ -182,7 +183,7 @@ std::uint32_t Cut::crossingOf(std::uint32_t a, std::uint32_t b) const
     return mFirstCrossing + std::uint32_t(found - mEdges.begin());
 }
 
-/// Append what stays of a triangle that has vertices of both signs.
+/// Appends the covered part of a triangle that has vertices of both signs.
 void Cut::cutTriangle(const Mesh::Triangle& v, std::vector<Mesh::Triangle>& out) const
 {
     std::array<std::uint32_t, 4> corners{};
@@ -219,7 +220,7 @@ void Cut::replaceTriangles()
     mMesh.triangles = std::move(kept);
 }
 
-/// Give each fan of triangles about a vertex of the line a vertex of its own.
+/// Gives each fan of triangles about a vertex of the line a vertex of its own.
 void Cut::separateFans()
 {
     struct Corner {
@@ -275,7 +276,7 @@ void Cut::separateFans()
 
 void Cut::dropUnused()
 {
-    constexpr std::uint32_t kUnused = ~std::uint32_t(0);
+    constexpr std::uint32_t kUnused = ~std::uint32_t(0); // no index [derived: the largest]
     std::vector<std::uint32_t> place(mMesh.positions.size(), kUnused);
     forEachTriangle([&](std::size_t, const Mesh::Triangle& v) {
         for (const std::uint32_t a : v) place[a] = 0;

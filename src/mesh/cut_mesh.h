@@ -9,21 +9,24 @@ namespace mpuvdb
 
 class Interrupter;
 
+/// Triangles between two checks of the interrupter. [free: latency]
+constexpr std::size_t kCheckStride = 1 << 16;
+
 /// Whether a vertex of @a value stays.
 inline bool isCovered(float value)
 {
     return value >= 0;
 }
 
-/// Where, in parts of the edge, the function is zero between ends of @a from and @a to, of which
-/// one is covered.
+/// The zero, in parts of an edge, of a function between its values @a from and @a to at the ends,
+/// of which one is covered.
 inline float crossing(float from, float to)
 {
     return from / (from - to);
 }
 
 /// The part of @a mesh where @a values are 0 or above, with new vertices on the edges that the zero
-/// line crosses; vertices within a quarter of an edge of it are drawn onto it. No vertex belongs to
+/// line crosses; vertices within a quarter of an edge of it are moved onto it. No vertex belongs to
 /// two fans of triangles.
 Mesh cutMesh(Mesh mesh, const std::vector<float>& values, Interrupter& progress);
 

@@ -19,7 +19,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 16; // blocks
+constexpr std::size_t kGrain = 16; ///< blocks in a task [free: grain size]
 
 using Blocks = tbb::blocked_range<std::size_t>;
 
@@ -28,15 +28,15 @@ struct Corner {
     bool feature;
 };
 
-/// The square of twice a triangle's area by that of its longest edge: how large its smallest angle
-/// is.
+/// The squared quotient of twice a triangle's area and its longest edge's square: a measure of its
+/// smallest angle.
 float shapeOf(const Vec3f& normal, float edge2, float other2, float third2)
 {
     const float longest = std::max({edge2, other2, third2});
     return longest > 0 ? (normal * (1 / longest)).squaredNorm() : 0;
 }
 
-/// The shape (see shapeOf) of triangles that have no area to speak of.
+/// The shape (see shapeOf) below which triangles are flat. [tuned: sharp_mesh_test]
 constexpr float kFlat = 1e-6f;
 
 /// How a quad becomes triangles.
@@ -46,7 +46,7 @@ enum class Split : std::uint8_t {
     Flat  ///< either way one would be flat
 };
 
-/// A quad's triangles either way.
+/// The pairs of triangles that a quad can become.
 class QuadHalves
 {
 public:
@@ -56,9 +56,9 @@ public:
     {
     }
 
-    /// So that no triangle is flat; along a crease where two opposite corners lie on it; where
-    /// three do, from the middle one, for they are about in line; and else so that nothing folds
-    /// over and the worse triangle is the better.
+    /// The split that makes no flat triangle; along a crease where two opposite corners lie on it;
+    /// from the middle one where three do, as they are nearly collinear; else the one that does not
+    /// fold over and has the better worst triangle.
     Split split() const
     {
         const bool isEven = prefersEven();
@@ -84,7 +84,7 @@ private:
 
     /// The worse shape of a split from corner 0 to 2.
     float even() const { return worse(mAb, mBc, mCd, mDa); }
-    /// And from corner 1 to 3.
+    /// The worse shape of a split from corner 1 to 3.
     float odd() const { return worse(mDa, mAb, mBc, mCd); }
     static float worse(const Vec3f& u, const Vec3f& v, const Vec3f& w, const Vec3f& x)
     {
@@ -97,10 +97,11 @@ private:
     Vec3f mAb, mBc, mCd, mDa;
 };
 
-/// Cosine below which a triangle faces against the surface about it, whatever else it does.
+/// The cosine between a triangle's normal and the gradient below which it is folded over in any
+/// case. [tuned: sharp_mesh_test]
 constexpr float kFolded = -0.2f;
 
-/// Which way the values say that the surface faces.
+/// The direction in which the surface faces, from the values' gradients.
 class Facing
 {
 public:
@@ -110,8 +111,8 @@ public:
     {
     }
 
-    /// A triangle's normal times the gradient at the voxel nearest to it, of any length both:
-    /// what it is below 0 for faces against the values.
+    /// The product of a triangle's normal and the gradient at the nearest voxel, both of any
+    /// length: below 0 for a triangle that faces against the values.
     float along(const Vec3f& a, const Vec3f& b, const Vec3f& c)
     {
         const Vec3f middle = (a + b + c) * mScale;
@@ -124,7 +125,7 @@ public:
         return (b - a).cross(c - a).dot(mGradient);
     }
 
-    /// Cosine between the two.
+    /// The cosine between the two.
     float cosine(const Vec3f& a, const Vec3f& b, const Vec3f& c)
     {
         const float product = along(a, b, c);
@@ -145,7 +146,7 @@ private:
         return gradient;
     }
 
-    /// One that the tree does not know of: nothing changes the tree meanwhile.
+    /// Not registered with the tree, which does not change meanwhile.
     openvdb::tree::ValueAccessor<const openvdb::FloatTree, false> mAccess;
     openvdb::Coord mFrame;
     float mScale;                               ///< from the sum of three corners to voxels
@@ -174,7 +175,7 @@ public:
         mMesh.frame =
             mLattice.origin + mLattice.voxelSize * Vec3d(mFrame.x(), mFrame.y(), mFrame.z());
         mMesh.positions.resize(mCells.vertices());
-        // The system clears new memory as it is first written: half of it on another thread.
+        // The system clears new memory at its first write: half of it on another thread.
         tbb::parallel_invoke([&] { mMesh.triangles.resize(2 * mCells.quads()); },
                              [&] {
                                  mVertices = std::vector<State>(mCells.vertices());
@@ -183,15 +184,15 @@ public:
         const Selection all(mCells.blocks().size(), 1);
         place(all);
         mProgress.advance();
-        for (Vertices folded = split(); drawBack(folded);) {
+        for (Vertices folded = split(); retract(folded);) {
         }
         mProgress.advance();
     }
 
-    /// Draws back the vertices of triangles that cross.
+    /// Retracts the vertices of triangles that cross.
     void uncross()
     {
-        for (Vertices found = crossing(); drawBack(found); found = crossing()) {
+        for (Vertices found = crossing(); retract(found); found = crossing()) {
         }
     }
 
@@ -199,13 +200,14 @@ public:
 
 private:
     struct State {
-        static constexpr std::uint32_t kUnplaced = ~std::uint32_t(0);
-        std::uint32_t round = kUnplaced; ///< of drawing, in which it was placed
+        static constexpr std::uint32_t kUnplaced = ~std::uint32_t(0); ///< [derived: the largest]
+        std::uint32_t round = kUnplaced; ///< of retraction, in which it was placed
         Freedom freedom = Freedom::Near;
         bool feature = false;
-        std::uint8_t reach = 0; ///< of SheetVertex, parts of kReach
+        std::uint8_t reach = 0; ///< of SheetVertex, in steps of kReachStep
     };
-    static constexpr float kReach = 1.0f / 128; // voxels
+    /// The step of a vertex's reach, voxels. [derived: a byte holds two voxels, more than it goes]
+    static constexpr float kReachStep = 1.0f / 128;
     /// A flag for each block.
     using Selection = std::vector<char>;
     using Vertices = std::vector<std::uint32_t>;
@@ -221,7 +223,7 @@ private:
         });
     }
 
-    /// The vertices in some blocks that are not placed.
+    /// Places the vertices in some blocks that are not placed.
     void place(const Selection& selection)
     {
         const float h = float(mLattice.voxelSize);
@@ -241,7 +243,7 @@ private:
                         const SheetVertex vertex = placer.place(at, cell, sheet, state.freedom);
                         mMesh.positions[v] = h * (origin + vertex.position);
                         state.feature = vertex.feature;
-                        state.reach = std::uint8_t(std::min(vertex.reach / kReach, 255.0f));
+                        state.reach = std::uint8_t(std::min(vertex.reach / kReachStep, 255.0f));
                         state.round = mRound;
                     }
                 }
@@ -249,8 +251,8 @@ private:
         });
     }
 
-    /// Make the triangles of all quads.
-    /// @return vertices of those near creases that fold over, and of those without area.
+    /// Makes the triangles of all quads.
+    /// @return the vertices of those near creases that fold over, and of flat ones.
     Vertices split()
     {
         return splitEach(
@@ -263,7 +265,7 @@ private:
             });
     }
 
-    /// The same of those that have a vertex which was placed in this round.
+    /// As split(), of the quads with a vertex that was placed in this round.
     Vertices splitAgain(const Selection& selection)
     {
         return splitEach(selection, [&](std::size_t n, const auto& make) {
@@ -275,7 +277,8 @@ private:
         });
     }
 
-    /// @param visit  called with each block of @a selection and what makes a quad's triangles.
+    /// @param visit  called with each block of @a selection and a function that makes a quad's
+    /// triangles.
     template <typename Visit>
     Vertices splitEach(const Selection& selection, const Visit& visit)
     {
@@ -332,32 +335,32 @@ private:
                            [&](std::uint32_t v) { return mVertices[v].round == mRound; });
     }
 
-    /// Draws vertices back into their cells, and where that did not help towards the middle of
-    /// their crossings, and makes their triangles anew.
-    /// @param found  to draw; after it the vertices of the new triangles that fold over.
-    /// @return whether there was any that could still be drawn.
-    bool drawBack(Vertices& found)
+    /// Retracts vertices into their cells, and those retracted before to the middle of their
+    /// crossings, and makes their triangles anew.
+    /// @param found  the vertices; on return those of the new triangles that fold over.
+    /// @return whether any could still be retracted.
+    bool retract(Vertices& found)
     {
         std::sort(found.begin(), found.end());
         found.erase(std::unique(found.begin(), found.end()), found.end());
         Selection changed(mCells.blocks().size(), 0);
-        bool isDrawn = false;
+        bool isRetracted = false;
         for (const std::uint32_t v : found) {
             Freedom& freedom = mVertices[v].freedom;
             if (freedom == Freedom::None) continue;
             freedom = Freedom(int(freedom) + 1);
             mVertices[v].round = State::kUnplaced;
             changed[mCells.blockOf(v)] = 1;
-            isDrawn = true;
+            isRetracted = true;
         }
-        if (!isDrawn) return false;
+        if (!isRetracted) return false;
         ++mRound;
         place(changed);
         found = splitAgain(mCells.withNeighbors(changed));
         return true;
     }
 
-    /// Whether a corner lies on a crease, or was drawn back from one.
+    /// Whether a corner lies on a crease, or was retracted from one.
     bool isNearCrease(const Quad& corners) const
     {
         return std::any_of(corners.begin(), corners.end(), [&](std::uint32_t v) {
@@ -365,8 +368,8 @@ private:
         });
     }
 
-    /// Splits the quad the other way where one of its triangles faces against the values and none
-    /// of the other way's does; adds the vertices of those that still fold over.
+    /// Splits the quad the other way where one of its triangles faces against the values and no
+    /// triangle of the other way does; adds the vertices of those that still fold over.
     void findFolded(std::uint64_t quad, const Quad& corners, Facing& facing, Vertices& found)
     {
         const auto corner = [&](std::uint32_t v) -> const Vec3f& { return mMesh.positions[v]; };
@@ -387,10 +390,9 @@ private:
         }
     }
 
-    /// Adds of the two vertices nearest to each other that which came the farther way. Where an
-    /// edge crosses the surface on a crease, the cells on both sides of it find the same place, and
-    /// this one's holds less of the crease; where the surface passes through a voxel, all cells
-    /// about it may.
+    /// Adds one of the two vertices nearest to each other: the one farther from its cell. Where an
+    /// edge crosses the surface on a crease, the cells on both sides find the same place, and that
+    /// vertex's cell holds less of the crease; at a voxel on the surface, all cells about it may.
     void findTouching(const Quad& corners, Vertices& found) const
     {
         const auto way = [&](std::uint32_t v) {
@@ -420,8 +422,9 @@ private:
         return found;
     }
 
-    /// Whether a triangle faces against the values, with a cosine of @a facing: far (a sharp edge's
-    /// other side may do so a little), or also against the edge that its quad belongs to.
+    /// Whether a triangle is folded over: it faces against the values, with a cosine of @a facing
+    /// either below kFolded (beside sharp edges it may be slightly negative) or also against the
+    /// edge that its quad belongs to.
     bool isFolded(const Mesh::Triangle& v, float facing, int outwards) const
     {
         const Vec3f &a = mMesh.positions[v[0]], &b = mMesh.positions[v[1]],
@@ -438,7 +441,7 @@ private:
     openvdb::Coord mFrame;
     Mesh mMesh;
     std::vector<State> mVertices;
-    std::uint32_t mRound = 0;            ///< of drawing
+    std::uint32_t mRound = 0;            ///< of retraction
     std::vector<std::uint8_t> mOutwards; ///< of each quad, see DualCells::forEachQuad()
 };
 

@@ -12,7 +12,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kVerticesAtOnce = 4096;
+constexpr std::size_t kVerticesAtOnce = 4096; ///< in a task [free: grain size]
 
 template <class F>
 void forEachBlock(std::size_t vertices, Interrupter& progress, const F& f)
@@ -24,7 +24,7 @@ void forEachBlock(std::size_t vertices, Interrupter& progress, const F& f)
                       });
 }
 
-/// What @a grid says at the vertices, each through @a take.
+/// The values of @a grid at the vertices, converted by @a take.
 template <class Grid, class Value, class F>
 std::vector<Value> valuesAt(const Mesh& mesh, const Grid& grid, Interrupter& progress,
                             const F& take)

@@ -24,7 +24,7 @@ struct HalfEdge {
     bool forward() const { return from < to; }
 };
 
-/// All sides, those of one edge together: by their lower vertex, and then by the other.
+/// All sides, sorted by their lower vertex and then by the other: those of one edge are together.
 std::vector<HalfEdge> sortedHalfEdges(const Mesh& mesh)
 {
     std::vector<std::size_t> first(mesh.positions.size() + 1, 0); // of each lower vertex
@@ -36,7 +36,7 @@ std::vector<HalfEdge> sortedHalfEdges(const Mesh& mesh)
     forEachSide([&](const HalfEdge& edge) { ++first[edge.lower() + 1]; });
     std::partial_sum(first.begin(), first.end(), first.begin());
     std::vector<HalfEdge> edges(3 * mesh.triangles.size());
-    // Placing moves each start to where the next vertex's was.
+    // Placing moves each start to that of the next vertex.
     forEachSide([&](const HalfEdge& edge) { edges[first[edge.lower()]++] = edge; });
     tbb::parallel_for(std::size_t(0), mesh.positions.size(), [&](std::size_t v) {
         std::sort(edges.begin() + std::ptrdiff_t(v > 0 ? first[v - 1] : 0),
@@ -46,7 +46,7 @@ std::vector<HalfEdge> sortedHalfEdges(const Mesh& mesh)
     return edges;
 }
 
-/// Connected parts among @a edges.
+/// The number of connected parts of @a edges.
 std::uint64_t countLoops(const std::vector<HalfEdge>& edges)
 {
     std::unordered_map<std::uint32_t, std::uint32_t> placeOf; // of a vertex among those here
@@ -60,7 +60,7 @@ std::uint64_t countLoops(const std::vector<HalfEdge>& edges)
     return loops;
 }
 
-/// Counts edges by kind. @return how many there are.
+/// Counts edges by kind. @return the number of edges.
 std::uint64_t countEdges(const std::vector<HalfEdge>& edges, MeshReport& report)
 {
     std::uint64_t distinct = 0;
@@ -82,7 +82,7 @@ std::uint64_t countEdges(const std::vector<HalfEdge>& edges, MeshReport& report)
     return distinct;
 }
 
-/// Counts what edges connect among the vertices that are used.
+/// Counts the vertices that triangles use, and their connected components.
 void countVertices(const Mesh& mesh, std::uint64_t& used, std::uint64_t& components)
 {
     UnionFind parts(mesh.positions.size());
@@ -96,7 +96,7 @@ void countVertices(const Mesh& mesh, std::uint64_t& used, std::uint64_t& compone
     components = used - joined;
 }
 
-/// Twice the area and six times the volume, split alike for any number of threads.
+/// Twice the area and six times the volume; the same for any number of threads.
 Eigen::Array2d sumTriangles(const Mesh& mesh)
 {
     return tbb::parallel_deterministic_reduce(
@@ -127,7 +127,7 @@ float smallestSine(const Vec3f& a, const Vec3f& b, const Vec3f& c)
 
 void measureAngles(const Mesh& mesh, MeshReport& report)
 {
-    constexpr std::size_t kHundred = 100;
+    constexpr std::size_t kHundred = 100; // [derived: one in a hundred is the first percentile]
     if (mesh.triangles.empty()) return;
     std::vector<float> sines(mesh.triangles.size());
     tbb::parallel_for(std::size_t(0), sines.size(), [&](std::size_t t) {

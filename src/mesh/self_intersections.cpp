@@ -18,13 +18,15 @@ namespace
 
 __extension__ using Int128 = __int128;
 
-/// Positions as whole numbers up to 2^30, so that signs of volumes can be had exactly.
+/// A position as whole numbers up to 2^30, so that signs of volumes are exact.
 using Place = std::array<std::int64_t, 3>;
 using Corners = std::array<Place, 3>;
 
-/// Pairs of the nodes of this level are work for one thread at a time.
+/// The tree's level whose pairs of nodes are tasks. [free: grain size]
 constexpr std::size_t kTaskLevels = 12;
 
+/// The mesh's size in steps of the rounded positions. [derived: differences and their products
+/// stay below 2^31 and 2^95]
 constexpr double kSteps = double(std::int64_t(1) << 30);
 
 class Rounding
@@ -48,7 +50,7 @@ public:
         return rounded;
     }
 
-    /// A few steps: what is farther from a triangle's plane stays on its side of it.
+    /// The distance from a triangle's plane, a few steps, beyond which rounding changes no side.
     double margin() const { return mScale > 0 ? 16 / mScale : 0; }
 
 private:
@@ -61,7 +63,7 @@ int signOf(double v)
     return (v > 0) - (v < 0);
 }
 
-/// The sign of the volume of a, b, c about @a d: +1, 0 or -1, exactly.
+/// The sign of the volume of the tetrahedron a, b, c, @a d: +1, 0 or -1, exactly.
 int orientation(const Place& a, const Place& b, const Place& c, const Place& d)
 {
     std::int64_t u[3], v[3], w[3]; // below 2^31
@@ -85,7 +87,7 @@ int orientation(const Place& a, const Place& b, const Place& c, const Place& d)
     return (exact > 0) - (exact < 0);
 }
 
-/// On which sides of a triangle's plane the corners of another are.
+/// The sides of a triangle's plane that the corners of another lie on.
 std::array<int, 3> sidesOf(const Corners& plane, const Corners& of)
 {
     std::array<int, 3> sides{};
@@ -123,7 +125,7 @@ bool cross(const Corners& a, const Corners& b)
     return pierces(a, b, ofB) || pierces(b, a, ofA);
 }
 
-/// Finds the pairs of the triangles of two leaves.
+/// Finds the crossing pairs among the triangles of two leaves.
 class LeafPairs
 {
 public:
@@ -165,8 +167,8 @@ private:
         return {c[0].cwiseMin(c[1]).cwiseMin(c[2]), c[0].cwiseMax(c[1]).cwiseMax(c[2])};
     }
 
-    /// False where the two share an edge, and where those corners of the second that they do not
-    /// share are on one side of the first's @a plane, farther from it than rounding moves them.
+    /// False where the two share an edge, and where the second's corners that they do not share
+    /// lie on one side of the first's @a plane, farther from it than rounding moves them.
     bool mayCross(std::size_t i, const Plane& plane, std::size_t j) const
     {
         const Mesh::Triangle &first = mMesh.triangles[mTree.triangle(i)],

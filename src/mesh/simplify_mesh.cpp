@@ -1,7 +1,7 @@
-// Edge collapse in the order of quadric errors [Garland97], within a distance that is kept both
-// ways: every vertex of the original stays with a triangle that is near to it, and no collapse may
-// take it farther away than the tolerance; and what a collapse makes stays near the original.
-// Large meshes are simplified in parts, all at once, and then along the borders of these.
+// Edge collapse in the order of quadric errors [Garland97], within a two-sided distance: every
+// vertex of the original stays assigned to a triangle within the tolerance, and new vertices and
+// edges stay within it of the original. Large meshes are simplified in parts, in parallel, and then
+// along the borders of these.
 #include "slab.h"
 
 #include "spatial/triangle_tree.h"
@@ -26,22 +26,26 @@ namespace
 {
 
 using Index = std::uint32_t;
-constexpr Index kNone = std::numeric_limits<Index>::max();
+constexpr Index kNone = std::numeric_limits<Index>::max(); ///< no index [derived: the largest]
 
-/// Of the tolerance, what is given to the vertices: triangles may bulge by the rest between them.
+/// The part of the tolerance for the vertices: triangles may deviate by the rest between them.
+/// [tuned: simplify_mesh_test]
 constexpr double kVertexShare = 0.7;
 
-/// Directions with less than this part of the largest eigenvalue are not decided by the planes.
-constexpr double kLeastEigenvalue = 1e-3;
+/// The eigenvalue, in parts of the largest, below which the planes leave a direction free.
+/// [tuned: simplify_mesh_test]
+constexpr double kMinEigenvalue = 1e-3;
 
-/// The least shape of a triangle (see shapeOf) that a collapse may make, unless it mends a worse.
-constexpr double kLeastShape = 0.02;
+/// The least shape of a triangle (see shapeOf) that a collapse may make, unless it replaces a worse
+/// one. [tuned: simplify_mesh_test]
+constexpr double kMinShape = 0.02;
 
-/// Triangles of the original in a part, which fits into the caches.
+/// The triangles of the original in a part, which fits into the caches. [tuned: time]
 constexpr std::size_t kPartTriangles = 1 << 16;
 
-/// The cosine between a triangle's normals before and after a collapse.
-constexpr double kLeastTurn = 0.3;
+/// The least cosine between a triangle's normals before and after a collapse.
+/// [tuned: simplify_mesh_test]
+constexpr double kMinTurnCosine = 0.3;
 
 /// Sum of squared distances from weighted planes.
 struct Quadric {
@@ -69,7 +73,7 @@ struct Quadric {
     {
         return std::max(0.0, p.dot(squares * p) - 2 * linear.dot(p) + constant);
     }
-    /// The least, as near to @a start as the planes leave it free.
+    /// The place of the minimum; along free directions that of @a start.
     Vec3d minimum(const Vec3d& start) const
     {
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
@@ -78,7 +82,7 @@ struct Quadric {
         Vec3d place = start;
         for (int n = 0; n < 3; ++n) {
             const double value = solver.eigenvalues()[n];
-            if (!(value > kLeastEigenvalue * solver.eigenvalues()[2])) continue;
+            if (!(value > kMinEigenvalue * solver.eigenvalues()[2])) continue;
             const Vec3d direction = solver.eigenvectors().col(n);
             place += direction * (direction.dot(right) / value);
         }
@@ -86,7 +90,7 @@ struct Quadric {
     }
 };
 
-/// Twice the area by the square of the longest side: 0 for a needle.
+/// The quotient of twice the area and the square of the longest side: 0 for a needle.
 double shapeOf(const Vec3d& a, const Vec3d& b, const Vec3d& c)
 {
     const double longest =
@@ -97,7 +101,7 @@ double shapeOf(const Vec3d& a, const Vec3d& b, const Vec3d& c)
 struct Collapse {
     double cost;
     Index kept, gone; ///< kept < gone
-    Index age;        ///< of both together when the cost was found
+    Index age;        ///< sum of both vertices' when the cost was computed
     Vec3d place;
 
     /// The cheapest comes first; of equals that of lower vertices.
@@ -111,8 +115,8 @@ struct Collapse {
 class Simplifier
 {
 public:
-    /// @param original  of the mesh; has to outlive this.
-    /// @param held  flags of vertices that stay where they are.
+    /// @param original  tree of the mesh; has to outlive this.
+    /// @param held  flags of vertices that do not move.
     Simplifier(Mesh mesh, const TriangleTree& original, double tolerance, std::vector<char> held,
                const Interrupter& progress)
         : mMesh(std::move(mesh)), mOriginal(original), mTolerance(tolerance),
@@ -160,7 +164,7 @@ public:
         progress.endStage();
     }
 
-    /// What is left.
+    /// The simplified mesh.
     Mesh result() const
     {
         Mesh mesh = mMesh;
@@ -182,8 +186,8 @@ public:
         return mesh;
     }
 
-    /// Set flags for the vertices of the original that went into triangles of the result.
-    /// @return whether there were any that had none: a triangle between three of them is as it was.
+    /// Sets flags for the vertices of the original that went into triangles of the result.
+    /// @return whether any had none: a triangle between three held vertices does not change.
     bool hold(const std::vector<TrianglePair>& pairs, std::vector<char>& held) const
     {
         const std::vector<Index> triangles = left();
@@ -202,12 +206,12 @@ public:
     }
 
 private:
-    /// Vertices.
+    /// The vertices of a part.
     using Part = std::vector<Index>;
     using Queue = std::priority_queue<Collapse>;
 
-    /// The vertices in parts, along the order of the original's tree. Vertices beside those of
-    /// other parts are held: what is done to the others of a part touches and sees no other.
+    /// The vertices in parts, in the order of the original's tree. Vertices beside those of other
+    /// parts are held: so collapses in a part neither read nor change another.
     std::vector<Part> divide(const Interrupter& progress)
     {
         std::vector<Part> parts(1 + (mOriginal.size() - 1) / kPartTriangles);
@@ -230,13 +234,13 @@ private:
         return parts;
     }
 
-    /// Every collapse of an edge of @a part that can be made, and of the edges that come of it.
-    /// @param isTaken  of the vertices of an edge, the first of the part.
+    /// Makes all collapses of edges of @a part that are allowed, and of the edges that result.
+    /// @param isTaken  whether an edge counts, by its vertices, the first of which is of the part.
     template <typename IsTaken>
     void simplifyAmong(const Part& part, const IsTaken& isTaken, Interrupter& progress)
     {
         Queue queue;
-        std::size_t nearest = 0; // of the original's triangles, one near the last place asked for
+        std::size_t nearest = 0; // a triangle of the original near the last query
         for (const Index v : part) {
             progress.check();
             for (const Index w : ring(v))
@@ -275,7 +279,7 @@ private:
         return found;
     }
 
-    /// Vertices with an edge that has not two triangles stay where they are.
+    /// Holds vertices with an edge that has not two triangles.
     void holdBoundaries(const Interrupter& progress)
     {
         for (Index v = 0; v < mPositions.size(); ++v) {
@@ -321,7 +325,7 @@ private:
         return colors;
     }
 
-    /// What a collapse makes of the values of its two vertices.
+    /// The value of a collapse's new vertex, interpolated.
     template <typename Value>
     Value blended(const std::vector<Value>& values, const Collapse& c) const
     {
@@ -339,7 +343,7 @@ private:
         return c[0] == v || c[1] == v || c[2] == v;
     }
 
-    /// Whether the two have no neighbors in common but across their own two triangles: else the
+    /// Whether the two have no common neighbors but those of their own two triangles: else the
     /// surface would be pinched.
     bool keepsManifold(Index v, Index w) const
     {
@@ -358,14 +362,14 @@ private:
             const auto now = moved(t, c.kept, c.gone, c.place);
             const Vec3d before = (b - a).cross(d - a),
                         after = (now[1] - now[0]).cross(now[2] - now[0]);
-            if (!(before.dot(after) > kLeastTurn * before.norm() * after.norm())) return false;
+            if (!(before.dot(after) > kMinTurnCosine * before.norm() * after.norm())) return false;
             const double shape = shapeOf(now[0], now[1], now[2]);
-            if (!(shape > kLeastShape) && shape <= shapeOf(a, b, d)) return false;
+            if (!(shape > kMinShape) && shape <= shapeOf(a, b, d)) return false;
         }
         return true;
     }
 
-    /// One of @a faces within reach of each of @a points, or false if there is none for one.
+    /// Assigns to each of @a points one of @a faces within reach; false if there is none for one.
     bool assign(const std::vector<Index>& points, const std::vector<Index>& faces,
                 const Collapse& c, std::vector<Index>& homes) const
     {
@@ -373,7 +377,7 @@ private:
         slabs.reserve(faces.size());
         for (const Index t : faces)
             slabs.emplace_back(moved(t, c.kept, c.gone, c.place), colorsOf(t, c));
-        std::size_t last = 0; // points come from one triangle after the other
+        std::size_t last = 0; // points of one triangle are consecutive
         for (const Index point : points) {
             const Vec3d& p = mPoints[point];
             const auto found = [&](const auto& test) {
@@ -395,9 +399,9 @@ private:
         return true;
     }
 
-    /// Whether what a collapse makes of @a faces is near the original: its vertex, and the middles
-    /// of its edges. Vertices of the original do not tell: none of them is near a fin, nor near a
-    /// corner that planes meet in beyond the surface.
+    /// Whether the new vertex of a collapse, and the middles of its edges, are near the original.
+    /// assign() does not find fins, nor corners where planes meet beyond the surface: no vertex of
+    /// the original is near them.
     bool staysNear(const std::vector<Index>& faces, const Collapse& c, std::size_t& nearest) const
     {
         const auto isNear = [&](const Vec3d& p) {
@@ -408,7 +412,7 @@ private:
             const Mesh::Triangle& v = mMesh.triangles[t];
             std::size_t at = 0;
             while (v[at] != c.kept && v[at] != c.gone) ++at;
-            // Each edge is that of two triangles, and here that of the first.
+            // Each edge belongs to two triangles; this is the first.
             if (!isNear((c.place + mPositions[v[(at + 1) % 3]]) / 2)) return false;
         }
         return true;
@@ -461,13 +465,13 @@ private:
     Mesh mMesh;
     const TriangleTree& mOriginal;
     double mTolerance, mReach;
-    std::vector<Vec3d> mPositions, mPoints; ///< of what is left; of the original
+    std::vector<Vec3d> mPositions, mPoints; ///< of the result; of the original
     std::vector<Vec3f> mPointColors;        ///< of the original; or empty
     std::vector<Quadric> mQuadrics;
     std::vector<std::vector<Index>> mFaces; ///< of each vertex
     std::vector<Index> mAge;                ///< of each vertex, grows when it changes
     std::vector<char> mHeld;
-    std::vector<char> mAtBorder;                ///< of a part: held as long as parts are simplified
+    std::vector<char> mAtBorder;                ///< of a part: held while parts are simplified
     std::vector<Index> mFirstPoint, mNextPoint; ///< a list of points for each triangle
 };
 
@@ -490,7 +494,7 @@ Mesh simplify(const Mesh& mesh, const SimplifySettings& settings, Interrupter* i
         if (!settings.strict) return result;
         const std::vector<TrianglePair> pairs = findSelfIntersections(result, &progress);
         if (pairs.empty() || !simplifier.hold(pairs, held)) return result;
-        const std::vector<char> core = held; // and those beside, so that few rounds are enough
+        const std::vector<char> core = held; // their neighbors are held too: fewer rounds
         for (const Mesh::Triangle& t : mesh.triangles)
             if (core[t[0]] || core[t[1]] || core[t[2]])
                 for (const Index v : t) held[v] = 1;

@@ -1,4 +1,4 @@
-// What lies above and below a triangle.
+// The prism above and below a triangle.
 #pragma once
 #include "spatial/point_triangle.h"
 
@@ -8,10 +8,10 @@
 namespace mpuvdb
 {
 
-/// By how much a color may change, of 1.
-constexpr float kColorReach = 0.06f;
+/// The largest change of a color's channel, in [0,1]. [tuned: simplify_mesh_test]
+constexpr float kMaxColorChange = 0.06f;
 
-/// The space above and below a triangle, and the colors on it.
+/// The prism above and below a triangle, and the colors on the triangle.
 class Slab
 {
 public:
@@ -45,7 +45,7 @@ public:
             const double share = mInward[side].dot(p - mCorners[side]) / whole;
             blended += float(share) * mColors[(side + 2) % 3];
         }
-        return (blended - color).cwiseAbs().maxCoeff() <= kColorReach;
+        return (blended - color).cwiseAbs().maxCoeff() <= kMaxColorChange;
     }
 
 private:

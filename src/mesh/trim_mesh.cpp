@@ -18,11 +18,14 @@ namespace
 
 using openvdb::FloatGrid;
 
+/// The coverage at the border of the data. [derived: half of a point's full weight]
 constexpr float kHalf = 0.5f;
-constexpr double kGapScale = 2;     ///< times the data's spacing: a hole between two points
-constexpr double kIslandScale = 12; ///< the disc about a dozen stray points
+/// The size of a gap between two points, in spacings of the data. [tuned: coverage_test]
+constexpr double kGapScale = 2;
+/// The size of an island, in spacings: a disc about a dozen stray points. [tuned: coverage_test]
+constexpr double kIslandScale = 12;
 
-/// Coverage less one half at the vertices.
+/// The coverage less one half at the vertices.
 std::vector<float> valuesAt(const Mesh& mesh, const FloatGrid& coverage, Interrupter& progress)
 {
     std::vector<float> values(mesh.positions.size());

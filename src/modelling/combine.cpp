@@ -6,7 +6,7 @@
 #include "distance/restore_distance.h"
 #include "grid/band_limits.h"
 #include "grid/prune.h"
-
+#include "half_widths.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
@@ -27,13 +27,12 @@ using openvdb::FloatGrid;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-/// Half-widths (and backgrounds) that differ by less pass for one.
-constexpr double kSameWidth = 1e-5;
-/// Voxels that the inputs' bands need beyond the ball's path to be interpolated there.
+/// The band, in voxels, that interpolation at the ball's path reads beyond it.
+/// [tuned: combine_test]
 constexpr double kAroundPath = 2.5;
-/// How often distances are restored where some may err, at most: values made anew move crossings
-/// that others were measured to.
-constexpr int kMostRestored = 4;
+/// The most passes that restore distances: new values move crossings that others were measured to.
+/// [tuned: combine_test]
+constexpr int kMaxRestorePasses = 4;
 
 /// @a tree with @a background; a copy only if it has another.
 FloatTree::ConstPtr withBackground(const FloatTree::ConstPtr& tree, float background)
@@ -71,7 +70,7 @@ Box3d boxOf(const std::vector<LevelSet>& solids)
     return box;
 }
 
-/// What is read of level sets: bands of at least a width, with one background.
+/// Reads level sets in bands of at least some widths, with one background.
 struct Bands {
     double inside = 0, outside = 0; ///< voxels
     float background = 0;           ///< world units
@@ -79,18 +78,18 @@ struct Bands {
     FloatTree::ConstPtr treeOf(const LevelSet& solid, Interrupter& progress) const
     {
         const double least = std::max(inside, outside);
-        if (solid.halfWidth() >= least * (1 - kSameWidth))
+        if (solid.halfWidth() >= least * (1 - kSameHalfWidth))
             return withBackground(solid.grid().constTreePtr(), background);
         return withBackground(treeReaching(solid, {float(outside), float(inside)}, progress),
                               background);
     }
 };
 
-/// Two solids as one.
+/// The Boolean of two solids.
 class Pair
 {
 public:
-    /// @param halfWidth  of the result, voxels; the solids may know more.
+    /// @param halfWidth  of the result, voxels; the solids' may be wider.
     Pair(Boolean kind, const LevelSet& a, const LevelSet& b, double halfWidth)
         : mKind(kind), mA(a), mB(b), mHalfWidth(halfWidth), mVoxelSize(a.voxelSize())
     {
@@ -109,7 +108,7 @@ public:
         return csg.tree;
     }
 
-    /// Change @a sharp where the ball of @a radius (world units) fillets it.
+    /// Changes @a sharp where the ball of @a radius (world units) fillets it.
     void fillet(FloatTree& sharp, double radius, Interrupter& progress) const
     {
         const double reach = std::max(mHalfWidth, kAroundPath) + radius / mVoxelSize;
@@ -123,35 +122,37 @@ public:
                        b = bands(mKind != Boolean::Intersection).treeOf(mB, progress);
             csg = csgTree(mKind, *a, *b, mVoxelSize, mHalfWidth, radius, progress);
         }
-        tell(csg, radius, progress);
+        noteLimits(csg, radius, progress);
         if (csg.filleted.empty()) return;
         copyFillet(csg, sharp, progress);
-        for (int turn = 0; turn < kMostRestored; ++turn)
+        for (int turn = 0; turn < kMaxRestorePasses; ++turn)
             if (restoreDistance(sharp, mVoxelSize, csg.known, progress) == 0) break;
         pruneBand(sharp);
     }
 
 private:
-    /// The largest background, bands of @a halfWidth voxels count too.
+    /// The largest background of both and of a band of @a halfWidth voxels, world units.
     float widest(double halfWidth, const LevelSet& a, const LevelSet& b) const
     {
         return std::max(
             {float(halfWidth * mVoxelSize), a.grid().background(), b.grid().background()});
     }
 
-    /// What the user may not expect of the blend.
-    void tell(const CsgTree& csg, double radius, Interrupter& progress) const
+    /// Notes effects of the blend that the user may not expect.
+    void noteLimits(const CsgTree& csg, double radius, Interrupter& progress) const
     {
-        constexpr float kWorthwhile = 0.5f; // voxels: what is shallower, no grid shows
-        if (csg.filleted.empty() && csg.isDoubtful)
+        // The least depth, in voxels, of a removed part that is noted. [derived: less is thinner
+        // than a voxel, which no grid shows]
+        constexpr float kMinNotedDepth = 0.5f;
+        if (csg.filleted.empty() && csg.isUncertain)
             progress.note(fmt::format("the blend changed nothing: beside the creases a ball of "
                                       "its radius {:.4g} has no room. Take a smaller one",
                                       radius));
-        if (csg.taken.depth < kWorthwhile) return;
-        const Vec3d at =
-            mA.lattice().origin +
-            mVoxelSize * Vec3d(csg.taken.deepest.x(), csg.taken.deepest.y(), csg.taken.deepest.z());
-        const double depth = csg.taken.depth * mVoxelSize;
+        if (csg.removed.depth < kMinNotedDepth) return;
+        const Vec3d at = mA.lattice().origin + mVoxelSize * Vec3d(csg.removed.deepest.x(),
+                                                                  csg.removed.deepest.y(),
+                                                                  csg.removed.deepest.z());
+        const double depth = csg.removed.depth * mVoxelSize;
         progress.note(fmt::format("the blend took away what is thinner than its ball, up to {:.4g} "
                                   "thick at ({:.4g}, {:.4g}, {:.4g}): radius {:.4g} has no room "
                                   "there, {:.4g} has",
@@ -180,7 +181,7 @@ private:
     double mHalfWidth, mVoxelSize; ///< voxels; world units
 };
 
-/// The result with all that @a model says of itself but its contents.
+/// @a tree with the transform and metadata of @a model, but those of its contents.
 LevelSet likeGrid(const FloatGrid& model, const FloatTree::Ptr& tree)
 {
     const FloatGrid::Ptr grid = FloatGrid::create(tree);
@@ -226,9 +227,9 @@ LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double
         progress.advance();
     }
     progress.endStage();
-    // What is thinner than a voxel lies between voxels: a band without an inside is of nothing.
+    // A part thinner than a voxel may lie between voxels: a band without an inside is empty.
     if (!hasInside(result.grid().tree())) return emptyLevelSet(result.lattice(), halfWidth);
-    return result.halfWidth() > halfWidth * (1 + kSameWidth)
+    return result.halfWidth() > halfWidth * (1 + kSameHalfWidth)
                ? withHalfWidth(result, halfWidth, &progress)
                : result;
 }

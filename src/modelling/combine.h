@@ -1,11 +1,11 @@
-// Booleans of level sets whose bands are wider than the result's is to be.
+// Booleans of level sets whose bands may be wider than the result's.
 #pragma once
 #include <mpuvdb/operations.h>
 
 namespace mpuvdb
 {
 
-/// As combine(), in a band of @a halfWidth voxels. What the inputs know beyond it, a fillet uses.
+/// As combine(), in a band of @a halfWidth voxels; a fillet uses the inputs' values beyond it.
 LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double blendRadius,
                        double halfWidth, Interrupter& progress);
 

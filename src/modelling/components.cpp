@@ -1,4 +1,4 @@
-// Connected parts of a solid, apart and together again.
+// Connected parts of a solid, separated and joined again.
 #include "solid_measures.h"
 #include "solid_parts.h"
 
@@ -24,7 +24,7 @@ ComponentMeasures measuresOf(const LevelSet& levelSet, Interrupter& progress)
     return {sums.volume, sums.area, sums.bounds, sums.genus()};
 }
 
-/// Largest first; of equals as they were.
+/// The parts' indices, largest first; equal ones in order.
 std::vector<std::uint32_t> byVolume(const std::vector<ComponentMeasures>& parts)
 {
     std::vector<std::uint32_t> order(parts.size());
@@ -35,8 +35,8 @@ std::vector<std::uint32_t> byVolume(const std::vector<ComponentMeasures>& parts)
     return order;
 }
 
-/// Calls @a work where nobody else's exception cancels it. OpenVDB frees a tree's nodes in parallel
-/// loops, which do nothing within a loop that is canceled: the nodes would be lost.
+/// Calls @a work isolated from other exceptions' cancellation: OpenVDB frees a tree's nodes in
+/// parallel loops, which do nothing within a canceled loop, and the nodes would leak.
 template <typename Work>
 void uncanceled(const Work& work)
 {

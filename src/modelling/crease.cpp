@@ -11,52 +11,57 @@ namespace
 using openvdb::Coord;
 using Leaf = openvdb::FloatTree::LeafNodeType;
 
-/// Surfaces whose gradients add up to less run against each other: they meet nowhere near.
-constexpr float kOpposed = 0.014f;
-/// Surfaces whose gradients differ by less run along each other: the crease changes no value.
-constexpr float kParallel = 0.014f;
-/// A gradient shorter than this has no direction.
-constexpr float kLeastGradient = 0.3f;
-/// A gradient shorter than this is no distance's.
-constexpr float kLeastSlope = 0.95f;
+/// The length of the sum of two unit gradients below which surfaces are opposed and meet nowhere
+/// near, and that of their difference below which they are parallel and a crease changes no value.
+/// [tuned: combine_test; 0.8 degrees]
+constexpr float kOpposed = 0.014f, kParallel = 0.014f;
+/// The length of a gradient below which its direction is unknown. [tuned: csg_bench]
+constexpr float kMinGradient = 0.3f;
+/// The length of a gradient below which a value is no distance. [tuned: csg_bench]
+constexpr float kMinDistanceSlope = 0.95f;
 /// How far the first guess may lie beyond where the surfaces are buried: voxels, and parts of the
-/// distance to them, over which they may curve.
-constexpr float kGuessMargin = 0.3f, kCurving = 0.15f;
-/// Farther than the surfaces by less, in voxels, a crease is taken without a look at those.
-constexpr float kLittleFarther = 0.3f;
-/// How near to both surfaces, in voxels, a place on the crease is to be, and how steady (parts of
-/// its distance, for interpolated gradients jump from voxel to voxel); and how near if it is to be
-/// taken at all, at corners where an input's own creases end.
-constexpr float kOnCrease = 0.05f, kSteady = 0.1f, kNearCrease = 0.4f;
-/// Steps along the crease; the later ones are halved, against swinging about a corner.
-constexpr int kFullSteps = 4, kMostSteps = 24;
-/// How many times the reach a guess may be off; for a ball's path, on the way to which surfaces may
-/// curve.
-constexpr float kFarGuess = 2;
-/// What is left of a step that leaves a band.
-constexpr float kShorter = 0.75f;
-/// A place so far outside the other solid, in voxels, does not touch it; and where interpolation
-/// may have rounded off an edge or corner of it, at most by so much.
-constexpr float kExposed = 0.1f, kRounded = 0.5f;
-/// Off a smooth surface by a voxel, distances differ from it by no more. A gradient's length is as
-/// near to 1 there.
-constexpr float kEdge = 0.1f, kOffLength = 0.05f;
-/// The cosine of gradients below which two faces may be one, touched from both sides.
-constexpr float kMayTouch = -0.96f;
-/// Voxels that a place lies deeper than a surface to be buried under it.
-constexpr float kDepth = 0.05f;
-/// How far aside a place may be that a voxel's gradient tells, as part of its distance. A ball that
-/// lacks as little room changes the value by the square of that.
-constexpr float kAside = 0.01f;
-/// The least determinant of two gradients that tell where to go.
-constexpr float kLeastDeterminant = 1e-3f;
+/// distance to them, over which they may curve. [tuned: combine_test]
+constexpr float kGuessMargin = 0.3f, kGuessCurvature = 0.15f;
+/// The excess of a crease's distance over the surfaces', in voxels, up to which it is accepted
+/// without a check that both are buried. [tuned: combine_test]
+constexpr float kMaxUncheckedExcess = 0.3f;
+/// The distance to both surfaces, in voxels, and the last step, in parts of the distance, below
+/// which the search has converged: interpolated gradients jump from voxel to voxel.
+/// [tuned: csg_bench]
+constexpr float kConvergedOffset = 0.05f, kConvergedStep = 0.1f;
+/// The largest distance to both surfaces, in voxels, of a place that counts as on the crease:
+/// corners where an input's own creases end do not converge. [tuned: combine_boxes_test]
+constexpr float kMaxOffset = 0.4f;
+/// Steps along the crease; later ones are halved, as they would oscillate about corners.
+/// [tuned: csg_bench]
+constexpr int kFullSteps = 4, kMaxSteps = 24;
+/// The farthest guess, in reaches, of a ball's path, on the way to which surfaces may curve.
+/// [tuned: combine_test]
+constexpr float kMaxGuessReaches = 2;
+/// The factor by which a step that leaves a band is shortened. [tuned: csg_bench]
+constexpr float kBacktrack = 0.75f;
+/// The distance, in voxels, to the other solid from which on a place does not touch it; and where
+/// interpolation may have rounded off that solid's edges. [tuned: combine_boxes_test]
+constexpr float kExposed = 0.1f, kExposedBesideEdge = 0.5f;
+/// The largest errors, in voxels, of the distance a voxel off a smooth surface, and of the length
+/// of its gradient. [tuned: combine_boxes_test]
+constexpr float kMaxCurvatureError = 0.1f, kMaxSlopeError = 0.05f;
+/// The cosine between gradients below which two faces may touch. [tuned: combine_boxes_test]
+constexpr float kTouchingCosine = -0.96f;
+/// The depth below a surface, in voxels, from which on a place is buried. [tuned: csg_bench]
+constexpr float kBuriedDepth = 0.05f;
+/// The lateral error of a place found along a voxel's gradient, in parts of its distance; a ball
+/// with so little room too few changes the value by its square. [tuned: combine_test]
+constexpr float kLateralError = 0.01f;
+/// The least determinant of two gradients that are independent. [tuned: combine_test]
+constexpr float kMinDeterminant = 1e-3f;
 
 /// Whether two gradients are those of distances to smooth surfaces that do not touch.
 bool arePlain(const Vec3f& a, const Vec3f& b)
 {
     const float lengthA = a.norm(), lengthB = b.norm();
-    return std::max(std::abs(lengthA - 1), std::abs(lengthB - 1)) < kOffLength &&
-           a.dot(b) > kMayTouch * lengthA * lengthB;
+    return std::max(std::abs(lengthA - 1), std::abs(lengthB - 1)) < kMaxSlopeError &&
+           a.dot(b) > kTouchingCosine * lengthA * lengthB;
 }
 
 bool before(const SolidReader::Sample& a, const SolidReader::Sample& b)
@@ -125,7 +130,7 @@ float SolidReader::valueNear(const Coord& at, const Vec3f& offset) const
                                int(std::lround(offset[2]))));
 }
 
-/// How far along the two gradients the crease lies that they and their values tell.
+/// The coefficients of the two gradients that lead to the crease of the linearized values.
 struct CreaseFinder::Multipliers {
     float a = 0, b = 0, determinant = 0;
 
@@ -134,7 +139,7 @@ struct CreaseFinder::Multipliers {
     {
         const float aa = ga.squaredNorm(), bb = gb.squaredNorm(), ab = ga.dot(gb);
         determinant = aa * bb - ab * ab;
-        if (determinant < kLeastDeterminant * kParallel) return;
+        if (determinant < kMinDeterminant * kParallel) return;
         a = (u * bb - v * ab) / determinant;
         b = (v * aa - u * ab) / determinant;
     }
@@ -153,8 +158,8 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     if ((a.gradient + b.gradient).squaredNorm() < kOpposed * kOpposed)
         return {u + v > -kTouching ? Place::Buried : Place::Surface, 0, false};
     const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
-    if (!readerB->isInBand(at)) { // it may yet be in the way of a ball that touches the nearer one
-        if (lengthA < kLeastGradient) return unknown;
+    if (!readerB->isInBand(at)) { // b may yet block a ball that touches a
+        if (lengthA < kMinGradient) return unknown;
         const Vec3f toCenter = u / lengthA * a.gradient;
         if (hasRoom(at, *readerA, *readerB, toCenter)) return {Place::Surface, 0, true};
         const Answer answer = follow(at, *readerA, *readerB, toCenter);
@@ -162,12 +167,12 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     }
     if (mRadius == 0 && a.value == b.value && a.gradient == b.gradient)
         return {Place::Surface, 0, false};
-    if (lengthA < kLeastGradient || lengthB < kLeastGradient) return unknown;
+    if (lengthA < kMinGradient || lengthB < kMinGradient) return unknown;
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
     const auto surface = [&](bool isSure) {
         if (mRadius == 0) {
             bool holds = a.value > 0;
-            if (!holds && lengthA <= kLeastSlope) // the gradient does not tell where to look
+            if (!holds && lengthA <= kMinDistanceSlope) // the gradient does not lead to the surface
                 holds = b.value > u;
             else if (!holds)
                 holds = isExposed(at, *readerA, *readerB, u * ga, arePlain(a.gradient, b.gradient));
@@ -178,52 +183,53 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     };
     if ((ga - gb).squaredNorm() < kParallel * kParallel) return surface(false);
     const Multipliers guess(ga, gb, u, v);
-    const float surfaces = std::max(u, v), margin = kGuessMargin + kCurving * surfaces;
-    // Where a solid's own faces meet, its gradient is none of theirs, and shorter.
+    const float surfaces = std::max(u, v), margin = kGuessMargin + kGuessCurvature * surfaces;
+    // Gradients between a solid's own faces are shorter than 1.
     if (guess.a < -margin || guess.b < -margin)
-        return surface(std::min(lengthA, lengthB) > kLeastSlope);
+        return surface(std::min(lengthA, lengthB) > kMinDistanceSlope);
     const Vec3f toCrease = guess.a * ga + guess.b * gb;
-    const bool isFar = toCrease.norm() >= (mRadius > 0 ? kFarGuess : 1) * (mReach + 2);
+    const bool isFar = toCrease.norm() >= (mRadius > 0 ? kMaxGuessReaches : 1) * (mReach + 2);
     Answer answer = unknown;
     if (!isFar) answer = follow(at, *readerA, *readerB, toCrease);
     if (answer.place == Place::Surface) return surface(answer.isSure);
     // The crease is no nearer than the surfaces.
     answer.distance = std::max(answer.distance, surfaces);
-    if (answer.place == Place::Crease && answer.distance < surfaces + kLittleFarther) return answer;
+    if (answer.place == Place::Crease && answer.distance < surfaces + kMaxUncheckedExcess)
+        return answer;
     if (!bothBuried(at, *readerA, *readerB, u * ga, v * gb)) return surface(false);
     if (answer.place == Place::Crease) return answer;
-    // What a ball's fillet covers may yet be outside.
+    // A place that a fillet covers may yet be outside.
     return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0, false};
 }
 
-/// Whether a surface has no edge of its own where it passes through a place.
+/// Whether the level set is linear along its gradient about a place: the surface has no edge there.
 bool CreaseFinder::isSmooth(const Coord& at, const SolidReader& solid, const Vec3f& offset,
                             const SolidReader::Sample& there)
 {
     SolidReader::Sample in, out;
     return solid.interpolate(at, offset - there.gradient, in) &&
            solid.interpolate(at, offset + there.gradient, out) &&
-           std::abs(out.value - there.value - 1) < kEdge &&
-           std::abs(in.value - there.value + 1) < kEdge;
+           std::abs(out.value - there.value - 1) < kMaxCurvatureError &&
+           std::abs(in.value - there.value + 1) < kMaxCurvatureError;
 }
 
-/// From a first guess to the place on the crease that is nearest to the voxel: linearize both
-/// values there, and go to the nearest place of the line where they are as wanted.
+/// The place on the crease nearest to the voxel, by Newton steps from a first guess: both values
+/// are linearized, and the nearest place of the line where they are as wanted is the next.
 CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& readerA,
                                           const SolidReader& readerB, Vec3f toCrease) const
 {
     SolidReader::Sample a, b;
     Answer nearest{Place::Unknown, 0, false};
-    float least = kNearCrease; // off either surface
-    for (int step = 0; step < kMostSteps; ++step) {
+    float least = kMaxOffset; // off either surface
+    for (int step = 0; step < kMaxSteps; ++step) {
         if (!readerA.interpolate(at, toCrease, a) || !readerB.interpolate(at, toCrease, b)) {
-            toCrease *= kShorter;
+            toCrease *= kBacktrack;
             continue;
         }
         const float u = mRadius - a.value, v = mRadius - b.value;
         const Multipliers along(a.gradient, b.gradient, u + a.gradient.dot(toCrease),
                                 v + b.gradient.dot(toCrease));
-        if (along.determinant < kLeastDeterminant) break;
+        if (along.determinant < kMinDeterminant) break;
         const Vec3f next = along.a * a.gradient + along.b * b.gradient;
         const float moved = (next - toCrease).norm(), off = std::max(std::abs(u), std::abs(v));
         const float distance = toCrease.norm();
@@ -232,7 +238,7 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
             nearest = {along.a > 0 && along.b > 0 ? Place::Crease : Place::Surface, distance,
                        false};
         }
-        if (off < kOnCrease && moved < kOnCrease + kSteady * distance) {
+        if (off < kConvergedOffset && moved < kConvergedOffset + kConvergedStep * distance) {
             nearest.distance = next.norm();
             // Where interpolation has rounded off an input's own edge, the crease is elsewhere.
             nearest.isSure =
@@ -242,7 +248,7 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
             break;
         }
         toCrease = step < kFullSteps ? next : Vec3f(0.5f * (toCrease + next));
-        if (!(toCrease.norm() < kFarGuess * (mReach + 2))) break;
+        if (!(toCrease.norm() < kMaxGuessReaches * (mReach + 2))) break;
     }
     return nearest;
 }
@@ -256,34 +262,34 @@ bool CreaseFinder::isExposed(const Coord& at, const SolidReader& a, const SolidR
                                              int(std::lround(foot[2]))));
     if (plain && near > 1) return true;
     SolidReader::Sample touched, other;
-    if (!a.interpolate(at, foot, touched) || std::abs(touched.value) > kNearCrease) return false;
+    if (!a.interpolate(at, foot, touched) || std::abs(touched.value) > kMaxOffset) return false;
     if (!b.interpolate(at, foot, other)) return near > 0;
-    // What faces the same way does not close the surface; beside edges, though, two faces that do
-    // may have others between them that touch.
-    if (other.value > -kNearCrease && touched.gradient.dot(other.gradient) > 0 &&
+    // A face that faces the same way does not close the surface; beside edges, though, others
+    // between the two may touch.
+    if (other.value > -kMaxOffset && touched.gradient.dot(other.gradient) > 0 &&
         b.valueNear(at, foot + foot.normalized()) > kExposed)
         return true;
-    return other.value > kRounded ||
+    return other.value > kExposedBesideEdge ||
            (plain && other.value > -kExposed && arePlain(touched.gradient, other.gradient) &&
             isSmooth(at, a, foot, touched) && isSmooth(at, b, foot, other));
 }
 
-/// Whether a ball has room where it touches the surface @a a, the nearer; a point always has.
+/// Whether a ball that touches the nearer surface @a a has room; a point always has.
 bool CreaseFinder::hasRoom(const Coord& at, const SolidReader& a, const SolidReader& b,
                            const Vec3f& toCenter) const
 {
     if (a.valueAt(at) >= mRadius) return true;
     SolidReader::Sample touched;
-    return a.interpolate(at, toCenter, touched) &&
-           std::abs(touched.value - mRadius) < kNearCrease &&
-           b.valueNear(at, toCenter) >= mRadius - kDepth - kAside * toCenter.norm();
+    return a.interpolate(at, toCenter, touched) && std::abs(touched.value - mRadius) < kMaxOffset &&
+           b.valueNear(at, toCenter) >= mRadius - kBuriedDepth - kLateralError * toCenter.norm();
 }
 
-/// Whether the nearest places of both surfaces (a ball's radius off) lie inside the other solid.
+/// Whether the nearest places of both surfaces (offset by a ball's radius) lie inside the other
+/// solid.
 bool CreaseFinder::bothBuried(const Coord& at, const SolidReader& a, const SolidReader& b,
                               const Vec3f& toA, const Vec3f& toB) const
 {
-    const float buried = mRadius - kDepth;
+    const float buried = mRadius - kBuriedDepth;
     return b.valueNear(at, toA) < buried && a.valueNear(at, toB) < buried;
 }
 

@@ -13,11 +13,11 @@
 namespace mpuvdb
 {
 
-/// Surfaces that run against each other and leave no wider gap, in voxels, touch: nothing is
-/// between them.
-constexpr float kTouching = 0.01f;
+/// The widest gap, in voxels, between opposed surfaces that count as touching.
+/// [tuned: combine_boxes_test]
+constexpr float kTouchingGap = 0.01f;
 
-/// One solid, or its complement, between voxels: values in voxels. For one thread.
+/// A solid's level set, or its complement's, between voxels: values in voxels. For one thread.
 class SolidReader
 {
 public:
@@ -31,11 +31,12 @@ public:
 
     float valueAt(const openvdb::Coord& at) const { return mScale * mAccess.getValue(at); }
     bool isInBand(const openvdb::Coord& at) const { return mAccess.isValueOn(at); }
-    /// By central differences between active voxels; 0 along axes where there are none.
+    /// The gradient by differences between active voxels, central where both neighbors are; 0 along
+    /// axes where neither is.
     Vec3f gradientAt(const openvdb::Coord& at) const;
-    /// Trilinear, at @a offset voxels from @a at; false where the band does not reach.
+    /// Trilinear value and gradient at @a offset voxels from @a at; false outside the band.
     bool interpolate(const openvdb::Coord& at, const Vec3f& offset, Sample& sample) const;
-    /// The same, and where the band does not reach: on which side of it that is.
+    /// The trilinear value; outside the band that of the nearest voxel, whose sign is right.
     float valueNear(const openvdb::Coord& at, const Vec3f& offset) const;
 
 private:
@@ -43,21 +44,21 @@ private:
     float mScale;
 };
 
-/// Lengths in voxels. For one thread.
+/// Finds the nearest place of the crease of a union, or of a rolling ball's path. Lengths in
+/// voxels. For one thread.
 class CreaseFinder
 {
 public:
     enum class Place {
-        Surface, ///< the nearest place is none of the crease: the sharp value holds
-        Crease,  ///< it is the crease, or the ball's path
+        Surface, ///< the nearest place lies on one of the surfaces: the sharp value holds
+        Crease,  ///< the nearest place lies on the crease, or on the ball's path
         Buried,  ///< the nearest places of both surfaces are buried, and no crease is near
-        Unknown  ///< nothing is known but the sharp value
+        Unknown  ///< only the sharp value is known
     };
     struct Answer {
         Place place = Place::Surface;
-        float distance = 0; ///< to the crease
-        bool isSure =
-            false; ///< if both solids' values are distances, and a crease is where it seems
+        float distance = 0;  ///< to the crease
+        bool isSure = false; ///< both solids' values are distances, and the crease is located
     };
 
     /// @param radius  of the ball, 0 for the crease itself; @param reach  farthest distance asked.
@@ -66,8 +67,8 @@ public:
     {
     }
 
-    /// For the voxel @a at, in one band or both. The two solids may change places without a bit
-    /// changing.
+    /// The nearest place for the voxel @a at, in one band or both; the same to the bit if the
+    /// solids change places.
     Answer find(const openvdb::Coord& at) const;
 
 private:

@@ -2,7 +2,7 @@
 
 #include "crease.h"
 #include "distance/room_distances.h"
-#include "fill_specks.h"
+#include "fill_cavities.h"
 
 #include <mpuvdb/interrupter.h>
 
@@ -26,14 +26,15 @@ using openvdb::CoordBBox;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-/// Voxels from a surface that say nothing of where it is.
+/// The distance from the surface, in voxels, beyond which a value does not move it.
+/// [derived: above sqrt(2), the diagonal of a voxel's face]
 constexpr float kDeep = 1.5f;
 
-/// Surfaces whose gradients have less for a product run against each other: edges between them are
-/// sharper than 30 degrees.
-constexpr float kAgainst = -0.87f;
+/// The cosine between gradients below which surfaces are opposed. [derived: edges sharper than 30
+/// degrees]
+constexpr float kOpposedCosine = -0.87f;
 
-/// The signs that make a union of a Boolean's solids, and it of the union.
+/// The signs that turn a Boolean's solids into those of a union, and the union into its result.
 struct Signs {
     float a, b, result;
 };
@@ -67,9 +68,9 @@ CoordBBox boxOf(const FloatTree& tree)
     return box;
 }
 
-/// A box that holds what a fillet changes, of any radius, and @a halfWidth voxels about it: between
-/// solids a ball fills no more than their hull, and what it takes away was within them.
-CoordBBox wedgesOf(Boolean kind, const FloatTree& a, const FloatTree& b, double halfWidth)
+/// A box that holds all changes by a fillet of any radius, and @a halfWidth voxels about them: a
+/// ball fills no more than the solids' hull, and removes only parts of them.
+CoordBBox filletBox(Boolean kind, const FloatTree& a, const FloatTree& b, double halfWidth)
 {
     CoordBBox box = boxOf(a);
     if (kind == Boolean::Union) box.expand(boxOf(b));
@@ -78,7 +79,7 @@ CoordBBox wedgesOf(Boolean kind, const FloatTree& a, const FloatTree& b, double 
     return box;
 }
 
-/// Leaves of both trees.
+/// Combines the leaves of both trees.
 class LeafCombiner
 {
 public:
@@ -87,8 +88,8 @@ public:
         : mA(a), mB(b), mSigns(signsOf(kind)), mBackground(a.background()),
           mVoxelSize(float(voxelSize)), mDeepest(float(halfWidth * voxelSize)),
           mRadius(float(radius / voxelSize)), mReach(mRadius + float(halfWidth)),
-          mWedges(radius > 0 ? wedgesOf(kind, a, b, halfWidth) : CoordBBox::inf()),
-          mNearA(nearOf(a, mSigns.a)), mNearB(nearOf(b, mSigns.b))
+          mFilletBox(radius > 0 ? filletBox(kind, a, b, halfWidth) : CoordBBox::inf()),
+          mObstacleBoxA(obstacleBox(a, mSigns.a)), mObstacleBoxB(obstacleBox(b, mSigns.b))
     {
     }
 
@@ -98,20 +99,21 @@ public:
         const Leaf* const b = mB.probeConstLeaf(leaf.origin());
         if (a && b) mergeValues(*a, *b, leaf);
         const CoordBBox box = leaf.getNodeBoundingBox();
-        if (!mWedges.hasOverlap(box)) return;
+        if (!mFilletBox.hasOverlap(box)) return;
         if (a && b && mRadius == 0) {
             Leaf::NodeMaskType inBoth = a->getValueMask();
             inBoth &= b->getValueMask();
-            if (!inBoth.isOff()) fillWedges(inBoth, leaf);
-        } else if (mRadius > 0 && (a || mNearA.hasOverlap(box)) && (b || mNearB.hasOverlap(box))) {
+            if (!inBoth.isOff()) fillCreases(inBoth, leaf);
+        } else if (mRadius > 0 && (a || mObstacleBoxA.hasOverlap(box)) &&
+                   (b || mObstacleBoxB.hasOverlap(box))) {
             Leaf::NodeMaskType inEither;
             if (a) inEither |= a->getValueMask();
             if (b) inEither |= b->getValueMask();
-            if (!inEither.isOff()) fillWedges(inEither, leaf);
+            if (!inEither.isOff()) fillCreases(inEither, leaf);
         }
     }
 
-    /// What is known, in order.
+    /// The voxels with known values, in order.
     std::vector<KnownVoxels> known() const
     {
         std::vector<KnownVoxels> inOrder(mKnown.begin(), mKnown.end());
@@ -119,11 +121,11 @@ public:
                   [](const KnownVoxels& a, const KnownVoxels& b) { return a.origin < b.origin; });
         return inOrder;
     }
-    bool isFilletDoubtful() const { return !mUnsettled.empty(); }
+    bool isFilletUncertain() const { return !mUnsettled.empty(); }
     std::vector<LeafVoxels> filleted() const { return {mFilleted.begin(), mFilleted.end()}; }
 
-    /// Where creases do not tell all of a fillet, what they tell of the rest may be wrong, too:
-    /// give its voxels the distance to what is the nearest place for the ball of all.
+    /// Where creases do not give all of a fillet, the rest may be wrong, too: give its voxels
+    /// measured distances to the nearest place of all for the ball.
     void settleFillet(FloatTree& tree, Interrupter& progress) const
     {
         if (mUnsettled.empty()) return;
@@ -145,38 +147,38 @@ public:
             for (auto it = fillet[n].voxels.beginOn(); it; ++it) {
                 const openvdb::Index i = it.pos();
                 const float farther = between[n][i] - std::max(besideA[n][i], besideB[n][i]);
-                filleted.voxels.set(i, settle(farther, fillet[n].told.isOn(i), i, leaf));
+                filleted.voxels.set(i, settle(farther, fillet[n].byCrease.isOn(i), i, leaf));
             }
             if (!filleted.voxels.isOff()) mFilleted.push_back(filleted);
         });
     }
 
-    /// What the ball has filled outside both solids.
+    /// The voxels outside both solids that the ball has filled.
     Fill fill() const
     {
         const auto ball = std::size_t(4.0 / 3 * M_PI * double(mRadius) * mRadius * mRadius);
         return {{mFilled.begin(), mFilled.end()}, ball, [this](const Coord& at) {
                     const float u = mSigns.a * mA.getValue(at), v = mSigns.b * mB.getValue(at);
-                    return mWedges.isInside(at) && std::max(u, v) < mRadius * mVoxelSize;
+                    return mFilletBox.isInside(at) && std::max(u, v) < mRadius * mVoxelSize;
                 }};
     }
 
-    /// Of what is solid in an intersection or difference.
-    TakenAway taken() const
+    /// The thickest part removed from an intersection or difference.
+    RemovedPart removed() const
     {
-        TakenAway taken;
-        if (mSigns.result > 0) return taken;
+        RemovedPart removed;
+        if (mSigns.result > 0) return removed;
         const SolidReader a(mA, mSigns.a / mVoxelSize), b(mB, mSigns.b / mVoxelSize);
         for (const Coord& at : mFilled) {
             const Vec3f ga = a.gradientAt(at), gb = b.gradientAt(at);
-            if (!a.isInBand(at) || !b.isInBand(at) || ga.dot(gb) > kAgainst) continue;
+            if (!a.isInBand(at) || !b.isInBand(at) || ga.dot(gb) > kOpposedCosine) continue;
             const float depth = std::min(a.valueAt(at), b.valueAt(at));
-            const bool isFirst = depth == taken.depth && at < taken.deepest;
-            if (!(depth > taken.depth) && !isFirst) continue;
-            taken.depth = depth;
-            taken.deepest = at;
+            const bool isFirst = depth == removed.depth && at < removed.deepest;
+            if (!(depth > removed.depth) && !isFirst) continue;
+            removed.depth = depth;
+            removed.deepest = at;
         }
-        return taken;
+        return removed;
     }
 
 private:
@@ -190,16 +192,16 @@ private:
             const float u = mSigns.a * as[i], v = mSigns.b * bs[i];
             const bool on = (u <= v && a.isValueOn(i)) || (v <= u && b.isValueOn(i));
             active.set(i, on);
-            // No zero below zero: its sign counts where distances are restored.
+            // No negative zero: the sign counts where distances are restored.
             values[i] = on ? mSigns.result * std::min(u, v) + 0.0f
                            : std::copysign(background, mSigns.result * std::min(u, v));
         }
         leaf.setValueMask(active);
     }
 
-    void fillWedges(const Leaf::NodeMaskType& voxels, Leaf& leaf) const
+    void fillCreases(const Leaf::NodeMaskType& voxels, Leaf& leaf) const
     {
-        const float highest = mRadius + kTouching, deepest = -mDeepest / mVoxelSize;
+        const float highest = mRadius + kTouchingGap, deepest = -mDeepest / mVoxelSize;
         const SolidReader a(mA, mSigns.a / mVoxelSize), b(mB, mSigns.b / mVoxelSize);
         const CreaseFinder finder(a, b, mRadius, mReach);
         KnownVoxels known{leaf.origin(), Leaf::NodeMaskType(mRadius == 0)};
@@ -218,10 +220,10 @@ private:
                 known.unplaced.setOn(i);
                 known.exact.setOff(i);
                 known.isDoubtful = true;
-                // A guess, so deep that the surface is not measured by it.
+                // A guess, too deep to move the surface.
                 if (answer.place == CreaseFinder::Place::Crease && least < -kDeep)
                     place(answer, i, leaf);
-                // Where two solids touch, values are 0, and all is inside.
+                // Between two touching solids values are 0, and all is inside.
                 if (answer.place == CreaseFinder::Place::Buried && least >= 0)
                     leaf.setValueOnly(i, -mSigns.result * std::numeric_limits<float>::min());
                 continue;
@@ -242,16 +244,16 @@ private:
         if (!unsettled.voxels.isOff()) mUnsettled.push_back(unsettled);
     }
 
-    /// Whether a sharp union's value is known by the answer.
+    /// Whether the answer gives a sharp union's value.
     static bool isPlaced(const CreaseFinder::Answer& answer)
     {
         return answer.place == CreaseFinder::Place::Surface ||
                (answer.place == CreaseFinder::Place::Crease && answer.isSure);
     }
 
-    /// A box that holds all places from which a solid, or its complement, can be in the way of a
-    /// ball that touches the other one where that is nearest.
-    CoordBBox nearOf(const FloatTree& tree, float sign) const
+    /// A box that holds all places where a solid, or its complement, can block a ball that touches
+    /// the other one.
+    CoordBBox obstacleBox(const FloatTree& tree, float sign) const
     {
         if (mRadius == 0) return {};
         if (sign < 0) return CoordBBox::inf();
@@ -275,13 +277,13 @@ private:
         return false;
     }
 
-    /// A leaf's voxels of the fillet, and those of them that creases tell.
+    /// A leaf's voxels of the fillet, and those of them with a value from a crease.
     struct FilletLeaf {
         Coord origin;
-        Leaf::NodeMaskType voxels, told;
+        Leaf::NodeMaskType voxels, byCrease;
     };
 
-    /// In order.
+    /// The fillet's leaves, in order.
     std::vector<FilletLeaf> filletByLeaf() const
     {
         std::vector<FilletLeaf> parts;
@@ -295,24 +297,29 @@ private:
             if (leaves.empty() || leaves.back().origin != part.origin)
                 leaves.push_back({part.origin, {}, {}});
             leaves.back().voxels |= part.voxels;
-            leaves.back().told |= part.told;
+            leaves.back().byCrease |= part.byCrease;
         }
         return leaves;
     }
 
-    /// The ball also bridges the hollows of either solid alone: only by how much @a farther it
-    /// keeps off both, in voxels, is the fillet's. @param isTold  whether the leaf has what a
-    /// crease tells. @return whether that is anything.
-    bool settle(float farther, bool isTold, openvdb::Index voxel, Leaf& leaf) const
+    /// Sets a voxel of the fillet. The ball also bridges the hollows of either solid alone: the
+    /// fillet is by how much @a farther, in voxels, it stays from both.
+    /// @param isByCrease  whether the leaf has a value from a crease.
+    /// @return whether the fillet changes the voxel.
+    bool settle(float farther, bool isByCrease, openvdb::Index voxel, Leaf& leaf) const
     {
-        constexpr float kNothing = 0.02f; // by which the distances may differ
-        constexpr float kAgrees = 0.3f;   // with a crease, which tells more exactly
+        // The error of the measured distances, voxels. [tuned: combine_test]
+        constexpr float kMaxRoomError = 0.02f;
+        // The difference, in voxels, up to which a crease's value, which is more exact, is kept.
+        // [tuned: combine_test]
+        constexpr float kMaxCreaseDifference = 0.3f;
         const Coord at = leaf.offsetToGlobalCoord(voxel);
         const float least = std::min(mSigns.a * mA.getValue(at), mSigns.b * mB.getValue(at));
-        const float told = mSigns.result * leaf.getValue(voxel);
+        const float creaseValue = mSigns.result * leaf.getValue(voxel);
         const auto inBand = [&](float v) { return std::max(v, -mDeepest); };
-        float value = farther > kNothing ? least - farther * mVoxelSize : least;
-        if (isTold && inBand(value) - inBand(told) < kAgrees * mVoxelSize) value = told;
+        float value = farther > kMaxRoomError ? least - farther * mVoxelSize : least;
+        if (isByCrease && inBand(value) - inBand(creaseValue) < kMaxCreaseDifference * mVoxelSize)
+            value = creaseValue;
         if (value > -mDeepest)
             leaf.setValueOn(voxel, mSigns.result * value);
         else
@@ -323,18 +330,18 @@ private:
 
     const FloatTree &mA, &mB;
     Signs mSigns;
-    float mBackground, mVoxelSize; ///< world units
-    float mDeepest;                ///< to where values count, world units
-    float mRadius, mReach;         ///< voxels; to the ball's path where values count
-    CoordBBox mWedges;             ///< no fillet is outside
-    CoordBBox mNearA, mNearB;      ///< outside, the solid is in the way of no ball; see nearOf()
+    float mBackground, mVoxelSize;          ///< world units
+    float mDeepest;                         ///< depth of the result's band, world units
+    float mRadius, mReach;                  ///< voxels; the reach is to the ball's path
+    CoordBBox mFilletBox;                   ///< holds all of the fillet
+    CoordBBox mObstacleBoxA, mObstacleBoxB; ///< where a solid may block a ball; see obstacleBox()
     mutable tbb::concurrent_vector<KnownVoxels> mKnown;    ///< in any order
     mutable tbb::concurrent_vector<LeafVoxels> mUnsettled; ///< of a fillet, in any order
     mutable tbb::concurrent_vector<LeafVoxels> mFilleted;  ///< in any order
     mutable tbb::concurrent_vector<Coord> mFilled;         ///< in any order
 };
 
-/// OpenVDB's merge of nodes and tiles, with leaves of our own, and stoppable.
+/// OpenVDB's merge of nodes and tiles, with LeafCombiner's leaves, and interruptible.
 template <typename Merge>
 struct Merger {
     const Merge& merge;
@@ -387,10 +394,10 @@ CsgTree csgTree(Boolean kind, const FloatTree& a, const FloatTree& b, double vox
         break;
     }
     leaves.settleFillet(*tree, progress);
-    const std::vector<Coord> mended = mendFill(*tree, leaves.fill(), progress);
+    const std::vector<Coord> corrected = fillCavities(*tree, leaves.fill(), progress);
     CsgTree result{tree, leaves.filleted(), leaves.known(),
-                   !mended.empty() || leaves.isFilletDoubtful(), leaves.taken()};
-    for (const Coord& at : mended) {
+                   !corrected.empty() || leaves.isFilletUncertain(), leaves.removed()};
+    for (const Coord& at : corrected) {
         result.filleted.push_back({at & ~(int(Leaf::DIM) - 1), {}});
         result.filleted.back().voxels.setOn(Leaf::coordToOffset(at));
     }

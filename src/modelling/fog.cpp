@@ -1,5 +1,4 @@
-// Level sets as densities: what openvdb::tools::sdfToFogVolume makes, but stoppable, for it takes
-// long on large grids.
+// Level sets as densities: as openvdb::tools::sdfToFogVolume, but interruptible.
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
 
@@ -34,7 +33,7 @@ void forEachTile(const FloatTree& tree, Interrupter& progress, const Visit& visi
     }
 }
 
-/// How deep the solid's deepest voxel or tile is; 0 without any.
+/// The depth of the solid's deepest voxel or tile, world units; 0 without any.
 float depthOf(const FloatTree& tree, const Leaves& leaves, Interrupter& progress)
 {
     float deepest = 0;

@@ -30,7 +30,7 @@ using Leaf = FloatTree::LeafNodeType;
 using Leaves = openvdb::tree::LeafManager<FloatTree>;
 using ConstAccess = openvdb::tree::ValueAccessor<const FloatTree>;
 
-/// A wider band; the next to try is twice as wide.
+/// @a levelSet in a band of twice @a halfWidth voxels, which is doubled.
 LevelSet wider(const LevelSet& levelSet, double& halfWidth, Interrupter& progress)
 {
     if (halfWidth >= kWidestBand)
@@ -60,8 +60,8 @@ bool hasActive(const BoolTree& tree)
     return tree.evalActiveVoxelBoundingBox(box);
 }
 
-/// @a f(value of a, value of b) wherever a band is, with the background of @a halfWidth: values
-/// beyond it are inactive. Elsewhere the two have one sign, and so has the result.
+/// @a f(value of a, value of b) where either band is active, with the background of @a halfWidth
+/// voxels: values beyond it are inactive. Elsewhere both have one sign, and so has the result.
 template <typename F>
 FloatTree::Ptr joined(const LevelSet& a, const LevelSet& b, double halfWidth, Interrupter& progress,
                       F f)
@@ -88,9 +88,9 @@ FloatTree::Ptr joined(const LevelSet& a, const LevelSet& b, double halfWidth, In
     return tree;
 }
 
-/// Whether the zero set of (1-t) a + t b can be told from bands of this width: where the solids
-/// differ, a value beyond its band must not have been outvoted, and beside a crossing none may lie
-/// beyond.
+/// The function (1-t) a + t b, and whether bands of this width determine its zero set: where the
+/// solids differ, the sign of a value beyond its band must be that of the result, and no value
+/// beside a crossing may lie beyond its band.
 class LinearMorph
 {
 public:
@@ -113,7 +113,7 @@ public:
     float operator()(float a, float b) const { return (1 - mT) * a + mT * b; }
 
 private:
-    /// On the active voxels of @a band, one of the two.
+    /// Whether it is known on the active voxels of @a band, one of the two.
     bool isKnown(const FloatTree& band, const FloatTree& other) const
     {
         std::vector<const Leaf*> leaves;
@@ -135,7 +135,7 @@ private:
         return known;
     }
 
-    /// Whether a voxel with a value beyond the band of @a beyond is certain all the same.
+    /// Whether the result's sign is known at a voxel with a value beyond the band of @a beyond.
     bool isSettled(const ConstAccess& ofA, const ConstAccess& ofB, const ConstAccess& beyond,
                    const Coord& at) const
     {
@@ -175,9 +175,8 @@ double largestDistance(const LevelSet& a, const BoolTree& where, Interrupter& pr
         [](float u, float v) { return std::max(u, v); }));
 }
 
-/// The two in bands as wide as their zero sets at @a t need: about the largest distance of either
-/// at a place where that zero set lies. The bands, about 8 bytes per voxel between the shapes, are
-/// the memory that it takes.
+/// The linear morph, from bands as wide as its zero set at @a t needs: about the largest distance
+/// of either input on that zero set. They take about 8 bytes per voxel between the shapes.
 FloatTree::Ptr linear(LevelSet a, LevelSet b, double t, double halfWidth, Interrupter& progress)
 {
     for (double width = halfWidth;;) {
@@ -190,7 +189,7 @@ FloatTree::Ptr linear(LevelSet a, LevelSet b, double t, double halfWidth, Interr
 }
 
 /// The front that starts at the surface of @a a at speed one and stops at that of @a b, in closed
-/// form: b held within s of a after the time s. Only a's band has to be wide: as the largest
+/// form: b clamped to within s of a after the time s. Only a's band is widened, to the largest
 /// distance that the front travels.
 FloatTree::Ptr advected(LevelSet a, const LevelSet& b, double t, double halfWidth,
                         Interrupter& progress)
@@ -202,8 +201,10 @@ FloatTree::Ptr advected(LevelSet a, const LevelSet& b, double t, double halfWidt
         if (!hasActive(beyond)) break;
     }
     const double farthest = largestDistance(a, *between, progress), h = a.voxelSize();
-    constexpr double kBeside = 2; // voxels beside those that the front passes
-    if (const double width = farthest / h + kBeside; width > a.halfWidth())
+    // Voxels beyond those that the front passes. [derived: the neighbors of its crossings, and one
+    // for rounding]
+    constexpr double kFrontMargin = 2;
+    if (const double width = farthest / h + kFrontMargin; width > a.halfWidth())
         a = withHalfWidth(a, width, &progress);
     const auto s = float(t * farthest);
     return joined(a, b, halfWidth, progress,
@@ -228,7 +229,7 @@ LevelSet morph(const LevelSet& a, const LevelSet& b, double t, Morphing how,
     if (t == 1) return both[1];
     const FloatGrid::Ptr grid =
         openvdb::gridPtrCast<FloatGrid>(both[0].grid().copyGridWithNewTree());
-    // What is empty is infinitely far from everything.
+    // An empty solid is infinitely far from everything.
     const bool nothing = both[0].grid().empty() || both[1].grid().empty();
     if (nothing)
         grid->setTree(std::make_shared<FloatTree>(both[0].grid().background()));

@@ -15,14 +15,14 @@ namespace mpuvdb
 namespace
 {
 
-/// Voxel sizes pass through files as text or floats; lattices so near drift apart by less than a
-/// hundredth of a voxel over ten thousand.
+/// The relative difference up to which voxel sizes are equal. [derived: they pass through files as
+/// text or floats; lattices drift apart by a hundredth of a voxel over ten thousand]
 constexpr double kSameSize = 1e-6;
-/// Voxels by which origins may differ.
+/// The difference up to which origins are equal, voxels. [derived: as kSameSize, over a hundred]
 constexpr double kSameOrigin = 1e-4;
-/// Of the voxels that there are. [derived: 8 x 8, where each voxel becomes a leaf; see
-/// demandFewVoxels()]
-constexpr double kMostTimes = 64;
+/// The largest growth of the number of voxels. [derived: 8 x 8, where each voxel of a surface
+/// becomes the face of a leaf, and the new lattice holds interpolation alone]
+constexpr double kMaxGrowth = 64;
 
 bool isSame(const Lattice& a, const Lattice& b)
 {
@@ -51,23 +51,23 @@ Lattice latticeAbout(const std::vector<LevelSet>& inputs, double voxelSize)
     return latticeFor(box, voxelSize);
 }
 
-void demandFewVoxels(const std::vector<LevelSet>& inputs, const Lattice& lattice)
+void requireFewVoxels(const std::vector<LevelSet>& inputs, const Lattice& lattice)
 {
     std::vector<Resampled> grids;
     grids.reserve(inputs.size());
     for (const LevelSet& input : inputs)
         grids.push_back({double(input.grid().activeVoxelCount()), input.voxelSize(),
                          lattice.voxelSize, input.halfWidth()});
-    demandFewVoxels(grids);
+    requireFewVoxels(grids);
 }
 
 } // namespace
 
-void demandFewVoxels(const std::vector<Resampled>& grids)
+void requireFewVoxels(const std::vector<Resampled>& grids)
 {
     double now = 0, then = 0, bytes = 0, coarsest = 0, finest = 0;
     for (const Resampled& grid : grids) {
-        const double times = grid.voxelSize / grid.to; // a surface's voxels by its square
+        const double times = grid.voxelSize / grid.to; // its square is that of a surface's voxels
         now += grid.voxels;
         then += grid.voxels * times * times;
         const double area = grid.voxels * grid.voxelSize * grid.voxelSize / (2 * grid.halfWidth);
@@ -75,14 +75,14 @@ void demandFewVoxels(const std::vector<Resampled>& grids)
         coarsest = std::max(coarsest, grid.voxelSize);
         if (!(finest > 0 && finest < grid.to)) finest = grid.to;
     }
-    if (!(then > kMostTimes * now)) return;
-    const double fitting = finest * std::sqrt(then / (kMostTimes * now));
+    if (!(then > kMaxGrowth * now)) return;
+    const double fitting = finest * std::sqrt(then / (kMaxGrowth * now));
     throw LimitError(fmt::format(
         "the grids' voxels are of {:g} to {:g}: on the finest lattice their {:.3g} million voxels "
         "become {:.3g} million, {:.0f} times as many, and about {:.3g} GB; more than {:g} times as "
         "many are made only if asked for. Choose the result's voxels (--voxel-size, in Python "
         "voxel_size): {:.2g} stays within that, {:g} makes them all",
-        finest, coarsest, now / 1e6, then / 1e6, then / now, bytes / 1e9, kMostTimes,
+        finest, coarsest, now / 1e6, then / 1e6, then / now, bytes / 1e9, kMaxGrowth,
         1.05 * fitting, finest));
 }
 
@@ -95,7 +95,7 @@ OneLattice onOneLattice(const std::vector<LevelSet>& inputs, double voxelSize,
     result.model = findModel(inputs, voxelSize);
     const Lattice lattice =
         result.model ? inputs[*result.model].lattice() : latticeAbout(inputs, voxelSize);
-    if (!(voxelSize > 0)) demandFewVoxels(inputs, lattice);
+    if (!(voxelSize > 0)) requireFewVoxels(inputs, lattice);
     for (std::size_t n = 0; n < inputs.size(); ++n) {
         const LevelSet& input = inputs[n];
         if (isSame(input.lattice(), lattice)) {

@@ -1,4 +1,4 @@
-// What grids of voxels of very different sizes come to on one lattice.
+// The number of voxels that grids of very different voxel sizes take on one lattice.
 #pragma once
 #include <vector>
 
@@ -7,15 +7,14 @@ namespace mpuvdb
 
 /// A grid that is to be resampled.
 struct Resampled {
-    double voxels = 0;    ///< active
+    double voxels = 0;    ///< active voxels
     double voxelSize = 0; ///< world units
-    double to = 0;        ///< the new voxels' size, world units
+    double to = 0;        ///< new voxel size, world units
     double halfWidth = 0; ///< voxels
 };
 
-/// @throws LimitError where @a grids would take more than 64 times the voxels that they have, on
-/// voxels that nobody chose. [derived: 8 x 8, where each voxel of a surface becomes a face of
-/// OpenVDB's leaves, that is, where the new lattice holds nothing of the grid but interpolation]
-void demandFewVoxels(const std::vector<Resampled>& grids);
+/// Checks the size of a lattice that no user chose. @throws LimitError where @a grids would take
+/// more than 64 times the voxels that they have.
+void requireFewVoxels(const std::vector<Resampled>& grids);
 
 } // namespace mpuvdb

@@ -17,11 +17,13 @@ namespace mpuvdb
 namespace
 {
 
-/// Voxels that interpolation looks beyond the place: values there must be in the band.
+/// The band, in voxels, that interpolation reads beyond a place. [derived: two of the cubic
+/// stencil, half a voxel of position]
 constexpr double kStencil = 2.5;
-/// Half-width, in voxels of the result, in which the surface is found.
+/// The half-width, in voxels of the result, in which the surface is found. [derived: both ends of
+/// an edge that it crosses, and their neighbors]
 constexpr double kCrossingWidth = 2;
-/// Backgrounds are floats.
+/// The relative difference up to which half-widths are equal. [derived: backgrounds are floats]
 constexpr double kRounding = 1e-6;
 
 bool isWhole(double x)
@@ -37,7 +39,7 @@ bool isPartOf(const Lattice& to, const Lattice& from)
            isWhole(shift[2]);
 }
 
-/// Voxels of @a from about the band that interpolation reads.
+/// The voxels of @a from that interpolation reads beyond the band.
 double beyond(const Lattice& from, const Lattice& to)
 {
     return isPartOf(to, from) ? 0 : kStencil;
@@ -56,8 +58,8 @@ LevelSet emptyOn(const Lattice& lattice, double halfWidth, const std::string& na
 
 double widthToResample(const Lattice& from, const Lattice& to, double halfWidth)
 {
-    // Larger voxels need a band that is wide in the source's: only as wide as the surface needs,
-    // and the rest is added to the result.
+    // Larger voxels need a wide band of the source: it gets what the surface needs, and the rest is
+    // added to the result.
     const double ratio = to.voxelSize / from.voxelSize;
     const double crossing = std::min(kCrossingWidth, halfWidth);
     return (ratio > 1 ? crossing : halfWidth) * ratio + beyond(from, to);

@@ -39,8 +39,8 @@ openvdb::MaskTree::Ptr changedVoxels(const FloatTree& before, const FloatTree& a
     return changed;
 }
 
-/// @a before, but where the nearest place of the surface may be another one in @a after: around the
-/// voxels of @a changed.
+/// @a after around the voxels of @a changed, where the nearest place of the surface may be another;
+/// else @a before.
 LevelSet changedOnly(const LevelSet& before, const LevelSet& after, openvdb::MaskTree& changed,
                      Interrupter& progress)
 {
@@ -79,7 +79,7 @@ LevelSet changedOnly(const LevelSet& before, const LevelSet& after, openvdb::Mas
 
 } // namespace
 
-void demandSmoothSettings(const SmoothSettings& settings)
+void requireSmoothSettings(const SmoothSettings& settings)
 {
     if (settings.iterations < 1 || settings.iterations > 1000)
         throw UsageError(
@@ -93,7 +93,7 @@ void demandSmoothSettings(const SmoothSettings& settings)
 LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandSmoothSettings(settings);
+    requireSmoothSettings(settings);
     if (settings.mask) demandFinite(*settings.mask);
     const double halfWidth = levelSet.halfWidth();
     progress.beginStage("smooth", passesOf(settings));

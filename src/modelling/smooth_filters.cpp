@@ -20,23 +20,25 @@ using openvdb::FloatGrid;
 using Leaf = FloatGrid::TreeType::LeafNodeType;
 using Leaves = openvdb::tree::LeafManager<openvdb::FloatTree>;
 
+/// The number of means that make a Gaussian. [derived: as openvdb::tools::Filter::gaussian()]
 constexpr int kMeansPerGaussian = 4;
-/// Steps of curvature flow before the distance is restored, and the band that they need: what is
-/// wrong at its rim comes a voxel nearer with each.
+/// The steps of curvature flow before the distance is restored. [tuned: filters_test]
 constexpr int kFlowSteps = 4;
+/// The half-width for these steps, in voxels. [derived: errors at the band's rim come a voxel
+/// nearer with each step]
 constexpr double kFlowHalfWidth = kFlowSteps + 2;
 
-/// The mean or median over a cube differs from the value in the middle by no more than the mean or
-/// median distance of the cube's voxels: at most so many widths, at width one.
+/// The largest difference, in widths, between the mean or median over a cube and its middle value.
+/// [derived: the median distance of a cube's voxels to its middle, sqrt(2) at width one]
 constexpr double kShiftPerWidth = 1.42;
 
-/// How far from the surface the filtered zero set can lie, voxels.
+/// The largest distance from the surface to the filtered zero set, voxels.
 double reachOf(const SmoothSettings& settings)
 {
     return kShiftPerWidth * settings.width + 1;
 }
 
-/// What of the filter is to be seen at a place: in [0,1].
+/// The share of the filtered value at a place, in [0,1].
 class Mask
 {
 public:
@@ -49,9 +51,9 @@ public:
     {
         if (!mMask) return 1;
         const openvdb::Vec3d there = mMask->worldToIndex(mVoxels.indexToWorld(at));
-        // Voxels of one lattice meet, but for rounding.
         const openvdb::Vec3d whole(std::round(there[0]), std::round(there[1]),
                                    std::round(there[2]));
+        // The distance, in voxels, up to which places are voxels of the mask. [derived: rounding]
         constexpr double kSame = 1e-6;
         const float m = (there - whole).length() < kSame
                             ? mAccess.getValue(Coord::round(there))
@@ -67,8 +69,8 @@ private:
     openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
 };
 
-/// Set the values of @a grid within @a reach (world units) to a mixture of theirs and of
-/// @a filtered(index of the leaf, accessor, voxel), as the mask says.
+/// Mixes the values of @a grid within @a reach (world units) with filtered ones, by the mask.
+/// @param makeFiltered  makes a function that gives a voxel's filtered value, one for each leaf.
 template <typename MakeFiltered>
 void mix(FloatGrid& grid, const SmoothSettings& settings, float reach, Interrupter& progress,
          MakeFiltered makeFiltered)
@@ -125,8 +127,8 @@ FloatGrid::Ptr median(const LevelSet& wide, const SmoothSettings& settings, Inte
     return grid;
 }
 
-/// Forward steps of h^2 / 6, the longest that are stable, of the flow by the sum of the principal
-/// curvatures.
+/// The flow by the sum of the principal curvatures, in forward steps of h^2 / 6, the longest stable
+/// ones.
 FloatGrid::Ptr flow(const LevelSet& wide, const SmoothSettings& settings, int steps,
                     Interrupter& progress)
 {
@@ -154,7 +156,7 @@ FilterPass nextPass(const SmoothSettings& settings, int done)
 {
     if (settings.filter == Filter::MeanCurvature)
         return {kFlowHalfWidth, std::min(kFlowSteps, passesOf(settings) - done)};
-    // The filter is exact up to a voxel from where the zero set may come.
+    // The filter is exact up to a voxel from where the zero set may lie.
     return {reachOf(settings) + 1 + std::sqrt(3.0) * settings.width, 1};
 }
 

@@ -1,4 +1,4 @@
-// Filters of a distance, before it is made a distance again.
+// Filters of distance values, before distances are restored.
 #pragma once
 #include <mpuvdb/operations.h>
 
@@ -6,22 +6,22 @@ namespace mpuvdb
 {
 
 /// @throws UsageError for settings out of range.
-void demandSmoothSettings(const SmoothSettings& settings);
+void requireSmoothSettings(const SmoothSettings& settings);
 
-/// What is filtered before the result is made a distance again.
+/// The filtering between two restorations of the distance.
 struct FilterPass {
-    double halfWidth = 0; ///< voxels: what the filter reads of the band where the zero set may come
-    int steps = 1;        ///< of all the passes
+    double halfWidth = 0; ///< of the band that the filter reads, voxels
+    int steps = 1;        ///< of passesOf()
 };
 
-/// All steps that @a settings ask for.
+/// The number of steps that @a settings ask for.
 int passesOf(const SmoothSettings& settings);
 
-/// What comes after @a done steps.
+/// The pass after @a done steps.
 FilterPass nextPass(const SmoothSettings& settings, int done);
 
-/// The values of @a wide filtered wherever the filtered zero set may come to lie: same topology,
-/// signs right. @throws Interrupted.
+/// The values of @a wide, filtered wherever the filtered zero set may lie; of the same topology,
+/// with the right signs. @throws Interrupted.
 openvdb::FloatGrid::Ptr filter(const LevelSet& wide, const SmoothSettings& settings,
                                const FilterPass& pass, Interrupter& progress);
 

@@ -1,7 +1,8 @@
 // Measures of a solid.
 #include "solid_measures.h"
-#include "thickness.h"
 
+#include "half_widths.h"
+#include "thickness.h"
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
 
@@ -10,8 +11,7 @@ namespace mpuvdb
 
 LevelSet measurable(const LevelSet& levelSet, Interrupter& progress)
 {
-    constexpr double kRounding = 1e-5; // backgrounds are floats
-    return levelSet.halfWidth() < kMeasuredHalfWidth * (1 - kRounding)
+    return levelSet.halfWidth() < kMeasuredHalfWidth * (1 - kSameHalfWidth)
                ? withHalfWidth(levelSet, kMeasuredHalfWidth, &progress)
                : levelSet;
 }

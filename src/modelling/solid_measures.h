@@ -5,7 +5,7 @@
 namespace mpuvdb
 {
 
-/// @a levelSet, in a wider band where it has less than kMeasuredHalfWidth.
+/// @a levelSet in a band of at least kMeasuredHalfWidth voxels.
 LevelSet measurable(const LevelSet& levelSet, Interrupter& progress);
 
 } // namespace mpuvdb

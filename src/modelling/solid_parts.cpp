@@ -22,8 +22,8 @@ using openvdb::FloatGrid;
 using openvdb::FloatTree;
 using Leaf = SolidParts::Leaf;
 
-constexpr int kLeaf = int(Leaf::DIM);
-constexpr std::uint32_t kNone = ~0u;
+constexpr int kLeaf = int(Leaf::DIM); ///< edge of a leaf, voxels [derived: OpenVDB's leaves]
+constexpr std::uint32_t kNone = ~0u;  ///< no index [derived: the largest of its type]
 
 SignWords insideOf(const Leaf& leaf)
 {
@@ -50,7 +50,7 @@ openvdb::Index firstVoxel(const SignWords& words)
     return openvdb::Index(x * 64 + std::size_t(__builtin_ctzll(words[x])));
 }
 
-/// @a f(index) for all voxels.
+/// Calls @a f(index) for all voxels.
 template <typename F>
 void forEachVoxel(const SignWords& words, F f)
 {
@@ -189,7 +189,7 @@ SolidParts::Labels SolidParts::label(bool band, Interrupter& progress) const
     return labels;
 }
 
-/// Join tiles that touch: the smaller of two finds the larger.
+/// Joins tiles that touch: the smaller of two finds the larger.
 void SolidParts::joinTiles(UnionFind& nodes, std::uint32_t firstTile) const
 {
     for (std::uint32_t n = 0; n < mTiles.size(); ++n)
@@ -200,8 +200,8 @@ void SolidParts::joinTiles(UnionFind& nodes, std::uint32_t firstTile) const
         }
 }
 
-/// At the band's rim single voxels may touch the others by edges or corners only: what holds no
-/// part of the solid belongs to all that it touches.
+/// Joins pieces without a part of the solid to all that they touch: at the band's rim single voxels
+/// may touch others by edges or corners only.
 void SolidParts::joinStrays(Labels& labels, UnionFind& nodes) const
 {
     std::vector<bool> isSolid(labels.roots.size(), false);
@@ -253,13 +253,15 @@ void SolidParts::fill(const std::vector<Tile>& tiles, FloatTree& tree)
     for (const Tile& tile : tiles) tree.addTile(tile.level, tile.origin, -tree.background(), false);
 }
 
-/// Those pieces of a region that the bands of some of its parts reach.
+/// The pieces of a region that the bands of some of its parts reach.
 std::vector<SolidParts::Piece> SolidParts::piecesNear(const std::vector<std::uint32_t>& parts,
                                                       const Region& region,
                                                       Interrupter& progress) const
 {
-    constexpr double kBeyond = 2; // voxels
-    const int reach = (int(std::ceil(mLevelSet.halfWidth() + kBeyond)) + kLeaf - 1) / kLeaf;
+    // Voxels that restored bands read beyond their own. [derived: as LinearMorph: neighbors, and
+    // one for rounding]
+    constexpr double kMargin = 2;
+    const int reach = (int(std::ceil(mLevelSet.halfWidth() + kMargin)) + kLeaf - 1) / kLeaf;
     std::vector<bool> isNear(mLeaves.size(), false);
     for (const std::uint32_t part : parts)
         for (const Piece& piece : mParts[part].pieces) {
@@ -291,7 +293,7 @@ LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Interrupt
             fill(region.tiles, whole->tree());
             continue;
         }
-        // What goes becomes outside: its values are wrong now, but change smoothly near the rest.
+        // Removed parts become outside: their values are wrong, but change smoothly near the rest.
         copy(piecesNear(parts, region, progress), Side::Outside, broken->tree(), progress);
         for (const std::uint32_t part : parts) {
             copy(mParts[part].pieces, Side::AsIs, broken->tree(), progress);
@@ -299,9 +301,9 @@ LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Interrupt
         }
     }
     if (broken->tree().empty()) return LevelSet(whole);
-    LevelSet mended = redistance(*broken, mLevelSet.halfWidth(), &progress);
-    if (whole->tree().empty()) return mended;
-    openvdb::tools::csgUnion(*whole, *mended.grid().deepCopy());
+    LevelSet restored = redistance(*broken, mLevelSet.halfWidth(), &progress);
+    if (whole->tree().empty()) return restored;
+    openvdb::tools::csgUnion(*whole, *restored.grid().deepCopy());
     return LevelSet(whole);
 }
 

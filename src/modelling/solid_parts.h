@@ -1,4 +1,4 @@
-// Which voxels and tiles of a solid are connected.
+// The connected parts of a solid.
 #pragma once
 #include "grid/block_parts.h"
 
@@ -14,9 +14,9 @@ namespace mpuvdb
 class Interrupter;
 class UnionFind;
 
-/// The connected parts of a solid (by faces), and of its band: a region is a connected part of all
-/// voxels that are active or inside, and holds one part of the solid, or several that are so near
-/// to each other that their bands meet. Parts and regions are numbered by their first leaves.
+/// The connected parts of a solid (by faces), and of its band: a region is a connected part of the
+/// voxels that are active or inside, and holds one or several parts of the solid whose bands meet.
+/// Parts and regions are numbered by their first leaves.
 class SolidParts
 {
 public:
@@ -47,7 +47,7 @@ public:
 
     const std::vector<Part>& parts() const { return mParts; }
     /// The solid of @a chosen parts alone: values as they are where no part of a region is missing,
-    /// else distances to what is left. As fast as what is chosen is small. @throws Interrupted.
+    /// else distances to the chosen ones. Time is proportional to their size. @throws Interrupted.
     LevelSet extract(const std::vector<std::uint32_t>& chosen, Interrupter& progress) const;
 
 private:

@@ -19,24 +19,26 @@ namespace
 using openvdb::Coord;
 using Leaf = LeafWindow::Leaf;
 
-constexpr std::uint64_t kMostPlaces = 1 << 18;
+/// The most places where thickness is measured. [tuned: solid_measures_test; bounds the time]
+constexpr std::uint64_t kMaxPlaces = 1 << 18;
+/// The edge of a leaf, voxels. [derived: OpenVDB's leaves]
 constexpr int kLeaf = int(Leaf::DIM);
-/// Across a crease, or through the middle of a wall of a voxel or two, gradients are shorter.
-constexpr double kLeastGradient = 0.85;
-/// Cosines: of normals that face each other; of places on a ball that are neighbors, which tell
-/// of its radius no more than their noise.
+/// The least gradient of places that are measured: across creases, or in the middle of walls of a
+/// voxel or two, it is shorter. [tuned: solid_measures_test]
+constexpr double kMinGradient = 0.85;
+/// The largest cosine between normals that face each other, and the least one between those of
+/// neighbors on a ball, whose noise hides its radius. [tuned: solid_measures_test]
 constexpr float kFacing = -0.5f, kNeighbors = 0.7f;
-/// Of the radius: how far places may reach into a ball that counts as empty. Where all of a surface
-/// is about as far from the center, no node of the tree is looked into that is flat to this; which
-/// patches sqrt(4 * kTolerance) radii wide are, so that a ball meets some 4 pi / (4 * kTolerance)
-/// of them, however many places there are. [derived: half of two, the least that "a few percent"
-/// are]
+/// The depth, in radii, to which places may reach into a ball that counts as empty. Where all of a
+/// surface is about as far from the center, nodes flat to this depth, sqrt(4 kTolerance) radii
+/// wide, are skipped, so that a ball meets some pi / kTolerance of them. [derived: half of two
+/// percent, the least that measure() promises]
 constexpr float kTolerance = 1e-2f;
-/// Places in a run, each of which begins with the contact of the one before: where runs begin may
-/// not depend on the threads. [derived: long beside the one place that begins without]
+/// The places in a run, each of which begins with the contact of the one before; independent of the
+/// threads. [derived: long beside the one place that begins without]
 constexpr std::size_t kRun = 256;
 
-/// The one of every @a stride crossings that belongs to a voxel and an axis.
+/// Whether the crossing of a voxel's edge along an axis is the one chosen of about @a stride.
 bool isChosen(const Coord& at, int axis, std::uint64_t stride)
 {
     const auto mixed = (std::uint32_t(at[0]) * 73856093u) ^ (std::uint32_t(at[1]) * 19349663u) ^
@@ -61,7 +63,7 @@ void addPlaces(const LeafWindow& window, const Coord& origin, const Coord& home,
             const CellQuadric quadric(window, base);
             const Vec3d gradient = quadric.smooth ? quadric.gradientAt(p) : quadric.gradient;
             const double slope = gradient.norm();
-            if (slope < kLeastGradient) continue;
+            if (slope < kMinGradient) continue;
             if (quadric.smooth) p -= quadric.valueAt(p) / (slope * slope) * gradient;
             places.positions.emplace_back((offset + p).cast<float>());
             places.normals.emplace_back((gradient / slope).cast<float>());
@@ -95,7 +97,7 @@ Places findPlaces(const LevelSet& levelSet, std::uint64_t stride, Interrupter& p
 /// The largest ball inside that touches a place.
 struct Ball {
     float radius = 0;
-    bool held = false; ///< between walls that face each other
+    bool isBetweenWalls = false; ///< that face each other
 };
 
 /// Shrinks balls until none of the places is inside.
@@ -108,7 +110,7 @@ public:
     {
     }
 
-    /// Soonest after a place nearby.
+    /// The ball at a place; fastest after a nearby one.
     Ball find(std::uint32_t place)
     {
         const Vec3f &p = mPlaces.positions[place], &n = mPlaces.normals[place];
@@ -125,11 +127,13 @@ public:
     }
 
 private:
-    static constexpr std::uint32_t kNone = 0xffffffff;
-    /// Of the radius: how far beside a ball's end, and beyond it, the surface there may lie.
+    static constexpr std::uint32_t kNone = 0xffffffff; ///< no index [derived: the largest]
+    /// The distances, in radii, beside and beyond a ball's far end, within which the surface there
+    /// touches it. [tuned: solid_measures_test]
     static constexpr float kNearby = 0.1f, kLevel = 0.02f;
 
-    /// The squared distance to the center of the ball at @a p; never where it is empty of @a node.
+    /// The squared distance of @a node to the center of the ball at @a p; kNever where it cannot
+    /// touch.
     float orderOf(const PlaceTree::Node& node, const Vec3f& p, const Vec3f& n) const
     {
         const float order = node.squaredDistance(mCenter, mReach);
@@ -138,10 +142,11 @@ private:
         return isBelow(height, node.squaredBoxDistance(p)) ? order : PlaceTree::kNever;
     }
 
-    /// Whether a place that is @a height below a tangent plane, at a distance from where that
-    /// touches, is none of the neighbors there.
+    /// Whether a place @a height below a tangent plane, at a distance from where that touches, is
+    /// none of the neighbors there.
     static bool isBelow(float height, float squaredDistance)
     {
+        // [derived: the squared sine of half the angle of kNeighbors]
         constexpr float kSquaredSine = (1 - kNeighbors) / 2;
         return height > 0 && height * height > kSquaredSine * squaredDistance;
     }
@@ -163,8 +168,8 @@ private:
         mContact = other;
     }
 
-    /// The radius of the ball that touches the plane of the contact: the surface touches the ball
-    /// between places. It may differ by what lies between places.
+    /// The radius of the ball that touches the tangent plane of the contact: the surface touches
+    /// the ball between places. It may differ by no more than the spacing explains.
     float touchingPlane(const Vec3f& p, const Vec3f& n, const Vec3f& contact,
                         const Vec3f& facing) const
     {
@@ -175,7 +180,7 @@ private:
         return touching > 0 && std::abs(touching - mRadius) <= most ? touching : mRadius;
     }
 
-    /// Whether the ball touches the surface where it is farthest from the place, too.
+    /// Whether the ball touches the surface also where it is farthest from the place.
     bool isFacing(std::uint32_t place, float radius) const
     {
         const Vec3f& n = mPlaces.normals[place];
@@ -200,7 +205,7 @@ private:
     const PlaceTree& mTree;
     float mLargest, mSpacing;
     float mRadius = 0; ///< of the ball that is being found
-    float mReach = 0;  ///< of places in it that count
+    float mReach = 0;  ///< within which places are inside the ball
     Vec3f mCenter = Vec3f::Zero();
     std::uint32_t mContact = kNone;
 };
@@ -209,7 +214,7 @@ private:
 
 Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings, Interrupter& progress)
 {
-    const std::uint64_t stride = crossings / kMostPlaces + 1;
+    const std::uint64_t stride = crossings / kMaxPlaces + 1;
     Places places = findPlaces(levelSet, stride, progress);
     if (places.size() == 0) return {};
     Eigen::AlignedBox3f bounds;
@@ -223,16 +228,17 @@ Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings, In
         const std::size_t end = std::min((run + 1) * kRun, balls.size());
         for (std::size_t n = run * kRun; n < end; ++n) balls[n] = finder.find(std::uint32_t(n));
     });
-    const bool anyHeld =
-        std::any_of(balls.begin(), balls.end(), [](const Ball& b) { return b.held; });
+    const bool anyBetweenWalls =
+        std::any_of(balls.begin(), balls.end(), [](const Ball& b) { return b.isBetweenWalls; });
     double sum = 0, weights = 0;
     float least = std::numeric_limits<float>::max();
     for (std::size_t n = 0; n < balls.size(); ++n) {
-        // Axes meet a surface as often as its normal says.
+        // A surface is crossed by axes in proportion to its normal's 1-norm.
         const double weight = 1 / double(places.normals[n].lpNorm<1>());
         sum += weight * 2 * double(balls[n].radius);
         weights += weight;
-        if (balls[n].held || !anyHeld) least = std::min(least, 2 * balls[n].radius);
+        if (balls[n].isBetweenWalls || !anyBetweenWalls)
+            least = std::min(least, 2 * balls[n].radius);
     }
     const double h = levelSet.voxelSize();
     return {double(least) * h, sum / weights * h};

@@ -1,4 +1,4 @@
-// How thick a solid is.
+// The thickness of a solid.
 #pragma once
 #include <mpuvdb/level_set.h>
 
@@ -9,11 +9,12 @@ struct Thickness {
     double least = 0, mean = 0; ///< world units
 };
 
-/// The diameters of the largest balls inside @a levelSet that touch its surface, at places spread
-/// over it: where @a crossings of the surface with edges between voxels are more than can be looked
-/// at in bounded time, at a part of them. Beside creases nothing is measured. The least one is that
-/// of the balls held between walls that face each other, for along convex edges balls shrink to
-/// nothing. The band has at least kMeasuredHalfWidth. The same for any number of threads.
+/// The diameters of the largest balls inside @a levelSet that touch its surface, at its crossings
+/// with edges between voxels, or at a part of them where there are many. Beside creases nothing is
+/// measured. The least one is that of balls between walls that face each other, as balls shrink to
+/// nothing along convex edges. The same for any number of threads.
+/// @param levelSet  of a half-width of at least kMeasuredHalfWidth.
+/// @param crossings  the number of those crossings.
 /// @throws Interrupted.
 Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings,
                            Interrupter& progress);

@@ -75,7 +75,7 @@ void bindFiles(LevelSetClass& levelSets)
             "read",
             [](const std::filesystem::path& file, const std::optional<std::string>& grid) {
                 return run(py::none(), [&](Interrupter& p) {
-                    return readLevelSet(file, grid.value_or(""), 0, Purpose::Modelling, &p);
+                    return readLevelSet(file, grid.value_or(""), 0, Validation::Distances, &p);
                 });
             },
             "file"_a, "grid"_a = py::none(),

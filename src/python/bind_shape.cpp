@@ -51,7 +51,7 @@ ShapeSettings settingsToWork(const Shape& shape, const VoxelSize& voxelSize, dou
                              const MaxBytes& maxBytes)
 {
     const ShapeSettings settings = settingsFor(shape, voxelSize, halfWidth, maxBytes);
-    if (!voxelSize) shape.demandFewVoxels(settings);
+    if (!voxelSize) shape.requireFewVoxels(settings);
     return settings;
 }
 

@@ -302,7 +302,7 @@ void bindGrids(py::module_& module)
         "load",
         [](const Path& file, const std::optional<std::string>& grid) {
             return run(py::none(), [&](Interrupter& p) {
-                return Shape(readLevelSet(file, grid.value_or(""), 0, Purpose::Modelling, &p),
+                return Shape(readLevelSet(file, grid.value_or(""), 0, Validation::Distances, &p),
                              file.filename().string());
             });
         },

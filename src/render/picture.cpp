@@ -25,8 +25,8 @@ using Intersector = openvdb::tools::LevelSetRayIntersector<FloatGrid>;
 using Ray = Intersector::RayType;
 namespace fs = std::filesystem;
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr int kSamples = 2; ///< per pixel and axis
+constexpr double kPi = 3.14159265358979323846; ///< [derived: pi]
+constexpr int kSamples = 2;                    ///< rays per pixel and axis [tuned: picture_test]
 
 struct Image {
     int width, height;
@@ -38,7 +38,7 @@ openvdb::Vec3d toOpenVdb(const Vec3d& v)
     return {v.x(), v.y(), v.z()};
 }
 
-/// Boxes, one per leaf, about the voxels beside the zero set; multiples of the voxel size.
+/// The boxes of the voxels beside the zero set, one for each leaf, world units.
 std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize,
                                 const Interrupter& progress)
 {
@@ -57,14 +57,14 @@ std::vector<Box3d> surfaceBoxes(const FloatGrid& grid, double voxelSize,
     return boxes;
 }
 
-/// A perspective camera that sees all of some boxes, as large as they fit.
+/// A perspective camera that frames some boxes.
 class Camera
 {
 public:
     Camera(const std::vector<Box3d>& boxes, const PictureSettings& settings)
     {
         const double azimuth = settings.azimuth * kPi / 180;
-        // Straight from above or below there would be no "up".
+        // Straight above or below, "up" is undefined.
         const double elevation = std::clamp(settings.elevation, -89.9, 89.9) * kPi / 180;
         const bool isZUp = settings.up == UpAxis::Z;
         mSky = isZUp ? Vec3d::UnitZ() : Vec3d::UnitY();
@@ -74,6 +74,7 @@ public:
             std::sin(elevation) * mSky;
         mRight = mSky.cross(mBack).normalized();
         mUp = mBack.cross(mRight);
+        // Half of the field of view, and its size in those of the boxes. [tuned: picture_test]
         constexpr double kHalfAngle = 15 * kPi / 180, kMargin = 1.1;
         const double aspect = double(settings.width) / settings.height;
         mTanX = std::tan(kHalfAngle) * std::max(1.0, aspect);
@@ -158,7 +159,7 @@ std::uint8_t encode(double linear)
     return std::uint8_t(std::lround(255 * srgb));
 }
 
-/// Looks at the zero set along rays.
+/// Traces rays to the zero set.
 class Tracer
 {
 public:
@@ -178,7 +179,7 @@ public:
         Vec3d n(normal[0], normal[1], normal[2]);
         if (!(n.squaredNorm() > 0)) n = -view;
         if (n.dot(view) > 0) n = -n; // open or broken grids show their inner side
-        // Start the shadow off the surface, where the search would find it again.
+        // The shadow's ray starts off the surface, so as not to find it again.
         const openvdb::Vec3d start = at + toOpenVdb(1.5 * mVoxelSize * n);
         const bool lit = !mIntersector->intersectsWS(Ray(start, toOpenVdb(mClay.key())));
         return mClay.shade(n, view, lit);
@@ -205,8 +206,8 @@ void renderPixel(Tracer& tracer, Image& image, int column, int row)
 
 Image render(const LevelSet& levelSet, const PictureSettings& settings, Interrupter& progress)
 {
-    // Without the translation, so that coordinates are small however far from the origin the grid
-    // is. The voxels keep their size: the intersector takes values and voxels in the same units.
+    // Without the translation coordinates are small, however far from the origin the grid is. The
+    // voxels keep their size: the intersector takes values and voxels in the same units.
     const double h = levelSet.voxelSize();
     const auto voxels =
         openvdb::gridConstPtrCast<FloatGrid>(levelSet.grid().copyReplacingMetadataAndTransform(
@@ -217,7 +218,7 @@ Image render(const LevelSet& levelSet, const PictureSettings& settings, Interrup
     image.rgb.resize(std::size_t(3) * settings.width * settings.height);
     const tbb::blocked_range2d<int> pixels(0, settings.height, 8, 0, settings.width, 64);
     tbb::parallel_for(pixels, [&](const tbb::blocked_range2d<int>& tile) {
-        Tracer own(tracer); // it remembers nodes, so every thread has its own
+        Tracer own(tracer); // one for each thread, as it caches nodes
         for (int row = tile.rows().begin(); row != tile.rows().end(); ++row) {
             progress.check();
             for (int column = tile.cols().begin(); column != tile.cols().end(); ++column)
@@ -228,14 +229,14 @@ Image render(const LevelSet& levelSet, const PictureSettings& settings, Interrup
     return image;
 }
 
-/// Owns what libpng allocates.
+/// Owns libpng's structures.
 struct PngWriter {
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
     png_infop info = png ? png_create_info_struct(png) : nullptr;
     ~PngWriter() { png_destroy_write_struct(&png, &info); }
 };
 
-/// Nothing with a destructor may live here: libpng leaves by longjmp.
+/// Writes all rows. No object with a destructor may live here: libpng leaves by longjmp.
 /// @return false if writing failed or was stopped.
 bool writeRows(png_structp png, png_infop info, std::FILE* file, const Image& image,
                const Interrupter& progress)

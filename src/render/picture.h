@@ -10,15 +10,17 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// A shaded picture of the zero set as PNG, by OpenVDB's ray tracer.
-/// @throws UsageError for settings out of range, IoError, Interrupted.
+/// Settings of writePicture().
 struct PictureSettings {
-    int width = 800, height = 600;       ///< pixels, in [16, 8192]
-    double azimuth = 30, elevation = 20; ///< degrees: of the camera about the axis that points
-                                         ///< up, from +Z (or -Y, if Z does) on, in [-360, 360],
-                                         ///< and above the horizon, in [-90, 90]
+    int width = 800, height = 600; ///< pixels, in [16, 8192]
+    double azimuth = 30;   ///< of the camera about the up axis, degrees in [-360, 360], from +Z on,
+                           ///< or from -Y where Z is up
+    double elevation = 20; ///< of the camera above the horizon, degrees in [-90, 90]
     UpAxis up = UpAxis::Y;
 };
+
+/// Writes a shaded picture of the zero set as PNG, by OpenVDB's ray tracer.
+/// @throws UsageError for settings out of range, IoError, Interrupted.
 void writePicture(const std::filesystem::path& file, const LevelSet& levelSet,
                   const PictureSettings& settings, Interrupter* interrupter = nullptr);
 

@@ -13,7 +13,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 4096; // points
+constexpr std::size_t kGrain = 4096; ///< points in a task [free: grain size]
 
 template <class T>
 void keepMarked(std::vector<T>& values, const std::vector<char>& keep)
@@ -25,7 +25,7 @@ void keepMarked(std::vector<T>& values, const std::vector<char>& keep)
     values.resize(kept);
 }
 
-/// Turn @a n by a normally distributed angle in each of two tangential directions.
+/// @a n turned by a normally distributed angle in each of two tangential directions.
 Vec3d turned(const Vec3d& n, double radians, CounterRandom& random)
 {
     const double x = random.normal(), y = random.normal();
@@ -35,7 +35,7 @@ Vec3d turned(const Vec3d& n, double radians, CounterRandom& random)
     return Eigen::AngleAxisd(radians * length, axis / length) * n;
 }
 
-/// Marks of exactly the asked share, chosen by the smallest random numbers.
+/// Flags of exactly the requested share, of the smallest random numbers.
 std::vector<char> chooseOutliers(std::size_t count, const ScanSettings& settings)
 {
     std::vector<char> chosen;
@@ -50,7 +50,7 @@ std::vector<char> chooseOutliers(std::size_t count, const ScanSettings& settings
     return chosen;
 }
 
-/// One point's measurement, in the order of the random numbers it draws.
+/// Disturbs points one by one; the random numbers of each depend on its index alone.
 class Measurement
 {
 public:
@@ -60,7 +60,7 @@ public:
     {
     }
 
-    /// @param along  unit direction of the noise. @return the confidence that the draw deserves.
+    /// @param along  unit direction of the noise. @return the confidence, by the noise drawn.
     double disturb(std::size_t i, const Vec3d& along, Vec3d& position, Vec3d& normal) const
     {
         CounterRandom random(mSettings.seed, RandomStream::Noise, i);

@@ -1,16 +1,16 @@
-// What keeps a measurement from being the surface: holes, noise, outliers.
+// Errors of measurement: holes, noise, outliers.
 #pragma once
 #include "surface_sampling.h"
 
 namespace mpuvdb
 {
 
-/// Remove the points within settings.holeRadius of settings.holes random surface points.
+/// Removes the points within settings.holeRadius of settings.holes random surface points.
 void cutHoles(const Solid& solid, const ScanSettings& settings, RangeScans& scans,
               Interrupter& progress);
 
-/// The cloud a device would deliver: noise along the ray (without rays: along the normal), turned
-/// normals, outliers, confidences.
+/// The cloud that a device would deliver: noise along the ray (without rays along the normal),
+/// turned normals, outliers, confidences.
 PointCloud measureWithNoise(const Solid& solid, const ScanSettings& settings, RangeScans&& scans,
                             Interrupter& progress);
 

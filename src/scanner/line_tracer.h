@@ -1,4 +1,4 @@
-// Where straight lines cross the surface of a solid.
+// Crossings of straight lines and the surface of a solid.
 #pragma once
 #include <mpuvdb/scan_sampler.h>
 
@@ -10,9 +10,9 @@
 namespace mpuvdb
 {
 
-/// Marches along lines by the distance, which no surface is nearer than, and pins every change of
-/// sign down to the last bits. Two crossings less than 1e-5 of the box's diagonal apart may be
-/// missed together: lines that graze, or walls thinner than that.
+/// Marches along lines by the distance, a lower bound of that to the surface, and locates every
+/// change of sign to the last bits. Pairs of crossings less than 1e-5 of the box's diagonal apart
+/// may be missed: of grazing lines, or of walls thinner than that.
 class LineTracer
 {
 public:
@@ -27,7 +27,8 @@ public:
 
     const Solid& solid() const { return mSolid; }
 
-    /// Parameters of all crossings of the line origin + t * direction (a unit vector), rising.
+    /// The parameters t of all crossings of the line origin + t * direction (a unit vector),
+    /// rising.
     void crossings(const Vec3d& origin, const Vec3d& direction, std::vector<double>& out) const
     {
         out.clear();
@@ -37,7 +38,7 @@ public:
         });
     }
 
-    /// The first crossing with t >= 0.
+    /// The parameter t of the first crossing with t >= 0.
     std::optional<double> firstHit(const Vec3d& origin, const Vec3d& direction) const
     {
         std::optional<double> hit;
@@ -54,7 +55,7 @@ private:
     {
         double t = first, end = HUGE_VAL;
         for (int axis = 0; axis < 3; ++axis) {
-            // A line within a face's plane gives NaN, which min and max here pass over.
+            // A line within a face's plane gives NaN, which min and max ignore here.
             const double a = (mBox.min()[axis] - origin[axis]) / direction[axis];
             const double b = (mBox.max()[axis] - origin[axis]) / direction[axis];
             t = std::max(t, std::min(a, b));
@@ -63,11 +64,11 @@ private:
         if (!(t < end)) return;
         double value = mSolid.bound(origin + t * direction), slope = -1;
         while (t < end) {
-            // If the value goes on as it went, the next free ball will just touch this one
-            // [Balint18]; if the two fall short of each other after all, step within this one.
-            constexpr double kCaution = 0.98;
+            // If the value goes on as it went, the next free ball just touches this one
+            // [Balint18]; if the two do not meet after all, step within this one.
+            constexpr double kRelaxation = 0.98; // part of such a step [tuned: scan_sampler_test]
             const double free = std::abs(value);
-            double step = std::max(free * kCaution * 2 / (1 - std::min(slope, 0.9)), mMinStep);
+            double step = std::max(free * kRelaxation * 2 / (1 - std::min(slope, 0.9)), mMinStep);
             double nextValue = mSolid.bound(origin + (t + step) * direction);
             const bool covered =
                 (value < 0) == (nextValue < 0) && step <= free + std::abs(nextValue);
@@ -84,11 +85,12 @@ private:
         }
     }
 
-    /// Root in [a,b] by false position that halves the stale end's weight [Dowell71: Illinois].
+    /// The root in [a,b], by false position that halves the stale end's weight [Dowell71:
+    /// Illinois].
     double crossing(const Vec3d& origin, const Vec3d& direction, double a, double fa, double b,
                     double fb) const
     {
-        constexpr int kMaxSteps = 100;
+        constexpr int kMaxSteps = 100; // [derived: above the 64 of bisection of a double]
         double best = std::abs(fa) < std::abs(fb) ? a : b;
         double bestValue = std::min(std::abs(fa), std::abs(fb));
         int side = 0;
@@ -119,7 +121,7 @@ private:
     const Solid& mSolid;
     Box3d mBox;
     double mMinStep;
-    double mRounding; ///< distances below are noise
+    double mRounding; ///< rounding error of distances, world units
 };
 
 } // namespace mpuvdb

@@ -16,15 +16,15 @@ namespace mpuvdb
 namespace
 {
 
-/// The darts that stuck, in cells as wide as the darts' radius. Cells lie in blocks behind a hash
-/// table, so that those beside each other are near in memory too.
+/// The darts that stuck, in cells as wide as the darts' radius. Cells lie in hashed blocks, so that
+/// neighbors are near in memory.
 class DartBoard
 {
 public:
     DartBoard(const std::vector<SurfacePoint>& darts, double radius, std::size_t expected)
         : mDarts(darts), mRadius(radius)
     {
-        // A surface crosses about a quarter of a block's cells.
+        // A surface meets about a quarter of a block's cells.
         std::size_t blocks = 16;
         while (blocks * kBlockCells < 8 * expected) blocks *= 2;
         mBlocks = blocks;
@@ -32,11 +32,11 @@ public:
         mStuck.reserve(expected);
     }
 
-    /// Whether a dart that stuck is near dart @a d, on its side of the surface.
+    /// Whether a dart that stuck is near dart @a d, on the same side of the surface.
     bool isTaken(std::uint32_t d) const
     {
         const Vec3i cell = cellOf(mDarts[d].position);
-        // The own cell first: it holds most of the neighbors that a dart may have.
+        // The dart's own cell comes first: it holds most neighbors.
         if (meets(cell, d)) return true;
         for (int k = 0; k < 27; ++k) {
             if (k == 13) continue;
@@ -55,9 +55,9 @@ public:
     const SurfacePoint& dart(std::size_t i) const { return mStuck[i].point; }
 
 private:
-    static constexpr std::uint32_t kNone = ~0u;
-    static constexpr int kBlockBits = 2; // of a cell along each axis
-    static constexpr std::size_t kBlockCells = std::size_t(1) << 3 * kBlockBits;
+    static constexpr std::uint32_t kNone = ~0u; ///< no index [derived: the largest]
+    static constexpr int kBlockBits = 2;        ///< of a cell's index per axis [free: time]
+    static constexpr std::size_t kBlockCells = std::size_t(1) << 3 * kBlockBits; ///< [derived: all]
     struct Stuck {
         SurfacePoint point;
         std::uint32_t dart, next;
@@ -85,12 +85,15 @@ private:
             if (near(mStuck[s].point, mDarts[d])) return true;
         return false;
     }
-    /// Near along the surface: the other side of a thin wall, or the next one, is another place.
+    /// Whether two darts are near along the surface: places on the other side of a thin wall, or on
+    /// the next wall, are not.
     bool near(const SurfacePoint& a, const SurfacePoint& b) const
     {
         const Vec3d apart = b.position - a.position;
         const double squared = apart.squaredNorm();
         if (squared >= mRadius * mRadius) return false;
+        // The cosines from which normals are opposite, and a normal is along the connection.
+        // [tuned: scan_sampler_test]
         constexpr float kOpposite = -0.5f, kUpright = 0.85f;
         if (a.normal.dot(b.normal) < kOpposite) return false;
         const Vec3f direction = apart.cast<float>();
@@ -106,14 +109,14 @@ private:
     std::vector<Stuck> mStuck;
 };
 
-/// Darts are thrown in volleys, each a quarter as large as all before it.
+/// The end of a volley of darts, which is a quarter as large as all before it.
 std::uint32_t volleyEnd(std::uint32_t begin, std::size_t darts)
 {
-    constexpr std::uint32_t kFirst = 1 << 14; // changes times alone
+    constexpr std::uint32_t kFirst = 1 << 14; // darts in the first volley [free: time]
     return std::uint32_t(std::min<std::size_t>(begin + std::max(kFirst, begin / 4), darts));
 }
 
-/// The darts of each volley, those near each other one after the other.
+/// The darts' indices, those of each volley in spatial order.
 std::vector<std::uint32_t> orderInSpace(const std::vector<SurfacePoint>& darts, double cell,
                                         Interrupter& progress)
 {
@@ -125,7 +128,7 @@ std::vector<std::uint32_t> orderInSpace(const std::vector<SurfacePoint>& darts, 
             for (std::size_t d = range.begin(); d < range.end(); ++d) {
                 const Vec3d at = (darts[d].position - darts[0].position) / cell;
                 const auto number = [&at](int axis) {
-                    constexpr double kMiddle = 1 << 20;
+                    constexpr double kMiddle = 1 << 20; // [derived: half of a key's 21 bits]
                     return std::uint64_t(std::clamp(at[axis] + kMiddle, 0.0, 2 * kMiddle - 1));
                 };
                 keys[d] = mortonKey(number(0), number(1), number(2));
@@ -142,8 +145,8 @@ std::vector<std::uint32_t> orderInSpace(const std::vector<SurfacePoint>& darts, 
     return order;
 }
 
-/// Throw the darts one after the other: each sticks that has no neighbor there. Those of a volley
-/// that find one among earlier volleys' are left out first, on all threads, and change nothing.
+/// Throws the darts one after the other: a dart sticks where no other is near. Those of a volley
+/// that are near to earlier volleys' are left out first, on all threads.
 DartBoard throwDarts(const std::vector<SurfacePoint>& darts,
                      const std::vector<std::uint32_t>& inSpace, double radius, std::size_t expected,
                      Interrupter& progress)
@@ -172,14 +175,14 @@ DartBoard throwDarts(const std::vector<SurfacePoint>& darts,
 std::vector<SurfacePoint> sampleEven(const Solid& solid, std::uint64_t count, std::uint64_t seed,
                                      Interrupter& progress)
 {
-    constexpr std::uint64_t kDartsPerPoint = 8;
+    constexpr std::uint64_t kDartsPerPoint = 8; // [tuned: scan_sampler_test]
     if (count > std::numeric_limits<std::uint32_t>::max() / kDartsPerPoint)
         throw UsageError("sample: the even pattern makes at most 5e8 points. Ask for the random "
                          "pattern");
     const RandomSurface surface = sampleRandom(solid, count * kDartsPerPoint, seed, progress);
-    // Search the largest radius at which enough darts stick; the surplus, at most a hundredth,
+    // The largest radius is searched at which enough darts stick; the surplus, at most a hundredth,
     // are the last that found a gap.
-    constexpr int kMaxPasses = 12;
+    constexpr int kMaxPasses = 12; // [tuned: scan_sampler_test]
     double low = 0, high = HUGE_VAL;
     double radius = 0.83 * std::sqrt(surface.area / double(count));
     const std::vector<std::uint32_t> inSpace = orderInSpace(surface.points, 4 * radius, progress);

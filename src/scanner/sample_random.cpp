@@ -14,11 +14,12 @@ namespace mpuvdb
 namespace
 {
 
+/// The lines in a chunk. [tuned: time; it ends the estimate of the area]
 constexpr std::uint64_t kChunkLines = 256;
 
-/// Throws lines in numbered chunks, whose results do not depend on each other. Where the solid's
-/// parts are far apart, hardly a line through the ball around all of them meets one: lines go
-/// through balls around the parts, and only what they cross within their ball counts.
+/// Throws lines in numbered, independent chunks. Where the solid's parts are far apart, few lines
+/// through the ball around all of them meet one: then lines go through balls around the parts, and
+/// only crossings within their ball count.
 class LineThrower
 {
 public:
@@ -29,10 +30,10 @@ public:
             mSquares.push_back(lastSquare() + ball.radius * ball.radius);
     }
 
-    /// Of the balls' surfaces.
+    /// The sum of the areas of the balls' surfaces.
     double area() const { return 4 * M_PI * lastSquare(); }
 
-    /// Append the points of one chunk.
+    /// Appends the points of one chunk.
     void throwChunk(std::uint64_t chunk, std::vector<SurfacePoint>& points) const
     {
         std::vector<double> crossings;
@@ -75,14 +76,16 @@ private:
             balls.push_back(ballAround(part));
             squares += balls.back().radius * balls.back().radius;
         }
-        constexpr double kWorthwhile = 0.5; // of the lines
-        const bool apart = squares < kWorthwhile * whole.radius * whole.radius;
+        // The part of the lines through the whole ball below which parts' balls take fewer.
+        // [tuned: time]
+        constexpr double kMaxShare = 0.5;
+        const bool apart = squares < kMaxShare * whole.radius * whole.radius;
         return apart && !balls.empty() ? balls : std::vector<Ball>{whole};
     }
 
     double lastSquare() const { return mSquares.empty() ? 0 : mSquares.back(); }
 
-    /// As often as its surface says.
+    /// A random ball, with a probability in proportion to its area.
     const Ball& choose(CounterRandom& random) const
     {
         if (mBalls.size() == 1) return mBalls.front();
@@ -91,7 +94,8 @@ private:
         return mBalls[std::size_t(found - mSquares.begin())];
     }
 
-    /// What lies in several balls is met by the lines of each, and counts once.
+    /// Whether a crossing counts: one in several balls is met by the lines of each, and counts
+    /// once.
     bool counts(const Vec3d& p, const Ball& ball, CounterRandom& random) const
     {
         if (!ball.holds(p)) return false;
@@ -100,7 +104,7 @@ private:
         return balls == 1 || random.uniform() * double(balls) < 1;
     }
 
-    /// A random half: a line that leaves what it enters has an even number of crossings.
+    /// Keeps a random half: a line that enters and leaves has an even number of crossings.
     static void keepHalf(std::vector<double>& crossings, CounterRandom& random)
     {
         const std::size_t half = crossings.size() / 2;
@@ -114,7 +118,7 @@ private:
     LineTracer mTracer;
     std::uint64_t mSeed;
     std::vector<Ball> mBalls;
-    std::vector<double> mSquares; ///< of the radii, summed up
+    std::vector<double> mSquares; ///< cumulative sums of squared radii
 };
 
 } // namespace
@@ -122,7 +126,10 @@ private:
 RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_t seed,
                            Interrupter& progress)
 {
-    constexpr std::uint64_t kFirstRound = 16, kLargestRound = 4096, kHopeless = 16384; // chunks
+    // The chunks in the first and in the largest round. [tuned: time]
+    constexpr std::uint64_t kFirstRound = 16, kLargestRound = 4096;
+    // The chunks without a crossing after which there is no surface. [tuned: scan_sampler_test]
+    constexpr std::uint64_t kMaxEmptyChunks = 16384;
     const LineThrower thrower(solid, seed);
     RandomSurface result;
     result.points.reserve(count);
@@ -140,9 +147,10 @@ RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_
             result.points.insert(result.points.end(), piece.begin(),
                                  piece.begin() + std::min(piece.size(), room));
         }
-        if (found == 0 && chunks >= kHopeless)
-            throw InputError("the solid has no surface that the scanner can find: nothing is left "
-                             "of it, or its walls are thinner than 1e-5 of its size");
+        if (found == 0 && chunks >= kMaxEmptyChunks)
+            throw InputError(
+                "sample: the solid has no surface that the scanner finds: it is empty, "
+                "or its walls are thinner than 1e-5 of its size. Give another solid");
         const double yield = std::max(double(found), 1.0) / double(chunks);
         const double missing = double(count - std::min(count, found)) / yield;
         round = std::clamp(std::uint64_t(1.01 * missing) + 1, kFirstRound, kLargestRound);

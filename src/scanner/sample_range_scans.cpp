@@ -15,10 +15,10 @@ namespace mpuvdb
 namespace
 {
 
-/// Evenly spread over the sphere [Gonzalez10: Fibonacci lattice].
+/// Viewpoints spread evenly over a sphere [Gonzalez10: Fibonacci lattice].
 std::vector<Vec3d> spreadViewpoints(const Box3d& box, int views)
 {
-    constexpr double kDistance = 3; // radii of the bounding sphere
+    constexpr double kDistance = 3; // radii of the bounding sphere [tuned: scan_sampler_test]
     const double radius = kDistance * box.diagonal().norm() / 2;
     const double goldenAngle = M_PI * (3 - std::sqrt(5.0));
     std::vector<Vec3d> points;
@@ -40,21 +40,22 @@ public:
         const double away = toMiddle.norm(), radius = box.diagonal().norm() / 2;
         mForward = away > 0 ? Vec3d(toMiddle / away) : Vec3d::UnitZ();
         mSide = tangents(mForward);
-        // From within the sphere, a wide angle of 75 degrees to each side has to do.
-        constexpr double kWidest = 75 * M_PI / 180;
+        // From within the sphere the camera sees 75 degrees to each side. [tuned:
+        // scan_sampler_test]
+        constexpr double kMaxAngle = 75 * M_PI / 180;
         mHalfWidth =
-            std::tan(radius < away ? std::min(std::asin(radius / away), kWidest) : kWidest);
+            std::tan(radius < away ? std::min(std::asin(radius / away), kMaxAngle) : kMaxAngle);
     }
 
     const Vec3d& eye() const { return mEye; }
-    /// Direction of pixel (row, column) of size x size pixels.
+    /// The direction of pixel (row, column) of size x size pixels.
     Vec3d ray(int row, int column, int size) const
     {
         const double x = mHalfWidth * ((2 * column + 1) / double(size) - 1);
         const double y = mHalfWidth * ((2 * row + 1) / double(size) - 1);
         return (mForward + mSide * Eigen::Vector2d(x, y)).normalized();
     }
-    /// Angle between neighboring rays, radians, about.
+    /// The angle between neighboring rays, radians; approximate.
     double pixelAngle(int size) const { return 2 * mHalfWidth / size; }
 
 private:
@@ -93,13 +94,13 @@ RangeImage takeImage(const LineTracer& tracer, const Camera& camera, int size,
     return image;
 }
 
-/// Pixels to the nearest border of what the image shows, a hole or a jump in depth: from 1, at
-/// most kBorderWidth.
+/// The width, in pixels, of the borders where confidence falls. [tuned: scan_sampler_test]
 constexpr int kBorderWidth = 4;
 
+/// The distance, in pixels, to the nearest hole or jump in depth: from 1 to kBorderWidth.
 std::vector<std::uint8_t> borderDistances(const RangeImage& image, double pixelAngle)
 {
-    constexpr double kJump = 5; // neighbors' distances: a slope of 80 degrees
+    constexpr double kJump = 5; // of depth, in pixels' widths [derived: a slope of 80 degrees]
     const auto isBorder = [&](int row, int column) {
         const double depth = image.at(row, column), jump = kJump * pixelAngle * depth;
         for (const auto& [r, c] : {std::pair(row - 1, column), std::pair(row + 1, column),
@@ -154,18 +155,19 @@ void appendImage(const Solid& solid, const Camera& camera, const RangeImage& ima
     }
 }
 
-/// Pixels along an image's side so that all images together show @a points points.
+/// The pixels along an image's side with which all images together have about @a points points.
 int imageSize(const LineTracer& tracer, const std::vector<Camera>& cameras, std::uint64_t points,
               Interrupter& progress)
 {
-    constexpr int kTrial = 64, kLargest = 30000;
+    constexpr int kTrial = 64;      // pixels of the image that hits are counted in [tuned: time]
+    constexpr int kMaxSize = 30000; // pixels [tuned: an image takes 7 GB]
     std::size_t hits = 0;
     for (const Camera& camera : cameras) hits += takeImage(tracer, camera, kTrial, progress).hits();
     if (hits == 0)
         throw InputError("sample: the solid is not seen from the viewpoints. Move them, or leave "
                          "them to --views");
     const double size = kTrial * std::sqrt(double(points) / double(hits));
-    return int(std::clamp(std::lround(size), 1l, long(kLargest)));
+    return int(std::clamp(std::lround(size), 1l, long(kMaxSize)));
 }
 
 } // namespace

@@ -17,10 +17,9 @@ public:
     Blob(double radius, double bumps, double amplitude)
         : mRadius(radius), mBumps(bumps), mAmplitude(amplitude)
     {
-        // Steepest slope of the offset, taken as far in as a foot point of the shell can make us
-        // go.
+        // The steepest slope of the offset, as far inside as foot points can lie.
         mSteepest = std::hypot(1.0, amplitude * bumps / (radius - 5 * amplitude));
-        // Curvature of the sphere and that of the bumps, as a bound; half of its radius.
+        // Half the radius of the largest curvature, by a bound: the sphere's and the bumps'.
         const double low = radius - amplitude;
         mReach = 0.5 / (1 / low + 4 * amplitude * (bumps + 1) * (bumps + 1) / (low * low));
     }
@@ -31,7 +30,7 @@ public:
         const double low = bound(p);
         if (std::abs(low) > mReach) return low;
         const double offset = length - shell(p / length).radius;
-        // So near, the surface is flat: the error is below offset^2 x curvature.
+        // At this distance the surface is flat: the error is below offset^2 x curvature.
         if (std::abs(offset) < 1e-7 * mRadius) return offset * shellNormal(p).dot(p) / length;
         const double exact = (p - foot(p)).norm();
         return exact < mReach ? std::copysign(exact, offset) : low;
@@ -71,20 +70,20 @@ private:
         const Vec3d g(c.x() * s.y() * s.z(), s.x() * c.y() * s.z(), s.x() * s.y() * c.z());
         return {mRadius + mAmplitude * s.prod(), mAmplitude * (g - g.dot(u) * u)};
     }
-    /// Of the surface through @a p (|p| - radius = constant).
+    /// The normal of the surface |p| - radius = constant through @a p.
     Vec3d shellNormal(const Vec3d& p) const
     {
         const double length = p.norm();
         const Vec3d u = p / length;
         return (u - shell(u).gradient / length).normalized();
     }
-    /// Nearest surface point of a @a p near the surface: slide along the tangent plane towards p,
-    /// drop back onto the surface, until p is straight above. The slide contracts by distance x
-    /// curvature, at most one half within the reach.
+    /// The nearest surface point of a @a p near the surface: slides along the tangent plane towards
+    /// p and projects back onto the surface until p is straight above. The slide contracts by
+    /// distance x curvature, at most one half within the reach.
     Vec3d foot(const Vec3d& p) const
     {
-        constexpr int kMaxSteps = 30;
-        constexpr double kEnough = 1e-14; // of the slide; the distance errs by its square
+        constexpr int kMaxSteps = 30; // [derived: slides halve; 2^-30 errs by a double's rounding]
+        constexpr double kMaxSlide2 = 1e-14; // squared, in reaches [derived: so errs the distance]
         Vec3d u = p.normalized();
         Shell s = shell(u);
         Vec3d q = s.radius * u;
@@ -92,7 +91,7 @@ private:
             const Vec3d n = (u - s.gradient / s.radius).normalized();
             const Vec3d away = p - q;
             const Vec3d slide = away - away.dot(n) * n;
-            if (slide.squaredNorm() < kEnough * mReach * mReach) break;
+            if (slide.squaredNorm() < kMaxSlide2 * mReach * mReach) break;
             u = (q + slide).normalized();
             s = shell(u);
             q = s.radius * u;

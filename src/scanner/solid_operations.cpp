@@ -9,7 +9,7 @@ namespace mpuvdb
 namespace
 {
 
-/// A child with the sign it enters with; the solid is the maximum (or minimum) of all.
+/// An operand and its sign; the solid is the maximum or minimum of all.
 struct Operand {
     double sign;
     SolidPtr solid;
@@ -102,8 +102,8 @@ private:
     Vec3d mTranslation;
 };
 
-/// A point's nearest copy is the one of its own sector, because two neighboring copies mirror
-/// each other at the plane between them.
+/// Copies of a solid about the z axis. A point's nearest copy is that of its own sector, as
+/// neighboring copies mirror each other at the plane between them.
 class Ring final : public Solid
 {
 public:

@@ -27,7 +27,7 @@ struct Maker {
     std::string_view meaning;
     int solids; ///< how many; -1: one or more
     int numbers;
-    /// Empty, or what is wrong with the numbers.
+    /// An error in the numbers; empty without one.
     std::function<std::string(const std::vector<double>&)> complaint;
     std::function<SolidPtr(const Arguments&)> make;
 };
@@ -59,7 +59,7 @@ SolidPtr makeSheets(double x, double y, double gap)
     return makeUnion({moveBy(sheet, up), moveBy(sheet, -up)});
 }
 
-/// Root cylinder and teeth to the outer radius, as wide as the gaps; a bore of a third.
+/// A root cylinder, teeth to the outer radius as wide as the gaps, and a bore of a third of it.
 SolidPtr makeGear(int teeth, double radius, double height)
 {
     const double root = 0.8 * radius, width = M_PI * root / teeth;
@@ -138,7 +138,7 @@ std::vector<Maker> primitiveMakers()
          }},
         {"sheets", "x,y,gap", "two parallel sheets, each a tenth of the gap thick", 0, 3,
          wantPositive, [](A a) { return makeSheets(a.numbers[0], a.numbers[1], a.numbers[2]); }},
-        {"blob", "r,bumps,amplitude", "sphere with so many bumps around", 0, 3, bumpsFit,
+        {"blob", "r,bumps,amplitude", "sphere with this number of bumps around", 0, 3, bumpsFit,
          [](A a) { return makeBlob(a.numbers[0], a.numbers[1], a.numbers[2]); }},
         {"gear", "teeth,r,height", "toothed wheel with a bore", 0, 3, teethFit,
          [](A a) { return makeGear(int(a.numbers[0]), a.numbers[1], a.numbers[2]); }},
@@ -155,9 +155,9 @@ std::vector<Maker> operationMakers()
     };
     using A = const Arguments&;
     return {
-        {"union", "solid,...", "all that is in any", -1, 0, acceptAll,
+        {"union", "solid,...", "points in any of them", -1, 0, acceptAll,
          [](A a) { return makeUnion(a.solids); }},
-        {"intersection", "solid,...", "what is in all", -1, 0, acceptAll,
+        {"intersection", "solid,...", "points in all of them", -1, 0, acceptAll,
          [](A a) { return makeIntersection(a.solids); }},
         {"difference", "solid,...", "the first without the others", -1, 0, acceptAll,
          [](A a) { return makeDifference(a.solids); }},
@@ -269,7 +269,8 @@ private:
 
     SolidPtr parseSolidAt(int depth)
     {
-        constexpr int kMaxDepth = 100; // of recursion, in parsing and in every evaluation
+        // The depth of recursion, in parsing and in evaluation. [tuned: a thread's stack]
+        constexpr int kMaxDepth = 100;
         skipSpace();
         const std::size_t start = mAt;
         if (depth > kMaxDepth) fail(start, fmt::format("nested deeper than {}", kMaxDepth));

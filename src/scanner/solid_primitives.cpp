@@ -9,7 +9,7 @@ namespace mpuvdb
 namespace
 {
 
-/// What holds in the positive octant, mirrored into the one of @a signs.
+/// A vector of the positive octant, mirrored into the octant of @a signs.
 Vec3d withSigns(const Vec3d& magnitude, const Vec3d& signs)
 {
     return {std::copysign(magnitude.x(), signs.x()), std::copysign(magnitude.y(), signs.y()),
@@ -22,7 +22,7 @@ Vec3d normalizedOr(const Vec3d& v, const Vec3d& fallback)
     return length > 0 ? Vec3d(v / length) : fallback;
 }
 
-/// The vector (rho, z) about the z axis, turned back to where @a p is.
+/// The vector (rho, z) of the half plane through @a p and the z axis.
 Vec3d fromProfile(double rho, double z, const Vec3d& p)
 {
     const double length = p.head<2>().norm();
@@ -155,7 +155,7 @@ public:
     {
         const Foot f = nearest(p);
         const double length = f.away.norm();
-        // On the surface the direction to the foot is lost in rounding: the face's own normal.
+        // On the surface rounding hides the direction to the foot: the face's own normal.
         const Eigen::Vector2d n = length > 1e-9 * mRadius
                                       ? Eigen::Vector2d(f.away / (f.inside ? -length : length))
                                       : f.faceNormal;
@@ -184,7 +184,7 @@ private:
     Eigen::Vector2d mSlope;
 };
 
-/// The nearest point x of the surface satisfies p - x = t grad(x^2/r^2) / 2, so that x_i =
+/// An ellipsoid. The nearest point x of the surface satisfies p - x = t grad(x^2/r^2) / 2, so x_i =
 /// r_i^2 p_i / (t + r_i^2) with the largest t for which x lies on the surface.
 class Ellipsoid final : public Solid
 {
@@ -208,14 +208,14 @@ public:
     Box3d bounds() const override { return boxAbout(mRadii); }
 
 private:
-    /// Nearest surface point of a point in the positive octant.
+    /// The nearest surface point of a point in the positive octant.
     Vec3d foot(const Vec3d& p) const
     {
-        // u = t + r_short^2 is where cancellation would be. The sum of squares below is at least 1
-        // at the start; 1 / sqrt(sum) is convex, so Newton's steps approach its 1 from one side.
+        // u = t + r_short^2 avoids cancellation. The sum of squares below is at least 1 at the
+        // start; 1 / sqrt(sum) is convex, so Newton's steps approach its 1 from one side.
         const Eigen::Array3d scaled = mRadii.array() * p.array();
         double u = std::max((scaled - mExcess).maxCoeff(), 0.0);
-        constexpr int kMaxSteps = 60; // fewer than ten are usual
+        constexpr int kMaxSteps = 60; // fewer than ten are usual [derived: a double's bits]
         for (int step = 0; step < kMaxSteps; ++step) {
             double sum = 0, slope = 0;
             for (int i = 0; i < 3; ++i) {

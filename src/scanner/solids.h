@@ -1,4 +1,4 @@
-// The solids behind parseSolid(): primitives about the origin, and what combines and moves them.
+// The solids of parseSolid(): primitives about the origin, Booleans and motions.
 #pragma once
 #include <mpuvdb/scan_sampler.h>
 
@@ -11,16 +11,16 @@ using SolidPtr = std::shared_ptr<const Solid>;
 
 /// @{ Primitives, exact. Lengths are world units and positive.
 SolidPtr makeSphere(double radius);
-/// Ring of @a major radius about z, tube of @a minor radius.
+/// A ring of @a major radius about z, its tube of @a minor radius.
 SolidPtr makeTorus(double major, double minor);
-/// @a size is the full size; edges are rounded with @a radius, from 0 to half the smallest side.
+/// A box of full @a size; its edges are rounded with @a radius, from 0 to half the smallest side.
 SolidPtr makeBox(const Vec3d& size, double radius);
-/// @a radii along the axes.
+/// An ellipsoid of @a radii along the axes.
 SolidPtr makeEllipsoid(const Vec3d& radii);
 /// All points within @a radius of a segment of @a length along z.
 SolidPtr makeCapsule(double radius, double length);
 SolidPtr makeCylinder(double radius, double height);
-/// Base of @a radius at z = -height/2, apex at z = height/2.
+/// A cone with a base of @a radius at z = -height/2 and its apex at z = height/2.
 SolidPtr makeCone(double radius, double height);
 /// @}
 

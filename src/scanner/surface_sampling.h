@@ -1,4 +1,4 @@
-// Points on the surface of a solid, as yet undisturbed: the three patterns of the scanner.
+// Exact points on the surface of a solid: the three patterns of the scanner.
 #pragma once
 #include <mpuvdb/scan_sampler.h>
 
@@ -13,24 +13,24 @@ struct SurfacePoint {
     Vec3f normal;   ///< unit, outward
 };
 
-/// Points uniform by area, and the surface's area as they tell it.
+/// Points uniform by area, and an estimate of the surface's area.
 struct RandomSurface {
     std::vector<SurfacePoint> points;
-    double area = 0;
+    double area = 0; ///< world units squared
 };
 
-/// Random points: where isotropic random lines cross the surface (Crofton's formula), half of the
-/// crossings of each line. On a convex solid, that is one, the points are independent.
+/// Random points: half of the crossings of the surface and isotropic random lines (Crofton's
+/// formula). On a convex solid, where that is one of each line, the points are independent.
 /// @throws InputError if no line finds a surface.
 RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_t seed,
                            Interrupter& progress);
 
-/// Blue noise of @a count points: darts thrown in random order stick where no other is near on
-/// the same side of the surface [Cook86; the radius that fits the count is searched].
+/// Blue noise of @a count points: darts thrown in random order stick where no other is near on the
+/// same side of the surface [Cook86], at the radius that gives the count.
 std::vector<SurfacePoint> sampleEven(const Solid& solid, std::uint64_t count, std::uint64_t seed,
                                      Interrupter& progress);
 
-/// What range images measured.
+/// The measurements of range images.
 struct RangeScans {
     std::vector<SurfacePoint> points; ///< by view, row and column
     std::vector<Vec3f> rays;          ///< unit direction from the viewpoint, per point

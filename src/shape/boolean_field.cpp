@@ -1,4 +1,4 @@
-// Several fields as one, by minimum and maximum: exact on the zero set, creases included.
+// Booleans of fields by minimum and maximum: exact on the zero set, creases included.
 #include "shape_node.h"
 
 #include "field/point_field.h"

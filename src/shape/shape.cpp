@@ -65,8 +65,8 @@ Shape Shape::smooth(const SmoothSettings& settings) const
 Shape Shape::moved(const Eigen::Affine3d& motion) const
 {
     if (!motion.matrix().allFinite() || motion.linear().determinant() == 0)
-        throw UsageError("a motion that is not finite or flattens space has no inverse: scale by "
-                         "numbers other than 0");
+        throw UsageError("motion: it is not finite, or flattens space, and has no inverse. Scale "
+                         "by numbers other than 0");
     Node::Moved done;
     return Shape(mNode->moved(motion, done));
 }
@@ -127,20 +127,20 @@ std::uint64_t Shape::peakBytes(const ShapeSettings& settings) const
     return ShapePlan(*mNode, settings).peakBytes();
 }
 
-void Shape::demandFewVoxels(const ShapeSettings& settings) const
+void Shape::requireFewVoxels(const ShapeSettings& settings) const
 {
-    ShapePlan(*mNode, settings).demandFewVoxels();
+    ShapePlan(*mNode, settings).requireFewVoxels();
 }
 
-void Shape::demandMemory(const ShapeSettings& settings) const
+void Shape::requireMemory(const ShapeSettings& settings) const
 {
-    ShapePlan(*mNode, settings).demandMemory();
+    ShapePlan(*mNode, settings).requireMemory();
 }
 
 LevelSet Shape::evaluate(const ShapeSettings& settings, Interrupter* interrupter) const
 {
     const ShapePlan plan(*mNode, settings);
-    plan.demandMemory();
+    plan.requireMemory();
     return plan.evaluate(orSilent(interrupter));
 }
 

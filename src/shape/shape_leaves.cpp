@@ -19,21 +19,22 @@ namespace
 
 /// The half-width up to which no field is measured from its zero set, voxels. [derived:
 /// sampleField()]
-constexpr double kNearBand = 3;
+constexpr double kMaxNearBand = 3;
 
-/// Blocks that a surface of random orientation meets, times their face, by its area: 1.5 where it
-/// meets their cubes, more as seeds are found by the balls around them.
+/// The number of seed blocks of a surface of random orientation, times their face, by its area:
+/// 1.5 where it meets their cubes, more as seeds are found by the balls around them.
+/// [tuned: plan_bench]
 constexpr double kBlocksPerArea = 1.7;
 
-/// Where the band inside @a region is to be told from the clipping box's own.
-Box3d clipBox(const Demand& own)
+/// The box where a field is clipped, so far from the region that its faces' band does not reach in.
+Box3d clipBox(const Request& own)
 {
     return grown(own.region, own.band() + 2 * own.lattice.voxelSize);
 }
 
-/// @a made, which is held against what it was made of; what that finds becomes a note.
-LevelSet told(const LevelSet& made, const std::shared_ptr<const Explained>& explained,
-              Interrupter& progress)
+/// @a made, with its comparison with its source, whose findings become notes.
+LevelSet withExplained(const LevelSet& made, const std::shared_ptr<const Explained>& explained,
+                       Interrupter& progress)
 {
     if (!explained) return made;
     for (const std::string& finding : explained->findings()) progress.note(finding);
@@ -48,11 +49,11 @@ public:
     {
     }
 
-    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+    Request requestOf(std::size_t, const Request&) const override { return {}; }
 
     double area(const Box3d& region) const override
     {
-        constexpr double kBlocksAcross = 24;
+        constexpr double kBlocksAcross = 24; // blocks along the box [tuned: plan_bench]
         const Box3d box = bounds().intersection(region);
         if (box.isEmpty() || !isFinite(box)) return 0;
         const double edge = box.sizes().maxCoeff() / kBlocksAcross;
@@ -66,18 +67,18 @@ public:
     FieldPtr field() const override
     {
         const auto* const points = dynamic_cast<const PointField*>(mField.get());
-        const bool isSlow = points && points->inBatches(); // where one place is asked for
+        const bool isSlow = points && points->inBatches(); // at single places
         return isSlow ? nullptr : mField;
     }
 
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         const double h = own.lattice.voxelSize;
-        const bool sampled = mField->isDistance() && own.halfWidth <= kNearBand;
+        const bool sampled = mField->isDistance() && own.halfWidth <= kMaxNearBand;
         return sampled ? 0 : distanceBytes(area(own.region), h);
     }
 
-    LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
+    LevelSet make(const Inputs&, const Request& own, std::uint64_t maxBytes,
                   Interrupter& progress) const override
     {
         const Box3d box = clipBox(own);
@@ -88,7 +89,7 @@ public:
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
         const LevelSet made = sampleField(*field, settings, &progress);
-        return told(made, field == mField ? explainedOf(made, progress) : nullptr, progress);
+        return withExplained(made, field == mField ? explainedOf(made, progress) : nullptr, progress);
     }
 
 protected:
@@ -103,7 +104,7 @@ protected:
     }
 
 private:
-    /// Points are what a field may be held against.
+    /// The comparison with the points; null where the field was not made of points.
     std::shared_ptr<const Explained> explainedOf(const LevelSet& made, Interrupter& progress) const
     {
         const auto* const points = dynamic_cast<const MpuField*>(mField.get());
@@ -125,29 +126,29 @@ public:
     {
     }
 
-    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+    Request requestOf(std::size_t, const Request&) const override { return {}; }
 
-    /// The band holds 2 x half-width voxels for each of the surface's.
+    /// The band holds 2 x half-width voxels for each one that the surface meets.
     double area(const Box3d&) const override
     {
         const double h = mLattice.voxelSize;
         return double(mLevelSet.grid().activeVoxelCount()) * h * h / (2 * mLevelSet.halfWidth());
     }
 
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         const double h = mLattice.voxelSize, surface = area(own.region);
         if (isThere(own.lattice))
             return own.halfWidth > mLevelSet.halfWidth() ? widerBytes(surface, own.halfWidth) : 0;
-        const double wanted = widthToResample(mLattice, own.lattice, own.halfWidth);
-        if (wanted > kWidestBand) return 0; // is refused
+        const double needed = widthToResample(mLattice, own.lattice, own.halfWidth);
+        if (needed > kWidestBand) return 0; // is refused
         double bytes = kResamplingGrids * gridBytes(surface, own.lattice.voxelSize, own.halfWidth);
-        if (wanted > mLevelSet.halfWidth())
-            bytes += widerBytes(surface, wanted) + gridBytes(surface, h, wanted);
+        if (needed > mLevelSet.halfWidth())
+            bytes += widerBytes(surface, needed) + gridBytes(surface, h, needed);
         return bytes;
     }
 
-    LevelSet make(const Inputs&, const Demand& own, std::uint64_t,
+    LevelSet make(const Inputs&, const Request& own, std::uint64_t,
                   Interrupter& progress) const override
     {
         return isThere(own.lattice) ? inBand(mLevelSet, own.halfWidth, progress)
@@ -159,7 +160,7 @@ public:
     const LevelSet& levelSet() const { return mLevelSet; }
 
 private:
-    /// To widen the band to @a halfWidth voxels about a surface of an area.
+    /// Memory to widen the band to @a halfWidth voxels about a surface of an area, bytes.
     double widerBytes(double surface, double halfWidth) const
     {
         const double h = mLattice.voxelSize;
@@ -182,7 +183,7 @@ public:
     {
     }
 
-    Demand demandOf(std::size_t, const Demand&) const override { return {}; }
+    Request requestOf(std::size_t, const Request&) const override { return {}; }
 
     double area(const Box3d&) const override
     {
@@ -195,7 +196,7 @@ public:
         return area;
     }
 
-    LevelSet make(const Inputs&, const Demand& own, std::uint64_t maxBytes,
+    LevelSet make(const Inputs&, const Request& own, std::uint64_t maxBytes,
                   Interrupter& progress) const override
     {
         SampleSettings settings;
@@ -203,7 +204,7 @@ public:
         settings.halfWidth = own.halfWidth;
         settings.maxBytes = maxBytes;
         const LevelSet made = voxelize(*mMesh, settings, &progress);
-        return told(made, made.explained(), progress);
+        return withExplained(made, made.explained(), progress);
     }
 
 protected:
@@ -227,8 +228,8 @@ private:
         for (const Mesh::Triangle& t : mesh.triangles)
             for (const std::uint32_t corner : t) {
                 if (corner >= mesh.positions.size())
-                    throw InputError("mesh: a triangle names a vertex that is not there. Write it "
-                                     "again from its source");
+                    throw InputError("mesh: a triangle names a vertex that is not there. Write the "
+                                     "mesh again from its source");
                 box.extend(mesh.world(corner));
             }
         return box;

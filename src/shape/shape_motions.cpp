@@ -1,4 +1,4 @@
-// Inner nodes of shapes that stand elsewhere, or are deformed.
+// Inner nodes of shapes that are moved or deformed.
 #include "shape_node.h"
 
 #include <Eigen/Eigenvalues>
@@ -20,12 +20,12 @@ class ThroughNode : public Node
 public:
     using Node::Node;
 
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         return isRigid() ? 0 : distanceBytes(area(own.region), own.lattice.voxelSize);
     }
 
-    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
+    LevelSet make(const Inputs& inputs, const Request& own, std::uint64_t maxBytes,
                   Interrupter& progress) const override
     {
         if (!inputs[0]) return emptyLevelSet(own.lattice, own.halfWidth);
@@ -41,15 +41,15 @@ public:
 
 protected:
     virtual FieldPtr through(FieldPtr field) const = 0;
-    /// The largest factor by which a length grows on the way to the input.
+    /// The largest factor by which the inverse lengthens.
     virtual double stretch() const = 0;
-    /// Whether distances stay distances.
+    /// Whether distances remain distances, but for a factor.
     virtual bool isRigid() const { return false; }
 
     /// The whole input on voxels of @a voxelSize, as far as it is sampled.
-    Demand wholeInput(const Demand& own, double voxelSize) const
+    Request wholeInput(const Request& own, double voxelSize) const
     {
-        constexpr double kStencil = 2; // voxels
+        constexpr double kStencil = 2; // voxels that interpolation reads beyond [derived: cubic]
         const Box3d& box = inputs()[0]->bounds();
         if (box.isEmpty()) return {own.lattice, own.halfWidth, box};
         const double band = sampledWidth(own) * own.lattice.voxelSize * stretch();
@@ -57,13 +57,15 @@ protected:
     }
 
 private:
-    /// What is sampled of the band, voxels. Where much is stretched, a little band costs the input
-    /// a wide one: the rest is measured from the surface.
-    double sampledWidth(const Demand& own) const
+    /// The half-width that is sampled, voxels. Under much stretch a narrow band takes a wide one of
+    /// the input: the rest is measured from the surface.
+    double sampledWidth(const Request& own) const
     {
-        constexpr double kWidest = 30, kNarrowest = 2; // voxels, of the input and of its own
+        // The widest band of the input, and the narrowest of this node, voxels.
+        // [tuned: plan_bench; warp_test]
+        constexpr double kMaxInputBand = 30, kMinBand = 2;
         if (isRigid()) return own.halfWidth;
-        return std::min(own.halfWidth, std::max(kWidest / stretch(), kNarrowest));
+        return std::min(own.halfWidth, std::max(kMaxInputBand / stretch(), kMinBand));
     }
 };
 
@@ -81,7 +83,7 @@ public:
         mAreaGrowth = std::sqrt(squares.eigenvalues()[1] * squares.eigenvalues()[2]);
     }
 
-    Demand demandOf(std::size_t, const Demand& own) const override
+    Request requestOf(std::size_t, const Request& own) const override
     {
         return wholeInput(own, own.lattice.voxelSize / mGrowth);
     }
@@ -105,8 +107,8 @@ protected:
 
 private:
     Eigen::Affine3d mMotion;
-    double mGrowth, mShrink; ///< largest and smallest, of lengths
-    double mAreaGrowth;      ///< largest
+    double mGrowth, mShrink; ///< largest and smallest factor of lengths
+    double mAreaGrowth;      ///< largest factor of areas
 };
 
 class WarpNode final : public ThroughNode
@@ -119,7 +121,7 @@ public:
     {
     }
 
-    Demand demandOf(std::size_t, const Demand& own) const override
+    Request requestOf(std::size_t, const Request& own) const override
     {
         return wholeInput(own, own.lattice.voxelSize);
     }
@@ -150,7 +152,7 @@ Node::Ptr motionNode(const Node::Ptr& input, const Eigen::Affine3d& motion)
 
 Box3d movedBox(const Box3d& box, const Eigen::Affine3d& motion)
 {
-    constexpr double kFar = std::numeric_limits<double>::infinity();
+    constexpr double kFar = std::numeric_limits<double>::infinity(); // [derived: unbounded]
     if (box.isEmpty()) return box;
     if (!isFinite(box)) return {Vec3d::Constant(-kFar), Vec3d::Constant(kFar)};
     Box3d image;

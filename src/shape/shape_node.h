@@ -1,4 +1,4 @@
-// The nodes of a shape's expression: what each needs of its inputs, and what it makes of them.
+// The nodes of a shape's expression: each says what it needs of its inputs, and makes its grid.
 #pragma once
 #include "core/boxes.h"
 #include "grid/band_bytes.h"
@@ -9,23 +9,27 @@
 namespace mpuvdb
 {
 
-/// What is wanted of a node: values that are right within region, in a band of halfWidth voxels.
-struct Demand {
+/// The widest band, in voxels, that leaves are sampled into: farther distances are measured from
+/// the zero set. [tuned: plan_bench]
+constexpr double kMaxSampledBand = 20;
+
+/// A request to a node: values that are right within region, in a band of halfWidth voxels.
+struct Request {
     Lattice lattice;
     double halfWidth = 0; ///< voxels
-    Box3d region;         ///< world units; empty: nothing is wanted
+    Box3d region;         ///< world units; empty: nothing is requested
 
     double band() const { return halfWidth * lattice.voxelSize; }
 };
 
-/// Grids that a node works on; null where nothing was wanted of an input: it is outside there.
+/// The grids of a node's inputs; null where nothing was requested: all of it is outside there.
 using Inputs = std::vector<const LevelSet*>;
 
 class Shape::Node : public std::enable_shared_from_this<Shape::Node>
 {
 public:
     using Ptr = std::shared_ptr<const Node>;
-    /// Nodes that are moved or warped already, by their originals: what was shared stays shared.
+    /// Nodes already moved or warped, by their originals, so that shared ones stay shared.
     using Moved = std::map<const Node*, Ptr>;
 
     Node(std::string name, std::vector<Ptr> inputs, const Box3d& bounds)
@@ -38,22 +42,22 @@ public:
     const std::vector<Ptr>& inputs() const { return mInputs; }
     const Box3d& bounds() const { return mBounds; }
 
-    /// What it needs of input @a n to give @a own.
-    virtual Demand demandOf(std::size_t n, const Demand& own) const = 0;
-    /// Memory that it takes on its way to @a own beside its grid and its inputs', bytes; estimated.
-    virtual double workingBytes(const Demand&) const { return 0; }
-    /// An estimate of its surface's area within @a region, world units squared.
+    /// The request to input @a n that @a own leads to.
+    virtual Request requestOf(std::size_t n, const Request& own) const = 0;
+    /// The working memory for @a own, beside the grids of this node and its inputs, bytes;
+    /// estimated.
+    virtual double workingBytes(const Request&) const { return 0; }
+    /// The area of its surface within @a region, world units squared; estimated.
     virtual double area(const Box3d& region) const;
     /// As Shape::voxelSize().
     virtual double voxelSize() const;
     /// As Shape::field().
     virtual FieldPtr field() const { return nullptr; }
-    /// @param settings  lattice, half-width and memory.
-    virtual LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t maxBytes,
+    /// Makes the grid. @param maxBytes  memory limit; 0: none.
+    virtual LevelSet make(const Inputs& inputs, const Request& own, std::uint64_t maxBytes,
                           Interrupter& progress) const = 0;
 
-    /// @{ The same solid moved or deformed, with the motion carried to the leaves where that
-    /// changes nothing else.
+    /// @{ The same solid moved or deformed, by its leaves where that changes nothing else.
     Ptr moved(const Eigen::Affine3d& motion, Moved& done) const;
     Ptr warped(const std::shared_ptr<const Warp>& warp, const std::string& how, Moved& done) const;
     /// @}
@@ -87,17 +91,17 @@ Shape::Node::Ptr shellNode(const Shape::Node::Ptr& input, double thickness, Wall
 Shape::Node::Ptr smoothNode(const Shape::Node::Ptr& input, const SmoothSettings& settings);
 Shape::Node::Ptr morphNode(const Shape::Node::Ptr& a, const Shape::Node::Ptr& b, double t,
                            Morphing how);
-/// What cannot be carried to the leaves: the input's grid is sampled through it.
+/// Motions and warps that do not reach the leaves: the input's grid is sampled through them.
 Shape::Node::Ptr warpNode(const Shape::Node::Ptr& input, std::shared_ptr<const Warp> warp,
                           std::string name);
 Shape::Node::Ptr motionNode(const Shape::Node::Ptr& input, const Eigen::Affine3d& motion);
 /// @}
 
-/// Several fields (at least one) as one: no distance near creases, but exact on the zero set.
+/// The Boolean of fields (at least one): no distance near creases, but exact on the zero set.
 /// @param bounds  of the result.
 FieldPtr booleanField(Boolean kind, std::vector<FieldPtr> fields, const Box3d& bounds);
 
-/// @a levelSet with a band of @a halfWidth voxels: itself where its own is that wide.
+/// @a levelSet in a band of @a halfWidth voxels: itself where its own is that wide.
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Interrupter& progress);
 
 /// The level set in @a node, if it holds one.

@@ -1,6 +1,7 @@
 // Inner nodes of shapes: Booleans, offsets, filters, morphs.
 #include "grid/band_limits.h"
 #include "modelling/combine.h"
+#include "modelling/half_widths.h"
 #include "modelling/smooth_filters.h"
 #include "shape_node.h"
 
@@ -17,25 +18,24 @@ namespace
 
 using Node = Shape::Node;
 
-/// The level set of nothing.
-LevelSet nothing(const Demand& own)
+/// An empty level set.
+LevelSet nothing(const Request& own)
 {
     return emptyLevelSet(own.lattice, own.halfWidth);
 }
 
-/// The part of @a own that an input with another region has to give.
-Demand within(const Demand& own, const Box3d& region)
+/// @a own with another region.
+Request within(const Request& own, const Box3d& region)
 {
     return {own.lattice, own.halfWidth, region};
 }
 
-/// What an input has to give that is @a distance from what is wanted. Beyond the widest band that
-/// leaves are sampled in, offsets carry distances on themselves.
-Demand beyond(const Demand& own, double distance)
+/// The request to an input whose surface is @a distance from the result's. Beyond the widest band
+/// that leaves are sampled in, offsets continue distances themselves.
+Request beyond(const Request& own, double distance)
 {
-    constexpr double kWidest = 20;
     const double halfWidth = own.halfWidth + distance / own.lattice.voxelSize;
-    return {own.lattice, std::min(halfWidth, std::max(own.halfWidth, kWidest)),
+    return {own.lattice, std::min(halfWidth, std::max(own.halfWidth, kMaxSampledBand)),
             grown(own.region, distance)};
 }
 
@@ -48,20 +48,20 @@ public:
     {
     }
 
-    Demand demandOf(std::size_t, const Demand& own) const override
+    Request requestOf(std::size_t, const Request& own) const override
     {
         demandBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
         if (mBlendRadius > 0)
             demandBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
-        Demand demand = own;
-        demand.halfWidth += mBlendRadius / own.lattice.voxelSize;
-        return demand;
+        Request request = own;
+        request.halfWidth += mBlendRadius / own.lattice.voxelSize;
+        return request;
     }
 
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         if (!(mBlendRadius > 0)) return 0;
-        // The surfaces that the ball touches, and those that its center goes along.
+        // The surfaces that the ball touches, and those along its center's path.
         const double h = own.lattice.voxelSize;
         return (1 + mBlendRadius / h / 15) * distanceBytes(Node::area(own.region), h);
     }
@@ -77,7 +77,7 @@ public:
         return booleanField(mKind, std::move(fields), bounds());
     }
 
-    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+    LevelSet make(const Inputs& inputs, const Request& own, std::uint64_t,
                   Interrupter& progress) const override
     {
         std::vector<LevelSet> solids;
@@ -104,7 +104,7 @@ protected:
                    Moved& done) const override
     {
         if (mBlendRadius > 0) return nullptr;
-        // What has no end cannot be warped by itself; the whole can, where it has one.
+        // Unbounded inputs cannot be warped by themselves; a bounded whole can.
         for (const Ptr& input : this->inputs())
             if (!input->bounds().isEmpty() && !isFinite(input->bounds())) return nullptr;
         std::vector<Ptr> inputs;
@@ -121,10 +121,10 @@ private:
         return blendRadius > 0 ? fmt::format("{}, blend {:.4g}", name, blendRadius) : name;
     }
 
-    /// A fillet fills creases: it stays within the hull of what it fills, hence in the box.
+    /// The box of the result: a fillet stays within the solids' hull, hence in their box.
     static Box3d boundsOf(Boolean kind, const std::vector<Ptr>& inputs, double blendRadius)
     {
-        if (inputs.empty()) throw UsageError("a Boolean of no shape: give at least one");
+        if (inputs.empty()) throw UsageError("Boolean: there is no shape. Give at least one");
         demandBlendRadius(blendRadius);
         Box3d box = inputs.front()->bounds();
         for (const Ptr& input : inputs) {
@@ -156,7 +156,7 @@ public:
             throw UsageError(fmt::format("offset: distance is {}; it must be finite", distance));
     }
 
-    Demand demandOf(std::size_t, const Demand& own) const override
+    Request requestOf(std::size_t, const Request& own) const override
     {
         return beyond(own, std::abs(mDistance));
     }
@@ -164,12 +164,12 @@ public:
     {
         return offsetArea(Node::area(grown(region, std::abs(mDistance))), mDistance);
     }
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         const Box3d region = grown(own.region, std::abs(mDistance));
         return distanceBytes(std::max(Node::area(region), area(own.region)), own.lattice.voxelSize);
     }
-    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+    LevelSet make(const Inputs& inputs, const Request& own, std::uint64_t,
                   Interrupter& progress) const override
     {
         return inputs[0] ? inBand(mpuvdb::offset(*inputs[0], mDistance, &progress), own.halfWidth,
@@ -202,7 +202,7 @@ public:
                 "shell: thickness is {:.6g}; it must be above 0 and finite", thickness));
     }
 
-    Demand demandOf(std::size_t, const Demand& own) const override
+    Request requestOf(std::size_t, const Request& own) const override
     {
         return beyond(own, mThickness);
     }
@@ -212,11 +212,11 @@ public:
         const double outer = outward(mThickness, mWall);
         return offsetArea(area, outer) + offsetArea(area, outer - mThickness);
     }
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         return distanceBytes(area(own.region), own.lattice.voxelSize);
     }
-    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+    LevelSet make(const Inputs& inputs, const Request& own, std::uint64_t,
                   Interrupter& progress) const override
     {
         return inputs[0] ? inBand(mpuvdb::shell(*inputs[0], mThickness, mWall, &progress),
@@ -247,30 +247,30 @@ public:
     SmoothNode(const Ptr& input, const SmoothSettings& settings)
         : Node("smooth", {input}, input->bounds()), mSettings(settings)
     {
-        demandSmoothSettings(settings);
+        requireSmoothSettings(settings);
     }
 
-    Demand demandOf(std::size_t, const Demand& own) const override
+    Request requestOf(std::size_t, const Request& own) const override
     {
-        // Filters look as far as their width in each pass; a Gaussian is four passes.
+        // Filters read as far as their width in each pass; a Gaussian is four passes.
         const int reach = 4 * mSettings.iterations * mSettings.width;
         return within(own, grown(own.region, reach * own.lattice.voxelSize));
     }
-    double workingBytes(const Demand& own) const override
+    double workingBytes(const Request& own) const override
     {
         // The band that a pass reads, its filtered copies, and the distances after it.
         const double h = own.lattice.voxelSize, area = Node::area(own.region);
         const FilterPass pass = nextPass(mSettings, 0);
         return kFilterCopies * gridBytes(area, h, pass.halfWidth) + distanceBytes(area, h);
     }
-    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+    LevelSet make(const Inputs& inputs, const Request& own, std::uint64_t,
                   Interrupter& progress) const override
     {
         return inputs[0] ? mpuvdb::smooth(*inputs[0], mSettings, &progress) : nothing(own);
     }
 
 private:
-    static constexpr double kFilterCopies = 3;
+    static constexpr double kFilterCopies = 3; ///< grids in a pass [derived: input and two copies]
     SmoothSettings mSettings;
 };
 
@@ -285,15 +285,15 @@ public:
             throw UsageError(fmt::format("morph: t is {}; it must be in [0, 1]", t));
     }
 
-    /// Both in full: how far they are apart decides.
-    Demand demandOf(std::size_t n, const Demand& own) const override
+    /// Both inputs in full: their distance decides the band.
+    Request requestOf(std::size_t n, const Request& own) const override
     {
         return within(own, inputs()[n]->bounds());
     }
-    /// The bands are widened until they reach each other, doubled each time.
-    double workingBytes(const Demand& own) const override
+    /// Memory of the bands, which are doubled until they reach each other.
+    double workingBytes(const Request& own) const override
     {
-        constexpr double kOvershoot = 1.5;
+        constexpr double kOvershoot = 1.5; // of doubled widths, on average [derived: 1 to 2]
         const Box3d &a = inputs()[0]->bounds(), &b = inputs()[1]->bounds();
         if (a.isEmpty() || b.isEmpty()) return 0;
         const double low = (a.min() - b.min()).cwiseAbs().maxCoeff();
@@ -307,7 +307,7 @@ public:
         const auto whole = [&](std::size_t n) { return inputs()[n]->area(inputs()[n]->bounds()); };
         return std::max(whole(0), whole(1));
     }
-    LevelSet make(const Inputs& inputs, const Demand& own, std::uint64_t,
+    LevelSet make(const Inputs& inputs, const Request& own, std::uint64_t,
                   Interrupter& progress) const override
     {
         const LevelSet a = inputs[0] ? *inputs[0] : nothing(own),
@@ -383,8 +383,7 @@ Node::Ptr morphNode(const Node::Ptr& a, const Node::Ptr& b, double t, Morphing h
 
 LevelSet inBand(const LevelSet& levelSet, double halfWidth, Interrupter& progress)
 {
-    constexpr double kSame = 1e-5; // backgrounds are floats
-    return std::abs(levelSet.halfWidth() - halfWidth) <= kSame * halfWidth
+    return std::abs(levelSet.halfWidth() - halfWidth) <= kSameHalfWidth * halfWidth
                ? levelSet
                : withHalfWidth(levelSet, halfWidth, &progress);
 }

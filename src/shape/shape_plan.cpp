@@ -15,27 +15,27 @@ namespace mpuvdb
 namespace
 {
 
-void demandSettings(const Shape::Node& root, const ShapeSettings& settings)
+void requireSettings(const Shape::Node& root, const ShapeSettings& settings)
 {
     demandHalfWidth(settings.halfWidth);
     if (!root.bounds().isEmpty() && !isFinite(root.bounds()))
-        throw UsageError(fmt::format("the shape ({}) has no end, and a grid has one: intersect it "
+        throw UsageError(fmt::format("the shape ({}) is unbounded, and a grid is not: intersect it "
                                      "with a box or another solid",
                                      root.name()));
 }
 
-/// Whether the voxels of @a box have indices that leave room for any band.
+/// Whether the voxels of @a box have indices that floats and any band leave room for.
 bool isNear(const Lattice& lattice, const Box3d& box)
 {
-    constexpr double kFarthest = 1 << 22; // voxels
+    constexpr double kMaxIndex = 1 << 22; // [derived: a quarter of 2^24, to which floats are exact]
     if (box.isEmpty()) return true;
     const Vec3d reach =
         (box.min() - lattice.origin).cwiseAbs().cwiseMax((box.max() - lattice.origin).cwiseAbs());
-    return reach.maxCoeff() < kFarthest * lattice.voxelSize;
+    return reach.maxCoeff() < kMaxIndex * lattice.voxelSize;
 }
 
-/// That of a level set in the expression with voxels of the wanted size, so that it need not be
-/// resampled; else aligned to the world.
+/// The lattice of a level set in the expression with voxels of that size, so that it need not be
+/// resampled; else one aligned to the world.
 Lattice latticeOfResult(const Shape::Node& root, double voxelSize)
 {
     std::vector<const Shape::Node*> open{&root};
@@ -63,54 +63,54 @@ bool same(const Lattice& a, const Lattice& b)
 
 ShapePlan::ShapePlan(const Shape::Node& root, const ShapeSettings& settings) : mSettings(settings)
 {
-    demandSettings(root, settings);
+    requireSettings(root, settings);
     find(root, latticeOfResult(root, settings.voxelSize));
-    spreadDemands(settings.halfWidth);
+    propagateRequests(settings.halfWidth);
 }
 
 /// The task of @a node on @a lattice, with all tasks below it.
 std::size_t ShapePlan::find(const Shape::Node& node, const Lattice& lattice)
 {
     for (std::size_t n = 0; n < mTasks.size(); ++n)
-        if (mTasks[n].node == &node && same(mTasks[n].demand.lattice, lattice)) return n;
+        if (mTasks[n].node == &node && same(mTasks[n].request.lattice, lattice)) return n;
     Task task;
     task.node = &node;
-    task.demand.lattice = lattice;
-    Demand any{lattice, mSettings.halfWidth, node.bounds()};
+    task.request.lattice = lattice;
+    Request any{lattice, mSettings.halfWidth, node.bounds()};
     for (std::size_t n = 0; n < node.inputs().size(); ++n)
-        task.inputs.push_back(find(*node.inputs()[n], node.demandOf(n, any).lattice));
+        task.inputs.push_back(find(*node.inputs()[n], node.requestOf(n, any).lattice));
     mTasks.push_back(std::move(task));
     return mTasks.size() - 1;
 }
 
-void ShapePlan::spreadDemands(double halfWidth)
+void ShapePlan::propagateRequests(double halfWidth)
 {
-    const auto withBand = [](const Shape::Node& node, const Demand& demand) {
-        return grown(node.bounds(), demand.band() + demand.lattice.voxelSize);
+    const auto withBand = [](const Shape::Node& node, const Request& request) {
+        return grown(node.bounds(), request.band() + request.lattice.voxelSize);
     };
-    Demand& result = mTasks.back().demand;
+    Request& result = mTasks.back().request;
     result.halfWidth = halfWidth;
     result.region = withBand(*mTasks.back().node, result);
     for (std::size_t n = mTasks.size(); n-- > 0;) {
         const Task& task = mTasks[n];
-        if (!task.wanted()) continue;
+        if (!task.isRequested()) continue;
         for (std::size_t i = 0; i < task.inputs.size(); ++i) {
             Task& input = mTasks[task.inputs[i]];
-            const Demand more = task.node->demandOf(i, task.demand);
+            const Request more = task.node->requestOf(i, task.request);
             const Box3d region = more.region.intersection(withBand(*input.node, more));
             if (region.isEmpty()) continue;
-            input.demand.halfWidth = std::max(input.demand.halfWidth, more.halfWidth);
-            input.demand.region.extend(region);
+            input.request.halfWidth = std::max(input.request.halfWidth, more.halfWidth);
+            input.request.region.extend(region);
             ++input.uses;
         }
     }
     for (Task& task : mTasks)
-        if (task.wanted()) task.area = task.node->area(task.demand.region);
+        if (task.isRequested()) task.area = task.node->area(task.request.region);
 }
 
 std::uint64_t ShapePlan::Task::bytes() const
 {
-    return std::uint64_t(gridBytes(area, demand.lattice.voxelSize, demand.halfWidth));
+    return std::uint64_t(gridBytes(area, request.lattice.voxelSize, request.halfWidth));
 }
 
 std::vector<PlanStep> ShapePlan::steps() const
@@ -129,9 +129,9 @@ void ShapePlan::addSteps(std::size_t n, int depth, std::vector<bool>& seen,
     step.what = task.node->name();
     step.depth = depth;
     step.shared = seen[n];
-    step.halfWidth = task.demand.halfWidth;
-    step.voxelSize = task.demand.lattice.voxelSize;
-    step.region = task.demand.region;
+    step.halfWidth = task.request.halfWidth;
+    step.voxelSize = task.request.lattice.voxelSize;
+    step.region = task.request.region;
     const double h = step.voxelSize;
     step.voxels = std::uint64_t(2 * step.halfWidth * task.area / (h * h));
     step.bytes = task.bytes();
@@ -147,19 +147,19 @@ std::uint64_t ShapePlan::peakBytes() const
     std::uint64_t live = 0, peak = 0;
     for (std::size_t n = 0; n < mTasks.size(); ++n) {
         const Task& task = mTasks[n];
-        if (!task.wanted()) continue;
+        if (!task.isRequested()) continue;
         left[n] = task.uses;
         live += task.bytes();
-        peak = std::max(peak, live + std::uint64_t(task.node->workingBytes(task.demand)));
+        peak = std::max(peak, live + std::uint64_t(task.node->workingBytes(task.request)));
         for (const std::size_t input : task.inputs) {
             const Task& used = mTasks[input];
-            if (used.wanted() && --left[input] == 0) live -= used.bytes();
+            if (used.isRequested() && --left[input] == 0) live -= used.bytes();
         }
     }
     return peak;
 }
 
-void ShapePlan::demandMemory() const
+void ShapePlan::requireMemory() const
 {
     if (!mSettings.maxBytes) return;
     const std::uint64_t peak = peakBytes();
@@ -173,14 +173,14 @@ void ShapePlan::demandMemory() const
                                  1.05 * larger * mSettings.voxelSize));
 }
 
-void ShapePlan::demandFewVoxels() const
+void ShapePlan::requireFewVoxels() const
 {
     std::vector<Resampled> grids;
     for (const Task& task : mTasks)
-        if (const LevelSet* const grid = levelSetIn(*task.node); grid && task.wanted())
+        if (const LevelSet* const grid = levelSetIn(*task.node); grid && task.isRequested())
             grids.push_back({double(grid->grid().activeVoxelCount()), grid->voxelSize(),
-                             task.demand.lattice.voxelSize, grid->halfWidth()});
-    mpuvdb::demandFewVoxels(grids);
+                             task.request.lattice.voxelSize, grid->halfWidth()});
+    mpuvdb::requireFewVoxels(grids);
 }
 
 LevelSet ShapePlan::evaluate(Interrupter& progress) const
@@ -189,17 +189,17 @@ LevelSet ShapePlan::evaluate(Interrupter& progress) const
     std::vector<std::size_t> left(mTasks.size());
     for (std::size_t n = 0; n < mTasks.size(); ++n) {
         const Task& task = mTasks[n];
-        if (!task.wanted()) continue;
+        if (!task.isRequested()) continue;
         progress.check();
         left[n] = task.uses;
         Inputs inputs;
         for (const std::size_t input : task.inputs)
             inputs.push_back(grids[input] ? &*grids[input] : nullptr);
-        grids[n].emplace(task.node->make(inputs, task.demand, mSettings.maxBytes, progress));
+        grids[n].emplace(task.node->make(inputs, task.request, mSettings.maxBytes, progress));
         for (const std::size_t input : task.inputs)
-            if (mTasks[input].wanted() && --left[input] == 0) grids[input].reset();
+            if (mTasks[input].isRequested() && --left[input] == 0) grids[input].reset();
     }
-    const Demand& result = mTasks.back().demand;
+    const Request& result = mTasks.back().request;
     return grids.back() ? *grids.back() : emptyLevelSet(result.lattice, result.halfWidth);
 }
 

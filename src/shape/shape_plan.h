@@ -1,43 +1,42 @@
-// What has to be evaluated, where, in which band, and what it takes.
+// The plan of an evaluation: which nodes, where, in which band, in how much memory.
 #pragma once
 #include "shape_node.h"
 
 namespace mpuvdb
 {
 
-/// A shape's nodes with the demands of all their consumers.
+/// A shape's nodes with the requests of all their consumers.
 class ShapePlan
 {
 public:
-    /// @throws UsageError for settings out of range or an unbounded shape, what latticeFor()
-    /// throws.
+    /// @throws UsageError for settings out of range or an unbounded shape; as latticeFor().
     ShapePlan(const Shape::Node& root, const ShapeSettings& settings);
 
-    /// As the expression reads.
+    /// The steps in the order of the expression.
     std::vector<PlanStep> steps() const;
-    /// The memory of all grids that there are at the same time, at most; estimated.
+    /// The largest memory of all grids that exist at the same time, bytes; estimated.
     std::uint64_t peakBytes() const;
-    /// @throws LimitError if that is above the limit.
-    void demandMemory() const;
-    /// As Shape::demandFewVoxels().
-    void demandFewVoxels() const;
+    /// @throws LimitError if peakBytes() is above the limit.
+    void requireMemory() const;
+    /// As Shape::requireFewVoxels().
+    void requireFewVoxels() const;
     LevelSet evaluate(Interrupter& progress) const;
 
 private:
-    /// A node on a lattice, evaluated once.
+    /// The evaluation of a node on a lattice.
     struct Task {
         const Shape::Node* node;
-        Demand demand;
-        std::vector<std::size_t> inputs; ///< tasks; those of empty demand are not evaluated
-        std::size_t uses = 0;            ///< by tasks that are evaluated
+        Request request;
+        std::vector<std::size_t> inputs; ///< tasks; those of an empty request are not evaluated
+        std::size_t uses = 0;            ///< by evaluated tasks
         double area = 0;                 ///< estimated, world units squared
 
-        bool wanted() const { return !demand.region.isEmpty(); }
+        bool isRequested() const { return !request.region.isEmpty(); }
         std::uint64_t bytes() const; ///< of its grid
     };
 
     std::size_t find(const Shape::Node& node, const Lattice& lattice);
-    void spreadDemands(double halfWidth);
+    void propagateRequests(double halfWidth);
     void addSteps(std::size_t task, int depth, std::vector<bool>& seen,
                   std::vector<PlanStep>& steps) const;
 

@@ -17,7 +17,8 @@ std::vector<std::string> parseNames(const std::string& text)
     std::istringstream stream(text);
     for (std::string name; std::getline(stream, name, ',');) {
         if (name.empty() || std::find(names.begin(), names.end(), name) != names.end())
-            throw UsageError("--attributes " + text + ": a name is empty, or there twice");
+            throw UsageError("--attributes " + text +
+                             ": a name is empty or repeated. Give each name once");
         names.push_back(name);
     }
     return names;
@@ -34,7 +35,7 @@ void Attributes::choose(bool colors)
 {
     if (automatic && colors) names = {kColorName};
     if (has(kColorName) && !colors)
-        throw UsageError("--attributes names Cd, and the input has no colors");
+        throw UsageError("--attributes: the input has no colors for Cd. Leave Cd out");
 }
 
 std::vector<std::string> Attributes::scalars() const

@@ -1,4 +1,4 @@
-// mpuvdb check: is it a sound level set?
+// mpuvdb check: whether files hold sound level sets.
 #include "describe.h"
 #include "standard_output.h"
 #include "verb.h"
@@ -15,13 +15,13 @@ namespace
 
 using Grids = std::vector<openvdb::FloatGrid::ConstPtr>;
 
-/// What there is to check, and what else is there: names and classes.
+/// The grids to check, and names and classes of the others.
 struct Found {
     Grids grids;
     std::vector<std::string> others;
 };
 
-/// The grid of floats called @a name, or, if that is empty, all level sets.
+/// The float grid called @a name, or, if that is empty, all level sets.
 Found gridsToCheck(const std::string& file, const std::string& name, std::uint64_t maxBytes)
 {
     Found found;
@@ -54,7 +54,7 @@ public:
     {
         app.add_option("input", mInputs, "One or more .vdb files; - is standard input")->required();
         app.add_option("--grid", mGrid,
-                       "Check this grid of floats only, of any class; default: all level sets")
+                       "Check this float grid only, of any class; default: all level sets")
             ->type_name("NAME");
         app.add_flag("--json", mJson, "Print JSON");
     }
@@ -69,7 +69,7 @@ public:
     }
 
 private:
-    /// One that cannot be read does not keep the others from being checked.
+    /// Checks a file; one that cannot be read becomes a warning.
     void tryFile(Session& session, const std::string& file)
     {
         try {
@@ -100,8 +100,8 @@ private:
         if (grids.empty()) {
             mMissing = true;
             session.warn(fmt::format(
-                "{}: no {} in it, but {}. Name one of floats with --grid", file,
-                mGrid.empty() ? "level set" : "grid of floats called '" + mGrid + "'",
+                "{}: has no {}, but {}. Name a float grid with --grid", file,
+                mGrid.empty() ? "level set" : "float grid called '" + mGrid + "'",
                 found.others.empty() ? "no grid at all"
                                      : fmt::format("{}", fmt::join(found.others, ", "))));
         }
@@ -124,7 +124,7 @@ private:
     std::vector<std::string> mInputs;
     std::string mGrid;
     bool mJson = false;
-    bool mSound = true, mMissing = false; ///< of all files; of one
+    bool mSound = true, mMissing = false; ///< all are sound; one has no level set
     Json mFiles = Json::array();
 };
 

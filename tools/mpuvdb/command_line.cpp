@@ -34,12 +34,12 @@ void addCommonOptions(CLI::App& app, CommonOptions& options)
     app.add_option_function<std::string>(
            "--max-memory",
            [&options](const std::string& text) { options.maxBytes = parseSize(text); },
-           "Memory to take beside the 30 MB of the program itself, such as 4G;\ndefault: 90 % of "
-           "what the machine has")
+           "Memory limit beside the 30 MB of the program itself, such as 4G;\ndefault: 90 % of "
+           "the machine's memory")
         ->type_name("SIZE")
         ->group(group);
     app.add_option("--progress", options.progress,
-                   "auto, bar, json or none; auto: a bar where a terminal is watching")
+                   "auto, bar, json or none; auto: a bar on a terminal")
         ->type_name("STYLE")
         ->check(oneOf({"auto", "bar", "json", "none"}))
         ->group(group);
@@ -47,7 +47,7 @@ void addCommonOptions(CLI::App& app, CommonOptions& options)
                    "Write settings, results and times as JSON; - is standard output")
         ->type_name("FILE.json")
         ->group(group);
-    app.add_flag("-q,--quiet", options.quiet, "Say nothing but warnings and errors")->group(group);
+    app.add_flag("-q,--quiet", options.quiet, "Print warnings and errors only")->group(group);
 }
 
 std::vector<std::string> optionNames(const CLI::App& app)
@@ -64,7 +64,7 @@ std::string didYouMean(const std::string& word, const std::vector<std::string>& 
     return meant ? fmt::format("; did you mean {}?", *meant) : std::string();
 }
 
-/// What is wrong, if it is a word that nobody knows: that explains the rest.
+/// The error of an unknown word, which is the cause of others; none without one.
 std::optional<std::string> unknownWord(const CLI::App& root)
 {
     const std::vector<std::string> words = root.remaining(true);
@@ -78,11 +78,11 @@ std::optional<std::string> unknownWord(const CLI::App& root)
         for (const CLI::App* verb : root.get_subcommands({})) names.push_back(verb->get_name());
         return fmt::format("unknown verb '{}'{}", words.front(), didYouMean(words.front(), names));
     }
-    if (option == words.end()) return fmt::format("'{}' is one word too many", words.front());
+    if (option == words.end()) return fmt::format("unexpected argument '{}'", words.front());
     const std::string name = option->substr(0, option->find('='));
     const std::vector<std::string> known = optionNames(app);
     if (std::find(known.begin(), known.end(), name) != known.end())
-        return fmt::format("{} stands before the verb: put it after", name);
+        return fmt::format("{} stands before the verb: put it after the verb", name);
     return fmt::format("unknown option {}{}", name, didYouMean(name, known));
 }
 
@@ -101,9 +101,8 @@ public:
     {
         mRoot.get_formatter()->column_width(32);
         mRoot.get_formatter()->label("SUBCOMMAND", "VERB");
-        mRoot.set_help_flag("-h,--help", "Print this help and leave");
-        mRoot.set_version_flag("--version", "mpuvdb " MPUVDB_VERSION,
-                               "Print the version and leave");
+        mRoot.set_help_flag("-h,--help", "Print this help and exit");
+        mRoot.set_version_flag("--version", "mpuvdb " MPUVDB_VERSION, "Print the version and exit");
         mRoot.require_subcommand(1);
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
@@ -126,7 +125,7 @@ public:
             printText(mRoot.help());
             return {};
         } catch (const CLI::ParseError& error) {
-            throwUsage(mRoot, argc < 2 ? "say what to do: give a verb" : error.what());
+            throwUsage(mRoot, argc < 2 ? "the verb is missing. Give a verb" : error.what());
         } catch (const UsageError& error) {
             throwUsage(mRoot, error.what());
         }
@@ -170,12 +169,12 @@ CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Len
     return app.add_option_function<std::string>(name, parse, description)->type_name("LENGTH");
 }
 
-CLI::Option* addUpAxis(CLI::App& app, UpAxis& up, const std::string& says)
+CLI::Option* addUpAxis(CLI::App& app, UpAxis& up, const std::string& help)
 {
     return app
         .add_option_function<std::string>(
             "--up", [&up](const std::string& axis) { up = axis == "z" ? UpAxis::Z : UpAxis::Y; },
-            says)
+            help)
         ->type_name("y|z")
         ->check(oneOf({"y", "z"}));
 }
@@ -188,8 +187,7 @@ CLI::Validator oneOf(const std::vector<std::string>& words)
 CLI::Option* addGridName(CLI::App& app, std::string& value)
 {
     return app
-        .add_option("--grid", value,
-                    "Which grid of the file; default: surface, or the only level set")
+        .add_option("--grid", value, "Name of the grid; default: surface, or the only level set")
         ->type_name("NAME");
 }
 

@@ -1,17 +1,17 @@
-// From the words typed to a verb ready to run.
+// Parses the command line.
 #pragma once
 #include "verb.h"
 
 namespace mpuvdb::command
 {
 
-/// The verb asked for with its options filled in; or none, where help or the version was printed.
+/// The verb with its options; none where help or the version was printed.
 struct CommandLine {
     std::unique_ptr<Verb> verb;
     CommonOptions options;
 };
 
-/// @throws UsageError saying what was meant, where a word is unknown; IoError.
+/// @throws UsageError, with a suggestion for an unknown word; IoError.
 CommandLine parseCommandLine(int argc, char** argv);
 
 } // namespace mpuvdb::command

@@ -12,16 +12,16 @@ namespace mpuvdb::command
 
 using Json = nlohmann::ordered_json;
 
-/// What voxelize() found when it held the level set against the mesh.
+/// voxelize()'s comparison of the level set with the mesh.
 Json toJson(const MeshExplained& explained);
 
-/// The same in a line.
+/// The comparison in a line.
 std::string explainedText(const MeshExplained& explained);
 
-/// What reconstruct() found when it held the level set against the points.
+/// reconstruct()'s comparison of the level set with the points.
 Json toJson(const PointsExplained& explained);
 
-/// The same in a line.
+/// The comparison in a line.
 std::string explainedText(const PointsExplained& explained);
 
 Json toJson(const Vec3d& v);
@@ -29,7 +29,7 @@ Json toJson(const MeshReport& mesh);
 Json toJson(const Distances& distances);
 /// Name, voxel size, half-width, active voxels and bytes in memory.
 Json toJson(const LevelSet& levelSet);
-/// What check() measured and found.
+/// The measurements and findings of check().
 Json toJson(const CheckReport& report);
 
 /// "12 not finite, 3 zero normal".

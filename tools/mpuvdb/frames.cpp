@@ -12,7 +12,7 @@ namespace mpuvdb::command
 namespace
 {
 
-constexpr int kMostFrames = 100000;
+constexpr int kMaxFrames = 100000;
 
 const std::regex& token()
 {
@@ -27,14 +27,14 @@ std::vector<int> parseFrames(const std::string& text)
     static const std::regex pattern(R"((\d{1,8})(-(\d{1,8})(x(\d{1,8}))?)?)");
     std::smatch parts;
     if (!std::regex_match(text, parts, pattern))
-        throw UsageError(fmt::format("--frames {}: is no range. Write 7, 1-24 or 1-24x2", text));
+        throw UsageError(fmt::format("--frames {}: is not a range. Write 7, 1-24 or 1-24x2", text));
     const int first = std::atoi(parts[1].str().c_str());
     const int last = parts[3].matched ? std::atoi(parts[3].str().c_str()) : first;
     const int step = parts[5].matched ? std::atoi(parts[5].str().c_str()) : 1;
-    if (last < first || step < 1 || (last - first) / step >= kMostFrames)
-        throw UsageError(fmt::format("--frames {}: must go forward, by steps from 1 on, for at "
+    if (last < first || step < 1 || (last - first) / step >= kMaxFrames)
+        throw UsageError(fmt::format("--frames {}: must ascend, by steps of at least 1, over at "
                                      "most {} frames",
-                                     text, kMostFrames));
+                                     text, kMaxFrames));
     std::vector<int> frames;
     for (int frame = first; frame <= last; frame += step) frames.push_back(frame);
     return frames;

@@ -1,4 +1,4 @@
-// mpuvdb info: what is in a file.
+// mpuvdb info: the contents of files.
 #include "describe.h"
 #include "memory_limit.h"
 #include "output_check.h"
@@ -74,7 +74,7 @@ Json describePoints(const PointInput& input, Interrupter& progress)
     return json;
 }
 
-/// What --against names, as a mesh, or as points where it has no triangles.
+/// The file of --against: a mesh, or points where it has no triangles.
 struct Other {
     std::string file;
     Mesh mesh;
@@ -85,8 +85,9 @@ struct Other {
         Interrupter& progress = session.progress();
         progress.beginStage("read");
         if (extensionOf(file) == ".vdb") {
-            mesh = extractMesh(readLevelSet(file, {}, session.options().maxBytes, Purpose::Looking),
-                               {}, &progress);
+            mesh = extractMesh(
+                readLevelSet(file, {}, session.options().maxBytes, Validation::SignsOnly), {},
+                &progress);
             return;
         }
         PointInput input = readPoints({file}, BadPoints::Drop, {}, {}, &progress);
@@ -115,7 +116,7 @@ Json describeMesh(const Mesh& mesh, const std::optional<Other>& other, Interrupt
     return json;
 }
 
-/// The same things in lines: "    key: value", deeper by two blanks per level.
+/// The JSON as lines of "key: value", indented by two blanks per level.
 std::string plainText(const Json& json, int depth)
 {
     std::string text;
@@ -137,12 +138,11 @@ class Info final : public Verb
 public:
     VerbText text() const override
     {
-        return {
-            "info", "What is in point, mesh and .vdb files",
-            "  mpuvdb info scan.ply\n"
-            "  mpuvdb info scan.vdb --json\n"
-            "  mpuvdb info mesh.ply --against scan.xyz\n"
-            "      What the mesh is like, and how far it is from the points, and they from it.\n"};
+        return {"info", "The contents of point, mesh and .vdb files",
+                "  mpuvdb info scan.ply\n"
+                "  mpuvdb info scan.vdb --json\n"
+                "  mpuvdb info mesh.ply --against scan.xyz\n"
+                "      The mesh's measures, and its distances to the points and back.\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -151,7 +151,7 @@ public:
             ->required();
         app.add_flag("--json", mJson, "Print JSON");
         app.add_option("--against", mAgainst,
-                       "Measure distances of the meshes to that mesh, those points or that level\n"
+                       "Measure distances of the meshes to this mesh, these points or this level\n"
                        "set's zero set, and back: mean, rms and largest over the area, world units")
             ->type_name("FILE");
     }
@@ -198,8 +198,8 @@ private:
 
     [[noreturn]] static void throwNoMesh(const std::string& file)
     {
-        throw UsageError(fmt::format("{}: --against measures meshes in files, and this is none: "
-                                     "name one (.ply, .obj, .off, .stl), and this as --against",
+        throw UsageError(fmt::format("{}: --against measures meshes in files, and this is none. "
+                                     "Name one (.ply, .obj, .off, .stl), and this as --against",
                                      file));
     }
 

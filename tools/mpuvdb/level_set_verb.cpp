@@ -156,8 +156,8 @@ void sayBefore(const std::vector<GridInput>& inputs, const Shape& result, double
         wanted.halfWidth = std::max(wanted.halfWidth, input.levelSet.halfWidth());
         resamples |= input.levelSet.voxelSize() != wanted.voxelSize;
     }
-    if (!(voxelSize > 0)) result.demandFewVoxels(wanted);
-    result.demandMemory(wanted);
+    if (!(voxelSize > 0)) result.requireFewVoxels(wanted);
+    result.requireMemory(wanted);
     if (!resamples) return;
     const std::uint64_t voxels = result.plan(wanted).front().voxels,
                         bytes = result.peakBytes(wanted);

@@ -28,7 +28,7 @@ int outOfMemory(Session& session)
     return int(ExitCode::Limit);
 }
 
-/// Call @a work; say and report what it throws. @return the exit status.
+/// Calls @a work; prints and reports its exceptions. @return the exit status.
 template <typename Work>
 int guarded(Session& session, const Work& work)
 {

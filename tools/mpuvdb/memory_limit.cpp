@@ -20,7 +20,7 @@ namespace mpuvdb::command
 namespace
 {
 
-/// What the system says of this process under @a name, such as "VmRSS:"; 0 if it does not.
+/// The process's status in the system under @a name, such as "VmRSS:", bytes; 0 without one.
 std::uint64_t statusBytes(const std::string& name)
 {
     std::ifstream status("/proc/self/status");
@@ -33,14 +33,14 @@ std::uint64_t statusBytes(const std::string& name)
     return 0;
 }
 
-/// Private writable memory that the process has now, which is what RLIMIT_DATA counts.
+/// The private writable memory of the process, bytes, which RLIMIT_DATA limits.
 std::uint64_t dataBytesNow()
 {
     return statusBytes("VmData:");
 }
 
-/// Called where memory is refused. Leaving frees what was taken, and destructors may allocate
-/// (those of OpenVDB's trees do): they get a reserve.
+/// The handler of failed allocations: raises the limit by a reserve, as destructors may allocate
+/// (those of OpenVDB's trees do), and throws.
 void throwWithReserve()
 {
     constexpr rlim_t kReserve = 64 << 20;

@@ -1,4 +1,4 @@
-// How much memory the process may take.
+// The memory limit of the process.
 #pragma once
 #include <mpuvdb/memory.h>
 
@@ -12,15 +12,14 @@ namespace mpuvdb::command
 /// @throws UsageError for anything else, and for zero.
 std::uint64_t parseSize(const std::string& text);
 
-/// Let allocations beyond @a bytes more than now held fail (std::bad_alloc) rather than the
-/// machine.
+/// Makes allocations of more than @a bytes beside those held now fail with std::bad_alloc.
 void limitMemory(std::uint64_t bytes);
 
-/// Memory that the process holds now.
+/// The resident memory of the process, bytes.
 std::uint64_t residentBytes();
 
-/// Have the C library keep what a stage frees for the next stage: given back, the system clears the
-/// same pages again and again. Large arrays still go back at once. Once, before any thread starts.
+/// Makes the C library keep memory that a stage frees for the next one, as the system would clear
+/// its pages again; large arrays are still given back at once. Call it before any thread starts.
 void reuseFreedMemory();
 
 } // namespace mpuvdb::command

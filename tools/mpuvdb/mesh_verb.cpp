@@ -1,4 +1,4 @@
-// mpuvdb mesh: level set in, triangles out.
+// mpuvdb mesh: a level set to triangles.
 #include "describe.h"
 #include "standard_output.h"
 #include "verb.h"
@@ -26,7 +26,7 @@ public:
                 "  mpuvdb mesh scan.vdb -o scan.glb --up z --units mm\n"
                 "      For a world with Z up, in millimeters: GLB has Y up, and meters.\n"
                 "  mpuvdb mesh part.vdb -o part.obj --tolerance 0.1vx --lods 3\n"
-                "      A tenth of the triangles or fewer, and three coarser meshes beside.\n"
+                "      A tenth of the triangles or fewer, and three coarser meshes.\n"
                 "  mpuvdb mesh scan.vdb -o open.ply --holes 5vx\n"
                 "      Holes of more than five voxels stay open; needs reconstruct --coverage.\n"};
     }
@@ -43,8 +43,8 @@ public:
         addHoles(app, mHoles);
         addAttributes(
             app, mAttributes,
-            "Grids of the file that give the vertices colors and numbers, by name; auto: Cd,\n"
-            "where there is one; the default");
+            "Names of grids in the file with the vertices' colors and scalars; auto: Cd, if\n"
+            "there is one; the default");
         addMeshShape(app, mMesh.shape, "--tolerance");
         addScene(app, mMesh.scene);
     }
@@ -62,10 +62,11 @@ public:
     }
 
 private:
-    /// @param file  what is read, whatever its name was.
+    /// @param file  to read; temporary for standard input.
     ExitCode meshFile(const std::filesystem::path& file, Session& session)
     {
-        const LevelSet levelSet = readLevelSet(file, mGrid, session.bytesLeft(), Purpose::Looking);
+        const LevelSet levelSet =
+            readLevelSet(file, mGrid, session.bytesLeft(), Validation::SignsOnly);
         session.hold(levelSet.grid().memUsage());
         const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids(file, session.bytesLeft());
         for (const auto& grid : grids) session.hold(grid->memUsage());
@@ -83,7 +84,7 @@ private:
         return writeMeshOf(levelSet, mMesh, session);
     }
 
-    /// @throws InputError where one that is named is not there.
+    /// The attributes' grids. @throws InputError where one that is named is missing.
     std::vector<openvdb::GridBase::Ptr> attributeGrids(const std::filesystem::path& file,
                                                        std::uint64_t maxBytes) const
     {
@@ -92,8 +93,8 @@ private:
         std::vector<openvdb::GridBase::Ptr> grids = readAttributeGrids(file, names, maxBytes);
         for (std::size_t n = 0; n < names.size() && !mAttributes.automatic; ++n)
             if (!grids[n])
-                throw InputError(fmt::format("{}: has no grid '{}' of floats or Vec3f. See what "
-                                             "there is with mpuvdb info",
+                throw InputError(fmt::format("{}: has no float or Vec3f grid '{}'. List its grids "
+                                             "with mpuvdb info",
                                              mInput, names[n]));
         grids.erase(std::remove(grids.begin(), grids.end(), nullptr), grids.end());
         return grids;
@@ -105,7 +106,7 @@ private:
     Holes mHoles;
 };
 
-/// Trim, and say what became of the holes.
+/// Trims the mesh, and reports its holes.
 Mesh trimmed(Mesh mesh, const Trim& trim, Session& session)
 {
     TrimReport report;
@@ -119,7 +120,7 @@ Mesh trimmed(Mesh mesh, const Trim& trim, Session& session)
                              "removed",
                              report.open, report.closed, settings.closeUpTo, report.islands));
     if (mesh.triangles.empty())
-        session.warn("nothing of the surface is covered: the trimmed mesh is empty");
+        session.warn("no part of the surface is covered: the trimmed mesh is empty");
     return mesh;
 }
 
@@ -136,27 +137,27 @@ CLI::Option* addHoles(CLI::App& app, Holes& holes)
                 holes.closeUpTo = Length::parse(text);
                 if (!(holes.closeUpTo.value >= 0))
                     throw UsageError(
-                        fmt::format("--holes: {} is below 0: say close, open or a size", text));
+                        fmt::format("--holes: {} is below 0. Give close, open or a length", text));
             },
-            "Of the mesh, where no data support the surface. close: closed, the default;\n"
-            "open: the mesh is trimmed where coverage is below 1/2; a length: only where the\n"
-            "uncovered patch is larger than that from end to end")
+            "Holes of the mesh, where no data support the surface. close: closed, the default;\n"
+            "open: the mesh is trimmed where coverage is below 1/2; a length: only uncovered\n"
+            "patches that are longer than this are open")
         ->type_name("close|open|LENGTH");
 }
 
 namespace
 {
 
-/// STL has single precision: far from the origin vertices cannot stay where they are.
+/// Warns where STL's single precision moves vertices far from the origin.
 void warnOfStl(const Mesh& mesh, double voxelSize, const std::string& output, Session& session)
 {
-    constexpr double kNoticed = 0.01; // voxels
+    constexpr double kMinNotedError = 0.01; // voxels
     if (std::filesystem::path(output).extension() != ".stl") return;
     const double farthest = mesh.frame.cwiseAbs().maxCoeff();
     const double off = 0.5 * farthest * double(std::numeric_limits<float>::epsilon());
-    if (off > kNoticed * voxelSize)
+    if (off > kMinNotedError * voxelSize)
         session.warn(fmt::format("{}: STL holds single precision only, which moves vertices by up "
-                                 "to {:.2g} ({:.2g} voxels) here; all other formats keep them",
+                                 "to {:.2g} ({:.2g} voxels) here. All other formats keep them",
                                  output, off, off / voxelSize));
 }
 
@@ -166,13 +167,13 @@ void addScene(CLI::App& app, SceneSettings& scene)
 {
     const char* const group = "GLB and USD";
     addUpAxis(app, scene.up,
-              "The axis of the world that points up: GLB is turned to Y up, USD told; default: y")
+              "The world's up axis: GLB is turned to Y up, USD stores it; default: y")
         ->group(group);
     static const std::map<std::string, double> units = {
         {"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}, {"ft", 0.3048}};
     app.add_option_function<std::string>(
            "--units", [&scene](const std::string& name) { scene.metersPerUnit = units.at(name); },
-           "What the world's units are: GLB is scaled to meters, USD told; default: m")
+           "The world's unit: GLB is scaled to meters, USD stores it; default: m")
         ->type_name("m|cm|mm|in|ft")
         ->check(oneOf({"m", "cm", "mm", "in", "ft"}))
         ->group(group);
@@ -189,14 +190,13 @@ void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance)
         ->group(group);
     app.add_option(
            "--lods", shape.lods,
-           "Write coarser meshes beside it: OUT.lod1.ply, OUT.lod2.ply ..., each with four\n"
-           "times the tolerance of the one before; the first with 0.4vx, or four times the\n"
+           "Write coarser meshes too: OUT.lod1.ply, OUT.lod2.ply ..., each with four times\n"
+           "the tolerance of the one before; the first with 0.4vx, or four times the\n"
            "tolerance given")
         ->check(CLI::Range(0, 8))
         ->group(group);
     app.add_flag("--strict", shape.strict,
-                 "No triangles may cross: what makes them do so is given up; exit 4 if that does\n"
-                 "not help")
+                 "Retract vertices until no triangles cross; exit status 4 if some still do")
         ->group(group);
 }
 
@@ -288,7 +288,7 @@ std::vector<Output> filesOf(const MeshOutput& output, const std::string& option)
 {
     std::vector<Output> files{{option, output.path, meshExtensions(), true}};
     if (output.path == "-" && output.shape.lods > 0)
-        throw UsageError("--lods writes files beside the mesh: give that a name instead of -");
+        throw UsageError("--lods writes files beside the mesh. Name a file instead of -");
     for (int level = 1; level <= output.shape.lods && !output.path.empty(); ++level)
         files.push_back({"--lods", lodPath(output.path, level), meshExtensions()});
     return files;

@@ -1,4 +1,4 @@
-// mpuvdb morph: from one solid to another, one frame or many.
+// mpuvdb morph: solids between two others, one frame or many.
 #include "frames.h"
 #include "level_set_verb.h"
 
@@ -16,7 +16,7 @@ class MorphVerb final : public Verb
 public:
     VerbText text() const override
     {
-        return {"morph", "A solid on its way to another, or a sequence of that",
+        return {"morph", "A solid between two others, or a sequence of such solids",
                 "  mpuvdb morph cube.vdb ball.vdb -o half.vdb --at 0.5\n"
                 "  mpuvdb morph cube.vdb ball.vdb --frames 1-24 -o morph.####.vdb\n"
                 "      The first frame is the cube, the last the ball.\n"
@@ -27,7 +27,7 @@ public:
     void addOptions(CLI::App& app) override
     {
         app.add_option("from", mFiles[0], "A .vdb file with a level set")->required();
-        app.add_option("to", mFiles[1], "Another")->required();
+        app.add_option("to", mFiles[1], "Another .vdb file with a level set")->required();
         app.add_option("-o,--output", mOutput,
                        "The level set, - is standard output; for frames a pattern: name.####.vdb,\n"
                        "name.%04d.vdb or name.$F4.vdb")
@@ -35,7 +35,7 @@ public:
             ->type_name("OUT.vdb");
         addGridName(app, mGrid);
         CLI::Option* const at =
-            app.add_option("--at", mAt, "How far on the way, from 0 to 1; default: 0.5")
+            app.add_option("--at", mAt, "Position between the two, from 0 to 1; default: 0.5")
                 ->type_name("T");
         CLI::Option* const frames =
             app.add_option("--frames", mFrames, "A sequence from 0 to 1: 1-24, or 1-24x2 by steps")
@@ -44,12 +44,13 @@ public:
         app.add_option("--only", mOnly, "Only this frame of --frames")
             ->type_name("N")
             ->needs(frames);
-        app.add_flag("--skip-existing", mSkipExisting, "Leave out frames whose file is there")
+        app.add_flag("--skip-existing", mSkipExisting, "Skip frames whose file exists")
             ->needs(frames);
         app.add_option("--method", mMethod,
-                       "linear: the distances are blended, fits shapes that lie over each other;\n"
+                       "linear: the distances are blended, for shapes that overlap;\n"
                        "advection: the surface moves along its normals, for shapes that differ "
-                       "much;\nwhere they do not touch, the first is gone before the second comes")
+                       "much;\nwhere they do not touch, the first vanishes before the second "
+                       "appears")
             ->type_name("linear|advection")
             ->check(oneOf({"linear", "advection"}))
             ->capture_default_str();
@@ -99,7 +100,7 @@ private:
         }
         const std::vector<int> frames = parseFrames(mFrames);
         if (mOnly && std::find(frames.begin(), frames.end(), *mOnly) == frames.end())
-            throw UsageError(fmt::format("--only {}: is none of --frames {}", *mOnly, mFrames));
+            throw UsageError(fmt::format("--only {}: is not in --frames {}", *mOnly, mFrames));
         if (!hasFrame(mOutput))
             throw UsageError(fmt::format("-o {}: a sequence needs a place for the frame's number, "
                                          "such as morph.####.vdb",

@@ -1,4 +1,4 @@
-// mpuvdb twist, transform, resample: the same solid elsewhere, deformed, or on other voxels.
+// mpuvdb twist, transform, resample: a solid deformed, moved, or on other voxels.
 #include "level_set_verb.h"
 
 #include <fmt/format.h>
@@ -12,14 +12,14 @@ namespace
 
 constexpr double kRadians = M_PI / 180;
 
-/// A solid far off the axis is drawn out along its turns, to a sheet in the end.
-/// @param rate  radians per world unit. @throws UsageError where it would be thinner than two
-/// voxels.
-void demandNearAxis(const Box3d& box, const Axis& axis, double rate, double voxelSize,
-                    Session& session)
+/// Checks whether a twist draws out a solid that is far off the axis.
+/// @param rate  radians per world unit.
+/// @throws UsageError where the solid would become thinner than two voxels.
+void requireNearAxis(const Box3d& box, const Axis& axis, double rate, double voxelSize,
+                     Session& session)
 {
-    constexpr double kThinnest = 2; // voxels
-    constexpr double kFar = 5;      // times its size
+    constexpr double kMinThickness = 2; // voxels
+    constexpr double kMaxOffAxis = 5;   // sizes of the solid
     if (box.isEmpty() || rate == 0) return;
     const Vec3d along = axis.direction.normalized();
     const auto across = [&](const Vec3d& v) { return (v - v.dot(along) * along).norm(); };
@@ -33,12 +33,12 @@ void demandNearAxis(const Box3d& box, const Axis& axis, double rate, double voxe
                     off / std::max(size, 1e-300));
     const std::string cure = fmt::format("--center {:.6g},{:.6g},{:.6g} puts the axis through it",
                                          center[0], center[1], center[2]);
-    if (growth > 1 && size / growth < kThinnest * voxelSize)
+    if (growth > 1 && size / growth < kMinThickness * voxelSize)
         throw UsageError(fmt::format("{}: {:.4g} degrees per unit draw it out to a sheet {:.2g} "
                                      "voxels thick. {}",
                                      where, std::abs(rate) / kRadians, size / growth / voxelSize,
                                      cure));
-    if (off > kFar * size && growth > 1)
+    if (off > kMaxOffAxis * size && growth > 1)
         session.warn(fmt::format("{}: it is drawn out, to about {:.2g} times its surface. {}",
                                  where, growth, cure));
 }
@@ -60,19 +60,20 @@ protected:
         CLI::Option* const rate =
             app.add_option("--degrees-per-unit", mRate, "Angle per world unit along the axis")
                 ->type_name("DEGREES");
-        app.add_option("--turn", mTurn, "Instead: angle over the solid's whole length")
+        app.add_option("--turn", mTurn, "Instead: angle over the solid's length")
             ->type_name("DEGREES")
             ->excludes(rate);
         addDirection(app, "--axis", mAxis, "Direction of the axis; default: z");
-        addTriple(app, "--center", mCenter, "A point on the axis, which stays; default: 0,0,0");
+        addTriple(app, "--center", mCenter, "A point on the axis; default: 0,0,0");
     }
 
     LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
     {
-        if (!mRate && !mTurn) throw UsageError("say how far: --degrees-per-unit or --turn");
+        if (!mRate && !mTurn)
+            throw UsageError("there is no angle. Give --degrees-per-unit or --turn");
         const LevelSet& solid = inputs.front().levelSet;
         const Axis axis{mCenter.value_or(Vec3d::Zero()), mAxis.value_or(Vec3d::UnitZ())};
-        if (!(axis.direction.norm() > 0)) throw UsageError("--axis 0,0,0: is no direction");
+        if (!(axis.direction.norm() > 0)) throw UsageError("--axis 0,0,0: is not a direction");
         const Shape shape(solid);
         double rate = mRate.value_or(0);
         if (mTurn) {
@@ -86,7 +87,7 @@ protected:
         settings()["axis"] = toJson(axis.direction);
         settings()["center"] = toJson(axis.origin);
         session.note(fmt::format("twist       {:.4g} degrees per unit", rate));
-        demandNearAxis(shape.bounds(), axis, rate * kRadians, solid.voxelSize(), session);
+        requireNearAxis(shape.bounds(), axis, rate * kRadians, solid.voxelSize(), session);
         return shape.warped(makeTwist(axis, rate * kRadians), "twist")
             .evaluate(settingsLike(solid, session), &session.progress());
     }
@@ -101,7 +102,7 @@ class TransformVerb final : public LevelSetVerb
 public:
     VerbText text() const override
     {
-        return {"transform", "A solid scaled, turned and moved, in this order",
+        return {"transform", "A solid scaled, rotated and moved, in this order",
                 "  mpuvdb transform part.vdb -o moved.vdb --translate 0,0,0.5\n"
                 "  mpuvdb transform part.vdb -o turned.vdb --rotate 0,0,45 --about 1,1,0\n"
                 "  mpuvdb transform part.vdb -o millimeters.vdb --scale 1000 --with-voxels\n"};
@@ -117,7 +118,7 @@ protected:
         addTriple(app, "--rotate", mRotate, "Degrees about the x, y and z axis, in this order");
         addTriple(app, "--translate", mTranslate, "World units");
         addTriple(app, "--about", mAbout,
-                  "The point that scaling and turning leave; default: 0,0,0");
+                  "The fixed point of scaling and rotation; default: 0,0,0");
         app.add_flag("--with-voxels", mWithVoxels,
                      "Scale the voxels too, where the factor is the same for all axes");
     }
@@ -140,7 +141,7 @@ protected:
         ShapeSettings shape = settingsLike(solid, session);
         if (mWithVoxels) {
             if (!(mScale.minCoeff() == mScale.maxCoeff()))
-                throw UsageError("--with-voxels: voxels stay cubes; scale all axes alike");
+                throw UsageError("--with-voxels: voxels have to stay cubes. Scale all axes alike");
             shape.voxelSize *= std::abs(mScale.x());
         }
         settings()["voxel_size"] = shape.voxelSize;
@@ -174,9 +175,9 @@ protected:
     void addOwnOptions(CLI::App& app) override
     {
         addLength(app, "--voxel-size", mVoxelSize,
-                  "Edge of the new voxels; vx means the old ones; default: as it is");
+                  "Edge of the new voxels; vx are the old ones; default: unchanged");
         app.add_option("--half-width", mHalfWidth,
-                       "Voxels of the band on either side; default: as it is")
+                       "Voxels of the band on either side; default: unchanged")
             ->type_name("VOXELS");
     }
 

@@ -28,8 +28,8 @@ void checkExtension(const Output& output)
                                  output.option, output.path, extension, fmt::join(known, ", ")));
 }
 
-/// The proof is a file without a name: it sees read-only mounts and leaves nothing. File systems
-/// that have no such files are asked for their permissions instead.
+/// Whether a file can be created: by one without a name, which also detects read-only mounts; on
+/// file systems without such files, by permissions.
 bool writable(const fs::path& folder)
 {
     const int file = open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0600);
@@ -81,7 +81,7 @@ std::string extensionOf(const std::string& path)
 void checkDistinct(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
 {
     if (std::count(inputs.begin(), inputs.end(), "-") > 1)
-        throw UsageError("- -: standard input is there once; name files for the others");
+        throw UsageError("- -: standard input can be read once; name files for the others");
     std::vector<std::string> taken;
     for (const Output& output : outputs) {
         if (output.path.empty()) continue;

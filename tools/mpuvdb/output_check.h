@@ -1,4 +1,4 @@
-// Whether outputs can be written, asked before the long work and not after it.
+// Checks before the work whether outputs can be written.
 #pragma once
 #include <string>
 #include <vector>
@@ -6,10 +6,10 @@
 namespace mpuvdb::command
 {
 
-/// One file that a verb is to write.
+/// A file that a verb writes.
 struct Output {
-    std::string option;                  ///< that named it, for messages
-    std::string path;                    ///< "-" for standard output; empty: not asked for
+    std::string option;                  ///< its option, for messages
+    std::string path;                    ///< "-": standard output; empty: no output
     std::vector<std::string> extensions; ///< known ones, lower case; empty: any
     bool printable = false;              ///< whether "-" is allowed
 };

@@ -23,15 +23,15 @@ const std::vector<Preset>& presets()
 {
     static const std::vector<Preset> all = {
         {"scan",
-         "what a scanner delivers: outliers, wrong normals, noise",
+         "scanners' points: outliers, wrong normals, noise",
          {{"--outliers", "drop"}, {"--normals", "auto"}, {"--holes", "close"}}},
         {"clean",
-         "points that are exact, of CAD or simulations: nothing is dropped or turned",
+         "exact points of CAD or simulations: none is dropped or turned",
          {{"--outliers", "keep"}, {"--normals", "keep"}, {"--tolerance", "0.1vx"}}},
         {"particles",
          "a surface through particles: smooth, single particles stay",
          {{"--outliers", "keep"}, {"--no-sharp", "true"}, {"--alpha", "1"}}},
-        // From so high that the view is straight down, wherever the survey's coordinates begin.
+        // A viewpoint so high that the view is straight down, whatever the survey's coordinates.
         {"terrain",
          "surveys seen from above (+Z): open underneath",
          {{"--viewpoint", "0,0,1e12"}, {"--normals", "estimate"}, {"--holes", "open"}}}};
@@ -54,7 +54,7 @@ std::string typed(const std::vector<Setting>& settings)
 
 CLI::Option* addPreset(CLI::App& app, std::string& preset)
 {
-    std::string help = "Options for a kind of data; what is given beside it counts more";
+    std::string help = "Options for a kind of data; options given beside it take precedence";
     std::vector<std::string> names;
     for (const Preset& p : presets()) {
         names.push_back(p.name);

@@ -16,9 +16,9 @@ public:
     explicit ProgressDisplay(ProgressStyle style) : mStyle(style) {}
 
     void show(const std::string& stage, double fraction);
-    /// Print a line on standard error, above the bar.
+    /// Prints a line on standard error, above the bar.
     void print(const std::string& line);
-    /// Take the bar away.
+    /// Removes the bar.
     void clear();
 
 private:

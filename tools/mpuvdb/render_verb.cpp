@@ -1,4 +1,4 @@
-// mpuvdb render: level set in, picture out.
+// mpuvdb render: a level set to a picture.
 #include "describe.h"
 #include "standard_output.h"
 #include "verb.h"
@@ -53,11 +53,11 @@ public:
                },
                "Pixels; default: 800x600")
             ->type_name("WxH");
-        addUpAxis(app, mPicture.up, "The axis of the world that points up; default: y");
-        app.add_option("--azimuth", mPicture.azimuth, "Of the camera, about that axis")
+        addUpAxis(app, mPicture.up, "The world's up axis; default: y");
+        app.add_option("--azimuth", mPicture.azimuth, "Angle of the camera about that axis")
             ->type_name("DEGREES")
             ->capture_default_str();
-        app.add_option("--elevation", mPicture.elevation, "Of the camera, above the horizon")
+        app.add_option("--elevation", mPicture.elevation, "Angle of the camera above the horizon")
             ->type_name("DEGREES")
             ->capture_default_str();
     }
@@ -68,7 +68,7 @@ public:
         session.progress().beginStage("read");
         std::optional<LevelSet> read;
         readFile(mInput, ".vdb", [&](const std::filesystem::path& file) {
-            read = readLevelSet(file, mGrid, session.options().maxBytes, Purpose::Looking);
+            read = readLevelSet(file, mGrid, session.options().maxBytes, Validation::SignsOnly);
         });
         const LevelSet& levelSet = *read;
         session.report()["settings"] = {{"width", mPicture.width},

@@ -33,11 +33,11 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("solid", mSolid, "What is scanned, such as \"torus(1,0.3)\"; see --list");
+        app.add_option("solid", mSolid, "The solid, such as \"torus(1,0.3)\"; see --list");
         app.add_option("-o,--output", mOutput, "The points: .ply .xyz; - is PLY on standard output")
             ->type_name("OUT.ply");
-        app.add_flag("--list", mList, "List the solids and leave");
-        app.add_option("--points", mScan.points, "About how many points")
+        app.add_flag("--list", mList, "List the solids and exit");
+        app.add_option("--points", mScan.points, "Number of points; approximate for scans")
             ->type_name("N")
             ->capture_default_str();
         app.add_option("--pattern", mPattern,
@@ -46,7 +46,7 @@ public:
             ->type_name("even|random|scan")
             ->check(oneOf({"even", "random", "scan"}))
             ->capture_default_str();
-        app.add_option("--views", mScan.views, "Viewpoints of a scan, spread around")
+        app.add_option("--views", mScan.views, "Number of viewpoints of a scan, spread around")
             ->type_name("N")
             ->capture_default_str();
         app.add_option("--viewpoint", mViewpoints, "Instead: one viewpoint; may be repeated")
@@ -89,23 +89,23 @@ public:
 private:
     void addFlaws(CLI::App& app)
     {
-        const char* const group = "Flaws";
+        const char* const group = "Errors of measurement";
         addLength(app, "--noise", mNoise, "Standard deviation of the positions; 0.1% for example")
             ->group(group);
         app.add_option("--normal-noise", mScan.normalNoise, "Standard deviation of the normals")
             ->type_name("DEGREES")
             ->group(group);
-        app.add_flag("--confidence", mScan.confidence, "Write how far each point may be trusted")
+        app.add_flag("--confidence", mScan.confidence, "Write a confidence for each point")
             ->group(group);
-        app.add_option("--outliers", mScan.outliers, "Share of points that are wrong, up to 0.5")
+        app.add_option("--outliers", mScan.outliers, "Share of outliers, up to 0.5")
             ->type_name("SHARE")
             ->group(group);
         app.add_option("--outlier-distance", mScan.outlierDistance,
-                       "How far off they are, in parts of the diagonal")
+                       "Their standard deviation per axis, in parts of the diagonal")
             ->type_name("RATIO")
             ->capture_default_str()
             ->group(group);
-        app.add_option("--holes", mScan.holes, "Round holes in the data")
+        app.add_option("--holes", mScan.holes, "Number of round holes in the data")
             ->type_name("N")
             ->group(group);
         app.add_option("--hole-radius", mScan.holeRadius, "Their radius, in parts of the diagonal")

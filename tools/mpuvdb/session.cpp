@@ -50,7 +50,7 @@ void Session::checkFiles(const std::vector<Output>& outputs, const std::vector<s
     all.insert(all.end(), outputs.begin(), outputs.end());
     checkDistinct(all, inputs);
     checkOutput(report);
-    mReportFile = mOptions.report; // from here on errors are reported there
+    mReportFile = mOptions.report; // errors are reported there from now on
     for (const Output& output : outputs) checkOutput(output);
 }
 
@@ -105,8 +105,8 @@ void Session::writeReport()
         std::ofstream out(file, std::ios::binary);
         out << text << std::flush;
         if (!out) {
-            throw IoError(
-                fmt::format("{}: cannot be written; is there room on the disk?", mReportFile));
+            throw IoError(fmt::format(
+                "{}: cannot be written. Free some space, or write to another disk", mReportFile));
         }
     });
 }

@@ -1,4 +1,4 @@
-// What every verb works with: progress, messages, the report, limits.
+// The progress, messages, report and limits of a run.
 #pragma once
 #include "output_check.h"
 #include "progress_display.h"
@@ -32,31 +32,31 @@ public:
 
     Interrupter& progress() { return mProgress; }
     const CommonOptions& options() const { return mOptions; }
-    /// What the limit leaves beside the inputs that were read; 0: there is no limit.
+    /// The memory limit less the inputs that were read; 0: there is no limit.
     std::uint64_t bytesLeft() const;
-    /// An input of so many bytes was read, and stays.
+    /// Counts the bytes of an input that stays in memory.
     void hold(std::uint64_t bytes) { mHeld += bytes; }
-    /// The report under way: verbs add "settings", "input", "field", "grid", "mesh".
+    /// The report, where verbs add "settings", "input", "field", "grid", "mesh".
     nlohmann::ordered_json& report() { return mReport; }
 
-    /// Check the verb's outputs and the report as output_check.h says, before any work.
+    /// Checks the verb's outputs and the report by output_check.h, before any work.
     void checkFiles(const std::vector<Output>& outputs, const std::vector<std::string>& inputs);
-    /// Tell the user what he may like to know; silent under --quiet.
+    /// Prints information for the user; nothing under --quiet.
     void note(const std::string& message);
-    /// Tell the user what he has to know.
+    /// Prints a warning, and adds it to the report.
     void warn(const std::string& message);
-    /// Tell the user why it failed, and put it into the report.
+    /// Prints the error that ends the run, and adds it to the report.
     void fail(const char* type, const std::string& message);
-    /// Times of all stages, for people.
+    /// The times of all stages as text.
     std::string timesText() const;
-    /// Add the stages to the report and write it, if one was asked for. @throws IoError.
+    /// Adds the stages to the report and writes it, if there is a file for it. @throws IoError.
     void writeReport();
 
 private:
     const std::string mVerb;
     const CommonOptions mOptions;
     std::uint64_t mHeld = 0; ///< bytes
-    std::string mReportFile; ///< once it is known to be writable
+    std::string mReportFile; ///< empty until it was checked
     ProgressDisplay mDisplay;
     Interrupter mProgress;
     nlohmann::ordered_json mReport = nlohmann::ordered_json::object();

@@ -21,11 +21,11 @@ namespace mpuvdb::command
 namespace
 {
 
-constexpr std::chrono::milliseconds kPatience{200};
+constexpr std::chrono::milliseconds kGracePeriod{200};
 
 std::atomic<Interrupter*> theProgress{nullptr};
 std::atomic<int> theSignal{0};
-int theBell = -1; // an eventfd: rung by the handler, heard by the watchdog
+int theStopEvent = -1; // an eventfd from the handler to the watchdog
 
 [[noreturn]] void leaveNow() noexcept
 {
@@ -41,16 +41,16 @@ extern "C" void onStopSignal(int signal)
     if (!theSignal.compare_exchange_strong(none, signal)) leaveNow();
     theProgress.load()->stop();
     const std::uint64_t ring = 1;
-    [[maybe_unused]] const ssize_t written = write(theBell, &ring, sizeof ring);
+    [[maybe_unused]] const ssize_t written = write(theStopEvent, &ring, sizeof ring);
     errno = savedErrno;
 }
 
 void watch()
 {
     std::uint64_t rings = 0;
-    while (read(theBell, &rings, sizeof rings) < 0 && errno == EINTR) {
+    while (read(theStopEvent, &rings, sizeof rings) < 0 && errno == EINTR) {
     }
-    std::this_thread::sleep_for(kPatience);
+    std::this_thread::sleep_for(kGracePeriod);
     leaveNow();
 }
 
@@ -72,11 +72,12 @@ void handle(int signal)
 void stopOnSignals(Interrupter& progress)
 {
     theProgress = &progress;
-    theBell = eventfd(0, EFD_CLOEXEC);
-    if (theBell < 0) throw IoError(fmt::format("cannot make an eventfd: {}", std::strerror(errno)));
+    theStopEvent = eventfd(0, EFD_CLOEXEC);
+    if (theStopEvent < 0)
+        throw IoError(fmt::format("cannot make an eventfd: {}", std::strerror(errno)));
     std::thread(watch).detach();
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) handle(signal);
-    // Writing fails instead, and what was begun is removed.
+    // Writing fails instead, and unfinished files are removed.
     for (const int signal : {SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_IGN);
 }
 

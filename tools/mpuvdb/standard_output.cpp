@@ -20,7 +20,7 @@ namespace mpuvdb::command
 namespace
 {
 
-/// A folder with one file. Plain memory, because a signal handler may have to remove it.
+/// A folder with one file, in plain memory, as signal handlers remove it.
 struct Scratch {
     std::array<char, PATH_MAX> folder{}, file{};
     std::atomic<bool> exists{false};
@@ -33,7 +33,7 @@ struct Scratch {
     }
 };
 
-/// One for what is read and one for what is written meanwhile.
+/// One for reading and one for writing.
 std::array<Scratch, 2> theScratches;
 
 void printBytes(std::string_view bytes)
@@ -81,7 +81,7 @@ private:
     Scratch& mScratch;
 };
 
-/// @a message without the name of a file that the user has not given.
+/// @a message with "standard input" for the name of the temporary file.
 std::string aboutStandardInput(std::string message, const std::string& file)
 {
     for (std::size_t at; (at = message.find(file)) != std::string::npos;)
@@ -120,7 +120,7 @@ void keepStandardFiles()
 {
     for (const int file : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
         if (fcntl(file, F_GETFD) < 0) {
-            // The wrong way round, so that what uses it fails.
+            // In the wrong direction, so that its use fails.
             const int way = file == STDIN_FILENO ? O_WRONLY : O_RDONLY;
             [[maybe_unused]] const int taken = open("/dev/null", way);
         }

@@ -1,4 +1,4 @@
-// Data on standard output, and files that come through standard input.
+// Data on standard output, and files from standard input.
 #pragma once
 #include <filesystem>
 #include <functional>
@@ -7,24 +7,24 @@
 namespace mpuvdb::command
 {
 
-/// Where standard input, output or errors are closed, take their numbers, which the next file to be
-/// opened would get: reading and writing them fails from then on.
+/// Reserves the numbers of closed standard streams, which the next opened file would get: reading
+/// and writing them fails.
 void keepStandardFiles();
 
-/// Write @a text to standard output. @throws IoError if not all of it got there.
+/// Writes @a text to standard output. @throws IoError if not all of it was written.
 void printText(const std::string& text);
 
-/// Let @a write make a file with @a extension in a folder of its own, and copy its bytes to
-/// standard output. Nothing reaches standard output unless the file was made whole.
+/// Calls @a write with a temporary file with @a extension, and copies it to standard output.
+/// Nothing is copied unless the file is complete.
 void printFile(const std::string& extension,
                const std::function<void(const std::filesystem::path&)>& write);
 
-/// Let @a read read @a file, or if that is "-", standard input, kept meanwhile as a file with
-/// @a extension in a folder of its own. @throws IoError.
+/// Calls @a read with @a file, or if that is "-", with a temporary file with @a extension that
+/// holds standard input. @throws IoError.
 void readFile(const std::string& file, const std::string& extension,
               const std::function<void(const std::filesystem::path&)>& read);
 
-/// Remove the folders of these two (async-signal-safe): for a command that has to end now.
+/// Removes the temporary files of these two (async-signal-safe), at an immediate end.
 void removeScratchFolders() noexcept;
 
 } // namespace mpuvdb::command

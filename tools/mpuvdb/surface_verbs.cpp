@@ -1,4 +1,4 @@
-// mpuvdb offset, shell, smooth: the surface moved along its normals, doubled, evened out.
+// mpuvdb offset, shell, smooth: the surface moved along its normals, as a wall, smoothed.
 #include "level_set_verb.h"
 
 #include <mpuvdb/io.h>
@@ -25,7 +25,7 @@ public:
 protected:
     void addOwnOptions(CLI::App& app) override
     {
-        addLength(app, "--distance", mDistance, "How far outward; below 0: inward")->required();
+        addLength(app, "--distance", mDistance, "Distance outward; below 0: inward")->required();
     }
 
     LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
@@ -55,8 +55,8 @@ public:
 protected:
     void addOwnOptions(CLI::App& app) override
     {
-        addLength(app, "--thickness", mThickness, "Of the wall, two voxels at least")->required();
-        app.add_option("--wall", mWall, "Where it lies beside the surface")
+        addLength(app, "--thickness", mThickness, "Of the wall, at least two voxels")->required();
+        app.add_option("--wall", mWall, "The side of the surface where it lies")
             ->type_name("inward|outward|centered")
             ->check(oneOf({"inward", "outward", "centered", "centred"}))
             ->capture_default_str();
@@ -93,24 +93,23 @@ class SmoothVerb final : public LevelSetVerb
 public:
     VerbText text() const override
     {
-        return {
-            "smooth", "A surface evened out, all over or under a mask",
-            "  mpuvdb smooth scan.vdb -o soft.vdb\n"
-            "  mpuvdb smooth scan.vdb -o soft.vdb --filter median --width 2 --iterations 3\n"
-            "  mpuvdb smooth scan.vdb -o soft.vdb --mask face.vdb --mask-grid density\n"
-            "      Only where the grid density of face.vdb is above 0, in full where it is 1.\n"};
+        return {"smooth", "A smoothed surface, everywhere or under a mask",
+                "  mpuvdb smooth scan.vdb -o soft.vdb\n"
+                "  mpuvdb smooth scan.vdb -o soft.vdb --filter median --width 2 --iterations 3\n"
+                "  mpuvdb smooth scan.vdb -o soft.vdb --mask face.vdb --mask-grid density\n"
+                "      Only where the grid density of face.vdb is above 0, fully where it is 1.\n"};
     }
 
 protected:
     void addOwnOptions(CLI::App& app) override
     {
         app.add_option("--filter", mFilter,
-                       "Of the distances: their mean, Gaussian mean or median in a cube of\n"
-                       "voxels; or a flow that takes off what is curved")
+                       "Mean, Gaussian mean or median of the distances in a cube of voxels, or\n"
+                       "flow by mean curvature")
             ->type_name("mean|gaussian|median|curvature")
             ->check(oneOf({"mean", "gaussian", "median", "curvature"}))
             ->capture_default_str();
-        app.add_option("--iterations", mSmooth.iterations, "How often, from 1 to 1000")
+        app.add_option("--iterations", mSmooth.iterations, "Number of passes, from 1 to 1000")
             ->type_name("N")
             ->capture_default_str();
         app.add_option("--width", mSmooth.width,
@@ -120,7 +119,7 @@ protected:
         CLI::Option* const mask =
             app.add_option("--mask", mMask, "A .vdb file with a grid of values from 0 to 1")
                 ->type_name("MASK.vdb");
-        app.add_option("--mask-grid", mMaskGrid, "Which of its grids; default: its first of floats")
+        app.add_option("--mask-grid", mMaskGrid, "Name of that grid; default: the first float grid")
             ->type_name("NAME")
             ->needs(mask);
     }

@@ -1,4 +1,4 @@
-// A verb of the command: its options and what it does.
+// The verbs of the command.
 #pragma once
 #include "exit_code.h"
 #include "output_check.h"
@@ -19,7 +19,7 @@
 namespace mpuvdb::command
 {
 
-/// Text of the help that is not an option's.
+/// The help text of a verb, without its options.
 struct VerbText {
     const char* name;
     const char* summary;  ///< one line, for the list of verbs
@@ -31,9 +31,9 @@ class Verb
 public:
     virtual ~Verb() = default;
     virtual VerbText text() const = 0;
-    /// Declare options and positionals that write into this object.
+    /// Declares options and positionals that write into this object.
     virtual void addOptions(CLI::App& app) = 0;
-    /// Do it. @throws what the library throws.
+    /// Runs the verb. @throws the library's exceptions.
     virtual ExitCode run(Session& session) = 0;
 };
 
@@ -58,22 +58,22 @@ std::unique_ptr<Verb> makeIsosurface();
 std::unique_ptr<Verb> makeComponents();
 std::unique_ptr<Verb> makeVoxelize();
 
-/// Declare an option whose value is a length with an optional unit.
+/// Declares an option whose value is a length with an optional unit.
 CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Length>& value,
                        const std::string& description);
 
-/// The check that a value is one of @a words, which the option's type name shows already.
+/// The check that a value is one of @a words, which the option's type name already shows.
 CLI::Validator oneOf(const std::vector<std::string>& words);
-/// "--up y|z". @param says  what it is for.
-CLI::Option* addUpAxis(CLI::App& app, UpAxis& up, const std::string& says);
+/// Declares --up y|z. @param help  its help text.
+CLI::Option* addUpAxis(CLI::App& app, UpAxis& up, const std::string& help);
 
-/// Declare --grid, which names one grid of a .vdb file.
+/// Declares --grid, which names one grid of a .vdb file.
 CLI::Option* addGridName(CLI::App& app, std::string& value);
 
-/// What --holes asks for.
+/// The value of --holes.
 struct Holes {
-    bool close = true;  ///< all of them
-    Length closeUpTo{}; ///< else: those of at most this size
+    bool close = true;  ///< all holes
+    Length closeUpTo{}; ///< else: holes of at most this size
 
     std::string text() const
     {
@@ -81,59 +81,59 @@ struct Holes {
     }
 };
 
-/// Declare --holes.
+/// Declares --holes.
 CLI::Option* addHoles(CLI::App& app, Holes& holes);
 
-/// Where the mesh is to be trimmed.
+/// The settings of a trimmed mesh.
 struct Trim {
-    openvdb::FloatGrid::ConstPtr coverage; ///< null: nowhere
+    openvdb::FloatGrid::ConstPtr coverage; ///< null: it is not trimmed
     double closeUpTo = 0;                  ///< holes of at most this size stay closed, world units
 };
 
-/// What --attributes asks for.
+/// The value of --attributes.
 struct Attributes {
-    bool automatic = true; ///< colors, where there are some
+    bool automatic = true; ///< colors, if there are some
     std::vector<std::string> names;
 
     bool has(const std::string& name) const;
-    /// Settle the names, now that it is known whether there are colors.
+    /// Chooses the names by whether there are colors.
     /// @throws UsageError where colors are named, and there are none.
     void choose(bool colors);
     /// The names that are neither colors nor confidences.
     std::vector<std::string> scalars() const;
 };
 
-/// Declare --attributes. @param what  where they come from and where to, for the help.
+/// Declares --attributes. @param what  the help text.
 CLI::Option* addAttributes(CLI::App& app, Attributes& attributes, const std::string& what);
 
-/// Declare --up and --units.
+/// Declares --up and --units.
 void addScene(CLI::App& app, SceneSettings& scene);
 
-/// What is asked of a mesh beside its place.
+/// The options of a mesh's triangles.
 struct MeshShape {
     std::optional<Length> tolerance; ///< of its simplification; none: all triangles
-    int lods = 0;                    ///< coarser meshes beside it
+    int lods = 0;                    ///< number of coarser meshes
     bool strict = false;             ///< no triangles may cross
 };
 
-/// Declare the option called @a tolerance (such as "--tolerance"), --lods and --strict.
+/// Declares the option called @a tolerance (such as "--tolerance"), --lods and --strict.
 void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance);
 
-/// A mesh that a verb is to write.
+/// A mesh that a verb writes.
 struct MeshOutput {
     std::string path; ///< "-": PLY on standard output
     Trim trim;
     MeshShape shape;
-    const Field* field = nullptr; ///< what the level set was sampled from, if known
-    std::function<void(Mesh&, Interrupter&)> addAttributes; ///< empty: there are none
+    const Field* field = nullptr; ///< that the level set was sampled from, or null
+    std::function<void(Mesh&, Interrupter&)> addAttributes; ///< empty: no attributes
     SceneSettings scene;
 };
 
-/// The files that writeMeshOf() writes, as checkFiles() wants them.
+/// The files that writeMeshOf() writes, for checkFiles().
 std::vector<Output> filesOf(const MeshOutput& output, const std::string& option);
 
-/// Extract the mesh of @a levelSet, write it, report it. @return CheckFailed where triangles cross
-/// and were not to.
+/// Extracts the mesh of @a levelSet, writes and reports it. @return CheckFailed where triangles
+/// cross in spite of MeshShape::strict.
 ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session& session);
 
 } // namespace mpuvdb::command

@@ -18,7 +18,7 @@ class FogVerb final : public Verb
 public:
     VerbText text() const override
     {
-        return {"fog", "A level set to a density, as renderers take for clouds",
+        return {"fog", "A level set to a density, as renderers use for clouds",
                 "  mpuvdb fog scan.vdb -o cloud.vdb\n"
                 "  mpuvdb fog scan.vdb -o both.vdb --keep-surface\n"};
     }
@@ -31,7 +31,7 @@ public:
             ->required()
             ->type_name("OUT.vdb");
         addGridName(app, mGrid);
-        app.add_flag("--keep-surface", mKeepSurface, "Write the level set too, beside the density");
+        app.add_flag("--keep-surface", mKeepSurface, "Write the level set too");
     }
 
     ExitCode run(Session& session) override
@@ -71,27 +71,27 @@ class IsosurfaceVerb final : public Verb
 public:
     VerbText text() const override
     {
-        return {"isosurface", "The surface where a density, or any grid of floats, has a value",
+        return {"isosurface", "The surface where a density, or any float grid, has a value",
                 "  mpuvdb isosurface smoke.vdb -o smoke_surface.vdb --value 0.5\n"
                 "  mpuvdb isosurface fire.vdb -o hot.vdb --grid temperature --value 900\n"
                 "  mpuvdb isosurface sdf.vdb -o surface.vdb --value 0 --inside below\n"
-                "      Distances that are not said to be a level set.\n"};
+                "      Distances in a grid without the class level set.\n"};
     }
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a grid of floats; - is standard input")
+        app.add_option("input", mInput, "A .vdb file with a float grid; - is standard input")
             ->required();
         app.add_option("-o,--output", mOutput, "The level set; - is standard output")
             ->required()
             ->type_name("OUT.vdb");
-        app.add_option("--grid", mGrid, "Which grid of floats; default: the first")
+        app.add_option("--grid", mGrid, "Name of the float grid; default: the first")
             ->type_name("NAME");
-        app.add_option("--value", mValue, "Where the surface is")
+        app.add_option("--value", mValue, "Value at the surface")
             ->type_name("NUMBER")
             ->capture_default_str();
         app.add_option("--inside", mInside,
-                       "Where values are above, as of densities, or below, as of distances")
+                       "Values above, as of densities, or below, as of distances, are inside")
             ->type_name("above|below")
             ->check(oneOf({"above", "below"}))
             ->capture_default_str();
@@ -151,9 +151,9 @@ public:
         app.add_option("-o,--output", mOutput, "The parts that are kept; - is standard output")
             ->type_name("OUT.vdb");
         addGridName(app, mGrid);
-        app.add_option("--keep", mKeep, "At most so many parts, the largest; from 1 on")
+        app.add_option("--keep", mKeep, "Keep at most this many parts, the largest; at least 1")
             ->type_name("N");
-        app.add_option("--min-volume", mMinVolume, "Parts of at least this volume")
+        app.add_option("--min-volume", mMinVolume, "Keep parts of at least this volume")
             ->type_name("CUBIC UNITS");
         app.add_flag("--json", mJson, "Print the list as JSON");
     }
@@ -161,9 +161,9 @@ public:
     ExitCode run(Session& session) override
     {
         if (mOutput.empty() && (mKeep || mMinVolume > 0))
-            throw UsageError("--keep and --min-volume say what is written: name it with -o");
+            throw UsageError("--keep and --min-volume need an output. Name it with -o");
         if (mKeep && *mKeep < 1)
-            throw UsageError(fmt::format("--keep {}: must be from 1 on", *mKeep));
+            throw UsageError(fmt::format("--keep {}: must be at least 1", *mKeep));
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("components");
@@ -200,7 +200,7 @@ private:
         session.report()["components"] = parts;
         if (mOutput == "-") return; // standard output is the grid's
         printText(mJson          ? Json{{"components", parts}}.dump(2) + "\n"
-                  : text.empty() ? "no part: the level set is empty\n"
+                  : text.empty() ? "no parts: the level set is empty\n"
                                  : text);
     }
 
@@ -282,7 +282,7 @@ private:
     {
         if (mVoxelSize) {
             if (mVoxelSize->unit == Length::Unit::Voxels)
-                throw UsageError("--voxel-size: voxels say nothing here: give world units or %");
+                throw UsageError("--voxel-size: there are no voxels yet. Give world units or %");
             return mVoxelSize->resolve(0, box.diagonal().norm());
         }
         if (!(mVoxels >= 4 && mVoxels <= 100000))

@@ -11,7 +11,7 @@
 namespace mpuvdb
 {
 
-/// What a writer is to write; attributes are valid.
+/// The input of a writer; attributes are valid.
 struct MeshJob {
     const Mesh& mesh;
     const SceneSettings& scene;
@@ -26,11 +26,11 @@ void writeStl(const MeshJob& job, OutputBuffer& out);
 void writeGlb(const MeshJob& job, OutputBuffer& out);
 void writeUsda(const MeshJob& job, OutputBuffer& out);
 
-/// Calls f(i) for i < count, and progress now and then.
+/// Calls f(i) for i < count, and reports progress.
 template <class F>
 void forEachItem(std::size_t count, OutputBuffer& out, Interrupter& progress, const F& f)
 {
-    constexpr std::size_t kItemsAtOnce = 1 << 12;
+    constexpr std::size_t kItemsAtOnce = 1 << 12; // between two reports [free: latency]
     for (std::size_t i = 0; i < count; ++i) {
         f(i);
         if (i % kItemsAtOnce == kItemsAtOnce - 1) {
@@ -40,20 +40,20 @@ void forEachItem(std::size_t count, OutputBuffer& out, Interrupter& progress, co
     }
 }
 
-/// Whether floats of world coordinates would lose more than three bits of the mesh's own.
+/// Whether floats of world coordinates have more than three bits less than the mesh's own.
 bool needsDoubles(const Mesh& mesh);
 
 /// @throws UsageError for settings out of range.
-void demandScene(const SceneSettings& scene);
+void requireScene(const SceneSettings& scene);
 
-/// Sizes of a GLB file's binary part, bytes.
+/// The sizes of the arrays in a GLB file's binary part, bytes.
 struct GlbSizes {
-    std::uint64_t indices, positions, colors, scalars; ///< scalars: of each
+    std::uint64_t indices, positions, colors, scalars; ///< scalars: each of them
 
     GlbSizes(std::uint64_t triangles, std::uint64_t vertices);
 };
 
 /// @throws LimitError where a .glb file of @a binary and @a json bytes would be over 4 GiB.
-void demandGlbFits(std::uint64_t binary, std::uint64_t json, const std::string& name);
+void requireGlbFits(std::uint64_t binary, std::uint64_t json, const std::string& name);
 
 } // namespace mpuvdb

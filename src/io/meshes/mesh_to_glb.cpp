@@ -15,19 +15,19 @@ namespace mpuvdb
 namespace
 {
 
+/// The header, and the types of chunks, components and buffers. [derived: glTF 2.0]
 constexpr std::uint32_t kMagic = 0x46546c67, kVersion = 2; // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4e4f534a, kBinaryChunk = 0x004e4942;
 constexpr std::uint64_t kHeadBytes = 12, kChunkHeadBytes = 8;
-/// Of component types, and of what a buffer is for.
 constexpr int kUnsignedShort = 5123, kUnsignedInt = 5125, kFloat = 5126;
 constexpr int kVertices = 34962, kIndices = 34963;
 
-/// The parts of a GLB file's description that come in rows.
+/// The buffer views and accessors of a GLB file.
 class Description
 {
 public:
-    /// Append a part of the binary. @param accessor  what it holds: "count", "type" and the like.
-    /// @return its number.
+    /// Appends a part of the binary. @param accessor  its members: "count", "type" and so on.
+    /// @return its index.
     int add(std::uint64_t bytes, int target, const std::string& accessor)
     {
         const char* const comma = mCount == 0 ? "" : ",";
@@ -56,7 +56,7 @@ std::string boundsText(const Mesh& mesh)
     return fmt::format(R"("min":[{},{},{}],"max":[{},{},{}])", a[0], a[1], a[2], b[0], b[1], b[2]);
 }
 
-/// Where the mesh's own coordinates lie in a world of meters with Y up.
+/// The transform of the mesh's own coordinates to a world of meters with Y up.
 std::string placement(const Mesh& mesh, const SceneSettings& scene)
 {
     const bool turned = scene.up == UpAxis::Z;
@@ -74,7 +74,7 @@ std::string describe(const Mesh& mesh, const SceneSettings& scene, std::uint64_t
     std::string json = R"({"asset":{"version":"2.0","generator":"mpuvdb"},"scene":0,)"
                        R"("scenes":[{"nodes":[0]}],)";
     binary = 0;
-    if (mesh.triangles.empty()) // nothing may have no elements
+    if (mesh.triangles.empty()) // glTF has no empty arrays
         return json + R"("nodes":[{"name":"surface"}]})";
     const std::size_t vertices = mesh.positions.size();
     const GlbSizes sizes(mesh.triangles.size(), vertices);
@@ -134,7 +134,7 @@ GlbSizes::GlbSizes(std::uint64_t triangles, std::uint64_t vertices)
 {
 }
 
-void demandGlbFits(std::uint64_t binary, std::uint64_t json, const std::string& name)
+void requireGlbFits(std::uint64_t binary, std::uint64_t json, const std::string& name)
 {
     const std::uint64_t all = kHeadBytes + 2 * kChunkHeadBytes + binary + json;
     if (all > std::numeric_limits<std::uint32_t>::max())
@@ -148,7 +148,7 @@ void writeGlb(const MeshJob& job, OutputBuffer& out)
     std::uint64_t binary = 0;
     std::string json = describe(job.mesh, job.scene, binary);
     json.resize((json.size() + 3) / 4 * 4, ' ');
-    demandGlbFits(binary, json.size(), job.name);
+    requireGlbFits(binary, json.size(), job.name);
     const std::uint64_t chunk = binary > 0 ? kChunkHeadBytes + binary : 0;
     out.value(kMagic);
     out.value(kVersion);

@@ -10,7 +10,7 @@ namespace mpuvdb
 namespace
 {
 
-/// The shortest decimals that give a position back, as floats where they tell enough.
+/// Writes the shortest decimals that give a position back, as doubles or floats.
 void formatPosition(const Vec3d& p, bool doubles, std::vector<char>& bytes)
 {
     const auto to = std::back_inserter(bytes);
@@ -22,7 +22,7 @@ void formatPosition(const Vec3d& p, bool doubles, std::vector<char>& bytes)
 
 } // namespace
 
-// Colors after the position, in [0,1] and the sRGB curve, are what programs write and read.
+// Colors follow the position, in [0,1] and the sRGB curve, as other programs write and read them.
 void writeObj(const MeshJob& job, OutputBuffer& out)
 {
     const Mesh& mesh = job.mesh;

@@ -18,7 +18,7 @@ template <class F>
 void writeArray(const MeshJob& job, OutputBuffer& out, const std::string& name, std::size_t count,
                 const F& format)
 {
-    constexpr std::size_t kItemsPerLine = 8;
+    constexpr std::size_t kItemsPerLine = 8; // [free: line length]
     out.text("    " + name + " = [");
     forEachItem(count, out, job.progress, [&](std::size_t i) {
         if (i > 0) out.text(i % kItemsPerLine == 0 ? ",\n        " : ", ");

@@ -1,4 +1,4 @@
-// Which writer a mesh's file wants.
+// The writer for a mesh's file.
 #include "files/text_scan.h"
 #include "mesh_formats.h"
 
@@ -23,16 +23,16 @@ struct Format {
 constexpr Format kFormats[] = {{".ply", writePly}, {".obj", writeObj}, {".off", writeOff},
                                {".stl", writeStl}, {".glb", writeGlb}, {".usda", writeUsda}};
 
-void demandAttributes(const Mesh& mesh)
+void requireAttributes(const Mesh& mesh)
 {
-    const auto demand = [&](std::size_t count, const std::string& what) {
+    const auto require = [&](std::size_t count, const std::string& what) {
         if (count != mesh.positions.size())
             throw UsageError(fmt::format("mesh: {} values of {} for {} vertices. Give one for "
                                          "each, or none",
                                          count, what, mesh.positions.size()));
     };
-    if (!mesh.colors.empty()) demand(mesh.colors.size(), "color");
-    for (const NamedScalars& scalars : mesh.scalars) demand(scalars.values.size(), scalars.name);
+    if (!mesh.colors.empty()) require(mesh.colors.size(), "color");
+    for (const NamedScalars& scalars : mesh.scalars) require(scalars.values.size(), scalars.name);
 }
 
 } // namespace
@@ -54,7 +54,7 @@ const std::vector<std::string>& meshExtensions()
     return extensions;
 }
 
-void demandScene(const SceneSettings& scene)
+void requireScene(const SceneSettings& scene)
 {
     if (!(scene.metersPerUnit > 0 && std::isfinite(scene.metersPerUnit)))
         throw UsageError(
@@ -72,8 +72,8 @@ void writeMesh(const std::filesystem::path& file, const Mesh& mesh, const SceneS
     if (format == std::end(kFormats))
         throw UsageError(fmt::format("{}: meshes are written as {}, not '{}'", file.string(),
                                      fmt::join(meshExtensions(), ", "), extension));
-    demandScene(scene);
-    demandAttributes(mesh);
+    requireScene(scene);
+    requireAttributes(mesh);
     progress.beginStage("write mesh", double(mesh.positions.size() + mesh.triangles.size()));
     const MeshJob job{mesh, scene, file.string(), progress};
     writeStream(file, [&](OutputBuffer& out) { format->write(job, out); });

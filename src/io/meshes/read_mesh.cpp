@@ -1,4 +1,4 @@
-// Meshes by the readers of points, which read the faces too.
+// Meshes, by the readers of points, which also read faces.
 #include "io/points/readers.h"
 #include "io/points/surplus.h"
 
@@ -15,10 +15,10 @@ namespace mpuvdb
 namespace
 {
 
-/// Number the vertices that triangles use, in order. @return how many there are.
+/// Numbers the vertices that triangles use, in order. @return their number.
 std::uint32_t numberUsed(const Triangles& triangles, std::vector<std::uint32_t>& numbers)
 {
-    constexpr std::uint32_t kUnused = std::numeric_limits<std::uint32_t>::max();
+    constexpr std::uint32_t kUnused = std::numeric_limits<std::uint32_t>::max(); // [derived: max]
     std::vector<std::uint8_t> used(numbers.size(), 0);
     for (const auto& triangle : triangles)
         for (const std::uint32_t corner : triangle) used[corner] = 1;

@@ -75,7 +75,7 @@ ColumnLayout layoutFromValues(const Rows& rows)
             assign(layout, first, Attribute::Red);
             return layout;
         }
-    // Six columns that are no bytes: colors in [0,1], or normals that nobody normalized.
+    // Six columns that are not bytes: colors in [0,1], or normals that are not normalized.
     if (columns == 6 && isFree(3)) {
         assign(layout, 3, areFractions(rows, 3) ? Attribute::Red : Attribute::NormalX);
     }

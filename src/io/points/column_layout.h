@@ -1,4 +1,4 @@
-// What the columns of a plain text file mean.
+// The meaning of the columns of a plain text file.
 #pragma once
 #include "points/import/raw_points.h"
 
@@ -11,8 +11,8 @@ struct ColumnLayout {
     std::vector<std::string> names; ///< of the columns, or none
 };
 
-/// From the values of some rows, all of the same length of at least three: positions first; then
-/// triples of unit length are normals, triples of whole numbers in [0,255] colors.
+/// The layout by the values of some rows, all of the same length of at least three: positions
+/// first; then triples of unit length are normals, triples of whole numbers in [0,255] colors.
 ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows);
 
 } // namespace mpuvdb

@@ -34,7 +34,7 @@ std::string_view trimmed(std::string_view text)
     return text.substr(0, text.find_last_not_of(kAround) + 1);
 }
 
-/// The words of a name in small letters: "gpsTime" and "GPS_time" have two.
+/// The words of a name in lower case: "gpsTime" and "GPS_time" have two.
 std::vector<std::string> wordsOf(std::string_view name)
 {
     std::vector<std::string> words;
@@ -69,7 +69,7 @@ std::vector<std::string> splitAt(std::string_view line, char separator)
     return names;
 }
 
-/// Without the marks of a comment; a ';' that parts names is none.
+/// @a line without the marks of a comment; a ';' that separates names is none.
 std::string_view withoutMarks(std::string_view line)
 {
     const std::size_t first = std::min(line.find_first_not_of(" \t\r\""), line.size());
@@ -88,8 +88,8 @@ char separatorOf(std::string_view line)
     return ' ';
 }
 
-/// Whether @a name means the axis that has the names @a axis: it has one of these, and else at most
-/// units and words for positions.
+/// Whether @a name means an axis: it has one of the words @a axis, and else only units and words
+/// for positions.
 bool meansAxis(const std::string& name, const Words& axis)
 {
     static const Words around = {"m",      "mm",          "cm",       "km",     "ft",    "feet",
@@ -105,7 +105,7 @@ bool meansAxis(const std::string& name, const Words& axis)
     return axes == 1;
 }
 
-/// Let columns that mean an axis without its usual name be it, where there is no better one.
+/// Makes columns with other names of an axis that axis, where none has the usual name.
 void findAxes(const std::vector<std::string>& names, ColumnLayout& layout)
 {
     static const Words axes[3] = {{"x", "easting", "east", "e"},
@@ -132,8 +132,8 @@ ColumnLayout layoutOf(const std::vector<std::string>& names, const ScalarNames& 
     return layout;
 }
 
-/// Whether columns are called so, rather than what a sentence is about: by a word that formats of
-/// points know, or by how it is written.
+/// Whether this is a column's name rather than a word of a sentence: by a word known from formats
+/// of points, or by its spelling.
 bool looksLikeName(const std::string& name)
 {
     static const Words known = {"id",

@@ -1,4 +1,4 @@
-// Lines that name the columns of the rows below them.
+// Lines that name the columns of the rows below.
 #pragma once
 #include "column_layout.h"
 
@@ -8,10 +8,10 @@
 namespace mpuvdb
 {
 
-/// A line as names of columns, whether or not it was meant so.
+/// A line split into names of columns.
 struct ColumnNames {
     std::vector<std::string> names;
-    char separator = ' '; ///< what parts them: ';', a tab, ',' or blanks
+    char separator = ' '; ///< between them: ';', a tab, ',' or blanks
     std::uint64_t line = 0;
 
     /// Whether all are words, as in a header; a row has numbers.
@@ -20,23 +20,23 @@ struct ColumnNames {
     bool areDegrees() const;
 };
 
-/// What @a line, a comment or not, names, parted by the first of ';', tab, ',' that it has.
+/// The names in @a line, a comment or not, separated by the first of ';', tab, ',' that it has.
 ColumnNames columnNames(std::string_view line, std::uint64_t number);
 
-/// The layout that the names of a line tell, which may have some of the @a scalars: if x, y and z
-/// are not all among them, "X (m)", "easting", "northing" and "elevation" do. @return no columns if
-/// there is no position.
+/// The layout by the names of a line, which may have some of the @a scalars. Without x, y and z,
+/// "X (m)", "easting", "northing" and "elevation" are positions. @return no columns if there is no
+/// position.
 ColumnLayout layoutFromNames(std::string_view line, const ScalarNames& scalars);
 
-/// Whether a comment directly before @a row, of @a columns numbers, names them: there are as many,
-/// none is a number or a word of sentences, and they are parted as the row is, or half of them are
-/// what columns are called.
+/// Whether a comment directly before @a row, of @a columns numbers, names them: there are as many
+/// names, none is a number or a word of sentences, and they are separated as the row is, or half of
+/// them are usual names of columns.
 bool commentNamesColumns(const ColumnNames& comment, std::string_view row, std::size_t columns);
 
-/// Refuse columns without positions. @throws InputError that lists them, with the cure.
+/// Refuses columns without positions. @throws InputError that lists them, with the cure.
 [[noreturn]] void throwNoPositions(const std::string& file, const ColumnNames& names);
 
-/// How degrees become a solid's lengths, for messages.
+/// The cure for coordinates in degrees, for messages.
 extern const char* const kReproject;
 
 } // namespace mpuvdb

@@ -1,4 +1,4 @@
-// XYZ, PTS, PWN, TXT, CSV: one point per line, and the few things that stand before and between.
+// XYZ, PTS, PWN, TXT, CSV: one point per line, with headers and comments.
 #include "column_names.h"
 #include "files/line_reader.h"
 #include "files/text_scan.h"
@@ -16,9 +16,10 @@ namespace mpuvdb
 namespace
 {
 
+/// The rows whose values decide the meaning of columns. [tuned: io_read_test]
 constexpr std::size_t kSampleRows = 1000;
 
-// What the beginning of the file tells.
+// The header of the file.
 struct Preamble {
     ColumnLayout layout;
     AttributeSet has;
@@ -34,7 +35,7 @@ struct Preamble {
 
 struct Rows {
     PointBlock points;
-    std::uint64_t counted = 0; ///< points that further lines of a single number promise
+    std::uint64_t counted = 0; ///< points announced by lines of a single number
 };
 
 bool isTag(std::string_view word)
@@ -108,7 +109,7 @@ private:
         chooseLayout(sample);
     }
 
-    // Some programs write their names as a comment.
+    // Reads a comment: some programs write names as one.
     void readComment(std::string_view line, std::uint64_t number)
     {
         const ColumnLayout named = layoutFromNames(line, mScalars);
@@ -119,7 +120,7 @@ private:
         if (saysSomething) mBegin.comment = columnNames(line, number);
     }
 
-    // A line of names, or of the number of points.
+    // Reads a line of names, or of the number of points.
     bool readFirstLine(std::string_view line, std::uint64_t number)
     {
         const ColumnLayout named = layoutFromNames(line, mScalars);
@@ -164,7 +165,7 @@ private:
         if (sample.empty() || row.size() == sample.front().size()) sample.push_back(std::move(row));
     }
 
-    /// That of the names, if it makes as many fields of the first row.
+    /// The names' separator, if it makes as many fields of the first row; else 0.
     char separatorOfFields(std::string_view row) const
     {
         if (!mBegin.separator) return 0;
@@ -175,8 +176,7 @@ private:
         return fields == mBegin.layout.columns.size() ? mBegin.separator : '\0';
     }
 
-    /// Call @a put(column, value) for the fields of a row; 0 for those that nobody reads, which may
-    /// be text.
+    /// Calls @a put(column, value) for the fields of a row; 0 for unused ones, which may be text.
     template <class Put>
     void parseFields(std::string_view line, std::uint64_t number, const Put& put) const
     {
@@ -190,7 +190,7 @@ private:
             const bool isRead = columns[column] != Attribute::None;
             if (isRead && !(text.number(value) && text.atEndOrComment()))
                 throwBad(number, line,
-                         fmt::format("has {} in column {}, where a number is wanted",
+                         fmt::format("has {} in column {}, where a number has to be",
                                      field.empty() ? "nothing" : inQuotes(field), column + 1));
             put(column, value);
         }
@@ -223,7 +223,7 @@ private:
         mBegin.has.packedRgb = mBegin.has.byteColors = false;
     }
 
-    // What names columns, but not those that are there.
+    // Refuses names that do not fit the columns.
     void refuseOtherColumns(std::size_t columns) const
     {
         const std::size_t named = mBegin.layout.columns.size();
@@ -283,7 +283,7 @@ private:
         rows.points.append(row, mBegin.has);
     }
 
-    // As many triples again as were promised are normals, in order.
+    // Compares with the announced number; as many triples again are normals, in order.
     void compareCount(FilePoints& result, std::uint64_t counted) const
     {
         const std::uint64_t found = result.size();

@@ -18,22 +18,24 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kHeaderBytes = 227, kHeaderBytes13 = 235, kHeaderBytes14 = 375;
+/// The sizes of the header of LAS 1.0 and 1.3, the number of point formats, and of each the size of
+/// a point and the offsets of intensity and color (0: none), bytes. [derived: LAS 1.4 R15]
+constexpr std::size_t kHeaderBytes = 227, kHeaderBytes13 = 235;
 constexpr int kFormats = 11;
-constexpr std::uint64_t kSmallest[kFormats] = {20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
+constexpr std::uint64_t kPointBytes[kFormats] = {20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
 constexpr std::uint64_t kIntensityOffset = 12;
 constexpr std::uint64_t kColorOffset[kFormats] = {0, 0, 20, 28, 0, 28, 0, 30, 30, 0, 30};
 
 struct LasHeader {
     std::uint64_t offset = 0, stride = 0, points = 0;
-    std::uint64_t end = ~std::uint64_t(0); ///< where other records may begin that follow the points
+    std::uint64_t end = ~std::uint64_t(0); ///< offset of records that may follow the points
     int format = 0;
     Vec3d scale, shift;
 };
 
 LasHeader parseHeader(const ByteSource& source)
 {
-    const std::string head = source.head(kHeaderBytes14);
+    const std::string head = source.head(kLasHeaderBytes14);
     const auto integer = [&](ScalarType type, std::size_t at) {
         return std::uint64_t(loadInteger(type, head.data() + at, false));
     };
@@ -53,7 +55,7 @@ LasHeader parseHeader(const ByteSource& source)
             fmt::format("{}: is compressed (LAZ). Decompress it first, for example with "
                         "'pdal translate in.laz out.las'.",
                         source.name()));
-    if (minor >= 4 && head.size() >= kHeaderBytes14 && integer(ScalarType::UInt64, 247) > 0)
+    if (minor >= 4 && head.size() >= kLasHeaderBytes14 && integer(ScalarType::UInt64, 247) > 0)
         header.points = integer(ScalarType::UInt64, 247);
     // Waveforms from 1.3 on, and extended records of 1.4; 0 where there are none.
     const auto endAt = [&](std::size_t at) {
@@ -62,8 +64,8 @@ LasHeader parseHeader(const ByteSource& source)
     };
     const std::uint64_t size = std::min<std::uint64_t>(head.size(), header.offset);
     if (minor >= 3 && size >= kHeaderBytes13) endAt(227);
-    if (minor >= 4 && size >= kHeaderBytes14) endAt(235);
-    if (header.format >= kFormats || header.stride < kSmallest[header.format] ||
+    if (minor >= 4 && size >= kLasHeaderBytes14) endAt(235);
+    if (header.format >= kFormats || header.stride < kPointBytes[header.format] ||
         header.offset < kHeaderBytes)
         throw InputError(fmt::format("{}: point format {} with {} bytes per point at byte {} is no "
                                      "LAS 1.0 to 1.4. Export it again.",

@@ -18,7 +18,7 @@ namespace mpuvdb
 namespace
 {
 
-/// What a file says of its reference system.
+/// A file's reference system.
 struct Reference {
     bool isGeographic = false;
     std::string name;
@@ -31,22 +31,24 @@ std::uint64_t integerAt(const std::string& bytes, ScalarType type, std::size_t a
 
 // ---- GeoTIFF
 
+/// The record of the key directory, its keys, and the code of systems without an EPSG code.
+/// [derived: GeoTIFF 1.1]
 constexpr std::uint16_t kKeyDirectory = 34735;
 constexpr std::uint64_t kModelKey = 1024, kGeographicKey = 2048, kProjectedKey = 3072;
 enum Model : std::uint64_t { Undefined = 0, Projected = 1, Geographic = 2, Geocentric = 3 };
-constexpr std::uint64_t kUserDefined = 32767;
+constexpr std::uint64_t kUserDefined = 32767; ///< [derived: GeoTIFF 1.1]
 
-/// From a directory: its header and its keys are four 16-bit numbers each.
+/// The system of a directory, whose header and keys are four 16-bit numbers each.
 Reference referenceOfKeys(const std::string& directory)
 {
     std::map<std::uint64_t, std::uint64_t> keys;
     for (std::size_t at = 8; at + 8 <= directory.size(); at += 8)
-        if (integerAt(directory, ScalarType::UInt16, at + 2) == 0) // the value stands here
+        if (integerAt(directory, ScalarType::UInt16, at + 2) == 0) // the value follows
             keys[integerAt(directory, ScalarType::UInt16, at)] =
                 integerAt(directory, ScalarType::UInt16, at + 6);
     const std::uint64_t model = keys[kModelKey], code = keys[kGeographicKey];
     Reference reference;
-    // A projected system names the geographic one that it is made from, too.
+    // A projected system also names its geographic one.
     reference.isGeographic = model == Geographic || (model != Projected && model != Geocentric &&
                                                      code != 0 && keys[kProjectedKey] == 0);
     if (code != 0 && code != kUserDefined) reference.name = fmt::format("EPSG:{} ", code);
@@ -78,7 +80,7 @@ public:
         }
         return {};
     }
-    /// What follows in quotes.
+    /// The next text in quotes.
     std::string quoted()
     {
         const std::string_view rest = mText.substr(mAt);
@@ -89,7 +91,7 @@ public:
         mAt = inside.data() ? std::min(mAt + begin + end + 2, mText.size()) : mText.size();
         return std::string(inside.substr(0, end));
     }
-    /// What stands here without quotes, in capitals.
+    /// The word here, without quotes, in capitals.
     std::string word()
     {
         std::string word;
@@ -107,8 +109,8 @@ private:
     std::size_t mAt = 0;
 };
 
-/// The first system in the text decides: of compound systems the horizontal one stands first, of
-/// bound ones the source, and what a system is made from stands within it.
+/// The first system in the text: of compound systems the horizontal one comes first, of bound ones
+/// the source, and base systems lie within others.
 Reference referenceOfText(std::string_view text)
 {
     Keywords keywords(text);
@@ -129,17 +131,18 @@ Reference referenceOfText(std::string_view text)
 
 // ---- the file's records
 
-constexpr std::uint16_t kWellKnownText = 2112;
+constexpr std::uint16_t kWellKnownText = 2112; ///< record of the text [derived: LAS 1.4 R15]
 
 struct Records {
     std::string keys, text; ///< empty: there is none
 };
 
-/// Take one of the variable length records. @return the bytes of its contents.
+/// Reads one variable length record. @return its size, bytes.
 std::uint64_t takeRecord(const ByteSource& source, std::uint64_t at, bool extended,
                          Records& records)
 {
-    constexpr std::uint64_t kMostBytes = 1 << 20; // of a description
+    // The longest description that is read, bytes. [tuned: las_reference_test]
+    constexpr std::uint64_t kMaxBytes = 1 << 20;
     std::string head(extended ? 60 : 54, '\0');
     if (source.readSome(at, head.data(), head.size()) != head.size()) return source.size();
     const std::string user = head.substr(2, 16).c_str();
@@ -151,7 +154,7 @@ std::uint64_t takeRecord(const ByteSource& source, std::uint64_t at, bool extend
                             : id == kWellKnownText                        ? &records.text
                                                                           : nullptr;
     if (to && to->empty()) {
-        to->resize(std::size_t(std::min({bytes, kMostBytes, source.size()})));
+        to->resize(std::size_t(std::min({bytes, kMaxBytes, source.size()})));
         to->resize(source.readSome(at + head.size(), to->data(), to->size()));
     }
     return head.size() + std::min(bytes, source.size());
@@ -160,14 +163,13 @@ std::uint64_t takeRecord(const ByteSource& source, std::uint64_t at, bool extend
 /// The records before the points, and in version 1.4 those behind them.
 Records readRecords(const ByteSource& source)
 {
-    constexpr std::size_t kHeaderBytes14 = 375;
-    const std::string head = source.head(kHeaderBytes14);
+    const std::string head = source.head(kLasHeaderBytes14);
     Records records;
     std::uint64_t at = integerAt(head, ScalarType::UInt16, 94);
     for (auto left = integerAt(head, ScalarType::UInt32, 100); left > 0 && at < source.size();
          --left)
         at += takeRecord(source, at, false, records);
-    if (head[25] < 4 || head.size() < kHeaderBytes14) return records;
+    if (head[25] < 4 || head.size() < kLasHeaderBytes14) return records;
     at = integerAt(head, ScalarType::UInt64, 235);
     for (auto left = integerAt(head, ScalarType::UInt32, 243); left > 0 && at < source.size();
          --left)

@@ -5,8 +5,12 @@
 namespace mpuvdb
 {
 
-/// Refuse a LAS file that says, by GeoTIFF keys or well-known text (WKT 1 or 2), that its x and y
-/// are degrees. A file that says nothing is believed. @throws InputError with the cure.
+/// The size of the header of LAS 1.4, bytes. [derived: LAS 1.4 R15]
+constexpr std::size_t kLasHeaderBytes14 = 375;
+
+/// Refuses a LAS file with a geographic reference system, by GeoTIFF keys or well-known text (WKT 1
+/// or 2): its x and y are degrees. A file without a system is accepted. @throws InputError with the
+/// cure.
 void refuseDegrees(const ByteSource& source);
 
 } // namespace mpuvdb

@@ -29,16 +29,16 @@ struct ObjRows {
         std::uint64_t line;
     };
     std::vector<Face> faces;
-    /// A backslash lets a face go on in the next line, which may be the first of the next batch.
+    /// A backslash continues a face in the next line, which may be the first of the next batch.
     bool goesOn = false;
-    std::vector<std::int64_t> cornersBefore; ///< of first lines that are nothing by themselves
-    bool begun = false;                      ///< with other lines than those
+    std::vector<std::int64_t> cornersBefore; ///< of first lines that continue another batch's
+    bool begun = false;                      ///< whether other lines followed
 };
 
 [[noreturn]] void throwBadLine(const ByteSource& source, std::uint64_t number,
                                std::string_view line)
 {
-    throw InputError(fmt::format("{}: line {}: {} is not what an OBJ line of its kind looks like. "
+    throw InputError(fmt::format("{}: line {}: {} is not a valid line of OBJ. "
                                  "Export the file again.",
                                  source.name(), number, inQuotes(line)));
 }
@@ -58,7 +58,7 @@ bool parseVertex(LineScanner& scan, ObjRows& rows)
     return true;
 }
 
-// v v/t v//n v/t/n ..., and a backslash if the face goes on
+// v v/t v//n v/t/n ..., and a backslash if the face continues
 bool parseCorners(LineScanner& scan, std::vector<std::int64_t>& corners, bool& goesOn)
 {
     goesOn = false;
@@ -78,7 +78,7 @@ bool parseCorners(LineScanner& scan, std::vector<std::int64_t>& corners, bool& g
     return true;
 }
 
-// Whether the line, of numbers, may go on with what the batch before began: that one knows.
+// Whether the line, of numbers, may continue a face of the batch before.
 bool parseFirstLine(std::string_view line, ObjRows& rows)
 {
     const bool wanted = rows.cornersBefore.empty() || rows.goesOn;

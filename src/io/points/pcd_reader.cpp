@@ -30,7 +30,7 @@ struct PcdHeader {
     std::uint64_t points = 0;
     std::string data; ///< "ascii", "binary", "binary_compressed"
     std::uint64_t dataOffset = 0, lines = 0;
-    std::vector<std::string> scalarNames; ///< that could be asked for
+    std::vector<std::string> scalarNames; ///< that can be requested
     std::optional<Vec3d> eye;             ///< of a range image
 
     std::uint64_t stride() const
@@ -119,7 +119,7 @@ private:
         }
     }
 
-    /// The place; the rotation that follows is for those who show the points.
+    /// Reads the position; the rotation that follows is for viewers.
     void viewpoint(LineScanner& scan)
     {
         for (double& x : mEye)
@@ -152,8 +152,7 @@ private:
             mPoints = {mWidth[0] * mHeight[0]};
         if (mPoints.size() != 1) throwBad("the number of points is missing");
         mHeader.points = std::uint64_t(mPoints[0]);
-        // Rows of a picture come from one place; a list has this line, too, whatever it was made
-        // of.
+        // The rows of an image have one viewpoint; lists have this line, too, whatever they are of.
         if (mHeight.size() == 1 && mHeight[0] > 1 && mEye.allFinite()) mHeader.eye = mEye;
         mHeader.dataOffset = mLines.offset();
         mHeader.lines = mLines.line();
@@ -196,7 +195,7 @@ PointBlock readCompressed(const ByteSource& source, const PcdHeader& header)
             fmt::format("{}: the header promises {} points of {} bytes, its compressed "
                         "data {} bytes: the file is damaged. Export it again.",
                         source.name(), header.points, header.stride(), unpacked));
-    if (packed > cursor.remaining() || unpacked > packed * kLzfLargestRatio)
+    if (packed > cursor.remaining() || unpacked > packed * kMaxLzfRatio)
         throw InputError(fmt::format("{}: {} bytes of compressed data are too few: the file is "
                                      "truncated. Copy or export it again.",
                                      source.name(), cursor.remaining()));
@@ -208,7 +207,7 @@ PointBlock readCompressed(const ByteSource& source, const PcdHeader& header)
     return decodeRecords(data.data(), std::size_t(header.points), layoutOf(header, true));
 }
 
-// Packed colors are written as a whole number, or as the float that has their bits.
+// The packed color, written as a whole number, or as the float with its bits.
 double packedFromText(ScalarType type, double value)
 {
     if (!isFloat(type)) return value;

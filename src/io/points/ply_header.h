@@ -29,7 +29,7 @@ enum class PlyFormat { Ascii, LittleEndian, BigEndian };
 struct PlyHeader {
     PlyFormat format = PlyFormat::Ascii;
     std::vector<PlyElement> elements;
-    std::uint64_t gridColumns = 0, gridRows = 0; ///< of a range image; 0: not told
+    std::uint64_t gridColumns = 0, gridRows = 0; ///< of a range image; 0: none
     std::uint64_t dataOffset = 0;                ///< byte after the header
     std::uint64_t lines = 0;                     ///< of the header
 

@@ -1,4 +1,4 @@
-// PLY: vertices, and what gives them normals: faces, strips, range images.
+// PLY: vertices, and faces, strips and range images for their normals.
 #include "files/line_reader.h"
 #include "files/text_scan.h"
 #include "mesh_points.h"
@@ -20,7 +20,7 @@ namespace
 
 enum class Kind { Vertex, Faces, Strips, Grid, Other };
 
-// An element with what its properties mean to us.
+// An element with the meaning of its properties.
 struct Plan {
     Kind kind = Kind::Other;
     const PlyElement* element = nullptr;
@@ -69,7 +69,7 @@ Plan planFor(const ByteSource& source, const PlyHeader& header, const PlyElement
     return plan;
 }
 
-// What rows of one element come to.
+// The contents of rows of one element.
 struct Rows {
     PointBlock points;
     Triangles triangles;
@@ -211,7 +211,7 @@ private:
         LineReader lines(mSource, mHeader.dataOffset, mHeader.lines);
         for (const PlyElement& element : mHeader.elements) {
             if (element.properties.empty() || element.count == 0) continue;
-            // A line takes at least two bytes, so that an absurd count is seen before reading.
+            // A line has at least two bytes: an absurd count is found before reading.
             const std::uint64_t present = mSource.size() - lines.offset();
             if (element.count > present / 2 + 1) throwMissing(element, present / 2);
             const Plan plan = planFor(mSource, mHeader, element, mScalars);
@@ -252,13 +252,13 @@ private:
                                                      layoutOf(plan, swap), "vertex", mProgress));
             offset += element.count * element.stride();
         }
-        std::uint64_t row = 0; // of the vertices; at least, if it has lists
+        std::uint64_t row = 0; // least size of a vertex, bytes
         for (const PlyProperty& property : mHeader.find("vertex")->properties)
             row += sizeOf(property.isList ? property.countType : property.type);
         noteSurplus(mResult, recordsLeft(mSource, offset, row, mProgress), counts());
     }
 
-    /// What the header counts, in its words.
+    /// The header's counts, in its words.
     std::string counts() const
     {
         std::vector<std::string> elements;
@@ -284,7 +284,7 @@ private:
 
     std::uint64_t readBinaryRows(const Plan& plan, std::uint64_t offset, bool swap)
     {
-        constexpr std::uint64_t kRowsAtOnce = 1 << 14;
+        constexpr std::uint64_t kRowsAtOnce = 1 << 14; // between two reports [free: latency]
         requireRecords(mSource, offset, plan.element->count, 1, plan.element->name.c_str());
         ByteCursor cursor(mSource, offset);
         for (std::uint64_t row = 0; row < plan.element->count;) {

@@ -1,6 +1,7 @@
 // Points to binary PLY or XYZ text.
 #include "files/output_stream.h"
 #include "files/text_scan.h"
+#include "io/meshes/mesh_formats.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -12,21 +13,6 @@ namespace mpuvdb
 {
 namespace
 {
-
-constexpr std::size_t kPointsAtOnce = 1 << 12;
-
-// Calls f(i) for all points, and progress now and then.
-template <class F>
-void forEachPoint(const PointCloud& cloud, OutputBuffer& out, Interrupter& progress, const F& f)
-{
-    for (std::size_t i = 0; i < cloud.size(); ++i) {
-        f(i);
-        if (i % kPointsAtOnce == kPointsAtOnce - 1) {
-            out.flushIfFull();
-            progress.advance(kPointsAtOnce);
-        }
-    }
-}
 
 void writePly(const PointCloud& cloud, OutputBuffer& out, Interrupter& progress)
 {
@@ -41,7 +27,7 @@ void writePly(const PointCloud& cloud, OutputBuffer& out, Interrupter& progress)
     for (const NamedScalars& scalars : cloud.scalars)
         out.text(fmt::format("property float {}\n", identifier(scalars.name)));
     out.text("end_header\n");
-    forEachPoint(cloud, out, progress, [&](std::size_t i) {
+    forEachItem(cloud.size(), out, progress, [&](std::size_t i) {
         const Vec3d p = cloud.world(i);
         out.append(p.data(), sizeof(double) * 3);
         if (!cloud.normals.empty()) out.append(cloud.normals[i].data(), sizeof(float) * 3);
@@ -54,7 +40,7 @@ void writePly(const PointCloud& cloud, OutputBuffer& out, Interrupter& progress)
 // Shortest decimals that give the same numbers back.
 void writeText(const PointCloud& cloud, OutputBuffer& out, Interrupter& progress)
 {
-    forEachPoint(cloud, out, progress, [&](std::size_t i) {
+    forEachItem(cloud.size(), out, progress, [&](std::size_t i) {
         const Vec3d p = cloud.world(i);
         fmt::format_to(std::back_inserter(out.bytes()), "{} {} {}", p[0], p[1], p[2]);
         if (!cloud.normals.empty()) {

@@ -107,7 +107,7 @@ private:
         return scan;
     }
 
-    // Rays follow column by column; a point at the scanner's origin means that the ray met nothing.
+    // Reads rays column by column; a point at the scanner's origin means that the ray hit nothing.
     FilePoints readRays(RangeGrid& grid)
     {
         const std::size_t rays = grid.columns * grid.rows;

@@ -11,9 +11,10 @@ namespace mpuvdb
 namespace
 {
 
-// Triangles seen at more than 78 degrees from face-on span a jump in depth, not a surface.
-constexpr double kLeastCosine = 0.2;
-// Rays over which confidence rises from a border to the inside.
+/// The cosine between a ray and a triangle's normal, 78 degrees, below which the triangle spans a
+/// jump in depth. [tuned: io_read_test]
+constexpr double kMinCosine = 0.2;
+/// The rays over which confidence rises from a border to the inside. [tuned: io_read_test]
 constexpr int kBorderRays = 4;
 
 Vec3d towardsScanner(const RangeGrid& grid, const Vec3d& p)
@@ -44,18 +45,18 @@ public:
         const std::uint32_t ids[4] = {mGrid.points[at], mGrid.points[at + 1],
                                       mGrid.points[at + mGrid.columns + 1],
                                       mGrid.points[at + mGrid.columns]};
-        unsigned met = 0;
-        for (unsigned q = 0; q < 4; ++q) met |= unsigned(ids[q] != RangeGrid::kMissed) << q;
+        unsigned hits = 0;
+        for (unsigned q = 0; q < 4; ++q) hits |= unsigned(ids[q] != RangeGrid::kMissed) << q;
         const auto length = [&](int a, int b) {
             return (mPositions[ids[a]] - mPositions[ids[b]]).squaredNorm();
         };
-        if (met == 15) {
+        if (hits == 15) {
             const bool along02 = length(0, 2) <= length(1, 3);
             add(cell, ids, 0, 1, along02 ? 2 : 3);
             add(cell, ids, along02 ? 0 : 1, 2, 3);
         } else {
             for (int missing = 0; missing < 4; ++missing)
-                if (met == (15u & ~(1u << missing)))
+                if (hits == (15u & ~(1u << missing)))
                     add(cell, ids, (missing + 1) % 4, (missing + 2) % 4, (missing + 3) % 4);
         }
         return cell;
@@ -76,7 +77,7 @@ private:
         const Vec3d &p = mPositions[ids[a]], &q = mPositions[ids[b]], &r = mPositions[ids[c]];
         Vec3d normal = (q - p).cross(r - p);
         const double cosine = normal.dot(towardsScanner(mGrid, p));
-        if (!(std::abs(cosine) > kLeastCosine * normal.norm())) return;
+        if (!(std::abs(cosine) > kMinCosine * normal.norm())) return;
         if (cosine < 0) normal = -normal;
         for (const int corner : {a, b, c}) {
             cell.areaNormals[corner] += normal;
@@ -160,12 +161,12 @@ void addRangeNormals(FilePoints& points, const RangeGrid& grid)
     if (block.size() == 0 || grid.columns < 2 || grid.rows < 2) return;
     GridNormals found = gridNormals(grid, block.positions);
     std::vector<std::uint8_t> keep(block.size());
-    std::uint64_t lost = 0;
+    std::uint64_t unjoined = 0;
     for (std::size_t i = 0; i < keep.size(); ++i) {
         keep[i] = found.normals[i] != Vec3f::Zero();
-        lost += keep[i] == 0;
+        unjoined += keep[i] == 0;
     }
-    if (4 * lost > block.size()) {
+    if (4 * unjoined > block.size()) {
         points.notes.push_back("its grid of rays does not follow a surface, and is ignored");
         return;
     }
@@ -180,9 +181,9 @@ void addRangeNormals(FilePoints& points, const RangeGrid& grid)
             block.confidence[i] = float(std::max(cosine, 0.0) * (steps[i] + 1) / (kBorderRays + 1));
         }
     }
-    if (lost > 0) {
+    if (unjoined > 0) {
         block.compact(keep);
-        points.dropped["alone in a range image"] += lost;
+        points.dropped["alone in a range image"] += unjoined;
     }
     points.notes.push_back("normals and confidences from its range image");
 }

@@ -1,4 +1,4 @@
-// Which reader a file wants, and all files as one cloud.
+// Reads files by the reader for each, and joins them to one cloud.
 #include "files/text_scan.h"
 #include "mesh_points.h"
 #include "readers.h"
@@ -22,7 +22,7 @@ namespace
 
 using Reader = FilePoints (*)(const ByteSource&, const ScalarNames&, Interrupter&);
 
-// The reader that the content asks for by its first bytes; null where they do not tell.
+// The reader for the content's first bytes; null where they are no magic.
 Reader readerByMagic(const std::string& head)
 {
     const auto starts = [&](std::string_view magic) { return head.rfind(magic, 0) == 0; };
@@ -95,12 +95,12 @@ FilePoints readFile(const std::filesystem::path& file, BadPoints badPoints,
     return points;
 }
 
-// A file to read, and where its points lie in the world.
+// A file to read, and the motion of its points to the world.
 struct Part {
     PlacedScan scan;
     bool placed = false;
     std::string set;      ///< name of the set that lists it
-    std::size_t file = 0; ///< which of the files named it, or is it
+    std::size_t file = 0; ///< index of the file that lists it, or is it
 };
 
 std::vector<Part> listParts(const std::vector<std::filesystem::path>& files,
@@ -127,10 +127,10 @@ std::vector<Part> listParts(const std::vector<std::filesystem::path>& files,
 void place(FilePoints& points, const PlacedScan& scan)
 {
     for (PointBlock& block : points.blocks) movePoints(block, scan.rotation, scan.translation);
-    points.mesh.reset(); // it stayed where it was
+    points.mesh.reset(); // as it was not moved
 }
 
-// What all scans of a set say is said once, of the set.
+// Adds equal notes of a set's scans once.
 void gatherSetNotes(const std::vector<Part>& parts, std::vector<FilePoints>& inputs,
                     std::vector<std::string>& notes)
 {
@@ -167,9 +167,9 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
         throw UsageError(fmt::format("{} viewpoints for {} inputs. Give one for all of them, or "
                                      "one for each",
                                      viewpoints.size(), files.size()));
-    if (scalars.size() > kMostScalars)
+    if (scalars.size() > kMaxScalars)
         throw UsageError(
-            fmt::format("{} scalars are asked for; there can be {}", scalars.size(), kMostScalars));
+            fmt::format("{} scalars are too many. Name at most {}", scalars.size(), kMaxScalars));
     std::vector<std::string> notes;
     const std::vector<Part> parts = listParts(files, notes, progress);
     progress.beginStage("read", bytesOf(parts));

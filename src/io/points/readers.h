@@ -1,6 +1,6 @@
-// One reader per format. All throw InputError for what is malformed, with the place and the cure,
-// take no more memory than the bytes present call for, and can be stopped. PLY, PCD, LAS and
-// columns with names have scalars; the others have none.
+// One reader per format. All throw InputError for malformed input, with the place and the cure,
+// take memory in proportion to the bytes present, and can be stopped. PLY, PCD, LAS and named
+// columns have scalars; the others have none.
 #pragma once
 #include "files/byte_source.h"
 #include "points/import/raw_points.h"
@@ -9,7 +9,7 @@ namespace mpuvdb
 {
 
 FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
-/// XYZ, PTS, PWN, TXT, CSV: numbers in columns, told apart by their values.
+/// XYZ, PTS, PWN, TXT, CSV: numbers in columns, whose meaning follows from names or values.
 FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readPtx(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readObj(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
@@ -18,8 +18,8 @@ FilePoints readStl(const ByteSource& source, const ScalarNames& scalars, Interru
 FilePoints readPcd(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readLas(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 
-/// Points and triangles as the file has them, by the reader that its first bytes or its extension
-/// ask for, with those of the @a scalars that it has.
+/// Points and triangles as the file has them, by the reader for its first bytes or its extension,
+/// with those of the @a scalars that it has.
 FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scalars,
                       Interrupter& progress);
 
@@ -29,8 +29,8 @@ struct PlacedScan {
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
     Vec3d translation = Vec3d::Zero();
 };
-/// The scans of a set that are there. Scans named without an extension and not there go to @a
-/// notes: Stanford's sets list cylindrical scans that were never given out.
+/// The scans of a set that exist. Missing ones named without an extension go to @a notes:
+/// Stanford's sets list cylindrical scans that were never published.
 std::vector<PlacedScan> readScanSet(const std::filesystem::path& file,
                                     std::vector<std::string>& notes, Interrupter& progress);
 

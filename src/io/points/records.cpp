@@ -15,7 +15,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::uint64_t kRecordsAtOnce = 1 << 13;
+constexpr std::uint64_t kRecordsAtOnce = 1 << 13; ///< in a task [free: grain size]
 
 template <class T>
 T load(const char* at, bool swap)
@@ -28,7 +28,7 @@ T load(const char* at, bool swap)
     return value;
 }
 
-// Call f with a value of the type that @a type names.
+// Calls f with a value of the type.
 template <class F>
 auto withType(ScalarType type, F&& f)
 {
@@ -125,7 +125,7 @@ PointBlock makeBlock(std::size_t count, const AttributeSet& has)
     if (has.confidence) resizeLarge(block.confidence, count);
     if (has.colors && has.byteColors) resizeLarge(block.colors, count);
     if (has.colors && !has.byteColors) resizeLarge(block.rawColors, count);
-    for (std::size_t n = 0; n < kMostScalars; ++n)
+    for (std::size_t n = 0; n < kMaxScalars; ++n)
         if (has.scalars[n]) resizeLarge(block.scalars[n], count);
     return block;
 }

@@ -26,9 +26,10 @@ inline bool isFloat(ScalarType type)
 {
     return type >= ScalarType::Float32;
 }
-/// The value at @a at, which need not be aligned; @a swap where its byte order is not ours.
+/// The value at @a at, which need not be aligned; @a swap where its byte order is not the
+/// machine's.
 double loadScalar(ScalarType type, const char* at, bool swap);
-/// Same, as an integer; floats are truncated, what an integer cannot hold becomes -1.
+/// The value as an integer; floats are truncated, values out of range become -1.
 std::int64_t loadInteger(ScalarType type, const char* at, bool swap);
 
 /// One attribute's values in a block of records: value i is at offset + i * stride.
@@ -38,7 +39,7 @@ struct Column {
     std::uint64_t offset = 0, stride = 0;
 };
 
-/// How a run of records is laid out.
+/// The layout of a run of records.
 struct RecordLayout {
     std::vector<Column> columns;
     std::uint64_t stride = 0; ///< bytes per record
@@ -47,10 +48,10 @@ struct RecordLayout {
     AttributeSet attributes() const;
 };
 
-/// Decode @a count records at @a data.
+/// Decodes @a count records at @a data.
 PointBlock decodeRecords(const char* data, std::size_t count, const RecordLayout& layout);
 
-/// Read and decode @a count records of layout.stride bytes at @a offset, in parallel.
+/// Reads and decodes @a count records of layout.stride bytes at @a offset, in parallel.
 /// @throws InputError if the input is too short for them, before any memory is taken.
 PointBlock readRecords(const ByteSource& source, std::uint64_t offset, std::uint64_t count,
                        const RecordLayout& layout, const char* unit, Interrupter& progress);

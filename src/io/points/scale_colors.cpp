@@ -13,9 +13,9 @@ namespace mpuvdb
 namespace
 {
 
-/// What makes bytes of components of which the largest is @a largest. [derived: on the next scale
-/// everything would be black, less than 2 of 255 or 256 of 65535; fractions of a high dynamic range
-/// may be above 1, and sums of rounded bytes above 255]
+/// The factor to bytes for components of which the largest is @a largest. On the next scale all
+/// would be black, less than 2 of 255 or 256 of 65535; fractions of a high dynamic range may be
+/// above 1, and sums of rounded bytes above 255.
 float byteScale(float largest)
 {
     if (largest < 2) return 255;

@@ -14,7 +14,7 @@ namespace
 {
 
 struct StandIn {
-    std::string_view begins; ///< in small letters
+    std::string_view begins; ///< in lower case
     const char* isA;
     const char* cure;
 };
@@ -34,8 +34,7 @@ constexpr StandIn kStandIns[] = {
     {"\x28\xb5\x2f\xfd", "compressed (zstd)", "Unpack it first: unzstd"},
 };
 
-/// Text whose characters have two bytes: with a mark that says so, or every other byte 0 where
-/// digits and blanks are.
+/// Whether this is text of two-byte characters: by its mark, or as every other byte is 0.
 bool isUtf16(std::string_view head)
 {
     if (head.substr(0, 2) == "\xff\xfe" || head.substr(0, 2) == "\xfe\xff") return true;

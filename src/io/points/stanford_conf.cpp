@@ -1,4 +1,4 @@
-// Stanford scan sets: which scans, and where they lie.
+// Stanford scan sets: the scans and their motions.
 #include "files/line_reader.h"
 #include "files/text_scan.h"
 #include "readers.h"
@@ -48,7 +48,7 @@ std::vector<PlacedScan> readScanSet(const std::filesystem::path& file,
         LineScanner scan(line);
         if (scan.atEndOrComment()) continue;
         const std::string_view keyword = scan.word();
-        if (keyword == "camera") continue; // where a viewer stands
+        if (keyword == "camera") continue; // of a viewer
         if (keyword != "bmesh" && keyword != "mesh")
             throwBad(source, lines.line(),
                      fmt::format("{} is not known; wants 'camera', 'mesh' or 'bmesh'",

@@ -16,6 +16,7 @@ namespace mpuvdb
 namespace
 {
 
+/// The sizes of the header and of a triangle, bytes. [derived: binary STL]
 constexpr std::uint64_t kHeaderBytes = 84, kTriangleBytes = 50;
 
 struct SameBits {
@@ -111,7 +112,7 @@ FilePoints readText(const ByteSource& source, Interrupter& progress)
 
 FilePoints readStl(const ByteSource& source, const ScalarNames&, Interrupter& progress)
 {
-    // Binary files may begin with "solid" too: their size tells.
+    // Binary files may begin with "solid" too: their size decides.
     const std::string head = source.head(kHeaderBytes);
     if (head.size() == kHeaderBytes) {
         const auto triangles =

@@ -1,4 +1,4 @@
-// What all USDA layers begin with.
+// The head of USDA layers.
 #pragma once
 #include <mpuvdb/io.h>
 

@@ -31,7 +31,7 @@ void initializeOpenVdb()
     std::call_once(once, [] { openvdb::initialize(); });
 }
 
-/// Run @a read on the opened file; what OpenVDB throws becomes ours.
+/// Runs @a read on the opened file; OpenVDB's exceptions become ours.
 template <typename Read>
 auto withVdbFile(const fs::path& file, Interrupter* interrupter, const Read& read)
 {
@@ -66,8 +66,8 @@ std::string join(const std::vector<std::string>& texts)
     return fmt::format("{}", fmt::join(texts, ", "));
 }
 
-/// How a file without a level set comes to one.
-std::string wayToLevelSet(VdbReader& archive)
+/// The cure for a file without a level set.
+std::string cureWithoutLevelSet(VdbReader& archive)
 {
     bool hasPoints = false;
     std::string uneven; // a grid of floats that isosurface() refuses
@@ -88,7 +88,7 @@ std::string wayToLevelSet(VdbReader& archive)
     }
     if (!uneven.empty())
         return fmt::format(
-            "The voxels of '{}' are no cubes: resample it to uniform voxels where it "
+            "The voxels of '{}' are not cubes: resample it to uniform voxels where it "
             "comes from, for example with Houdini's VDB Resample; mpuvdb isosurface "
             "then makes a level set of it",
             uneven);
@@ -98,7 +98,7 @@ std::string wayToLevelSet(VdbReader& archive)
            "class level set";
 }
 
-/// The name in the file of the level set that is meant.
+/// The name of the level set to read.
 std::string chooseLevelSet(VdbReader& archive, const std::string& wanted)
 {
     std::vector<std::string> there, levelSets;
@@ -119,28 +119,28 @@ std::string chooseLevelSet(VdbReader& archive, const std::string& wanted)
     if (!wanted.empty())
         throw InputError(fmt::format(
             "{}: has no float level set called '{}', but {}. {}", archive.filename(), wanted, all,
-            levelSets.empty() ? wayToLevelSet(archive) : "Name one of its level sets"));
+            levelSets.empty() ? cureWithoutLevelSet(archive) : "Name one of its level sets"));
     if (levelSets.empty())
         throw InputError(fmt::format("{}: has no float level set, but {}. {}", archive.filename(),
-                                     all, wayToLevelSet(archive)));
+                                     all, cureWithoutLevelSet(archive)));
     throw InputError(fmt::format("{}: has several level sets: {}. Say which by its name",
                                  archive.filename(), join(levelSets)));
 }
 
-/// Reads the grids of a file as long as they fit into memory. OpenVDB and Blosc do not survive it
-/// where it ends while they read.
+/// Reads the grids of a file as long as they fit into memory: OpenVDB and Blosc do not survive the
+/// end of memory.
 class GridReader
 {
 public:
-    /// @param maxBytes  for all of them; 0: no limit.
+    /// @param maxBytes  for all grids; 0: no limit.
     GridReader(VdbReader& archive, std::uint64_t maxBytes) : mArchive(archive), mMaxBytes(maxBytes)
     {
     }
 
-    /// @throws LimitError by what the file says of the grid; a file that does not is believed.
+    /// @throws LimitError by the grid's metadata; without them there is no limit.
     GridBase::Ptr read(const std::string& name)
     {
-        constexpr double kOverhead = 1.1; // of reading
+        constexpr double kOverhead = 1.1; // of reading [tuned: vdb_file_test]
         const auto said = mArchive.metadata(name)->getMetadata<openvdb::Int64Metadata>(
             GridBase::META_FILE_MEM_BYTES);
         mBytes += said ? kOverhead * double(std::max<std::int64_t>(said->value(), 0)) : 0;
@@ -159,14 +159,14 @@ private:
     double mBytes = 0;
 };
 
-/// @param notes  get the file's name too.
-LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Purpose purpose,
+/// Makes a level set of a grid, and adds notes with the file's name.
+LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Validation validation,
                     std::vector<std::string>& notes, Interrupter* interrupter)
 {
     try {
         std::vector<std::string> said;
         LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said, interrupter);
-        if (purpose == Purpose::Modelling)
+        if (validation == Validation::Distances)
             demandDistances(levelSet,
                             fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
                                         "--value 0 --inside below -o surface.vdb",
@@ -179,7 +179,7 @@ LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Purpose pur
     }
 }
 
-/// OpenVDB's writer onto a stream of ours: its File cannot be stopped.
+/// OpenVDB's writer onto a stream of ours, as its File cannot be interrupted.
 class Writer : public openvdb::io::Archive
 {
 public:
@@ -196,7 +196,7 @@ public:
     }
 };
 
-/// The grid with our metadata; the tree is shared, and the statistics are the writer's.
+/// The grid with our metadata, sharing its tree; the writer adds statistics.
 FloatGrid::ConstPtr described(const LevelSet& levelSet,
                               const std::map<std::string, std::string>& metadata)
 {
@@ -209,11 +209,11 @@ FloatGrid::ConstPtr described(const LevelSet& levelSet,
     return openvdb::gridConstPtrCast<FloatGrid>(grid.copyReplacingMetadata(items));
 }
 
-/// Say format 224, which more programs read, where nothing differs from it: newer OpenVDBs write
-/// 225 whatever they write, and mean a type of grids (half) that it allows.
-void sayOldestFormat(const fs::path& file, const openvdb::GridCPtrVec& grids)
+/// Sets the version to 224, which more programs read, unless a grid needs 225: newer OpenVDBs
+/// always write 225, which adds a type of grids (half).
+void setOldestVersion(const fs::path& file, const openvdb::GridCPtrVec& grids)
 {
-    constexpr std::uint32_t kFormat = 224;
+    constexpr std::uint32_t kFormat = 224; // [derived: OpenVDB's format]
     const auto isHalf = [](const auto& grid) { return grid->valueType() == "half"; };
     if (openvdb::OPENVDB_FILE_VERSION <= kFormat || std::any_of(grids.begin(), grids.end(), isHalf))
         return;
@@ -224,7 +224,7 @@ void sayOldestFormat(const fs::path& file, const openvdb::GridCPtrVec& grids)
     stream.close();
 }
 
-/// Replace the random identifier by one that the content gives: same grid, same bytes.
+/// Replaces the random identifier by a hash of the content, so that equal grids give equal bytes.
 void identifyByContent(const fs::path& file)
 {
     std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
@@ -255,7 +255,7 @@ void identifyByContent(const fs::path& file)
 void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids,
                  const Interrupter& progress)
 {
-    StoppableBuffer buffer(progress);
+    InterruptibleBuffer buffer(progress);
     if (!buffer.open(file, std::ios::out | std::ios::binary | std::ios::trunc))
         throw IoError(
             fmt::format("{}: cannot be opened for writing. Write elsewhere", file.string()));
@@ -265,10 +265,10 @@ void writeStream(const fs::path& file, const openvdb::GridCPtrVec& grids,
     if (!buffer.close()) out.setstate(std::ios::badbit);
 }
 
-/// Read back what a reader sees first.
+/// Reads the metadata back. @throws IoError where they differ.
 void verify(const fs::path& temporary, const fs::path& file, const openvdb::GridCPtrVec& grids)
 {
-    // In any order: of grids with one name the file has names of its own.
+    // In any order, as the file appends numbers to equal names.
     std::vector<std::int64_t> written, there;
     for (const GridBase::ConstPtr& grid : grids)
         written.push_back(std::int64_t(grid->activeVoxelCount()));
@@ -283,20 +283,20 @@ void verify(const fs::path& temporary, const fs::path& file, const openvdb::Grid
     std::sort(written.begin(), written.end());
     std::sort(there.begin(), there.end());
     if (written != there)
-        throw IoError(fmt::format("{}: what was written does not read back. Write to another disk",
-                                  file.string()));
+        throw IoError(
+            fmt::format("{}: does not read back as written. Write to another disk", file.string()));
 }
 
 } // namespace
 
 LevelSet readLevelSet(const fs::path& file, const std::string& name, std::uint64_t maxBytes,
-                      Purpose purpose, Interrupter* interrupter)
+                      Validation validation, Interrupter* interrupter)
 {
     const auto grid = withVdbFile(file, interrupter, [&](VdbReader& archive) {
         return GridReader(archive, maxBytes).read(chooseLevelSet(archive, name));
     });
     std::vector<std::string> notes;
-    LevelSet levelSet = toLevelSet(file, grid, purpose, notes, interrupter);
+    LevelSet levelSet = toLevelSet(file, grid, validation, notes, interrupter);
     for (std::string& note : notes) orSilent(interrupter).note(std::move(note));
     return levelSet;
 }
@@ -317,7 +317,8 @@ LevelSetFile readLevelSetFile(const fs::path& file, const std::string& name, std
                 others.push_back(grid);
         }
         std::vector<std::string> notes;
-        const LevelSet taken = toLevelSet(file, levelSet, Purpose::Modelling, notes, interrupter);
+        const LevelSet taken =
+            toLevelSet(file, levelSet, Validation::Distances, notes, interrupter);
         return LevelSetFile{taken, std::move(others), std::move(notes)};
     });
 }
@@ -412,7 +413,7 @@ void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids, Interru
     writeAtomically(file, [&](const fs::path& temporary) {
         try {
             writeStream(temporary, grids, progress);
-            sayOldestFormat(temporary, grids);
+            setOldestVersion(temporary, grids);
             identifyByContent(temporary);
         } catch (const std::ios::failure& e) {
             throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to "

@@ -20,11 +20,13 @@ namespace mpuvdb
 namespace
 {
 
-// The format as OpenVDB 10 writes and reads it; numbers are little-endian.
+/// The magic number, and the oldest (of OpenVDB 3, 2014) and newest file version, little-endian.
+/// [derived: OpenVDB's format]
 constexpr std::int64_t kMagic = 0x56444220;
-constexpr std::uint32_t kOldestVersion = 222; // node masks, of OpenVDB 3 (2014)
-constexpr std::size_t kLongestName = 1 << 16;
+constexpr std::uint32_t kOldestVersion = 222;
 constexpr std::uint32_t kNewestVersion = std::max(225u, openvdb::OPENVDB_FILE_VERSION);
+/// The longest name, bytes: longer ones are taken for damage. [tuned: io_broken_test]
+constexpr std::size_t kMaxNameBytes = 1 << 16;
 const char* const kHalfSuffix = "_HalfFloat";
 
 class Walk
@@ -56,18 +58,16 @@ public:
                 mFile.string()));
         version();
         const bool seekable = number<char>() != 0;
-        skip(kUuidSize);
+        skip(kVdbUuidSize);
         metadata();
         const auto grids = number<std::int32_t>();
-        // A descriptor takes at least 36 bytes.
+        // A descriptor has at least 36 bytes.
         if (grids < 0 || grids > left() / 36) damaged("has an absurd number of grids");
         if (!seekable) return;
         for (std::int32_t grid = 0; grid < grids; ++grid) descriptor();
     }
 
 private:
-    static constexpr std::int64_t kUuidSize = 36;
-
     std::int64_t at() { return std::int64_t(mStream.tellg()); }
     std::int64_t left() { return mSize - at(); }
 
@@ -97,7 +97,7 @@ private:
     std::string text()
     {
         const auto size = number<std::uint32_t>();
-        if (size > kLongestName) damaged(fmt::format("has a name of {} bytes", size));
+        if (size > kMaxNameBytes) damaged(fmt::format("has a name of {} bytes", size));
         if (size > left()) truncated();
         std::string value(size, '\0');
         mStream.read(value.data(), size);
@@ -156,7 +156,7 @@ private:
         mStream.seekg(end);
     }
 
-    /// @return whether what follows it is known.
+    /// @return whether the map's type is known.
     bool transform()
     {
         static const std::map<std::string, std::int64_t> kMapBytes = {
@@ -180,6 +180,7 @@ private:
         skip(sizeof(float)); // background
         const auto tiles = number<std::uint32_t>(), children = number<std::uint32_t>();
         // A tile is a coordinate, a value and a state; a child at least a coordinate and two masks.
+        // [derived: OpenVDB's format]
         constexpr std::int64_t kTile = 12 + 4 + 1, kChild = 12 + 2 * 4096;
         if (tiles * kTile + children * kChild > blocks - at())
             damaged(fmt::format("has {} tiles and {} nodes in a root", tiles, children));

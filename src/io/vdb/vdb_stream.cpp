@@ -20,7 +20,7 @@ namespace
 
 using openvdb::GridBase;
 
-/// Why a grid cannot be read, and what to do about it.
+/// The error for a grid of an unknown type, with its cure.
 std::string unknownType(const std::string& file, const std::string& grid, const std::string& type)
 {
     const bool isHalf = type.rfind("Tree_half_", 0) == 0;
@@ -52,7 +52,7 @@ public:
             tbb::parallel_for(std::size_t(0), kPartsAtOnce, [&](std::size_t n) {
                 const std::size_t first = std::min(begin + kPart * n, leaves.leafCount());
                 std::ostringstream part;
-                part.copyfmt(out); // what OpenVDB has noted there: compression, background
+                part.copyfmt(out); // OpenVDB's compression and background
                 for (std::size_t leaf = first; leaf < std::min(first + kPart, leaves.leafCount());
                      ++leaf)
                     leaves.leaf(leaf).writeBuffers(part, this->saveFloatAsHalf());
@@ -64,7 +64,8 @@ public:
     }
 
 private:
-    static constexpr std::size_t kPart = 64, kPartsAtOnce = 64; ///< leaves; 8 MB of floats
+    /// The leaves in a part, and the parts at a time: 8 MB of floats. [free: memory]
+    static constexpr std::size_t kPart = 64, kPartsAtOnce = 64;
 
     const Interrupter& mProgress;
 };
@@ -84,7 +85,7 @@ VdbReader::VdbReader(const std::filesystem::path& file, const Interrupter& progr
 {
     if (!mBuffer.open(file, std::ios::in | std::ios::binary))
         OPENVDB_THROW(openvdb::IoError, "it cannot be opened");
-    mStream.exceptions(std::ios::badbit | std::ios::failbit); // what the buffer throws goes on
+    mStream.exceptions(std::ios::badbit | std::ios::failbit); // passes on the buffer's exceptions
     readHead();
     openvdb::MetaMap().readMeta(mStream);
     if (inputHasGridOffsets())
@@ -93,8 +94,8 @@ VdbReader::VdbReader(const std::filesystem::path& file, const Interrupter& progr
         readAll(readGridCount(mStream));
 }
 
-/// OpenVDB warns of a format newer than its own on standard error. Formats that the layout's check
-/// lets through differ from that in nothing but types of grids, so that it is shown its own.
+/// Gives OpenVDB its own version, as it warns of newer ones on standard error: those that
+/// checkVdbLayout() accepts differ in types of grids only.
 void VdbReader::readHead()
 {
     std::string head(kVdbUuidOffset + kVdbUuidSize, '\0');

@@ -1,5 +1,4 @@
-// What OpenVDB's files lack: streams that can be stopped, formats of newer ones that differ in
-// nothing that is read, and leaves compressed on all threads.
+// OpenVDB's files with interruptible streams, newer formats, and leaves compressed on all threads.
 #pragma once
 #include <mpuvdb/interrupter.h>
 
@@ -17,11 +16,11 @@
 namespace mpuvdb
 {
 
-/// A file that can be told to stop between two pieces of it.
-class StoppableBuffer : public std::filebuf
+/// A file buffer that checks an interrupter at every read and write.
+class InterruptibleBuffer : public std::filebuf
 {
 public:
-    explicit StoppableBuffer(const Interrupter& progress) : mProgress(progress) {}
+    explicit InterruptibleBuffer(const Interrupter& progress) : mProgress(progress) {}
 
 protected:
     std::streamsize xsputn(const char* data, std::streamsize size) override
@@ -39,19 +38,19 @@ private:
     const Interrupter& mProgress;
 };
 
-/// What openvdb::io::File does, under the same names. Grids are read whole: delayed loading maps
-/// the file, and a file that changes under it ends the process.
+/// An interruptible openvdb::io::File. Grids are read whole: delayed loading maps the file, and a
+/// mapped file that changes ends the process.
 class VdbReader : public openvdb::io::Archive
 {
 public:
-    /// Reads all grids of a file that tells no places of them, else none. @param progress  may stop
-    /// whatever is read; has to outlive the reader.
-    /// @throws InputError (a grid of a type that this OpenVDB does not have), Interrupted, and what
-    /// OpenVDB throws.
+    /// Reads all grids of a file without offsets, else none. @param progress  may stop all reading;
+    /// has to outlive the reader.
+    /// @throws InputError (a grid of a type that this OpenVDB does not have), Interrupted, and
+    /// OpenVDB's exceptions.
     VdbReader(const std::filesystem::path& file, const Interrupter& progress);
 
     const std::string& filename() const { return mFile; }
-    /// In File's order; of several grids with one name the file has names with numbers.
+    /// In File's order; equal names have numbers appended.
     std::vector<std::string> names() const;
     /// A grid with its metadata and transform, without its tree.
     openvdb::GridBase::ConstPtr metadata(const std::string& name);
@@ -69,15 +68,15 @@ private:
 
     std::string mFile;
     openvdb::io::StreamMetadata::Ptr mMetadata; ///< the stream points to it
-    StoppableBuffer mBuffer;
+    InterruptibleBuffer mBuffer;
     std::istream mStream;
     std::multimap<std::string, GridDescriptor> mDescriptors; ///< by the names of grids
-    NamedGridMap mGrids; ///< of a file without places, by unique names
+    NamedGridMap mGrids; ///< of a file without offsets, by unique names
 };
 
 /// A grid that shares @a grid's tree, whose leaves are compressed on all threads when an archive
-/// writes it: the same bytes, in less time. Grids of other values than floats and vectors of them
-/// are returned as they are. @param progress  may stop the writing; has to outlive the grid.
+/// writes it: the same bytes, in less time. Grids of other types than FloatGrid and Vec3SGrid are
+/// returned as they are. @param progress  may stop the writing; has to outlive the grid.
 openvdb::GridBase::ConstPtr compressingInParallel(const openvdb::GridBase::ConstPtr& grid,
                                                   const Interrupter& progress);
 

@@ -12,7 +12,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-/// @a to as the layer in @a folder names it: relative to itself where there is a way.
+/// The asset path of @a to in a layer in @a folder: relative where possible.
 std::string assetPath(const fs::path& to, const fs::path& folder)
 {
     const fs::path whole = fs::absolute(to).lexically_normal();
@@ -22,7 +22,7 @@ std::string assetPath(const fs::path& to, const fs::path& folder)
     return quote + text + quote;
 }
 
-/// The world box of what is active in @a grids.
+/// The world box of the active voxels of @a grids.
 Box3d worldBounds(const openvdb::GridCPtrVec& grids)
 {
     Box3d box;
@@ -36,7 +36,7 @@ Box3d worldBounds(const openvdb::GridCPtrVec& grids)
     return box;
 }
 
-/// What USD calls the type and the class of a grid's values; empty: no word for it.
+/// USD's attributes for the type and the class of a grid's values.
 std::string typeText(const openvdb::GridBase& grid)
 {
     const std::string type = grid.valueType();
@@ -70,7 +70,7 @@ std::string quoted(const std::string& name)
 void writeVolumeLayer(const fs::path& file, const fs::path& vdb, const openvdb::GridCPtrVec& grids,
                       const SceneSettings& scene)
 {
-    demandScene(scene);
+    requireScene(scene);
     const std::string asset = assetPath(vdb, fs::absolute(file).parent_path());
     std::string text = usdaHead("volume", scene) + "def Volume \"volume\"\n{\n";
     const Box3d box = worldBounds(grids);

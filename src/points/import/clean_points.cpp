@@ -1,4 +1,4 @@
-// What of a file cannot be used, and leaving it out.
+// Leaves out a file's unusable points.
 #include "raw_points.h"
 
 #include "core/release.h"
@@ -16,8 +16,8 @@ namespace mpuvdb
 namespace
 {
 
-// World units; squares and sums of what is nearer fit a float with room.
-constexpr double kFarthest = 1e15;
+/// The largest coordinate, world units. [derived: sums of squares of smaller ones fit a float]
+constexpr double kMaxCoordinate = 1e15;
 
 enum Fault : std::uint8_t {
     NotFinite,
@@ -37,12 +37,12 @@ struct BlockFaults {
     std::uint64_t total = 0;
 };
 
-// What is wrong with point i; kFaults where nothing is.
+// The fault of point i; kFaults without one.
 Fault faultOf(const PointBlock& block, std::size_t i)
 {
     const Vec3d& p = block.positions[i];
     // Written so that NaN fails.
-    if (!(p.cwiseAbs().maxCoeff() <= kFarthest) || !p.allFinite())
+    if (!(p.cwiseAbs().maxCoeff() <= kMaxCoordinate) || !p.allFinite())
         return p.allFinite() ? TooFar : NotFinite;
     if (!block.normals.empty()) {
         const Vec3f& n = block.normals[i];
@@ -53,7 +53,7 @@ Fault faultOf(const PointBlock& block, std::size_t i)
     return kFaults;
 }
 
-// What is wrong in points [begin, end); `first` counts from the block's beginning.
+// The faults of points [begin, end); `first` counts from the block's beginning.
 BlockFaults countFaults(const PointBlock& block, std::size_t begin, std::size_t end)
 {
     BlockFaults faults;
@@ -95,7 +95,7 @@ void dropFaults(PointBlock& block)
     block.compact(keep);
 }
 
-// Confidences or normals that a program wrote without having any would leave no points.
+// Drops confidences and normals that are all empty: they would leave no points.
 void ignoreEmptyAttributes(FilePoints& points)
 {
     bool normals = false, positive = false, negative = false;
@@ -124,20 +124,20 @@ void ignoreEmptyAttributes(FilePoints& points)
         for (float& c : block.confidence) c = std::isfinite(c) ? c / largest : 0;
 }
 
-// A scalar says nothing of where the surface is: its point stays.
-void mendScalars(FilePoints& points)
+// Scalars do not move the surface: their points stay.
+void zeroNonFiniteScalars(FilePoints& points)
 {
-    std::uint64_t mended = 0;
+    std::uint64_t zeroed = 0;
     for (PointBlock& block : points.blocks)
         for (std::vector<float>& values : block.scalars)
             for (float& value : values) {
                 if (std::isfinite(value)) continue;
                 value = 0;
-                ++mended;
+                ++zeroed;
             }
-    if (mended > 0)
+    if (zeroed > 0)
         points.notes.push_back(
-            fmt::format("{} of its scalars are not finite, and became 0", mended));
+            fmt::format("{} of its scalars are not finite, and became 0", zeroed));
 }
 
 [[noreturn]] void throwFirst(const FilePoints& points, const BlockFaults& faults, Fault fault,
@@ -155,7 +155,7 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress)
 {
     progress.check();
     ignoreEmptyAttributes(points);
-    mendScalars(points);
+    zeroNonFiniteScalars(points);
     const std::uint64_t total = points.size();
     std::vector<BlockFaults> ofBlocks(points.blocks.size());
     tbb::parallel_for(std::size_t(0), ofBlocks.size(),
@@ -168,7 +168,7 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress)
     }
     for (std::size_t f = 0; f < kFaults; ++f) {
         if (faults.counts[f] == 0) continue;
-        // A confidence of zero is a statement about a point, not a fault of the file.
+        // A confidence of zero is the file's way to leave a point out, no fault.
         if (badPoints == BadPoints::Fail && f != ZeroConfidence)
             throwFirst(points, faults, Fault(f), total);
         points.dropped[kFaultNames[f]] += faults.counts[f];

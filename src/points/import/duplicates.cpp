@@ -1,4 +1,4 @@
-// Exact copies of points: found by hashing, part by part so that each table fits a cache.
+// Exact copies of points, found by hashing in parts whose tables fit a cache.
 #include "raw_points.h"
 
 #include <mpuvdb/interrupter.h>
@@ -15,9 +15,9 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::uint32_t kEmpty = 0xffffffffu;
-constexpr std::size_t kPartPoints = 8192;
-constexpr std::size_t kSlices = 16;
+constexpr std::uint32_t kEmpty = 0xffffffffu; ///< an empty slot [derived: the largest]
+constexpr std::size_t kPartPoints = 8192;     ///< points in a part [free: cache size]
+constexpr std::size_t kSlices = 16;           ///< slices that are scattered [free: grain size]
 
 std::uint64_t mix(std::uint64_t h, std::uint64_t value)
 {
@@ -99,7 +99,7 @@ Parts partition(const PointCloud& cloud)
     return result;
 }
 
-// Marks every point of keys[begin, end) that equals one before it.
+// Clears the flag of every point of keys[begin, end) that equals one before it.
 void markPart(const PointCloud& cloud, const std::uint64_t* keys, std::size_t begin,
               std::size_t end, std::vector<std::uint8_t>& keep)
 {

@@ -1,4 +1,4 @@
-// All inputs about one frame.
+// Joins all inputs about one frame.
 #include "files/text_scan.h"
 #include "raw_points.h"
 
@@ -24,7 +24,7 @@ namespace
 
 using Inputs = std::vector<FilePoints>;
 
-// A part of a block, with the place of its first point in the joined cloud.
+// A part of a block, with the index of its first point in the joined cloud.
 struct Slice {
     const PointBlock* block = nullptr;
     std::size_t begin = 0, end = 0, place = 0;
@@ -61,10 +61,12 @@ Box3d boundsOf(const std::vector<Slice>& slices, const Box3d& within)
     return all;
 }
 
-constexpr std::uint64_t kManyPoints = 1 << 20;
+/// The points above which free memory is given back to the system. [free: time]
+constexpr std::uint64_t kTrimPoints = 1 << 20;
+/// The bins along an axis. [derived: a core of 18 bins is then less than a hundredth of the box]
 constexpr int kBins = 2048;
 
-// How many points fall into each bin of a box's three axes.
+// The number of points in each bin of a box's three axes.
 struct Bins {
     std::array<std::array<std::uint64_t, kBins>, 3> counts{};
     std::uint64_t points = 0;
@@ -94,8 +96,8 @@ Bins countBins(const std::vector<Slice>& slices, const Box3d& box, const Vec3d& 
     return all;
 }
 
-// A box that leaves out what is more than a hundred times as far away as 95 % of the points are
-// from each other, or @a box itself. Counts do not depend on the points' order.
+// A box that leaves out points more than a hundred times as far away as 95 % of the others are from
+// each other, or @a box itself. Independent of the points' order.
 Box3d denseCore(const std::vector<Slice>& slices, const Box3d& box)
 {
     Vec3d scale = Vec3d::Zero();
@@ -121,7 +123,7 @@ Box3d everywhere()
     return Box3d(Vec3d::Constant(-inf), Vec3d::Constant(inf));
 }
 
-// The box of all points but those so far away that the rest would be a speck beside them.
+// The box of all points but those that denseCore() leaves out, repeatedly.
 Box3d usefulBounds(const std::vector<Slice>& slices, Box3d box)
 {
     for (;;) {
@@ -192,7 +194,7 @@ void requireScalars(const Inputs& inputs, const ScalarNames& scalars)
                                                  : ", but " + listInQuotes(input.scalarNames)));
 }
 
-/// Those that all inputs have, in the first one's order.
+/// The names that all inputs have, in the first one's order.
 std::vector<std::string> namesOfAll(const Inputs& inputs)
 {
     std::vector<std::string> names = inputs.front().scalarNames;
@@ -293,8 +295,8 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
     if (inputs.size() == 1) cloud.mesh = std::move(inputs.front().mesh);
     inputs.clear();
 #ifdef __GLIBC__
-    // The blocks lay scattered in the heap, which would keep their pages.
-    if (points > kManyPoints) malloc_trim(0);
+    // The blocks were scattered in the heap, which would keep their pages.
+    if (points > kTrimPoints) malloc_trim(0);
 #endif
     const std::uint64_t duplicates = dropDuplicates(cloud, progress);
     if (duplicates > 0) result.dropped["duplicate"] = duplicates;

@@ -41,7 +41,7 @@ Attribute scalarAt(std::size_t place)
 void adviseLargePages([[maybe_unused]] void* data, [[maybe_unused]] std::size_t bytes)
 {
 #ifdef MADV_HUGEPAGE
-    constexpr std::uintptr_t kLargePage = std::uintptr_t(1) << 21;
+    constexpr std::uintptr_t kLargePage = std::uintptr_t(1) << 21; // bytes [derived: of x86-64]
     const auto from = (reinterpret_cast<std::uintptr_t>(data) + kLargePage - 1) & ~(kLargePage - 1);
     const auto to = (reinterpret_cast<std::uintptr_t>(data) + bytes) & ~(kLargePage - 1);
     if (from < to) madvise(reinterpret_cast<void*>(from), to - from, MADV_HUGEPAGE);
@@ -101,7 +101,7 @@ AttributeSet::AttributeSet(const std::vector<Attribute>& columns)
     packedRgb = has[std::size_t(Attribute::PackedRgb)];
     colors = packedRgb || all(Attribute::Red, Attribute::Green, Attribute::Blue);
     byteColors = packedRgb;
-    for (std::size_t n = 0; n < kMostScalars; ++n) scalars[n] = has[std::size_t(scalarAt(n))];
+    for (std::size_t n = 0; n < kMaxScalars; ++n) scalars[n] = has[std::size_t(scalarAt(n))];
 }
 
 std::uint8_t colorByte(double value)
@@ -118,7 +118,7 @@ void PointBlock::reserve(std::size_t points, const AttributeSet& has)
     if (has.confidence) confidence.reserve(points);
     if (has.colors && has.byteColors) colors.reserve(points);
     if (has.colors && !has.byteColors) rawColors.reserve(points);
-    for (std::size_t n = 0; n < kMostScalars; ++n)
+    for (std::size_t n = 0; n < kMaxScalars; ++n)
         if (has.scalars[n]) scalars[n].reserve(points);
 }
 
@@ -141,7 +141,7 @@ void PointBlock::append(const RowValues& row, const AttributeSet& has)
         rawColors.emplace_back(float(value(Attribute::Red)), float(value(Attribute::Green)),
                                float(value(Attribute::Blue)));
     }
-    for (std::size_t n = 0; n < kMostScalars; ++n)
+    for (std::size_t n = 0; n < kMaxScalars; ++n)
         if (has.scalars[n]) scalars[n].push_back(float(value(scalarAt(n))));
 }
 
@@ -152,7 +152,7 @@ void PointBlock::append(PointBlock&& other)
     appendVector(confidence, std::move(other.confidence));
     appendVector(colors, std::move(other.colors));
     appendVector(rawColors, std::move(other.rawColors));
-    for (std::size_t n = 0; n < kMostScalars; ++n)
+    for (std::size_t n = 0; n < kMaxScalars; ++n)
         appendVector(scalars[n], std::move(other.scalars[n]));
 }
 
@@ -219,7 +219,7 @@ PointBlock& FilePoints::joined()
         has.confidence = hasConfidence();
         has.colors = hasColors();
         has.byteColors = anyBlockHas(blocks, &PointBlock::colors);
-        for (std::size_t n = 0; n < kMostScalars; ++n) has.scalars[n] = hasScalar(n);
+        for (std::size_t n = 0; n < kMaxScalars; ++n) has.scalars[n] = hasScalar(n);
         PointBlock all;
         all.reserve(points, has);
         for (PointBlock& block : blocks) {
@@ -231,7 +231,7 @@ PointBlock& FilePoints::joined()
             all.colors.insert(all.colors.end(), block.colors.begin(), block.colors.end());
             all.rawColors.insert(all.rawColors.end(), block.rawColors.begin(),
                                  block.rawColors.end());
-            for (std::size_t n = 0; n < kMostScalars; ++n)
+            for (std::size_t n = 0; n < kMaxScalars; ++n)
                 all.scalars[n].insert(all.scalars[n].end(), block.scalars[n].begin(),
                                       block.scalars[n].end());
             block = PointBlock();

@@ -1,4 +1,4 @@
-// Points as they come through the door: doubles, with what attributes their file has.
+// Points as files have them: doubles, with the file's attributes.
 #pragma once
 #include <mpuvdb/point_input.h>
 
@@ -9,7 +9,7 @@
 namespace mpuvdb
 {
 
-/// What a column of a file may mean to us.
+/// The meaning of a file's column.
 enum class Attribute : std::uint8_t {
     X,
     Y,
@@ -22,12 +22,13 @@ enum class Attribute : std::uint8_t {
     Green,
     Blue,
     PackedRgb,   ///< 0xAARRGGBB
-    FirstScalar, ///< that was asked for; the others follow
+    FirstScalar, ///< of the requested ones; the others follow
     LastScalar = FirstScalar + 7,
     None
 };
+/// The number of attributes, and of scalars among them. [derived: the enumeration's]
 constexpr std::size_t kAttributes = std::size_t(Attribute::None);
-constexpr std::size_t kMostScalars =
+constexpr std::size_t kMaxScalars =
     std::size_t(Attribute::None) - std::size_t(Attribute::FirstScalar);
 
 inline bool isColor(Attribute attribute)
@@ -35,13 +36,13 @@ inline bool isColor(Attribute attribute)
     return attribute >= Attribute::Red && attribute <= Attribute::Blue;
 }
 
-/// Whether a column that has a name holds numbers that may be asked for by it.
+/// Whether a column's numbers can be requested by its name.
 inline bool isNamedScalar(Attribute attribute)
 {
     return attribute >= Attribute::FirstScalar;
 }
 
-/// Names of the scalars that are asked for, at most kMostScalars: place n is FirstScalar + n.
+/// Names of the requested scalars, at most kMaxScalars: the n-th is FirstScalar + n.
 using ScalarNames = std::vector<std::string>;
 
 /// The attribute that a column called @a name holds ("nx", "normal_x", "quality", "diffuse_red"),
@@ -51,22 +52,22 @@ Attribute attributeOf(std::string_view name, const ScalarNames& wanted);
 /// The values of one row by attribute.
 using RowValues = std::array<double, kAttributes>;
 
-/// Which attributes a file has.
+/// The attributes that a file has.
 struct AttributeSet {
     bool position = false, normals = false, confidence = false, colors = false, packedRgb = false;
     bool byteColors = false; ///< colors are bytes; else their scale is not known yet
-    std::array<bool, kMostScalars> scalars{};
+    std::array<bool, kMaxScalars> scalars{};
 
     AttributeSet() = default;
-    /// All three components count, or none.
+    /// A vector counts if all three components are there.
     explicit AttributeSet(const std::vector<Attribute>& columns);
 };
 
-/// Ask for large pages for the @a bytes at @a data, where the system has them: touching the first
-/// time is what large arrays cost most.
+/// Asks for large pages for the @a bytes at @a data, where the system has them: the first touch of
+/// pages is most of the cost of large arrays.
 void adviseLargePages(void* data, std::size_t bytes);
 
-/// Make room for @a count values in an empty vector, on large pages.
+/// Resizes an empty vector to @a count values, on large pages.
 template <class T>
 void resizeLarge(std::vector<T>& values, std::size_t count)
 {
@@ -75,7 +76,7 @@ void resizeLarge(std::vector<T>& values, std::size_t count)
     values.resize(count);
 }
 
-/// Keep the values i with keep[i] != 0, in order; an empty vector stays empty.
+/// Keeps the values i with keep[i] != 0, in order; an empty vector stays empty.
 template <class T>
 void compactVector(std::vector<T>& values, const std::vector<std::uint8_t>& keep)
 {
@@ -92,35 +93,34 @@ struct PointBlock {
     std::vector<Vec3f> normals;
     std::vector<float> confidence;
     std::vector<PointCloud::Rgb> colors;
-    std::vector<Vec3f> rawColors;                         ///< as stored, until scaleColors()
-    std::array<std::vector<float>, kMostScalars> scalars; ///< in the order of their names
-    std::optional<Viewpoint> seenFrom;                    ///< all of them
+    std::vector<Vec3f> rawColors;                        ///< as stored, until scaleColors()
+    std::array<std::vector<float>, kMaxScalars> scalars; ///< in the order of their names
+    std::optional<Viewpoint> seenFrom;                   ///< of all points
 
     std::size_t size() const { return positions.size(); }
     void reserve(std::size_t points, const AttributeSet& has);
     void append(const RowValues& row, const AttributeSet& has);
     void append(PointBlock&& other);
-    /// Keep the points i with keep[i] != 0, in order.
+    /// Keeps the points i with keep[i] != 0, in order.
     void compact(const std::vector<std::uint8_t>& keep);
 };
 
-/// Move all points of @a block, and where they were seen from, by world = rotation * p +
-/// translation.
+/// Moves all points of @a block, and their viewpoint, by world = rotation * p + translation.
 void movePoints(PointBlock& block, const Eigen::Matrix3d& rotation, const Vec3d& translation);
 
 /// A mesh's triangles while its vertices are still blocks.
 using Triangles = std::vector<std::array<std::uint32_t, 3>>;
 
-/// What one reader hands over.
+/// The result of one reader.
 struct FilePoints {
     std::string name;           ///< of the file, for messages
     const char* unit = "point"; ///< what the file calls a point, for messages
     std::vector<PointBlock> blocks;
     Triangles triangles;                    ///< of all blocks' points, in order; corners are valid
-    std::uint64_t meshTriangles = 0;        ///< that there were when vertices became points
-    std::shared_ptr<const VertexMesh> mesh; ///< that they made; or null
+    std::uint64_t meshTriangles = 0;        ///< number of triangles before vertices became points
+    std::shared_ptr<const VertexMesh> mesh; ///< of these triangles; or null
     std::map<std::string, std::uint64_t> dropped;
-    std::vector<std::string> scalarNames;     ///< that could be asked for
+    std::vector<std::string> scalarNames;     ///< that can be requested
     std::vector<std::string> notes, warnings; ///< without the file's name
 
     std::uint64_t size() const;
@@ -134,33 +134,33 @@ struct FilePoints {
     PointBlock& joined();
 };
 
-/// Points per task where all points of a block are gone through.
+/// The points in a task. [free: grain size]
 constexpr std::size_t kPointsPerSlice = 1 << 14;
 
 /// A color component in [0,255], rounded and clamped.
 std::uint8_t colorByte(double value);
-/// Make the raw colors of a file bytes. Files have components in [0, 1], [0, 255] or [0, 65535],
-/// whatever type they store: the largest one of all points tells which.
+/// Converts the raw colors of a file to bytes. Components are in [0, 1], [0, 255] or [0, 65535]
+/// whatever their type: the largest one of all points decides.
 void scaleColors(FilePoints& points, Interrupter& progress);
 
-/// Leave out what cannot be used (not finite, too far, zero normal, no confidence), counted by
-/// reason, and scale confidences to a largest one of 1. Normals or confidences that say nothing
-/// at all are ignored, with a note.
+/// Leaves out unusable points (not finite, too far, zero normal, no confidence), counted by reason,
+/// and scales confidences to a largest one of 1. Normals that are all zero, and confidences without
+/// a positive one, are ignored, with a note.
 /// @throws InputError for BadPoints::Fail, naming the first bad point.
 void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress);
 
-/// Join all inputs about one frame, the middle of their bounding box, leaving out points that lie
-/// absurdly far from all the others, and exact copies. Consumes @a inputs.
+/// Joins all inputs about one frame, the middle of their bounding box, without points that lie
+/// absurdly far from all the others, and without exact copies. Consumes @a inputs.
 /// @throws InputError without points, or where an input has not all the @a scalars; LimitError for
 /// more than 2^32-1.
 PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
                       const ScalarNames& scalars, Interrupter& progress);
 
-/// The notes of @a points as part of an error that nothing is in them: they may tell why.
+/// The notes of @a points, as part of the error that there are none: they may give the reason.
 std::string butNotes(const FilePoints& points);
 
-/// Leave out all but one of points that are the same in every attribute.
-/// @return number left out. The rest keep their order.
+/// Leaves out all but the first of points that are equal in every attribute.
+/// @return the number left out. The others keep their order.
 std::uint64_t dropDuplicates(PointCloud& cloud, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -15,21 +15,26 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kFewest = 100;              ///< points: fewer say nothing
-constexpr std::uint64_t kSample = 1 << 14;        ///< points that tell the step of an axis
-constexpr std::uint64_t kLookedAt = 1 << 16;      ///< points that are put into cubes
-constexpr std::size_t kFewestValues = 3;          ///< of a coordinate that has steps
-constexpr std::uint64_t kPlacesPerAxis = 1 << 30; ///< of cubes that are told apart
+/// The fewest points that are examined. [tuned: rounded_positions_test]
+constexpr std::size_t kMinPoints = 100;
+/// The points that determine the step of an axis. [tuned: rounded_positions_test]
+constexpr std::uint64_t kStepSample = 1 << 14;
+/// The points that are sorted into cubes. [tuned: rounded_positions_test]
+constexpr std::uint64_t kCubeSample = 1 << 16;
+/// The fewest values of a coordinate that has steps. [derived: two equal gaps]
+constexpr std::size_t kMinValues = 3;
+/// The cubes along an axis. [derived: indices of two axes fit 64 bits]
+constexpr std::uint64_t kCubesPerAxis = 1 << 30;
 
-/// Where an axis's coordinates lie: first + whole numbers * size.
+/// An axis's coordinates: first + whole numbers * size.
 struct Steps {
     double first = 0, size = 0; ///< world units
 };
 
-/// Every so manyth value of an axis, sorted.
+/// About kStepSample values of an axis, sorted.
 std::vector<double> sampleOf(const FilePoints& points, int axis)
 {
-    const std::uint64_t every = points.size() / kSample + 1;
+    const std::uint64_t every = points.size() / kStepSample + 1;
     std::vector<double> values;
     std::uint64_t n = 0;
     for (const PointBlock& block : points.blocks)
@@ -39,15 +44,15 @@ std::vector<double> sampleOf(const FilePoints& points, int axis)
     return values;
 }
 
-/// The steps that all but a few of the gaps between an axis's sorted values are whole numbers of.
+/// The steps whose multiples all but a few of the gaps between an axis's sorted values are.
 std::optional<Steps> stepsOf(std::vector<double> values)
 {
-    // Of a step; of the gaps, of which outliers may spoil some. [derived: gaps at random within a
-    // step are so near to whole ones once in 25]
-    constexpr double kWhole = 0.02, kShare = 0.98;
-    constexpr double kFar = 8; // steps: wider gaps know no more
+    // The deviation of a gap from a multiple, in steps, and the share of gaps within it.
+    // [derived: random gaps are within it once in 25; outliers may spoil some]
+    constexpr double kMaxDeviation = 0.02, kMinShare = 0.98;
+    constexpr double kMaxGap = 8; // steps [tuned: rounded_positions_test]
     values.erase(std::unique(values.begin(), values.end()), values.end());
-    if (values.size() < kFewestValues) return std::nullopt;
+    if (values.size() < kMinValues) return std::nullopt;
     std::vector<double> gaps(values.size() - 1);
     for (std::size_t i = 0; i < gaps.size(); ++i) gaps[i] = values[i + 1] - values[i];
     std::sort(gaps.begin(), gaps.end());
@@ -62,28 +67,29 @@ std::optional<Steps> stepsOf(std::vector<double> values)
     double whole = 0, asked = 0;
     for (const double gap : gaps) {
         const double steps = gap / size;
-        if (steps > kFar) break;
-        whole += std::round(steps) >= 1 && std::abs(steps - std::round(steps)) < kWhole;
+        if (steps > kMaxGap) break;
+        whole += std::round(steps) >= 1 && std::abs(steps - std::round(steps)) < kMaxDeviation;
         ++asked;
     }
-    if (whole < kShare * asked) return std::nullopt;
+    if (whole < kMinShare * asked) return std::nullopt;
     return Steps{values[values.size() / 2], size};
 }
 
-/// A cube of one step on a layer of points: those of an axis's coordinate are equal in it.
+/// A cube of one step in a layer of points with equal coordinates along an axis.
 struct Cube {
-    static constexpr unsigned kAcross = 4; ///< parts of its face along either edge
+    /// The parts of its face along an edge. [derived: a curve through the face meets seven of 16 at
+    /// most, two parallel ones eight, and sixteen random points ten]
+    static constexpr unsigned kAcross = 4;
 
-    std::uint64_t column = 0; ///< where it is across the axis
-    std::int64_t layer = 0;   ///< and along it
+    std::uint64_t column = 0; ///< position across the axis
+    std::int64_t layer = 0;   ///< position along it
     std::uint32_t points = 0;
-    std::uint32_t parts = 0; ///< bits: those of its face that hold points
+    std::uint32_t parts = 0; ///< bits of the face's parts that hold points
 
-    /// Whether its points spread over the face, as on no curve. [derived: four parts an edge, so
-    /// that a curve through the face meets seven at most, and two that run side by side eight;
-    /// sixteen points at random meet ten]
+    /// Whether its points spread over the face, as on no curve.
     bool isFilled() const
     {
+        // The fewest points, and the most parts that curves meet. [derived: see kAcross]
         constexpr std::uint32_t kPoints = kAcross * kAcross, kParts = 2 * kAcross;
         return points >= kPoints && std::uint32_t(__builtin_popcount(parts)) > kParts;
     }
@@ -99,21 +105,20 @@ std::uint64_t scrambled(std::uint64_t key)
     return key ^ (key >> 29);
 }
 
-/// Columns of cubes, whole ones: between two values of one coordinate, and of those every so
-/// manyth.
+/// Columns of cubes between two values of one coordinate, and of those one in `every`.
 struct Columns {
     double from = -std::numeric_limits<double>::infinity();
     double to = std::numeric_limits<double>::infinity();
     std::uint64_t every = 1;
 };
 
-/// Columns about the middle of an axis that hold some kLookedAt of the points.
+/// Columns about the middle of an axis that hold about kCubeSample of the points.
 Columns someColumns(std::uint64_t points, const std::vector<double>& sample, double origin,
                     double step)
 {
     Columns columns;
-    if (points <= kLookedAt) return columns;
-    const double half = 0.5 * double(kLookedAt) / double(points);
+    if (points <= kCubeSample) return columns;
+    const double half = 0.5 * double(kCubeSample) / double(points);
     const double last = double(sample.size() - 1);
     const auto at = [&](double share) { return sample[std::size_t(share * last)]; };
     columns.from = origin + std::floor((at(0.5 - half) - origin) / step) * step;
@@ -121,7 +126,7 @@ Columns someColumns(std::uint64_t points, const std::vector<double>& sample, dou
     const auto found = std::count_if(sample.begin(), sample.end(),
                                      [&](double x) { return x >= columns.from && x < columns.to; });
     const double inThem = double(found) / double(sample.size()) * double(points);
-    columns.every = std::uint64_t(inThem / double(kLookedAt)) + 1;
+    columns.every = std::uint64_t(inThem / double(kCubeSample)) + 1;
     return columns;
 }
 
@@ -141,8 +146,8 @@ std::vector<Cube> cubesOf(const FilePoints& points, int axis, const Steps& steps
             std::uint32_t part = 0;
             for (const int a : across) {
                 const double at =
-                    std::clamp((p[a] - origin[a]) / steps.size + 0.5 * double(kPlacesPerAxis), 0.0,
-                               double(kPlacesPerAxis));
+                    std::clamp((p[a] - origin[a]) / steps.size + 0.5 * double(kCubesPerAxis), 0.0,
+                               double(kCubesPerAxis));
                 const double whole = std::floor(at);
                 cube.column = cube.column << 32 | std::uint64_t(whole);
                 part = part * Cube::kAcross + std::uint32_t((at - whole) * Cube::kAcross);
@@ -169,15 +174,17 @@ std::vector<Cube> cubesOf(const FilePoints& points, int axis, const Steps& steps
     return cubes;
 }
 
-/// Points in a cube that layers' areas fill, on the average; 0 where it is no rounding: too few
-/// points lie in areas, or in less than three layers (a plate has two faces), or within a solid.
+/// The mean number of points in a filled cube; 0 where it is no rounding: too few points lie in
+/// areas, or in less than three layers (a plate has two faces), or within a solid.
 double pointsPerFilled(const std::vector<Cube>& cubes)
 {
-    constexpr std::size_t kLayers = 3, kCubes = 8;
-    // [derived: of a surface that looks in all directions the share that lies within 45 degrees of
-    // an axis's planes, where a layer's area is as wide as a step, is 1 - cos 45 = 0.29; a third of
-    // it may be lost where layers end]
-    constexpr double kShare = 0.2;
+    // The fewest layers and filled cubes. [derived: a plate has two faces;
+    // tuned: rounded_positions_test]
+    constexpr std::size_t kMinLayers = 3, kMinCubes = 8;
+    // The least share of points in filled cubes. [derived: of all directions, those within 45
+    // degrees of an axis, where a layer is wider than a step, are 1 - cos 45 = 0.29; a third may be
+    // missing where layers end]
+    constexpr double kMinFilled = 0.2;
     double all = 0, within = 0;
     std::size_t count = 0;
     std::set<std::int64_t> layers;
@@ -190,22 +197,23 @@ double pointsPerFilled(const std::vector<Cube>& cubes)
         if (isOfSolid) continue;
         within += cubes[i].points;
         ++count;
-        if (layers.size() < kLayers) layers.insert(cubes[i].layer);
+        if (layers.size() < kMinLayers) layers.insert(cubes[i].layer);
     }
-    const bool isRounded = within > kShare * all && layers.size() >= kLayers && count >= kCubes;
+    const bool isRounded =
+        within > kMinFilled * all && layers.size() >= kMinLayers && count >= kMinCubes;
     return isRounded ? within / double(count) : 0;
 }
 
-/// Points in a cube; 0 where there are no more than points with a step between them would have.
-/// That is rounding where another axis has steps as coarse, so that a cube's points lie on a few
-/// places or lines, and where the steps are those of floats: no slices have such numbers.
+/// The mean number of points in a cube; 0 where no more than points a step apart have. It means
+/// rounding where another axis has steps as coarse, so that a cube's points lie on a few places or
+/// lines, and where the steps are those of floats, which slices never have.
 double pointsPerCube(const std::vector<Cube>& cubes)
 {
-    constexpr double kMost = 4; // [derived: spacing half of a step]
+    constexpr double kMinPerCube = 4; // [derived: a spacing of half a step]
     double points = 0;
     for (const Cube& cube : cubes) points += cube.points;
     const double perCube = points / double(std::max<std::size_t>(cubes.size(), 1));
-    return perCube >= kMost ? perCube : 0;
+    return perCube >= kMinPerCube ? perCube : 0;
 }
 
 /// Whether the steps are those of floats: a power of two, at places that need all their bits.
@@ -221,7 +229,7 @@ bool isOfFloats(const Steps& steps)
 
 std::vector<std::string> findRounding(const FilePoints& points, Interrupter& progress)
 {
-    if (points.size() < kFewest) return {};
+    if (points.size() < kMinPoints) return {};
     std::array<std::optional<Steps>, 3> steps;
     std::array<std::vector<double>, 3> samples;
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -229,7 +237,7 @@ std::vector<std::string> findRounding(const FilePoints& points, Interrupter& pro
         samples[axis] = sampleOf(points, int(axis));
         steps[axis] = stepsOf(samples[axis]);
     }
-    // Corners that triangles do not share lie on one place each.
+    // Triangles' corners that are not shared have equal positions.
     const bool isMesh = !points.triangles.empty() || points.meshTriangles > 0;
     double coarsest = 0, spacing = 0;
     bool ofFloats = false;

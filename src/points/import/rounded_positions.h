@@ -1,4 +1,4 @@
-// Positions that were rounded to steps far above the distance between neighbors.
+// Detects positions rounded to steps far above the distance between neighbors.
 #pragma once
 #include "raw_points.h"
 
@@ -8,11 +8,11 @@
 namespace mpuvdb
 {
 
-/// Which coordinates of @a points lie in steps so coarse that the surface shows them instead of its
-/// shape, and the cure: one text, or none. Told by the positions alone, whatever they came as:
-/// floats far from the origin, text with few decimals, LAS of a coarse scale. Points that have a
-/// step's distance from each other (voxels, rasters), and slices, whose points lie on curves, are
-/// not rounded. Looks closely at 65 thousand of them.
+/// A warning about coordinates of @a points in steps so coarse that the surface shows them, with
+/// the cure: one text, or none. It depends on the positions alone: floats far from the origin, text
+/// with few decimals, and LAS of a coarse scale are alike. Points a step apart from each other
+/// (voxels, rasters), and slices, whose points lie on curves, are not rounded. About 65 thousand
+/// points are examined.
 std::vector<std::string> findRounding(const FilePoints& points, Interrupter& progress);
 
 } // namespace mpuvdb
