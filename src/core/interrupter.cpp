@@ -40,12 +40,12 @@ void Interrupter::throwInterrupted()
 void Interrupter::ask() const
 {
     /// Nanoseconds between two questions. [derived: a stop may take 250 ms, most of which is work]
-    constexpr std::int64_t kBetween = 20'000'000;
+    constexpr std::int64_t kAskInterval = 20'000'000;
     const std::int64_t now = std::chrono::steady_clock::now().time_since_epoch().count();
     if (now < mAskAt.load(std::memory_order_relaxed)) return;
     std::unique_lock<std::mutex> lock(mAsking, std::try_to_lock);
     if (!lock) return;
-    mAskAt.store(now + kBetween, std::memory_order_relaxed);
+    mAskAt.store(now + kAskInterval, std::memory_order_relaxed);
     if (mWantsToStop()) mStopped.store(true, std::memory_order_relaxed);
 }
 

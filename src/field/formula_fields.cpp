@@ -37,8 +37,8 @@ public:
     Box3d bounds() const override { return wholeSpace(); }
     FieldSample evaluate(const Vec3d& p) const override
     {
-        constexpr double kStep = 1e-6;
-        return {value(p), slope(p, kStep / mFrequency), -1, true};
+        constexpr double kRelativeStep = 1e-6;
+        return {value(p), slope(p, kRelativeStep / mFrequency), -1, true};
     }
     double value(const Vec3d& p) const override
     {
@@ -53,7 +53,7 @@ public:
     double steepness() const override { return kSteepness; }
 
     /// The value's largest, in parts of the period.
-    static constexpr double kFarthest = 1.5 / (M_SQRT2 * 2 * M_PI);
+    static constexpr double kMaxDistance = 1.5 / (M_SQRT2 * 2 * M_PI);
 
 private:
     /// The largest slope that 1.5 million random places have is 1.498; near thin walls it is 1.06.
@@ -62,14 +62,14 @@ private:
     double mFrequency, mHalf;
 };
 
-double demandNumber(double value, const Vec3d& p)
+double requireFinite(double value, const Vec3d& p)
 {
-    constexpr double kFar = 1e30; // so that floats of it are finite
+    constexpr double kMaxMagnitude = 1e30; // so that floats of it are finite
     if (!std::isfinite(value))
         throw InputError(fmt::format("function: its value at ({}, {}, {}) is not finite. "
                                      "Make it one everywhere about the bounds",
                                      p[0], p[1], p[2]));
-    return std::clamp(value, -kFar, kFar);
+    return std::clamp(value, -kMaxMagnitude, kMaxMagnitude);
 }
 
 /// max(f, s * distance from the bounds) with the steepness s: f's own zero set stays where it is
@@ -86,14 +86,14 @@ public:
     Box3d bounds() const override { return mBounds; }
     FieldSample evaluate(const Vec3d& p) const override
     {
-        constexpr double kStep = 1e-6; // of the diagonal
-        const double own = demandNumber(mFunction(p), p), cut = wall(p);
+        constexpr double kRelativeStep = 1e-6; // of the diagonal
+        const double own = requireFinite(mFunction(p), p), cut = wall(p);
         if (cut > own) return {cut, mSteepness * boxNormal(mBounds, p), -1, true};
-        return {own, slope(p, kStep * mBounds.diagonal().norm()), -1, true};
+        return {own, slope(p, kRelativeStep * mBounds.diagonal().norm()), -1, true};
     }
     double value(const Vec3d& p) const override
     {
-        return std::max(demandNumber(mFunction(p), p), wall(p));
+        return std::max(requireFinite(mFunction(p), p), wall(p));
     }
     bool isDistance() const override { return false; }
     double steepness() const override { return mSteepness; }
@@ -128,7 +128,7 @@ public:
     {
         mFunction(points, values);
         for (std::size_t i = 0; i < points.size(); ++i)
-            values[i] = std::max(demandNumber(values[i], points[i]), wall(points[i]));
+            values[i] = std::max(requireFinite(values[i], points[i]), wall(points[i]));
     }
     bool inBatches() const override { return true; }
 
@@ -136,7 +136,7 @@ private:
     PointsFunction mFunction;
 };
 
-void demandFunction(bool function, const Box3d& bounds, double steepness)
+void requireFunction(bool function, const Box3d& bounds, double steepness)
 {
     if (!function) throw UsageError("function: there is none to call");
     if (bounds.isEmpty() || !isFinite(bounds))
@@ -161,7 +161,7 @@ FieldPtr makeGyroid(double period, double thickness)
 {
     if (!(period > 0) || !std::isfinite(period))
         throw UsageError(fmt::format("gyroid: its period is {}; it must be above 0", period));
-    const double most = 1.8 * Gyroid::kFarthest;
+    const double most = 1.8 * Gyroid::kMaxDistance;
     if (!(thickness > 0 && thickness <= most * period))
         throw UsageError(fmt::format("gyroid: its thickness is {}; it must be above 0 and at most "
                                      "{:.3g}, {:.2g} of its period: thicker walls fill all space",
@@ -172,13 +172,13 @@ FieldPtr makeGyroid(double period, double thickness)
 FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
                            double steepness)
 {
-    demandFunction(bool(function), bounds, steepness);
+    requireFunction(bool(function), bounds, steepness);
     return std::make_shared<FunctionField>(std::move(function), bounds, steepness);
 }
 
 FieldPtr makeFunctionField(PointsFunction function, const Box3d& bounds, double steepness)
 {
-    demandFunction(bool(function), bounds, steepness);
+    requireFunction(bool(function), bounds, steepness);
     return std::make_shared<BatchField>(function, bounds, steepness);
 }
 

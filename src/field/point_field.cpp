@@ -14,12 +14,12 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kLastBlock = 1 << 26; ///< so that voxels' indices stay ints
-constexpr std::size_t kMostBlocks = std::size_t(1) << 26;
+constexpr double kMaxBlockIndex = 1 << 26; ///< so that voxels' indices stay ints
+constexpr std::size_t kMaxBlocks = std::size_t(1) << 26;
 const double kSqrt3 = std::sqrt(3.0);
 
 /// Far from its data a field may say more than the distance: it is believed half of what it says.
-constexpr double kDoubt = 2;
+constexpr double kSteepnessFactor = 2;
 
 class Descent
 {
@@ -49,10 +49,10 @@ private:
             mLattice.origin + mLattice.voxelSize * (corner + Vec3d::Constant(half));
         if (!mMayMeet(center, kSqrt3 * half * mLattice.voxelSize)) return;
         if (level == 0) {
-            if (mBlocks.size() == kMostBlocks)
+            if (mBlocks.size() == kMaxBlocks)
                 throw LimitError(fmt::format("the surface meets more than {} blocks of voxels of "
                                              "size {}: use larger voxels",
-                                             kMostBlocks, mLattice.voxelSize));
+                                             kMaxBlocks, mLattice.voxelSize));
             mBlocks.push_back(low);
             return;
         }
@@ -95,8 +95,8 @@ private:
                 low, size, [&](const Vec3i&, float& value) { value = far; }, values);
             return;
         }
-        constexpr int kLeast = 4; // smaller cubes are seldom beyond the band if this one is not
-        if (size == kLeast) {
+        constexpr int kMinCube = 4; // smaller cubes are seldom beyond the band if this one is not
+        if (size == kMinCube) {
             const auto take = [&](const Vec3i& voxel, float& value) {
                 value = float(mField.value(world((first + voxel).cast<double>())));
             };
@@ -167,7 +167,7 @@ BlockRange blocksOf(const Lattice& lattice, const Box3d& box)
     const auto blockOf = [&](const Vec3d& p) {
         const Eigen::Array3d voxel = (p - lattice.origin).array() / lattice.voxelSize + 0.5;
         const Eigen::Array3d block = (voxel / kBlockDim).floor();
-        if (!(block.abs() < kLastBlock).all())
+        if (!(block.abs() < kMaxBlockIndex).all())
             throw LimitError(fmt::format("voxels of size {} about a box that reaches to ({}, {}, "
                                          "{}) are beyond the index range: use larger voxels",
                                          lattice.voxelSize, p[0], p[1], p[2]));
@@ -278,7 +278,7 @@ double Source::bound(const Vec3d& p) const
 
 double Source::change(const Vec3d& center, double radius) const
 {
-    return mPoints ? mPoints->change(center, radius) : kDoubt * mField->steepness() * radius;
+    return mPoints ? mPoints->change(center, radius) : kSteepnessFactor * mField->steepness() * radius;
 }
 
 std::vector<Vec3i> Source::seedsWithin(const Lattice& lattice, const Box3d& box) const

@@ -68,7 +68,7 @@ public:
         const double edge = std::ldexp(mEdge, int(level));
         const Eigen::Array3d low = ((center - mOrigin).array() - radius) / edge;
         const Eigen::Array3d high = ((center - mOrigin).array() + radius) / edge;
-        if (!(low.abs() < kFar).all() || !(high.abs() < kFar).all()) return true;
+        if (!(low.abs() < kMaxIndex).all() || !(high.abs() < kMaxIndex).all()) return true;
         const Vec3i first = low.floor().cast<int>(), last = high.floor().cast<int>();
         for (int x = first[0]; x <= last[0]; ++x)
             for (int y = first[1]; y <= last[1]; ++y)
@@ -78,7 +78,7 @@ public:
     }
 
 private:
-    static constexpr double kFar = 1 << 30;
+    static constexpr double kMaxIndex = 1 << 30;
 
     /// Of blocks whose voxels have ints for indices, and of their parents.
     static std::uint64_t key(const Vec3i& b)
@@ -102,12 +102,12 @@ struct Deformed {
 /// a warp does to them.
 Deformed measureWarp(const Source& source, const Warp& warp)
 {
-    constexpr double kCubes = 24; // along the longest side
+    constexpr double kCubesPerSide = 24; // along the longest side
     const Box3d box = source.field().bounds();
     Deformed result;
     if (box.isEmpty()) return result;
-    const double edge = std::max(box.sizes().maxCoeff() / kCubes, 1e-300);
-    const Vec3i count = (box.sizes() / edge).array().ceil().max(1.0).min(kCubes).cast<int>();
+    const double edge = std::max(box.sizes().maxCoeff() / kCubesPerSide, 1e-300);
+    const Vec3i count = (box.sizes() / edge).array().ceil().max(1.0).min(kCubesPerSide).cast<int>();
     const Vec3d size = box.sizes().cwiseQuotient(count.cast<double>());
     for (int x = 0; x < count[0]; ++x)
         for (int y = 0; y < count[1]; ++y)
@@ -301,12 +301,12 @@ private:
 
 FieldPtr makeMovedField(FieldPtr field, const Eigen::Affine3d& motion)
 {
-    constexpr double kSingular = 1e-9; // smallest to largest
+    constexpr double kMinSingularRatio = 1e-9; // smallest to largest
     const Eigen::Matrix3d& linear = motion.linear();
     const bool finite = motion.matrix().allFinite();
     if (finite) {
         const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear);
-        if (!(svd.singularValues()[2] > kSingular * svd.singularValues()[0]))
+        if (!(svd.singularValues()[2] > kMinSingularRatio * svd.singularValues()[0]))
             throw UsageError("motion: it has no inverse, it makes everything flat. Scale by "
                              "numbers other than 0");
     } else {

@@ -28,8 +28,8 @@ struct Slot {
 };
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler reads it");
 
-constexpr int kSlots = 64;
-Slot gSlots[kSlots];
+constexpr int kMaxFiles = 64;
+Slot gSlots[kMaxFiles];
 std::atomic<unsigned> gCounter{0};
 
 std::string reason(int error)
@@ -45,7 +45,7 @@ Slot& claimSlot(const fs::path& file)
     }
     throw IoError(
         fmt::format("{}: {} files are being written at once already. Write fewer at a time",
-                    file.string(), kSlots));
+                    file.string(), kMaxFiles));
 }
 
 /// The temporary file: listed for removeTemporaryFiles() before it exists, removed unless renamed.

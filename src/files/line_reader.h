@@ -46,8 +46,8 @@ private:
     /// @param whole  only if it lies in the buffer whole, which then does not move.
     bool nextLine(const char*& begin, const char*& end, bool whole = false);
     bool refill();
-    void learnCommas();
-    [[noreturn]] void throwUnclearCommas(std::string_view row) const;
+    void detectCommas();
+    [[noreturn]] void throwAmbiguousCommas(std::string_view row) const;
     void takeLine(std::size_t bytes, const char*& begin, const char*& end);
 
     const ByteSource& mSource;

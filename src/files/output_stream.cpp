@@ -15,7 +15,7 @@ namespace mpuvdb
 namespace
 {
 
-void fill(std::ostream& stream, const std::string& name,
+void writeThrough(std::ostream& stream, const std::string& name,
           const std::function<void(OutputBuffer&)>& write)
 {
     OutputBuffer buffer(stream);
@@ -33,12 +33,12 @@ void fill(std::ostream& stream, const std::string& name,
 void writeStream(const std::filesystem::path& file, const std::function<void(OutputBuffer&)>& write)
 {
     if (file == "-") {
-        fill(std::cout, "stdout", write);
+        writeThrough(std::cout, "stdout", write);
         return;
     }
     writeAtomically(file, [&](const std::filesystem::path& temporary) {
         std::ofstream stream(temporary, std::ios::binary);
-        fill(stream, file.string(), write);
+        writeThrough(stream, file.string(), write);
     });
 }
 

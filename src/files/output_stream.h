@@ -30,7 +30,7 @@ public:
     void text(std::string_view words) { append(words.data(), words.size()); }
     void flushIfFull()
     {
-        if (mBytes.size() > kFull) flush();
+        if (mBytes.size() > kFlushBytes) flush();
     }
     void flush()
     {
@@ -39,13 +39,13 @@ public:
     }
 
 private:
-    static constexpr std::size_t kFull = std::size_t(1) << 20;
+    static constexpr std::size_t kFlushBytes = std::size_t(1) << 20;
 
     std::ostream& mStream;
     std::vector<char> mBytes;
 };
 
-/// Have @a write fill @a file, which appears whole or not at all; "-" is stdout.
+/// Have @a write writeThrough @a file, which appears whole or not at all; "-" is stdout.
 /// @throws IoError if the bytes cannot be written.
 void writeStream(const std::filesystem::path& file,
                  const std::function<void(OutputBuffer&)>& write);

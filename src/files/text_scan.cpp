@@ -143,11 +143,11 @@ std::string inQuotes(std::string_view text)
 
 std::string listInQuotes(const std::vector<std::string>& names)
 {
-    constexpr std::size_t kMost = 20;
+    constexpr std::size_t kMaxNames = 20;
     std::string list;
-    for (std::size_t n = 0; n < std::min(names.size(), kMost); ++n)
+    for (std::size_t n = 0; n < std::min(names.size(), kMaxNames); ++n)
         list += (n > 0 ? ", " : "") + inQuotes(names[n]);
-    if (names.size() > kMost) list += " and " + std::to_string(names.size() - kMost) + " more";
+    if (names.size() > kMaxNames) list += " and " + std::to_string(names.size() - kMaxNames) + " more";
     return list;
 }
 

@@ -12,16 +12,16 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kFittedPoints = 1e5;
+constexpr double kTargetPoints = 1e5;
 constexpr double kPartPoints = 4096; ///< of a part, on the average
-constexpr int kDeepestParts = 6;     ///< level of the octree
-constexpr double kMargin = 0.25;     ///< of a part's edge: what fits in it see of points around it
+constexpr int kMaxPartLevel = 6;     ///< level of the octree
+constexpr double kPartMargin = 0.25;     ///< of a part's edge: what fits in it see of points around it
 
 /// Points beside each other and their key, as SortedPoints holds them.
 constexpr std::uint64_t kPointBytes = 7 * sizeof(float) + sizeof(std::uint64_t);
 /// While they are sorted: two arrays of keys with the points' numbers, and the cloud. Of arrays
 /// that are not large enough to go back to the system at once a part stays.
-constexpr std::uint64_t kSortBytes = 32, kUnusedBytes = 20, kMostUnused = 40 << 20;
+constexpr std::uint64_t kSortBytes = 32, kUnusedBytes = 20, kMaxUnusedBytes = 40 << 20;
 
 /// The cells of one level of the octree that hold points, and which of them are fitted.
 class Parts
@@ -33,8 +33,8 @@ public:
         do {
             ++mLevel;
             markOccupied(cloud);
-        } while (double(mOccupied) < wanted && mLevel < kDeepestParts);
-        const auto step = std::clamp<std::size_t>(std::size_t(double(cloud.size()) / kFittedPoints),
+        } while (double(mOccupied) < wanted && mLevel < kMaxPartLevel);
+        const auto step = std::clamp<std::size_t>(std::size_t(double(cloud.size()) / kTargetPoints),
                                                   1, mOccupied);
         std::size_t seen = 0;
         // In Morton order, so that they are spread over the surface.
@@ -99,7 +99,7 @@ private:
     bool isNear(const Vec3f& point) const
     {
         const Vec3d p = point.cast<double>();
-        const double margin = kMargin * mRoot.size(mLevel);
+        const double margin = kPartMargin * mRoot.size(mLevel);
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3d side(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
             if (isIn(p + margin * side)) return true;
@@ -132,7 +132,7 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
         if (!parts.isIn(root.center(cell))) return;
         ++leaves;
-        complete &= node.support >= 1 && !tree.fits[node.index].lostInNoise;
+        complete &= node.support >= 1 && !tree.fits[node.index].unresolved;
     });
     progress.endStage();
 
@@ -143,8 +143,8 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     const std::uint64_t cloudBytes =
         cloud.size() * (2 * sizeof(Vec3f) + (cloud.confidence.empty() ? 0 : sizeof(float)));
     const std::uint64_t pointBytes = kPointBytes * cloud.size(),
-                        unused = std::min(kUnusedBytes * cloud.size(), kMostUnused);
-    const std::uint64_t coarseBytes = complete ? 0 : CoarseSign::makingBytes(points, bounds, root);
+                        unused = std::min(kUnusedBytes * cloud.size(), kMaxUnusedBytes);
+    const std::uint64_t coarseBytes = complete ? 0 : CoarseSign::makingPeakBytes(points, bounds, root);
     estimate.bytes = pointBytes + treeBytes + coarseBytes / 16;
     estimate.peakBytes =
         std::max({cloudBytes + kSortBytes * cloud.size(), pointBytes + 2 * treeBytes + unused,

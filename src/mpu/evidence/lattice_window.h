@@ -50,7 +50,7 @@ public:
         return ((box.sizes() / step).array() + 8).cast<double>().prod();
     }
     /// Have the nodes about @a p.
-    Spot want(const Vec3f& p)
+    Spot request(const Vec3f& p)
     {
         const Vec3f at = mPerStep * p;
         const Spot spot = spotOf({floorOf(at[0]), floorOf(at[1]), floorOf(at[2])}, at);
@@ -81,8 +81,8 @@ public:
     /// Room for what a point at @a p gives.
     float* add(const Vec3f& p)
     {
-        if (mPoints.size() == kAtOnce) scatter();
-        if (mGiven.size() < kAtOnce * mLength) mGiven.resize(kAtOnce * mLength);
+        if (mPoints.size() == kBatchPoints) scatter();
+        if (mGiven.size() < kBatchPoints * mLength) mGiven.resize(kBatchPoints * mLength);
         float* const room = mGiven.data() + mPoints.size() * mLength;
         const Vec3f at = mPerStep * p;
         const Vec3i cell(floorOf(at[0]), floorOf(at[1]), floorOf(at[2]));
@@ -95,14 +95,14 @@ public:
         }
         return room;
     }
-    void addingEnds() { scatter(); }
+    void flush() { scatter(); }
     /// What each of @a spots sees, one number for each quantity of the sums. Points of opposite
-    /// normals weigh @a against.
-    void read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts, float against,
-              std::vector<float>& seen) const;
+    /// normals weigh @a opposedWeight.
+    void read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts, float opposedWeight,
+              std::vector<float>& means) const;
 
 private:
-    static constexpr std::size_t kAtOnce = 256; ///< points; changes times alone
+    static constexpr std::size_t kBatchPoints = 256; ///< points; changes times alone
 
     Spot spotOf(const Vec3i& cell, const Vec3f& at) const
     {

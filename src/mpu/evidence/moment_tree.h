@@ -33,18 +33,18 @@ public:
     /// up. Points as dense as most of the cloud have their finest level at 0.
     float step(int level) const { return std::ldexp(mStep, level); }
     /// Of a lattice: more where steps are long, so that no cell shows.
-    static int nodesPerStep(int level) { return level < kFineFrom ? 1 : 2; }
+    static int nodesPerStep(int level) { return level < kMinFineLevel ? 1 : 2; }
     /// Of the levels at which points that have them lie within two steps of @a box the finest.
     int finestLevel(const Eigen::AlignedBox3f& box) const;
 
     /// Whether a step is so long that all points are about @a place.
-    bool isSeenWhole(const Vec3f& place, float step) const
+    bool coversAll(const Vec3f& place, float step) const
     {
         return step >
                2 * mTree.nodes()[0].box.merged(Eigen::AlignedBox3f(place)).sizes().maxCoeff();
     }
     /// False where that is so for no place.
-    bool mayBeSeenWhole(float step) const
+    bool mayCoverAll(float step) const
     {
         return step > 2 * mTree.nodes()[0].box.sizes().maxCoeff();
     }
@@ -60,7 +60,7 @@ public:
 private:
     /// Level from which on lattices have two nodes in a step. [tuned: attributes_bench; 1 takes a
     /// tenth more time, waves of ten spacings come 1 % nearer]
-    static constexpr int kFineFrom = 2;
+    static constexpr int kMinFineLevel = 2;
 
     template <typename F>
     void visit(std::uint32_t at, const Eigen::AlignedBox3f& box, int level, float whole,

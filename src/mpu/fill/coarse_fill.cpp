@@ -14,18 +14,18 @@ namespace
 
 /// On the grid's box. Above 0, so that every surface closes inside; low, so that what closes an
 /// opening bulges outwards as objects do: a cap over a hole in a sphere is flat if it is higher.
-constexpr float kBorder = 0.7f;
+constexpr float kBorderValue = 0.7f;
 /// Share of a true distance in the fill, the rest is harmonic. A harmonic function alone saturates:
 /// of an object of which half is unseen it makes too much.
 constexpr float kDistanceShare = 0.05f;
 /// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
 /// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
 /// data do bulge without. More than this dents what is convex beside a fold.
-constexpr float kConcaveShare = 3.5f;
-/// Node steps on which normals and bends of data fade.
-constexpr float kFade = 10;
+constexpr float kConcaveWeight = 3.5f;
+/// Node steps on which normals and curvature of data fade.
+constexpr float kFadeDistance = 10;
 /// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.
-constexpr float kMostCurved = 0.3f;
+constexpr float kMaxCurvature = 0.3f;
 
 /// Call f(node) for the interior nodes, in parallel.
 template <typename F>
@@ -53,7 +53,7 @@ float divergence(const std::array<std::vector<float>, 3>& v, std::size_t n,
 
 std::vector<float> faded(std::vector<float> weight)
 {
-    for (float& w : weight) w += 1 / (kFade * kFade);
+    for (float& w : weight) w += 1 / (kFadeDistance * kFadeDistance);
     return weight;
 }
 
@@ -79,18 +79,18 @@ std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const Node
 
 /// Whether there are data at the node @a other, and not of a sheet that faces the one at @a n
 /// across a gap: where two walls look at each other their normals say nothing of how they bend.
-bool saysAsOneSheet(const NodeData& data, std::size_t n, std::size_t other)
+bool isOnOneSheet(const NodeData& data, std::size_t n, std::size_t other)
 {
-    constexpr float kFacing = -0.3f; // cosine
+    constexpr float kMinSheetCosine = -0.3f; // cosine
     float cosine = 0;
     for (const auto& normal : data.normal) cosine += normal[n] * normal[other];
-    return data.weight[other] > 0 && cosine >= kFacing;
+    return data.weight[other] > 0 && cosine >= kMinSheetCosine;
 }
 
 /// How much concave data bend, spread beyond them: the sum of principal curvatures, at most 0.
 /// It spreads through the air that the data face; all nodes behind data hold it at 0, or dents
 /// would open a cavity in the solid beneath them.
-std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
+std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
 {
     const auto stride = strides(grid);
     std::vector<float> weight(grid.size(), 0.0f), rightHand(grid.size(), 0.0f);
@@ -98,12 +98,12 @@ std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Int
         if (!(data.weight[n] > 0)) return;
         const bool inAir = data.distance[n] > 0;
         for (const std::size_t s : stride)
-            if (inAir && !(saysAsOneSheet(data, n, n - s) && saysAsOneSheet(data, n, n + s)))
+            if (inAir && !(isOnOneSheet(data, n, n - s) && isOnOneSheet(data, n, n + s)))
                 return;
         weight[n] = data.weight[n];
         if (!inAir) return;
         const float bend = divergence(data.normal, n, stride);
-        rightHand[n] = -weight[n] * std::clamp(bend, -kMostCurved, kMostCurved);
+        rightHand[n] = -weight[n] * std::clamp(bend, -kMaxCurvature, kMaxCurvature);
     });
     ScreenedPoisson solver(grid, faded(std::move(weight)), progress);
     std::vector<float> spread = solver.solve(rightHand, 0, 0);
@@ -124,18 +124,18 @@ NodeGrid halved(const NodeGrid& grid)
     return {{grid.n[0] / 2 + 1, grid.n[1] / 2 + 1, grid.n[2] / 2 + 1}};
 }
 
-std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
+std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
 {
     const std::array<std::vector<float>, 3> normals = spreadNormals(grid, data, progress);
-    std::vector<float> bends = spreadHollows(grid, data, progress);
+    std::vector<float> curvature = spreadConcavity(grid, data, progress);
     const auto stride = strides(grid);
     forEachInterior(grid, [&](std::size_t n) {
-        bends[n] = kConcaveShare * bends[n] + kDistanceShare * divergence(normals, n, stride);
+        curvature[n] = kConcaveWeight * curvature[n] + kDistanceShare * divergence(normals, n, stride);
     });
-    return bends;
+    return curvature;
 }
 
-std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& bends,
+std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& curvature,
                                std::vector<float> borderDistance, Interrupter& progress)
 {
     const NodeGrid half = halved(grid);
@@ -145,13 +145,13 @@ std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::v
             for (int k = 1; k < grid.n[2] - 1; ++k) {
                 float sum = 0;
                 for (int c = 0; c < 8; ++c)
-                    sum += bends[half.index((i + (c >> 2)) / 2, (j + (c >> 1 & 1)) / 2,
+                    sum += curvature[half.index((i + (c >> 2)) / 2, (j + (c >> 1 & 1)) / 2,
                                             (k + (c & 1)) / 2)];
                 const std::size_t n = grid.index(i, j, k);
                 rightHand[n] = 0.5f * sum / 8 - data.weight[n] * rightHand[n];
             }
     });
-    for (float& b : borderDistance) b = (1 - kDistanceShare) * kBorder + kDistanceShare * b;
+    for (float& b : borderDistance) b = (1 - kDistanceShare) * kBorderValue + kDistanceShare * b;
     ScreenedPoisson solver(grid, std::move(data.weight), progress);
     return solver.solve(std::move(rightHand), borderDistance, 2);
 }

@@ -20,20 +20,20 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kPad = 0.2;    ///< of the extent, on each side
+constexpr double kPadding = 0.2;    ///< of the extent, on each side
 constexpr int kMaxNodes = 96;   ///< along the longest side
-constexpr double kKernel = 1.5; ///< radius of the splats, node steps
+constexpr double kKernelRadius = 1.5; ///< radius of the splats, node steps
 /// Points nearer than about this, squared node steps, count alike in a splat; with noise, about as
 /// many of its standard deviations: nearer ones say no more, and would draw the surface to where
 /// noise has thrown them.
-constexpr double kSoftness = 0.1, kSoftNoises = 2;
-constexpr float kWeight = 16; ///< of data at a node, against the equation between them
+constexpr double kSoftness = 0.1, kSoftnessNoises = 2;
+constexpr float kDataWeight = 16; ///< of data at a node, against the equation between them
 /// Steps across the cubes whose points stand for all of them as one dipole.
-constexpr double kDipoleSteps = 0.55;
+constexpr double kDipoleSize = 0.55;
 /// Steps by which data may lie beside the line through a node along their normal.
-constexpr double kLateral = 0.6;
+constexpr double kMaxLateral = 0.6;
 /// Steps across the cubes whose points stand for all where only distances to the box are asked.
-constexpr double kFewSteps = 9;
+constexpr double kBorderDipoleSize = 9;
 
 /// Points of one small cube as one: mean position, sum of normals.
 struct Dipole {
@@ -127,7 +127,7 @@ struct NodeSums {
         const Vec3d mean = offset / weight;
         const Vec3d direction = normal.normalized();
         const double lateral = (mean - mean.dot(direction) * direction).norm();
-        return lateral <= kLateral * step &&
+        return lateral <= kMaxLateral * step &&
                (normal.norm() >= 0.7 * weight || std::abs(value) >= 0.5 * magnitude);
     }
 };
@@ -138,7 +138,7 @@ class PlaneSums
 public:
     PlaneSums(const NodeGrid& grid, const Vec3d& corner, double step, double noise)
         : mGrid(grid), mCorner(corner), mStep(step),
-          mSoftness(kSoftness + std::pow(kSoftNoises * noise / step, 2))
+          mSoftness(kSoftness + std::pow(kSoftnessNoises * noise / step, 2))
     {
         for (auto& sum : mSums) sum.assign(std::size_t(grid.n[1]) * std::size_t(grid.n[2]), 0.0);
     }
@@ -179,9 +179,9 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
     for (const Dipole* d = begin; d < end; ++d) {
         const Vec3d p = d->position.cast<double>(), n = d->normal.cast<double>();
         const double rx = x - p[0], rx2 = rx * rx;
-        if (rx2 >= kKernel * kKernel * step2) continue;
+        if (rx2 >= kKernelRadius * kKernelRadius * step2) continue;
         const auto firstNode = [&](int axis) {
-            const double lowest = (p[axis] - mCorner[axis]) / mStep - kKernel;
+            const double lowest = (p[axis] - mCorner[axis]) / mStep - kKernelRadius;
             return std::clamp(int(std::ceil(lowest)), 0, mGrid.n[std::size_t(axis)] - kLanes);
         };
         const int j0 = firstNode(1), k0 = firstNode(2);
@@ -189,8 +189,8 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
         const Group rz = mCorner[2] + mStep * (double(k0) + lanes) - p[2], rz2 = rz * rz;
         for (int j = j0; j < j0 + kLanes; ++j) {
             const double ry = mCorner[1] + mStep * j - p[1];
-            if (rx2 + ry * ry >= kKernel * kKernel * step2) continue; // more than half of the rows
-            const Group d2 = (rx2 + ry * ry + rz2) / step2, cut = 1 - d2 / (kKernel * kKernel);
+            if (rx2 + ry * ry >= kKernelRadius * kKernelRadius * step2) continue; // more than half of the rows
+            const Group d2 = (rx2 + ry * ry + rz2) / step2, cut = 1 - d2 / (kKernelRadius * kKernelRadius);
             const Group w = cut > 0 ? cut * cut / ((d2 + mSoftness) * (d2 + mSoftness)) : Group{};
             const Group side = n[0] * rx + n[1] * ry + n[2] * rz;
             const Group heavy = w * double(d->weight);
@@ -225,7 +225,7 @@ NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const V
         plane.take([&](int j, int k, const NodeSums& sums) {
             if (!sums.supported(step)) return;
             const std::size_t n = grid.index(i, j, k);
-            data.weight[n] = kWeight;
+            data.weight[n] = kDataWeight;
             data.distance[n] = float(sums.value / sums.weight / step);
             if (!withNormals) return;
             const Vec3f normal = sums.normal.normalized().cast<float>();
@@ -310,10 +310,10 @@ struct NodeBox {
 
     NodeBox(const Box3d& bounds, double spacing)
         : extent(std::max(bounds.sizes().maxCoeff(), 4 * spacing)),
-          step(std::max(extent * (1 + 2 * kPad) / kMaxNodes, 3 * spacing))
+          step(std::max(extent * (1 + 2 * kPadding) / kMaxNodes, 3 * spacing))
     {
         for (int k = 0; k < 3; ++k) {
-            const double side = bounds.sizes()[k] + 2 * kPad * extent;
+            const double side = bounds.sizes()[k] + 2 * kPadding * extent;
             grid.n[std::size_t(k)] = 16 * std::max(1, int(std::ceil(side / step / 16))) + 1;
         }
     }
@@ -360,7 +360,7 @@ template <typename T>
 
 } // namespace
 
-std::uint64_t CoarseSign::makingBytes(const SortedPoints& some, const Box3d& bounds,
+std::uint64_t CoarseSign::makingPeakBytes(const SortedPoints& some, const Box3d& bounds,
                                       const RootCube& root)
 {
     constexpr std::uint64_t kNodeBytes = 32; // data, right-hand side, border, the solver
@@ -380,14 +380,14 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
         return makeDipoles(points, levelOf(root, steps * mStep));
     };
     const auto dataAt = [&](const NodeGrid& grid, int steps, bool withNormals) {
-        return splat(dipoles(steps * kDipoleSteps), grid, mCorner, steps * mStep, noise,
+        return splat(dipoles(steps * kDipoleSize), grid, mCorner, steps * mStep, noise,
                      withNormals, progress);
     };
     // Bends are smooth, and not worth every node.
     const NodeGrid half = halved(mGrid);
-    const std::vector<float> bends = spreadBends(half, dataAt(half, 2, true), progress);
-    mU = fillBetween(mGrid, dataAt(mGrid, 1, false), bends,
-                     borderDistance(dipoles(kFewSteps), mGrid, mCorner, mStep, progress), progress);
+    const std::vector<float> curvature = spreadCurvature(half, dataAt(half, 2, true), progress);
+    mU = fillBetween(mGrid, dataAt(mGrid, 1, false), curvature,
+                     borderDistance(dipoles(kBorderDipoleSize), mGrid, mCorner, mStep, progress), progress);
 }
 
 Box3d CoarseSign::bounds() const

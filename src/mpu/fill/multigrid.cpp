@@ -17,7 +17,7 @@ constexpr float kOverRelaxation = 1.15f;
 constexpr int kCoarsestSweeps = 40;
 
 /// Nodes up to which a loop over a grid is done before another thread could help.
-constexpr std::size_t kFewNodes = 1 << 14;
+constexpr std::size_t kMinParallelNodes = 1 << 14;
 
 /// Call f(i, j) for every interior row of the grid, in parallel; rows are independent.
 template <typename F>
@@ -26,7 +26,7 @@ void forEachRow(const NodeGrid& grid, F f)
     const auto plane = [&](int i) {
         for (int j = 1; j < grid.n[1] - 1; ++j) f(i, j);
     };
-    if (grid.size() > kFewNodes)
+    if (grid.size() > kMinParallelNodes)
         tbb::parallel_for(1, grid.n[0] - 1, plane);
     else
         for (int i = 1; i < grid.n[0] - 1; ++i) plane(i);
@@ -114,10 +114,10 @@ void relaxRow(float* u, const float* b, const float* screening, const Strides& n
               int first)
 {
     const std::ptrdiff_t di = next.i, dj = next.j;
-    constexpr int kPart = 64; // even
-    float change[kPart];
-    for (int begin = 0; begin < count; begin += kPart, u += kPart, b += kPart, screening += kPart) {
-        const int part = std::min(kPart, count - begin);
+    constexpr int kStrip = 64; // even
+    float change[kStrip];
+    for (int begin = 0; begin < count; begin += kStrip, u += kStrip, b += kStrip, screening += kStrip) {
+        const int part = std::min(kStrip, count - begin);
         for (int k = 0; k < part; ++k) {
             const float neighbors =
                 (u[k - di] + u[k + di]) + (u[k - dj] + u[k + dj]) + (u[k - 1] + u[k + 1]);

@@ -12,54 +12,54 @@
 namespace mpuvdb
 {
 
-constexpr std::size_t kSampleFrom = 400; ///< more points than this are tried on a sample first
-constexpr std::size_t kSample = 150;
+constexpr std::size_t kMinSampledPoints = 400; ///< more points than this are tried on a sample first
+constexpr std::size_t kSamplePoints = 150;
 constexpr double kGrowth = 0.1; ///< lambda [Ohtake03 eq. 6]
-constexpr double kRimSpacings =
+constexpr double kMinRimRadius =
     6; ///< a ball larger than this with fewer than N_min points is a rim
 
 /// Least radius of a ball, in standard deviations of the noise: a smaller ball cuts off points that
 /// noise throws far, and takes its own border for the surface.
-constexpr double kNoiseRadius = 3;
+constexpr double kMinNoiseRadius = 3;
 
 /// The same where points are so dense that a ball is this many spacings wide and still tells them
 /// from their noise.
-constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 2.5;
+constexpr double kMinDenseNoiseRadius = 2, kMinDenseRadius = 2.5;
 
 /// Noise, in voxels, from which on cells below two voxels show no more of an edge.
-constexpr double kBlurringNoise = 0.05;
+constexpr double kMinBlurringNoise = 0.05;
 
 /// Least edge of a cell that no edge of the surface crosses, voxels.
-constexpr double kLeastCell = 2;
+constexpr double kMinCell = 2;
 
 /// The same where walls so close that no fit shows both within the tolerance face away from each
 /// other.
-constexpr double kLeastBetweenWalls = 0.5;
+constexpr double kMinCellBetweenWalls = 0.5;
 
 /// The same among noise, where a ball holds all sides of a limb.
-constexpr double kLeastInLimbs = 1;
+constexpr double kMinCellThinNoisy = 1;
 
 /// From the tolerance up to this noise, in voxels, points show details of about a voxel: cells go
-/// down to kTellingCell, and kTellingPoints of them tell a shape from noise. Less noise is within
+/// down to kFineDetailMinCell, and kFineDetailMinPoints of them tell a shape from noise. Less noise is within
 /// the tolerance, more hides such details.
-constexpr double kTellingNoise = 0.35, kTellingCell = 1.4;
-constexpr std::size_t kTellingPoints = 50;
+constexpr double kFineDetailMaxNoise = 0.35, kFineDetailMinCell = 1.4;
+constexpr std::size_t kFineDetailMinPoints = 50;
 
 /// Balls up to this radius, in standard deviations of the noise, cut through it.
-constexpr double kThickRadius = 8;
+constexpr double kMaxEnlargedRadius = 8;
 
 /// Normals are trusted no farther, radians: a quadratic has not all of a shape's slopes.
-constexpr double kLeastNormalNoise = 0.04;
+constexpr double kMinNormalNoise = 0.04;
 
 /// Noise of normals up to which they tell the faces of an edge apart, radians.
-constexpr double kClearNormals = 0.3;
+constexpr double kMaxEdgeNormalNoise = 0.3;
 
 /// Of the noise: a pattern in the residuals that says more than that their points are many.
-constexpr double kTellingPattern = 0.4;
+constexpr double kMinPattern = 0.4;
 
-constexpr double kFading = 0.3; ///< part of the gap of full support over which support falls
+constexpr double kSupportFade = 0.3; ///< part of the gap of full support over which support falls
 
-constexpr double kHeirError =
+constexpr double kMaxInheritedError =
     0.02; ///< largest error, in radii, of a fit that empty cells take over
 
 /// The ball of a cell or of an ancestor: its points are all points within radius of center.
@@ -76,7 +76,7 @@ struct Decision {
     FitResult result;   ///< accepted, or rejected and split
     double gap = 0;     ///< zeroSetGap of the fit, world units
     /// The points show something else than the fit, and noise hides what.
-    bool lostInNoise = false;
+    bool unresolved = false;
 };
 
 /// A gap that leaves the support at 1.
@@ -90,7 +90,7 @@ inline double fullSupportGap(double spacing, double radius)
 inline double supportOf(double gap, double spacing, double radius)
 {
     const double full = fullSupportGap(spacing, radius);
-    const double t = std::clamp((gap / full - 1) / kFading, 0.0, 1.0);
+    const double t = std::clamp((gap / full - 1) / kSupportFade, 0.0, 1.0);
     return 1 - t * t * (3 - 2 * t);
 }
 
@@ -105,9 +105,9 @@ public:
         mFit.noise = settings.noise;
         mFit.normalNoise = settings.normalNoise;
         if (settings.normalNoise > 0)
-            mFit.lever = settings.noise / std::max(settings.normalNoise, kLeastNormalNoise);
+            mFit.lever = settings.noise / std::max(settings.normalNoise, kMinNormalNoise);
         mFit.minPoints = settings.minPoints;
-        if (noiseTells()) mFit.fewPoints = kTellingPoints;
+        if (showsFineDetail()) mFit.fewPoints = kFineDetailMinPoints;
     }
 
     /// Forget what was gathered for other cells: the order of the points, and with it the last bit
@@ -125,12 +125,12 @@ public:
     {
         const double radius = supportRadius(cell.level), size = mRoot.size(cell.level);
         Decision decision;
-        if (ball.size() > kSampleFrom) {
-            mFilter.strided(ball, ball.size() / kSample, mGrown);
+        if (ball.size() > kMinSampledPoints) {
+            mFilter.strided(ball, ball.size() / kSamplePoints, mGrown);
             decision = decideOn(mGrown, cell, radius, radius, spacing);
             if (decision.split) return decision;
         }
-        if (ball.size() < std::size_t(mFit.minPoints) && radius > kRimSpacings * spacing &&
+        if (ball.size() < std::size_t(mFit.minPoints) && radius > kMinRimRadius * spacing &&
             mRoot.size(cell.level + 1) >= 2 * mSettings.voxelSize) {
             // Data would fill the ball with many more: this is their rim, and nothing here says how
             // the surface goes on.
@@ -138,8 +138,8 @@ public:
             decision.fitted = false;
             return decision;
         }
-        if (thicken(cell, path)) {
-            decision = decideOn(mGrown, cell, thickened(radius), radius, spacing);
+        if (gatherEnlarged(cell, path)) {
+            decision = decideOn(mGrown, cell, enlargedRadius(radius), radius, spacing);
         } else {
             const double grown = grow(ball, cell, path);
             decision = decideOn(grown > radius ? mGrown : ball, cell, grown, grown, spacing);
@@ -155,10 +155,10 @@ public:
                 decision.result = sharp;
                 decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius,
                                           fullSupportGap(spacing, radius));
-                decision.lostInNoise = isLost(sharp, cell, spacing);
+                decision.unresolved = isUnresolved(sharp, cell, spacing);
             }
         }
-        if (!decision.split && radius >= kNoiseRadius * mSettings.noise &&
+        if (!decision.split && radius >= kMinNoiseRadius * mSettings.noise &&
             mayHaveNoisyEdge(decision.result)) {
             if (const auto edge = fitNoisyEdge(mCell, decision.result.fit, mFit, mScratch)) {
                 decision.result.fit = *edge;
@@ -172,18 +172,18 @@ public:
     }
 
     /// Whether the rejected fit that decide() last looked at may rule where the cell has no points.
-    bool lastIsHeldUp(const Decision& decision, const OctreeCell& cell, double spacing) const
+    bool lastMayBeInherited(const Decision& decision, const OctreeCell& cell, double spacing) const
     {
         const double radius = supportRadius(cell.level);
         // One surface with an edge in it, or two, says little where it was not near its points.
-        if (decision.result.error > kHeirError * radius) return false;
+        if (decision.result.error > kMaxInheritedError * radius) return false;
         const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
-                                      heldUpGap(radius, mCell.radius, spacing));
-        return gap <= heldUpGap(radius, mCell.radius, spacing);
+                                      maxSupportedGap(radius, mCell.radius, spacing));
+        return gap <= maxSupportedGap(radius, mCell.radius, spacing);
     }
 
     /// Support of that fit in an empty child.
-    double lastSupportIn(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
+    double inheritedSupport(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
                          double spacing) const
     {
         return supportInEmpty(decision.result.fit, mRoot.center(child) - mRoot.center(cell),
@@ -211,13 +211,13 @@ public:
         PointBatch near;
         for (double cover = 2 * supportRadius(cell.level); near.size() == 0; cover *= 2) {
             const SortedPoints::Around around = mPoints.around(cell, cover);
-            mPoints.gather(around, 1 + around.points / kSampleFrom, mFilter, near);
+            mPoints.gather(around, 1 + around.points / kMinSampledPoints, mFilter, near);
         }
         return fitEmpty(cell, near, spacing, support);
     }
 
 private:
-    static double heldUpGap(double radius, double ballRadius, double spacing)
+    static double maxSupportedGap(double radius, double ballRadius, double spacing)
     {
         return std::max(0.2 * radius, std::min(0.45 * ballRadius, 5 * spacing));
     }
@@ -234,49 +234,49 @@ private:
     /// Whether noise may hide an edge of which normals tell.
     bool mayHaveNoisyEdge(const FitResult& result) const
     {
-        return mSettings.sharp && mSettings.noise >= kBlurringNoise * mSettings.voxelSize &&
-               mSettings.normalNoise > 0 && mSettings.normalNoise < kClearNormals &&
+        return mSettings.sharp && mSettings.noise >= kMinBlurringNoise * mSettings.voxelSize &&
+               mSettings.normalNoise > 0 && mSettings.normalNoise < kMaxEdgeNormalNoise &&
                result.spreadNormals && !result.fit.isSharp();
     }
 
     /// Whether a ball of @a radius is too small to tell the surface from the noise.
-    bool isLostInNoise(double radius, double spacing) const
+    bool isTooSmallForNoise(double radius, double spacing) const
     {
-        if (radius >= kNoiseRadius * mSettings.noise) return false;
+        if (radius >= kMinNoiseRadius * mSettings.noise) return false;
         if (!(mSettings.normalNoise > 0)) return true;
-        return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
+        return radius < kMinDenseNoiseRadius * mSettings.noise || radius < kMinDenseRadius * spacing;
     }
 
     /// Whether @a result, of the smallest ball that tells anything from the noise, is not what the
     /// points show: they turn all round in it, or leave a pattern.
-    bool isLost(const FitResult& result, const OctreeCell& cell, double spacing) const
+    bool isUnresolved(const FitResult& result, const OctreeCell& cell, double spacing) const
     {
-        if (!(mSettings.noise > 0) || !isLostInNoise(supportRadius(cell.level + 1), spacing))
+        if (!(mSettings.noise > 0) || !isTooSmallForNoise(supportRadius(cell.level + 1), spacing))
             return false;
         if (result.opposedNormals && !result.fit.isSharp()) return true;
         if (result.accepted) return false;
         return residualPattern(result.fit, mCell, supportRadius(cell.level), mSettings.noise) >
-               kTellingPattern * mSettings.noise;
+               kMinPattern * mSettings.noise;
     }
 
     /// Whether points show details that are hardly larger than voxels.
-    bool noiseTells() const
+    bool showsFineDetail() const
     {
         return mSettings.noise >= mSettings.tolerance &&
-               mSettings.noise <= kTellingNoise * mSettings.voxelSize;
+               mSettings.noise <= kFineDetailMaxNoise * mSettings.voxelSize;
     }
 
     bool mayBeSplit(const OctreeCell& cell, const FitResult& result, double spacing) const
     {
-        const bool fine = mSettings.noise < kBlurringNoise * mSettings.voxelSize &&
+        const bool fine = mSettings.noise < kMinBlurringNoise * mSettings.voxelSize &&
                           (result.fit.isSharp() || result.opposedNormals ||
                            (mSettings.sharp && result.spreadNormals && !result.accepted));
-        if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
+        if (isTooSmallForNoise(supportRadius(cell.level + 1), spacing)) return false;
         const bool isBetweenWalls = result.opposedNormals && !result.accepted;
-        const double least = fine ? (isBetweenWalls ? kLeastBetweenWalls : 1)
-                                  : (isBetweenWalls ? kLeastInLimbs
-                                     : noiseTells() ? kTellingCell
-                                                    : kLeastCell);
+        const double least = fine ? (isBetweenWalls ? kMinCellBetweenWalls : 1)
+                                  : (isBetweenWalls ? kMinCellThinNoisy
+                                     : showsFineDetail() ? kFineDetailMinCell
+                                                    : kMinCell);
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
     }
@@ -287,9 +287,9 @@ private:
     {
         const double radius = supportRadius(cell.level);
         mCell.assign(batch, mRoot.center(cell), ballRadius);
-        if (mSettings.noise > 0) mCell.weighAcross(meanNormal(mCell), reach);
+        if (mSettings.noise > 0) mCell.weightLaterally(meanNormal(mCell), reach);
         FitSettings fit = mFit;
-        if (mSettings.noise > kMovingNoise * mSettings.tolerance) fit.reach = reach;
+        if (mSettings.noise > kMinBiasNoise * mSettings.tolerance) fit.reach = reach;
         fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
         Decision decision;
         decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
@@ -300,23 +300,23 @@ private:
         }
         decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
                                   fullSupportGap(spacing, radius));
-        decision.lostInNoise = isLost(decision.result, cell, spacing);
+        decision.unresolved = isUnresolved(decision.result, cell, spacing);
         // A fit of few points at the data's rim is within tolerance and knows nothing of the ball.
-        decision.split = mayBe && decision.gap > heldUpGap(radius, ballRadius, spacing) &&
+        decision.split = mayBe && decision.gap > maxSupportedGap(radius, ballRadius, spacing) &&
                          (ballRadius <= 1.5 * radius || radius > 3 * spacing);
         return decision;
     }
 
     /// Radius of a ball that the noise does not leave.
-    double thickened(double radius) const { return radius + 3 * mSettings.noise; }
+    double enlargedRadius(double radius) const { return radius + 3 * mSettings.noise; }
 
     /// Where the noise is thick against the ball, which cuts through it: put the points of a larger
     /// one into mGrown. Whether they are enough.
-    bool thicken(const OctreeCell& cell, const std::vector<Ball>& path)
+    bool gatherEnlarged(const OctreeCell& cell, const std::vector<Ball>& path)
     {
         const Vec3d center = mRoot.center(cell);
-        const double radius = supportRadius(cell.level), wanted = thickened(radius);
-        if (!(radius < kThickRadius * mSettings.noise)) return false;
+        const double radius = supportRadius(cell.level), wanted = enlargedRadius(radius);
+        if (!(radius < kMaxEnlargedRadius * mSettings.noise)) return false;
         for (std::size_t up = path.size(); up-- > 0;) {
             if (path[up].radius - (path[up].center - center).norm() < wanted) continue;
             mFilter.ball(*path[up].batch, center, wanted, mGrown);

@@ -54,7 +54,7 @@ void CellPoints::assign(const PointBatch& batch, const Vec3d& center, double bal
 }
 
 MPUVDB_WIDE_CLONES
-void CellPoints::weighAcross(const Vec3d& normal, double reach)
+void CellPoints::weightLaterally(const Vec3d& normal, double reach)
 {
     const double scale = 1.5 / reach;
     for (std::size_t i = 0; i < x.size(); i += kGroup) {
@@ -68,18 +68,18 @@ void CellPoints::weighAcross(const Vec3d& normal, double reach)
 }
 
 MPUVDB_WIDE_CLONES
-void CellPoints::moveOverFeet(const Quadric& q, const Vec3d& normal, double farthest)
+void CellPoints::projectLaterally(const Quadric& q, const Vec3d& normal, double farthest)
 {
-    constexpr int kSteps = 3;
-    constexpr std::size_t kPair = 2; // groups at once: one alone waits for its own divisions
-    constexpr double kSteep = 0.4;   // cosine below which a zero set is no sheet over the plane
+    constexpr int kFootSteps = 3;
+    constexpr std::size_t kGroups = 2; // groups at once: one alone waits for its own divisions
+    constexpr double kMinHeightCosine = 0.4;   // cosine below which a zero set is no sheet over the plane
     const auto& A = q.A;
-    const Group steep = Group{} + kSteep;
-    for (std::size_t i = 0; i < x.size(); i += kPair * kGroup) {
-        const std::size_t at[kPair] = {i, std::min(i + kGroup, x.size() - kGroup)};
-        Group px[kPair], py[kPair], pz[kPair], fx[kPair], fy[kPair], fz[kPair];
-        Group gx[kPair], gy[kPair], gz[kPair], slope2[kPair], above[kPair];
-        for (std::size_t n = 0; n < kPair; ++n) {
+    const Group steep = Group{} + kMinHeightCosine;
+    for (std::size_t i = 0; i < x.size(); i += kGroups * kGroup) {
+        const std::size_t at[kGroups] = {i, std::min(i + kGroup, x.size() - kGroup)};
+        Group px[kGroups], py[kGroups], pz[kGroups], fx[kGroups], fy[kGroups], fz[kGroups];
+        Group gx[kGroups], gy[kGroups], gz[kGroups], slope2[kGroups], above[kGroups];
+        for (std::size_t n = 0; n < kGroups; ++n) {
             fx[n] = px[n] = load(x, at[n]);
             fy[n] = py[n] = load(y, at[n]);
             fz[n] = pz[n] = load(z, at[n]);
@@ -106,12 +106,12 @@ void CellPoints::moveOverFeet(const Quadric& q, const Vec3d& normal, double fart
             fy[n] = py[n] - share * gy[n];
             fz[n] = pz[n] - share * gz[n];
         };
-        for (int s = 0; s < kSteps; ++s) {
+        for (int s = 0; s < kFootSteps; ++s) {
             look(0), look(1);
             step(0), step(1);
         }
         look(0), look(1);
-        for (std::size_t n = 0; n < kPair; ++n) {
+        for (std::size_t n = 0; n < kGroups; ++n) {
             const Group scale = 1 / squareRoot(slope2[n]), off = above[n] * scale;
             const Group across =
                 (gx[n] * normal[0] + gy[n] * normal[1] + gz[n] * normal[2]) * scale;

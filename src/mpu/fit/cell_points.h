@@ -27,11 +27,11 @@ struct CellPoints {
     /// Weigh by the distance from the line through the center along @a normal instead of from the
     /// center: of points that noise spreads along the normal those near the center would count
     /// more, and the fit would come to meet it. 0 from @a reach on.
-    void weighAcross(const Vec3d& normal, double reach);
+    void weightLaterally(const Vec3d& normal, double reach);
     /// Put every point nearer than @a farthest to the zero set of @a q above its foot there: along
     /// @a normal, by as much as that is above the zero set as the point is off its foot. A point
     /// that noise throws along a curved surface's normal is then seen where it came from.
-    void moveOverFeet(const Quadric& q, const Vec3d& normal, double farthest);
+    void projectLaterally(const Quadric& q, const Vec3d& normal, double farthest);
     /// Take the points @a members of @a other.
     void assignSubset(const CellPoints& other, const std::vector<std::uint32_t>& members);
 

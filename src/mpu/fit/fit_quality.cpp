@@ -16,7 +16,7 @@ namespace
 {
 
 /// Square of a gradient below which a fit counts as flat, its error as huge.
-constexpr double kFlat = 1e-200;
+constexpr double kMinGradient2 = 1e-200;
 
 /// A fit at four points.
 struct Samples {
@@ -62,7 +62,7 @@ double worstSquared(const LocalFit& fit, const CellPoints& points, double testRa
         const Samples s = sampleFit(fit, x, y, z);
         const Group value = load(points.confidence, i) * s.value;
         const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
-        const Group flat = Group{} + kFlat;
+        const Group flat = Group{} + kMinGradient2;
         const Group error2 = value * value / (slope2 > flat ? slope2 : flat);
         const Group within = x * x + y * y + z * z < radius2 ? error2 : Group{};
         worst = within > worst ? within : worst;
@@ -121,10 +121,10 @@ struct Probes {
 };
 
 /// Of a foot outside the ball, per distance from its middle: what is far is not told exactly.
-constexpr double kDoubt = 0.25;
+constexpr double kRelativeUncertainty = 0.25;
 
 /// What a foot's distance past the rim of the data counts beside its distance from them.
-constexpr double kBeyond = 4;
+constexpr double kOverhangWeight = 4;
 
 /// Take all probes from @a unit in the ball of @a radius about @a center two steps towards the zero
 /// set; bit n of the result: probe n is within 0.85 radius.
@@ -194,7 +194,7 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
         const Group x = load(points.x, i), y = load(points.y, i), z = load(points.z, i);
         const Samples s = sampleFit(fit, x, y, z);
         const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
-        const Group flat = Group{} + kFlat;
+        const Group flat = Group{} + kMinGradient2;
         const Group slope = squareRoot(slope2 > flat ? slope2 : flat);
         const Group u = x * e1[0] + y * e1[1] + z * e1[2], v = x * e2[0] + y * e2[1] + z * e2[2];
         const Group u2 = u * u, v2 = v * v, r2 = u2 + v2;
@@ -234,18 +234,18 @@ ResidualShares shareResiduals(const LocalFit& fit, const CellPoints& points, dou
     return shares;
 }
 
-constexpr double kLoud = 2; ///< of the noise: scatter that is none
+constexpr double kMaxScatter = 2; ///< of the noise: scatter that is none
 
 } // namespace
 
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise)
 {
-    constexpr double kSignificant = 2.5;
+    constexpr double kPatternDeviations = 2.5;
     const auto [within, between, parts, count] = shareResiduals(fit, points, testRadius);
-    const double least = noise * noise, most = kLoud * kLoud * least;
+    const double least = noise * noise, most = kMaxScatter * kMaxScatter * least;
     if (!(within <= most)) return false;
-    const double expected = double(parts) + kSignificant * std::sqrt(2 * double(parts));
+    const double expected = double(parts) + kPatternDeviations * std::sqrt(2 * double(parts));
     return between <= std::max(within, least) * expected;
 }
 
@@ -254,14 +254,14 @@ double residualPattern(const LocalFit& fit, const CellPoints& points, double tes
 {
     const auto [within, between, parts, count] = shareResiduals(fit, points, testRadius);
     if (count == 0) return 0;
-    const double loud = std::max(within - kLoud * kLoud * noise * noise, 0.0);
-    return std::sqrt(loud + std::max(between - double(parts) * within, 0.0) / double(count));
+    const double excess = std::max(within - kMaxScatter * kMaxScatter * noise * noise, 0.0);
+    return std::sqrt(excess + std::max(between - double(parts) * within, 0.0) / double(count));
 }
 
 MPUVDB_WIDE_CLONES
 double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise)
 {
-    const Group most = Group{} + 9, flat = Group{} + kFlat;
+    const Group most = Group{} + 9, flat = Group{} + kMinGradient2;
     const double noise2 = noise * noise, normalNoise2 = normalNoise * normalNoise;
     Group misfit{}, total{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
@@ -289,8 +289,8 @@ namespace
 MPUVDB_WIDE_CLONES
 double overhang(const CellPoints& points, const Vec3d& y, double gap)
 {
-    constexpr double kAround = 3; // gaps: as far as the other side of one between random samples
-    const double within2 = kAround * kAround * gap * gap;
+    constexpr double kRimRadius = 3; // gaps: as far as the other side of one between random samples
+    const double within2 = kRimRadius * kRimRadius * gap * gap;
     Group sx{}, sy{}, sz{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
         const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
@@ -323,8 +323,8 @@ double largestGap(const LocalFit& fit, const Vec3d& center, double radius, doubl
     const unsigned landed = stepOntoZeroSet(fit, center, radius, unit, probes);
     if (landed == 0) {
         const Vec3d foot = probes.at(0);
-        const double pardoned = kDoubt * (foot - center).norm();
-        return std::max(gapAt(foot, enough + pardoned) - pardoned, 0.0);
+        const double uncertainty = kRelativeUncertainty * (foot - center).norm();
+        return std::max(gapAt(foot, enough + uncertainty) - uncertainty, 0.0);
     }
     double gap = 0;
     for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) // the last is the first again
@@ -346,12 +346,12 @@ double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& ce
 double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& center,
                         double radius, double enough)
 {
-    constexpr double kClose = 0.4; // of the gap that is enough: data, wherever they lie
+    constexpr double kMinGapShare = 0.4; // of the gap that is enough: data, wherever they lie
     std::size_t start = 0;
     return largestGap(fit, center, radius, enough, [&](const Vec3d& foot, double near) {
-        const double close = kClose * near;
+        const double close = kMinGapShare * near;
         const double gap = std::sqrt(nearestFrom(points, foot, close * close, start));
-        return gap > close ? gap + kBeyond * overhang(points, foot, gap) : gap;
+        return gap > close ? gap + kOverhangWeight * overhang(points, foot, gap) : gap;
     });
 }
 

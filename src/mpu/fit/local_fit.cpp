@@ -122,7 +122,7 @@ MPUVDB_WIDE_CLONES
 void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin,
                double totalWeight, double lever, BivariateSystem& system)
 {
-    constexpr double kSteep = 0.4; // cosine below which a normal says nothing of a height
+    constexpr double kMinHeightCosine = 0.4; // cosine below which a normal says nothing of a height
     const double t = system.scale;
     // Moments 1, u, v, uu, uv, vv, and slopes along u and v times 1, u, v.
     Group m[6] = {}, su[3] = {}, sv[3] = {};
@@ -133,9 +133,9 @@ void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin
         const auto [nu, nv, nw] =
             along(frame, load(points.nx, i), load(points.ny, i), load(points.nz, i));
         // A tilt of the normal changes the slope by 1 / nw^2: half of that is in the weight.
-        const Group weight = nw > kSteep ? load(points.weight, i) * nw * nw : Group{};
-        const Group slopeU = nw > kSteep ? -nu / nw : Group{};
-        const Group slopeV = nw > kSteep ? -nv / nw : Group{};
+        const Group weight = nw > kMinHeightCosine ? load(points.weight, i) * nw * nw : Group{};
+        const Group slopeU = nw > kMinHeightCosine ? -nu / nw : Group{};
+        const Group slopeV = nw > kMinHeightCosine ? -nv / nw : Group{};
         const Group wu = weight * u, wv = weight * v;
         m[0] += weight, m[1] += wu, m[2] += wv;
         m[3] += wu * u, m[4] += wu * v, m[5] += wv * v;
@@ -158,10 +158,10 @@ void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin
     system.r.head<5>() += share * r;
 }
 
-constexpr std::size_t kFewestOfQuadratic = 6;
+constexpr std::size_t kMinQuadraticPoints = 6;
 constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
 
-constexpr std::size_t kNearest = 6; ///< points asked at an auxiliary point [Ohtake03 §4a]
+constexpr std::size_t kAuxNeighbors = 6; ///< points asked at an auxiliary point [Ohtake03 §4a]
 
 MPUVDB_WIDE_CLONES
 void squaredDistances(const CellPoints& points, const Vec3d& at, std::vector<double>& out)
@@ -178,13 +178,13 @@ void squaredDistances(const CellPoints& points, const Vec3d& at, std::vector<dou
 /// Indices of the least @a found.size() of the first @a n values, nearest first; how many there
 /// are.
 std::size_t leastOf(const std::vector<double>& values, std::size_t n,
-                    std::array<std::uint32_t, kNearest>& found)
+                    std::array<std::uint32_t, kAuxNeighbors>& found)
 {
-    std::array<double, kNearest + 1> least;
+    std::array<double, kAuxNeighbors + 1> least;
     least.fill(std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < n; ++i) {
-        if (!(values[i] < least[kNearest - 1])) continue;
-        std::size_t k = kNearest - 1;
+        if (!(values[i] < least[kAuxNeighbors - 1])) continue;
+        std::size_t k = kAuxNeighbors - 1;
         for (; k > 0 && values[i] < least[k - 1]; --k) {
             least[k] = least[k - 1];
             found[k] = found[k - 1];
@@ -192,7 +192,7 @@ std::size_t leastOf(const std::vector<double>& values, std::size_t n,
         least[k] = values[i];
         found[k] = std::uint32_t(i);
     }
-    return std::min(n, kNearest);
+    return std::min(n, kAuxNeighbors);
 }
 
 /// The cell's corners and center, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
@@ -200,7 +200,7 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
                      std::vector<double>& d)
 {
     std::vector<double> distance2;
-    std::array<std::uint32_t, kNearest> nearest;
+    std::array<std::uint32_t, kAuxNeighbors> nearest;
     for (int corner = 0; corner < 9; ++corner) {
         const Vec3d at =
             corner == 8
@@ -354,8 +354,8 @@ bool fitGeneralAbout(const CellPoints& points, double cellSize, Quadric& q)
 void trySharp(FitResult& result, const CellPoints& points, double cellSize, double testRadius,
               CellPoints& scratch)
 {
-    constexpr double kMuchNearer = 0.3;
-    const double most = (result.accepted ? kMuchNearer : 1) * result.error;
+    constexpr double kSharpErrorRatio = 0.3;
+    const double most = (result.accepted ? kSharpErrorRatio : 1) * result.error;
     const std::optional<LocalFit> sharp = fitSharp(points, scratch);
     if (!sharp) return;
     const auto offer = [&](const LocalFit& fit) {
@@ -370,17 +370,17 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
 }
 
 /// Part of the tolerance within which no feature is looked for: what it brings nearer nobody sees.
-constexpr double kLeastSharpError = 0.125;
+constexpr double kMinSharpError = 0.125;
 
 /// How far off the surface noise carries one of few points at most, in standard deviations.
-constexpr double kFarthest = 8;
+constexpr double kMaxNoiseDistance = 8;
 
 bool isAccepted(const FitResult& result, const CellPoints& points, double testRadius,
                 const FitSettings& settings)
 {
     if (result.error <= settings.tolerance) return true;
     if (!(settings.noise > 0)) return false;
-    if (points.count <= settings.fewPoints) return result.error <= kFarthest * settings.noise;
+    if (points.count <= settings.fewPoints) return result.error <= kMaxNoiseDistance * settings.noise;
     return residualsAreNoise(result.fit, points, testRadius, settings.noise);
 }
 
@@ -405,11 +405,11 @@ double lowestCosine(const CellPoints& points, const Vec3d& normal)
 /// Whether some normal turns by pi/2 or more from @a normal; with noise, more than strays do.
 bool areOpposed(const CellPoints& points, const Vec3d& normal, double lowest, double noise)
 {
-    constexpr double kStrays = 0.05; // share
+    constexpr double kMaxStrayShare = 0.05; // share
     if (!(noise > 0) || lowest > 0) return lowest <= 0;
     std::size_t opposed = 0;
     for (std::size_t i = 0; i < points.count; ++i) opposed += points.normal(i).dot(normal) <= 0;
-    return double(opposed) > kStrays * double(points.count);
+    return double(opposed) > kMaxStrayShare * double(points.count);
 }
 
 /// Weighted mean of 1 - cosine of the angles between the points' normals and those of @a q.
@@ -438,27 +438,27 @@ double meanTurn(const Quadric& q, const CellPoints& points)
 /// are of several flat faces, which its zero set rounds off.
 bool normalsTurnAway(const Quadric& q, const CellPoints& points, const FitSettings& settings)
 {
-    constexpr double kExact = 0.003;  // noise of normals, radians
-    constexpr double kTurned = 0.017; // root mean square, radians
-    return settings.noise <= 0 && settings.normalNoise < kExact &&
-           2 * meanTurn(q, points) > kTurned * kTurned;
+    constexpr double kMaxExactNormalNoise = 0.003;  // noise of normals, radians
+    constexpr double kMaxExactTurn = 0.017; // root mean square, radians
+    return settings.noise <= 0 && settings.normalNoise < kMaxExactNormalNoise &&
+           2 * meanTurn(q, points) > kMaxExactTurn * kMaxExactTurn;
 }
 
 /// Fit again to the points over their feet on @a result's zero set, as long as they are on one
 /// smooth sheet: beside an edge they have no feet, since noise throws none off it.
-void refitOverFeet(FitResult& result, const CellPoints& points, const Vec3d& normal,
+void refitProjected(FitResult& result, const CellPoints& points, const Vec3d& normal,
                    double testRadius, const FitSettings& settings, CellPoints& scratch)
 {
-    constexpr double kFarthestFoot = 5; // standard deviations
-    constexpr double kCrease = 0.04, kNormalNoises = 1.2;
+    constexpr double kMaxFootDistance = 5; // standard deviations
+    constexpr double kMaxMeanTurn = 0.04, kTurnPerNoise = 1.2;
     FitResult again = result;
     Quadric& q = again.fit.pieces[0];
     scratch = points;
-    scratch.moveOverFeet(q, normal, kFarthestFoot * settings.noise);
-    scratch.weighAcross(normal, settings.reach);
-    q = fitBivariate(scratch, normal, kFewestOfQuadratic, settings.lever);
+    scratch.projectLaterally(q, normal, kMaxFootDistance * settings.noise);
+    scratch.weightLaterally(normal, settings.reach);
+    q = fitBivariate(scratch, normal, kMinQuadraticPoints, settings.lever);
     const double noise2 = settings.normalNoise * settings.normalNoise;
-    if (meanTurn(q, scratch) > kCrease + kNormalNoises * noise2) return;
+    if (meanTurn(q, scratch) > kMaxMeanTurn + kTurnPerNoise * noise2) return;
     again.error = taubinError(again.fit, scratch, testRadius);
     again.accepted = isAccepted(again, scratch, testRadius, settings);
     result = again;
@@ -490,19 +490,19 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
         if (result.needsSplit)
             result.fit.pieces[0] = fitBivariate(points, normal, points.count + 1);
     } else {
-        result.fit.pieces[0] = fitBivariate(points, normal, kFewestOfQuadratic, settings.lever);
+        result.fit.pieces[0] = fitBivariate(points, normal, kMinQuadraticPoints, settings.lever);
     }
     result.error = taubinError(result.fit, points, testRadius);
     result.accepted = isAccepted(result, points, testRadius, settings);
     if (settings.reach > 0 && !general)
-        refitOverFeet(result, points, normal, testRadius, settings, scratch);
+        refitProjected(result, points, normal, testRadius, settings, scratch);
     const bool turnsAway =
         !general && result.accepted && normalsTurnAway(result.fit.pieces[0], points, settings);
     const bool isSmall = points.count <= settings.maxSharpPoints;
     result.turnsAway = turnsAway && !isSmall;
     const bool mayBeSharp =
-        turnsAway || (result.spreadNormals && result.error > kLeastSharpError * settings.tolerance);
-    const bool isClear = result.error > kFarthest * settings.noise; // of noise
+        turnsAway || (result.spreadNormals && result.error > kMinSharpError * settings.tolerance);
+    const bool isClear = result.error > kMaxNoiseDistance * settings.noise; // of noise
     if (isSmall && (!result.accepted || (mayBeSharp && isClear))) {
         trySharp(result, points, cellSize, testRadius, scratch);
         result.accepted = isAccepted(result, points, testRadius, settings);

@@ -6,7 +6,7 @@ namespace mpuvdb
 {
 
 /// Least noise, in tolerances, that moves a surface by what voxels can tell.
-constexpr double kMovingNoise = 2;
+constexpr double kMinBiasNoise = 2;
 
 /// Points thrown along the normals off a curved surface spread out on its outside and crowd on its
 /// inside: any window across it holds more of these, and a fit lies inside by about the sum of the

@@ -14,17 +14,17 @@ namespace
 
 /// Faces turn from each other by this many standard deviations of their normals, and by the
 /// paper's angle [Ohtake03 eq. 14].
-constexpr double kTellingTurn = 3;
-constexpr double kLeastTurn = 0.45; // radians
+constexpr double kMinTurnNoises = 3;
+constexpr double kMinTurn = 0.45; // radians
 
 /// How much nearer to its points an edge has to be than a smooth fit, in squared standard
 /// deviations, and a curved face than a flat one.
-constexpr double kNearer = 10, kNearerPerPoint = 0.8, kCurvedNearer = 8;
+constexpr double kMinGain = 10, kMinGainPerPoint = 0.8, kMinCurvedGain = 8;
 
 /// What noisyMisfit() is of most fits that are right, at most.
-constexpr double kRight = 3.6;
+constexpr double kMaxRightMisfit = 3.6;
 
-constexpr std::size_t kFewestOfFace = 8;
+constexpr std::size_t kMinFacePoints = 8;
 
 /// How many points the weights leave.
 double effectiveCount(const CellPoints& points)
@@ -58,11 +58,11 @@ Vec3d farthestFrom(const Vec3d& axis, const CellPoints& points)
 /// The points nearest to each axis, after the axes have gone to the means of theirs a few times.
 NormalClusters settle(const CellPoints& points, std::vector<Vec3d>& axes, CellPoints& scratch)
 {
-    constexpr int kRounds = 2;
+    constexpr int kSettleRounds = 2;
     std::vector<std::uint32_t> all(points.count);
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
     NormalClusters clusters;
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < kSettleRounds; ++round) {
         clusters = clusterNormals(points, all, axes);
         axes.clear();
         for (const auto& cluster : clusters) {
@@ -87,7 +87,7 @@ Vec3d thirdFace(const CellPoints& points, const std::vector<Vec3d>& axes)
         ++counts[cosine < 0];
     }
     const std::size_t side = counts[1] > counts[0];
-    return counts[side] >= kFewestOfFace ? Vec3d(sums[side].normalized()) : Vec3d(Vec3d::Zero());
+    return counts[side] >= kMinFacePoints ? Vec3d(sums[side].normalized()) : Vec3d(Vec3d::Zero());
 }
 
 /// The points of two faces or three.
@@ -110,30 +110,30 @@ std::optional<LocalFit> fitNoisyEdge(const CellPoints& points, const LocalFit& s
                                      const FitSettings& settings, CellPoints& scratch)
 {
     const double smoothMisfit = misfit(smooth, points, settings);
-    if (smoothMisfit < kRight + kNearerPerPoint) return std::nullopt;
+    if (smoothMisfit < kMaxRightMisfit + kMinGainPerPoint) return std::nullopt;
     const NormalClusters clusters = facesOf(points, scratch);
     if (clusters.size() < 2) return std::nullopt;
-    const double apart = std::cos(std::max(kLeastTurn, kTellingTurn * settings.normalNoise));
+    const double apart = std::cos(std::max(kMinTurn, kMinTurnNoises * settings.normalNoise));
     LocalFit fit;
     fit.count = int(clusters.size());
     std::vector<Vec3d> normals;
     for (std::size_t a = 0; a < clusters.size(); ++a) {
-        if (clusters[a].size() < kFewestOfFace) return std::nullopt;
+        if (clusters[a].size() < kMinFacePoints) return std::nullopt;
         scratch.assignSubset(points, clusters[a]);
         normals.push_back(meanNormal(scratch));
         for (std::size_t b = 0; b < a; ++b)
             if (normals[a].dot(normals[b]) > apart) return std::nullopt;
         LocalFit flat, curved;
         flat.pieces[0] = fitBivariate(scratch, normals[a], scratch.count + 1);
-        curved.pieces[0] = fitBivariate(scratch, normals[a], kFewestOfFace, settings.lever);
+        curved.pieces[0] = fitBivariate(scratch, normals[a], kMinFacePoints, settings.lever);
         const bool isCurved =
-            misfit(curved, scratch, settings) + kCurvedNearer < misfit(flat, scratch, settings);
+            misfit(curved, scratch, settings) + kMinCurvedGain < misfit(flat, scratch, settings);
         fit.pieces[a] = (isCurved ? curved : flat).pieces[0];
     }
     combineFaces(fit,
                  [&](const LocalFit& candidate) { return misfit(candidate, points, settings); });
     const double gain = smoothMisfit - misfit(fit, points, settings);
-    if (!(gain > std::max(kNearerPerPoint, kNearer / effectiveCount(points)))) return std::nullopt;
+    if (!(gain > std::max(kMinGainPerPoint, kMinGain / effectiveCount(points)))) return std::nullopt;
     return fit;
 }
 

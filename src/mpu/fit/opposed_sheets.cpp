@@ -14,15 +14,15 @@ namespace
 {
 
 /// Share of the normals' squares along one axis: sides of a wall, and no rim of it between them.
-constexpr double kOneAxis = 0.8;
-constexpr std::size_t kFewest = 12; ///< points of a side
+constexpr double kMinAxisShare = 0.8;
+constexpr std::size_t kMinSidePoints = 12; ///< points of a side
 /// Cosine to the axis of normals that are of a side: others are of a rim or of a face beside, and
 /// noise alone tells which way along the axis they look.
-constexpr double kClear = 0.5;
+constexpr double kMinAxisCosine = 0.5;
 /// Of the noise: what of it is asked whether it is alone there. Three sheets for two are louder.
-constexpr double kQuiet = 0.65;
+constexpr double kNoiseShare = 0.65;
 /// Standard errors by which the sides are apart, or it cannot be told which is above.
-constexpr double kApart = 2;
+constexpr double kMinSeparation = 2;
 
 /// The axis that the normals have in common, of either sign; none where they have not.
 std::optional<Vec3d> commonAxis(const CellPoints& points)
@@ -31,7 +31,7 @@ std::optional<Vec3d> commonAxis(const CellPoints& points)
     for (std::size_t i = 0; i < points.count; ++i)
         sum += points.weight[i] * points.normal(i) * points.normal(i).transpose();
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(sum);
-    if (!(solver.eigenvalues()[2] >= kOneAxis * sum.trace())) return std::nullopt;
+    if (!(solver.eigenvalues()[2] >= kMinAxisShare * sum.trace())) return std::nullopt;
     return Vec3d(solver.eigenvectors().col(2));
 }
 
@@ -86,7 +86,7 @@ public:
     }
 
 private:
-    bool isClear(std::size_t i) const { return std::abs(mPoints.normal(i).dot(mAxis)) >= kClear; }
+    bool isClear(std::size_t i) const { return std::abs(mPoints.normal(i).dot(mAxis)) >= kMinAxisCosine; }
     std::size_t sideOf(std::size_t i) const { return mPoints.normal(i).dot(mAxis) > 0 ? 0 : 1; }
 
     const CellPoints& mPoints;
@@ -100,25 +100,25 @@ private:
 std::optional<LocalFit> fitOpposedSheets(const CellPoints& points, double testRadius,
                                          const FitSettings& settings, CellPoints& scratch)
 {
-    constexpr int kRounds = 3;
+    constexpr int kAlternations = 3;
     const std::optional<Vec3d> axis = commonAxis(points);
     if (!axis) return std::nullopt;
     Sides sides(points, *axis);
-    if (sides.fewer() < kFewest) return std::nullopt;
+    if (sides.fewer() < kMinSidePoints) return std::nullopt;
     scratch = points;
     sides.turnAlong(scratch);
-    scratch.weighAcross(*axis, settings.reach > 0 ? settings.reach : points.radius);
+    scratch.weightLaterally(*axis, settings.reach > 0 ? settings.reach : points.radius);
     const Vec3d normal = meanNormal(scratch);
     LocalFit sheet;
     Quadric& q = sheet.pieces[0];
-    for (int round = 0; round < kRounds; ++round) {
-        q = fitBivariate(scratch, normal, kFewest, settings.lever);
+    for (int round = 0; round < kAlternations; ++round) {
+        q = fitBivariate(scratch, normal, kMinSidePoints, settings.lever);
         sides.moveOnto(q, normal, scratch);
     }
-    if (!residualsAreNoise(sheet, scratch, testRadius, kQuiet * settings.noise))
+    if (!residualsAreNoise(sheet, scratch, testRadius, kNoiseShare * settings.noise))
         return std::nullopt;
     const double apart = sides.height(0) - sides.height(1);
-    if (std::abs(apart) < kApart * settings.noise * sides.standardError()) return std::nullopt;
+    if (std::abs(apart) < kMinSeparation * settings.noise * sides.standardError()) return std::nullopt;
     LocalFit fit;
     fit.count = 2;
     fit.pieces[0] = {q.A, q.b, q.c - sides.height(0)};

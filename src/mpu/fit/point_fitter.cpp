@@ -8,11 +8,11 @@ namespace
 {
 
 /// A fit's ball beyond the last of its neighbors, whose weight would be zero on its border.
-constexpr double kMargin = 1.2;
+constexpr double kBallMargin = 1.2;
 
 /// Within this part of the ball neighbors weigh alike; beyond, with the inverse square of their
 /// distance.
-constexpr double kNear = 0.2;
+constexpr double kEqualWeightRadius = 0.2;
 
 Vec3f positionOf(const PointBatch& batch, std::size_t n)
 {
@@ -70,7 +70,7 @@ double PointFitter::gatherNearest(const Vec3d& at, const OctreeCell& cell,
 Quadric PointFitter::fitNear(const Vec3f& at, const Vec3d& normal, double radius)
 {
     mCell.assign(mNear, at.cast<double>(), radius);
-    const double near2 = kNear * kNear * radius * radius;
+    const double near2 = kEqualWeightRadius * kEqualWeightRadius * radius * radius;
     for (std::size_t i = 0; i < mCell.count; ++i)
         mCell.weight[i] *= std::max(mCell.normal(i).dot(normal), 0.0) * near2 /
                            (mCell.position(i).squaredNorm() + near2);
@@ -86,7 +86,7 @@ PointFitter::PointFit PointFitter::fitThrough(std::size_t n, const OctreeCell& c
     const auto [entry, isNew] = mFits.try_emplace(Key{at});
     if (isNew) {
         const double last = gatherNearest(at.cast<double>(), cell, path);
-        const double radius = kMargin * std::max(last, std::numeric_limits<double>::min());
+        const double radius = kBallMargin * std::max(last, std::numeric_limits<double>::min());
         entry->second = {tree.addFitThrough(at, fitNear(at, normalOf(ball, n), radius)), radius};
     }
     return entry->second;

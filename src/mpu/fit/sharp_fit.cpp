@@ -56,11 +56,11 @@ WidestPair widestNormals(const CellPoints& points)
 constexpr double kFeatureCosine = 0.9; // [Ohtake03 eq. 14]
 constexpr double kCornerCosine = 0.7;  // [Ohtake03 eq. 15]
 // A dull fold turns normals by two degrees or more; its faces by an eighth of that.
-constexpr double kDullestCosine = 0.9994;
-constexpr double kFlat = 1.0 / 64; // 1 - cosine grows with the square of the angle
+constexpr double kMaxFoldCosine = 0.9994;
+constexpr double kFlatnessRatio = 1.0 / 64; // 1 - cosine grows with the square of the angle
 constexpr double kRounding = 1e-12;
 // Points that a face needs for curvature: with fewer a quadric swings out between them.
-constexpr std::size_t kQuadraticFace = 12;
+constexpr std::size_t kMinQuadraticFacePoints = 12;
 
 } // namespace
 
@@ -94,10 +94,10 @@ namespace
 NormalClusters flatFaces(const CellPoints& points, const std::vector<std::uint32_t>& members,
                          const WidestPair& widest, CellPoints& scratch)
 {
-    if (widest.cosine > kDullestCosine) return {};
+    if (widest.cosine > kMaxFoldCosine) return {};
     const std::vector<Vec3d> axes = {points.normal(widest.first), points.normal(widest.second)};
     NormalClusters faces = clusterNormals(points, members, axes);
-    const double flat = 1 - kFlat * (1 - widest.cosine);
+    const double flat = 1 - kFlatnessRatio * (1 - widest.cosine);
     for (std::size_t f = 0; f < faces.size(); ++f) {
         // One of the face's normals is its axis, so that most that are not flat are found at once.
         const bool mayBeFlat = std::all_of(faces[f].begin(), faces[f].end(), [&](std::uint32_t i) {
@@ -152,7 +152,7 @@ std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch)
     fit.count = int(clusters.size());
     for (std::size_t a = 0; a < clusters.size(); ++a) {
         scratch.assignSubset(points, clusters[a]);
-        fit.pieces[a] = fitBivariate(scratch, meanNormal(scratch), kQuadraticFace);
+        fit.pieces[a] = fitBivariate(scratch, meanNormal(scratch), kMinQuadraticFacePoints);
     }
     combineFaces(fit, [&](const LocalFit& candidate) {
         return taubinError(candidate, points, points.radius);

@@ -25,7 +25,7 @@ struct StoredFit {
     std::uint8_t count = 1; ///< pieces, as in LocalFit
     std::uint8_t maxBits = 0;
     bool throughOrigin = false; ///< the origin is an input point, and the fit is zero there
-    bool lostInNoise = false;   ///< as in Decision
+    bool unresolved = false;   ///< as in Decision
 };
 
 struct OctreeNode {
@@ -39,7 +39,7 @@ struct OctreeNode {
 
 /// Nodes of a tree (or of a subtree while it is built), and its fits.
 struct Octree {
-    static constexpr int kDeepest = 30; ///< level of the smallest cells
+    static constexpr int kMaxLevel = 30; ///< level of the smallest cells
 
     RootCube root;
     double alpha = 0.75;
@@ -90,12 +90,12 @@ struct Octree {
     template <typename F>
     void forEachLeafAt(const Vec3d& p, const F& f, OctreeNode node, const OctreeCell& cell) const
     {
-        constexpr double kRoom = 1 + 1e-6; // for roundings, even in the smallest cells
+        constexpr double kRoundingMargin = 1 + 1e-6; // for roundings, even in the smallest cells
         if (node.isLeaf()) {
             f(node, cell);
             return;
         }
-        const double quarter = root.size(cell.level) / 4, radius = kRoom * reach(cell.level + 1);
+        const double quarter = root.size(cell.level) / 4, radius = kRoundingMargin * reach(cell.level + 1);
         const Vec3d offset = root.center(cell) - p;
         double distance2[3][2]; // along each axis to the lower and the upper child
         for (int axis = 0; axis < 3; ++axis)
@@ -112,7 +112,7 @@ struct Octree {
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
     {
-        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); }, kDeepest, node,
+        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); }, kMaxLevel, node,
                     cell);
     }
 
@@ -120,12 +120,12 @@ struct Octree {
     template <typename F>
     void forEachLeafParallel(F f)
     {
-        constexpr int kLevel = 4; // where there are enough subtrees for all threads
+        constexpr int kParallelLevel = 4; // where there are enough subtrees for all threads
         std::vector<std::pair<std::uint32_t, OctreeCell>> parts;
         const auto collect = [&](std::uint32_t node, const OctreeCell& cell) {
             parts.push_back({node, cell});
         };
-        forEachPart(collect, kLevel, 0, {});
+        forEachPart(collect, kParallelLevel, 0, {});
         tbb::parallel_for(std::size_t(0), parts.size(),
                           [&](std::size_t n) { forEachLeaf(f, parts[n].first, parts[n].second); });
     }

@@ -16,12 +16,12 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kSubtreePoints = 4096; ///< a cell with fewer points around starts a subtree
-constexpr std::size_t kSpacingPoints = 256;  ///< spacing is measured among at most so many
+constexpr std::size_t kMaxSubtreePoints = 4096; ///< a cell with fewer points around starts a subtree
+constexpr std::size_t kMaxSpacingPoints = 256;  ///< spacing is measured among at most so many
 
 /// Interpolating, cells with balls up to so many times as large as that of the nearest point's fit
 /// have that fit; larger cells are held to the tolerance.
-constexpr double kPointFitReach = 1.2;
+constexpr double kMaxPointFitReach = 1.2;
 
 /// An empty tree of one node.
 Octree emptyTree(const RootCube& root, const MpuSettings& settings)
@@ -49,7 +49,7 @@ void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const D
                double spacing)
 {
     const std::uint32_t fit = tree.addFit(decision.result.fit, tree.root.center(cell));
-    tree.fits[fit].lostInNoise = decision.lostInNoise;
+    tree.fits[fit].unresolved = decision.unresolved;
     tree.setLeaf(node, fit, supportOf(decision.gap, spacing, tree.supportRadius(cell.level)));
     countLeaf(tree.statistics, cell, decision);
 }
@@ -117,7 +117,7 @@ private:
         if (depth < 3) mProgress.check();
         const double radius = mFitter.supportRadius(cell.level);
         double spacing = parentSpacing;
-        if (ball.size() <= kSpacingPoints && mSpacingDepth >= depth) {
+        if (ball.size() <= kMaxSpacingPoints && mSpacingDepth >= depth) {
             if (const double measured = mFilter.spacing(ball, mRoot.center(cell), radius);
                 measured > 0)
                 spacing = measured;
@@ -125,7 +125,7 @@ private:
                 spacing = radius;
             mSpacingDepth = depth;
         }
-        if (!(spacing > 0)) spacing = radius / 8; // more than kSpacingPoints in the ball
+        if (!(spacing > 0)) spacing = radius / 8; // more than kMaxSpacingPoints in the ball
         if (mSettings.interpolate)
             decideInterpolating(node, cell, ball, spacing, depth);
         else
@@ -150,7 +150,7 @@ private:
     {
         std::array<std::size_t, 2> inside;
         const std::size_t count = mPointFitter.pointsIn(cell, ball, inside);
-        if (count > 1 && cell.level < PointFitter::kDeepest) {
+        if (count > 1 && cell.level < Octree::kMaxLevel) {
             mProgress.check(); // crowded points make long descents
             Decision unfitted;
             unfitted.split = true;
@@ -165,7 +165,7 @@ private:
         const PointFitter::PointFit fit = mPointFitter.fitThrough(point, cell, mPath, mTree);
         mPath.pop_back();
         Decision decision;
-        if (radius <= kPointFitReach * fit.radius) {
+        if (radius <= kMaxPointFitReach * fit.radius) {
             mTree.setLeaf(node, fit.index, 1);
             countLeaf(mTree.statistics, cell, decision);
             return;
@@ -196,7 +196,7 @@ private:
         for (const PointBatch& child : octants) someEmpty |= child.size() == 0;
         // Cells are stored before their descendants are built: the scratch still knows the parent.
         const bool inherit =
-            someEmpty && decision.fitted && mFitter.lastIsHeldUp(decision, cell, spacing);
+            someEmpty && decision.fitted && mFitter.lastMayBeInherited(decision, cell, spacing);
         const std::uint32_t inherited =
             inherit ? mTree.addFit(decision.result.fit, mRoot.center(cell)) : 0;
         const auto first = std::uint32_t(mTree.nodes.size());
@@ -207,7 +207,7 @@ private:
             const OctreeCell child = cell.child(octant);
             if (octants[std::size_t(octant)].size() != 0) continue;
             mTree.setLeaf(first + std::uint32_t(octant), inherited,
-                          mFitter.lastSupportIn(decision, cell, child, spacing));
+                          mFitter.inheritedSupport(decision, cell, child, spacing));
             countEmpty(child);
         }
         mPath.push_back({&ball, mRoot.center(cell), mFitter.supportRadius(cell.level)});
@@ -278,15 +278,15 @@ private:
         CellFitter fitter(mPoints, mRoot, mSettings);
         const double radius = fitter.supportRadius(cell.level);
         const SortedPoints::Around around = mPoints.around(cell, radius);
-        if (around.points <= kSubtreePoints) {
+        if (around.points <= kMaxSubtreePoints) {
             upper.subtree = true;
             return;
         }
         BatchFilter filter;
         PointBatch sample;
-        const std::size_t stride = around.points / (2 * kSampleFrom);
+        const std::size_t stride = around.points / (2 * kMinSampledPoints);
         mPoints.gather(around, stride, filter, sample);
-        if (sample.size() > kSample) {
+        if (sample.size() > kSamplePoints) {
             const double spacing =
                 filter.spacing(sample, mRoot.center(cell), radius); // of the sample
             upper.spacing = spacing / std::sqrt(double(stride));

@@ -284,9 +284,9 @@ void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::siz
 
 double BatchFilter::spacing(const PointBatch& ball, const Vec3d& center, double radius)
 {
-    constexpr std::size_t kNeighbors = 12, kProbes = 3;
+    constexpr std::size_t kSpacingNeighbors = 12, kProbes = 3;
     const std::size_t n = ball.size();
-    if (n <= kNeighbors) return 0;
+    if (n <= kSpacingNeighbors) return 0;
     squaredDistances(ball, center.cast<float>(), mDistance2);
     select(float(radius * radius / 4));
     if (mSelected == 0) mIndices[mSelected++] = std::uint32_t(n / 2);
@@ -297,7 +297,7 @@ double BatchFilter::spacing(const PointBatch& ball, const Vec3d& center, double 
     for (std::size_t k = 0; k < kProbes; ++k) {
         const std::uint32_t p = probes[k];
         squaredDistances(ball, Vec3f(ball.x[p], ball.y[p], ball.z[p]), mDistance2);
-        const Least near = leastOf(mDistance2, kNeighbors + 1);
+        const Least near = leastOf(mDistance2, kSpacingNeighbors + 1);
         // A disc of as many cells, but the probe itself, as it holds points.
         found[k] = std::sqrt(M_PI / double(near.count - 1) * double(near.limit));
     }

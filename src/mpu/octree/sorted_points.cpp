@@ -264,7 +264,7 @@ std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const Oct
     if (range.begin == range.end || !box.intersects(cube)) return 0;
     if (box.contains(cube)) return range.end - range.begin;
     std::size_t count = 0;
-    if (range.end - range.begin <= kScan || cell.level == kMaxLevel) {
+    if (range.end - range.begin <= kMaxScanPoints || cell.level == kMaxLevel) {
         for (std::size_t n = range.begin; n < range.end; ++n)
             count += box.contains(Vec3d(mPoints.x[n], mPoints.y[n], mPoints.z[n]));
         return count;

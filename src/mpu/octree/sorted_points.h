@@ -127,7 +127,7 @@ public:
 
 private:
     /// Points, among few, below which a cell is not looked into.
-    static constexpr std::size_t kScan = 32;
+    static constexpr std::size_t kMaxScanPoints = 32;
 
     void mergeCopies();
     void makeTop();

@@ -19,8 +19,8 @@ using Row = float __attribute__((vector_size(sizeof(float) * kCubeVoxels)));
 using Mask = std::int32_t __attribute__((vector_size(sizeof(std::int32_t) * kCubeVoxels)));
 
 constexpr int kCubeDim = 2;                      ///< voxels
-constexpr float kMiddle = (kCubeDim - 1) / 2.0f; ///< of a cube, from its first voxel
-constexpr int kCubes = kBlockDim / kCubeDim;     ///< along a block's edge
+constexpr float kCubeMiddle = (kCubeDim - 1) / 2.0f; ///< of a cube, from its first voxel
+constexpr int kCubesPerEdge = kBlockDim / kCubeDim;     ///< along a block's edge
 constexpr int kRows = kBlockCubes / kCubeVoxels; ///< of eight cubes: half a layer across x
 
 [[gnu::always_inline]] inline Row load(const std::array<float, kCubeVoxels>& from)
@@ -104,7 +104,7 @@ private:
 };
 
 /// y and z of the first voxels of a row's cubes; in every other row y is one more half block.
-constexpr float kHalf = kBlockDim / 2.0f;
+constexpr float kHalfBlock = kBlockDim / 2.0f;
 const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
 
 /// Squared distance along an axis from @a at to cubes that begin at @a first.
@@ -121,7 +121,7 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
     const float radius2 = cell.radius * cell.radius * (1 + 1e-5f);
     const Row z2 = squaredGap(kRowZ, cell.center[2]);
     const Row yz2[2] = {squaredGap(kRowY, cell.center[1]) + z2,
-                        squaredGap(kRowY + kHalf, cell.center[1]) + z2};
+                        squaredGap(kRowY + kHalfBlock, cell.center[1]) + z2};
     Flags reached;
     for (int row = 0; row < kRows; ++row) {
         const int layer = row / 2;
@@ -138,7 +138,7 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
 /// is at a corner.
 [[gnu::always_inline]] inline float valueBeyond(const Piece& k, const Cell& cell, float limit)
 {
-    constexpr float kRoundings = 0.02f; // voxels; of coefficients, sums, quotient
+    constexpr float kRoundingMargin = 0.02f; // voxels; of coefficients, sums, quotient
     const Mask upper[3] = {
         {0, 0, 0, 0, -1, -1, -1, -1}, {0, 0, -1, -1, 0, 0, -1, -1}, {0, -1, 0, -1, 0, -1, 0, -1}};
     Row corner[3];
@@ -153,8 +153,8 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
               gy = k[2] + 2 * k[5] * y + k[8] * z + k[7] * x,
               gz = k[3] + 2 * k[6] * z + k[9] * x + k[8] * y;
     const Row slope = larger(squareRoot(gx * gx + gy * gy + gz * gz), Row{} + kGradientFloor);
-    const Row toCorner = kMiddle * (larger(gx, -gx) + larger(gy, -gy) + larger(gz, -gz));
-    return most(slope * (limit + kRoundings) + toCorner);
+    const Row toCorner = kCubeMiddle * (larger(gx, -gx) + larger(gy, -gy) + larger(gz, -gz));
+    return most(slope * (limit + kRoundingMargin) + toCorner);
 }
 
 /// Cubes in which one piece is beyond the limit on the outside, and on the inside.
@@ -163,16 +163,16 @@ struct BeyondCubes {
     [[gnu::always_inline]] BeyondCubes(const Piece& k, const Cell& cell, float limit)
     {
         const float least = valueBeyond(k, cell, limit);
-        const Row z = kRowZ + kMiddle;
+        const Row z = kRowZ + kCubeMiddle;
         Row constant[2], linear[2]; // in x
         for (int half = 0; half < 2; ++half) {
-            const Row y = kRowY + (kMiddle + kHalf * float(half));
+            const Row y = kRowY + (kCubeMiddle + kHalfBlock * float(half));
             constant[half] = k[0] + y * (k[2] + k[5] * y + k[8] * z) + z * (k[3] + k[6] * z);
             linear[half] = k[1] + k[7] * y + k[9] * z;
         }
         for (int row = 0; row < kRows; ++row) {
             const int layer = row / 2;
-            const float x = float(kCubeDim * layer) + kMiddle;
+            const float x = float(kCubeDim * layer) + kCubeMiddle;
             const Row value = constant[row % 2] + x * (linear[row % 2] + k[4] * x);
             outside.set(row, value > least);
             inside.set(row, value < -least);
@@ -193,12 +193,12 @@ struct SmoothWeight {
 
 struct SingularWeight {
     /// A voxel on a point: all other cells together weigh a hundred-millionth of this one.
-    static constexpr float kLeast2 = 1e-8f;
+    static constexpr float kMinDistance2 = 1e-8f;
     float inverseRadius;
     explicit SingularWeight(float radius) : inverseRadius(1 / radius) {}
     [[gnu::always_inline]] Row operator()(const Row& distance2) const
     {
-        const Row least = Row{} + kLeast2;
+        const Row least = Row{} + kMinDistance2;
         return singularWeight(Row(1 / squareRoot(larger(distance2, least))), inverseRadius);
     }
 };
@@ -271,12 +271,12 @@ template <typename Weight>
         Row distance2;
         ColumnOfPiece pieces[LocalFit::kMaxPieces];
     };
-    Column columns[kCubes * kCubes];
+    Column columns[kCubesPerEdge * kCubesPerEdge];
     for (CubeSet left = columnsOf(cubes); left; left &= left - 1) {
-        const int column = __builtin_ctzll(left) / kCubes;
-        const int layer = column / kCubes;
+        const int column = __builtin_ctzll(left) / kCubesPerEdge;
+        const int layer = column / kCubesPerEdge;
         const Row x = cornerX + float(kCubeDim * layer),
-                  y = cornerY + float(kCubeDim * (column % kCubes));
+                  y = cornerY + float(kCubeDim * (column % kCubesPerEdge));
         const Row dx = x - cell.center[0], dy = y - cell.center[1];
         columns[column].distance2 = dx * dx + dy * dy;
         for (int piece = 0; piece < count; ++piece)
@@ -284,8 +284,8 @@ template <typename Weight>
     }
     for (CubeSet left = cubes; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);
-        const Column& column = columns[cube / kCubes];
-        const Row z = cornerZ + float(kCubeDim * (cube % kCubes));
+        const Column& column = columns[cube / kCubesPerEdge];
+        const Row z = cornerZ + float(kCubeDim * (cube % kCubesPerEdge));
         const Row dz = z - cell.center[2];
         const CubeSamples s = fold(cell, column.pieces, count, z);
         const Row weight = weigh(column.distance2 + dz * dz);
@@ -322,7 +322,7 @@ void KernelCells::clear()
 }
 
 MPUVDB_WIDE_CLONES
-CubeVerdict judgeCubes(KernelCells& all, float limit)
+CubeClasses classifyCubes(KernelCells& all, float limit)
 {
     Flags notOutside, notInside;
     for (Cell& cell : all.cells) {

@@ -41,7 +41,7 @@ struct KernelCells {
         std::uint32_t firstPiece;
         int count; ///< pieces; folded as LocalFit says
         unsigned maxBits;
-        CubeSet cubes; ///< that the ball reaches: from judgeCubes()
+        CubeSet cubes; ///< that the ball reaches: from classifyCubes()
     };
     /// Q(t) = c0 + c1 x + c2 y + c3 z + c4 xx + c5 yy + c6 zz + c7 xy + c8 yz + c9 zx
     using Piece = std::array<float, 10>;
@@ -52,16 +52,16 @@ struct KernelCells {
 };
 
 /// What can be said of a block's cubes before they are summed.
-struct CubeVerdict {
+struct CubeClasses {
     /// Cubes that some cell may bring closer than the limit on the outside, or to the inside; and
-    /// the other way round. What is in one of them only need not be summed: see judgeCubes().
+    /// the other way round. What is in one of them only need not be summed: see classifyCubes().
     CubeSet notOutside = 0, notInside = 0;
 };
 
 /// Find the cubes that the cells' balls reach (Cell::cubes), and those in which the sums are
 /// farther from zero than @a limit, for any weights: where each cell's value is, over the largest
 /// gradient that it has in the block, normalize() of the sums is.
-CubeVerdict judgeCubes(KernelCells& cells, float limit);
+CubeClasses classifyCubes(KernelCells& cells, float limit);
 
 /// Set the sums of the cubes in @a wanted. The weight is smooth, or, for interpolation, singular at
 /// the ball's center.

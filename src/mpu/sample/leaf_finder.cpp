@@ -165,9 +165,9 @@ const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
 
 PointLeafFinder::PointLeafFinder(const Octree& tree, double spacing) : mTree(tree)
 {
-    constexpr double kRounding = 2e-7; // of a place's coordinates to floats
+    constexpr double kRoundingMargin = 2e-7; // of a place's coordinates to floats
     for (std::size_t level = 0; level < mReach2.size(); ++level) {
-        const double reach = tree.reach(int(level)) / tree.root.side * (1 + 1e-6) + kRounding;
+        const double reach = tree.reach(int(level)) / tree.root.side * (1 + 1e-6) + kRoundingMargin;
         mReach2[level] = float(reach * reach);
     }
     const double cubes = std::clamp(tree.root.side / (kCubeSpacings * spacing), 1.0, 0x1p20);
@@ -255,7 +255,7 @@ void PointLeafFinder::enter(const Cube& cube)
     const std::uint32_t differ = (cube[0] ^ mCube[0]) | (cube[1] ^ mCube[1]) | (cube[2] ^ mCube[2]);
     mCube = cube;
     while (differ >> (mCubeLevel - std::min(mLevel, mCubeLevel))) --mLevel;
-    while (mLevel < kLevels && mSteps[mLevel].hasInner) descend();
+    while (mLevel < kMaxFloatLevel && mSteps[mLevel].hasInner) descend();
 }
 
 /// What reaches into a small cube.

@@ -39,7 +39,7 @@ private:
     Vec3d mOrigin;
     double mVoxelSize;
     /// By level, voxels: quarter of the size; square of how far the node and those below it reach.
-    std::array<float, Octree::kDeepest + 1> mQuarter, mReach2;
+    std::array<float, Octree::kMaxLevel + 1> mQuarter, mReach2;
     Vec3i mRegion;
     bool mHasRegion = false;
     /// Leaves that reach into the region: the first mCount; then room for more.
@@ -65,7 +65,7 @@ public:
 private:
     /// Centers of cells are exact in floats down to this level, as parts of the root's side, which
     /// all lengths here are.
-    static constexpr std::size_t kLevels = 20;
+    static constexpr std::size_t kMaxFloatLevel = 20;
     using Cube = std::array<std::uint32_t, 3>;
 
     /// Nodes of the octree, their centers, and the squares of how far they reach.
@@ -84,7 +84,7 @@ private:
         std::size_t begin = 0, end = 0;
         bool hasInner = false;
     };
-    /// What reaches into a small cube: leaves, and nodes of level kLevels.
+    /// What reaches into a small cube: leaves, and nodes of level kMaxFloatLevel.
     struct Near {
         Cube cube;
         Nodes nodes;
@@ -96,10 +96,10 @@ private:
     void addHolding(const Nodes& nodes, const Vec3d& p, const std::array<float, 3>& at);
 
     const Octree& mTree;
-    std::array<float, kLevels + 1> mReach2; ///< squared, by level
+    std::array<float, kMaxFloatLevel + 1> mReach2; ///< squared, by level
     std::size_t mCubeLevel;                 ///< of small cubes
     Cube mCube{};                           ///< the small one about the last place
-    std::array<Step, kLevels + 1> mSteps;   ///< by level
+    std::array<Step, kMaxFloatLevel + 1> mSteps;   ///< by level
     std::size_t mLevel = 0;                 ///< of the last step
     Nodes mNodes;                           ///< of all steps
     std::vector<Near> mNear;                ///< of small cubes that lie near each other

@@ -68,13 +68,13 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
 /// The rest of @a values is set: farther than the limit.
 CubeSet MpuBlockSampler::cubesToSum(const Box3d& box, BlockValues& values)
 {
-    const CubeVerdict verdict = judgeCubes(mCells, mLimit);
+    const CubeClasses classes = classifyCubes(mCells, mLimit);
     // Elsewhere there may be voxels that no ball holds.
     const bool isCovered = !mTree.interpolates() && mTree.root.box().contains(box);
-    const CubeSet wanted = isCovered ? verdict.notOutside & verdict.notInside : kAllCubes;
+    const CubeSet wanted = isCovered ? classes.notOutside & classes.notInside : kAllCubes;
     for (CubeSet left = ~wanted; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);
-        const float value = verdict.notOutside >> cube & 1u ? -mLimit : mLimit;
+        const float value = classes.notOutside >> cube & 1u ? -mLimit : mLimit;
         for (int corner = 0; corner < kCubeVoxels; ++corner)
             values[std::size_t(voxelOf(cube, corner))] = value;
     }
@@ -85,11 +85,11 @@ void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float
                                   BlockValues& values) const
 {
     constexpr int kGroup = 4;
-    constexpr float kRoundings = 1e-3f; // voxels
+    constexpr float kRoundingMargin = 1e-3f; // voxels
     // Support, or a value beyond the limit that the coarse field cannot bring back.
     const auto isSettled = [&](float value, float support) {
         return support >= 1 ||
-               support * std::abs(value) - (1 - support) * farthest > mLimit + kRoundings;
+               support * std::abs(value) - (1 - support) * farthest > mLimit + kRoundingMargin;
     };
     for (CubeSet left = cubes; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);
