@@ -1,12 +1,12 @@
-// How much memory there is.
+// The default memory limit.
 #pragma once
 #include <cstdint>
 
 namespace mpuvdb
 {
 
-/// What work may take where nobody says: nine tenths of the smaller of physical memory and the
-/// control group's limit, bytes.
+/// Memory that work may use by default, bytes: nine tenths of the smaller of physical memory and
+/// the control group's limit.
 std::uint64_t defaultMemoryLimit();
 
 } // namespace mpuvdb

@@ -37,7 +37,6 @@ public:
     Box3d bounds() const override { return wholeSpace(); }
     FieldSample evaluate(const Vec3d& p) const override
     {
-        constexpr double kRelativeStep = 1e-6;
         return {value(p), slope(p, kRelativeStep / mFrequency), -1, true};
     }
     double value(const Vec3d& p) const override
@@ -52,11 +51,11 @@ public:
     bool isDistance() const override { return false; }
     double steepness() const override { return kSteepness; }
 
-    /// The value's largest, in parts of the period.
+    /// Largest value, in periods. [derived: |G| <= 1.5 over its slope's floor]
     static constexpr double kMaxDistance = 1.5 / (M_SQRT2 * 2 * M_PI);
 
 private:
-    /// The largest slope that 1.5 million random places have is 1.498; near thin walls it is 1.06.
+    /// Largest slope of the value. [derived: 1.498 is the largest of 1.5 million random places]
     static constexpr double kSteepness = 1.51;
 
     double mFrequency, mHalf;
@@ -64,7 +63,8 @@ private:
 
 double requireFinite(double value, const Vec3d& p)
 {
-    constexpr double kMaxMagnitude = 1e30; // so that floats of it are finite
+    /// Largest magnitude of a value. [derived: floats of it are finite]
+    constexpr double kMaxMagnitude = 1e30;
     if (!std::isfinite(value))
         throw InputError(fmt::format("function: its value at ({}, {}, {}) is not finite. "
                                      "Make it one everywhere about the bounds",
@@ -72,8 +72,8 @@ double requireFinite(double value, const Vec3d& p)
     return std::clamp(value, -kMaxMagnitude, kMaxMagnitude);
 }
 
-/// max(f, s * distance from the bounds) with the steepness s: f's own zero set stays where it is
-/// within the bounds, for f is no deeper than s times the distance from it, and no steeper than s.
+/// max(f, s * distance from the bounds) with the steepness s. The zero set of f within the bounds
+/// stays: f is no deeper than s times the distance from it.
 class FunctionField : public PointField
 {
 public:
@@ -86,7 +86,6 @@ public:
     Box3d bounds() const override { return mBounds; }
     FieldSample evaluate(const Vec3d& p) const override
     {
-        constexpr double kRelativeStep = 1e-6; // of the diagonal
         const double own = requireFinite(mFunction(p), p), cut = wall(p);
         if (cut > own) return {cut, mSteepness * boxNormal(mBounds, p), -1, true};
         return {own, slope(p, kRelativeStep * mBounds.diagonal().norm()), -1, true};

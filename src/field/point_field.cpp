@@ -14,11 +14,13 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kMaxBlockIndex = 1 << 26; ///< so that voxels' indices stay ints
+constexpr double kMaxBlockIndex = 1 << 26; ///< [derived: indices of voxels are ints]
+/// Most blocks of a field. [free: a limit of memory]
 constexpr std::size_t kMaxBlocks = std::size_t(1) << 26;
 const double kSqrt3 = std::sqrt(3.0);
 
-/// Far from its data a field may say more than the distance: it is believed half of what it says.
+/// Factor on the steepness of fields that are no PointField: far from their data values may be more
+/// than the distance. [tuned: fields_test]
 constexpr double kSteepnessFactor = 2;
 
 class Descent
@@ -67,8 +69,8 @@ private:
     std::vector<Vec3i> mBlocks;
 };
 
-/// Evaluates voxel by voxel, but for cubes of voxels that a value at their middle puts beyond the
-/// band.
+/// Evaluates voxel by voxel, but for cubes of voxels that are beyond the band by a value at their
+/// center.
 class PointSampler final : public BlockSampler
 {
 public:
@@ -95,7 +97,8 @@ private:
                 low, size, [&](const Vec3i&, float& value) { value = far; }, values);
             return;
         }
-        constexpr int kMinCube = 4; // smaller cubes are seldom beyond the band if this one is not
+        /// Edge of the smallest cube tested, voxels. [free: time]
+        constexpr int kMinCube = 4;
         if (size == kMinCube) {
             const auto take = [&](const Vec3i& voxel, float& value) {
                 value = float(mField.value(world((first + voxel).cast<double>())));
@@ -278,7 +281,8 @@ double Source::bound(const Vec3d& p) const
 
 double Source::change(const Vec3d& center, double radius) const
 {
-    return mPoints ? mPoints->change(center, radius) : kSteepnessFactor * mField->steepness() * radius;
+    return mPoints ? mPoints->change(center, radius)
+                   : kSteepnessFactor * mField->steepness() * radius;
 }
 
 std::vector<Vec3i> Source::seedsWithin(const Lattice& lattice, const Box3d& box) const

@@ -1,4 +1,4 @@
-// Twist, bend, taper along an axis; and a user's own.
+// Twist, bend and taper along an axis; user-defined warps.
 #include <mpuvdb/fields.h>
 
 #include <mpuvdb/error.h>
@@ -41,7 +41,7 @@ public:
 
     Vec3d local(const Vec3d& p) const { return mTurn.transpose() * (p - mOrigin); }
     Vec3d world(const Vec3d& q) const { return mOrigin + mTurn * q; }
-    /// A box of the world in these coordinates: no smaller than the world's.
+    /// A box around @a box in these coordinates.
     Box3d local(const Box3d& box) const
     {
         return turned(box, mTurn.transpose(), local(box.center()));
@@ -65,7 +65,7 @@ private:
     Eigen::Matrix3d mTurn;
 };
 
-/// The largestRadius that @a box (local) reaches from the axis.
+/// Largest distance from the axis in @a box (local).
 double largestRadius(const Box3d& box)
 {
     return box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).head<2>().norm();
@@ -111,15 +111,15 @@ private:
         const double c = std::cos(angle), s = std::sin(angle);
         return {c * q.x() - s * q.y(), s * q.x() + c * q.y(), q.z()};
     }
-    /// Turning apart from a shear along the axis, the same there and back.
+    /// Largest singular value at @a radius: that of a shear along the axis, there and back.
     double stretchAt(double radius) const { return norm2(1, std::abs(mAngle) * radius); }
 
     Frame mFrame;
     double mAngle;
 };
 
-/// In the plane of axis and side, with the circle's center at (radius, from): what lies along the
-/// axis is rolled onto the circle.
+/// What lies along the axis is rolled onto a circle in the plane of axis and side, with its center
+/// at (radius, from).
 class Bend final : public Warp
 {
 public:
@@ -135,7 +135,7 @@ public:
         const double whole = mLength / mRadius;
         const double u = q.z() - mFrom, v = mRadius - q.x();
         double angle = std::atan2(u, v);
-        // What lies beyond either end belongs to the nearer one.
+        // Beyond both ends the nearer one counts.
         const double opposite = whole / 2 - M_PI;
         if (angle < opposite) angle += 2 * M_PI;
         if (angle <= 0) return p;
@@ -159,7 +159,7 @@ public:
     {
         const Box3d box = mFrame.local(image);
         if (box.max().z() <= mFrom && box.max().x() < mRadius) return 1;
-        // Two lower bounds of the distance from the circle's axis.
+        // The larger of two lower bounds of the distance from the circle's axis.
         const Vec3d q = mFrame.local(Vec3d(image.center()));
         const double middle = std::hypot(q.z() - mFrom, mRadius - q.x());
         const Vec3d axis(mRadius, q.y(), mFrom);
@@ -205,8 +205,9 @@ public:
         const Factors factors = factorsOf(from);
         const double reach =
             norm2(factors.high, largestRadius(from) * factors.slope) * box.diagonal().norm() / 2;
-        const Box3d to = cylinder(factors.high * largestRadius(from), from.min().z(), from.max().z())
-                             .intersection(ball({f * q.x(), f * q.y(), q.z()}, reach));
+        const Box3d to =
+            cylinder(factors.high * largestRadius(from), from.min().z(), from.max().z())
+                .intersection(ball({f * q.x(), f * q.y(), q.z()}, reach));
         return mFrame.world(to);
     }
     double stretch(const Box3d& image) const override
@@ -245,8 +246,8 @@ public:
     double stretch(const Box3d& /*image*/) const override { return 1; }
 };
 
-/// The place @a from, which @a p comes from. @throws InputError unless it is finite, where @a p is:
-/// boxes without end are asked for, too.
+/// @return @a from, which is moved to @a p. @throws InputError unless it is finite; where @a p, a
+/// corner of an infinite box, is not, neither need be.
 const Vec3d& requireFinitePlace(const Vec3d& from, const Vec3d& p)
 {
     if (from.allFinite() || !p.allFinite()) return from;

@@ -13,11 +13,12 @@ namespace mpuvdb
 namespace
 {
 
+/// Least bytes of one read, and bytes of one batch of lines. [free: time against memory]
 constexpr std::size_t kReadBytes = std::size_t(4) << 20;
 constexpr std::size_t kBatchBytes = std::size_t(256) << 10;
-/// Rows with commas that are asked what commas are, at most. [derived: what is hardest to see are
-/// decimal commas without another separator, which a fraction's leading zero gives away; that a row
-/// of three numbers has none has the probability 0.9^3, that as many rows have none 1e-137]
+/// Most rows with commas that are looked at. [derived: decimal commas without another separator
+/// show by a fraction's leading zero, which a row of three numbers lacks with probability 0.9^3,
+/// and all these rows with 1e-137]
 constexpr std::size_t kMaxEvidenceRows = 1000;
 
 bool isBlank(const char* begin, const char* end)
@@ -40,8 +41,7 @@ LineReader::LineReader(const ByteSource& source, std::uint64_t offset, std::uint
     detectCommas();
 }
 
-// Until the first rows with commas have told, each piece is searched for them: what had none reads
-// the same either way.
+// Each piece is searched until the meaning is decided: text without commas reads the same.
 void LineReader::detectCommas()
 {
     mDecimalCommas = mSource.commas() == Commas::Decimal;
@@ -70,11 +70,11 @@ void LineReader::throwAmbiguousCommas(std::string_view row) const
 {
     const char* const first = mBuffer.data() + mAt;
     const auto number = mLine + 1 + std::uint64_t(std::count(first, row.data(), mNewline));
-    throw InputError(fmt::format(
-        "{}: line {}: {}: whether a comma is a decimal comma, parts thousands or stands "
-        "between two numbers, the file does not tell. Export it with decimal points and "
-        "without separators of thousands, or with ';' between the columns.",
-        mSource.name(), number, inQuotes(row)));
+    throw InputError(
+        fmt::format("{}: line {}: {}: it is not clear whether commas are decimal commas, separate "
+                    "thousands, or separate numbers. Export the file with decimal points and "
+                    "without separators of thousands, or with ';' between the columns.",
+                    mSource.name(), number, inQuotes(row)));
 }
 
 bool LineReader::refill()

@@ -16,7 +16,7 @@ namespace
 {
 
 void writeThrough(std::ostream& stream, const std::string& name,
-          const std::function<void(OutputBuffer&)>& write)
+                  const std::function<void(OutputBuffer&)>& write)
 {
     OutputBuffer buffer(stream);
     errno = 0;

@@ -15,7 +15,7 @@ namespace
 constexpr double kTargetPoints = 1e5;
 constexpr double kPartPoints = 4096; ///< of a part, on the average
 constexpr int kMaxPartLevel = 6;     ///< level of the octree
-constexpr double kPartMargin = 0.25;     ///< of a part's edge: what fits in it see of points around it
+constexpr double kPartMargin = 0.25; ///< of a part's edge: what fits in it see of points around it
 
 /// Points beside each other and their key, as SortedPoints holds them.
 constexpr std::uint64_t kPointBytes = 7 * sizeof(float) + sizeof(std::uint64_t);
@@ -144,7 +144,8 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
         cloud.size() * (2 * sizeof(Vec3f) + (cloud.confidence.empty() ? 0 : sizeof(float)));
     const std::uint64_t pointBytes = kPointBytes * cloud.size(),
                         unused = std::min(kUnusedBytes * cloud.size(), kMaxUnusedBytes);
-    const std::uint64_t coarseBytes = complete ? 0 : CoarseSign::makingPeakBytes(points, bounds, root);
+    const std::uint64_t coarseBytes =
+        complete ? 0 : CoarseSign::makingPeakBytes(points, bounds, root);
     estimate.bytes = pointBytes + treeBytes + coarseBytes / 16;
     estimate.peakBytes =
         std::max({cloudBytes + kSortBytes * cloud.size(), pointBytes + 2 * treeBytes + unused,

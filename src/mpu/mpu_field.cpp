@@ -71,7 +71,8 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         if (tree.holdsItsPoint(cell, stored)) return;
         if (stored.unresolved) {
             const double steps = tree.supportRadius(cell.level) / coarse.step();
-            node.support *= float(smoothFall((steps - kUnresolvedMinRadius) / (kUnresolvedMaxRadius - kUnresolvedMinRadius)));
+            node.support *= float(smoothFall((steps - kUnresolvedMinRadius) /
+                                             (kUnresolvedMaxRadius - kUnresolvedMinRadius)));
             if (node.support <= 0) return;
         }
         const Vec3d y = center - stored.origin.cast<double>();

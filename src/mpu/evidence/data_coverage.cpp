@@ -14,10 +14,11 @@ namespace mpuvdb
 namespace
 {
 
-constexpr float kFullRatio = 2.5f, kMaxRatio = 5; ///< distances in spacings between which coverage falls
+constexpr float kFullRatio = 2.5f,
+                kMaxRatio = 5; ///< distances in spacings between which coverage falls
 constexpr std::size_t kBucketPoints = 40;
-constexpr std::size_t kSpacingNeighbors = 12;  ///< that a spacing is measured with
-constexpr std::size_t kMaxWitnesses = 16; ///< points that supported places before
+constexpr std::size_t kSpacingNeighbors = 12; ///< that a spacing is measured with
+constexpr std::size_t kMaxWitnesses = 16;     ///< points that supported places before
 
 float coverageOf(float ratio)
 {

@@ -75,8 +75,8 @@ void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* give
 /// Trilinear means of what the eight nodes about places have, tilted.
 MPUVDB_WIDE_CLONES
 void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWindow::Tilt* tilt,
-                 float opposedWeight, const std::int32_t* slots, std::ptrdiff_t slab, std::ptrdiff_t row,
-                 std::size_t length, const float* sums, float* means)
+                 float opposedWeight, const std::int32_t* slots, std::ptrdiff_t slab,
+                 std::ptrdiff_t row, std::size_t length, const float* sums, float* means)
 {
     const float along = 0.5f * (1 + opposedWeight), across = 0.5f * (1 - opposedWeight);
     for (const LatticeWindow::Spot& p : spots) {
@@ -111,8 +111,8 @@ void LatticeWindow::read(const std::vector<Spot>& spots, const std::vector<Tilt>
                          float opposedWeight, std::vector<float>& means) const
 {
     means.resize(spots.size() * mLength / 4);
-    collectFrom(spots, tilts.data(), opposedWeight, mSlots.data(), mSize[1] * mSize[2], mSize[2], mLength,
-                mSums.data(), means.data());
+    collectFrom(spots, tilts.data(), opposedWeight, mSlots.data(), mSize[1] * mSize[2], mSize[2],
+                mLength, mSums.data(), means.data());
 }
 
 } // namespace mpuvdb

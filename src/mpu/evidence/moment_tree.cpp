@@ -12,8 +12,8 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kBucketPoints = 8;  ///< in a leaf of the tree: changes times alone
-constexpr float kMinConfidence = 1e-9f; ///< points without any count where there are no others
+constexpr std::size_t kBucketPoints = 8; ///< in a leaf of the tree: changes times alone
+constexpr float kMinConfidence = 1e-9f;  ///< points without any count where there are no others
 /// Step of level 0, in spacings [derived: weights spread by 0.58 steps in the mean, those of a
 /// ball that holds a dozen points by 0.8 spacings; tuned: 1.2 leaves 8 % more noise, 1.4 blurs 15 %
 /// more].
@@ -152,7 +152,8 @@ int MomentTree::finestLevel(const Eigen::AlignedBox3f& box) const
             const float reach = 1 + 1 / float(nodesPerStep(level)); // steps
             return int(std::ceil(std::log2(apart / (reach * mStep)) - 1e-3f));
         };
-        return levelFor(0) < kMinFineLevel ? levelFor(0) : std::max(kMinFineLevel, levelFor(kMinFineLevel));
+        return levelFor(0) < kMinFineLevel ? levelFor(0)
+                                           : std::max(kMinFineLevel, levelFor(kMinFineLevel));
     };
     const auto levelOf = [&](std::uint32_t node) {
         const Eigen::AlignedBox3f& b = mTree.nodes()[node].box;

@@ -124,7 +124,8 @@ private:
         points.forEach(mLatticeWindow.reach(), level,
                        [this](const Vec3f& p) { return mLatticeWindow.add(p); });
         mLatticeWindow.flush();
-        mLatticeWindow.read(mSpots, mTilts, std::min(std::ldexp(kOpposedWeight, 2 * level), 1.0f), mMeans);
+        mLatticeWindow.read(mSpots, mTilts, std::min(std::ldexp(kOpposedWeight, 2 * level), 1.0f),
+                            mMeans);
         applyMeans(level);
     }
 

@@ -90,7 +90,8 @@ bool isOnOneSheet(const NodeData& data, std::size_t n, std::size_t other)
 /// How much concave data bend, spread beyond them: the sum of principal curvatures, at most 0.
 /// It spreads through the air that the data face; all nodes behind data hold it at 0, or dents
 /// would open a cavity in the solid beneath them.
-std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
+std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data,
+                                   Interrupter& progress)
 {
     const auto stride = strides(grid);
     std::vector<float> weight(grid.size(), 0.0f), rightHand(grid.size(), 0.0f);
@@ -98,8 +99,7 @@ std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data, I
         if (!(data.weight[n] > 0)) return;
         const bool inAir = data.distance[n] > 0;
         for (const std::size_t s : stride)
-            if (inAir && !(isOnOneSheet(data, n, n - s) && isOnOneSheet(data, n, n + s)))
-                return;
+            if (inAir && !(isOnOneSheet(data, n, n - s) && isOnOneSheet(data, n, n + s))) return;
         weight[n] = data.weight[n];
         if (!inAir) return;
         const float bend = divergence(data.normal, n, stride);
@@ -124,18 +124,21 @@ NodeGrid halved(const NodeGrid& grid)
     return {{grid.n[0] / 2 + 1, grid.n[1] / 2 + 1, grid.n[2] / 2 + 1}};
 }
 
-std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
+std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data,
+                                   Interrupter& progress)
 {
     const std::array<std::vector<float>, 3> normals = spreadNormals(grid, data, progress);
     std::vector<float> curvature = spreadConcavity(grid, data, progress);
     const auto stride = strides(grid);
     forEachInterior(grid, [&](std::size_t n) {
-        curvature[n] = kConcaveWeight * curvature[n] + kDistanceShare * divergence(normals, n, stride);
+        curvature[n] =
+            kConcaveWeight * curvature[n] + kDistanceShare * divergence(normals, n, stride);
     });
     return curvature;
 }
 
-std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& curvature,
+std::vector<float> fillBetween(const NodeGrid& grid, NodeData data,
+                               const std::vector<float>& curvature,
                                std::vector<float> borderDistance, Interrupter& progress)
 {
     const NodeGrid half = halved(grid);
@@ -146,7 +149,7 @@ std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::v
                 float sum = 0;
                 for (int c = 0; c < 8; ++c)
                     sum += curvature[half.index((i + (c >> 2)) / 2, (j + (c >> 1 & 1)) / 2,
-                                            (k + (c & 1)) / 2)];
+                                                (k + (c & 1)) / 2)];
                 const std::size_t n = grid.index(i, j, k);
                 rightHand[n] = 0.5f * sum / 8 - data.weight[n] * rightHand[n];
             }

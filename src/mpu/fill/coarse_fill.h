@@ -21,17 +21,19 @@ struct NodeData {
 /// The grid of every other node.
 NodeGrid halved(const NodeGrid& grid);
 
-/// How the function curvature where there are no data, at every node, per node step: as the data do at
-/// their rims.
+/// How the function curvature where there are no data, at every node, per node step: as the data do
+/// at their rims.
 /// @param data  with normals.
-std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data, Interrupter& progress);
+std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data,
+                                   Interrupter& progress);
 
 /// The function at every node, node steps, inside negative. Far from data only its sign and the
 /// direction of its slope mean something.
 /// @param curvature  at the nodes of halved(@a grid), per step there.
 /// @param borderDistance  distance from the nodes of the grid's box to the nearest data, node
 ///                        steps; of the other nodes nothing is asked.
-std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& curvature,
+std::vector<float> fillBetween(const NodeGrid& grid, NodeData data,
+                               const std::vector<float>& curvature,
                                std::vector<float> borderDistance, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -20,8 +20,8 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kPadding = 0.2;    ///< of the extent, on each side
-constexpr int kMaxNodes = 96;   ///< along the longest side
+constexpr double kPadding = 0.2;      ///< of the extent, on each side
+constexpr int kMaxNodes = 96;         ///< along the longest side
 constexpr double kKernelRadius = 1.5; ///< radius of the splats, node steps
 /// Points nearer than about this, squared node steps, count alike in a splat; with noise, about as
 /// many of its standard deviations: nearer ones say no more, and would draw the surface to where
@@ -189,8 +189,10 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
         const Group rz = mCorner[2] + mStep * (double(k0) + lanes) - p[2], rz2 = rz * rz;
         for (int j = j0; j < j0 + kLanes; ++j) {
             const double ry = mCorner[1] + mStep * j - p[1];
-            if (rx2 + ry * ry >= kKernelRadius * kKernelRadius * step2) continue; // more than half of the rows
-            const Group d2 = (rx2 + ry * ry + rz2) / step2, cut = 1 - d2 / (kKernelRadius * kKernelRadius);
+            if (rx2 + ry * ry >= kKernelRadius * kKernelRadius * step2)
+                continue; // more than half of the rows
+            const Group d2 = (rx2 + ry * ry + rz2) / step2,
+                        cut = 1 - d2 / (kKernelRadius * kKernelRadius);
             const Group w = cut > 0 ? cut * cut / ((d2 + mSoftness) * (d2 + mSoftness)) : Group{};
             const Group side = n[0] * rx + n[1] * ry + n[2] * rz;
             const Group heavy = w * double(d->weight);
@@ -361,7 +363,7 @@ template <typename T>
 } // namespace
 
 std::uint64_t CoarseSign::makingPeakBytes(const SortedPoints& some, const Box3d& bounds,
-                                      const RootCube& root)
+                                          const RootCube& root)
 {
     constexpr std::uint64_t kNodeBytes = 32; // data, right-hand side, border, the solver
     return kNodeBytes * NodeBox(bounds, meanSpacing(some, root)).grid.size();
@@ -380,14 +382,15 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
         return makeDipoles(points, levelOf(root, steps * mStep));
     };
     const auto dataAt = [&](const NodeGrid& grid, int steps, bool withNormals) {
-        return splat(dipoles(steps * kDipoleSize), grid, mCorner, steps * mStep, noise,
-                     withNormals, progress);
+        return splat(dipoles(steps * kDipoleSize), grid, mCorner, steps * mStep, noise, withNormals,
+                     progress);
     };
     // Bends are smooth, and not worth every node.
     const NodeGrid half = halved(mGrid);
     const std::vector<float> curvature = spreadCurvature(half, dataAt(half, 2, true), progress);
     mU = fillBetween(mGrid, dataAt(mGrid, 1, false), curvature,
-                     borderDistance(dipoles(kBorderDipoleSize), mGrid, mCorner, mStep, progress), progress);
+                     borderDistance(dipoles(kBorderDipoleSize), mGrid, mCorner, mStep, progress),
+                     progress);
 }
 
 Box3d CoarseSign::bounds() const

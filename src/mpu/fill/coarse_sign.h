@@ -25,7 +25,7 @@ public:
     /// The most memory that making one takes, of points with @a bounds that are as dense as @a some
     /// of them.
     static std::uint64_t makingPeakBytes(const SortedPoints& some, const Box3d& bounds,
-                                     const RootCube& root);
+                                         const RootCube& root);
 
     /// A farther distance is not told: it means nothing, and would outweigh what it is blended
     /// with.

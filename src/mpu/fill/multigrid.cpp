@@ -116,7 +116,8 @@ void relaxRow(float* u, const float* b, const float* screening, const Strides& n
     const std::ptrdiff_t di = next.i, dj = next.j;
     constexpr int kStrip = 64; // even
     float change[kStrip];
-    for (int begin = 0; begin < count; begin += kStrip, u += kStrip, b += kStrip, screening += kStrip) {
+    for (int begin = 0; begin < count;
+         begin += kStrip, u += kStrip, b += kStrip, screening += kStrip) {
         const int part = std::min(kStrip, count - begin);
         for (int k = 0; k < part; ++k) {
             const float neighbors =

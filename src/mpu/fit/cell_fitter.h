@@ -12,7 +12,8 @@
 namespace mpuvdb
 {
 
-constexpr std::size_t kMinSampledPoints = 400; ///< more points than this are tried on a sample first
+constexpr std::size_t kMinSampledPoints =
+    400; ///< more points than this are tried on a sample first
 constexpr std::size_t kSamplePoints = 150;
 constexpr double kGrowth = 0.1; ///< lambda [Ohtake03 eq. 6]
 constexpr double kMinRimRadius =
@@ -40,8 +41,8 @@ constexpr double kMinCellBetweenWalls = 0.5;
 constexpr double kMinCellThinNoisy = 1;
 
 /// From the tolerance up to this noise, in voxels, points show details of about a voxel: cells go
-/// down to kFineDetailMinCell, and kFineDetailMinPoints of them tell a shape from noise. Less noise is within
-/// the tolerance, more hides such details.
+/// down to kFineDetailMinCell, and kFineDetailMinPoints of them tell a shape from noise. Less noise
+/// is within the tolerance, more hides such details.
 constexpr double kFineDetailMaxNoise = 0.35, kFineDetailMinCell = 1.4;
 constexpr std::size_t kFineDetailMinPoints = 50;
 
@@ -183,8 +184,8 @@ public:
     }
 
     /// Support of that fit in an empty child.
-    double inheritedSupport(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
-                         double spacing) const
+    double inheritedSupport(const Decision& decision, const OctreeCell& cell,
+                            const OctreeCell& child, double spacing) const
     {
         return supportInEmpty(decision.result.fit, mRoot.center(child) - mRoot.center(cell),
                               supportRadius(child.level), spacing);
@@ -244,7 +245,8 @@ private:
     {
         if (radius >= kMinNoiseRadius * mSettings.noise) return false;
         if (!(mSettings.normalNoise > 0)) return true;
-        return radius < kMinDenseNoiseRadius * mSettings.noise || radius < kMinDenseRadius * spacing;
+        return radius < kMinDenseNoiseRadius * mSettings.noise ||
+               radius < kMinDenseRadius * spacing;
     }
 
     /// Whether @a result, of the smallest ball that tells anything from the noise, is not what the
@@ -274,9 +276,9 @@ private:
         if (isTooSmallForNoise(supportRadius(cell.level + 1), spacing)) return false;
         const bool isBetweenWalls = result.opposedNormals && !result.accepted;
         const double least = fine ? (isBetweenWalls ? kMinCellBetweenWalls : 1)
-                                  : (isBetweenWalls ? kMinCellThinNoisy
+                                  : (isBetweenWalls      ? kMinCellThinNoisy
                                      : showsFineDetail() ? kFineDetailMinCell
-                                                    : kMinCell);
+                                                         : kMinCell);
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
     }

@@ -72,7 +72,8 @@ void CellPoints::projectLaterally(const Quadric& q, const Vec3d& normal, double 
 {
     constexpr int kFootSteps = 3;
     constexpr std::size_t kGroups = 2; // groups at once: one alone waits for its own divisions
-    constexpr double kMinHeightCosine = 0.4;   // cosine below which a zero set is no sheet over the plane
+    constexpr double kMinHeightCosine =
+        0.4; // cosine below which a zero set is no sheet over the plane
     const auto& A = q.A;
     const Group steep = Group{} + kMinHeightCosine;
     for (std::size_t i = 0; i < x.size(); i += kGroups * kGroup) {

@@ -380,7 +380,8 @@ bool isAccepted(const FitResult& result, const CellPoints& points, double testRa
 {
     if (result.error <= settings.tolerance) return true;
     if (!(settings.noise > 0)) return false;
-    if (points.count <= settings.fewPoints) return result.error <= kMaxNoiseDistance * settings.noise;
+    if (points.count <= settings.fewPoints)
+        return result.error <= kMaxNoiseDistance * settings.noise;
     return residualsAreNoise(result.fit, points, testRadius, settings.noise);
 }
 
@@ -438,8 +439,8 @@ double meanTurn(const Quadric& q, const CellPoints& points)
 /// are of several flat faces, which its zero set rounds off.
 bool normalsTurnAway(const Quadric& q, const CellPoints& points, const FitSettings& settings)
 {
-    constexpr double kMaxExactNormalNoise = 0.003;  // noise of normals, radians
-    constexpr double kMaxExactTurn = 0.017; // root mean square, radians
+    constexpr double kMaxExactNormalNoise = 0.003; // noise of normals, radians
+    constexpr double kMaxExactTurn = 0.017;        // root mean square, radians
     return settings.noise <= 0 && settings.normalNoise < kMaxExactNormalNoise &&
            2 * meanTurn(q, points) > kMaxExactTurn * kMaxExactTurn;
 }
@@ -447,7 +448,7 @@ bool normalsTurnAway(const Quadric& q, const CellPoints& points, const FitSettin
 /// Fit again to the points over their feet on @a result's zero set, as long as they are on one
 /// smooth sheet: beside an edge they have no feet, since noise throws none off it.
 void refitProjected(FitResult& result, const CellPoints& points, const Vec3d& normal,
-                   double testRadius, const FitSettings& settings, CellPoints& scratch)
+                    double testRadius, const FitSettings& settings, CellPoints& scratch)
 {
     constexpr double kMaxFootDistance = 5; // standard deviations
     constexpr double kMaxMeanTurn = 0.04, kTurnPerNoise = 1.2;

@@ -97,7 +97,8 @@ void removeNoiseBias(Octree& tree, const SortedPoints& points, double noise)
         if (stored.count != 1) return;
         const Quadric q = tree.pieceAbout(stored, 0, stored.origin.cast<double>());
         const Vec3d y = foot(q);
-        const double k = std::clamp(curvature(q, y), -kMaxCurvatureNoise / noise, kMaxCurvatureNoise / noise);
+        const double k =
+            std::clamp(curvature(q, y), -kMaxCurvatureNoise / noise, kMaxCurvatureNoise / noise);
         tree.quadrics[stored.firstQuadric][0] -= float(perCurvature * k * q.gradient(y).norm());
     });
 }

@@ -133,7 +133,8 @@ std::optional<LocalFit> fitNoisyEdge(const CellPoints& points, const LocalFit& s
     combineFaces(fit,
                  [&](const LocalFit& candidate) { return misfit(candidate, points, settings); });
     const double gain = smoothMisfit - misfit(fit, points, settings);
-    if (!(gain > std::max(kMinGainPerPoint, kMinGain / effectiveCount(points)))) return std::nullopt;
+    if (!(gain > std::max(kMinGainPerPoint, kMinGain / effectiveCount(points))))
+        return std::nullopt;
     return fit;
 }
 

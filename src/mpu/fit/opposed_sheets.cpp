@@ -86,7 +86,10 @@ public:
     }
 
 private:
-    bool isClear(std::size_t i) const { return std::abs(mPoints.normal(i).dot(mAxis)) >= kMinAxisCosine; }
+    bool isClear(std::size_t i) const
+    {
+        return std::abs(mPoints.normal(i).dot(mAxis)) >= kMinAxisCosine;
+    }
     std::size_t sideOf(std::size_t i) const { return mPoints.normal(i).dot(mAxis) > 0 ? 0 : 1; }
 
     const CellPoints& mPoints;
@@ -118,7 +121,8 @@ std::optional<LocalFit> fitOpposedSheets(const CellPoints& points, double testRa
     if (!residualsAreNoise(sheet, scratch, testRadius, kNoiseShare * settings.noise))
         return std::nullopt;
     const double apart = sides.height(0) - sides.height(1);
-    if (std::abs(apart) < kMinSeparation * settings.noise * sides.standardError()) return std::nullopt;
+    if (std::abs(apart) < kMinSeparation * settings.noise * sides.standardError())
+        return std::nullopt;
     LocalFit fit;
     fit.count = 2;
     fit.pieces[0] = {q.A, q.b, q.c - sides.height(0)};

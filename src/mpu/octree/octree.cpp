@@ -45,7 +45,7 @@ void checkSettings(const PointCloud& cloud, const MpuSettings& s)
     require(s.voxelSize > 0 && std::isfinite(s.voxelSize), "voxel size", s.voxelSize, "above 0");
     if (s.interpolate)
         require(s.alpha >= 1.05 && s.alpha <= 2, "alpha", s.alpha,
-               "in [1.05, 2] for interpolation: the ball about a point has to cover its cell");
+                "in [1.05, 2] for interpolation: the ball about a point has to cover its cell");
     else
         require(s.alpha >= 0.6 && s.alpha <= 2, "alpha", s.alpha, "in [0.6, 2]");
     require(s.minPoints >= 6 && s.minPoints <= 1000, "min points", s.minPoints, "in [6, 1000]");

@@ -25,7 +25,7 @@ struct StoredFit {
     std::uint8_t count = 1; ///< pieces, as in LocalFit
     std::uint8_t maxBits = 0;
     bool throughOrigin = false; ///< the origin is an input point, and the fit is zero there
-    bool unresolved = false;   ///< as in Decision
+    bool unresolved = false;    ///< as in Decision
 };
 
 struct OctreeNode {
@@ -95,7 +95,8 @@ struct Octree {
             f(node, cell);
             return;
         }
-        const double quarter = root.size(cell.level) / 4, radius = kRoundingMargin * reach(cell.level + 1);
+        const double quarter = root.size(cell.level) / 4,
+                     radius = kRoundingMargin * reach(cell.level + 1);
         const Vec3d offset = root.center(cell) - p;
         double distance2[3][2]; // along each axis to the lower and the upper child
         for (int axis = 0; axis < 3; ++axis)
@@ -112,8 +113,8 @@ struct Octree {
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
     {
-        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); }, kMaxLevel, node,
-                    cell);
+        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); }, kMaxLevel,
+                    node, cell);
     }
 
     /// The same for all leaves, in parallel.

@@ -16,8 +16,9 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kMaxSubtreePoints = 4096; ///< a cell with fewer points around starts a subtree
-constexpr std::size_t kMaxSpacingPoints = 256;  ///< spacing is measured among at most so many
+constexpr std::size_t kMaxSubtreePoints =
+    4096;                                      ///< a cell with fewer points around starts a subtree
+constexpr std::size_t kMaxSpacingPoints = 256; ///< spacing is measured among at most so many
 
 /// Interpolating, cells with balls up to so many times as large as that of the nearest point's fit
 /// have that fit; larger cells are held to the tolerance.

@@ -18,10 +18,10 @@ namespace
 using Row = float __attribute__((vector_size(sizeof(float) * kCubeVoxels)));
 using Mask = std::int32_t __attribute__((vector_size(sizeof(std::int32_t) * kCubeVoxels)));
 
-constexpr int kCubeDim = 2;                      ///< voxels
+constexpr int kCubeDim = 2;                          ///< voxels
 constexpr float kCubeMiddle = (kCubeDim - 1) / 2.0f; ///< of a cube, from its first voxel
-constexpr int kCubesPerEdge = kBlockDim / kCubeDim;     ///< along a block's edge
-constexpr int kRows = kBlockCubes / kCubeVoxels; ///< of eight cubes: half a layer across x
+constexpr int kCubesPerEdge = kBlockDim / kCubeDim;  ///< along a block's edge
+constexpr int kRows = kBlockCubes / kCubeVoxels;     ///< of eight cubes: half a layer across x
 
 [[gnu::always_inline]] inline Row load(const std::array<float, kCubeVoxels>& from)
 {

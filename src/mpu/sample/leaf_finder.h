@@ -97,12 +97,12 @@ private:
 
     const Octree& mTree;
     std::array<float, kMaxFloatLevel + 1> mReach2; ///< squared, by level
-    std::size_t mCubeLevel;                 ///< of small cubes
-    Cube mCube{};                           ///< the small one about the last place
+    std::size_t mCubeLevel;                        ///< of small cubes
+    Cube mCube{};                                  ///< the small one about the last place
     std::array<Step, kMaxFloatLevel + 1> mSteps;   ///< by level
-    std::size_t mLevel = 0;                 ///< of the last step
-    Nodes mNodes;                           ///< of all steps
-    std::vector<Near> mNear;                ///< of small cubes that lie near each other
+    std::size_t mLevel = 0;                        ///< of the last step
+    Nodes mNodes;                                  ///< of all steps
+    std::vector<Near> mNear;                       ///< of small cubes that lie near each other
     std::vector<LeafAt> mFound;
 };
 
