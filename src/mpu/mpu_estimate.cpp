@@ -1,4 +1,4 @@
-// What a fit takes, told by fitting the points of a few cells.
+// Estimates of a fit, from fits of the points of a few cells.
 #include "mpu/fill/coarse_sign.h"
 #include "mpu/octree/octree.h"
 
@@ -12,16 +12,19 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kTargetPoints = 1e5;
-constexpr double kPartPoints = 4096; ///< of a part, on the average
-constexpr int kMaxPartLevel = 6;     ///< level of the octree
-constexpr double kPartMargin = 0.25; ///< of a part's edge: what fits in it see of points around it
+constexpr double kTargetPoints = 1e5; ///< points to fit [tuned: estimate_test]
+/// Mean points of a part, and largest level of its cell. [tuned: estimate_test]
+constexpr double kPartPoints = 4096;
+constexpr int kMaxPartLevel = 6;
+/// Margin of points around a part, in its edges, for the balls of its cells. [tuned: estimate_test]
+constexpr double kPartMargin = 0.25;
 
-/// Points beside each other and their key, as SortedPoints holds them.
+/// Bytes of a point in SortedPoints. [derived: a PointBatch's floats and the key]
 constexpr std::uint64_t kPointBytes = 7 * sizeof(float) + sizeof(std::uint64_t);
-/// While they are sorted: two arrays of keys with the points' numbers, and the cloud. Of arrays
-/// that are not large enough to go back to the system at once a part stays.
-constexpr std::uint64_t kSortBytes = 32, kUnusedBytes = 20, kMaxUnusedBytes = 40 << 20;
+/// Bytes per point while they are sorted. [derived: two arrays of keys with indices]
+constexpr std::uint64_t kSortBytes = 32;
+/// Bytes of freed arrays that stay with the process: per point, and at most. [tuned: estimate_test]
+constexpr std::uint64_t kUnusedBytes = 20, kMaxUnusedBytes = 40 << 20;
 
 /// The cells of one level of the octree that hold points, and which of them are fitted.
 class Parts
@@ -37,14 +40,14 @@ public:
         const auto step = std::clamp<std::size_t>(std::size_t(double(cloud.size()) / kTargetPoints),
                                                   1, mOccupied);
         std::size_t seen = 0;
-        // In Morton order, so that they are spread over the surface.
+        // In Morton order, which spreads them over the surface.
         choose({}, [&] { return seen++ % step == step / 2; });
     }
 
-    /// How many times as much as in the parts that are fitted there is in all.
+    /// Ratio of all occupied cells to those fitted.
     double share() const { return double(mOccupied) / double(mChosen); }
 
-    /// The points in, and around, the parts that are fitted.
+    /// The points in and around the parts that are fitted.
     PointCloud pointsOf(const PointCloud& cloud) const
     {
         PointCloud some;

@@ -14,11 +14,11 @@ namespace mpuvdb
 namespace
 {
 
-constexpr float kFullRatio = 2.5f,
-                kMaxRatio = 5; ///< distances in spacings between which coverage falls
-constexpr std::size_t kBucketPoints = 40;
-constexpr std::size_t kSpacingNeighbors = 12; ///< that a spacing is measured with
-constexpr std::size_t kMaxWitnesses = 16;     ///< points that supported places before
+/// Distances between which coverage falls from 1 to 0, spacings. [tuned: coverage_test]
+constexpr float kFullRatio = 2.5f, kMaxRatio = 5;
+constexpr std::size_t kBucketPoints = 40; ///< points of a bucket [tuned: coverage_test]
+/// Points remembered that supported places before. [free: time]
+constexpr std::size_t kMaxWitnesses = 16;
 
 float coverageOf(float ratio)
 {
@@ -46,7 +46,7 @@ public:
     explicit Neighbors(const Vec3f& at) : mAt(at) {}
 
     const Vec3f& at() const { return mAt; }
-    /// Squared distance from which on points are not wanted.
+    /// Squared distance from which on points are not among the nearest.
     float reach() const
     {
         return mCount < mNearest.size() ? std::numeric_limits<float>::max()
@@ -60,7 +60,7 @@ public:
             mNearest[i] = mNearest[i - 1];
         mNearest[i] = {squaredDistance, bucket};
     }
-    /// A disc that holds j neighbors has an area of j cells, each a spacing squared.
+    /// The spacing: a disc that holds j neighbors has an area of j spacings squared.
     float spacing() const
     {
         if (mCount < 2) return 0;
@@ -91,8 +91,8 @@ inline float DataCoverage::ratioOf(std::uint32_t n, float spacing, const Vec3f& 
     return reach > 0 ? (position(n) - p).norm() / reach : kMaxRatio;
 }
 
-/// The spacing at one point of each bucket; then what the median of its neighbors' buckets have:
-/// the neighbors of an outlier know better.
+/// Measure the spacing at one point of each bucket, then take the median of its neighbors' buckets,
+/// which an outlier does not change.
 void DataCoverage::measureSpacings(Interrupter& progress)
 {
     const std::size_t count = mTree.buckets().size();
@@ -110,7 +110,7 @@ void DataCoverage::measureSpacings(Interrupter& progress)
         Neighbors found(position((bucket.begin + bucket.end) / 2));
         gather(found);
         own[b] = found.spacing();
-        near[b].fill(std::uint32_t(b)); // where there are too few
+        near[b].fill(std::uint32_t(b)); // for where there are too few
         std::transform(found.begin(), found.end(), near[b].begin(),
                        [](const auto& n) { return n.bucket; });
     });
@@ -141,7 +141,7 @@ void DataCoverage::gather(Neighbors& neighbors) const
 
 DataCoverage::Support DataCoverage::bestSupport(const Vec3f& p, const Vec3f& normal) const
 {
-    constexpr float kStop = -1; // the best is as good as any
+    constexpr float kStop = -1; ///< ends the search [derived: below all squares]
     Support best{kMaxRatio};
     mTree.search(
         [&](std::uint32_t node) { // squared ratio
@@ -165,7 +165,7 @@ void DataCoverage::evaluate(const std::vector<SurfacePlace>& places,
                             std::vector<float>& values) const
 {
     values.resize(places.size());
-    std::array<Support, kMaxWitnesses> witnesses; // what supported places before often does again
+    std::array<Support, kMaxWitnesses> witnesses; // points that supported places before
     std::size_t count = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
         const Vec3f p = (places[i].position - mFrame).cast<float>();

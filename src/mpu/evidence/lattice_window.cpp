@@ -10,7 +10,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kLanes = MomentTree::kLanes;
+constexpr std::size_t kLanes = MomentTree::kLanes; ///< [derived: those of the sums]
 using Lanes = float __attribute__((vector_size(4 * kLanes)));
 
 /// The weights of the eight nodes about a place.
@@ -34,7 +34,7 @@ slotsAt(const std::int32_t* at, std::ptrdiff_t slab, std::ptrdiff_t row)
             at[slab], at[slab + 1], at[slab + row], at[slab + row + 1]};
 }
 
-/// Add what points give to the nodes less than @a fine steps away, by weights that fall evenly.
+/// Add the sums of points to the nodes less than @a fine steps away, by linear weights.
 /// @param points  in the cell in the middle of those nodes; the first node's offset.
 MPUVDB_WIDE_CLONES
 void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* given, int fine,
@@ -58,7 +58,7 @@ void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* give
                 const std::int32_t* const slot = slots + p.offset + i * slab + j * row;
                 const float across = weights[0][i] * weights[1][j];
                 for (int k = 0; k < 2 * fine; ++k) {
-                    if (!slot[k]) continue; // which nobody reads
+                    if (!slot[k]) continue; // not requested
                     const float weight = across * weights[2][k];
                     float* const into = sums + slot[k];
                     for (std::size_t n = 0; n < length; n += kLanes) {
@@ -72,7 +72,7 @@ void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* give
     }
 }
 
-/// Trilinear means of what the eight nodes about places have, tilted.
+/// Trilinear means of the sums of the eight nodes about places, weighted by the normals' sides.
 MPUVDB_WIDE_CLONES
 void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWindow::Tilt* tilt,
                  float opposedWeight, const std::int32_t* slots, std::ptrdiff_t slab,

@@ -18,20 +18,20 @@ namespace
 
 using Box = Eigen::AlignedBox3f;
 
-/// Nodes of a window, unless it is of one place: what fits into a cache; changes times alone.
+/// Most nodes of a window of more than one place. [free: a cache's size]
 constexpr std::size_t kMaxWindowNodes = 1 << 17;
-/// Places that go through levels together; changes times alone.
+/// Places that share a first level. [free: time]
 constexpr std::size_t kRunPlaces = 512;
-/// What points of opposite normals weigh at level 0, and more where steps are longer: as points in
-/// full from four times the step on.
+/// Weight of points of opposite normals at level 0; it grows with the square of the step, to 1 from
+/// four times the step on. [tuned: attributes_test]
 constexpr float kOpposedWeight = 1.0f / 16;
-/// Shares of the points of a whole surface about a place that are too few, and enough, of a level
-/// [tuned: attributes_bench and test ColorsOfCasesReachTheBackOfASheet; 0.1 and 0.5 leave 4 % less
-/// noise, and colors behind an open sheet are 1.8 times as far from those of the nearest points;
-/// 0.03 and 0.2 bring them 9 % nearer].
+/// Shares of the points of a whole surface about a place between which a level's weight rises from
+/// 0 to 1. [tuned: attributes_bench and ColorsOfCasesReachTheBackOfASheet; 0.1 and 0.5 leave 4 %
+/// less noise, and colors behind an open sheet are 1.8 times as far from those of the nearest
+/// points; 0.03 and 0.2 bring them 9 % nearer]
 constexpr float kMinShare = 0.05f, kFullShare = 0.25f;
 
-/// How much of a place's value a level gives that has such a share of @a points about it.
+/// Weight of a level with the share @a points of a whole surface's points about a place.
 float shareOf(float points)
 {
     const float t = std::min(std::max((points - kMinShare) / (kFullShare - kMinShare), 0.0f), 1.0f);
@@ -40,7 +40,7 @@ float shareOf(float points)
 
 } // namespace
 
-/// Blends at some places; scratch memory of one thread.
+/// Blends at places, with the scratch memory of one thread.
 class PointAttributes::Blender
 {
 public:
@@ -88,7 +88,7 @@ private:
         }
     }
 
-    /// Places one after the other, and the finest level that may give them anything.
+    /// Places one after the other, and the finest level with points about them.
     struct Run {
         std::size_t begin, end;
         Box box;
@@ -111,7 +111,7 @@ private:
         mBox.extend(run.box);
     }
 
-    /// Give the open places what is means at a level, and keep those that are open still.
+    /// Blend a level into the open places, and keep those that are still open.
     void blendAt(int level)
     {
         const MomentTree& points = mOf.mPoints;
@@ -129,7 +129,7 @@ private:
         applyMeans(level);
     }
 
-    /// Give the open places their shares of what they see, and keep those that are open still.
+    /// Add a level's means to the open places by their weights, and keep those still open.
     void applyMeans(int level)
     {
         const MomentTree& points = mOf.mPoints;
@@ -139,7 +139,8 @@ private:
         const bool mayBeLast = points.mayCoverAll(step);
         mBox.setEmpty();
         std::size_t kept = 0;
-        for (std::size_t n = 0; n < mOpen.size(); ++n) { // without branches: all ways are as likely
+        for (std::size_t n = 0; n < mOpen.size();
+             ++n) { // without branches: none could be predicted
             const float* const means = mMeans.data() + n * stride;
             const bool last = mayBeLast && points.coversAll(mPositions[mOpen[n]], step);
             const float share = mShares[n] * (last ? 1 : shareOf(perStep * means[0]));
@@ -163,10 +164,10 @@ private:
     float* mValues = nullptr;
     std::vector<Vec3f> mPositions;
     LatticeWindow mLatticeWindow;
-    std::vector<std::uint32_t> mOpen;        ///< places whose values are not yet whole
+    std::vector<std::uint32_t> mOpen;        ///< places whose weights do not add up to 1 yet
     std::vector<LatticeWindow::Tilt> mTilts; ///< theirs
-    Box mBox;                                ///< of their positions, or a bit more
-    std::vector<float> mShares;              ///< of their values, that levels to come give
+    Box mBox;                                ///< around their positions, or somewhat larger
+    std::vector<float> mShares;              ///< the weights left to coarser levels
     std::vector<LatticeWindow::Spot> mSpots;
     std::vector<float> mMeans;
 };

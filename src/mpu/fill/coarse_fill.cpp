@@ -12,19 +12,21 @@ namespace mpuvdb
 namespace
 {
 
-/// On the grid's box. Above 0, so that every surface closes inside; low, so that what closes an
-/// opening bulges outwards as objects do: a cap over a hole in a sphere is flat if it is higher.
+/// Harmonic value on the grid's box, node steps. Above 0, so that every surface closes inside; low,
+/// so that caps over openings bulge outwards: over a hole in a sphere a higher one is flat. [tuned:
+/// unseen_bench]
 constexpr float kBorderValue = 0.7f;
-/// Share of a true distance in the fill, the rest is harmonic. A harmonic function alone saturates:
-/// of an object of which half is unseen it makes too much.
+/// Share of a distance in the fill; the rest is harmonic. A harmonic function alone saturates, and
+/// makes too much of an object of which half is unseen. [tuned: unseen_bench]
 constexpr float kDistanceShare = 0.05f;
-/// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
-/// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
-/// data do bulge without. More than this dents what is convex beside a fold.
+/// Weight of the curvature of concave data beyond their rims: a harmonic function makes a chord of
+/// the unseen wall of a bore. Above 1 because the curvature fades with distance; more dents convex
+/// parts beside a fold. [tuned: unseen_bench, coarse_sign_test]
 constexpr float kConcaveWeight = 3.5f;
-/// Node steps on which normals and curvature of data fade.
+/// Distance over which normals and curvature of data fade, node steps. [tuned: unseen_bench]
 constexpr float kFadeDistance = 10;
-/// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.
+/// Largest sum of principal curvatures, per node step: at edges it has no bound. [tuned:
+/// unseen_bench]
 constexpr float kMaxCurvature = 0.3f;
 
 /// Call f(node) for the interior nodes, in parallel.
@@ -57,7 +59,7 @@ std::vector<float> faded(std::vector<float> weight)
     return weight;
 }
 
-/// Unit vectors everywhere, on from the data's normals.
+/// The data's normals, extended to unit vectors at all nodes.
 std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const NodeData& data,
                                                 Interrupter& progress)
 {
@@ -78,18 +80,18 @@ std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const Node
 }
 
 /// Whether there are data at the node @a other, and not of a sheet that faces the one at @a n
-/// across a gap: where two walls look at each other their normals say nothing of how they bend.
+/// across a gap: between two walls differences of normals are no curvature.
 bool isOnOneSheet(const NodeData& data, std::size_t n, std::size_t other)
 {
-    constexpr float kMinSheetCosine = -0.3f; // cosine
+    constexpr float kMinSheetCosine = -0.3f; ///< of normals of one sheet [tuned: unseen_bench]
     float cosine = 0;
     for (const auto& normal : data.normal) cosine += normal[n] * normal[other];
     return data.weight[other] > 0 && cosine >= kMinSheetCosine;
 }
 
-/// How much concave data bend, spread beyond them: the sum of principal curvatures, at most 0.
-/// It spreads through the air that the data face; all nodes behind data hold it at 0, or dents
-/// would open a cavity in the solid beneath them.
+/// The curvature of concave data, extended beyond them: the sum of principal curvatures, at most 0.
+/// It spreads through the air that the data face; nodes behind data hold it at 0, or dents would
+/// open a cavity in the solid beneath them.
 std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data,
                                    Interrupter& progress)
 {
@@ -142,7 +144,7 @@ std::vector<float> fillBetween(const NodeGrid& grid, NodeData data,
                                std::vector<float> borderDistance, Interrupter& progress)
 {
     const NodeGrid half = halved(grid);
-    std::vector<float>& rightHand = data.distance; // of which no more is asked
+    std::vector<float>& rightHand = data.distance; // not used any more
     tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
         for (int j = 1; j < grid.n[1] - 1; ++j)
             for (int k = 1; k < grid.n[2] - 1; ++k) {

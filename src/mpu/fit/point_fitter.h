@@ -11,10 +11,6 @@ namespace mpuvdb
 class PointFitter
 {
 public:
-    /// Cells are split down to this level where points are next to nothing apart: a billionth of
-    /// the root cube. What is left together in one cell counts as one point.
-    static constexpr int kDeepest = Octree::kDeepest;
-
     /// A fit in the tree, and the radius of the ball of neighbors it was made from.
     struct PointFit {
         std::uint32_t index = 0;

@@ -70,7 +70,7 @@ std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin)
     stored.firstQuadric = std::uint32_t(quadrics.size());
     stored.count = std::uint8_t(fit.count);
     stored.maxBits = std::uint8_t(fit.maxBits);
-    // The origin was rounded: the pieces move with it.
+    // The origin was rounded: shift the pieces accordingly.
     const Vec3d shift = stored.origin.cast<double>() - origin;
     for (int k = 0; k < fit.count; ++k)
         quadrics.push_back(coefficients(fit.pieces[std::size_t(k)].shifted(shift)));

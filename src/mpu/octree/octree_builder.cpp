@@ -1,5 +1,5 @@
-// Building the octree: from the root a few levels on samples of the points, then each subtree depth
-// first on contiguous copies of its points, which shrink with every level.
+// Construction of the octree: upper levels on samples of the points, then each subtree depth first
+// on contiguous copies of its points, which shrink with every level.
 #include "mpu/fit/cell_fitter.h"
 #include "mpu/fit/point_fitter.h"
 #include "octree.h"
@@ -16,12 +16,13 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kMaxSubtreePoints =
-    4096;                                      ///< a cell with fewer points around starts a subtree
-constexpr std::size_t kMaxSpacingPoints = 256; ///< spacing is measured among at most so many
+/// Most points around the root cell of a subtree. [tuned: suite, time]
+constexpr std::size_t kMaxSubtreePoints = 4096;
+/// Most points of a ball whose spacing is measured. [tuned: suite, time]
+constexpr std::size_t kMaxSpacingPoints = 256;
 
-/// Interpolating, cells with balls up to so many times as large as that of the nearest point's fit
-/// have that fit; larger cells are held to the tolerance.
+/// Largest ball of a cell that takes the nearest point's fit, in radii of that fit's ball; larger
+/// cells are fitted to the tolerance. [tuned: interpolation_test]
 constexpr double kMaxPointFitReach = 1.2;
 
 /// An empty tree of one node.
@@ -45,7 +46,7 @@ void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision
         statistics.maxError = std::max(statistics.maxError, decision.result.error);
 }
 
-/// Make @a node a leaf with what was decided about @a cell.
+/// Make @a node a leaf with the fit decided for @a cell.
 void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const Decision& decision,
                double spacing)
 {
@@ -84,7 +85,7 @@ public:
             addEmpty(0, cell, nullptr, spacing > 0 ? spacing : mRoot.size(cell.level));
         else
             process(0, cell, ball, spacing, 0);
-        return mTree; // a copy: without the room to grow that the next one uses again
+        return mTree; // a copy: it has no spare capacity, which the next subtree uses again
     }
 
 private:
@@ -145,7 +146,7 @@ private:
         storeLeaf(mTree, node, cell, decision, spacing);
     }
 
-    /// As above where a leaf may hold one point at most, through which its fit has to go.
+    /// decide() for interpolation: a leaf holds one point at most, through which its fit goes.
     void decideInterpolating(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
                              double spacing, std::size_t depth)
     {
@@ -195,7 +196,7 @@ private:
         bool someEmpty = false;
         mFilter.octants(ball, mRoot.center(cell), mRoot.size(cell.level + 2), childRadius, octants);
         for (const PointBatch& child : octants) someEmpty |= child.size() == 0;
-        // Cells are stored before their descendants are built: the scratch still knows the parent.
+        // Before the descendants are built the scratch memory still has the parent.
         const bool inherit =
             someEmpty && decision.fitted && mFitter.lastMayBeInherited(decision, cell, spacing);
         const std::uint32_t inherited =
@@ -223,6 +224,7 @@ private:
         mPath.pop_back();
     }
 
+    /// Depth that stands for none. [derived: the type's largest]
     static constexpr std::size_t kNoDepth = std::numeric_limits<std::size_t>::max();
 
     const SortedPoints& mPoints;
@@ -235,7 +237,7 @@ private:
     BatchFilter mFilter;
     std::deque<Octants> mBatches; ///< by depth; stable addresses
     std::vector<Ball> mPath;
-    std::size_t mSpacingDepth = kNoDepth; ///< where on the path the spacing was measured
+    std::size_t mSpacingDepth = kNoDepth; ///< depth at which the spacing was measured
 };
 
 /// A cell of the upper levels, whose ball holds too many points to copy.
@@ -303,7 +305,7 @@ private:
             }
             return;
         }
-        // Many points around, few in the ball: its own copy is small.
+        // Many points around, but few in the ball: the copy is small.
         upper.subtree = true;
     }
 

@@ -8,7 +8,7 @@ namespace mpuvdb
 namespace
 {
 
-/// A quadric, @a shift from its origin, in voxels of size @a h.
+/// A quadric about a place @a shift from its origin, in voxels of size @a h.
 KernelCells::Piece pieceOf(const QuadricCoefficients& k, const Vec3d& shift, double h)
 {
     const double x = shift[0], y = shift[1], z = shift[2];
@@ -22,7 +22,7 @@ KernelCells::Piece pieceOf(const QuadricCoefficients& k, const Vec3d& shift, dou
 }
 
 /// Whether a ball (in voxels about the block's first) holds a voxel of the block: where points are
-/// closer than voxels most do not.
+/// denser than voxels, most do not.
 bool reachesVoxel(const Vec3d& center, double radius)
 {
     const Vec3d nearest =
@@ -47,7 +47,7 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     mCells.clear();
     const Vec3d corner = mOrigin + mVoxelSize * double(kBlockDim) * block.cast<double>();
     const Box3d box(corner, corner + Vec3d::Constant(mVoxelSize * (kBlockDim - 1)));
-    // Fits lie all over memory: those of all leaves are asked for before one is waited for.
+    // Fits are scattered in memory: prefetch those of all leaves.
     const std::vector<LeafAt>& leaves = mLeaves.find(block);
     for (const LeafAt& leaf : leaves) __builtin_prefetch(&mTree.fits[leaf.node.index]);
     for (const LeafAt& leaf : leaves)
@@ -55,7 +55,7 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     for (const LeafAt& leaf : leaves) gatherCell(leaf, corner);
     const CubeSet wanted = cubesToSum(box, values);
     addCells(mCells, wanted, mTree.interpolates(), mSums);
-    // Blended with the coarse field a value may be beyond the band and still count.
+    // Values beyond the band still count in the blend with the coarse field.
     normalize(mSums, wanted, mFarthest, values);
     if (mCoarse) {
         const bool isLimited = mCoarse->bounds().contains(box);
@@ -65,11 +65,11 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     for (float& v : values) v = std::clamp(v, -mLimit, mLimit) * float(mVoxelSize);
 }
 
-/// The rest of @a values is set: farther than the limit.
+/// The cubes to sum; in others, which are beyond the limit, @a values are set.
 CubeSet MpuBlockSampler::cubesToSum(const Box3d& box, BlockValues& values)
 {
     const CubeClasses classes = classifyCubes(mCells, mLimit);
-    // Elsewhere there may be voxels that no ball holds.
+    // Outside of the root cube, and for interpolation, there are voxels that no ball holds.
     const bool isCovered = !mTree.interpolates() && mTree.root.box().contains(box);
     const CubeSet wanted = isCovered ? classes.notOutside & classes.notInside : kAllCubes;
     for (CubeSet left = ~wanted; left; left &= left - 1) {
@@ -84,9 +84,9 @@ CubeSet MpuBlockSampler::cubesToSum(const Box3d& box, BlockValues& values)
 void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float farthest,
                                   BlockValues& values) const
 {
-    constexpr int kGroup = 4;
-    constexpr float kRoundingMargin = 1e-3f; // voxels
-    // Support, or a value beyond the limit that the coarse field cannot bring back.
+    constexpr int kGroup = 4;                ///< places at once [derived: those of evaluateFour()]
+    constexpr float kRoundingMargin = 1e-3f; ///< voxels [derived: rounding of values to floats]
+    // Full support, or a value that stays beyond the limit in the blend.
     const auto isSettled = [&](float value, float support) {
         return support >= 1 ||
                support * std::abs(value) - (1 - support) * farthest > mLimit + kRoundingMargin;
