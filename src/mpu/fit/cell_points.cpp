@@ -18,7 +18,6 @@ void CellPoints::setCount(std::size_t n)
     for (auto* a : {&x, &y, &z, &nx, &ny, &nz, &weight, &confidence}) a->resize(padded);
 }
 
-// No nearer to anything than the points.
 void CellPoints::pad()
 {
     for (std::size_t i = count; i < x.size(); ++i) {
@@ -70,10 +69,9 @@ void CellPoints::weightLaterally(const Vec3d& normal, double reach)
 MPUVDB_WIDE_CLONES
 void CellPoints::projectLaterally(const Quadric& q, const Vec3d& normal, double farthest)
 {
-    constexpr int kFootSteps = 3;
-    constexpr std::size_t kGroups = 2; // groups at once: one alone waits for its own divisions
-    constexpr double kMinHeightCosine =
-        0.4; // cosine below which a zero set is no sheet over the plane
+    constexpr int kFootSteps = 3; ///< steps to a foot [tuned: noise_bench]
+    /// Groups at once: a single one waits for its divisions. [free: time]
+    constexpr std::size_t kGroups = 2;
     const auto& A = q.A;
     const Group steep = Group{} + kMinHeightCosine;
     for (std::size_t i = 0; i < x.size(); i += kGroups * kGroup) {
@@ -85,7 +83,7 @@ void CellPoints::projectLaterally(const Quadric& q, const Vec3d& normal, double 
             fy[n] = py[n] = load(y, at[n]);
             fz[n] = pz[n] = load(z, at[n]);
         }
-        // The point's height over the tangent plane at the foot's place, times the slope there.
+        // The point's height over the tangent plane at the foot, times the slope there.
         const auto look = [&](std::size_t n) __attribute__((always_inline))
         {
             const Group ax = A(0, 0) * fx[n] + A(0, 1) * fy[n] + A(0, 2) * fz[n],

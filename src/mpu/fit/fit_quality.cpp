@@ -15,7 +15,8 @@ namespace mpuvdb
 namespace
 {
 
-/// Square of a gradient below which a fit counts as flat, its error as huge.
+/// Least squared gradient of a fit: a flat one has a huge error. [derived: no overflow in
+/// quotients]
 constexpr double kMinGradient2 = 1e-200;
 
 /// A fit at four points.
@@ -34,7 +35,7 @@ struct Samples {
             2 * ay + q.b[1], 2 * az + q.b[2]};
 }
 
-/// As LocalFit::ruling chooses.
+/// The piece in effect, as by LocalFit::ruling().
 [[gnu::always_inline]] inline Samples sampleFit(const LocalFit& fit, const Group& x, const Group& y,
                                                 const Group& z)
 {
@@ -70,12 +71,13 @@ double worstSquared(const LocalFit& fit, const CellPoints& points, double testRa
     return largest(worst);
 }
 
-/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough),
-/// looked for from @a start on, around to it; then @a start is where to look for one near y.
+/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough).
+/// The search begins at @a start, which is then set for places near y.
 MPUVDB_WIDE_CLONES
 double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std::size_t& start)
 {
-    constexpr std::size_t kRun = 4 * CellPoints::kGroup; // between looks at what was found
+    /// Points between tests whether one is near enough. [tuned: suite, time]
+    constexpr std::size_t kRun = 4 * CellPoints::kGroup;
     const std::size_t end = points.paddedCount();
     double least = std::numeric_limits<double>::infinity();
     std::size_t run = start < end ? start : 0;
@@ -97,9 +99,9 @@ double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std:
     return least;
 }
 
-/// Where Newton steps from 15 points of the unit ball, and the middle once more, lead.
+/// Probes: 15 points of the unit ball, and its center once more.
 struct Probes {
-    static constexpr std::size_t kCount = 16;
+    static constexpr std::size_t kCount = 16; ///< [derived: 15 points filled up to groups]
     double x[kCount], y[kCount], z[kCount];
 
     Vec3d at(std::size_t n) const { return {x[n], y[n], z[n]}; }
@@ -120,14 +122,15 @@ struct Probes {
     }
 };
 
-/// Of a foot outside the ball, per distance from its middle: what is far is not told exactly.
+/// Uncertainty of a foot outside of the ball, per distance from its center. [tuned: unseen_bench]
 constexpr double kRelativeUncertainty = 0.25;
 
-/// What a foot's distance past the rim of the data counts beside its distance from them.
+/// Weight of a foot's distance past the rim of the data beside its distance from them.
+/// [tuned: unseen_bench]
 constexpr double kOverhangWeight = 4;
 
-/// Take all probes from @a unit in the ball of @a radius about @a center two steps towards the zero
-/// set; bit n of the result: probe n is within 0.85 radius.
+/// Move all probes from @a unit in the ball of @a radius about @a center by two Newton steps
+/// towards the zero set. @return bit n: probe n is within 0.85 radius.
 MPUVDB_WIDE_CLONES
 unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& center, double radius,
                          const Probes& unit, Probes& probes)
@@ -168,11 +171,11 @@ namespace
 {
 
 /// Sums of residuals over the parts of a disc across the fit's normal: eight sectors, each inside
-/// and outside of half its area. Parts along the normal would tell points thrown up from points
-/// thrown down, and find a pattern in any noise. Points count alike, as they did where noise was
-/// measured: by confidence, what only points of low confidence have seen would pass for noise.
+/// and outside of half its area. Parts along the normal would separate points by the sign of their
+/// noise. Points weigh alike: by confidence, shapes seen only by points of low confidence would
+/// pass for noise.
 struct ResidualSums {
-    static constexpr std::size_t kParts = 16;
+    static constexpr std::size_t kParts = 16; ///< [derived: eight sectors, two rings]
 
     std::array<double, kParts> sums{};
     std::array<std::uint32_t, kParts> counts{};
@@ -213,7 +216,7 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
     result.squares = sum(squares);
 }
 
-/// What residuals are made of: scatter within the parts, and what differs from part to part.
+/// Residuals split into scatter within the parts, and differences between parts.
 struct ResidualShares {
     double within, between; ///< mean square within; sum of squares between
     std::size_t parts, count;
@@ -234,13 +237,15 @@ ResidualShares shareResiduals(const LocalFit& fit, const CellPoints& points, dou
     return shares;
 }
 
-constexpr double kMaxScatter = 2; ///< of the noise: scatter that is none
+/// Largest scatter that is noise, in its standard deviations. [tuned: noise_bench]
+constexpr double kMaxScatter = 2;
 
 } // namespace
 
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise)
 {
+    /// Standard deviations of a chi-square sum from which on it is a pattern. [tuned: noise_bench]
     constexpr double kPatternDeviations = 2.5;
     const auto [within, between, parts, count] = shareResiduals(fit, points, testRadius);
     const double least = noise * noise, most = kMaxScatter * kMaxScatter * least;
@@ -284,12 +289,14 @@ double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, 
 namespace
 {
 
-/// How far @a y, whose nearest point is @a gap away, lies outside of the points around it, measured
-/// towards their mean: about 0 between points, the whole gap past the rim of a sheet of points.
+/// Distance of @a y, whose nearest point is @a gap away, from the points around it in the direction
+/// of their mean: about 0 between points, the whole gap past the rim of a sheet of points.
 MPUVDB_WIDE_CLONES
 double overhang(const CellPoints& points, const Vec3d& y, double gap)
 {
-    constexpr double kRimRadius = 3; // gaps: as far as the other side of one between random samples
+    /// Radius of the points around, gaps: to the far side of a gap in random samples.
+    /// [tuned: unseen_bench]
+    constexpr double kRimRadius = 3;
     const double within2 = kRimRadius * kRimRadius * gap * gap;
     Group sx{}, sy{}, sz{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
@@ -312,8 +319,7 @@ double overhang(const CellPoints& points, const Vec3d& y, double gap)
     return std::max(smallest(least), 0.0);
 }
 
-/// The largest of what gapAt(foot, enough) tells of the feet on the zero set that zeroSetGap() is
-/// about.
+/// The largest gapAt(foot, enough) of the feet on the zero set as in zeroSetGap().
 template <typename GapAt>
 double largestGap(const LocalFit& fit, const Vec3d& center, double radius, double enough,
                   GapAt gapAt)
@@ -327,7 +333,7 @@ double largestGap(const LocalFit& fit, const Vec3d& center, double radius, doubl
         return std::max(gapAt(foot, enough + uncertainty) - uncertainty, 0.0);
     }
     double gap = 0;
-    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) // the last is the first again
+    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) // the last repeats the first
         if (landed >> n & 1u) gap = std::max(gap, gapAt(probes.at(n), enough));
     return gap;
 }
@@ -346,7 +352,8 @@ double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& ce
 double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& center,
                         double radius, double enough)
 {
-    constexpr double kMinGapShare = 0.4; // of the gap that is enough: data, wherever they lie
+    /// Least gap past which the rim counts, in gaps that are enough. [tuned: unseen_bench]
+    constexpr double kMinGapShare = 0.4;
     std::size_t start = 0;
     return largestGap(fit, center, radius, enough, [&](const Vec3d& foot, double near) {
         const double close = kMinGapShare * near;

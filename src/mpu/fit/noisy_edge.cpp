@@ -12,21 +12,20 @@ namespace mpuvdb
 namespace
 {
 
-/// Faces turn from each other by this many standard deviations of their normals, and by the
-/// paper's angle [Ohtake03 eq. 14].
+/// Least turn between faces, in standard deviations of their normals. [tuned: noise_bench]
 constexpr double kMinTurnNoises = 3;
-constexpr double kMinTurn = 0.45; // radians
+constexpr double kMinTurn = 0.45; ///< least turn between faces, radians [paper: Ohtake03 eq. 14]
 
-/// How much nearer to its points an edge has to be than a smooth fit, in squared standard
-/// deviations, and a curved face than a flat one.
+/// Least gain of an edge over a smooth fit, in squared standard deviations: in all, and per point;
+/// and of a curved face over a flat one. [tuned: noise_bench]
 constexpr double kMinGain = 10, kMinGainPerPoint = 0.8, kMinCurvedGain = 8;
 
-/// What noisyMisfit() is of most fits that are right, at most.
+/// Largest noisyMisfit() of most right fits. [tuned: noise_bench]
 constexpr double kMaxRightMisfit = 3.6;
 
-constexpr std::size_t kMinFacePoints = 8;
+constexpr std::size_t kMinFacePoints = 8; ///< least points of a face [tuned: noise_bench]
 
-/// How many points the weights leave.
+/// Effective number of points by their weights.
 double effectiveCount(const CellPoints& points)
 {
     double total = 0, squares = 0;
@@ -55,10 +54,10 @@ Vec3d farthestFrom(const Vec3d& axis, const CellPoints& points)
     return farthest;
 }
 
-/// The points nearest to each axis, after the axes have gone to the means of theirs a few times.
+/// The points nearest to each axis, after a few rounds of moving the axes to the means of theirs.
 NormalClusters settle(const CellPoints& points, std::vector<Vec3d>& axes, CellPoints& scratch)
 {
-    constexpr int kSettleRounds = 2;
+    constexpr int kSettleRounds = 2; ///< [tuned: noise_bench]
     std::vector<std::uint32_t> all(points.count);
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
     NormalClusters clusters;
@@ -73,10 +72,9 @@ NormalClusters settle(const CellPoints& points, std::vector<Vec3d>& axes, CellPo
     return clusters;
 }
 
-/// Where enough normals are across both axes [Ohtake03 eq. 15], the mean of these; else zero.
+/// The mean of the normals across both axes [Ohtake03 eq. 15] if they are enough; else zero.
 Vec3d thirdFace(const CellPoints& points, const std::vector<Vec3d>& axes)
 {
-    constexpr double kCornerCosine = 0.7;
     const Vec3d across = axes[0].cross(axes[1]).normalized();
     std::array<Vec3d, 2> sums = {Vec3d::Zero(), Vec3d::Zero()};
     std::array<std::size_t, 2> counts{};

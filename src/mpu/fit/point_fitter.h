@@ -7,11 +7,11 @@
 namespace mpuvdb
 {
 
-/// Fits through points, one per point and subtree; scratch memory of one thread.
+/// Fits through points, one per point and subtree, with the scratch memory of one thread.
 class PointFitter
 {
 public:
-    /// A fit in the tree, and the radius of the ball of neighbors it was made from.
+    /// A fit in the tree, and the radius of its ball of neighbors.
     struct PointFit {
         std::uint32_t index = 0;
         double radius = 0;
@@ -30,7 +30,7 @@ public:
                          std::array<std::size_t, 2>& found) const;
 
     /// The fit through point @a n of the last ball of @a path to its N_min nearest neighbors;
-    /// stored in @a tree when first asked for. @a path: balls of @a cell and its ancestors.
+    /// stored in @a tree by the first call. @a path: balls of @a cell and its ancestors.
     PointFit fitThrough(std::size_t n, const OctreeCell& cell, const std::vector<Ball>& path,
                         Octree& tree);
     /// A fit of its own through point @a n of @a ball, to the points of @a around within @a radius;
