@@ -6,7 +6,7 @@
 namespace mpuvdb
 {
 
-/// The status a command ends with; the part of every Error that a script sees.
+/// Exit status of a command, by the kind of its error.
 enum class ExitCode : int {
     Ok = 0,
     Internal = 1,
@@ -17,7 +17,7 @@ enum class ExitCode : int {
     Interrupted = 130
 };
 
-/// Base of everything this library throws on purpose.
+/// Base of all exceptions that this library throws.
 class Error : public std::runtime_error
 {
 public:

@@ -38,7 +38,7 @@ FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const B
 /// A function of many points at once: for functions that are slow to call, such as a script's.
 using PointsFunction =
     std::function<void(const std::vector<Vec3d>& points, std::vector<double>& values)>;
-/// As above.
+/// makeFunctionField() with a function of many points.
 FieldPtr makeFunctionField(PointsFunction function, const Box3d& bounds, double steepness);
 
 /// @a field under an affine @a motion: a distance if the scale is uniform and @a field is one.
@@ -91,7 +91,7 @@ std::shared_ptr<const Warp> makeWarp(std::function<Vec3d(const Vec3d&)> inverse,
 /// An inverse of many points at once.
 using PlacesFunction =
     std::function<void(const std::vector<Vec3d>& points, std::vector<Vec3d>& from)>;
-/// As above.
+/// makeWarp() with an inverse of many points.
 std::shared_ptr<const Warp> makeWarp(PlacesFunction inverse,
                                      std::function<Box3d(const Box3d&)> image, double stretch);
 

@@ -1,5 +1,6 @@
-#include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
+
+#include <mpuvdb/error.h>
 
 #include <algorithm>
 #include <ctime>

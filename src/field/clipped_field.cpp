@@ -1,5 +1,4 @@
 #include "point_field.h"
-
 #include <mpuvdb/error.h>
 
 #include <algorithm>

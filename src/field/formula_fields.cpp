@@ -1,12 +1,10 @@
 // Half-space, gyroid, and any function.
 #include "point_field.h"
-
 #include <mpuvdb/error.h>
-
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 
 namespace mpuvdb
 {
@@ -67,7 +65,7 @@ double requireFinite(double value, const Vec3d& p)
     constexpr double kMaxMagnitude = 1e30;
     if (!std::isfinite(value))
         throw InputError(fmt::format("function: its value at ({}, {}, {}) is not finite. "
-                                     "Make it one everywhere about the bounds",
+                                     "Make it finite within and around the bounds",
                                      p[0], p[1], p[2]));
     return std::clamp(value, -kMaxMagnitude, kMaxMagnitude);
 }
@@ -137,7 +135,7 @@ private:
 
 void requireFunction(bool function, const Box3d& bounds, double steepness)
 {
-    if (!function) throw UsageError("function: there is none to call");
+    if (!function) throw UsageError("function: there is none to call. Give one");
     if (bounds.isEmpty() || !isFinite(bounds))
         throw UsageError("function: its bounds are empty or not finite. Give the box in which "
                          "the solid lies");

@@ -2,10 +2,9 @@
 
 #include <mpuvdb/error.h>
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 #include <limits>
 #include <tuple>
 

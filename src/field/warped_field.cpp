@@ -1,10 +1,8 @@
 // Fields moved and deformed.
 #include "point_field.h"
-
 #include <mpuvdb/error.h>
 
 #include <Eigen/SVD>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -308,10 +306,10 @@ FieldPtr makeMovedField(FieldPtr field, const Eigen::Affine3d& motion)
     if (finite) {
         const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear);
         if (!(svd.singularValues()[2] > kMinSingularRatio * svd.singularValues()[0]))
-            throw UsageError("motion: it has no inverse, it makes everything flat. Scale by "
+            throw UsageError("motion: it has no inverse, as it flattens everything. Scale by "
                              "numbers other than 0");
     } else {
-        throw UsageError("motion: it is not finite");
+        throw UsageError("motion: it is not finite. Give finite numbers");
     }
     Source source(field);
     const double scale = linear(0, 0);

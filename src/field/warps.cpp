@@ -1,12 +1,10 @@
 // Twist, bend and taper along an axis; user-defined warps.
-#include <mpuvdb/fields.h>
-
 #include <mpuvdb/error.h>
-
-#include <fmt/format.h>
+#include <mpuvdb/fields.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 #include <limits>
 
 namespace mpuvdb
@@ -252,7 +250,7 @@ const Vec3d& requireFinitePlace(const Vec3d& from, const Vec3d& p)
 {
     if (from.allFinite() || !p.allFinite()) return from;
     throw InputError(fmt::format("warp: the place that ({}, {}, {}) comes from is not finite. Make "
-                                 "it one everywhere about the bounds",
+                                 "it finite within and around the bounds",
                                  p[0], p[1], p[2]));
 }
 

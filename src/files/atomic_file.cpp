@@ -2,13 +2,12 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/files.h>
 
-#include <fmt/format.h>
-
 #include <atomic>
 #include <cerrno>
 #include <climits>
 #include <cstring>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 #include <thread>
 #include <unistd.h>

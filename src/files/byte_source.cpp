@@ -3,12 +3,11 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>

@@ -38,7 +38,7 @@ private:
     };
     struct Row {
         std::vector<Field> numbers;
-        bool words = false;   ///< stand before them
+        bool words = false;   ///< words stand before the numbers
         bool leading = false; ///< a comma has a blank before and a digit after it
     };
     /// Range of the count of numbers per row.
@@ -61,13 +61,13 @@ private:
     bool mByComma = false;     ///< numbers are separated by a comma beside a blank or quote
     bool mQuoted = true;       ///< every comma within a number is within quotes
     bool mLeading = false;     ///< a number may begin with a comma
-    bool mDecimal = true;      ///< all that have a comma are like 1,5, and none has a point
-    bool mThousands = true;    ///< all are like 1,234 or 1,234.5
-    bool mEuropean = true;     ///< all are like 1.234,5 or 1,5, those without a comma like 1.234
+    bool mDecimal = true;      ///< all numbers with a comma are like 1,5, and none has a point
+    bool mThousands = true;    ///< all such numbers are like 1,234 or 1,234.5
+    bool mEuropean = true;     ///< all are like 1.234,5 or 1,5; those without a comma like 1.234
     bool mSmallWhole = false;  ///< a whole number other than 0 has no comma
-    bool mList = false;        ///< one is a list of numbers, like 1.5,2.5 or 1,2,3
+    bool mList = false;        ///< there is a list of numbers, like 1.5,2.5 or 1,2,3
     bool mPairs = true;        ///< lists may be pairs around decimal commas
-    bool mMustBePairs = false; ///< and some have to be
+    bool mMustBePairs = false; ///< some lists have to be
     Counts mIfDecimal, mIfSeparate;
 };
 

@@ -1,12 +1,10 @@
 #include "line_reader.h"
 
 #include "text_scan.h"
-
 #include <mpuvdb/error.h>
 
-#include <fmt/format.h>
-
 #include <algorithm>
+#include <fmt/format.h>
 
 namespace mpuvdb
 {

@@ -1,14 +1,12 @@
 // The lines of a text input: one by one, or in batches that threads parse side by side.
 #pragma once
 #include "byte_source.h"
-
 #include <mpuvdb/interrupter.h>
-
-#include <tbb/parallel_for.h>
 
 #include <cstring>
 #include <exception>
 #include <string_view>
+#include <tbb/parallel_for.h>
 #include <vector>
 
 namespace mpuvdb

@@ -3,10 +3,9 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/files.h>
 
-#include <fmt/format.h>
-
 #include <cerrno>
 #include <cstring>
+#include <fmt/format.h>
 #include <fstream>
 #include <iostream>
 

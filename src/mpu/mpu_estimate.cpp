@@ -1,7 +1,6 @@
 // Estimates of a fit, from fits of the points of a few cells.
 #include "mpu/fill/coarse_sign.h"
 #include "mpu/octree/octree.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>

@@ -8,7 +8,6 @@
 #include "mpu/octree/sorted_points.h"
 #include "mpu/sample/leaf_finder.h"
 #include "mpu/sample/mpu_block_sampler.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -24,8 +23,8 @@ namespace
 constexpr double kMinDistanceRatio = 1e-12;
 
 /// Difference of a leaf's value and the coarse field's from which a leaf on the other side fades,
-/// in steps of the coarse field, which bridges unseen walls of cavities and bores. [tuned:
-/// unseen_bench]
+/// in steps of the coarse field, which bridges unseen walls of cavities and bores.
+/// [tuned: unseen_bench]
 constexpr double kMaxSignDisagreement = 1.5;
 
 /// Difference from which a leaf on the same side fades that finds the surface farther away, in

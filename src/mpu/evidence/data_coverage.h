@@ -1,7 +1,6 @@
 // Support of a surface by points: distances to them in units of their own spacing.
 #pragma once
 #include "mpu/octree/bucket_tree.h"
-
 #include <mpuvdb/field.h>
 
 namespace mpuvdb

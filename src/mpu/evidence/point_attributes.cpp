@@ -1,14 +1,12 @@
 #include "point_attributes.h"
 
 #include "lattice_window.h"
-
 #include <mpuvdb/error.h>
-
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fmt/format.h>
 #include <limits>
 
 namespace mpuvdb

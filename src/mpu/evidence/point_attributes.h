@@ -1,7 +1,6 @@
 // Attributes of points, blended on the surface.
 #pragma once
 #include "moment_tree.h"
-
 #include <mpuvdb/surface_attributes.h>
 
 namespace mpuvdb

@@ -13,8 +13,8 @@ namespace
 {
 
 /// Harmonic value on the grid's box, node steps. Above 0, so that every surface closes inside; low,
-/// so that caps over openings bulge outwards: over a hole in a sphere a higher one is flat. [tuned:
-/// unseen_bench]
+/// so that caps over openings bulge outwards: over a hole in a sphere a higher one is flat.
+/// [tuned: unseen_bench]
 constexpr float kBorderValue = 0.7f;
 /// Share of a distance in the fill; the rest is harmonic. A harmonic function alone saturates, and
 /// makes too much of an object of which half is unseen. [tuned: unseen_bench]
@@ -25,8 +25,8 @@ constexpr float kDistanceShare = 0.05f;
 constexpr float kConcaveWeight = 3.5f;
 /// Distance over which normals and curvature of data fade, node steps. [tuned: unseen_bench]
 constexpr float kFadeDistance = 10;
-/// Largest sum of principal curvatures, per node step: at edges it has no bound. [tuned:
-/// unseen_bench]
+/// Largest sum of principal curvatures, per node step: at edges it has no bound.
+/// [tuned: unseen_bench]
 constexpr float kMaxCurvature = 0.3f;
 
 /// Call f(node) for the interior nodes, in parallel.

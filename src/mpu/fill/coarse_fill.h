@@ -15,14 +15,14 @@ struct NodeData {
 
     std::vector<float> weight;                ///< 0 where there are none
     std::vector<float> distance;              ///< signed, node steps
-    std::array<std::vector<float>, 3> normal; ///< unit; empty if not asked for
+    std::array<std::vector<float>, 3> normal; ///< unit; empty without normals
 };
 
 /// The grid of every other node.
 NodeGrid halved(const NodeGrid& grid);
 
-/// How the function curvature where there are no data, at every node, per node step: as the data do
-/// at their rims.
+/// The curvature of the function at every node, per node step: that of the data at their rims,
+/// extended to where there are none.
 /// @param data  with normals.
 std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data,
                                    Interrupter& progress);

@@ -1,9 +1,8 @@
 #include "coarse_sign.h"
 
 #include "coarse_fill.h"
-#include "mpu/octree/point_group.h"
-
 #include "core/clones.h"
+#include "mpu/octree/point_group.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -25,8 +24,8 @@ constexpr double kPadding = 0.2;
 constexpr int kMaxNodes = 96;         ///< nodes along the longest side [tuned: unseen_bench, time]
 constexpr double kKernelRadius = 1.5; ///< radius of a splat, node steps [tuned: coarse_sign_test]
 /// Squared distance, node steps, below which points weigh alike in a splat, and the distance added
-/// to it for noise, standard deviations: single points shall not draw the surface. [tuned:
-/// noise_bench]
+/// to it for noise, standard deviations: single points shall not draw the surface.
+/// [tuned: noise_bench]
 constexpr double kSoftness = 0.1, kSoftnessNoises = 2;
 /// Weight of data at a node against the equation between them. [tuned: coarse_sign_test]
 constexpr float kDataWeight = 16;

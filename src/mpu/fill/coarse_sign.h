@@ -6,7 +6,6 @@
 #pragma once
 #include "mpu/octree/sorted_points.h"
 #include "multigrid.h"
-
 #include <mpuvdb/field.h>
 
 #include <array>

@@ -406,7 +406,7 @@ private:
     CellPoints mCell, mScratch;
     BatchFilter mFilter;
     PointBatch mGrown, mWide;
-    Vec3d mWideCenter = Vec3d::Zero(); ///< of the ball whose points mWide holds
+    Vec3d mWideCenter = Vec3d::Zero(); ///< center of the ball whose points are in mWide
     double mWideRadius = 0;
 };
 

@@ -1,9 +1,8 @@
 #include "cell_points.h"
 
+#include "core/clones.h"
 #include "mpu/octree/point_group.h"
 #include "quadric.h"
-
-#include "core/clones.h"
 
 #include <algorithm>
 #include <cmath>

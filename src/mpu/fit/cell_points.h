@@ -2,7 +2,6 @@
 #pragma once
 #include "mpu/octree/point_batch.h"
 #include "quadric.h"
-
 #include <mpuvdb/vec.h>
 
 #include <cstdint>

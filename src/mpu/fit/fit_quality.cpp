@@ -1,8 +1,7 @@
 #include "fit_quality.h"
 
-#include "mpu/octree/point_group.h"
-
 #include "core/clones.h"
+#include "mpu/octree/point_group.h"
 
 #include <algorithm>
 #include <array>

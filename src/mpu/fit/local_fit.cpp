@@ -1,10 +1,9 @@
 #include "local_fit.h"
 
+#include "core/clones.h"
 #include "fit_quality.h"
 #include "mpu/octree/point_group.h"
 #include "ridged_solver.h"
-
-#include "core/clones.h"
 
 #include <algorithm>
 #include <array>

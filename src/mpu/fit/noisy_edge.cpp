@@ -57,7 +57,7 @@ Vec3d farthestFrom(const Vec3d& axis, const CellPoints& points)
 /// The points nearest to each axis, after a few rounds of moving the axes to the means of theirs.
 NormalClusters settle(const CellPoints& points, std::vector<Vec3d>& axes, CellPoints& scratch)
 {
-    constexpr int kSettleRounds = 2; ///< [tuned: noise_bench]
+    constexpr int kSettleRounds = 2; ///< rounds of clustering [tuned: noise_bench]
     std::vector<std::uint32_t> all(points.count);
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
     NormalClusters clusters;

@@ -3,7 +3,6 @@
 #include "local_fit.h"
 
 #include <Eigen/Eigenvalues>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -106,7 +105,7 @@ private:
 std::optional<LocalFit> fitOpposedSheets(const CellPoints& points, double testRadius,
                                          const FitSettings& settings, CellPoints& scratch)
 {
-    constexpr int kAlternations = 3; ///< of fits and moves [tuned: noise_bench]
+    constexpr int kAlternations = 3; ///< rounds of fits and moves [tuned: noise_bench]
     const std::optional<Vec3d> axis = commonAxis(points);
     if (!axis) return std::nullopt;
     Sides sides(points, *axis);

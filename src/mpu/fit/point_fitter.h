@@ -22,7 +22,7 @@ public:
     {
     }
 
-    /// Forget the fits: another tree follows.
+    /// Forget the fits before another tree.
     void clear() { mFits.clear(); }
 
     /// Up to two points (indices in @a ball, which holds all points of the cell) in @a cell.

@@ -18,7 +18,7 @@ struct Quadric {
 
     double value(const Vec3d& y) const { return y.dot(A * y) + b.dot(y) + c; }
     Vec3d gradient(const Vec3d& y) const { return 2 * (A * y) + b; }
-    /// The same function about another origin: newOrigin = origin + shift.
+    /// This function about another origin: newOrigin = origin + shift.
     Quadric shifted(const Vec3d& shift) const
     {
         return {A, Vec3d(b + 2 * (A * shift)), value(shift)};

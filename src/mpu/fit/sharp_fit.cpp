@@ -1,10 +1,9 @@
 // Edges and corners [Ohtake03 §4c].
+#include "core/clones.h"
 #include "fit_quality.h"
 #include "local_fit.h"
 #include "mpu/octree/point_group.h"
 #include "sharp_faces.h"
-
-#include "core/clones.h"
 
 #include <algorithm>
 #include <numeric>

@@ -2,7 +2,6 @@
 #pragma once
 #include "mpu/fit/quadric.h"
 #include "sorted_points.h"
-
 #include <mpuvdb/mpu_field.h>
 
 #include <array>

@@ -3,7 +3,6 @@
 #include "mpu/fit/cell_fitter.h"
 #include "mpu/fit/point_fitter.h"
 #include "octree.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>

@@ -1,7 +1,6 @@
 #include "point_batch.h"
 
 #include "compress.h"
-
 #include "core/clones.h"
 
 #include <algorithm>

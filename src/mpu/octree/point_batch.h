@@ -1,7 +1,6 @@
 // Contiguous copies of the points near a cell.
 #pragma once
 #include "unset_vector.h"
-
 #include <mpuvdb/vec.h>
 
 #include <array>

@@ -1,7 +1,6 @@
 // Points in Morton order, one array per coordinate, and ball queries on them.
 #pragma once
 #include "point_batch.h"
-
 #include <mpuvdb/point_cloud.h>
 
 #include <algorithm>

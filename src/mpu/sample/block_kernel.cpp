@@ -1,8 +1,7 @@
 #include "block_kernel.h"
 
-#include "mpu/fit/quadric.h"
-
 #include "core/clones.h"
+#include "mpu/fit/quadric.h"
 
 #include <algorithm>
 #include <cmath>
@@ -101,8 +100,8 @@ private:
     Mask mHalves[2] = {};
 };
 
-constexpr float kHalfBlock =
-    kBlockDim / 2.0f; ///< half a block's edge, voxels [derived: of kBlockDim]
+/// Half a block's edge, voxels. [derived: from kBlockDim]
+constexpr float kHalfBlock = kBlockDim / 2.0f;
 /// y and z of the first voxels of a row's cubes; in every other row y is half a block more.
 const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
 

@@ -1,7 +1,6 @@
 // Finds the leaves of an octree that reach into a block of voxels.
 #pragma once
 #include "mpu/octree/octree.h"
-
 #include <mpuvdb/field.h>
 
 #include <array>

@@ -4,7 +4,6 @@
 #include "leaf_finder.h"
 #include "mpu/fill/coarse_sign.h"
 #include "mpu/octree/octree.h"
-
 #include <mpuvdb/field.h>
 
 #include <vector>
