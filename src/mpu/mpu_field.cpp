@@ -43,7 +43,7 @@ double disagreement(double value, double other, const CoarseSign& coarse)
     // A leaf without points continues those beside it, and ignores a surface that closes a hole
     // between.
     if ((value < 0) == (other < 0))
-        return (std::min(own, coarse.farthest()) - std::abs(other)) / step - kMaxOvershoot;
+        return (std::min(own, coarse.maxDistance()) - std::abs(other)) / step - kMaxOvershoot;
     // Data are about as far as the leaf says: beyond, the coarse field means nothing.
     const double believed = std::min(std::abs(other), std::max(own, step));
     return (own + believed) / step - kMaxSignDisagreement;
@@ -187,7 +187,7 @@ FieldSample MpuField::Impl::finish(const Blend& sums, const Vec3d& p) const
     }
     if (coarse && support < 1) {
         const FieldSample other = coarse->evaluate(p);
-        const double far = coarse->farthest();
+        const double far = coarse->maxDistance();
         sample.value = support * std::clamp(sample.value, -far, far) + (1 - support) * other.value;
         sample.gradient = support * sample.gradient + (1 - support) * other.gradient;
     }

@@ -456,7 +456,7 @@ CoarseSign::sample(const std::array<T, 3>& p) const
     }
     const auto& g = s.gradient;
     s.slope = larger(squareRoot(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]), T{} + mSlopeFloor);
-    const T most = T{} + farthest();
+    const T most = T{} + maxDistance();
     s.value = smaller(larger(mStep * s.value / s.slope, -most), most) + mStep * squareRoot(beyond2);
     return s;
 }

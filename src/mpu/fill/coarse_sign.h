@@ -27,8 +27,8 @@ public:
 
     /// Largest distance of the field, world units: a larger one is meaningless, and would outweigh
     /// the values that it is blended with.
-    double farthest() const { return 4 * mStep; }
-    /// The box within which farthest() holds; outside, the distance from the box is added.
+    double maxDistance() const { return 4 * mStep; }
+    /// The box within which maxDistance() holds; outside, the distance from the box is added.
     Box3d bounds() const;
     /// Approximate signed distance (world units) and gradient at @a p (local coordinates). Outside
     /// of the grid's box it is that of the nearest point in it plus the distance to it.

@@ -36,8 +36,8 @@ MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, c
                                  double voxelSize, double band)
     : mTree(tree), mCoarse(coarse), mOrigin(origin), mVoxelSize(voxelSize),
       mLimit(float(band / voxelSize)),
-      mCoarseFarthest(coarse ? float(coarse->farthest() / voxelSize) : 0),
-      mFarthest(coarse ? std::max(2 * mLimit, mCoarseFarthest) : mLimit),
+      mMaxCoarse(coarse ? float(coarse->maxDistance() / voxelSize) : 0),
+      mMaxBlended(coarse ? std::max(2 * mLimit, mMaxCoarse) : mLimit),
       mLeaves(tree, origin, voxelSize)
 {
 }
@@ -56,11 +56,11 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     const CubeSet wanted = cubesToSum(box, values);
     addCells(mCells, wanted, mTree.interpolates(), mSums);
     // Values beyond the band still count in the blend with the coarse field.
-    normalize(mSums, wanted, mFarthest, values);
+    normalize(mSums, wanted, mMaxBlended, values);
     if (mCoarse) {
         const bool isLimited = mCoarse->bounds().contains(box);
-        blendCoarse(wanted, corner,
-                    isLimited ? mCoarseFarthest : std::numeric_limits<float>::infinity(), values);
+        blendCoarse(wanted, corner, isLimited ? mMaxCoarse : std::numeric_limits<float>::infinity(),
+                    values);
     }
     for (float& v : values) v = std::clamp(v, -mLimit, mLimit) * float(mVoxelSize);
 }
@@ -81,7 +81,7 @@ CubeSet MpuBlockSampler::cubesToSum(const Box3d& box, BlockValues& values)
     return wanted;
 }
 
-void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float farthest,
+void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float maxDistance,
                                   BlockValues& values) const
 {
     constexpr int kGroup = 4;                ///< places at once [derived: those of evaluateFour()]
@@ -89,7 +89,7 @@ void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float
     // Full support, or a value that stays beyond the limit in the blend.
     const auto isSettled = [&](float value, float support) {
         return support >= 1 ||
-               support * std::abs(value) - (1 - support) * farthest > mLimit + kRoundingMargin;
+               support * std::abs(value) - (1 - support) * maxDistance > mLimit + kRoundingMargin;
     };
     for (CubeSet left = cubes; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);

@@ -23,17 +23,17 @@ public:
 private:
     void gatherCell(const LeafAt& leaf, const Vec3d& blockOrigin);
     CubeSet cubesToSum(const Box3d& box, BlockValues& values);
-    /// @param farthest  largest distance of the coarse field in this block, voxels.
-    void blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float farthest,
+    /// @param maxDistance  largest distance of the coarse field in this block, voxels.
+    void blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float maxDistance,
                      BlockValues& values) const;
 
     const Octree& mTree;
     const CoarseSign* mCoarse;
     Vec3d mOrigin;
     double mVoxelSize;
-    float mLimit;          ///< voxels
-    float mCoarseFarthest; ///< largest distance of the coarse field within its bounds, voxels
-    float mFarthest;       ///< limit of values blended with the coarse field, voxels
+    float mLimit;      ///< voxels
+    float mMaxCoarse;  ///< largest distance of the coarse field within its bounds, voxels
+    float mMaxBlended; ///< limit of values blended with the coarse field, voxels
     LeafFinder mLeaves;
     KernelCells mCells; ///< cells that reach into the block
     BlockSums mSums;
