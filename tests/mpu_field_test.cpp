@@ -320,7 +320,7 @@ TEST(MpuField, OfPointsNextToNothingApartIsOneFunctionForPlacesAndBlocks)
     std::vector<Vec3d> places = wander(cloud, 1e-7);
     for (std::size_t n = 0; n < 6; ++n) places.push_back(cloud.world(cloud.size() - 1 - n));
     const MpuField field(std::move(cloud), settings, &progress);
-    EXPECT_EQ(field.statistics().levels, Octree::kDeepest);
+    EXPECT_EQ(field.statistics().levels, Octree::kMaxLevel);
     expectEvaluatorGivesSamples(field, places, 1e-7);
     const Lattice lattice{Vec3d::Zero(), h};
     BlockValues values;

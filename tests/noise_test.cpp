@@ -110,7 +110,7 @@ TEST(Noise, WeightsAcrossTheSurfaceDoNotPullIt)
     for (int trial = 0; trial < kTrials; ++trial) {
         CellPoints points = sheetOf(200, kHeight, 0, kNoise, random);
         pulled += heightOf(fitBivariate(points, Vec3d::UnitZ(), 1000), 0, 0) - kHeight;
-        points.weighAcross(Vec3d::UnitZ(), 0.6); // where the ball cuts no noise off
+        points.weightLaterally(Vec3d::UnitZ(), 0.6); // where the ball cuts no noise off
         free += heightOf(fitBivariate(points, Vec3d::UnitZ(), 1000), 0, 0) - kHeight;
     }
     // About 50 points count in each trial.
@@ -221,7 +221,7 @@ CellPoints thrownOffSphere(std::size_t count, double noise, double reach, Random
     }
     CellPoints points;
     points.assign(batch, Vec3d::Zero(), reach + 3 * noise);
-    points.weighAcross(Vec3d::UnitZ(), reach);
+    points.weightLaterally(Vec3d::UnitZ(), reach);
     return points;
 }
 

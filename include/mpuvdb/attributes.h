@@ -1,4 +1,4 @@
-// What points and vertices have beside their places: colors and named numbers.
+// Attributes of points and vertices: colors and named scalars.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -10,18 +10,18 @@
 namespace mpuvdb
 {
 
-/// Numbers with a name, one per point or vertex.
+/// Scalars with a name, one per point or vertex.
 struct NamedScalars {
     std::string name;
     std::vector<float> values;
 };
 
-/// A color as files of points have it: red, green and blue in the sRGB curve.
+/// A color as point files have it: red, green and blue, sRGB.
 using Rgb = std::array<std::uint8_t, 3>;
 
-/// Linear light in [0,1], which can be blended, of an sRGB color.
+/// The linear light of an sRGB color, in [0,1]: linear colors can be blended.
 Vec3f linearColor(const Rgb& rgb);
-/// The nearest sRGB color; components outside of [0,1] are clamped.
+/// The nearest sRGB color of linear light; components outside of [0,1] are clamped, NaN is 0.
 Rgb srgbColor(const Vec3f& linear);
 
 } // namespace mpuvdb

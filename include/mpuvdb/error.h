@@ -6,7 +6,7 @@
 namespace mpuvdb
 {
 
-/// Base of everything this library throws on purpose.
+/// Base of all exceptions that this library throws.
 class Error : public std::runtime_error
 {
 public:

@@ -12,7 +12,7 @@
 namespace mpuvdb
 {
 
-/// What one stage of the work took.
+/// Time and memory of one stage of the work.
 struct StageTime {
     std::string name;
     double seconds = 0;          ///< wall clock
@@ -20,7 +20,7 @@ struct StageTime {
     std::uint64_t peakBytes = 0; ///< the process's largest resident set so far
 };
 
-/// Hears fractions of named stages and can say stop; and keeps what there is to say of the result.
+/// Receives the progress of named stages, can stop the work, and collects notes on the result.
 /// All members may be called from any thread; stop() also from a signal handler.
 class Interrupter
 {
@@ -30,8 +30,7 @@ public:
 
     Interrupter() = default;
     explicit Interrupter(Listener listener) : mListener(std::move(listener)) {}
-    /// @param wantsToStop  is asked every few milliseconds, by one thread at a time, whichever it
-    /// is.
+    /// @param wantsToStop  is called every few milliseconds, from any thread, by one at a time.
     Interrupter(Listener listener, std::function<bool()> wantsToStop)
         : mListener(std::move(listener)), mWantsToStop(std::move(wantsToStop))
     {
@@ -44,6 +43,7 @@ public:
     {
         if (!mSilent) mStopped.store(true, std::memory_order_relaxed);
     }
+    /// Whether the work has been asked to end.
     bool stopped() const noexcept { return mStopped.load(std::memory_order_relaxed); }
     /// @throws Interrupted if stop() was called. Call it at least every few milliseconds.
     void check() const
@@ -61,12 +61,13 @@ public:
     /// Times of the stages closed so far, in order.
     std::vector<StageTime> stages() const;
 
-    /// What the caller should know of the result, though nothing failed: for people, with the cure.
+    /// Add a note on the result, for people: what is to be known though nothing failed, and the
+    /// cure.
     void note(std::string text);
     /// The notes so far, in order, each once.
     std::vector<std::string> notes() const;
 
-    /// The one that null stands for: nobody listens, nothing is kept, and it cannot be stopped.
+    /// The interrupter that null stands for: it reports nothing, keeps nothing and never stops.
     static Interrupter& silent();
 
     /// @{ OpenVDB's interrupter concept.
@@ -98,7 +99,7 @@ private:
     bool mOpen = false;
 };
 
-/// What a function hears and reports to, whether or not its caller listens.
+/// The caller's interrupter; silent() for null.
 inline Interrupter& orSilent(Interrupter* interrupter)
 {
     return interrupter ? *interrupter : Interrupter::silent();

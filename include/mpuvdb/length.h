@@ -13,12 +13,13 @@ struct Length {
     double value = 0;
     Unit unit = Unit::World;
 
-    /// @param text  a number, optionally followed by "vx" or "%".
+    /// Parse a length. @param text  a number, optionally followed by "vx" or "%".
     /// @throws UsageError if @a text is anything else, or not finite.
     static Length parse(std::string_view text);
-    /// @param voxelSize  world units per voxel; @param diagonal  of the input's bounding box, world
-    /// units. @return world units.
+    /// The length in world units. @param voxelSize  world units per voxel. @param diagonal  length
+    /// of the diagonal of the input's bounding box, world units.
     double resolve(double voxelSize, double diagonal) const;
+    /// The length as parse() reads it.
     std::string text() const;
 };
 

@@ -1,4 +1,4 @@
-// How much memory there is.
+// The default memory limit.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -6,8 +6,8 @@
 namespace mpuvdb
 {
 
-/// What work may take where nobody says: nine tenths of the smaller of physical memory and the
-/// control group's limit, bytes.
+/// Memory that work may use by default, bytes: nine tenths of the smaller of physical memory and
+/// the control group's limit.
 std::uint64_t defaultMemoryLimit();
 
 /// A size for people, bytes: "1.5 GB".

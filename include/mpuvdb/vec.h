@@ -1,4 +1,4 @@
-// The small vectors that cross the rooms' borders.
+// Vectors and boxes of the public interface.
 #pragma once
 #include <Eigen/Core>
 #include <Eigen/Geometry>

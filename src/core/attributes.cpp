@@ -8,7 +8,7 @@ namespace mpuvdb
 namespace
 {
 
-/// IEC 61966-2-1.
+/// Linear light of an sRGB component in [0,1] [IEC 61966-2-1].
 float linearOf(double encoded)
 {
     return float(encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4));

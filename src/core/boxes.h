@@ -1,4 +1,4 @@
-// What several rooms ask of boxes.
+// Helpers for axis-aligned boxes.
 #pragma once
 #include <mpuvdb/vec.h>
 

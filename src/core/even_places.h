@@ -16,8 +16,9 @@ struct TrianglePlace {
     std::size_t triangle;
 };
 
-/// @a places places, each for the same area, in the order of the triangles; the same each time.
-/// None where there is no area. @param corners  corners(n) gives those of triangle n, three Vec3d.
+/// Distribute @a places places over triangles, each for the same area, in the order of the
+/// triangles; deterministic, and none where there is no area.
+/// @param corners  corners(n) gives the three corners of triangle n, Vec3d.
 template <class Corners>
 std::vector<TrianglePlace> placesOn(std::size_t triangles, std::size_t places,
                                     const Corners& corners)
@@ -34,7 +35,7 @@ std::vector<TrianglePlace> placesOn(std::size_t triangles, std::size_t places,
     for (std::size_t n = 0, t = 0; n < places; ++n) {
         while (t + 1 < triangles && upTo < area * (double(n) + 0.5) / double(places))
             upTo += areaVector(++t).norm();
-        // Evenly over the triangle, too [Cranley76: multiples of two irrational numbers].
+        // Low-discrepancy places in the triangle: multiples of two irrational numbers [Cranley76].
         double s = std::fmod(0.7548776662466927 * double(n), 1),
                r = std::fmod(0.5698402909980532 * double(n), 1);
         if (s + r > 1) s = 1 - s, r = 1 - r;

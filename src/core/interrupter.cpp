@@ -1,5 +1,6 @@
-#include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
+
+#include <mpuvdb/error.h>
 
 #include <algorithm>
 #include <ctime>
@@ -39,13 +40,14 @@ void Interrupter::throwInterrupted()
 
 void Interrupter::ask() const
 {
-    /// Nanoseconds between two questions. [derived: a stop may take 250 ms, most of which is work]
-    constexpr std::int64_t kBetween = 20'000'000;
+    /// Least time between two calls of the caller's function, nanoseconds. [derived: a stop may
+    /// take 250 ms, most of which is work]
+    constexpr std::int64_t kAskInterval = 20'000'000;
     const std::int64_t now = std::chrono::steady_clock::now().time_since_epoch().count();
     if (now < mAskAt.load(std::memory_order_relaxed)) return;
     std::unique_lock<std::mutex> lock(mAsking, std::try_to_lock);
     if (!lock) return;
-    mAskAt.store(now + kBetween, std::memory_order_relaxed);
+    mAskAt.store(now + kAskInterval, std::memory_order_relaxed);
     if (mWantsToStop()) mStopped.store(true, std::memory_order_relaxed);
 }
 
@@ -71,7 +73,7 @@ void Interrupter::advance(double units)
     std::lock_guard<std::mutex> lock(mMutex);
     mDone += units;
     const double fraction = std::min(mDone / mUnits, 1.0);
-    // A listener may draw: half a percent is as fine as anybody looks.
+    // Half a percent per call at most: a listener may draw.
     if (mListener && mOpen && (fraction >= mReported + 0.005 || fraction == 1)) {
         mReported = fraction;
         mListener(mStage.name, fraction);

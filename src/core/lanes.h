@@ -1,4 +1,4 @@
-// Vectors of several lanes, and what comparisons of eight of them say, as eight bits.
+// SIMD vectors: loads, magnitudes, and the results of eight comparisons as bits.
 #pragma once
 #include <cstdint>
 #include <cstring>
@@ -6,7 +6,7 @@
 namespace mpuvdb
 {
 
-/// As many numbers from @a from on as the vector has lanes.
+/// Load a vector from the consecutive numbers at @a from.
 template <typename Vector, typename Number>
 [[gnu::always_inline]] inline Vector lanesAt(const Number* from)
 {
@@ -21,7 +21,7 @@ template <typename Vector>
     return v < 0 ? -v : v;
 }
 
-/// Bit n is set where lane n of @a flags, eight numbers that are 0 or -1 each, is -1. The same from
+/// Bit n is set where lane n of @a flags, eight numbers that are 0 or -1 each, is -1. The same by
 /// every instruction set.
 template <typename Flags>
 [[gnu::always_inline]] inline std::uint64_t bitsOf(const Flags& flags)

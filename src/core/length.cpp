@@ -1,5 +1,6 @@
-#include <mpuvdb/error.h>
 #include <mpuvdb/length.h>
+
+#include <mpuvdb/error.h>
 
 #include <charconv>
 #include <cmath>

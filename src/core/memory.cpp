@@ -14,6 +14,7 @@ namespace mpuvdb
 namespace
 {
 
+/// Bytes that stand for no limit. [derived: the type's largest]
 constexpr std::uint64_t kNoLimit = std::numeric_limits<std::uint64_t>::max();
 
 /// The number in @a file; "max", or no such file, is no limit.

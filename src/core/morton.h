@@ -16,7 +16,7 @@ inline std::uint64_t spreadBits(std::uint64_t v)
     return (v | v << 2) & 0x1249249249249249;
 }
 
-/// Of a cell's numbers along the axes, their low 21 bits each.
+/// Morton key of the cell (i, j, k), from the low 21 bits of each.
 inline std::uint64_t mortonKey(std::uint64_t i, std::uint64_t j, std::uint64_t k)
 {
     return spreadBits(i) | spreadBits(j) << 1 | spreadBits(k) << 2;

@@ -1,18 +1,17 @@
-// Parallel loops that can be stopped, and find the same for any number of threads.
+// Parallel loops that can be stopped, with the same result for any number of threads.
 #pragma once
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cstddef>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 #include <vector>
 
 namespace mpuvdb
 {
 
-/// Call f(i) for i below @a count. @param grain  calls between two looks at the progress.
+/// Call f(i) for i below @a count. @param grain  calls between two checks for a stop.
 /// @throws Interrupted.
 template <class F>
 void forEachParallel(std::size_t count, std::size_t grain, const Interrupter& progress, F&& f)
@@ -23,7 +22,8 @@ void forEachParallel(std::size_t count, std::size_t grain, const Interrupter& pr
     });
 }
 
-/// The same for f(i, found), which appends to @a found. @return all that was, in the order of i.
+/// Call f(i, found), which appends to @a found, for i below @a count. @return all that was
+/// appended, in the order of i.
 template <class T, class F>
 std::vector<T> gatherParallel(std::size_t count, std::size_t grain, const Interrupter& progress,
                               F&& f)

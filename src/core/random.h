@@ -1,4 +1,4 @@
-// Random numbers that depend on (seed, stream, index) alone: the same for any number of threads.
+// Random numbers that depend on (seed, stream, index) alone, whatever the number of threads.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -16,7 +16,7 @@ inline std::uint64_t mixBits(std::uint64_t x)
     return x ^ (x >> 31);
 }
 
-/// What random numbers are drawn for; streams are independent of each other.
+/// Purposes of random numbers; their streams are independent of each other.
 enum class RandomStream : std::uint64_t { Lines, Noise, Outliers, OutlierChoice, Holes };
 
 /// A sequence of its own for every (seed, stream, index). [Steele14: SplitMix]
@@ -30,7 +30,7 @@ public:
     }
 
     std::uint64_t next() { return mixBits(mState += kStep); }
-    /// In [0,1).
+    /// Uniform in [0,1).
     double uniform() { return double(next() >> 11) * 0x1p-53; }
     /// Standard normal. [Box58]
     double normal()
@@ -38,6 +38,7 @@ public:
         const double radius = std::sqrt(-2 * std::log(1 - uniform()));
         return radius * std::cos(2 * M_PI * uniform());
     }
+    /// Three independent normal().
     Vec3d normalVector()
     {
         const double x = normal(), y = normal(), z = normal();
@@ -52,6 +53,7 @@ public:
     }
 
 private:
+    /// Increment of the state, 2^64 over the golden ratio. [paper: Steele14]
     static constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15u;
     std::uint64_t mState;
 };

@@ -1,12 +1,11 @@
-// Memory given back.
+// Release of memory.
 #pragma once
 #include <vector>
 
 namespace mpuvdb
 {
 
-/// Empty @a v and give its memory back. v = {} does not: that assigns an initializer list of no
-/// element, and keeps the capacity.
+/// Empty @a v and free its memory; v = {} keeps the capacity.
 template <typename T>
 void release(std::vector<T>& v)
 {

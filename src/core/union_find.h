@@ -25,7 +25,7 @@ public:
         return i;
     }
 
-    /// @return whether a and b were in two sets.
+    /// Join the sets of a and b. @return whether they were two.
     bool join(std::uint32_t a, std::uint32_t b)
     {
         a = find(a);
@@ -34,7 +34,7 @@ public:
         return a != b;
     }
 
-    /// Of each index its root; as long as no more are joined.
+    /// The root of each index, valid until the next join().
     const std::vector<std::uint32_t>& roots()
     {
         // Parents come before their children.

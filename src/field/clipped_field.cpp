@@ -1,5 +1,4 @@
 #include "point_field.h"
-
 #include <mpuvdb/error.h>
 
 #include <algorithm>
@@ -51,17 +50,17 @@ public:
     {
         return std::max(mSource.change(center, radius), radius);
     }
-    /// Short of it only outside the creases that clipping makes.
+    /// The value is less than the distance only outside the creases that clipping makes.
     bool isDistance() const override { return mSource.field().isDistance(); }
     bool isDistanceFar() const override { return mSource.field().isDistanceFar(); }
     double steepness() const override { return std::max(mSource.field().steepness(), 1.0); }
     std::size_t countData(const Box3d& box, std::size_t limit) const override
     {
-        // Walls of the box are real although no data lie on them.
+        // The box's walls are real although no data lie on them.
         return mBox.contains(box) ? mSource.field().countData(box, limit) : limit;
     }
 
-    /// A component of the zero set that has no part on the box's faces is one of the field's.
+    /// Components of the zero set are the field's own, or meet the box's faces.
     std::vector<Vec3i> seedsWithin(const Lattice& lattice, const Box3d& box) const override
     {
         const Box3d common = box.intersection(mBox);

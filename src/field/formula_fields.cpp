@@ -1,12 +1,10 @@
 // Half-space, gyroid, and any function.
 #include "point_field.h"
-
 #include <mpuvdb/error.h>
-
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 
 namespace mpuvdb
 {
@@ -37,8 +35,7 @@ public:
     Box3d bounds() const override { return wholeSpace(); }
     FieldSample evaluate(const Vec3d& p) const override
     {
-        constexpr double kStep = 1e-6;
-        return {value(p), slope(p, kStep / mFrequency), -1, true};
+        return {value(p), slope(p, kRelativeStep / mFrequency), -1, true};
     }
     double value(const Vec3d& p) const override
     {
@@ -52,28 +49,29 @@ public:
     bool isDistance() const override { return false; }
     double steepness() const override { return kSteepness; }
 
-    /// The value's largest, in parts of the period.
-    static constexpr double kFarthest = 1.5 / (M_SQRT2 * 2 * M_PI);
+    /// Largest value, in periods. [derived: |G| <= 1.5 over its slope's floor]
+    static constexpr double kMaxDistance = 1.5 / (M_SQRT2 * 2 * M_PI);
 
 private:
-    /// The largest slope that 1.5 million random places have is 1.498; near thin walls it is 1.06.
+    /// Largest slope of the value. [derived: 1.498 is the largest of 1.5 million random places]
     static constexpr double kSteepness = 1.51;
 
     double mFrequency, mHalf;
 };
 
-double demandNumber(double value, const Vec3d& p)
+double requireFinite(double value, const Vec3d& p)
 {
-    constexpr double kFar = 1e30; // so that floats of it are finite
+    /// Largest magnitude of a value. [derived: floats of it are finite]
+    constexpr double kMaxMagnitude = 1e30;
     if (!std::isfinite(value))
         throw InputError(fmt::format("function: its value at ({}, {}, {}) is not finite. "
-                                     "Make it one everywhere about the bounds",
+                                     "Make it finite within and around the bounds",
                                      p[0], p[1], p[2]));
-    return std::clamp(value, -kFar, kFar);
+    return std::clamp(value, -kMaxMagnitude, kMaxMagnitude);
 }
 
-/// max(f, s * distance from the bounds) with the steepness s: f's own zero set stays where it is
-/// within the bounds, for f is no deeper than s times the distance from it, and no steeper than s.
+/// max(f, s * distance from the bounds) with the steepness s. The zero set of f within the bounds
+/// stays: f is no deeper than s times the distance from it.
 class FunctionField : public PointField
 {
 public:
@@ -86,14 +84,13 @@ public:
     Box3d bounds() const override { return mBounds; }
     FieldSample evaluate(const Vec3d& p) const override
     {
-        constexpr double kStep = 1e-6; // of the diagonal
-        const double own = demandNumber(mFunction(p), p), cut = wall(p);
+        const double own = requireFinite(mFunction(p), p), cut = wall(p);
         if (cut > own) return {cut, mSteepness * boxNormal(mBounds, p), -1, true};
-        return {own, slope(p, kStep * mBounds.diagonal().norm()), -1, true};
+        return {own, slope(p, kRelativeStep * mBounds.diagonal().norm()), -1, true};
     }
     double value(const Vec3d& p) const override
     {
-        return std::max(demandNumber(mFunction(p), p), wall(p));
+        return std::max(requireFinite(mFunction(p), p), wall(p));
     }
     bool isDistance() const override { return false; }
     double steepness() const override { return mSteepness; }
@@ -128,7 +125,7 @@ public:
     {
         mFunction(points, values);
         for (std::size_t i = 0; i < points.size(); ++i)
-            values[i] = std::max(demandNumber(values[i], points[i]), wall(points[i]));
+            values[i] = std::max(requireFinite(values[i], points[i]), wall(points[i]));
     }
     bool inBatches() const override { return true; }
 
@@ -136,9 +133,9 @@ private:
     PointsFunction mFunction;
 };
 
-void demandFunction(bool function, const Box3d& bounds, double steepness)
+void requireFunction(bool function, const Box3d& bounds, double steepness)
 {
-    if (!function) throw UsageError("function: there is none to call");
+    if (!function) throw UsageError("function: there is none to call. Give one");
     if (bounds.isEmpty() || !isFinite(bounds))
         throw UsageError("function: its bounds are empty or not finite. Give the box in which "
                          "the solid lies");
@@ -161,7 +158,7 @@ FieldPtr makeGyroid(double period, double thickness)
 {
     if (!(period > 0) || !std::isfinite(period))
         throw UsageError(fmt::format("gyroid: its period is {}; it must be above 0", period));
-    const double most = 1.8 * Gyroid::kFarthest;
+    const double most = 1.8 * Gyroid::kMaxDistance;
     if (!(thickness > 0 && thickness <= most * period))
         throw UsageError(fmt::format("gyroid: its thickness is {}; it must be above 0 and at most "
                                      "{:.3g}, {:.2g} of its period: thicker walls fill all space",
@@ -172,13 +169,13 @@ FieldPtr makeGyroid(double period, double thickness)
 FieldPtr makeFunctionField(std::function<double(const Vec3d&)> function, const Box3d& bounds,
                            double steepness)
 {
-    demandFunction(bool(function), bounds, steepness);
+    requireFunction(bool(function), bounds, steepness);
     return std::make_shared<FunctionField>(std::move(function), bounds, steepness);
 }
 
 FieldPtr makeFunctionField(PointsFunction function, const Box3d& bounds, double steepness)
 {
-    demandFunction(bool(function), bounds, steepness);
+    requireFunction(bool(function), bounds, steepness);
     return std::make_shared<BatchField>(function, bounds, steepness);
 }
 

@@ -2,10 +2,9 @@
 
 #include <mpuvdb/error.h>
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 #include <limits>
 #include <tuple>
 
@@ -14,12 +13,14 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kLastBlock = 1 << 26; ///< so that voxels' indices stay ints
-constexpr std::size_t kMostBlocks = std::size_t(1) << 26;
+constexpr double kMaxBlockIndex = 1 << 26; ///< [derived: indices of voxels are ints]
+/// Most blocks of a field. [free: a limit of memory]
+constexpr std::size_t kMaxBlocks = std::size_t(1) << 26;
 const double kSqrt3 = std::sqrt(3.0);
 
-/// Far from its data a field may say more than the distance: it is believed half of what it says.
-constexpr double kDoubt = 2;
+/// Factor on the steepness of fields that are no PointField: far from their data values may be more
+/// than the distance. [tuned: fields_test]
+constexpr double kSteepnessFactor = 2;
 
 class Descent
 {
@@ -49,10 +50,10 @@ private:
             mLattice.origin + mLattice.voxelSize * (corner + Vec3d::Constant(half));
         if (!mMayMeet(center, kSqrt3 * half * mLattice.voxelSize)) return;
         if (level == 0) {
-            if (mBlocks.size() == kMostBlocks)
+            if (mBlocks.size() == kMaxBlocks)
                 throw LimitError(fmt::format("the surface meets more than {} blocks of voxels of "
                                              "size {}: use larger voxels",
-                                             kMostBlocks, mLattice.voxelSize));
+                                             kMaxBlocks, mLattice.voxelSize));
             mBlocks.push_back(low);
             return;
         }
@@ -67,8 +68,8 @@ private:
     std::vector<Vec3i> mBlocks;
 };
 
-/// Evaluates voxel by voxel, but for cubes of voxels that a value at their middle puts beyond the
-/// band.
+/// Evaluates voxel by voxel, but for cubes of voxels that are beyond the band by a value at their
+/// center.
 class PointSampler final : public BlockSampler
 {
 public:
@@ -95,8 +96,9 @@ private:
                 low, size, [&](const Vec3i&, float& value) { value = far; }, values);
             return;
         }
-        constexpr int kLeast = 4; // smaller cubes are seldom beyond the band if this one is not
-        if (size == kLeast) {
+        /// Edge of the smallest cube tested, voxels. [free: time]
+        constexpr int kMinCube = 4;
+        if (size == kMinCube) {
             const auto take = [&](const Vec3i& voxel, float& value) {
                 value = float(mField.value(world((first + voxel).cast<double>())));
             };
@@ -167,7 +169,7 @@ BlockRange blocksOf(const Lattice& lattice, const Box3d& box)
     const auto blockOf = [&](const Vec3d& p) {
         const Eigen::Array3d voxel = (p - lattice.origin).array() / lattice.voxelSize + 0.5;
         const Eigen::Array3d block = (voxel / kBlockDim).floor();
-        if (!(block.abs() < kLastBlock).all())
+        if (!(block.abs() < kMaxBlockIndex).all())
             throw LimitError(fmt::format("voxels of size {} about a box that reaches to ({}, {}, "
                                          "{}) are beyond the index range: use larger voxels",
                                          lattice.voxelSize, p[0], p[1], p[2]));
@@ -278,7 +280,8 @@ double Source::bound(const Vec3d& p) const
 
 double Source::change(const Vec3d& center, double radius) const
 {
-    return mPoints ? mPoints->change(center, radius) : kDoubt * mField->steepness() * radius;
+    return mPoints ? mPoints->change(center, radius)
+                   : kSteepnessFactor * mField->steepness() * radius;
 }
 
 std::vector<Vec3i> Source::seedsWithin(const Lattice& lattice, const Box3d& box) const

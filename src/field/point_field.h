@@ -1,4 +1,4 @@
-// Fields that are known by their values at single points: their seeds, and their blocks.
+// Fields given by a function of the point: their seeds, and their blocks.
 #pragma once
 #include "core/boxes.h"
 #include <mpuvdb/fields.h>
@@ -8,20 +8,24 @@
 namespace mpuvdb
 {
 
-/// The blocks of @a lattice that meet @a box (world units) and for whose cubes, and all larger ones
-/// of an octree around them, @a mayMeet says yes; sorted by (x,y,z), unique.
-/// @throws LimitError for more blocks than can be kept, or beyond the index range.
+/// Step of central differences, relative to the extent of the solid. [derived: of the order of the
+/// cube root of double's rounding]
+constexpr double kRelativeStep = 1e-6;
+
 using CubeTest = std::function<bool(const Vec3d& center, double radius)>;
+/// The blocks of @a lattice that meet @a box (world units) and for whose cubes, and all larger ones
+/// of an octree around them, @a mayMeet is true; sorted by (x,y,z), unique.
+/// @throws LimitError for more blocks than can be kept, or beyond the index range.
 std::vector<Vec3i> descendBlocks(const Lattice& lattice, const Box3d& box, const CubeTest& mayMeet);
 
-/// Sort by (x,y,z) and leave out what comes twice.
+/// Sort by (x,y,z) and remove duplicates.
 void sortBlocks(std::vector<Vec3i>& blocks);
 
-/// Voxels of @a lattice in which @a box lies, which may be half a voxel less than a block on each
-/// side.
+/// A box of blocks.
 struct BlockRange {
-    Vec3i low, high; ///< the last included
+    Vec3i low, high; ///< both included
 };
+/// The blocks of @a lattice whose cubes meet @a box.
 /// @throws LimitError beyond the index range.
 BlockRange blocksOf(const Lattice& lattice, const Box3d& box);
 
@@ -31,13 +35,14 @@ Box3d cubeOf(const Lattice& lattice, const Vec3i& block);
 /// Distance from the faces of @a box, negative inside.
 double boxDistance(const Box3d& box, const Vec3d& p);
 
-/// Its gradient: of unit length.
+/// Gradient of boxDistance(), of unit length.
 Vec3d boxNormal(const Box3d& box, const Vec3d& p);
 
-/// A function of the point. Derived classes give its value, and how far values are to be trusted.
+/// A function of the point. Derived classes give its value, and bounds of its change.
 class PointField : public Field
 {
 public:
+    /// The value at @a p, world units.
     virtual double value(const Vec3d& p) const = 0;
     /// A value of the same sign and no larger magnitude, where that is cheaper.
     virtual double bound(const Vec3d& p) const { return value(p); }
@@ -45,7 +50,7 @@ public:
     virtual void values(const std::vector<Vec3d>& points, std::vector<double>& values) const;
     /// Whether values() costs much less than value() of one point after the other.
     virtual bool inBatches() const { return false; }
-    /// How much the bound may change from @a center within @a radius.
+    /// Largest change of bound() from @a center within @a radius.
     virtual double change(const Vec3d& /*center*/, double radius) const
     {
         return steepness() * radius;
@@ -59,11 +64,11 @@ public:
     std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override;
 
 protected:
-    /// The gradient by differences of @a step.
+    /// The gradient by central differences of @a step.
     Vec3d slope(const Vec3d& p, double step) const;
 };
 
-/// Evaluates a field of class Made, which is made from another one: made.sample(p, source) is its
+/// Evaluator of a field of class Made that is made from another one: made.sample(p, source) is its
 /// sample where source.evaluate() gives the other's.
 template <typename Made>
 class MadeEvaluator final : public PointEvaluator
@@ -91,7 +96,7 @@ public:
     double value(const Vec3d& p) const;
     void values(const std::vector<Vec3d>& points, std::vector<double>& values) const;
     bool inBatches() const { return mPoints && mPoints->inBatches(); }
-    /// @{ As PointField's; for a field that only is a distance near its zero set, with a doubt.
+    /// @{ As PointField's; for other fields with a safety factor.
     double bound(const Vec3d& p) const;
     double change(const Vec3d& center, double radius) const;
     /// @}
@@ -99,10 +104,10 @@ public:
 
 private:
     FieldPtr mField;
-    const PointField* mPoints; ///< the same, or null
+    const PointField* mPoints; ///< the same field, or null
 };
 
-/// All of space.
+/// The box of all space.
 Box3d wholeSpace();
 
 } // namespace mpuvdb

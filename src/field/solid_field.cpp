@@ -1,5 +1,4 @@
 #include "point_field.h"
-
 #include <mpuvdb/scan_sampler.h>
 
 namespace mpuvdb

@@ -1,10 +1,8 @@
 // Fields moved and deformed.
 #include "point_field.h"
-
 #include <mpuvdb/error.h>
 
 #include <Eigen/SVD>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -40,8 +38,7 @@ private:
     double mStretch = 1, mLeast = 1; ///< of the inverse
 };
 
-/// A set of blocks that says whether a ball meets any of their cubes, quickly for balls of any
-/// size.
+/// A set of blocks, with a fast test whether a ball of any size meets any of their cubes.
 class BlockSet
 {
 public:
@@ -61,14 +58,14 @@ public:
     bool meets(const Vec3d& center, double radius) const
     {
         if (mLevels.empty()) return false;
-        // At most three cubes of the level lie along the ball's diameter.
+        // At most three cubes of the level along the ball's diameter.
         const double ratio = std::max(radius / mEdge, 1.0);
         const auto level = std::size_t(std::ceil(std::log2(std::min(ratio, 1e15))));
         if (level >= mLevels.size()) return true;
         const double edge = std::ldexp(mEdge, int(level));
         const Eigen::Array3d low = ((center - mOrigin).array() - radius) / edge;
         const Eigen::Array3d high = ((center - mOrigin).array() + radius) / edge;
-        if (!(low.abs() < kFar).all() || !(high.abs() < kFar).all()) return true;
+        if (!(low.abs() < kMaxIndex).all() || !(high.abs() < kMaxIndex).all()) return true;
         const Vec3i first = low.floor().cast<int>(), last = high.floor().cast<int>();
         for (int x = first[0]; x <= last[0]; ++x)
             for (int y = first[1]; y <= last[1]; ++y)
@@ -78,9 +75,10 @@ public:
     }
 
 private:
-    static constexpr double kFar = 1 << 30;
+    /// Largest index of a cube. [derived: an int, with room]
+    static constexpr double kMaxIndex = 1 << 30;
 
-    /// Of blocks whose voxels have ints for indices, and of their parents.
+    /// Key of a block whose voxels have ints for indices, or of its parents.
     static std::uint64_t key(const Vec3i& b)
     {
         const auto bits = [](int v) { return std::uint64_t(v) & 0x1fffff; };
@@ -92,22 +90,21 @@ private:
     std::vector<std::unordered_set<std::uint64_t>> mLevels;
 };
 
-/// What a deformation does to a field's bounds and slope.
+/// Bounds and steepness of a deformed field.
 struct Deformed {
     Box3d bounds;
     double steepness = 0;
 };
 
-/// Goes through cubes that fill the field's bounds: the smaller they are, the better is known what
-/// a warp does to them.
+/// Bounds and steepness over cubes that fill the field's bounds: smaller cubes give tighter bounds.
 Deformed measureWarp(const Source& source, const Warp& warp)
 {
-    constexpr double kCubes = 24; // along the longest side
+    constexpr double kCubesPerSide = 24; ///< cubes along the longest side [tuned: warp_test]
     const Box3d box = source.field().bounds();
     Deformed result;
     if (box.isEmpty()) return result;
-    const double edge = std::max(box.sizes().maxCoeff() / kCubes, 1e-300);
-    const Vec3i count = (box.sizes() / edge).array().ceil().max(1.0).min(kCubes).cast<int>();
+    const double edge = std::max(box.sizes().maxCoeff() / kCubesPerSide, 1e-300);
+    const Vec3i count = (box.sizes() / edge).array().ceil().max(1.0).min(kCubesPerSide).cast<int>();
     const Vec3d size = box.sizes().cwiseQuotient(count.cast<double>());
     for (int x = 0; x < count[0]; ++x)
         for (int y = 0; y < count[1]; ++y)
@@ -130,12 +127,12 @@ Deformed measureWarp(const Source& source, const Warp& warp)
 class WarpedField final : public PointField
 {
 public:
-    /// @param scale  of the values: a similarity's.
+    /// @param scale  factor of the values; other than 1 for similarities.
     WarpedField(Source source, std::shared_ptr<const Warp> warp, const Deformed& deformed,
                 double scale, bool isDistance)
         : mSource(std::move(source)), mWarp(std::move(warp)), mBounds(deformed.bounds),
           mSteepness(deformed.steepness), mScale(scale), mIsDistance(isDistance),
-          mStep(isFinite(mBounds) ? 1e-6 * mBounds.diagonal().norm() : 1e-3)
+          mStep(isFinite(mBounds) ? kRelativeStep * mBounds.diagonal().norm() : 1e-3)
     {
     }
 
@@ -189,8 +186,8 @@ public:
         return mSource.field().countData(about(mWarp->inverse(center), radius), limit);
     }
 
-    /// A field that is only known to tell the distance near its zero set has seeds of its own:
-    /// wanted are the blocks whose origins they meet.
+    /// A source that is a distance only near its zero set has seeds of its own: the blocks that
+    /// these are moved to.
     std::vector<Vec3i> seedsWithin(const Lattice& lattice, const Box3d& box) const override
     {
         if (mSource.points() || mSource.field().bounds().isEmpty())
@@ -208,7 +205,7 @@ private:
     {
         return Box3d(center - Vec3d::Constant(radius), center + Vec3d::Constant(radius));
     }
-    /// What comes from a ball lies in a ball of this radius.
+    /// Radius of a ball that holds the inverse of a ball.
     double sourceRadius(const Vec3d& center, double radius) const
     {
         return radius > 0 ? radius * mWarp->stretch(about(center, radius)) : 0;
@@ -219,7 +216,7 @@ private:
     Box3d mBounds;
     double mSteepness, mScale;
     bool mIsDistance;
-    double mStep; ///< of differences
+    double mStep; ///< of central differences, world units
 };
 
 /// A field scaled and translated, whose lattices are lattices of the field itself.
@@ -301,16 +298,18 @@ private:
 
 FieldPtr makeMovedField(FieldPtr field, const Eigen::Affine3d& motion)
 {
-    constexpr double kSingular = 1e-9; // smallest to largest
+    /// Smallest to largest singular value of a motion with an inverse. [derived: seven digits of
+    /// the inverse are left]
+    constexpr double kMinSingularRatio = 1e-9;
     const Eigen::Matrix3d& linear = motion.linear();
     const bool finite = motion.matrix().allFinite();
     if (finite) {
         const Eigen::JacobiSVD<Eigen::Matrix3d> svd(linear);
-        if (!(svd.singularValues()[2] > kSingular * svd.singularValues()[0]))
-            throw UsageError("motion: it has no inverse, it makes everything flat. Scale by "
+        if (!(svd.singularValues()[2] > kMinSingularRatio * svd.singularValues()[0]))
+            throw UsageError("motion: it has no inverse, as it flattens everything. Scale by "
                              "numbers other than 0");
     } else {
-        throw UsageError("motion: it is not finite");
+        throw UsageError("motion: it is not finite. Give finite numbers");
     }
     Source source(field);
     const double scale = linear(0, 0);

@@ -1,12 +1,10 @@
-// Twist, bend, taper along an axis; and a user's own.
-#include <mpuvdb/fields.h>
-
+// Twist, bend and taper along an axis; user-defined warps.
 #include <mpuvdb/error.h>
-
-#include <fmt/format.h>
+#include <mpuvdb/fields.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 #include <limits>
 
 namespace mpuvdb
@@ -41,7 +39,7 @@ public:
 
     Vec3d local(const Vec3d& p) const { return mTurn.transpose() * (p - mOrigin); }
     Vec3d world(const Vec3d& q) const { return mOrigin + mTurn * q; }
-    /// A box of the world in these coordinates: no smaller than the world's.
+    /// A box around @a box in these coordinates.
     Box3d local(const Box3d& box) const
     {
         return turned(box, mTurn.transpose(), local(box.center()));
@@ -65,8 +63,8 @@ private:
     Eigen::Matrix3d mTurn;
 };
 
-/// The farthest that @a box (local) reaches from the axis.
-double farthest(const Box3d& box)
+/// Largest distance from the axis in @a box (local).
+double largestRadius(const Box3d& box)
 {
     return box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).head<2>().norm();
 }
@@ -95,14 +93,14 @@ public:
     {
         const Box3d from = mFrame.local(box);
         const Vec3d q = mFrame.local(Vec3d(box.center()));
-        const double reach = stretchAt(farthest(from)) * box.diagonal().norm() / 2;
-        const Box3d to = cylinder(farthest(from), from.min().z(), from.max().z())
+        const double reach = stretchAt(largestRadius(from)) * box.diagonal().norm() / 2;
+        const Box3d to = cylinder(largestRadius(from), from.min().z(), from.max().z())
                              .intersection(ball(turned(q, mAngle * q.z()), reach));
         return mFrame.world(to);
     }
     double stretch(const Box3d& image) const override
     {
-        return stretchAt(farthest(mFrame.local(image)));
+        return stretchAt(largestRadius(mFrame.local(image)));
     }
 
 private:
@@ -111,15 +109,15 @@ private:
         const double c = std::cos(angle), s = std::sin(angle);
         return {c * q.x() - s * q.y(), s * q.x() + c * q.y(), q.z()};
     }
-    /// Turning apart from a shear along the axis, the same there and back.
+    /// Largest singular value at @a radius: that of a shear along the axis, there and back.
     double stretchAt(double radius) const { return norm2(1, std::abs(mAngle) * radius); }
 
     Frame mFrame;
     double mAngle;
 };
 
-/// In the plane of axis and side, with the circle's center at (radius, from): what lies along the
-/// axis is rolled onto the circle.
+/// What lies along the axis is rolled onto a circle in the plane of axis and side, with its center
+/// at (radius, from).
 class Bend final : public Warp
 {
 public:
@@ -135,7 +133,7 @@ public:
         const double whole = mLength / mRadius;
         const double u = q.z() - mFrom, v = mRadius - q.x();
         double angle = std::atan2(u, v);
-        // What lies beyond either end belongs to the nearer one.
+        // Beyond both ends the nearer one counts.
         const double opposite = whole / 2 - M_PI;
         if (angle < opposite) angle += 2 * M_PI;
         if (angle <= 0) return p;
@@ -159,7 +157,7 @@ public:
     {
         const Box3d box = mFrame.local(image);
         if (box.max().z() <= mFrom && box.max().x() < mRadius) return 1;
-        // Two lower bounds of the distance from the circle's axis.
+        // The larger of two lower bounds of the distance from the circle's axis.
         const Vec3d q = mFrame.local(Vec3d(image.center()));
         const double middle = std::hypot(q.z() - mFrom, mRadius - q.x());
         const Vec3d axis(mRadius, q.y(), mFrom);
@@ -204,16 +202,17 @@ public:
         const double f = factor(q.z());
         const Factors factors = factorsOf(from);
         const double reach =
-            norm2(factors.high, farthest(from) * factors.slope) * box.diagonal().norm() / 2;
-        const Box3d to = cylinder(factors.high * farthest(from), from.min().z(), from.max().z())
-                             .intersection(ball({f * q.x(), f * q.y(), q.z()}, reach));
+            norm2(factors.high, largestRadius(from) * factors.slope) * box.diagonal().norm() / 2;
+        const Box3d to =
+            cylinder(factors.high * largestRadius(from), from.min().z(), from.max().z())
+                .intersection(ball({f * q.x(), f * q.y(), q.z()}, reach));
         return mFrame.world(to);
     }
     double stretch(const Box3d& image) const override
     {
         const Box3d box = mFrame.local(image);
         const Factors factors = factorsOf(box);
-        const double shear = farthest(box) * factors.slope / (factors.low * factors.low);
+        const double shear = largestRadius(box) * factors.slope / (factors.low * factors.low);
         return norm2(1 / factors.low, shear);
     }
 
@@ -245,13 +244,13 @@ public:
     double stretch(const Box3d& /*image*/) const override { return 1; }
 };
 
-/// The place @a from, which @a p comes from. @throws InputError unless it is finite, where @a p is:
-/// boxes without end are asked for, too.
-const Vec3d& demandPlace(const Vec3d& from, const Vec3d& p)
+/// @return @a from, which is moved to @a p. @throws InputError unless it is finite; where @a p, a
+/// corner of an infinite box, is not, neither need be.
+const Vec3d& requireFinitePlace(const Vec3d& from, const Vec3d& p)
 {
     if (from.allFinite() || !p.allFinite()) return from;
     throw InputError(fmt::format("warp: the place that ({}, {}, {}) comes from is not finite. Make "
-                                 "it one everywhere about the bounds",
+                                 "it finite within and around the bounds",
                                  p[0], p[1], p[2]));
 }
 
@@ -263,7 +262,7 @@ public:
         : mInverse(std::move(inverse)), mImage(std::move(image)), mStretch(stretch)
     {
     }
-    Vec3d inverse(const Vec3d& p) const override { return demandPlace(mInverse(p), p); }
+    Vec3d inverse(const Vec3d& p) const override { return requireFinitePlace(mInverse(p), p); }
     Box3d image(const Box3d& box) const override { return mImage(box); }
     double stretch(const Box3d& /*image*/) const override { return mStretch; }
 
@@ -292,7 +291,7 @@ public:
     void inverses(const std::vector<Vec3d>& points, std::vector<Vec3d>& from) const override
     {
         mInverses(points, from);
-        for (std::size_t n = 0; n < points.size(); ++n) demandPlace(from[n], points[n]);
+        for (std::size_t n = 0; n < points.size(); ++n) requireFinitePlace(from[n], points[n]);
     }
     bool inBatches() const override { return true; }
 
@@ -300,14 +299,14 @@ private:
     PlacesFunction mInverses;
 };
 
-void demandWarp(bool functions, double stretch)
+void requireWarp(bool functions, double stretch)
 {
     if (!functions) throw UsageError("warp: its inverse and its image must be functions");
     if (!(stretch > 0) || !std::isfinite(stretch))
         throw UsageError(fmt::format("warp: its stretch is {}; it must be above 0", stretch));
 }
 
-void demandRange(const char* what, double from, double to)
+void requireRange(const char* what, double from, double to)
 {
     if (!(from < to) || !std::isfinite(from) || !std::isfinite(to))
         throw UsageError(fmt::format("{}: it goes from {} to {} along the axis; the second must be "
@@ -328,7 +327,7 @@ std::shared_ptr<const Warp> makeTwist(const Axis& axis, double angle)
 std::shared_ptr<const Warp> makeBend(const Axis& axis, const Vec3d& side, double curvature,
                                      double from, double to)
 {
-    demandRange("bend", from, to);
+    requireRange("bend", from, to);
     const double angle = std::abs(curvature) * (to - from);
     if (!(angle <= 2 * M_PI))
         throw UsageError(fmt::format("bend: a curvature of {} over a length of {} is more than a "
@@ -342,7 +341,7 @@ std::shared_ptr<const Warp> makeBend(const Axis& axis, const Vec3d& side, double
 std::shared_ptr<const Warp> makeTaper(const Axis& axis, double from, double to, double factorFrom,
                                       double factorTo)
 {
-    demandRange("taper", from, to);
+    requireRange("taper", from, to);
     const double ratio = factorTo / factorFrom;
     if (!(factorFrom > 0 && ratio > 0) || !std::isfinite(factorFrom) || !std::isfinite(ratio))
         throw UsageError(fmt::format("taper: its factors are {} and {}; they must be above 0",
@@ -353,14 +352,14 @@ std::shared_ptr<const Warp> makeTaper(const Axis& axis, double from, double to, 
 std::shared_ptr<const Warp> makeWarp(std::function<Vec3d(const Vec3d&)> inverse,
                                      std::function<Box3d(const Box3d&)> image, double stretch)
 {
-    demandWarp(inverse && image, stretch);
+    requireWarp(inverse && image, stretch);
     return std::make_shared<UserWarp>(std::move(inverse), std::move(image), stretch);
 }
 
 std::shared_ptr<const Warp> makeWarp(PlacesFunction inverse,
                                      std::function<Box3d(const Box3d&)> image, double stretch)
 {
-    demandWarp(inverse && image, stretch);
+    requireWarp(inverse && image, stretch);
     return std::make_shared<BatchWarp>(std::move(inverse), std::move(image), stretch);
 }
 

@@ -2,13 +2,12 @@
 #include "atomic_file.h"
 #include <mpuvdb/error.h>
 
-#include <fmt/format.h>
-
 #include <atomic>
 #include <cerrno>
 #include <climits>
 #include <cstring>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/stat.h>
 #include <thread>
 #include <unistd.h>
@@ -20,7 +19,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-/// What a signal handler can read: a path of fixed size behind a lock-free state.
+/// A path of fixed size behind a lock-free state, for signal handlers to read.
 struct Slot {
     enum State : int { Free, Filling, Live, Removing, Removed };
     std::atomic<int> state{Free};
@@ -28,8 +27,9 @@ struct Slot {
 };
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler reads it");
 
-constexpr int kSlots = 64;
-Slot gSlots[kSlots];
+/// Most files written at once. [free: a table's size]
+constexpr int kMaxFiles = 64;
+Slot gSlots[kMaxFiles];
 std::atomic<unsigned> gCounter{0};
 
 std::string reason(int error)
@@ -45,10 +45,10 @@ Slot& claimSlot(const fs::path& file)
     }
     throw IoError(
         fmt::format("{}: {} files are being written at once already. Write fewer at a time",
-                    file.string(), kSlots));
+                    file.string(), kMaxFiles));
 }
 
-/// The temporary file: listed for removeTemporaryFiles() before it exists, removed unless renamed.
+/// A temporary file: listed for removeTemporaryFiles() before it exists, removed unless renamed.
 class TemporaryFile
 {
 public:
@@ -95,7 +95,7 @@ public:
 private:
     void create(const fs::path& target)
     {
-        // Long names are cut so that what is added to them still fits.
+        // Cut so that the additions fit within the limit of 255 bytes.
         const std::string stem = target.filename().string().substr(0, 200);
         for (;;) {
             mPath = target.parent_path() /
@@ -125,7 +125,7 @@ private:
                                   target.string(), folder.string(), reason(error)));
     }
 
-    /// Gives the slot back, after a removal that may be under way in a signal handler.
+    /// Free the slot, after a removal that may be under way in a signal handler.
     void release()
     {
         for (;;) {
@@ -141,10 +141,10 @@ private:
     bool mRenamed = false;
 };
 
-/// The file that a name stands for: links are written through, like by any other program.
+/// The file that a name stands for: symbolic links are followed.
 fs::path resolveLinks(fs::path file)
 {
-    constexpr int kMaxLinks = 40;
+    constexpr int kMaxLinks = 40; ///< links in a row [derived: as Linux]
     const fs::path given = file;
     std::error_code error;
     for (int i = 0; i < kMaxLinks; ++i) {
@@ -176,8 +176,8 @@ void refuseUnwritable(const fs::path& target)
                                   target.string(), reason(errno)));
 }
 
-/// Makes a rename outlast a power cut. The new file is in place already, and file systems that
-/// cannot flush a folder say so here: there is nothing to undo.
+/// Make a rename outlast a power cut. Errors are ignored: the file is in place, and some file
+/// systems cannot flush a folder.
 void flushFolder(const fs::path& target)
 {
     const fs::path folder = target.parent_path().empty() ? "." : target.parent_path();

@@ -1,4 +1,4 @@
-// Output appears whole or not at all.
+// Files that appear whole or not at all.
 #pragma once
 #include <filesystem>
 #include <functional>

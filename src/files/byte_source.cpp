@@ -3,12 +3,11 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -18,6 +17,7 @@ namespace mpuvdb
 namespace
 {
 
+/// Bytes of one read. [free: time against memory]
 constexpr std::size_t kChunk = std::size_t(1) << 20;
 
 [[noreturn]] void throwCannotRead(const std::string& name, int error)
@@ -65,7 +65,7 @@ void ByteSource::readPipe(Interrupter& progress)
     for (;;) {
         progress.check();
         pollfd ready{mFile, POLLIN, 0};
-        const int polled = poll(&ready, 1, 100); // wakes up to see a request to stop
+        const int polled = poll(&ready, 1, 100); // milliseconds until the next check for a stop
         if (polled < 0 && errno != EINTR) throwCannotRead(mName, errno);
         if (polled <= 0) continue;
         mPiped.resize(mSize + kChunk);

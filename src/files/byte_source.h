@@ -13,8 +13,8 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// An input opened for reading at any offset, from many threads. Nothing is mapped, so what has
-/// been read does not stay resident.
+/// An input that can be read at any offset, from many threads. It is not mapped to memory, so that
+/// what has been read does not stay resident.
 class ByteSource
 {
 public:
@@ -24,7 +24,7 @@ public:
     ByteSource(const ByteSource&) = delete;
     ByteSource& operator=(const ByteSource&) = delete;
 
-    /// As the user wrote it; "stdin" for "-".
+    /// The name as the user wrote it; "stdin" for "-".
     const std::string& name() const { return mName; }
     std::uint64_t size() const { return mSize; }
     /// Copy the @a bytes at @a offset. @return how many there were (fewer only at the end).
@@ -33,7 +33,7 @@ public:
     void read(std::uint64_t offset, char* to, std::size_t bytes) const;
     /// The first @a bytes, or all there are.
     std::string head(std::size_t bytes) const;
-    /// What commas are in its text: the first reader of lines that can tell tells all of them.
+    /// The meaning of commas in its text, set by the first reader of lines that can decide.
     Commas commas() const { return mCommas.load(std::memory_order_relaxed); }
     void setCommas(Commas commas) const { mCommas.store(commas, std::memory_order_relaxed); }
 

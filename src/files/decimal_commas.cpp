@@ -14,7 +14,7 @@ bool isSign(char c)
     return c == '+' || c == '-';
 }
 
-/// What parts fields whatever commas mean.
+/// Whether @a c separates fields whatever commas mean.
 bool isGap(char c)
 {
     return c != ',' && (isSeparator(c) || c == '"');
@@ -43,7 +43,7 @@ bool isNumeric(std::string_view text)
            text.front() != 'e' && text.front() != 'E';
 }
 
-/// Takes the parts of a number off its front.
+/// Parser of the parts of a number.
 class NumberParts
 {
 public:
@@ -76,7 +76,7 @@ public:
         }
         return any;
     }
-    /// Nothing but an exponent is left.
+    /// Whether nothing but an exponent is left.
     bool ends()
     {
         if (mark('e') || mark('E')) {
@@ -90,7 +90,7 @@ private:
     std::string_view mText;
 };
 
-/// 1,5 or -,5 or 1,5e+03
+/// Whether @a text is like 1,5 or -,5 or 1,5e+03.
 bool isDecimal(std::string_view text)
 {
     NumberParts parts(text);
@@ -98,7 +98,8 @@ bool isDecimal(std::string_view text)
     return parts.mark(',') && !parts.digits().empty() && parts.ends();
 }
 
-/// 1,234 or 1,234.5 with ',' and '.'; 1.234 or 1.234,5 with '.' and ','
+/// Whether @a text is like 1,234 or 1,234.5 with ',' and '.'; like 1.234 or 1.234,5 with '.' and
+/// ','.
 bool isGrouped(std::string_view text, char separator, char point)
 {
     NumberParts parts(text);

@@ -1,4 +1,4 @@
-// What the commas in a text of numbers are: decimal points, or separators.
+// The meaning of commas in a text of numbers: decimal points, or separators.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -9,38 +9,39 @@
 namespace mpuvdb
 {
 
-/// What the commas of a whole input are.
+/// Meaning of the commas of a whole input.
 enum class Commas : std::uint8_t {
-    Unknown,  ///< no row of numbers has told so far
+    Unknown,  ///< not decided so far
     Separate, ///< they stand between values
     Decimal   ///< they stand for decimal points
 };
 
-/// Gathers what rows of numbers say of their commas. A comma between two characters of numbers may
-/// belong to one number or part two; one beside a blank, semicolon, quote or comma parts.
+/// Evidence from rows of numbers about the meaning of their commas. A comma between two characters
+/// of numbers may belong to one number or separate two; beside a blank, semicolon, quote or comma
+/// it separates.
 class CommaEvidence
 {
 public:
-    /// Look at a line. Lines that are not at least three numbers, after words, say nothing.
+    /// Add a line. Lines without at least three numbers, after words, are no evidence.
     void add(std::string_view line);
     /// Rows of numbers with commas so far.
     std::size_t rows() const { return mRows; }
-    /// The meaning under which the rows are those of a table. A table has one separator: where
-    /// blanks part numbers, commas do not. None where two meanings fit, or commas part thousands.
+    /// The meaning under which the rows are those of a table, which has one separator. None where
+    /// two meanings fit, or commas separate thousands.
     std::optional<Commas> decide() const;
 
 private:
     struct Field {
         std::string_view text;
-        bool quoted = false;  ///< stands within quotes
+        bool quoted = false;  ///< within quotes
         bool byComma = false; ///< a comma stands between it and what is before
     };
     struct Row {
         std::vector<Field> numbers;
-        bool words = false;   ///< stand before them
+        bool words = false;   ///< words stand before the numbers
         bool leading = false; ///< a comma has a blank before and a digit after it
     };
-    /// How many numbers the rows have.
+    /// Range of the count of numbers per row.
     struct Counts {
         std::size_t least = SIZE_MAX, most = 0;
         void add(std::size_t count);
@@ -50,27 +51,27 @@ private:
 
     static Row split(std::string_view line);
     void addNumber(const Field& field);
-    /// Whole numbers with commas between may be pairs of what stands before and behind a decimal
-    /// comma. @return whether they cannot be else: nobody writes whole numbers as "-0" or "05".
+    /// Look for numbers with decimal commas in a list of whole numbers and commas. @return whether
+    /// it can be nothing else: nobody writes whole numbers as "-0" or "05".
     bool addPairs(std::string_view list);
 
     std::size_t mRows = 0;
     bool mInner = false;       ///< a comma stands within a number or list
-    bool mBare = false;        ///< numbers are parted without a comma in a row that has one inside
-    bool mByComma = false;     ///< numbers are parted by a comma beside a blank or quote
-    bool mQuoted = true;       ///< every comma that stands inside does so within quotes
+    bool mBare = false;        ///< numbers are separated without a comma in a row that has one
+    bool mByComma = false;     ///< numbers are separated by a comma beside a blank or quote
+    bool mQuoted = true;       ///< every comma within a number is within quotes
     bool mLeading = false;     ///< a number may begin with a comma
-    bool mDecimal = true;      ///< all that have a comma are like 1,5, and none has a point
-    bool mThousands = true;    ///< all are like 1,234 or 1,234.5
-    bool mEuropean = true;     ///< all are like 1.234,5 or 1,5, those without a comma like 1.234
+    bool mDecimal = true;      ///< all numbers with a comma are like 1,5, and none has a point
+    bool mThousands = true;    ///< all such numbers are like 1,234 or 1,234.5
+    bool mEuropean = true;     ///< all are like 1.234,5 or 1,5; those without a comma like 1.234
     bool mSmallWhole = false;  ///< a whole number other than 0 has no comma
-    bool mList = false;        ///< one is a list of numbers, like 1.5,2.5 or 1,2,3
+    bool mList = false;        ///< there is a list of numbers, like 1.5,2.5 or 1,2,3
     bool mPairs = true;        ///< lists may be pairs around decimal commas
-    bool mMustBePairs = false; ///< and some have to be
+    bool mMustBePairs = false; ///< some lists have to be
     Counts mIfDecimal, mIfSeparate;
 };
 
-/// Make the decimal commas of a line points, and quotes around its numbers blanks.
+/// Turn the decimal commas of a line into points, and quotes around its numbers into blanks.
 void commasToPoints(char* begin, char* end);
 
 } // namespace mpuvdb

@@ -1,24 +1,23 @@
 #include "line_reader.h"
 
 #include "text_scan.h"
-
 #include <mpuvdb/error.h>
 
-#include <fmt/format.h>
-
 #include <algorithm>
+#include <fmt/format.h>
 
 namespace mpuvdb
 {
 namespace
 {
 
-constexpr std::size_t kPiece = std::size_t(4) << 20;
+/// Least bytes of one read, and bytes of one batch of lines. [free: time against memory]
+constexpr std::size_t kReadBytes = std::size_t(4) << 20;
 constexpr std::size_t kBatchBytes = std::size_t(256) << 10;
-/// Rows with commas that are asked what commas are, at most. [derived: what is hardest to see are
-/// decimal commas without another separator, which a fraction's leading zero gives away; that a row
-/// of three numbers has none has the probability 0.9^3, that as many rows have none 1e-137]
-constexpr std::size_t kTellingRows = 1000;
+/// Most rows with commas that are looked at. [derived: decimal commas without another separator
+/// show by a fraction's leading zero, which a row of three numbers lacks with probability 0.9^3,
+/// and all these rows with 1e-137]
+constexpr std::size_t kMaxEvidenceRows = 1000;
 
 bool isBlank(const char* begin, const char* end)
 {
@@ -37,12 +36,11 @@ LineReader::LineReader(const ByteSource& source, std::uint64_t offset, std::uint
         mAt = kByteOrderMark.size();
     const auto begin = mBuffer.begin(), end = begin + std::ptrdiff_t(mEnd);
     if (std::find(begin, end, '\n') == end && std::find(begin, end, '\r') != end) mNewline = '\r';
-    learnCommas();
+    detectCommas();
 }
 
-// Until the first rows with commas have told, each piece is searched for them: what had none reads
-// the same either way.
-void LineReader::learnCommas()
+// Each piece is searched until the meaning is decided: text without commas reads the same.
+void LineReader::detectCommas()
 {
     mDecimalCommas = mSource.commas() == Commas::Decimal;
     if (mSource.commas() != Commas::Unknown) return;
@@ -50,31 +48,31 @@ void LineReader::learnCommas()
     const bool isLast = mBase + mEnd >= mSource.size();
     const std::size_t end = isLast ? piece.size() : piece.rfind(mNewline) + 1; // none: 0
     CommaEvidence evidence;
-    std::string_view telling;
-    for (std::size_t at = piece.find(','); at < end && evidence.rows() < kTellingRows;) {
+    std::string_view firstRow;
+    for (std::size_t at = piece.find(','); at < end && evidence.rows() < kMaxEvidenceRows;) {
         const std::size_t begin = at == 0 ? 0 : piece.rfind(mNewline, at - 1) + 1;
         const std::size_t after = std::min(piece.find(mNewline, at), end);
         const std::size_t before = evidence.rows();
         evidence.add(piece.substr(begin, after - begin));
-        if (before == 0 && evidence.rows() > 0) telling = piece.substr(begin, after - begin);
+        if (before == 0 && evidence.rows() > 0) firstRow = piece.substr(begin, after - begin);
         at = piece.find(',', after);
     }
     const auto commas = evidence.decide();
-    if (!commas) throwUnclearCommas(telling);
-    const bool areOuter = *commas == Commas::Unknown && evidence.rows() == kTellingRows;
-    mSource.setCommas(areOuter ? Commas::Separate : *commas);
+    if (!commas) throwAmbiguousCommas(firstRow);
+    const bool onlySeparate = *commas == Commas::Unknown && evidence.rows() == kMaxEvidenceRows;
+    mSource.setCommas(onlySeparate ? Commas::Separate : *commas);
     mDecimalCommas = *commas == Commas::Decimal;
 }
 
-void LineReader::throwUnclearCommas(std::string_view row) const
+void LineReader::throwAmbiguousCommas(std::string_view row) const
 {
     const char* const first = mBuffer.data() + mAt;
     const auto number = mLine + 1 + std::uint64_t(std::count(first, row.data(), mNewline));
-    throw InputError(fmt::format(
-        "{}: line {}: {}: whether a comma is a decimal comma, parts thousands or stands "
-        "between two numbers, the file does not tell. Export it with decimal points and "
-        "without separators of thousands, or with ';' between the columns.",
-        mSource.name(), number, inQuotes(row)));
+    throw InputError(
+        fmt::format("{}: line {}: {}: it is not clear whether commas are decimal commas, separate "
+                    "thousands, or separate numbers. Export the file with decimal points and "
+                    "without separators of thousands, or with ';' between the columns.",
+                    mSource.name(), number, inQuotes(row)));
 }
 
 bool LineReader::refill()
@@ -87,7 +85,7 @@ bool LineReader::refill()
     // A line longer than the buffer (a strip of a million triangles) makes it grow.
     const std::uint64_t left = mSource.size() - std::min(mSource.size(), mBase + mEnd);
     const std::size_t wanted =
-        mEnd + std::size_t(std::min<std::uint64_t>(left, std::max(kPiece, mEnd)));
+        mEnd + std::size_t(std::min<std::uint64_t>(left, std::max(kReadBytes, mEnd)));
     if (mBuffer.size() < wanted) mBuffer.resize(wanted);
     const std::size_t got = mSource.readSome(mBase + mEnd, mBuffer.data() + mEnd, wanted - mEnd);
     mEnd += got;
@@ -119,7 +117,7 @@ bool LineReader::nextLine(const char*& begin, const char*& end, bool whole)
         if (whole) return false;
         searched = left;
         if (refill()) {
-            learnCommas();
+            detectCommas();
             continue;
         }
         if (left == 0) return false;

@@ -1,26 +1,24 @@
 // The lines of a text input: one by one, or in batches that threads parse side by side.
 #pragma once
 #include "byte_source.h"
-
 #include <mpuvdb/interrupter.h>
-
-#include <tbb/parallel_for.h>
 
 #include <cstring>
 #include <exception>
 #include <string_view>
+#include <tbb/parallel_for.h>
 #include <vector>
 
 namespace mpuvdb
 {
 
-/// Some whole lines, valid until the reader moves on.
+/// Whole lines, valid until the reader's next call.
 struct LineBatch {
     const char* begin = nullptr;
     const char* end = nullptr;
     char newline = '\n';
     std::uint64_t firstLine = 1; ///< number of the first line in its file
-    std::size_t lines = 0;       ///< those that are not blank
+    std::size_t lines = 0;       ///< lines that are not blank
 };
 
 /// Reads lines that end in LF, CRLF or, in files that have no LF, CR. Holds one piece of the input.
@@ -28,26 +26,26 @@ struct LineBatch {
 class LineReader
 {
 public:
-    /// @throws InputError, as all that reads on, where commas may be decimal or may not.
+    /// @throws InputError, as all that reads on, where the meaning of commas is not clear.
     explicit LineReader(const ByteSource& source, std::uint64_t offset = 0,
                         std::uint64_t linesBefore = 0);
     /// The next line that is not blank, without its end; valid until the next call.
     /// @return false at the end of the input.
     bool next(std::string_view& line);
-    /// Number of the line that next() gave last.
+    /// Number of the last line of next(), from 1.
     std::uint64_t line() const { return mLine; }
-    /// Byte after the lines read so far.
+    /// Offset of the byte after the lines read so far.
     std::uint64_t offset() const { return mBase + mAt; }
-    /// Some of the next @a maxLines lines that are not blank, cut for parallel work; none at the
-    /// end.
+    /// Batches, for parallel work, of some of the next @a maxLines lines that are not blank; none
+    /// at the end.
     std::vector<LineBatch> nextBatches(std::uint64_t maxLines);
 
 private:
-    /// @param whole  only if it lies in the buffer whole, which then does not move.
+    /// @param whole  take the line only if it is all in the buffer, which then does not move.
     bool nextLine(const char*& begin, const char*& end, bool whole = false);
     bool refill();
-    void learnCommas();
-    [[noreturn]] void throwUnclearCommas(std::string_view row) const;
+    void detectCommas();
+    [[noreturn]] void throwAmbiguousCommas(std::string_view row) const;
     void takeLine(std::size_t bytes, const char*& begin, const char*& end);
 
     const ByteSource& mSource;

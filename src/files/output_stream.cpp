@@ -3,10 +3,9 @@
 #include "atomic_file.h"
 #include <mpuvdb/error.h>
 
-#include <fmt/format.h>
-
 #include <cerrno>
 #include <cstring>
+#include <fmt/format.h>
 #include <fstream>
 #include <iostream>
 
@@ -15,8 +14,8 @@ namespace mpuvdb
 namespace
 {
 
-void fill(std::ostream& stream, const std::string& name,
-          const std::function<void(OutputBuffer&)>& write)
+void writeThrough(std::ostream& stream, const std::string& name,
+                  const std::function<void(OutputBuffer&)>& write)
 {
     OutputBuffer buffer(stream);
     errno = 0;
@@ -33,12 +32,12 @@ void fill(std::ostream& stream, const std::string& name,
 void writeStream(const std::filesystem::path& file, const std::function<void(OutputBuffer&)>& write)
 {
     if (file == "-") {
-        fill(std::cout, "stdout", write);
+        writeThrough(std::cout, "stdout", write);
         return;
     }
     writeAtomically(file, [&](const std::filesystem::path& temporary) {
         std::ofstream stream(temporary, std::ios::binary);
-        fill(stream, file.string(), write);
+        writeThrough(stream, file.string(), write);
     });
 }
 

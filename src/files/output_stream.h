@@ -1,4 +1,4 @@
-// A buffered output file that notices when it cannot be written.
+// Buffered output whose errors are reported.
 #pragma once
 #include <filesystem>
 #include <functional>
@@ -9,7 +9,7 @@
 namespace mpuvdb
 {
 
-/// Collects bytes and hands them to a stream in pieces.
+/// A buffer before a stream.
 class OutputBuffer
 {
 public:
@@ -21,7 +21,7 @@ public:
         const char* from = static_cast<const char*>(data);
         mBytes.insert(mBytes.end(), from, from + size);
     }
-    /// Little-endian bytes of a number.
+    /// Append the little-endian bytes of a number.
     template <class T>
     void value(T number)
     {
@@ -30,7 +30,7 @@ public:
     void text(std::string_view words) { append(words.data(), words.size()); }
     void flushIfFull()
     {
-        if (mBytes.size() > kFull) flush();
+        if (mBytes.size() > kFlushBytes) flush();
     }
     void flush()
     {
@@ -39,13 +39,14 @@ public:
     }
 
 private:
-    static constexpr std::size_t kFull = std::size_t(1) << 20;
+    /// Bytes from which on the buffer is flushed. [free: time against memory]
+    static constexpr std::size_t kFlushBytes = std::size_t(1) << 20;
 
     std::ostream& mStream;
     std::vector<char> mBytes;
 };
 
-/// Have @a write fill @a file, which appears whole or not at all; "-" is stdout.
+/// Write @a file by calling @a write; it appears whole or not at all; "-" is stdout.
 /// @throws IoError if the bytes cannot be written.
 void writeStream(const std::filesystem::path& file,
                  const std::function<void(OutputBuffer&)>& write);

@@ -10,13 +10,13 @@ namespace mpuvdb
 namespace
 {
 
+/// Powers of ten that a double holds exactly. [derived: 5^22 < 2^53]
 constexpr std::array<double, 23> kPowersOfTen = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
                                                  1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
                                                  1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
 
-// [Clinger90]: digits of at most 2^53 times or over a power of ten of at most 10^22 are two exact
-// doubles, so that one operation rounds correctly. @return the end, or null where it does not
-// apply.
+// Digits up to 2^53 times or over a power of ten up to 10^22 are two exact doubles, so that one
+// operation rounds correctly [Clinger90]. @return the end, or null where that does not apply.
 const char* scanShortDecimal(const char* at, const char* end, double& value)
 {
     const bool negative = at != end && *at == '-';
@@ -54,7 +54,7 @@ bool isOldStyleNotFinite(std::string_view word)
     return word.find("1.#") != std::string_view::npos;
 }
 
-// What overflows is infinite, what underflows zero: from_chars does not say which it was.
+// Infinity for overflow, zero for underflow: from_chars does not say which it was.
 double beyondDoubles(std::string_view word)
 {
     const std::size_t e = word.find_first_of("eE");
@@ -143,11 +143,12 @@ std::string inQuotes(std::string_view text)
 
 std::string listInQuotes(const std::vector<std::string>& names)
 {
-    constexpr std::size_t kMost = 20;
+    constexpr std::size_t kMaxNames = 20; ///< names listed [free: a message's length]
     std::string list;
-    for (std::size_t n = 0; n < std::min(names.size(), kMost); ++n)
+    for (std::size_t n = 0; n < std::min(names.size(), kMaxNames); ++n)
         list += (n > 0 ? ", " : "") + inQuotes(names[n]);
-    if (names.size() > kMost) list += " and " + std::to_string(names.size() - kMost) + " more";
+    if (names.size() > kMaxNames)
+        list += " and " + std::to_string(names.size() - kMaxNames) + " more";
     return list;
 }
 

@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-/// What separates the values of a line.
+/// Whether @a c separates the values of a line.
 inline bool isSeparator(char c)
 {
     return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r' || c == '\v' || c == '\f';
@@ -19,7 +19,7 @@ inline bool isDigit(char c)
     return c >= '0' && c <= '9';
 }
 
-/// Walks over one line's values.
+/// Reader of one line's values.
 class LineScanner
 {
 public:
@@ -37,10 +37,10 @@ public:
     {
         return atEnd() || *mAt == '#' || (*mAt == '/' && mAt + 1 != mEnd && mAt[1] == '/');
     }
-    /// The next value as a number, correctly rounded; NaN and infinities as text count as numbers,
-    /// what is too large for a double becomes infinite. @return false if it is none (or missing).
+    /// Read a number, correctly rounded; NaN and infinities as text count as numbers, values too
+    /// large for a double become infinite. @return false if it is none (or missing).
     bool number(double& value);
-    /// The next value as an integer. @return false if it is none, or out of range.
+    /// Read an integer. @return false if it is none, or out of range.
     bool integer(std::int64_t& value);
     /// The next value as it stands; empty at the end.
     std::string_view word();
@@ -50,13 +50,13 @@ private:
     const char* mEnd;
 };
 
-/// Walks over the fields of a line that one character separates; those in double quotes may hold
+/// Reader of the fields of a line that one character separates; fields in double quotes may hold
 /// it, and lose the quotes.
 class FieldScanner
 {
 public:
     FieldScanner(std::string_view line, char separator) : mRest(line), mSeparator(separator) {}
-    /// @return false behind the last field.
+    /// Read a field. @return false behind the last one.
     bool next(std::string_view& field);
 
 private:
@@ -65,7 +65,7 @@ private:
     bool mAtEnd = false;
 };
 
-/// @a text with ASCII capitals made small.
+/// @a text in lower case (ASCII).
 std::string lowerCase(std::string_view text);
 
 /// At most 40 characters of @a text, fit for an error message.
@@ -74,7 +74,7 @@ std::string inQuotes(std::string_view text);
 /// The first twenty of @a names, and how many more there are.
 std::string listInQuotes(const std::vector<std::string>& names);
 
-/// @a name with all but letters, digits and _ made _, and no digit first.
+/// @a name as an identifier: all but letters, digits and _ become _, and no digit is first.
 std::string identifier(const std::string& name);
 
 } // namespace mpuvdb

@@ -1,7 +1,6 @@
-// What a fit takes, told by fitting the points of a few cells.
+// Estimates of a fit, from fits of the points of a few cells.
 #include "mpu/fill/coarse_sign.h"
 #include "mpu/octree/octree.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -12,16 +11,19 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kFittedPoints = 1e5;
-constexpr double kPartPoints = 4096; ///< of a part, on the average
-constexpr int kDeepestParts = 6;     ///< level of the octree
-constexpr double kMargin = 0.25;     ///< of a part's edge: what fits in it see of points around it
+constexpr double kTargetPoints = 1e5; ///< points to fit [tuned: estimate_test]
+/// Mean points of a part, and largest level of its cell. [tuned: estimate_test]
+constexpr double kPartPoints = 4096;
+constexpr int kMaxPartLevel = 6;
+/// Margin of points around a part, in its edges, for the balls of its cells. [tuned: estimate_test]
+constexpr double kPartMargin = 0.25;
 
-/// Points beside each other and their key, as SortedPoints holds them.
+/// Bytes of a point in SortedPoints. [derived: a PointBatch's floats and the key]
 constexpr std::uint64_t kPointBytes = 7 * sizeof(float) + sizeof(std::uint64_t);
-/// While they are sorted: two arrays of keys with the points' numbers, and the cloud. Of arrays
-/// that are not large enough to go back to the system at once a part stays.
-constexpr std::uint64_t kSortBytes = 32, kUnusedBytes = 20, kMostUnused = 40 << 20;
+/// Bytes per point while they are sorted. [derived: two arrays of keys with indices]
+constexpr std::uint64_t kSortBytes = 32;
+/// Bytes of freed arrays that stay with the process: per point, and at most. [tuned: estimate_test]
+constexpr std::uint64_t kUnusedBytes = 20, kMaxUnusedBytes = 40 << 20;
 
 /// The cells of one level of the octree that hold points, and which of them are fitted.
 class Parts
@@ -33,18 +35,18 @@ public:
         do {
             ++mLevel;
             markOccupied(cloud);
-        } while (double(mOccupied) < wanted && mLevel < kDeepestParts);
-        const auto step = std::clamp<std::size_t>(std::size_t(double(cloud.size()) / kFittedPoints),
+        } while (double(mOccupied) < wanted && mLevel < kMaxPartLevel);
+        const auto step = std::clamp<std::size_t>(std::size_t(double(cloud.size()) / kTargetPoints),
                                                   1, mOccupied);
         std::size_t seen = 0;
-        // In Morton order, so that they are spread over the surface.
+        // In Morton order, which spreads them over the surface.
         choose({}, [&] { return seen++ % step == step / 2; });
     }
 
-    /// How many times as much as in the parts that are fitted there is in all.
+    /// Ratio of all occupied cells to those fitted.
     double share() const { return double(mOccupied) / double(mChosen); }
 
-    /// The points in, and around, the parts that are fitted.
+    /// The points in and around the parts that are fitted.
     PointCloud pointsOf(const PointCloud& cloud) const
     {
         PointCloud some;
@@ -99,7 +101,7 @@ private:
     bool isNear(const Vec3f& point) const
     {
         const Vec3d p = point.cast<double>();
-        const double margin = kMargin * mRoot.size(mLevel);
+        const double margin = kPartMargin * mRoot.size(mLevel);
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3d side(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
             if (isIn(p + margin * side)) return true;
@@ -132,7 +134,7 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
         if (!parts.isIn(root.center(cell))) return;
         ++leaves;
-        complete &= node.support >= 1 && !tree.fits[node.index].lostInNoise;
+        complete &= node.support >= 1 && !tree.fits[node.index].unresolved;
     });
     progress.endStage();
 
@@ -143,8 +145,9 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     const std::uint64_t cloudBytes =
         cloud.size() * (2 * sizeof(Vec3f) + (cloud.confidence.empty() ? 0 : sizeof(float)));
     const std::uint64_t pointBytes = kPointBytes * cloud.size(),
-                        unused = std::min(kUnusedBytes * cloud.size(), kMostUnused);
-    const std::uint64_t coarseBytes = complete ? 0 : CoarseSign::makingBytes(points, bounds, root);
+                        unused = std::min(kUnusedBytes * cloud.size(), kMaxUnusedBytes);
+    const std::uint64_t coarseBytes =
+        complete ? 0 : CoarseSign::makingPeakBytes(points, bounds, root);
     estimate.bytes = pointBytes + treeBytes + coarseBytes / 16;
     estimate.peakBytes =
         std::max({cloudBytes + kSortBytes * cloud.size(), pointBytes + 2 * treeBytes + unused,

@@ -8,7 +8,6 @@
 #include "mpu/octree/sorted_points.h"
 #include "mpu/sample/leaf_finder.h"
 #include "mpu/sample/mpu_block_sampler.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -19,49 +18,50 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kGradientFloor = 0.8;
+/// Distance below which interpolation's weights stop growing, in radii. [derived: at a point all
+/// other fits together weigh less than a rounding error]
+constexpr double kMinDistanceRatio = 1e-12;
 
-/// Where interpolation's weights stop growing, in radii: at a point all other fits together weigh
-/// less than a rounding error.
-constexpr double kLeastDistance = 1e-12;
+/// Difference of a leaf's value and the coarse field's from which a leaf on the other side fades,
+/// in steps of the coarse field, which bridges unseen walls of cavities and bores.
+/// [tuned: unseen_bench]
+constexpr double kMaxSignDisagreement = 1.5;
 
-/// Steps by which a leaf and the coarse field may differ: unseen walls of cavities and bores are
-/// better told by the fits beside them, which the coarse field bridges.
-constexpr double kVetoSteps = 1.5;
+/// Difference from which a leaf on the same side fades that finds the surface farther away, in
+/// steps. [tuned: hollows_test]
+constexpr double kMaxOvershoot = 0.5;
 
-/// The same where they agree about the side, and the leaf finds the surface farther away.
-constexpr double kOverlookedSteps = 0.5;
+/// Distance from the surface up to which no leaf fades, in steps. [derived: where both differences
+/// allow it whatever the coarse field says]
+constexpr double kMinVetoDistance = std::min(kMaxOvershoot, (kMaxSignDisagreement - 1));
 
-/// Steps from the surface up to which a leaf is believed whatever the coarse field says.
-constexpr double kNeverVetoed = std::min(kOverlookedSteps, (kVetoSteps - 1));
-
-/// How far @a value, a leaf's distance at its center, is out of keeping with the coarse field's
-/// @a other there, in steps of that; above 0 it is not to be believed.
+/// Inconsistency of @a value, a leaf's distance at its center, with the coarse field's @a other
+/// there, in steps: the leaf fades from 0 to 1.
 double disagreement(double value, double other, const CoarseSign& coarse)
 {
     const double own = std::abs(value), step = coarse.step();
-    // A leaf without points knows those beside it, and nothing of a surface that closes a hole
-    // between: it would drag that one towards itself.
+    // A leaf without points continues those beside it, and ignores a surface that closes a hole
+    // between.
     if ((value < 0) == (other < 0))
-        return (std::min(own, coarse.farthest()) - std::abs(other)) / step - kOverlookedSteps;
-    // Data are about as far as the leaf says: the coarse field cannot know more.
+        return (std::min(own, coarse.maxDistance()) - std::abs(other)) / step - kMaxOvershoot;
+    // Data are about as far as the leaf says: beyond, the coarse field means nothing.
     const double believed = std::min(std::abs(other), std::max(own, step));
-    return (own + believed) / step - kVetoSteps;
+    return (own + believed) / step - kMaxSignDisagreement;
 }
 
-/// Radii, in steps of the coarse field, over which it takes over from leaves that are lost in
-/// noise: it averages as they should. For smaller ones it is too coarse.
-constexpr double kSmallLost = 1, kLargeLost = 1.5;
+/// Radii of unresolved leaves, in steps of the coarse field, over which it takes over: it averages
+/// the noise, but is too coarse for smaller leaves. [tuned: noise_bench]
+constexpr double kUnresolvedMinRadius = 1, kUnresolvedMaxRadius = 1.5;
 
-/// 1 up to t = 0, 0 from t = 1 on, smooth.
-double falling(double t)
+/// A smooth step: 1 up to t = 0, 0 from t = 1 on.
+double smoothFall(double t)
 {
     const double x = std::clamp(t, 0.0, 1.0);
     return 1 - x * x * (3 - 2 * x);
 }
 
-/// Take support from leaves that noise has left without a fit, and from those whose distance at the
-/// center is clearly not the whole model's.
+/// Reduce the support of unresolved leaves, and of those whose distance at the center is
+/// inconsistent with the coarse field.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
     tree.forEachLeafParallel([&](OctreeNode& node, const OctreeCell& cell) {
@@ -69,17 +69,18 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         const Vec3d center = tree.root.center(cell);
         const StoredFit& stored = tree.fits[node.index];
         if (tree.holdsItsPoint(cell, stored)) return;
-        if (stored.lostInNoise) {
+        if (stored.unresolved) {
             const double steps = tree.supportRadius(cell.level) / coarse.step();
-            node.support *= float(falling((steps - kSmallLost) / (kLargeLost - kSmallLost)));
+            node.support *= float(smoothFall((steps - kUnresolvedMinRadius) /
+                                             (kUnresolvedMaxRadius - kUnresolvedMinRadius)));
             if (node.support <= 0) return;
         }
         const Vec3d y = center - stored.origin.cast<double>();
         const Quadric q = tree.rulingAt(stored, y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
-        if (std::abs(value) <= kNeverVetoed * coarse.step()) return;
+        if (std::abs(value) <= kMinVetoDistance * coarse.step()) return;
         const double other = coarse.evaluate(center).value;
-        node.support *= float(falling(disagreement(value, other, coarse)));
+        node.support *= float(smoothFall(disagreement(value, other, coarse)));
     });
 }
 
@@ -122,7 +123,7 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Interrupter* in
     impl->points = std::make_unique<SortedPoints>(std::move(cloud), root, progress, copies);
     progress.beginStage("fit");
     impl->tree = buildOctree(*impl->points, root, settings, progress);
-    if (settings.noise > kMovingNoise * settings.tolerance)
+    if (settings.noise > kMinBiasNoise * settings.tolerance)
         removeNoiseBias(impl->tree, *impl->points, settings.noise);
     if (!impl->tree.complete) {
         progress.beginStage("sign");
@@ -167,7 +168,7 @@ double MpuField::Impl::weight(const Vec3d& p, const OctreeCell& cell, const Stor
     const double radius = tree.supportRadius(cell.level);
     const double distance = (p - tree.ballCenter(cell, fit)).norm();
     if (!tree.interpolates()) return bsplineWeight(1.5 * distance / radius);
-    return singularWeight(1 / std::max(distance, kLeastDistance * radius), 1 / radius);
+    return singularWeight(1 / std::max(distance, kMinDistanceRatio * radius), 1 / radius);
 }
 
 /// The sample at @a p from the sums there.
@@ -186,7 +187,7 @@ FieldSample MpuField::Impl::finish(const Blend& sums, const Vec3d& p) const
     }
     if (coarse && support < 1) {
         const FieldSample other = coarse->evaluate(p);
-        const double far = coarse->farthest();
+        const double far = coarse->maxDistance();
         sample.value = support * std::clamp(sample.value, -far, far) + (1 - support) * other.value;
         sample.gradient = support * sample.gradient + (1 - support) * other.gradient;
     }
@@ -230,7 +231,7 @@ std::unique_ptr<PointEvaluator> MpuField::evaluator(double spacing) const
 std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const
 {
     using Block = std::array<int, 3>;
-    constexpr std::size_t kChunk = 1 << 14; // points
+    constexpr std::size_t kChunk = 1 << 14; ///< points of a task [free: grain]
     const PointBatch& points = mImpl->points->points();
     const Vec3d shift = (mImpl->frame - lattice.origin) / lattice.voxelSize;
     const double scale = 1 / lattice.voxelSize;

@@ -14,14 +14,15 @@ namespace mpuvdb
 namespace
 {
 
-constexpr float kFull = 2.5f, kNone = 5; ///< distances in spacings between which coverage falls
-constexpr std::size_t kBucketPoints = 40;
-constexpr std::size_t kNeighbors = 12;  ///< that a spacing is measured with
-constexpr std::size_t kRemembered = 16; ///< points that supported places before
+/// Distances between which coverage falls from 1 to 0, spacings. [tuned: coverage_test]
+constexpr float kFullRatio = 2.5f, kMaxRatio = 5;
+constexpr std::size_t kBucketPoints = 40; ///< points of a bucket [tuned: coverage_test]
+/// Points remembered that supported places before. [free: time]
+constexpr std::size_t kMaxWitnesses = 16;
 
 float coverageOf(float ratio)
 {
-    const float t = std::clamp((ratio - kFull) / (kNone - kFull), 0.0f, 1.0f);
+    const float t = std::clamp((ratio - kFullRatio) / (kMaxRatio - kFullRatio), 0.0f, 1.0f);
     return 1 - t * t * (3 - 2 * t);
 }
 
@@ -45,7 +46,7 @@ public:
     explicit Neighbors(const Vec3f& at) : mAt(at) {}
 
     const Vec3f& at() const { return mAt; }
-    /// Squared distance from which on points are not wanted.
+    /// Squared distance from which on points are not among the nearest.
     float reach() const
     {
         return mCount < mNearest.size() ? std::numeric_limits<float>::max()
@@ -59,7 +60,7 @@ public:
             mNearest[i] = mNearest[i - 1];
         mNearest[i] = {squaredDistance, bucket};
     }
-    /// A disc that holds j neighbors has an area of j cells, each a spacing squared.
+    /// The spacing: a disc that holds j neighbors has an area of j spacings squared.
     float spacing() const
     {
         if (mCount < 2) return 0;
@@ -70,7 +71,7 @@ public:
 
 private:
     Vec3f mAt;
-    std::array<Neighbor, kNeighbors + 1> mNearest; ///< the first is the point itself
+    std::array<Neighbor, kSpacingNeighbors + 1> mNearest; ///< the first is the point itself
     std::size_t mCount = 0;
 };
 
@@ -87,11 +88,11 @@ inline float DataCoverage::ratioOf(std::uint32_t n, float spacing, const Vec3f& 
     const float cosine =
         mPoints.nx[n] * normal[0] + mPoints.ny[n] * normal[1] + mPoints.nz[n] * normal[2];
     const float reach = spacing * std::clamp(1 + 2 * cosine, 0.0f, 1.0f);
-    return reach > 0 ? (position(n) - p).norm() / reach : kNone;
+    return reach > 0 ? (position(n) - p).norm() / reach : kMaxRatio;
 }
 
-/// The spacing at one point of each bucket; then what the median of its neighbors' buckets have:
-/// the neighbors of an outlier know better.
+/// Measure the spacing at one point of each bucket, then take the median of its neighbors' buckets,
+/// which an outlier does not change.
 void DataCoverage::measureSpacings(Interrupter& progress)
 {
     const std::size_t count = mTree.buckets().size();
@@ -103,19 +104,19 @@ void DataCoverage::measureSpacings(Interrupter& progress)
                           });
     };
     std::vector<float> own(count);
-    std::vector<std::array<std::uint32_t, kNeighbors + 1>> near(count);
+    std::vector<std::array<std::uint32_t, kSpacingNeighbors + 1>> near(count);
     forEachBucket([&](std::size_t b) {
         const BucketTree::Bucket& bucket = mTree.buckets()[b];
         Neighbors found(position((bucket.begin + bucket.end) / 2));
         gather(found);
         own[b] = found.spacing();
-        near[b].fill(std::uint32_t(b)); // where there are too few
+        near[b].fill(std::uint32_t(b)); // for where there are too few
         std::transform(found.begin(), found.end(), near[b].begin(),
                        [](const auto& n) { return n.bucket; });
     });
     std::vector<float> spacings(count);
     forEachBucket([&](std::size_t b) {
-        std::array<float, kNeighbors + 1> values;
+        std::array<float, kSpacingNeighbors + 1> values;
         std::transform(near[b].begin(), near[b].end(), values.begin(),
                        [&](std::uint32_t n) { return own[n]; });
         spacings[b] = median(values.data(), values.data() + values.size());
@@ -140,15 +141,15 @@ void DataCoverage::gather(Neighbors& neighbors) const
 
 DataCoverage::Support DataCoverage::bestSupport(const Vec3f& p, const Vec3f& normal) const
 {
-    constexpr float kNothing = -1; // the best is as good as any
-    Support best{kNone};
+    constexpr float kStop = -1; ///< ends the search [derived: below all squares]
+    Support best{kMaxRatio};
     mTree.search(
         [&](std::uint32_t node) { // squared ratio
             const float widest = mSpacings[node];
             const float d2 = mTree.nodes()[node].box.squaredExteriorDistance(p);
-            return widest > 0 ? d2 / (widest * widest) : kNone * kNone;
+            return widest > 0 ? d2 / (widest * widest) : kMaxRatio * kMaxRatio;
         },
-        [&] { return best.ratio > kFull ? best.ratio * best.ratio : kNothing; },
+        [&] { return best.ratio > kFullRatio ? best.ratio * best.ratio : kStop; },
         [&](std::uint32_t leaf) {
             const BucketTree::Bucket& bucket = mTree.bucketOf(leaf);
             const float spacing = mSpacings[leaf];
@@ -164,21 +165,21 @@ void DataCoverage::evaluate(const std::vector<SurfacePlace>& places,
                             std::vector<float>& values) const
 {
     values.resize(places.size());
-    std::array<Support, kRemembered> witnesses; // what supported places before often does again
+    std::array<Support, kMaxWitnesses> witnesses; // points that supported places before
     std::size_t count = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
         const Vec3f p = (places[i].position - mFrame).cast<float>();
         const Vec3f normal = places[i].normal.cast<float>();
-        const auto known = std::min(count, kRemembered);
+        const auto known = std::min(count, kMaxWitnesses);
         if (std::any_of(witnesses.begin(), witnesses.begin() + known, [&](const Support& w) {
-                return ratioOf(w.point, w.spacing, p, normal) <= kFull;
+                return ratioOf(w.point, w.spacing, p, normal) <= kFullRatio;
             })) {
             values[i] = 1;
             continue;
         }
         const Support best = bestSupport(p, normal);
         values[i] = coverageOf(best.ratio);
-        if (best.ratio <= kFull) witnesses[count++ % kRemembered] = best;
+        if (best.ratio <= kFullRatio) witnesses[count++ % kMaxWitnesses] = best;
     }
 }
 

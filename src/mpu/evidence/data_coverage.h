@@ -1,13 +1,12 @@
-// Where data support a surface: distances to the points, measured in the points' own spacing.
+// Support of a surface by points: distances to them in units of their own spacing.
 #pragma once
 #include "mpu/octree/bucket_tree.h"
-
 #include <mpuvdb/field.h>
 
 namespace mpuvdb
 {
 
-/// The formula stands with MpuField::coverage(). Points are kept in buckets of one spacing each,
+/// Coverage by the formula of MpuField::coverage(). Points are in buckets of one spacing each,
 /// under a tree of boxes.
 class DataCoverage final : public Coverage
 {
@@ -20,9 +19,9 @@ public:
     double spacing() const override { return mSpacing; }
 
 private:
-    /// The nearest points to some place, nearest first.
+    /// The points nearest to a place, nearest first.
     class Neighbors;
-    /// The point that supports a place best, found so far.
+    /// The point that supports a place best so far.
     struct Support {
         float ratio = 0;
         std::uint32_t point = 0;
@@ -38,7 +37,7 @@ private:
     const PointBatch& mPoints;
     Vec3d mFrame;
     BucketTree mTree;
-    std::vector<float> mSpacings; ///< of the tree's nodes: the largest of their buckets'
+    std::vector<float> mSpacings; ///< of the tree's nodes: the largest of their buckets
     double mSpacing = 0;
 };
 

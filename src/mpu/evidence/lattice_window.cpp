@@ -10,7 +10,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kLanes = MomentTree::kLanes;
+constexpr std::size_t kLanes = MomentTree::kLanes; ///< [derived: those of the sums]
 using Lanes = float __attribute__((vector_size(4 * kLanes)));
 
 /// The weights of the eight nodes about a place.
@@ -34,7 +34,7 @@ slotsAt(const std::int32_t* at, std::ptrdiff_t slab, std::ptrdiff_t row)
             at[slab], at[slab + 1], at[slab + row], at[slab + row + 1]};
 }
 
-/// Add what points give to the nodes less than @a fine steps away, by weights that fall evenly.
+/// Add the sums of points to the nodes less than @a fine steps away, by linear weights.
 /// @param points  in the cell in the middle of those nodes; the first node's offset.
 MPUVDB_WIDE_CLONES
 void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* given, int fine,
@@ -58,7 +58,7 @@ void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* give
                 const std::int32_t* const slot = slots + p.offset + i * slab + j * row;
                 const float across = weights[0][i] * weights[1][j];
                 for (int k = 0; k < 2 * fine; ++k) {
-                    if (!slot[k]) continue; // which nobody reads
+                    if (!slot[k]) continue; // not requested
                     const float weight = across * weights[2][k];
                     float* const into = sums + slot[k];
                     for (std::size_t n = 0; n < length; n += kLanes) {
@@ -72,13 +72,13 @@ void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* give
     }
 }
 
-/// Trilinear means of what the eight nodes about places have, tilted.
+/// Trilinear means of the sums of the eight nodes about places, weighted by the normals' sides.
 MPUVDB_WIDE_CLONES
 void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWindow::Tilt* tilt,
-                 float against, const std::int32_t* slots, std::ptrdiff_t slab, std::ptrdiff_t row,
-                 std::size_t length, const float* sums, float* seen)
+                 float opposedWeight, const std::int32_t* slots, std::ptrdiff_t slab,
+                 std::ptrdiff_t row, std::size_t length, const float* sums, float* means)
 {
-    const float along = 0.5f * (1 + against), across = 0.5f * (1 - against);
+    const float along = 0.5f * (1 + opposedWeight), across = 0.5f * (1 - opposedWeight);
     for (const LatticeWindow::Spot& p : spots) {
         const std::array<float, 8> weights = weightsAt(p);
         const std::array<std::int32_t, 8> nodes = slotsAt(slots + p.offset, slab, row);
@@ -92,8 +92,8 @@ void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWin
                                 tilts[1] * __builtin_shufflevector(sum, sum, 4, 5, 6, 7) +
                                 tilts[2] * __builtin_shufflevector(sum, sum, 8, 9, 10, 11) +
                                 tilts[3] * __builtin_shufflevector(sum, sum, 12, 13, 14, 15);
-            std::memcpy(seen, &tilted, sizeof tilted);
-            seen += kLanes / 4;
+            std::memcpy(means, &tilted, sizeof tilted);
+            means += kLanes / 4;
         }
     }
 }
@@ -108,11 +108,11 @@ void LatticeWindow::scatter()
 }
 
 void LatticeWindow::read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts,
-                         float against, std::vector<float>& seen) const
+                         float opposedWeight, std::vector<float>& means) const
 {
-    seen.resize(spots.size() * mLength / 4);
-    collectFrom(spots, tilts.data(), against, mSlots.data(), mSize[1] * mSize[2], mSize[2], mLength,
-                mSums.data(), seen.data());
+    means.resize(spots.size() * mLength / 4);
+    collectFrom(spots, tilts.data(), opposedWeight, mSlots.data(), mSize[1] * mSize[2], mSize[2],
+                mLength, mSums.data(), means.data());
 }
 
 } // namespace mpuvdb

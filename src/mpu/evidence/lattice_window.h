@@ -1,4 +1,4 @@
-// What points give to the nodes of a lattice, and what places see in them.
+// Sums of points at the nodes of a lattice, and their means at places.
 #pragma once
 #include "moment_tree.h"
 
@@ -9,48 +9,50 @@
 namespace mpuvdb
 {
 
-/// The number below, of a number that an int holds.
+/// The floor of a number in the range of int.
 inline int floorOf(float x)
 {
     const int cut = int(x);
     return cut - int(float(cut) > x);
 }
 
-/// The nodes of a lattice that places lie between, and what points give to them.
+/// The nodes of a lattice around places, and the sums of points there.
 class LatticeWindow
 {
 public:
-    /// Where a place is among the nodes.
+    /// Position of a place among the nodes.
     struct Spot {
-        std::int32_t offset; ///< of the first of the eight about it
-        float x, y, z;       ///< from that one, in steps
+        std::int32_t offset; ///< index of the first of the eight nodes about it
+        float x, y, z;       ///< from that node, in steps
     };
     /// 1, and the normal of a place.
     using Tilt = std::array<float, 4>;
 
-    /// None yet, of those about the places in @a box.
-    /// @param reach  how far points give to nodes. @param fine  steps between nodes in it: 1 or 2.
+    /// Start a window around the places in @a box, without nodes.
+    /// @param reach  distance up to which points add to nodes. @param fine  nodes in it: 1 or 2.
+    /// @param length  numbers of a node's sums.
     void open(const Eigen::AlignedBox3f& box, float reach, int fine, std::size_t length)
     {
         mFine = fine;
         mStep = reach / float(fine);
         mPerStep = 1 / mStep;
         mLength = length;
-        const int margin = 2 * fine - 1; // nodes that points give to beside those that are wanted
+        const int margin = 2 * fine - 1; // nodes that points add to beside those requested
         for (int k = 0; k < 3; ++k) {
             mFirst[k] = floorOf(mPerStep * box.min()[k]) - margin;
             mSize[k] = floorOf(mPerStep * box.max()[k]) + 2 + margin - mFirst[k];
         }
         mSlots.assign(mSize.cast<std::size_t>().prod(), 0);
         mIsWanted.assign(mSlots.size(), 0);
-        mUsed = std::int32_t(mLength); // the first is of what is not wanted
+        mUsed = std::int32_t(mLength); // the first sums are of nodes that are not requested
     }
+    /// Number of nodes around @a box, at most.
     static double nodesOf(const Eigen::AlignedBox3f& box, float step)
     {
         return ((box.sizes() / step).array() + 8).cast<double>().prod();
     }
-    /// Have the nodes about @a p.
-    Spot want(const Vec3f& p)
+    /// Request the nodes about @a p.
+    Spot request(const Vec3f& p)
     {
         const Vec3f at = mPerStep * p;
         const Spot spot = spotOf({floorOf(at[0]), floorOf(at[1]), floorOf(at[2])}, at);
@@ -66,23 +68,23 @@ public:
             }
         return spot;
     }
-    /// All that are wanted are.
+    /// Clear the sums, after all requests.
     void clear()
     {
         mSums.assign(std::size_t(mUsed), 0);
         mPoints.clear();
     }
-    /// Where points reach nodes.
+    /// The box in which points reach nodes.
     Eigen::AlignedBox3f reach() const
     {
         const auto edge = [this](const Vec3i& node) { return Vec3f(mStep * node.cast<float>()); };
         return {edge(mFirst.array() + (mFine - 1)), edge((mFirst + mSize).array() - mFine)};
     }
-    /// Room for what a point at @a p gives.
+    /// The memory for the sums of a point at @a p, to be set by the caller.
     float* add(const Vec3f& p)
     {
-        if (mPoints.size() == kAtOnce) scatter();
-        if (mGiven.size() < kAtOnce * mLength) mGiven.resize(kAtOnce * mLength);
+        if (mPoints.size() == kBatchPoints) scatter();
+        if (mGiven.size() < kBatchPoints * mLength) mGiven.resize(kBatchPoints * mLength);
         float* const room = mGiven.data() + mPoints.size() * mLength;
         const Vec3f at = mPerStep * p;
         const Vec3i cell(floorOf(at[0]), floorOf(at[1]), floorOf(at[2]));
@@ -95,14 +97,15 @@ public:
         }
         return room;
     }
-    void addingEnds() { scatter(); }
-    /// What each of @a spots sees, one number for each quantity of the sums. Points of opposite
-    /// normals weigh @a against.
-    void read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts, float against,
-              std::vector<float>& seen) const;
+    /// Add the last points.
+    void flush() { scatter(); }
+    /// Set @a means to the sums interpolated at @a spots, one number for each quantity. Points of
+    /// opposite normals weigh @a opposedWeight.
+    void read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts, float opposedWeight,
+              std::vector<float>& means) const;
 
 private:
-    static constexpr std::size_t kAtOnce = 256; ///< points; changes times alone
+    static constexpr std::size_t kBatchPoints = 256; ///< points added at once [free: time]
 
     Spot spotOf(const Vec3i& cell, const Vec3f& at) const
     {
@@ -116,12 +119,12 @@ private:
     float mStep = 1, mPerStep = 1;
     std::size_t mLength = 0;
     Vec3i mFirst, mSize;
-    std::vector<std::int32_t> mSlots;    ///< of the nodes, where in mSums; 0: not wanted
-    std::vector<std::uint8_t> mIsWanted; ///< by the first of eight nodes: all of them are
-    std::int32_t mUsed = 0;              ///< of mSums
+    std::vector<std::int32_t> mSlots;    ///< of the nodes, their indices in mSums; 0: none
+    std::vector<std::uint8_t> mIsWanted; ///< by the first of eight nodes: all are requested
+    std::int32_t mUsed = 0;              ///< size of mSums
     std::vector<float> mSums;
     std::vector<Spot> mPoints;
-    std::vector<float> mGiven; ///< what they give
+    std::vector<float> mGiven; ///< their sums
 };
 
 } // namespace mpuvdb

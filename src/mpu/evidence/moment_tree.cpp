@@ -12,17 +12,19 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kBucketPoints = 8;  ///< in a leaf of the tree: changes times alone
-constexpr float kLeastConfidence = 1e-9f; ///< points without any count where there are no others
-/// Step of level 0, in spacings [derived: weights spread by 0.58 steps in the mean, those of a
-/// ball that holds a dozen points by 0.8 spacings; tuned: 1.2 leaves 8 % more noise, 1.4 blurs 15 %
-/// more].
+constexpr std::size_t kBucketPoints = 8; ///< points of a leaf [tuned: attributes_bench, time]
+/// Least confidence: points without any count only where there are no others. [derived: below what
+/// floats resolve beside 1]
+constexpr float kMinConfidence = 1e-9f;
+/// Step of level 0, spacings: weights have a mean spread of 0.58 steps, those of a ball with a
+/// dozen points one of 0.8 spacings. [tuned: attributes_bench; 1.2 leaves 8 % more noise, 1.4 blurs
+/// 15 % more]
 constexpr float kStepSpacings = 1.3f;
-/// Buckets that tell a spacing. [derived: 64 points know it to an eighth]
-constexpr std::uint32_t kWitnesses = 8;
-/// Level of steps an eighth as long as those of the usual spacing; finer ones are not worth their
-/// windows. [derived: a step is twice as long a level up, 2^-3]
-constexpr int kFinest = -3;
+/// Least buckets of a spacing. [derived: 64 points give it to an eighth]
+constexpr std::uint32_t kMinSpacingBuckets = 8;
+/// Finest level, with steps an eighth of the usual: windows of finer ones cost too much.
+/// [tuned: attributes_bench, time]
+constexpr int kMinLevel = -3;
 
 } // namespace
 
@@ -42,7 +44,7 @@ MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
 /// @param level  finest of the point.
 void MomentTree::sumsOf(std::uint32_t point, int level, float* sums) const
 {
-    const float confidence = std::max(mPoints.confidence[point] * mPerConfidence, kLeastConfidence);
+    const float confidence = std::max(mPoints.confidence[point] * mPerConfidence, kMinConfidence);
     const float weight = std::ldexp(confidence, 2 * level);
     const auto set = [&](std::size_t quantity, float value) {
         float* const s = sums + quantity / 4 * kLanes + quantity % 4;
@@ -84,7 +86,7 @@ void MomentTree::sumUp()
                 add(at, sumsAt(child), mMiddles[child]);
 }
 
-/// From the third neighbor of the point that is best among others; 0 for too few points.
+/// The spacing by the distance to the third neighbor, the least in a bucket; 0 for too few points.
 float MomentTree::spacingIn(const BucketTree::Bucket& bucket) const
 {
     float least = std::numeric_limits<float>::max();
@@ -101,7 +103,7 @@ float MomentTree::spacingIn(const BucketTree::Bucket& bucket) const
     return std::sqrt(float(M_PI) / 3 * least);
 }
 
-/// Each point's finest level is that of the spacing about it.
+/// Set each point's finest level by the spacing about it.
 void MomentTree::findLevels()
 {
     struct Spacings {
@@ -128,10 +130,10 @@ void MomentTree::findLevels()
     std::nth_element(all.begin(), all.begin() + std::ptrdiff_t(all.size() / 2), all.end());
     const float median = all[all.size() / 2];
     mStep = kStepSpacings * median;
-    // Downwards: what has too few witnesses knows no more than what is above it.
+    // Downwards: nodes with too few buckets take the spacing of the node above.
     std::vector<float> known(nodes.size(), median);
     for (std::size_t n = 0; n < nodes.size(); ++n) {
-        if (n == 0 || spacings[n].count >= kWitnesses)
+        if (n == 0 || spacings[n].count >= kMinSpacingBuckets)
             known[n] = spacings[n].sum / float(spacings[n].count);
         if (nodes[n].leaf) continue;
         known[n + 1] = known[n];
@@ -140,19 +142,20 @@ void MomentTree::findLevels()
     std::vector<int> finest(nodes.size());
     for (std::size_t n = nodes.size(); n-- > 0;)
         mFinest[n] = nodes[n].leaf
-                         ? std::max(kFinest, int(std::floor(std::log2(known[n] / median) + 0.5f)))
+                         ? std::max(kMinLevel, int(std::floor(std::log2(known[n] / median) + 0.5f)))
                          : std::min(mFinest[n + 1], mFinest[nodes[n].second]);
 }
 
 int MomentTree::finestLevel(const Eigen::AlignedBox3f& box) const
 {
-    // Along each axis points give to nodes up to a step away, between which places are.
+    // Along each axis points add to nodes up to a step away, and places lie between nodes.
     const auto firstReaching = [this](float apart) {
         const auto levelFor = [&](int level) {
             const float reach = 1 + 1 / float(nodesPerStep(level)); // steps
             return int(std::ceil(std::log2(apart / (reach * mStep)) - 1e-3f));
         };
-        return levelFor(0) < kFineFrom ? levelFor(0) : std::max(kFineFrom, levelFor(kFineFrom));
+        return levelFor(0) < kMinFineLevel ? levelFor(0)
+                                           : std::max(kMinFineLevel, levelFor(kMinFineLevel));
     };
     const auto levelOf = [&](std::uint32_t node) {
         const Eigen::AlignedBox3f& b = mTree.nodes()[node].box;

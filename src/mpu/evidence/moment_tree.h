@@ -1,5 +1,5 @@
-// What points have beside their places, as sums that tell the sides of a surface apart; one by one,
-// or many in one.
+// Weighted sums of points' attributes and of their products with the normals, which separate the
+// sides of a surface; of single points and of groups.
 #pragma once
 #include "mpu/octree/bucket_tree.h"
 
@@ -17,6 +17,7 @@ namespace mpuvdb
 class MomentTree
 {
 public:
+    /// Lanes of a group. [derived: four quantities times 1 and three components]
     static constexpr std::size_t kLanes = 16;
     /// One vector for each channel, as long as the points.
     using Channels = std::vector<const float*>;
@@ -24,33 +25,32 @@ public:
     /// @param points, channels  have to outlive this.
     MomentTree(const SortedPoints& points, const Channels& channels);
 
-    /// Numbers in one set of sums.
+    /// Count of numbers in one set of sums.
     std::size_t length() const { return mLength; }
-    /// Of the values of a channel; sums are of what differs from it, so that what is the same
-    /// everywhere stays so.
+    /// Reference value of a channel. Sums are of differences from it, so that a constant stays one.
     float reference(std::size_t channel) const { return mReferences[channel]; }
-    /// How far points give to the nodes of a lattice of @a level, local units; twice as far a level
-    /// up. Points as dense as most of the cloud have their finest level at 0.
+    /// Distance up to which points add to the nodes of a lattice of @a level, local units; twice as
+    /// far a level up. Level 0 is the finest of points with the cloud's median spacing.
     float step(int level) const { return std::ldexp(mStep, level); }
-    /// Of a lattice: more where steps are long, so that no cell shows.
-    static int nodesPerStep(int level) { return level < kFineFrom ? 1 : 2; }
-    /// Of the levels at which points that have them lie within two steps of @a box the finest.
+    /// Nodes of a lattice in a step: two where steps are long, so that no cell shows.
+    static int nodesPerStep(int level) { return level < kMinFineLevel ? 1 : 2; }
+    /// The finest of the levels at which points that have them lie within two steps of @a box.
     int finestLevel(const Eigen::AlignedBox3f& box) const;
 
-    /// Whether a step is so long that all points are about @a place.
-    bool isSeenWhole(const Vec3f& place, float step) const
+    /// Whether a step is so long that all points count at @a place.
+    bool coversAll(const Vec3f& place, float step) const
     {
         return step >
                2 * mTree.nodes()[0].box.merged(Eigen::AlignedBox3f(place)).sizes().maxCoeff();
     }
-    /// False where that is so for no place.
-    bool mayBeSeenWhole(float step) const
+    /// Whether coversAll() may be true for any place.
+    bool mayCoverAll(float step) const
     {
         return step > 2 * mTree.nodes()[0].box.sizes().maxCoeff();
     }
-    /// Have add(position) make room for the sums of what of the points lies in @a box, and perhaps
-    /// more: of each, or of those in a node that is no larger than a step of @a level, in their
-    /// middle. Which of both, and the order, does not depend on the box.
+    /// Store the sums of the points in @a box, and perhaps more, in the memory that add(position)
+    /// returns: of each point, or of a node no larger than a step of @a level, at its center of
+    /// weight. Which of both, and the order, does not depend on the box.
     template <typename F>
     void forEach(const Eigen::AlignedBox3f& box, int level, F add) const
     {
@@ -58,9 +58,9 @@ public:
     }
 
 private:
-    /// Level from which on lattices have two nodes in a step. [tuned: attributes_bench; 1 takes a
-    /// tenth more time, waves of ten spacings come 1 % nearer]
-    static constexpr int kFineFrom = 2;
+    /// Level from which on lattices have two nodes in a step. [tuned: attributes_bench; 1 takes 10
+    /// % more time, and waves of ten spacings are 1 % nearer]
+    static constexpr int kMinFineLevel = 2;
 
     template <typename F>
     void visit(std::uint32_t at, const Eigen::AlignedBox3f& box, int level, float whole,
@@ -94,7 +94,7 @@ private:
     std::size_t mLength;
     float mStep = 1, mPerConfidence = 1;
     std::vector<float> mReferences;
-    std::vector<int> mFinest;    ///< of the nodes: the finest level that one of the points has
+    std::vector<int> mFinest;    ///< of the nodes: the finest level of their points
     std::vector<Vec3f> mMiddles; ///< of the nodes' points
     std::vector<float> mSums;    ///< of the nodes
 };

@@ -1,14 +1,12 @@
 #include "point_attributes.h"
 
 #include "lattice_window.h"
-
 #include <mpuvdb/error.h>
-
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fmt/format.h>
 #include <limits>
 
 namespace mpuvdb
@@ -18,29 +16,29 @@ namespace
 
 using Box = Eigen::AlignedBox3f;
 
-/// Nodes of a window, unless it is of one place: what fits into a cache; changes times alone.
-constexpr std::size_t kMostNodes = 1 << 17;
-/// Places that go through levels together; changes times alone.
-constexpr std::size_t kRun = 512;
-/// What points of opposite normals weigh at level 0, and more where steps are longer: as points in
-/// full from four times the step on.
-constexpr float kAgainst = 1.0f / 16;
-/// Shares of the points of a whole surface about a place that are too few, and enough, of a level
-/// [tuned: attributes_bench and test ColorsOfCasesReachTheBackOfASheet; 0.1 and 0.5 leave 4 % less
-/// noise, and colors behind an open sheet are 1.8 times as far from those of the nearest points;
-/// 0.03 and 0.2 bring them 9 % nearer].
-constexpr float kFew = 0.05f, kEnough = 0.25f;
+/// Most nodes of a window of more than one place. [free: a cache's size]
+constexpr std::size_t kMaxWindowNodes = 1 << 17;
+/// Places that share a first level. [free: time]
+constexpr std::size_t kRunPlaces = 512;
+/// Weight of points of opposite normals at level 0; it grows with the square of the step, to 1 from
+/// four times the step on. [tuned: attributes_test]
+constexpr float kOpposedWeight = 1.0f / 16;
+/// Shares of the points of a whole surface about a place between which a level's weight rises from
+/// 0 to 1. [tuned: attributes_bench and ColorsOfCasesReachTheBackOfASheet; 0.1 and 0.5 leave 4 %
+/// less noise, and colors behind an open sheet are 1.8 times as far from those of the nearest
+/// points; 0.03 and 0.2 bring them 9 % nearer]
+constexpr float kMinShare = 0.05f, kFullShare = 0.25f;
 
-/// How much of a place's value a level gives that has such a share of @a points about it.
+/// Weight of a level with the share @a points of a whole surface's points about a place.
 float shareOf(float points)
 {
-    const float t = std::min(std::max((points - kFew) / (kEnough - kFew), 0.0f), 1.0f);
+    const float t = std::min(std::max((points - kMinShare) / (kFullShare - kMinShare), 0.0f), 1.0f);
     return t * t * (3 - 2 * t);
 }
 
 } // namespace
 
-/// Blends at some places; scratch memory of one thread.
+/// Blends at places, with the scratch memory of one thread.
 class PointAttributes::Blender
 {
 public:
@@ -57,28 +55,28 @@ public:
             mPositions.push_back((place.position - mOf.mFrame).cast<float>());
         mPlaces = places.data();
         mValues = values.data();
-        blendThose(0, places.size());
+        blendRange(0, places.size());
     }
 
 private:
     /// Blend at the places from @a begin on, all at once if their window is small enough.
-    void blendThose(std::size_t begin, std::size_t end)
+    void blendRange(std::size_t begin, std::size_t end)
     {
         if (begin == end) return;
         Box box;
         std::vector<Run> waiting;
-        for (std::size_t n = begin; n < end; n += kRun) {
-            waiting.push_back(runOf(n, std::min(n + kRun, end)));
+        for (std::size_t n = begin; n < end; n += kRunPlaces) {
+            waiting.push_back(runOf(n, std::min(n + kRunPlaces, end)));
             box.extend(waiting.back().box);
         }
         std::stable_sort(waiting.begin(), waiting.end(),
                          [](const Run& a, const Run& b) { return a.level > b.level; });
         int level = waiting.back().level;
         if (end - begin > 1 &&
-            LatticeWindow::nodesOf(box, mOf.mPoints.step(level)) > double(kMostNodes)) {
+            LatticeWindow::nodesOf(box, mOf.mPoints.step(level)) > double(kMaxWindowNodes)) {
             const std::size_t middle = begin + (end - begin) / 2;
-            blendThose(begin, middle);
-            blendThose(middle, end);
+            blendRange(begin, middle);
+            blendRange(middle, end);
             return;
         }
         for (; !mOpen.empty() || !waiting.empty(); ++level) {
@@ -88,7 +86,7 @@ private:
         }
     }
 
-    /// Places one after the other, and the finest level that may give them anything.
+    /// Places one after the other, and the finest level with points about them.
     struct Run {
         std::size_t begin, end;
         Box box;
@@ -111,7 +109,7 @@ private:
         mBox.extend(run.box);
     }
 
-    /// Give the open places what is seen at a level, and keep those that are open still.
+    /// Blend a level into the open places, and keep those that are still open.
     void blendAt(int level)
     {
         const MomentTree& points = mOf.mPoints;
@@ -119,32 +117,34 @@ private:
         mLatticeWindow.open(mBox, step, MomentTree::nodesPerStep(level), points.length());
         mSpots.resize(mOpen.size());
         for (std::size_t n = 0; n < mOpen.size(); ++n)
-            mSpots[n] = mLatticeWindow.want(mPositions[mOpen[n]]);
+            mSpots[n] = mLatticeWindow.request(mPositions[mOpen[n]]);
         mLatticeWindow.clear();
         points.forEach(mLatticeWindow.reach(), level,
                        [this](const Vec3f& p) { return mLatticeWindow.add(p); });
-        mLatticeWindow.addingEnds();
-        mLatticeWindow.read(mSpots, mTilts, std::min(std::ldexp(kAgainst, 2 * level), 1.0f), mSeen);
-        takeSeen(level);
+        mLatticeWindow.flush();
+        mLatticeWindow.read(mSpots, mTilts, std::min(std::ldexp(kOpposedWeight, 2 * level), 1.0f),
+                            mMeans);
+        applyMeans(level);
     }
 
-    /// Give the open places their shares of what they see, and keep those that are open still.
-    void takeSeen(int level)
+    /// Add a level's means to the open places by their weights, and keep those still open.
+    void applyMeans(int level)
     {
         const MomentTree& points = mOf.mPoints;
         const std::size_t channels = mOf.channels(), stride = points.length() / 4;
         const float step = points.step(level);
         const float perStep = std::ldexp(1.0f, -2 * level); // the area of a step squared
-        const bool mayBeLast = points.mayBeSeenWhole(step);
+        const bool mayBeLast = points.mayCoverAll(step);
         mBox.setEmpty();
         std::size_t kept = 0;
-        for (std::size_t n = 0; n < mOpen.size(); ++n) { // without branches: all ways are as likely
-            const float* const seen = mSeen.data() + n * stride;
-            const bool last = mayBeLast && points.isSeenWhole(mPositions[mOpen[n]], step);
-            const float share = mShares[n] * (last ? 1 : shareOf(perStep * seen[0]));
+        for (std::size_t n = 0; n < mOpen.size();
+             ++n) { // without branches: none could be predicted
+            const float* const means = mMeans.data() + n * stride;
+            const bool last = mayBeLast && points.coversAll(mPositions[mOpen[n]], step);
+            const float share = mShares[n] * (last ? 1 : shareOf(perStep * means[0]));
             float* const values = mValues + mOpen[n] * channels;
-            const float scale = share / std::max(seen[0], std::numeric_limits<float>::min());
-            for (std::size_t c = 0; c < channels; ++c) values[c] += scale * seen[c + 1];
+            const float scale = share / std::max(means[0], std::numeric_limits<float>::min());
+            for (std::size_t c = 0; c < channels; ++c) values[c] += scale * means[c + 1];
             const bool open = mShares[n] > share;
             if (open) mBox.extend(mPositions[mOpen[n]]);
             mShares[kept] = mShares[n] - share;
@@ -162,12 +162,12 @@ private:
     float* mValues = nullptr;
     std::vector<Vec3f> mPositions;
     LatticeWindow mLatticeWindow;
-    std::vector<std::uint32_t> mOpen;        ///< places whose values are not yet whole
+    std::vector<std::uint32_t> mOpen;        ///< places whose weights do not add up to 1 yet
     std::vector<LatticeWindow::Tilt> mTilts; ///< theirs
-    Box mBox;                                ///< of their positions, or a bit more
-    std::vector<float> mShares;              ///< of their values, that levels to come give
+    Box mBox;                                ///< around their positions, or somewhat larger
+    std::vector<float> mShares;              ///< the weights left to coarser levels
     std::vector<LatticeWindow::Spot> mSpots;
-    std::vector<float> mSeen;
+    std::vector<float> mMeans;
 };
 
 PointAttributes::Named PointAttributes::find(const SortedPoints& points,

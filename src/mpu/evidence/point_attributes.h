@@ -1,18 +1,17 @@
-// What points have beside their places, blended on the surface.
+// Attributes of points, blended on the surface.
 #pragma once
 #include "moment_tree.h"
-
 #include <mpuvdb/surface_attributes.h>
 
 namespace mpuvdb
 {
 
-/// The rule stands with MpuField::attributes().
+/// Attributes by the rule of MpuField::attributes().
 class PointAttributes final : public SurfaceAttributes
 {
 public:
     /// @param points  have to outlive this. @param frame  world position of their origin.
-    /// @throws UsageError for names that the points have not.
+    /// @throws UsageError for names that the points do not have.
     PointAttributes(const SortedPoints& points, const Vec3d& frame,
                     const std::vector<std::string>& names);
 

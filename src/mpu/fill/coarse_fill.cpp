@@ -12,20 +12,22 @@ namespace mpuvdb
 namespace
 {
 
-/// On the grid's box. Above 0, so that every surface closes inside; low, so that what closes an
-/// opening bulges outwards as objects do: a cap over a hole in a sphere is flat if it is higher.
-constexpr float kBorder = 0.7f;
-/// Share of a true distance in the fill, the rest is harmonic. A harmonic function alone saturates:
-/// of an object of which half is unseen it makes too much.
+/// Harmonic value on the grid's box, node steps. Above 0, so that every surface closes inside; low,
+/// so that caps over openings bulge outwards: over a hole in a sphere a higher one is flat.
+/// [tuned: unseen_bench]
+constexpr float kBorderValue = 0.7f;
+/// Share of a distance in the fill; the rest is harmonic. A harmonic function alone saturates, and
+/// makes too much of an object of which half is unseen. [tuned: unseen_bench]
 constexpr float kDistanceShare = 0.05f;
-/// Share of what concave data bend beyond their rims: of a bore whose wall is seen on one side a
-/// harmonic function makes a chord. Above 1 because what is spread fades with distance; convex
-/// data do bulge without. More than this dents what is convex beside a fold.
-constexpr float kConcaveShare = 3.5f;
-/// Node steps on which normals and bends of data fade.
-constexpr float kFade = 10;
-/// Largest sum of principal curvatures that is believed, per node step: at edges it has no bound.
-constexpr float kMostCurved = 0.3f;
+/// Weight of the curvature of concave data beyond their rims: a harmonic function makes a chord of
+/// the unseen wall of a bore. Above 1 because the curvature fades with distance; more dents convex
+/// parts beside a fold. [tuned: unseen_bench, coarse_sign_test]
+constexpr float kConcaveWeight = 3.5f;
+/// Distance over which normals and curvature of data fade, node steps. [tuned: unseen_bench]
+constexpr float kFadeDistance = 10;
+/// Largest sum of principal curvatures, per node step: at edges it has no bound.
+/// [tuned: unseen_bench]
+constexpr float kMaxCurvature = 0.3f;
 
 /// Call f(node) for the interior nodes, in parallel.
 template <typename F>
@@ -53,11 +55,11 @@ float divergence(const std::array<std::vector<float>, 3>& v, std::size_t n,
 
 std::vector<float> faded(std::vector<float> weight)
 {
-    for (float& w : weight) w += 1 / (kFade * kFade);
+    for (float& w : weight) w += 1 / (kFadeDistance * kFadeDistance);
     return weight;
 }
 
-/// Unit vectors everywhere, on from the data's normals.
+/// The data's normals, extended to unit vectors at all nodes.
 std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const NodeData& data,
                                                 Interrupter& progress)
 {
@@ -78,19 +80,20 @@ std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const Node
 }
 
 /// Whether there are data at the node @a other, and not of a sheet that faces the one at @a n
-/// across a gap: where two walls look at each other their normals say nothing of how they bend.
-bool saysAsOneSheet(const NodeData& data, std::size_t n, std::size_t other)
+/// across a gap: between two walls differences of normals are no curvature.
+bool isOnOneSheet(const NodeData& data, std::size_t n, std::size_t other)
 {
-    constexpr float kFacing = -0.3f; // cosine
+    constexpr float kMinSheetCosine = -0.3f; ///< of normals of one sheet [tuned: unseen_bench]
     float cosine = 0;
     for (const auto& normal : data.normal) cosine += normal[n] * normal[other];
-    return data.weight[other] > 0 && cosine >= kFacing;
+    return data.weight[other] > 0 && cosine >= kMinSheetCosine;
 }
 
-/// How much concave data bend, spread beyond them: the sum of principal curvatures, at most 0.
-/// It spreads through the air that the data face; all nodes behind data hold it at 0, or dents
-/// would open a cavity in the solid beneath them.
-std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
+/// The curvature of concave data, extended beyond them: the sum of principal curvatures, at most 0.
+/// It spreads through the air that the data face; nodes behind data hold it at 0, or dents would
+/// open a cavity in the solid beneath them.
+std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data,
+                                   Interrupter& progress)
 {
     const auto stride = strides(grid);
     std::vector<float> weight(grid.size(), 0.0f), rightHand(grid.size(), 0.0f);
@@ -98,12 +101,11 @@ std::vector<float> spreadHollows(const NodeGrid& grid, const NodeData& data, Int
         if (!(data.weight[n] > 0)) return;
         const bool inAir = data.distance[n] > 0;
         for (const std::size_t s : stride)
-            if (inAir && !(saysAsOneSheet(data, n, n - s) && saysAsOneSheet(data, n, n + s)))
-                return;
+            if (inAir && !(isOnOneSheet(data, n, n - s) && isOnOneSheet(data, n, n + s))) return;
         weight[n] = data.weight[n];
         if (!inAir) return;
         const float bend = divergence(data.normal, n, stride);
-        rightHand[n] = -weight[n] * std::clamp(bend, -kMostCurved, kMostCurved);
+        rightHand[n] = -weight[n] * std::clamp(bend, -kMaxCurvature, kMaxCurvature);
     });
     ScreenedPoisson solver(grid, faded(std::move(weight)), progress);
     std::vector<float> spread = solver.solve(rightHand, 0, 0);
@@ -124,34 +126,37 @@ NodeGrid halved(const NodeGrid& grid)
     return {{grid.n[0] / 2 + 1, grid.n[1] / 2 + 1, grid.n[2] / 2 + 1}};
 }
 
-std::vector<float> spreadBends(const NodeGrid& grid, const NodeData& data, Interrupter& progress)
+std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data,
+                                   Interrupter& progress)
 {
     const std::array<std::vector<float>, 3> normals = spreadNormals(grid, data, progress);
-    std::vector<float> bends = spreadHollows(grid, data, progress);
+    std::vector<float> curvature = spreadConcavity(grid, data, progress);
     const auto stride = strides(grid);
     forEachInterior(grid, [&](std::size_t n) {
-        bends[n] = kConcaveShare * bends[n] + kDistanceShare * divergence(normals, n, stride);
+        curvature[n] =
+            kConcaveWeight * curvature[n] + kDistanceShare * divergence(normals, n, stride);
     });
-    return bends;
+    return curvature;
 }
 
-std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const std::vector<float>& bends,
+std::vector<float> fillBetween(const NodeGrid& grid, NodeData data,
+                               const std::vector<float>& curvature,
                                std::vector<float> borderDistance, Interrupter& progress)
 {
     const NodeGrid half = halved(grid);
-    std::vector<float>& rightHand = data.distance; // of which no more is asked
+    std::vector<float>& rightHand = data.distance; // not used any more
     tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
         for (int j = 1; j < grid.n[1] - 1; ++j)
             for (int k = 1; k < grid.n[2] - 1; ++k) {
                 float sum = 0;
                 for (int c = 0; c < 8; ++c)
-                    sum += bends[half.index((i + (c >> 2)) / 2, (j + (c >> 1 & 1)) / 2,
-                                            (k + (c & 1)) / 2)];
+                    sum += curvature[half.index((i + (c >> 2)) / 2, (j + (c >> 1 & 1)) / 2,
+                                                (k + (c & 1)) / 2)];
                 const std::size_t n = grid.index(i, j, k);
                 rightHand[n] = 0.5f * sum / 8 - data.weight[n] * rightHand[n];
             }
     });
-    for (float& b : borderDistance) b = (1 - kDistanceShare) * kBorder + kDistanceShare * b;
+    for (float& b : borderDistance) b = (1 - kDistanceShare) * kBorderValue + kDistanceShare * b;
     ScreenedPoisson solver(grid, std::move(data.weight), progress);
     return solver.solve(std::move(rightHand), borderDistance, 2);
 }

@@ -1,9 +1,8 @@
 #include "coarse_sign.h"
 
 #include "coarse_fill.h"
-#include "mpu/octree/point_group.h"
-
 #include "core/clones.h"
+#include "mpu/octree/point_group.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -20,29 +19,32 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kPad = 0.2;    ///< of the extent, on each side
-constexpr int kMaxNodes = 96;   ///< along the longest side
-constexpr double kKernel = 1.5; ///< radius of the splats, node steps
-/// Points nearer than about this, squared node steps, count alike in a splat; with noise, about as
-/// many of its standard deviations: nearer ones say no more, and would draw the surface to where
-/// noise has thrown them.
-constexpr double kSoftness = 0.1, kSoftNoises = 2;
-constexpr float kWeight = 16; ///< of data at a node, against the equation between them
-/// Steps across the cubes whose points stand for all of them as one dipole.
-constexpr double kDipoleSteps = 0.55;
-/// Steps by which data may lie beside the line through a node along their normal.
-constexpr double kLateral = 0.6;
-/// Steps across the cubes whose points stand for all where only distances to the box are asked.
-constexpr double kFewSteps = 9;
+/// Padding of the grid on each side, in extents of the points. [tuned: unseen_bench]
+constexpr double kPadding = 0.2;
+constexpr int kMaxNodes = 96;         ///< nodes along the longest side [tuned: unseen_bench, time]
+constexpr double kKernelRadius = 1.5; ///< radius of a splat, node steps [tuned: coarse_sign_test]
+/// Squared distance, node steps, below which points weigh alike in a splat, and the distance added
+/// to it for noise, standard deviations: single points shall not draw the surface.
+/// [tuned: noise_bench]
+constexpr double kSoftness = 0.1, kSoftnessNoises = 2;
+/// Weight of data at a node against the equation between them. [tuned: coarse_sign_test]
+constexpr float kDataWeight = 16;
+/// Largest cubes whose points are merged into a dipole, node steps. [tuned: unseen_bench]
+constexpr double kDipoleSize = 0.55;
+/// Largest distance of data from the line through a node along their normal, node steps.
+/// [tuned: unseen_bench]
+constexpr double kMaxLateral = 0.6;
+/// Largest cubes of dipoles for distances from the box, node steps. [tuned: unseen_bench, time]
+constexpr double kBorderDipoleSize = 9;
 
-/// Points of one small cube as one: mean position, sum of normals.
+/// The points of a small cube merged into one: mean position, weighted sum of normals.
 struct Dipole {
     Vec3f position, normal;
     float weight;
 };
 
-/// Mean distance between points: the area of the occupied cells of a level that holds a few points
-/// per cell (a plane meets a cube in 2/3 of its face on average), shared among the points.
+/// Mean distance between points, by the area of the occupied cells of a level with a few points per
+/// cell; a plane meets a cube in 2/3 of its face on average.
 double meanSpacing(const SortedPoints& points, const RootCube& root)
 {
     int level = 1;
@@ -53,7 +55,7 @@ double meanSpacing(const SortedPoints& points, const RootCube& root)
     return root.size(level) * std::sqrt(double(occupied) / (1.5 * double(points.size())));
 }
 
-/// Add those of the cubes whose first point is in @a among.
+/// Add the dipoles of the cubes whose first point is in @a among.
 void addDipoles(const SortedPoints& points, int level, const SortedPoints::Range& among,
                 std::vector<Dipole>& dipoles)
 {
@@ -77,7 +79,7 @@ void addDipoles(const SortedPoints& points, int level, const SortedPoints::Range
 
 std::vector<Dipole> makeDipoles(const SortedPoints& points, int level)
 {
-    constexpr std::size_t kChunk = 1 << 14; // points
+    constexpr std::size_t kChunk = 1 << 14; ///< points of a task [free: grain]
     std::vector<std::vector<Dipole>> chunks((points.size() + kChunk - 1) / kChunk);
     tbb::parallel_for(std::size_t(0), chunks.size(), [&](std::size_t c) {
         const std::size_t begin = c * kChunk;
@@ -88,9 +90,9 @@ std::vector<Dipole> makeDipoles(const SortedPoints& points, int level)
     return dipoles;
 }
 
-/// Dipoles by the plane of cells of the node grid that they lie in, and there by row.
+/// Dipoles sorted by plane of the node grid's cells, and there by row.
 struct Bins {
-    std::vector<std::uint32_t> start; ///< of each plane
+    std::vector<std::uint32_t> start; ///< first dipole of each plane
     std::vector<Dipole> dipoles;
 };
 
@@ -116,18 +118,18 @@ Bins binDipoles(const std::vector<Dipole>& dipoles, const NodeGrid& nodes, const
     return bins;
 }
 
-/// What the dipoles around a node say of it.
+/// Weighted sums over the dipoles around a node.
 struct NodeSums {
     double weight, value, magnitude;
     Vec3d offset, normal;
 
-    /// Data lie below or above the node, not beside it, and agree about the side.
+    /// Whether data lie below or above the node, not beside it, and agree about the side.
     bool supported(double step) const
     {
         const Vec3d mean = offset / weight;
         const Vec3d direction = normal.normalized();
         const double lateral = (mean - mean.dot(direction) * direction).norm();
-        return lateral <= kLateral * step &&
+        return lateral <= kMaxLateral * step &&
                (normal.norm() >= 0.7 * weight || std::abs(value) >= 0.5 * magnitude);
     }
 };
@@ -138,7 +140,7 @@ class PlaneSums
 public:
     PlaneSums(const NodeGrid& grid, const Vec3d& corner, double step, double noise)
         : mGrid(grid), mCorner(corner), mStep(step),
-          mSoftness(kSoftness + std::pow(kSoftNoises * noise / step, 2))
+          mSoftness(kSoftness + std::pow(kSoftnessNoises * noise / step, 2))
     {
         for (auto& sum : mSums) sum.assign(std::size_t(grid.n[1]) * std::size_t(grid.n[2]), 0.0);
     }
@@ -162,8 +164,8 @@ public:
     }
 
 private:
-    static constexpr int kLanes = 4;
-    static constexpr std::size_t kSums = 9; ///< numbers of NodeSums, in their order
+    static constexpr int kLanes = 4;        ///< [derived: doubles of a Group; a kernel's nodes]
+    static constexpr std::size_t kSums = 9; ///< [derived: numbers of NodeSums, in their order]
 
     NodeGrid mGrid;
     Vec3d mCorner;
@@ -179,9 +181,9 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
     for (const Dipole* d = begin; d < end; ++d) {
         const Vec3d p = d->position.cast<double>(), n = d->normal.cast<double>();
         const double rx = x - p[0], rx2 = rx * rx;
-        if (rx2 >= kKernel * kKernel * step2) continue;
+        if (rx2 >= kKernelRadius * kKernelRadius * step2) continue;
         const auto firstNode = [&](int axis) {
-            const double lowest = (p[axis] - mCorner[axis]) / mStep - kKernel;
+            const double lowest = (p[axis] - mCorner[axis]) / mStep - kKernelRadius;
             return std::clamp(int(std::ceil(lowest)), 0, mGrid.n[std::size_t(axis)] - kLanes);
         };
         const int j0 = firstNode(1), k0 = firstNode(2);
@@ -189,8 +191,10 @@ void PlaneSums::add(const Dipole* begin, const Dipole* end, int i)
         const Group rz = mCorner[2] + mStep * (double(k0) + lanes) - p[2], rz2 = rz * rz;
         for (int j = j0; j < j0 + kLanes; ++j) {
             const double ry = mCorner[1] + mStep * j - p[1];
-            if (rx2 + ry * ry >= kKernel * kKernel * step2) continue; // more than half of the rows
-            const Group d2 = (rx2 + ry * ry + rz2) / step2, cut = 1 - d2 / (kKernel * kKernel);
+            if (rx2 + ry * ry >= kKernelRadius * kKernelRadius * step2)
+                continue; // as for most rows
+            const Group d2 = (rx2 + ry * ry + rz2) / step2,
+                        cut = 1 - d2 / (kKernelRadius * kKernelRadius);
             const Group w = cut > 0 ? cut * cut / ((d2 + mSoftness) * (d2 + mSoftness)) : Group{};
             const Group side = n[0] * rx + n[1] * ry + n[2] * rz;
             const Group heavy = w * double(d->weight);
@@ -225,7 +229,7 @@ NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const V
         plane.take([&](int j, int k, const NodeSums& sums) {
             if (!sums.supported(step)) return;
             const std::size_t n = grid.index(i, j, k);
-            data.weight[n] = kWeight;
+            data.weight[n] = kDataWeight;
             data.distance[n] = float(sums.value / sums.weight / step);
             if (!withNormals) return;
             const Vec3f normal = sums.normal.normalized().cast<float>();
@@ -235,7 +239,7 @@ NodeData splat(const std::vector<Dipole>& dipoles, const NodeGrid& grid, const V
     return data;
 }
 
-/// Coordinates of dipoles, one array each, for loops over them all.
+/// Coordinates of dipoles, one array each.
 struct Places {
     std::vector<float> x, y, z;
 
@@ -253,7 +257,7 @@ MPUVDB_WIDE_CLONES
 float nearestSquared(const Places& places, float x, float y, float z)
 {
     using Lanes = float __attribute__((vector_size(32)));
-    constexpr std::size_t kLanes = 8;
+    constexpr std::size_t kLanes = 8; ///< [derived: floats of 256 bits]
     float least[kLanes];
     std::fill_n(least, kLanes, std::numeric_limits<float>::max());
     const std::size_t whole = places.x.size() / kLanes * kLanes;
@@ -295,7 +299,7 @@ std::vector<float> borderDistance(const std::vector<Dipole>& dipoles, const Node
     return distance;
 }
 
-/// Level of the first cubes that are no larger than @a size.
+/// First level with cubes no larger than @a size.
 int levelOf(const RootCube& root, double size)
 {
     int level = 0;
@@ -310,16 +314,16 @@ struct NodeBox {
 
     NodeBox(const Box3d& bounds, double spacing)
         : extent(std::max(bounds.sizes().maxCoeff(), 4 * spacing)),
-          step(std::max(extent * (1 + 2 * kPad) / kMaxNodes, 3 * spacing))
+          step(std::max(extent * (1 + 2 * kPadding) / kMaxNodes, 3 * spacing))
     {
         for (int k = 0; k < 3; ++k) {
-            const double side = bounds.sizes()[k] + 2 * kPad * extent;
+            const double side = bounds.sizes()[k] + 2 * kPadding * extent;
             grid.n[std::size_t(k)] = 16 * std::max(1, int(std::ceil(side / step / 16))) + 1;
         }
     }
 };
 
-// The same arithmetic for one place and for a group of them.
+// Arithmetic for one place (double) and for a group of four alike.
 
 template <typename T>
 [[gnu::always_inline]] inline T larger(const T& a, const T& b)
@@ -360,10 +364,11 @@ template <typename T>
 
 } // namespace
 
-std::uint64_t CoarseSign::makingBytes(const SortedPoints& some, const Box3d& bounds,
-                                      const RootCube& root)
+std::uint64_t CoarseSign::makingPeakBytes(const SortedPoints& some, const Box3d& bounds,
+                                          const RootCube& root)
 {
-    constexpr std::uint64_t kNodeBytes = 32; // data, right-hand side, border, the solver
+    /// Bytes of a node: data, right-hand side, border, solver. [tuned: estimate_test]
+    constexpr std::uint64_t kNodeBytes = 32;
     return kNodeBytes * NodeBox(bounds, meanSpacing(some, root)).grid.size();
 }
 
@@ -380,14 +385,15 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
         return makeDipoles(points, levelOf(root, steps * mStep));
     };
     const auto dataAt = [&](const NodeGrid& grid, int steps, bool withNormals) {
-        return splat(dipoles(steps * kDipoleSteps), grid, mCorner, steps * mStep, noise,
-                     withNormals, progress);
+        return splat(dipoles(steps * kDipoleSize), grid, mCorner, steps * mStep, noise, withNormals,
+                     progress);
     };
-    // Bends are smooth, and not worth every node.
+    // Curvature is smooth: half as many nodes along each axis do.
     const NodeGrid half = halved(mGrid);
-    const std::vector<float> bends = spreadBends(half, dataAt(half, 2, true), progress);
-    mU = fillBetween(mGrid, dataAt(mGrid, 1, false), bends,
-                     borderDistance(dipoles(kFewSteps), mGrid, mCorner, mStep, progress), progress);
+    const std::vector<float> curvature = spreadCurvature(half, dataAt(half, 2, true), progress);
+    mU = fillBetween(mGrid, dataAt(mGrid, 1, false), curvature,
+                     borderDistance(dipoles(kBorderDipoleSize), mGrid, mCorner, mStep, progress),
+                     progress);
 }
 
 Box3d CoarseSign::bounds() const
@@ -396,7 +402,7 @@ Box3d CoarseSign::bounds() const
     return {first, first + mStep * Vec3d(mGrid.n[0] - 3, mGrid.n[1] - 3, mGrid.n[2] - 3)};
 }
 
-/// Of one place (a double), or of a group.
+/// A sample at one place (double), or at a group of four.
 template <typename T>
 struct CoarseSign::Sample {
     T value, slope;
@@ -408,7 +414,7 @@ template <typename T>
 CoarseSign::sample(const std::array<T, 3>& p) const
 {
     // Quadratic B-splines: value and gradient are smooth across the nodes' cells.
-    constexpr std::size_t kLanes = std::is_same_v<T, Group> ? 4 : 1;
+    constexpr std::size_t kLanes = std::is_same_v<T, Group> ? 4 : 1; ///< [derived: those of T]
     T w[3][3], dw[3][3], beyond2{};
     int base[kLanes][3];
     for (int k = 0; k < 3; ++k) {
@@ -450,7 +456,7 @@ CoarseSign::sample(const std::array<T, 3>& p) const
     }
     const auto& g = s.gradient;
     s.slope = larger(squareRoot(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]), T{} + mSlopeFloor);
-    const T most = T{} + farthest();
+    const T most = T{} + maxDistance();
     s.value = smaller(larger(mStep * s.value / s.slope, -most), most) + mStep * squareRoot(beyond2);
     return s;
 }

@@ -1,13 +1,11 @@
-// One coarse answer to inside or outside for the whole model, from its points alone: for where no
-// data support the local fits.
+// A coarse signed field of the whole model, for where no data support the local fits.
 //
-// A nearly harmonic function, held to the points' signed distance near them. A harmonic function
-// has no zero set between data that does not end on them (maximum principle), so nothing is
-// invented in free space; what is added to it lets openings close as the data around them bend.
+// It is a nearly harmonic function with the points' signed distance near them. By the maximum
+// principle the zero set of a harmonic function ends on data, so nothing is invented in free space;
+// a curvature term lets openings close as the data around them bend.
 #pragma once
 #include "mpu/octree/sorted_points.h"
 #include "multigrid.h"
-
 #include <mpuvdb/field.h>
 
 #include <array>
@@ -22,23 +20,23 @@ public:
     CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root, double noise,
                Interrupter& progress);
 
-    /// The most memory that making one takes, of points with @a bounds that are as dense as @a some
+    /// Largest memory for making one, bytes, for points with @a bounds that are as dense as @a some
     /// of them.
-    static std::uint64_t makingBytes(const SortedPoints& some, const Box3d& bounds,
-                                     const RootCube& root);
+    static std::uint64_t makingPeakBytes(const SortedPoints& some, const Box3d& bounds,
+                                         const RootCube& root);
 
-    /// A farther distance is not told: it means nothing, and would outweigh what it is blended
-    /// with.
-    double farthest() const { return 4 * mStep; }
-    /// Where that holds: beyond, distances are added.
+    /// Largest distance of the field, world units: a larger one is meaningless, and would outweigh
+    /// the values that it is blended with.
+    double maxDistance() const { return 4 * mStep; }
+    /// The box within which maxDistance() holds; outside, the distance from the box is added.
     Box3d bounds() const;
-    /// Approximate signed distance (world units) and its direction at @a p (local coordinates);
-    /// beyond the grid's box that of the nearest point in it, plus the distance to it: all outside.
+    /// Approximate signed distance (world units) and gradient at @a p (local coordinates). Outside
+    /// of the grid's box it is that of the nearest point in it plus the distance to it.
     FieldSample evaluate(const Vec3d& p) const;
-    /// The same bits of evaluate().value at four places at once: x of all, y of all, z of all.
+    /// evaluate().value, to the bit, at four places at once: x of all, y of all, z of all.
     void evaluateFour(const std::array<std::array<double, 4>, 3>& places,
                       std::array<double, 4>& values) const;
-    /// Distance between nodes, world units: how fine the answer is.
+    /// Distance between nodes, world units.
     double step() const { return mStep; }
     std::size_t bytes() const { return mU.capacity() * sizeof(float); }
 
@@ -49,8 +47,8 @@ private:
     Sample<T> sample(const std::array<T, 3>& p) const;
 
     Vec3d mCorner;
-    double mStep = 1;       ///< between nodes, world units
-    double mSlopeFloor = 0; ///< of |grad u|, per node step: flat u far away is not a zero crossing
+    double mStep = 1;       ///< distance between nodes, world units
+    double mSlopeFloor = 0; ///< least |grad u|, per node step: far away u is flat
     NodeGrid mGrid;
     std::vector<float> mU;
 };

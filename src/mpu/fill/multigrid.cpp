@@ -13,11 +13,11 @@ namespace mpuvdb
 namespace
 {
 
-constexpr float kOverRelaxation = 1.15f;
-constexpr int kCoarsestSweeps = 40;
+constexpr float kOverRelaxation = 1.15f; ///< of a sweep [tuned: coarse_sign_test]
+constexpr int kCoarsestSweeps = 40;      ///< sweeps on the coarsest level [tuned: coarse_sign_test]
 
-/// Nodes up to which a loop over a grid is done before another thread could help.
-constexpr std::size_t kFewNodes = 1 << 14;
+/// Most nodes of a grid that one thread loops over. [free: grain]
+constexpr std::size_t kMinParallelNodes = 1 << 14;
 
 /// Call f(i, j) for every interior row of the grid, in parallel; rows are independent.
 template <typename F>
@@ -26,7 +26,7 @@ void forEachRow(const NodeGrid& grid, F f)
     const auto plane = [&](int i) {
         for (int j = 1; j < grid.n[1] - 1; ++j) f(i, j);
     };
-    if (grid.size() > kFewNodes)
+    if (grid.size() > kMinParallelNodes)
         tbb::parallel_for(1, grid.n[0] - 1, plane);
     else
         for (int i = 1; i < grid.n[0] - 1; ++i) plane(i);
@@ -41,7 +41,7 @@ struct Strides {
     }
 };
 
-/// sums[k] of the 27 nodes about @a from[2 k], weighted 1 to 8, for 0 <= k < count.
+/// Set sums[k], for 0 <= k < count, to the sum of the 27 nodes about @a from[2 k], weighted 1 to 8.
 MPUVDB_WIDE_CLONES
 void sumAround(const float* from, const Strides& fine, int count, float* sums)
 {
@@ -60,8 +60,8 @@ void sumAround(const float* from, const Strides& fine, int count, float* sums)
         }
 }
 
-/// Full weighting of 27 fine nodes, times 4: the grid unit doubles, and the equation is in units of
-/// its square.
+/// Restrict by full weighting of 27 fine nodes, times 4: the equation is in units of the square of
+/// the grid unit, which doubles.
 void restrictTo(const NodeGrid& fine, const std::vector<float>& from, const NodeGrid& coarse,
                 std::vector<float>& to)
 {
@@ -107,17 +107,18 @@ void prolong(const NodeGrid& coarse, const std::vector<float>& from, const NodeG
     });
 }
 
-/// Over-relax every other node of a row, from @a first on; those between are their neighbors and
-/// stay. All are computed: that is cheaper than to step over half of them.
+/// Over-relax every other node of a row, from @a first on. All are computed, which is faster than
+/// to skip half of them.
 MPUVDB_WIDE_CLONES
 void relaxRow(float* u, const float* b, const float* screening, const Strides& next, int count,
               int first)
 {
     const std::ptrdiff_t di = next.i, dj = next.j;
-    constexpr int kPart = 64; // even
-    float change[kPart];
-    for (int begin = 0; begin < count; begin += kPart, u += kPart, b += kPart, screening += kPart) {
-        const int part = std::min(kPart, count - begin);
+    constexpr int kStrip = 64; ///< nodes at once, even [free: a buffer's size]
+    float change[kStrip];
+    for (int begin = 0; begin < count;
+         begin += kStrip, u += kStrip, b += kStrip, screening += kStrip) {
+        const int part = std::min(kStrip, count - begin);
         for (int k = 0; k < part; ++k) {
             const float neighbors =
                 (u[k - di] + u[k + di]) + (u[k - dj] + u[k + dj]) + (u[k - 1] + u[k + 1]);
@@ -128,7 +129,7 @@ void relaxRow(float* u, const float* b, const float* screening, const Strides& n
     }
 }
 
-/// What the equation misses at the nodes of a row.
+/// Set the residual of the equation at the nodes of a row.
 MPUVDB_WIDE_CLONES
 void residualRow(const float* u, const float* b, const float* screening, const Strides& next,
                  int count, float* residual)

@@ -19,7 +19,7 @@ struct NodeGrid {
         return (std::size_t(i) * std::size_t(n[1]) + std::size_t(j)) * std::size_t(n[2]) +
                std::size_t(k);
     }
-    /// From one node of the row (i, j) that is on the box to the next, from k = 0 on.
+    /// Step from one node of the row (i, j) that is on the box to the next, from k = 0 on.
     int borderStep(int i, int j) const
     {
         const bool whole = i == 0 || j == 0 || i == n[0] - 1 || j == n[1] - 1;
@@ -35,10 +35,10 @@ public:
     /// @param screening  D >= 0, one per node. Each dimension of @a grid is 8 a + 1.
     ScreenedPoisson(const NodeGrid& grid, std::vector<float> screening, Interrupter& progress);
 
-    /// @param border  u on the box's nodes; other nodes' values are not read.
+    /// Solve the equation; returns u. @param border  u on the box's nodes; others are not read.
     /// @param cycles  V-cycles on the finest level after the full multigrid pass; 0: two sweeps.
     std::vector<float> solve(std::vector<float> b, const std::vector<float>& border, int cycles);
-    /// The same with one value on the whole box.
+    /// solve() with one value on the whole box.
     std::vector<float> solve(std::vector<float> b, float border, int cycles);
 
 private:

@@ -1,4 +1,4 @@
-// What becomes of one cell: a leaf with its fit, or eight children.
+// The decision about a cell: a leaf with its fit, or eight children.
 #pragma once
 #include "fit_quality.h"
 #include "local_fit.h"
@@ -12,89 +12,102 @@
 namespace mpuvdb
 {
 
-constexpr std::size_t kSampleFrom = 400; ///< more points than this are tried on a sample first
-constexpr std::size_t kSample = 150;
-constexpr double kGrowth = 0.1; ///< lambda [Ohtake03 eq. 6]
-constexpr double kRimSpacings =
-    6; ///< a ball larger than this with fewer than N_min points is a rim
+/// Points of a ball above which a sample is fitted first, and points of the sample.
+/// [tuned: suite, time]
+constexpr std::size_t kMinSampledPoints = 400;
+constexpr std::size_t kSamplePoints = 150;
+
+/// Growth of the radius of balls with too few points, per step. [paper: Ohtake03 eq. 6, lambda]
+constexpr double kGrowth = 0.1;
+
+/// Radius, in spacings, from which on a ball with fewer than N_min points is at the data's rim.
+/// [tuned: unseen_bench]
+constexpr double kMinRimRadius = 6;
 
 /// Least radius of a ball, in standard deviations of the noise: a smaller ball cuts off points that
-/// noise throws far, and takes its own border for the surface.
-constexpr double kNoiseRadius = 3;
+/// are far from the surface. [tuned: noise_bench]
+constexpr double kMinNoiseRadius = 3;
 
-/// The same where points are so dense that a ball is this many spacings wide and still tells them
-/// from their noise.
-constexpr double kLeastNoiseRadius = 2, kDenseSpacings = 2.5;
+/// Least radius of a ball among dense points, in standard deviations of the noise and in spacings.
+/// [tuned: noise_bench]
+constexpr double kMinDenseNoiseRadius = 2, kMinDenseRadius = 2.5;
 
-/// Noise, in voxels, from which on cells below two voxels show no more of an edge.
-constexpr double kBlurringNoise = 0.05;
+/// Noise, in voxels, from which on cells below two voxels resolve edges no better.
+/// [tuned: noise_bench]
+constexpr double kMinBlurringNoise = 0.05;
 
-/// Least edge of a cell that no edge of the surface crosses, voxels.
-constexpr double kLeastCell = 2;
+/// Least edge of a cell, voxels, where the surface has no edge. [tuned: suite, time]
+constexpr double kMinCell = 2;
 
-/// The same where walls so close that no fit shows both within the tolerance face away from each
-/// other.
-constexpr double kLeastBetweenWalls = 0.5;
+/// Least edge of a cell, voxels, between walls so close that no fit represents both within the
+/// tolerance. [tuned: reconstruct_test]
+constexpr double kMinCellBetweenWalls = 0.5;
 
-/// The same among noise, where a ball holds all sides of a limb.
-constexpr double kLeastInLimbs = 1;
+/// Least edge of a cell, voxels, among noise, where a ball holds both sides of a thin part.
+/// [tuned: noise_bench]
+constexpr double kMinCellThinNoisy = 1;
 
-/// From the tolerance up to this noise, in voxels, points show details of about a voxel: cells go
-/// down to kTellingCell, and kTellingPoints of them tell a shape from noise. Less noise is within
-/// the tolerance, more hides such details.
-constexpr double kTellingNoise = 0.35, kTellingCell = 1.4;
-constexpr std::size_t kTellingPoints = 50;
+/// Fine detail: with noise from the tolerance up to a largest, in voxels, points show details of
+/// about a voxel. Cells have a smaller least edge there, voxels, and fewer points separate a shape
+/// from noise. [tuned: noise_bench]
+constexpr double kFineDetailMaxNoise = 0.35, kFineDetailMinCell = 1.4;
+constexpr std::size_t kFineDetailMinPoints = 50;
 
-/// Balls up to this radius, in standard deviations of the noise, cut through it.
-constexpr double kThickRadius = 8;
+/// Largest radius of a ball, in standard deviations of the noise, that is enlarged, because it cuts
+/// through the noise. [tuned: noise_bench]
+constexpr double kMaxEnlargedRadius = 8;
 
-/// Normals are trusted no farther, radians: a quadratic has not all of a shape's slopes.
-constexpr double kLeastNormalNoise = 0.04;
+/// Least noise of normals that weighs them, radians: a quadratic cannot follow all slopes of a
+/// shape. [tuned: noise_bench]
+constexpr double kMinNormalNoise = 0.04;
 
-/// Noise of normals up to which they tell the faces of an edge apart, radians.
-constexpr double kClearNormals = 0.3;
+/// Largest noise of normals that separate the faces of an edge, radians. [tuned: noise_bench]
+constexpr double kMaxEdgeNormalNoise = 0.3;
 
-/// Of the noise: a pattern in the residuals that says more than that their points are many.
-constexpr double kTellingPattern = 0.4;
+/// Pattern of the residuals from which on a fit is unresolved, in standard deviations of the noise.
+/// [tuned: noise_bench]
+constexpr double kMinPattern = 0.4;
 
-constexpr double kFading = 0.3; ///< part of the gap of full support over which support falls
+/// Range over which support falls from 1 to 0, in gaps of full support. [tuned: unseen_bench]
+constexpr double kSupportFade = 0.3;
 
-constexpr double kHeirError =
-    0.02; ///< largest error, in radii, of a fit that empty cells take over
+/// Largest error of a fit that empty cells inherit, radii. [tuned: reconstruct_test]
+constexpr double kMaxInheritedError = 0.02;
 
-/// The ball of a cell or of an ancestor: its points are all points within radius of center.
+/// The ball of a cell or of an ancestor, with all points within radius of center.
 struct Ball {
     const PointBatch* batch;
     Vec3d center;
     double radius;
 };
 
-/// What was decided about a cell.
+/// The decision about a cell.
 struct Decision {
     bool split = false;
     bool fitted = true; ///< false: split without a fit
     FitResult result;   ///< accepted, or rejected and split
     double gap = 0;     ///< zeroSetGap of the fit, world units
-    /// The points show something else than the fit, and noise hides what.
-    bool lostInNoise = false;
+    /// At this noise the points do not determine the shape, and do not follow the fit.
+    bool unresolved = false;
 };
 
-/// A gap that leaves the support at 1.
+/// Largest gap of full support: two spacings, as random samples have gaps, or a part of the size of
+/// a large cell.
 inline double fullSupportGap(double spacing, double radius)
 {
     return std::max(2 * spacing, 0.16 * radius);
 }
 
-/// Support of a fit whose zero set ventures @a gap from the data: 1 up to two spacings, as random
-/// samples have gaps (or, in a large cell, a part of its size), falling smoothly, and soon, to 0.
+/// Support of a fit whose zero set is up to @a gap from the data: 1 up to fullSupportGap(), then
+/// falling smoothly to 0.
 inline double supportOf(double gap, double spacing, double radius)
 {
     const double full = fullSupportGap(spacing, radius);
-    const double t = std::clamp((gap / full - 1) / kFading, 0.0, 1.0);
+    const double t = std::clamp((gap / full - 1) / kSupportFade, 0.0, 1.0);
     return 1 - t * t * (3 - 2 * t);
 }
 
-/// Decides cells; scratch memory of one thread.
+/// Decides cells, with the scratch memory of one thread.
 class CellFitter
 {
 public:
@@ -105,13 +118,13 @@ public:
         mFit.noise = settings.noise;
         mFit.normalNoise = settings.normalNoise;
         if (settings.normalNoise > 0)
-            mFit.lever = settings.noise / std::max(settings.normalNoise, kLeastNormalNoise);
+            mFit.lever = settings.noise / std::max(settings.normalNoise, kMinNormalNoise);
         mFit.minPoints = settings.minPoints;
-        if (noiseTells()) mFit.fewPoints = kTellingPoints;
+        if (showsFineDetail()) mFit.fewPoints = kFineDetailMinPoints;
     }
 
-    /// Forget what was gathered for other cells: the order of the points, and with it the last bit
-    /// of a fit, must not depend on which subtrees this thread happened to build before.
+    /// Forget points gathered for other cells: their order, and with it the last bit of a fit, must
+    /// not depend on the subtrees built before.
     void forget() { mWideRadius = 0; }
 
     double supportRadius(int level) const
@@ -125,21 +138,20 @@ public:
     {
         const double radius = supportRadius(cell.level), size = mRoot.size(cell.level);
         Decision decision;
-        if (ball.size() > kSampleFrom) {
-            mFilter.strided(ball, ball.size() / kSample, mGrown);
+        if (ball.size() > kMinSampledPoints) {
+            mFilter.strided(ball, ball.size() / kSamplePoints, mGrown);
             decision = decideOn(mGrown, cell, radius, radius, spacing);
             if (decision.split) return decision;
         }
-        if (ball.size() < std::size_t(mFit.minPoints) && radius > kRimSpacings * spacing &&
+        if (ball.size() < std::size_t(mFit.minPoints) && radius > kMinRimRadius * spacing &&
             mRoot.size(cell.level + 1) >= 2 * mSettings.voxelSize) {
-            // Data would fill the ball with many more: this is their rim, and nothing here says how
-            // the surface goes on.
+            // The ball is at the rim of the data, which do not say how the surface goes on.
             decision.split = true;
             decision.fitted = false;
             return decision;
         }
-        if (thicken(cell, path)) {
-            decision = decideOn(mGrown, cell, thickened(radius), radius, spacing);
+        if (gatherEnlarged(cell, path)) {
+            decision = decideOn(mGrown, cell, enlargedRadius(radius), radius, spacing);
         } else {
             const double grown = grow(ball, cell, path);
             decision = decideOn(grown > radius ? mGrown : ball, cell, grown, grown, spacing);
@@ -147,7 +159,7 @@ public:
         const bool isPoor = !decision.result.accepted || decision.result.turnsAway;
         if (!decision.split && isPoor && mSettings.sharp &&
             mCell.count <= 8 * std::size_t(mFit.minPoints)) {
-            // The level limit stops the descent to few points: look for a feature all the same.
+            // The level limit stops the descent to few points: try a feature here.
             FitSettings last = mFit;
             last.maxSharpPoints = mCell.count;
             const FitResult sharp = fitCell(mCell, size, radius, last, mScratch);
@@ -155,10 +167,10 @@ public:
                 decision.result = sharp;
                 decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius,
                                           fullSupportGap(spacing, radius));
-                decision.lostInNoise = isLost(sharp, cell, spacing);
+                decision.unresolved = isUnresolved(sharp, cell, spacing);
             }
         }
-        if (!decision.split && radius >= kNoiseRadius * mSettings.noise &&
+        if (!decision.split && radius >= kMinNoiseRadius * mSettings.noise &&
             mayHaveNoisyEdge(decision.result)) {
             if (const auto edge = fitNoisyEdge(mCell, decision.result.fit, mFit, mScratch)) {
                 decision.result.fit = *edge;
@@ -171,20 +183,20 @@ public:
         return decision;
     }
 
-    /// Whether the rejected fit that decide() last looked at may rule where the cell has no points.
-    bool lastIsHeldUp(const Decision& decision, const OctreeCell& cell, double spacing) const
+    /// Whether empty children may inherit the rejected fit of the last decide().
+    bool lastMayBeInherited(const Decision& decision, const OctreeCell& cell, double spacing) const
     {
         const double radius = supportRadius(cell.level);
-        // One surface with an edge in it, or two, says little where it was not near its points.
-        if (decision.result.error > kHeirError * radius) return false;
+        // The fit of an edge or of two surfaces means little away from its points.
+        if (decision.result.error > kMaxInheritedError * radius) return false;
         const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
-                                      heldUpGap(radius, mCell.radius, spacing));
-        return gap <= heldUpGap(radius, mCell.radius, spacing);
+                                      maxSupportedGap(radius, mCell.radius, spacing));
+        return gap <= maxSupportedGap(radius, mCell.radius, spacing);
     }
 
-    /// Support of that fit in an empty child.
-    double lastSupportIn(const Decision& decision, const OctreeCell& cell, const OctreeCell& child,
-                         double spacing) const
+    /// Support of the inherited fit in an empty child.
+    double inheritedSupport(const Decision& decision, const OctreeCell& cell,
+                            const OctreeCell& child, double spacing) const
     {
         return supportInEmpty(decision.result.fit, mRoot.center(child) - mRoot.center(cell),
                               supportRadius(child.level), spacing);
@@ -205,24 +217,25 @@ public:
         return fit;
     }
 
-    /// As above among a sample of all points.
+    /// fitEmpty() among a sample of all points.
     LocalFit fitEmpty(const OctreeCell& cell, double spacing, double& support)
     {
         PointBatch near;
         for (double cover = 2 * supportRadius(cell.level); near.size() == 0; cover *= 2) {
             const SortedPoints::Around around = mPoints.around(cell, cover);
-            mPoints.gather(around, 1 + around.points / kSampleFrom, mFilter, near);
+            mPoints.gather(around, 1 + around.points / kMinSampledPoints, mFilter, near);
         }
         return fitEmpty(cell, near, spacing, support);
     }
 
 private:
-    static double heldUpGap(double radius, double ballRadius, double spacing)
+    /// Largest gap of a fit that need not be split, and that empty children may inherit.
+    static double maxSupportedGap(double radius, double ballRadius, double spacing)
     {
         return std::max(0.2 * radius, std::min(0.45 * ballRadius, 5 * spacing));
     }
 
-    /// @param center  of the empty cell, relative to mCell's.
+    /// Support of @a fit in an empty cell. @param center  of the cell, relative to mCell's.
     double supportInEmpty(const LocalFit& fit, const Vec3d& center, double radius,
                           double spacing) const
     {
@@ -231,65 +244,66 @@ private:
         return supportOf(gap, spacing, radius);
     }
 
-    /// Whether noise may hide an edge of which normals tell.
+    /// Whether noise may hide an edge that normals show.
     bool mayHaveNoisyEdge(const FitResult& result) const
     {
-        return mSettings.sharp && mSettings.noise >= kBlurringNoise * mSettings.voxelSize &&
-               mSettings.normalNoise > 0 && mSettings.normalNoise < kClearNormals &&
+        return mSettings.sharp && mSettings.noise >= kMinBlurringNoise * mSettings.voxelSize &&
+               mSettings.normalNoise > 0 && mSettings.normalNoise < kMaxEdgeNormalNoise &&
                result.spreadNormals && !result.fit.isSharp();
     }
 
-    /// Whether a ball of @a radius is too small to tell the surface from the noise.
-    bool isLostInNoise(double radius, double spacing) const
+    /// Whether a ball of @a radius is too small for this noise.
+    bool isTooSmallForNoise(double radius, double spacing) const
     {
-        if (radius >= kNoiseRadius * mSettings.noise) return false;
+        if (radius >= kMinNoiseRadius * mSettings.noise) return false;
         if (!(mSettings.normalNoise > 0)) return true;
-        return radius < kLeastNoiseRadius * mSettings.noise || radius < kDenseSpacings * spacing;
+        return radius < kMinDenseNoiseRadius * mSettings.noise ||
+               radius < kMinDenseRadius * spacing;
     }
 
-    /// Whether @a result, of the smallest ball that tells anything from the noise, is not what the
-    /// points show: they turn all round in it, or leave a pattern.
-    bool isLost(const FitResult& result, const OctreeCell& cell, double spacing) const
+    /// Whether @a result, of the smallest ball for this noise, does not represent the points:
+    /// normals are opposed, or residuals have a pattern.
+    bool isUnresolved(const FitResult& result, const OctreeCell& cell, double spacing) const
     {
-        if (!(mSettings.noise > 0) || !isLostInNoise(supportRadius(cell.level + 1), spacing))
+        if (!(mSettings.noise > 0) || !isTooSmallForNoise(supportRadius(cell.level + 1), spacing))
             return false;
         if (result.opposedNormals && !result.fit.isSharp()) return true;
         if (result.accepted) return false;
         return residualPattern(result.fit, mCell, supportRadius(cell.level), mSettings.noise) >
-               kTellingPattern * mSettings.noise;
+               kMinPattern * mSettings.noise;
     }
 
-    /// Whether points show details that are hardly larger than voxels.
-    bool noiseTells() const
+    /// Whether points show details of about a voxel.
+    bool showsFineDetail() const
     {
         return mSettings.noise >= mSettings.tolerance &&
-               mSettings.noise <= kTellingNoise * mSettings.voxelSize;
+               mSettings.noise <= kFineDetailMaxNoise * mSettings.voxelSize;
     }
 
     bool mayBeSplit(const OctreeCell& cell, const FitResult& result, double spacing) const
     {
-        const bool fine = mSettings.noise < kBlurringNoise * mSettings.voxelSize &&
+        const bool fine = mSettings.noise < kMinBlurringNoise * mSettings.voxelSize &&
                           (result.fit.isSharp() || result.opposedNormals ||
                            (mSettings.sharp && result.spreadNormals && !result.accepted));
-        if (isLostInNoise(supportRadius(cell.level + 1), spacing)) return false;
+        if (isTooSmallForNoise(supportRadius(cell.level + 1), spacing)) return false;
         const bool isBetweenWalls = result.opposedNormals && !result.accepted;
-        const double least = fine ? (isBetweenWalls ? kLeastBetweenWalls : 1)
-                                  : (isBetweenWalls ? kLeastInLimbs
-                                     : noiseTells() ? kTellingCell
-                                                    : kLeastCell);
+        const double least = fine ? (isBetweenWalls ? kMinCellBetweenWalls : 1)
+                                  : (isBetweenWalls      ? kMinCellThinNoisy
+                                     : showsFineDetail() ? kFineDetailMinCell
+                                                         : kMinCell);
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
     }
 
-    /// @param reach  across the surface, of the points of the ball that count.
+    /// @param reach  largest lateral distance of points with a weight.
     Decision decideOn(const PointBatch& batch, const OctreeCell& cell, double ballRadius,
                       double reach, double spacing)
     {
         const double radius = supportRadius(cell.level);
         mCell.assign(batch, mRoot.center(cell), ballRadius);
-        if (mSettings.noise > 0) mCell.weighAcross(meanNormal(mCell), reach);
+        if (mSettings.noise > 0) mCell.weightLaterally(meanNormal(mCell), reach);
         FitSettings fit = mFit;
-        if (mSettings.noise > kMovingNoise * mSettings.tolerance) fit.reach = reach;
+        if (mSettings.noise > kMinBiasNoise * mSettings.tolerance) fit.reach = reach;
         fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
         Decision decision;
         decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
@@ -300,23 +314,23 @@ private:
         }
         decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
                                   fullSupportGap(spacing, radius));
-        decision.lostInNoise = isLost(decision.result, cell, spacing);
-        // A fit of few points at the data's rim is within tolerance and knows nothing of the ball.
-        decision.split = mayBe && decision.gap > heldUpGap(radius, ballRadius, spacing) &&
+        decision.unresolved = isUnresolved(decision.result, cell, spacing);
+        // A fit of few points at the data's rim is within tolerance, but not supported in the ball.
+        decision.split = mayBe && decision.gap > maxSupportedGap(radius, ballRadius, spacing) &&
                          (ballRadius <= 1.5 * radius || radius > 3 * spacing);
         return decision;
     }
 
-    /// Radius of a ball that the noise does not leave.
-    double thickened(double radius) const { return radius + 3 * mSettings.noise; }
+    /// Radius of a ball enlarged by the noise.
+    double enlargedRadius(double radius) const { return radius + 3 * mSettings.noise; }
 
-    /// Where the noise is thick against the ball, which cuts through it: put the points of a larger
-    /// one into mGrown. Whether they are enough.
-    bool thicken(const OctreeCell& cell, const std::vector<Ball>& path)
+    /// Gather the points of an enlarged ball in mGrown where the ball cuts through the noise.
+    /// @return whether it does, and they are enough.
+    bool gatherEnlarged(const OctreeCell& cell, const std::vector<Ball>& path)
     {
         const Vec3d center = mRoot.center(cell);
-        const double radius = supportRadius(cell.level), wanted = thickened(radius);
-        if (!(radius < kThickRadius * mSettings.noise)) return false;
+        const double radius = supportRadius(cell.level), wanted = enlargedRadius(radius);
+        if (!(radius < kMaxEnlargedRadius * mSettings.noise)) return false;
         for (std::size_t up = path.size(); up-- > 0;) {
             if (path[up].radius - (path[up].center - center).norm() < wanted) continue;
             mFilter.ball(*path[up].batch, center, wanted, mGrown);
@@ -336,10 +350,9 @@ private:
         return batch.size() >= std::size_t(mFit.minPoints);
     }
 
-    /// Grow the ball until it holds N_min points [Ohtake03 eq. 6]. Their number counts, not the sum
-    /// of their confidences [Ohtake03 §6]: where all are low, as at the rims of scans, larger balls
-    /// would blur what no other points have seen. Returns the radius; where it grew, mGrown holds
-    /// the points.
+    /// Grow the ball until it holds N_min points [Ohtake03 eq. 6]: their number counts, not the sum
+    /// of their confidences [Ohtake03 §6], as larger balls would blur parts where all confidences
+    /// are low, such as rims of scans. @return the radius; where it grew, mGrown holds the points.
     double grow(const PointBatch& ball, const OctreeCell& cell, const std::vector<Ball>& path)
     {
         const Vec3d center = mRoot.center(cell);
@@ -355,8 +368,8 @@ private:
         return growAmongAll(cell);
     }
 
-    /// Put the points of @a batch in a ball that is large enough into mGrown. Returns the steps by
-    /// which it grew; 0: none up to @a steps is.
+    /// Gather the points of @a batch in a ball that is large enough in mGrown. @return the steps by
+    /// which it grew; 0 if none up to @a steps is.
     int growIn(const PointBatch& batch, const Vec3d& center, double radius, int steps)
     {
         return isEnough(batch) ? mFilter.grownBall(batch, center, radius, kGrowth, steps,
@@ -364,8 +377,8 @@ private:
                                : 0;
     }
 
-    /// As grow(), for a cell whose ancestors' balls are not at hand: in a wide ball, kept for the
-    /// cells that follow, and wider and wider if need be.
+    /// grow() without the balls of ancestors: in a wide ball, kept for the cells that follow, and
+    /// enlarged as needed.
     double growAmongAll(const OctreeCell& cell)
     {
         const Vec3d center = mRoot.center(cell);
@@ -393,7 +406,7 @@ private:
     CellPoints mCell, mScratch;
     BatchFilter mFilter;
     PointBatch mGrown, mWide;
-    Vec3d mWideCenter = Vec3d::Zero(); ///< of the ball whose points mWide holds
+    Vec3d mWideCenter = Vec3d::Zero(); ///< center of the ball whose points are in mWide
     double mWideRadius = 0;
 };
 

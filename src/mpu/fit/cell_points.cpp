@@ -1,9 +1,8 @@
 #include "cell_points.h"
 
+#include "core/clones.h"
 #include "mpu/octree/point_group.h"
 #include "quadric.h"
-
-#include "core/clones.h"
 
 #include <algorithm>
 #include <cmath>
@@ -18,7 +17,6 @@ void CellPoints::setCount(std::size_t n)
     for (auto* a : {&x, &y, &z, &nx, &ny, &nz, &weight, &confidence}) a->resize(padded);
 }
 
-// No nearer to anything than the points.
 void CellPoints::pad()
 {
     for (std::size_t i = count; i < x.size(); ++i) {
@@ -54,7 +52,7 @@ void CellPoints::assign(const PointBatch& batch, const Vec3d& center, double bal
 }
 
 MPUVDB_WIDE_CLONES
-void CellPoints::weighAcross(const Vec3d& normal, double reach)
+void CellPoints::weightLaterally(const Vec3d& normal, double reach)
 {
     const double scale = 1.5 / reach;
     for (std::size_t i = 0; i < x.size(); i += kGroup) {
@@ -68,23 +66,23 @@ void CellPoints::weighAcross(const Vec3d& normal, double reach)
 }
 
 MPUVDB_WIDE_CLONES
-void CellPoints::moveOverFeet(const Quadric& q, const Vec3d& normal, double farthest)
+void CellPoints::projectLaterally(const Quadric& q, const Vec3d& normal, double farthest)
 {
-    constexpr int kSteps = 3;
-    constexpr std::size_t kPair = 2; // groups at once: one alone waits for its own divisions
-    constexpr double kSteep = 0.4;   // cosine below which a zero set is no sheet over the plane
+    constexpr int kFootSteps = 3; ///< steps to a foot [tuned: noise_bench]
+    /// Groups at once: a single one waits for its divisions. [free: time]
+    constexpr std::size_t kGroups = 2;
     const auto& A = q.A;
-    const Group steep = Group{} + kSteep;
-    for (std::size_t i = 0; i < x.size(); i += kPair * kGroup) {
-        const std::size_t at[kPair] = {i, std::min(i + kGroup, x.size() - kGroup)};
-        Group px[kPair], py[kPair], pz[kPair], fx[kPair], fy[kPair], fz[kPair];
-        Group gx[kPair], gy[kPair], gz[kPair], slope2[kPair], above[kPair];
-        for (std::size_t n = 0; n < kPair; ++n) {
+    const Group steep = Group{} + kMinHeightCosine;
+    for (std::size_t i = 0; i < x.size(); i += kGroups * kGroup) {
+        const std::size_t at[kGroups] = {i, std::min(i + kGroup, x.size() - kGroup)};
+        Group px[kGroups], py[kGroups], pz[kGroups], fx[kGroups], fy[kGroups], fz[kGroups];
+        Group gx[kGroups], gy[kGroups], gz[kGroups], slope2[kGroups], above[kGroups];
+        for (std::size_t n = 0; n < kGroups; ++n) {
             fx[n] = px[n] = load(x, at[n]);
             fy[n] = py[n] = load(y, at[n]);
             fz[n] = pz[n] = load(z, at[n]);
         }
-        // The point's height over the tangent plane at the foot's place, times the slope there.
+        // The point's height over the tangent plane at the foot, times the slope there.
         const auto look = [&](std::size_t n) __attribute__((always_inline))
         {
             const Group ax = A(0, 0) * fx[n] + A(0, 1) * fy[n] + A(0, 2) * fz[n],
@@ -106,12 +104,12 @@ void CellPoints::moveOverFeet(const Quadric& q, const Vec3d& normal, double fart
             fy[n] = py[n] - share * gy[n];
             fz[n] = pz[n] - share * gz[n];
         };
-        for (int s = 0; s < kSteps; ++s) {
+        for (int s = 0; s < kFootSteps; ++s) {
             look(0), look(1);
             step(0), step(1);
         }
         look(0), look(1);
-        for (std::size_t n = 0; n < kPair; ++n) {
+        for (std::size_t n = 0; n < kGroups; ++n) {
             const Group scale = 1 / squareRoot(slope2[n]), off = above[n] * scale;
             const Group across =
                 (gx[n] * normal[0] + gy[n] * normal[1] + gz[n] * normal[2]) * scale;

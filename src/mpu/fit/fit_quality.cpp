@@ -1,8 +1,7 @@
 #include "fit_quality.h"
 
-#include "mpu/octree/point_group.h"
-
 #include "core/clones.h"
+#include "mpu/octree/point_group.h"
 
 #include <algorithm>
 #include <array>
@@ -15,8 +14,9 @@ namespace mpuvdb
 namespace
 {
 
-/// Square of a gradient below which a fit counts as flat, its error as huge.
-constexpr double kFlat = 1e-200;
+/// Least squared gradient of a fit: a flat one has a huge error. [derived: no overflow in
+/// quotients]
+constexpr double kMinGradient2 = 1e-200;
 
 /// A fit at four points.
 struct Samples {
@@ -34,7 +34,7 @@ struct Samples {
             2 * ay + q.b[1], 2 * az + q.b[2]};
 }
 
-/// As LocalFit::ruling chooses.
+/// The piece in effect, as by LocalFit::ruling().
 [[gnu::always_inline]] inline Samples sampleFit(const LocalFit& fit, const Group& x, const Group& y,
                                                 const Group& z)
 {
@@ -62,7 +62,7 @@ double worstSquared(const LocalFit& fit, const CellPoints& points, double testRa
         const Samples s = sampleFit(fit, x, y, z);
         const Group value = load(points.confidence, i) * s.value;
         const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
-        const Group flat = Group{} + kFlat;
+        const Group flat = Group{} + kMinGradient2;
         const Group error2 = value * value / (slope2 > flat ? slope2 : flat);
         const Group within = x * x + y * y + z * z < radius2 ? error2 : Group{};
         worst = within > worst ? within : worst;
@@ -70,12 +70,13 @@ double worstSquared(const LocalFit& fit, const CellPoints& points, double testRa
     return largest(worst);
 }
 
-/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough),
-/// looked for from @a start on, around to it; then @a start is where to look for one near y.
+/// Square of the distance from @a y to the nearest point, or to some point within sqrt(@a enough).
+/// The search begins at @a start, which is then set for places near y.
 MPUVDB_WIDE_CLONES
 double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std::size_t& start)
 {
-    constexpr std::size_t kRun = 4 * CellPoints::kGroup; // between looks at what was found
+    /// Points between tests whether one is near enough. [tuned: suite, time]
+    constexpr std::size_t kRun = 4 * CellPoints::kGroup;
     const std::size_t end = points.paddedCount();
     double least = std::numeric_limits<double>::infinity();
     std::size_t run = start < end ? start : 0;
@@ -97,9 +98,9 @@ double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std:
     return least;
 }
 
-/// Where Newton steps from 15 points of the unit ball, and the middle once more, lead.
+/// Probes: 15 points of the unit ball, and its center once more.
 struct Probes {
-    static constexpr std::size_t kCount = 16;
+    static constexpr std::size_t kCount = 16; ///< [derived: 15 points filled up to groups]
     double x[kCount], y[kCount], z[kCount];
 
     Vec3d at(std::size_t n) const { return {x[n], y[n], z[n]}; }
@@ -120,14 +121,15 @@ struct Probes {
     }
 };
 
-/// Of a foot outside the ball, per distance from its middle: what is far is not told exactly.
-constexpr double kDoubt = 0.25;
+/// Uncertainty of a foot outside of the ball, per distance from its center. [tuned: unseen_bench]
+constexpr double kRelativeUncertainty = 0.25;
 
-/// What a foot's distance past the rim of the data counts beside its distance from them.
-constexpr double kBeyond = 4;
+/// Weight of a foot's distance past the rim of the data beside its distance from them.
+/// [tuned: unseen_bench]
+constexpr double kOverhangWeight = 4;
 
-/// Take all probes from @a unit in the ball of @a radius about @a center two steps towards the zero
-/// set; bit n of the result: probe n is within 0.85 radius.
+/// Move all probes from @a unit in the ball of @a radius about @a center by two Newton steps
+/// towards the zero set. @return bit n: probe n is within 0.85 radius.
 MPUVDB_WIDE_CLONES
 unsigned stepOntoZeroSet(const LocalFit& fit, const Vec3d& center, double radius,
                          const Probes& unit, Probes& probes)
@@ -168,11 +170,11 @@ namespace
 {
 
 /// Sums of residuals over the parts of a disc across the fit's normal: eight sectors, each inside
-/// and outside of half its area. Parts along the normal would tell points thrown up from points
-/// thrown down, and find a pattern in any noise. Points count alike, as they did where noise was
-/// measured: by confidence, what only points of low confidence have seen would pass for noise.
+/// and outside of half its area. Parts along the normal would separate points by the sign of their
+/// noise. Points weigh alike: by confidence, shapes seen only by points of low confidence would
+/// pass for noise.
 struct ResidualSums {
-    static constexpr std::size_t kParts = 16;
+    static constexpr std::size_t kParts = 16; ///< [derived: eight sectors, two rings]
 
     std::array<double, kParts> sums{};
     std::array<std::uint32_t, kParts> counts{};
@@ -194,7 +196,7 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
         const Group x = load(points.x, i), y = load(points.y, i), z = load(points.z, i);
         const Samples s = sampleFit(fit, x, y, z);
         const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
-        const Group flat = Group{} + kFlat;
+        const Group flat = Group{} + kMinGradient2;
         const Group slope = squareRoot(slope2 > flat ? slope2 : flat);
         const Group u = x * e1[0] + y * e1[1] + z * e1[2], v = x * e2[0] + y * e2[1] + z * e2[2];
         const Group u2 = u * u, v2 = v * v, r2 = u2 + v2;
@@ -213,7 +215,7 @@ void sumResiduals(const LocalFit& fit, const CellPoints& points, double testRadi
     result.squares = sum(squares);
 }
 
-/// What residuals are made of: scatter within the parts, and what differs from part to part.
+/// Residuals split into scatter within the parts, and differences between parts.
 struct ResidualShares {
     double within, between; ///< mean square within; sum of squares between
     std::size_t parts, count;
@@ -234,18 +236,20 @@ ResidualShares shareResiduals(const LocalFit& fit, const CellPoints& points, dou
     return shares;
 }
 
-constexpr double kLoud = 2; ///< of the noise: scatter that is none
+/// Largest scatter that is noise, in its standard deviations. [tuned: noise_bench]
+constexpr double kMaxScatter = 2;
 
 } // namespace
 
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise)
 {
-    constexpr double kSignificant = 2.5;
+    /// Standard deviations of a chi-square sum from which on it is a pattern. [tuned: noise_bench]
+    constexpr double kPatternDeviations = 2.5;
     const auto [within, between, parts, count] = shareResiduals(fit, points, testRadius);
-    const double least = noise * noise, most = kLoud * kLoud * least;
+    const double least = noise * noise, most = kMaxScatter * kMaxScatter * least;
     if (!(within <= most)) return false;
-    const double expected = double(parts) + kSignificant * std::sqrt(2 * double(parts));
+    const double expected = double(parts) + kPatternDeviations * std::sqrt(2 * double(parts));
     return between <= std::max(within, least) * expected;
 }
 
@@ -254,14 +258,14 @@ double residualPattern(const LocalFit& fit, const CellPoints& points, double tes
 {
     const auto [within, between, parts, count] = shareResiduals(fit, points, testRadius);
     if (count == 0) return 0;
-    const double loud = std::max(within - kLoud * kLoud * noise * noise, 0.0);
-    return std::sqrt(loud + std::max(between - double(parts) * within, 0.0) / double(count));
+    const double excess = std::max(within - kMaxScatter * kMaxScatter * noise * noise, 0.0);
+    return std::sqrt(excess + std::max(between - double(parts) * within, 0.0) / double(count));
 }
 
 MPUVDB_WIDE_CLONES
 double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise)
 {
-    const Group most = Group{} + 9, flat = Group{} + kFlat;
+    const Group most = Group{} + 9, flat = Group{} + kMinGradient2;
     const double noise2 = noise * noise, normalNoise2 = normalNoise * normalNoise;
     Group misfit{}, total{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
@@ -284,13 +288,15 @@ double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, 
 namespace
 {
 
-/// How far @a y, whose nearest point is @a gap away, lies outside of the points around it, measured
-/// towards their mean: about 0 between points, the whole gap past the rim of a sheet of points.
+/// Distance of @a y, whose nearest point is @a gap away, from the points around it in the direction
+/// of their mean: about 0 between points, the whole gap past the rim of a sheet of points.
 MPUVDB_WIDE_CLONES
 double overhang(const CellPoints& points, const Vec3d& y, double gap)
 {
-    constexpr double kAround = 3; // gaps: as far as the other side of one between random samples
-    const double within2 = kAround * kAround * gap * gap;
+    /// Radius of the points around, gaps: to the far side of a gap in random samples.
+    /// [tuned: unseen_bench]
+    constexpr double kRimRadius = 3;
+    const double within2 = kRimRadius * kRimRadius * gap * gap;
     Group sx{}, sy{}, sz{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
         const Group dx = load(points.x, i) - y[0], dy = load(points.y, i) - y[1],
@@ -312,8 +318,7 @@ double overhang(const CellPoints& points, const Vec3d& y, double gap)
     return std::max(smallest(least), 0.0);
 }
 
-/// The largest of what gapAt(foot, enough) tells of the feet on the zero set that zeroSetGap() is
-/// about.
+/// The largest gapAt(foot, enough) of the feet on the zero set as in zeroSetGap().
 template <typename GapAt>
 double largestGap(const LocalFit& fit, const Vec3d& center, double radius, double enough,
                   GapAt gapAt)
@@ -323,11 +328,11 @@ double largestGap(const LocalFit& fit, const Vec3d& center, double radius, doubl
     const unsigned landed = stepOntoZeroSet(fit, center, radius, unit, probes);
     if (landed == 0) {
         const Vec3d foot = probes.at(0);
-        const double pardoned = kDoubt * (foot - center).norm();
-        return std::max(gapAt(foot, enough + pardoned) - pardoned, 0.0);
+        const double uncertainty = kRelativeUncertainty * (foot - center).norm();
+        return std::max(gapAt(foot, enough + uncertainty) - uncertainty, 0.0);
     }
     double gap = 0;
-    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) // the last is the first again
+    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) // the last repeats the first
         if (landed >> n & 1u) gap = std::max(gap, gapAt(probes.at(n), enough));
     return gap;
 }
@@ -346,12 +351,13 @@ double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& ce
 double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& center,
                         double radius, double enough)
 {
-    constexpr double kClose = 0.4; // of the gap that is enough: data, wherever they lie
+    /// Least gap past which the rim counts, in gaps that are enough. [tuned: unseen_bench]
+    constexpr double kMinGapShare = 0.4;
     std::size_t start = 0;
     return largestGap(fit, center, radius, enough, [&](const Vec3d& foot, double near) {
-        const double close = kClose * near;
+        const double close = kMinGapShare * near;
         const double gap = std::sqrt(nearestFrom(points, foot, close * close, start));
-        return gap > close ? gap + kBeyond * overhang(points, foot, gap) : gap;
+        return gap > close ? gap + kOverhangWeight * overhang(points, foot, gap) : gap;
     });
 }
 

@@ -1,4 +1,4 @@
-// How good a local fit is: near its points, free of a pattern, and nowhere far from the data.
+// Quality of a local fit: its error, patterns of its residuals, gaps between it and the data.
 #pragma once
 #include "cell_points.h"
 #include "quadric.h"
@@ -6,37 +6,40 @@
 namespace mpuvdb
 {
 
+/// Largest distance of a point from its surface by noise, in standard deviations of it.
+/// [tuned: noise_bench]
+constexpr double kMaxNoiseDistance = 8;
+
 /// Largest confidence * |Q| / |grad Q| over the points within @a testRadius [Ohtake03 eq. 7, §6].
 double taubinError(const LocalFit& fit, const CellPoints& points, double testRadius);
 
-/// Whether what @a fit leaves of the points within @a testRadius looks like noise of standard
-/// deviation @a noise (up to twice that: local noise differs), and not like a shape that it misses:
-/// the means over sixteen parts of the ball scatter no more than such noise lets them.
+/// Whether the residuals of the points within @a testRadius look like noise of standard deviation
+/// @a noise (up to twice that, as noise varies): their means over sixteen parts of the ball scatter
+/// no more than those of noise.
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise);
 
-/// Root mean square of what the residuals are beside noise: what they have in common in parts of
-/// the ball, and scatter far louder than the noise.
+/// Root mean square of the residuals without noise: of their means over parts of the ball, and of
+/// scatter far above the noise.
 double residualPattern(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise);
 
-/// Weighted mean over the points of the squares of residuals, and of the turns of normals, both in
-/// standard deviations and of each no more than 9 (it may be no point of the surface): about 3 for
-/// a fit that is right. @param normalNoise  radians, about each of two axes; above 0, as @a noise.
+/// Weighted mean over the points of the squares of residuals and of turns of normals, both in
+/// standard deviations and at most 9 each (for outliers): about 3 for a right fit.
+/// @param normalNoise  radians, about each of two axes; above 0, as @a noise.
 double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise);
 
-/// How far from the points the zero set of @a fit ventures where it rules the ball of @a radius
-/// about @a center (relative to the points' center): from 15 probes two Newton steps lead onto it;
-/// of those that land within 0.85 radius the largest distance to the nearest point. If none lands,
-/// what the fit says of the ball is its distance from the middle's foot: how far that is from the
-/// nearest point, less 0.25 of its distance from the middle.
-/// A gap up to @a enough may be told as any smaller one.
+/// Largest distance between the points and the zero set of @a fit in the ball of @a radius about
+/// @a center (relative to the points' center): of 15 probes, moved onto it by two Newton steps,
+/// those within 0.85 radius count. If there is none, it is the distance from the center's foot to
+/// the nearest point, less 0.25 of the foot's distance from the center. A gap up to @a enough may
+/// be returned as any smaller one.
 double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& center, double radius,
                   double enough);
 
-/// The same for a ball without points, which a fit rules by carrying on what others say. How far
-/// a foot lies past the rim of the points counts four times more: a gap between random samples has
-/// points all around it, a hole has them on one side.
+/// zeroSetGap() for a ball without points, in which a fit is extrapolated. The distance of a foot
+/// past the rim of the points is added four times: a gap between random samples has points all
+/// around it, a hole has them on one side.
 double zeroSetGapBeyond(const LocalFit& fit, const CellPoints& points, const Vec3d& center,
                         double radius, double enough);
 

@@ -1,10 +1,9 @@
 #include "local_fit.h"
 
+#include "core/clones.h"
 #include "fit_quality.h"
 #include "mpu/octree/point_group.h"
 #include "ridged_solver.h"
-
-#include "core/clones.h"
 
 #include <algorithm>
 #include <array>
@@ -58,7 +57,7 @@ Quadric planeThrough(const Vec3d& point, const Vec3d& normal)
     return {Eigen::Matrix3d::Zero(), normal, -normal.dot(point)};
 }
 
-/// Moments of points (u, v, w), scaled to unit variance in (u, v), for w ~ quadratic(u, v).
+/// Normal equations for w ~ quadratic(u, v) of points (u, v, w), scaled to unit variance in (u, v).
 struct BivariateSystem {
     Eigen::Matrix<double, 6, 6> M; ///< basis u^2, uv, v^2, u, v, 1
     Eigen::Matrix<double, 6, 1> r;
@@ -116,13 +115,12 @@ Quadric heightAbove(const Frame& frame, const Eigen::Matrix<double, 5, 1>& k, do
     return q;
 }
 
-/// Add to a system the slopes that the points' normals tell: each as good as a height at a lever's
+/// Add the slopes of the points' normals to a system, each weighted as a height at a lever's
 /// distance.
 MPUVDB_WIDE_CLONES
 void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin,
                double totalWeight, double lever, BivariateSystem& system)
 {
-    constexpr double kSteep = 0.4; // cosine below which a normal says nothing of a height
     const double t = system.scale;
     // Moments 1, u, v, uu, uv, vv, and slopes along u and v times 1, u, v.
     Group m[6] = {}, su[3] = {}, sv[3] = {};
@@ -133,9 +131,9 @@ void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin
         const auto [nu, nv, nw] =
             along(frame, load(points.nx, i), load(points.ny, i), load(points.nz, i));
         // A tilt of the normal changes the slope by 1 / nw^2: half of that is in the weight.
-        const Group weight = nw > kSteep ? load(points.weight, i) * nw * nw : Group{};
-        const Group slopeU = nw > kSteep ? -nu / nw : Group{};
-        const Group slopeV = nw > kSteep ? -nv / nw : Group{};
+        const Group weight = nw > kMinHeightCosine ? load(points.weight, i) * nw * nw : Group{};
+        const Group slopeU = nw > kMinHeightCosine ? -nu / nw : Group{};
+        const Group slopeV = nw > kMinHeightCosine ? -nv / nw : Group{};
         const Group wu = weight * u, wv = weight * v;
         m[0] += weight, m[1] += wu, m[2] += wv;
         m[3] += wu * u, m[4] += wu * v, m[5] += wv * v;
@@ -158,10 +156,12 @@ void addSlopes(const CellPoints& points, const Frame& frame, const Vec3d& origin
     system.r.head<5>() += share * r;
 }
 
-constexpr std::size_t kFewestOfQuadratic = 6;
-constexpr double kSpreadCosine = 0.974; // half the angle of test (14), about the mean normal
-
-constexpr std::size_t kNearest = 6; ///< points asked at an auxiliary point [Ohtake03 §4a]
+/// Least points of a bivariate quadratic. [derived: its coefficients]
+constexpr std::size_t kMinQuadraticPoints = 6;
+/// Cosine to the mean normal below which a feature is possible. [derived: half the angle of eq. 14]
+constexpr double kSpreadCosine = 0.974;
+/// Nearest points at an auxiliary point. [paper: Ohtake03 §4a]
+constexpr std::size_t kAuxNeighbors = 6;
 
 MPUVDB_WIDE_CLONES
 void squaredDistances(const CellPoints& points, const Vec3d& at, std::vector<double>& out)
@@ -175,16 +175,16 @@ void squaredDistances(const CellPoints& points, const Vec3d& at, std::vector<dou
     }
 }
 
-/// Indices of the least @a found.size() of the first @a n values, nearest first; how many there
-/// are.
+/// Find the indices of the least @a found.size() of the first @a n values, in order. @return their
+/// number.
 std::size_t leastOf(const std::vector<double>& values, std::size_t n,
-                    std::array<std::uint32_t, kNearest>& found)
+                    std::array<std::uint32_t, kAuxNeighbors>& found)
 {
-    std::array<double, kNearest + 1> least;
+    std::array<double, kAuxNeighbors + 1> least;
     least.fill(std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < n; ++i) {
-        if (!(values[i] < least[kNearest - 1])) continue;
-        std::size_t k = kNearest - 1;
+        if (!(values[i] < least[kAuxNeighbors - 1])) continue;
+        std::size_t k = kAuxNeighbors - 1;
         for (; k > 0 && values[i] < least[k - 1]; --k) {
             least[k] = least[k - 1];
             found[k] = found[k - 1];
@@ -192,7 +192,7 @@ std::size_t leastOf(const std::vector<double>& values, std::size_t n,
         least[k] = values[i];
         found[k] = std::uint32_t(i);
     }
-    return std::min(n, kNearest);
+    return std::min(n, kAuxNeighbors);
 }
 
 /// The cell's corners and center, where their nearest points agree on a side [Ohtake03 eq. 9, 10].
@@ -200,7 +200,7 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
                      std::vector<double>& d)
 {
     std::vector<double> distance2;
-    std::array<std::uint32_t, kNearest> nearest;
+    std::array<std::uint32_t, kAuxNeighbors> nearest;
     for (int corner = 0; corner < 9; ++corner) {
         const Vec3d at =
             corner == 8
@@ -229,7 +229,7 @@ void auxiliaryPoints(const CellPoints& points, double cellSize, std::vector<Vec3
 namespace
 {
 
-/// solveRidged() as every instruction set compiles it.
+/// solveRidged() for several instruction sets.
 MPUVDB_WIDE_CLONES
 Eigen::Matrix<double, 6, 1> solveBivariate(const BivariateSystem& system)
 {
@@ -274,7 +274,7 @@ Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal)
 namespace
 {
 
-constexpr std::size_t kTerms = 10; ///< x^2 y^2 z^2 xy yz zx x y z 1
+constexpr std::size_t kTerms = 10; ///< [derived: x^2 y^2 z^2 xy yz zx x y z 1]
 
 template <typename T>
 std::array<T, kTerms> quadraticTerms(const T& x, const T& y, const T& z)
@@ -338,7 +338,7 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
 namespace
 {
 
-/// (a) with the paper's auxiliary points; false if none is usable.
+/// Fit (a) with the paper's auxiliary points; false if none is usable.
 bool fitGeneralAbout(const CellPoints& points, double cellSize, Quadric& q)
 {
     std::vector<Vec3d> auxPoints;
@@ -349,13 +349,14 @@ bool fitGeneralAbout(const CellPoints& points, double cellSize, Quadric& q)
     return true;
 }
 
-/// Replace @a result by a feature's fit if that is nearer to the points, and much nearer where the
-/// smooth one will do: a fillet can look like an edge to test (14), but is none.
+/// Replace @a result by the fit of a feature if its error is smaller, and much smaller if the
+/// smooth fit is accepted: a fillet may pass test (14) for an edge.
 void trySharp(FitResult& result, const CellPoints& points, double cellSize, double testRadius,
               CellPoints& scratch)
 {
-    constexpr double kMuchNearer = 0.3;
-    const double most = (result.accepted ? kMuchNearer : 1) * result.error;
+    /// Largest ratio of a sharp fit's error to that of an accepted one. [tuned: sharp_mesh_test]
+    constexpr double kSharpErrorRatio = 0.3;
+    const double most = (result.accepted ? kSharpErrorRatio : 1) * result.error;
     const std::optional<LocalFit> sharp = fitSharp(points, scratch);
     if (!sharp) return;
     const auto offer = [&](const LocalFit& fit) {
@@ -369,18 +370,17 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
     if (sharp->count == 4 && fitGeneralAbout(points, cellSize, general.pieces[0])) offer(general);
 }
 
-/// Part of the tolerance within which no feature is looked for: what it brings nearer nobody sees.
-constexpr double kLeastSharpError = 0.125;
-
-/// How far off the surface noise carries one of few points at most, in standard deviations.
-constexpr double kFarthest = 8;
+/// Least error of a fit for which a feature is tried, in tolerances: below, none is visible.
+/// [tuned: edge_bench]
+constexpr double kMinSharpError = 0.125;
 
 bool isAccepted(const FitResult& result, const CellPoints& points, double testRadius,
                 const FitSettings& settings)
 {
     if (result.error <= settings.tolerance) return true;
     if (!(settings.noise > 0)) return false;
-    if (points.count <= settings.fewPoints) return result.error <= kFarthest * settings.noise;
+    if (points.count <= settings.fewPoints)
+        return result.error <= kMaxNoiseDistance * settings.noise;
     return residualsAreNoise(result.fit, points, testRadius, settings.noise);
 }
 
@@ -389,7 +389,7 @@ bool isAccepted(const FitResult& result, const CellPoints& points, double testRa
 namespace
 {
 
-/// Of the angles between @a normal and the points' normals; at most 1.
+/// Lowest cosine between @a normal and the points' normals; at most 1.
 MPUVDB_WIDE_CLONES
 double lowestCosine(const CellPoints& points, const Vec3d& normal)
 {
@@ -402,14 +402,15 @@ double lowestCosine(const CellPoints& points, const Vec3d& normal)
     return smallest(lowest);
 }
 
-/// Whether some normal turns by pi/2 or more from @a normal; with noise, more than strays do.
+/// Whether a normal turns by pi/2 or more from @a normal; with noise, more than a share of
+/// outliers.
 bool areOpposed(const CellPoints& points, const Vec3d& normal, double lowest, double noise)
 {
-    constexpr double kStrays = 0.05; // share
+    constexpr double kMaxStrayShare = 0.05; ///< share of outliers [tuned: noise_bench]
     if (!(noise > 0) || lowest > 0) return lowest <= 0;
     std::size_t opposed = 0;
     for (std::size_t i = 0; i < points.count; ++i) opposed += points.normal(i).dot(normal) <= 0;
-    return double(opposed) > kStrays * double(points.count);
+    return double(opposed) > kMaxStrayShare * double(points.count);
 }
 
 /// Weighted mean of 1 - cosine of the angles between the points' normals and those of @a q.
@@ -434,31 +435,36 @@ double meanTurn(const Quadric& q, const CellPoints& points)
     return weight > 0 ? sum(turned) / weight : 0;
 }
 
-/// Whether the points are exact, and their normals say more than a fit that is near them: that they
-/// are of several flat faces, which its zero set rounds off.
+/// Whether the points are exact, and their normals differ from a fit near them: they are of several
+/// flat faces, which its zero set rounds.
 bool normalsTurnAway(const Quadric& q, const CellPoints& points, const FitSettings& settings)
 {
-    constexpr double kExact = 0.003;  // noise of normals, radians
-    constexpr double kTurned = 0.017; // root mean square, radians
-    return settings.noise <= 0 && settings.normalNoise < kExact &&
-           2 * meanTurn(q, points) > kTurned * kTurned;
+    /// Largest noise of exact normals, and root mean square of their turns, radians.
+    /// [tuned: local_fit_test, sharp_mesh_test]
+    constexpr double kMaxExactNormalNoise = 0.003;
+    constexpr double kMaxExactTurn = 0.017;
+    return settings.noise <= 0 && settings.normalNoise < kMaxExactNormalNoise &&
+           2 * meanTurn(q, points) > kMaxExactTurn * kMaxExactTurn;
 }
 
-/// Fit again to the points over their feet on @a result's zero set, as long as they are on one
-/// smooth sheet: beside an edge they have no feet, since noise throws none off it.
-void refitOverFeet(FitResult& result, const CellPoints& points, const Vec3d& normal,
-                   double testRadius, const FitSettings& settings, CellPoints& scratch)
+/// Fit again to the points projected laterally by @a result, if they are on one smooth sheet:
+/// beside an edge points have no right feet.
+void refitProjected(FitResult& result, const CellPoints& points, const Vec3d& normal,
+                    double testRadius, const FitSettings& settings, CellPoints& scratch)
 {
-    constexpr double kFarthestFoot = 5; // standard deviations
-    constexpr double kCrease = 0.04, kNormalNoises = 1.2;
+    /// Largest distance of points from their feet, in standard deviations. [tuned: noise_bench]
+    constexpr double kMaxFootDistance = 5;
+    /// Largest mean of 1 - cosine of the turns of normals from the fit: without noise of normals,
+    /// and per its square. [tuned: noise_bench]
+    constexpr double kMaxMeanTurn = 0.04, kTurnPerNoise = 1.2;
     FitResult again = result;
     Quadric& q = again.fit.pieces[0];
     scratch = points;
-    scratch.moveOverFeet(q, normal, kFarthestFoot * settings.noise);
-    scratch.weighAcross(normal, settings.reach);
-    q = fitBivariate(scratch, normal, kFewestOfQuadratic, settings.lever);
+    scratch.projectLaterally(q, normal, kMaxFootDistance * settings.noise);
+    scratch.weightLaterally(normal, settings.reach);
+    q = fitBivariate(scratch, normal, kMinQuadraticPoints, settings.lever);
     const double noise2 = settings.normalNoise * settings.normalNoise;
-    if (meanTurn(q, scratch) > kCrease + kNormalNoises * noise2) return;
+    if (meanTurn(q, scratch) > kMaxMeanTurn + kTurnPerNoise * noise2) return;
     again.error = taubinError(again.fit, scratch, testRadius);
     again.accepted = isAccepted(again, scratch, testRadius, settings);
     result = again;
@@ -490,19 +496,19 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
         if (result.needsSplit)
             result.fit.pieces[0] = fitBivariate(points, normal, points.count + 1);
     } else {
-        result.fit.pieces[0] = fitBivariate(points, normal, kFewestOfQuadratic, settings.lever);
+        result.fit.pieces[0] = fitBivariate(points, normal, kMinQuadraticPoints, settings.lever);
     }
     result.error = taubinError(result.fit, points, testRadius);
     result.accepted = isAccepted(result, points, testRadius, settings);
     if (settings.reach > 0 && !general)
-        refitOverFeet(result, points, normal, testRadius, settings, scratch);
+        refitProjected(result, points, normal, testRadius, settings, scratch);
     const bool turnsAway =
         !general && result.accepted && normalsTurnAway(result.fit.pieces[0], points, settings);
     const bool isSmall = points.count <= settings.maxSharpPoints;
     result.turnsAway = turnsAway && !isSmall;
     const bool mayBeSharp =
-        turnsAway || (result.spreadNormals && result.error > kLeastSharpError * settings.tolerance);
-    const bool isClear = result.error > kFarthest * settings.noise; // of noise
+        turnsAway || (result.spreadNormals && result.error > kMinSharpError * settings.tolerance);
+    const bool isClear = result.error > kMaxNoiseDistance * settings.noise;
     if (isSmall && (!result.accepted || (mayBeSharp && isClear))) {
         trySharp(result, points, cellSize, testRadius, scratch);
         result.accepted = isAccepted(result, points, testRadius, settings);

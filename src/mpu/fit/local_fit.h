@@ -9,31 +9,31 @@
 namespace mpuvdb
 {
 
-/// What the fits need besides the points.
+/// Settings of the fits.
 struct FitSettings {
     double tolerance = 0; ///< world units
     double noise = 0;     ///< standard deviation of the points, world units; 0: they are exact
-    /// Positions are off by as much at this distance from where a normal's tilt is known; 0:
-    /// normals only orient. World units.
+    /// Distance, world units, at which the noise of a normal's tilt moves a height by the noise of
+    /// positions; 0: normals only orient.
     double lever = 0;
     double normalNoise = 0; ///< standard deviation of the normals, radians; 0: unknown
-    /// Of the points that count, across the surface, world units; above 0 where noise hides its
-    /// feet: fits are then made again of the points over their feet.
+    /// Largest lateral distance of points with a weight, world units; above 0: fits are made again
+    /// of the points projected laterally.
     double reach = 0;
     int minPoints = 15;              ///< N_min
-    std::size_t fewPoints = 120;     ///< with noise: no more points tell a shape from it
-    std::size_t maxSharpPoints = 30; ///< edges and corners are tried up to so many points
+    std::size_t fewPoints = 120;     ///< with noise: so few points cannot show a pattern
+    std::size_t maxSharpPoints = 30; ///< most points of an edge or a corner
 };
 
-/// A fit and how good it is.
+/// A fit and its quality.
 struct FitResult {
     LocalFit fit;
     double error = 0; ///< max of confidence * |Q| / |grad Q| over points within the test radius
-    bool accepted = false;       ///< within tolerance, or all that is left is noise
+    bool accepted = false;       ///< within tolerance, or residuals are noise
     bool opposedNormals = false; ///< some normal turns by pi/2 or more from the mean
-    bool spreadNormals = false;  ///< the normals turn enough for a feature
-    /// Accepted, but exact normals turn away from it, and there are too many for a feature: split
-    /// if possible.
+    bool spreadNormals = false;  ///< normals turn enough for a feature
+    /// Accepted, but exact normals differ from it, and points are too many for a feature: split if
+    /// possible.
     bool turnsAway = false;
     bool needsSplit = false; ///< no auxiliary point was usable [Ohtake03 §4a]: split if possible
 };
@@ -44,13 +44,12 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
                   const FitSettings& settings, CellPoints& scratch);
 
 /// (b) Bivariate quadratic over the plane of the mean normal [Ohtake03 §4b]; a plane for fewer than
-/// @a minQuadratic points. With a lever (see FitSettings) also to the slopes that normals tell, as
-/// far as they are surer than those of the positions.
+/// @a minQuadratic points. With a lever (see FitSettings) also to the slopes of the normals.
 Quadric fitBivariate(const CellPoints& points, const Vec3d& normal, std::size_t minQuadratic = 6,
                      double lever = 0);
 
-/// As (b), through the origin exactly: quadratic in the plane of @a normal about it. A plane where
-/// the points do not say more.
+/// Bivariate quadratic as (b), exactly through the origin, over the plane of @a normal; a plane
+/// where the points do not determine more.
 Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal);
 
 /// (a) General quadric [Ohtake03 §4a eq. 11] with values @a auxValues at @a auxPoints.
@@ -60,14 +59,14 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
 /// (c) Edge or corner of up to four faces [Ohtake03 §4c]; nothing if the normals show none.
 std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch);
 
-/// The same among noise, where normals tell the faces apart: an edge or corner that is much nearer
-/// to the points and their normals than @a smooth; else nothing.
+/// Edge or corner among noise, with faces separated by normals, that is much nearer to the points
+/// and normals than @a smooth; else nothing.
 std::optional<LocalFit> fitNoisyEdge(const CellPoints& points, const LocalFit& smooth,
                                      const FitSettings& settings, CellPoints& scratch);
 
-/// The two sides of a wall or gap so thin that noise mixes their points: one sheet (b) between
-/// them, and how far each is from it. Nothing if the normals are not about one axis, if more than
-/// noise is left, or if noise hides which side is above.
+/// The two sides of a wall or gap so thin that noise mixes their points: a sheet (b) between them,
+/// shifted to either side. Nothing if the normals are not about one axis, if residuals are more
+/// than noise, or if noise hides which side is above.
 std::optional<LocalFit> fitOpposedSheets(const CellPoints& points, double testRadius,
                                          const FitSettings& settings, CellPoints& scratch);
 

@@ -1,5 +1,7 @@
 #include "noise_bias.h"
 
+#include "fit_quality.h"
+
 #include <algorithm>
 #include <cmath>
 #include <tbb/parallel_for.h>
@@ -10,11 +12,11 @@ namespace mpuvdb
 namespace
 {
 
-/// Of curvature times noise: a surface that turns faster is none, to the noise.
-constexpr double kMostTurn = 0.5;
-constexpr double kFarthest = 8; ///< of a point from its surface, in standard deviations
+/// Largest product of curvature and noise: noise hides a surface with a larger one.
+/// [tuned: noise_bench]
+constexpr double kMaxCurvatureNoise = 0.5;
 
-/// Where a fit's zero set is nearest to the origin of its coordinates, to first order.
+/// The place of a fit's zero set nearest to the origin of its coordinates, to first order.
 Vec3d foot(const Quadric& q)
 {
     return -q.c / std::max(q.b.squaredNorm(), 1e-12) * q.b;
@@ -49,22 +51,22 @@ const StoredFit& fitAt(const Octree& tree, const Vec3d& p)
     return tree.fits[tree.nodes[node].index];
 }
 
-/// Add the point @a p: what it is off the surface, by the fits at its foot there, not by those that
-/// points as far off as itself have made.
+/// Add the point @a p: its offset from the surface by the fits at its foot, which are not biased
+/// towards points as far off as @a p.
 void addPoint(const Octree& tree, const Vec3d& p, double noise, Sums& sums)
 {
-    constexpr int kSteps = 3;
+    constexpr int kFootSteps = 3; ///< steps to a foot [tuned: noise_bench]
     Vec3d at = p, step;
     Quadric q; // about the place before the last step
-    for (int n = 0; n < kSteps; ++n, at += step) {
+    for (int n = 0; n < kFootSteps; ++n, at += step) {
         const StoredFit& fit = fitAt(tree, at);
         if (fit.count != 1) return;
         q = tree.pieceAbout(fit, 0, at);
         step = foot(q);
-        if (!(step.norm() < kFarthest * noise)) return;
+        if (!(step.norm() < kMaxNoiseDistance * noise)) return;
     }
     const double k = curvature(q, step);
-    if (!(std::abs(k) * noise < kMostTurn)) return;
+    if (!(std::abs(k) * noise < kMaxCurvatureNoise)) return;
     const Vec3d offset = p - at;
     sums.offset += k * std::copysign(offset.norm(), offset.dot(q.b));
     sums.square += k * k;
@@ -74,10 +76,12 @@ void addPoint(const Octree& tree, const Vec3d& p, double noise, Sums& sums)
 
 void removeNoiseBias(Octree& tree, const SortedPoints& points, double noise)
 {
-    // One number is asked of them all. That it is off moves the surface by the noise over the root
-    // of how many were asked.
-    constexpr std::size_t kEnough = 1 << 16, kChunk = 1024; // points
-    const std::size_t stride = (points.size() + kEnough - 1) / kEnough,
+    /// Most points measured. [derived: the surface is off by the noise over the root of their
+    /// number]
+    constexpr std::size_t kMaxSamples = 1 << 16;
+    /// Points of a task. [free: grain; but for roundings of a sum]
+    constexpr std::size_t kChunk = 1024;
+    const std::size_t stride = (points.size() + kMaxSamples - 1) / kMaxSamples,
                       asked = (points.size() + stride - 1) / stride;
     const PointBatch& p = points.points();
     std::vector<Sums> sums((asked + kChunk - 1) / kChunk);
@@ -97,7 +101,8 @@ void removeNoiseBias(Octree& tree, const SortedPoints& points, double noise)
         if (stored.count != 1) return;
         const Quadric q = tree.pieceAbout(stored, 0, stored.origin.cast<double>());
         const Vec3d y = foot(q);
-        const double k = std::clamp(curvature(q, y), -kMostTurn / noise, kMostTurn / noise);
+        const double k =
+            std::clamp(curvature(q, y), -kMaxCurvatureNoise / noise, kMaxCurvatureNoise / noise);
         tree.quadrics[stored.firstQuadric][0] -= float(perCurvature * k * q.gradient(y).norm());
     });
 }

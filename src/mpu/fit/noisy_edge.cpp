@@ -12,21 +12,20 @@ namespace mpuvdb
 namespace
 {
 
-/// Faces turn from each other by this many standard deviations of their normals, and by the
-/// paper's angle [Ohtake03 eq. 14].
-constexpr double kTellingTurn = 3;
-constexpr double kLeastTurn = 0.45; // radians
+/// Least turn between faces, in standard deviations of their normals. [tuned: noise_bench]
+constexpr double kMinTurnNoises = 3;
+constexpr double kMinTurn = 0.45; ///< least turn between faces, radians [paper: Ohtake03 eq. 14]
 
-/// How much nearer to its points an edge has to be than a smooth fit, in squared standard
-/// deviations, and a curved face than a flat one.
-constexpr double kNearer = 10, kNearerPerPoint = 0.8, kCurvedNearer = 8;
+/// Least gain of an edge over a smooth fit, in squared standard deviations: in all, and per point;
+/// and of a curved face over a flat one. [tuned: noise_bench]
+constexpr double kMinGain = 10, kMinGainPerPoint = 0.8, kMinCurvedGain = 8;
 
-/// What noisyMisfit() is of most fits that are right, at most.
-constexpr double kRight = 3.6;
+/// Largest noisyMisfit() of most right fits. [tuned: noise_bench]
+constexpr double kMaxRightMisfit = 3.6;
 
-constexpr std::size_t kFewestOfFace = 8;
+constexpr std::size_t kMinFacePoints = 8; ///< least points of a face [tuned: noise_bench]
 
-/// How many points the weights leave.
+/// Effective number of points by their weights.
 double effectiveCount(const CellPoints& points)
 {
     double total = 0, squares = 0;
@@ -55,14 +54,14 @@ Vec3d farthestFrom(const Vec3d& axis, const CellPoints& points)
     return farthest;
 }
 
-/// The points nearest to each axis, after the axes have gone to the means of theirs a few times.
+/// The points nearest to each axis, after a few rounds of moving the axes to the means of theirs.
 NormalClusters settle(const CellPoints& points, std::vector<Vec3d>& axes, CellPoints& scratch)
 {
-    constexpr int kRounds = 2;
+    constexpr int kSettleRounds = 2; ///< rounds of clustering [tuned: noise_bench]
     std::vector<std::uint32_t> all(points.count);
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint32_t(i);
     NormalClusters clusters;
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < kSettleRounds; ++round) {
         clusters = clusterNormals(points, all, axes);
         axes.clear();
         for (const auto& cluster : clusters) {
@@ -73,10 +72,9 @@ NormalClusters settle(const CellPoints& points, std::vector<Vec3d>& axes, CellPo
     return clusters;
 }
 
-/// Where enough normals are across both axes [Ohtake03 eq. 15], the mean of these; else zero.
+/// The mean of the normals across both axes [Ohtake03 eq. 15] if they are enough; else zero.
 Vec3d thirdFace(const CellPoints& points, const std::vector<Vec3d>& axes)
 {
-    constexpr double kCornerCosine = 0.7;
     const Vec3d across = axes[0].cross(axes[1]).normalized();
     std::array<Vec3d, 2> sums = {Vec3d::Zero(), Vec3d::Zero()};
     std::array<std::size_t, 2> counts{};
@@ -87,7 +85,7 @@ Vec3d thirdFace(const CellPoints& points, const std::vector<Vec3d>& axes)
         ++counts[cosine < 0];
     }
     const std::size_t side = counts[1] > counts[0];
-    return counts[side] >= kFewestOfFace ? Vec3d(sums[side].normalized()) : Vec3d(Vec3d::Zero());
+    return counts[side] >= kMinFacePoints ? Vec3d(sums[side].normalized()) : Vec3d(Vec3d::Zero());
 }
 
 /// The points of two faces or three.
@@ -110,30 +108,31 @@ std::optional<LocalFit> fitNoisyEdge(const CellPoints& points, const LocalFit& s
                                      const FitSettings& settings, CellPoints& scratch)
 {
     const double smoothMisfit = misfit(smooth, points, settings);
-    if (smoothMisfit < kRight + kNearerPerPoint) return std::nullopt;
+    if (smoothMisfit < kMaxRightMisfit + kMinGainPerPoint) return std::nullopt;
     const NormalClusters clusters = facesOf(points, scratch);
     if (clusters.size() < 2) return std::nullopt;
-    const double apart = std::cos(std::max(kLeastTurn, kTellingTurn * settings.normalNoise));
+    const double apart = std::cos(std::max(kMinTurn, kMinTurnNoises * settings.normalNoise));
     LocalFit fit;
     fit.count = int(clusters.size());
     std::vector<Vec3d> normals;
     for (std::size_t a = 0; a < clusters.size(); ++a) {
-        if (clusters[a].size() < kFewestOfFace) return std::nullopt;
+        if (clusters[a].size() < kMinFacePoints) return std::nullopt;
         scratch.assignSubset(points, clusters[a]);
         normals.push_back(meanNormal(scratch));
         for (std::size_t b = 0; b < a; ++b)
             if (normals[a].dot(normals[b]) > apart) return std::nullopt;
         LocalFit flat, curved;
         flat.pieces[0] = fitBivariate(scratch, normals[a], scratch.count + 1);
-        curved.pieces[0] = fitBivariate(scratch, normals[a], kFewestOfFace, settings.lever);
+        curved.pieces[0] = fitBivariate(scratch, normals[a], kMinFacePoints, settings.lever);
         const bool isCurved =
-            misfit(curved, scratch, settings) + kCurvedNearer < misfit(flat, scratch, settings);
+            misfit(curved, scratch, settings) + kMinCurvedGain < misfit(flat, scratch, settings);
         fit.pieces[a] = (isCurved ? curved : flat).pieces[0];
     }
     combineFaces(fit,
                  [&](const LocalFit& candidate) { return misfit(candidate, points, settings); });
     const double gain = smoothMisfit - misfit(fit, points, settings);
-    if (!(gain > std::max(kNearerPerPoint, kNearer / effectiveCount(points)))) return std::nullopt;
+    if (!(gain > std::max(kMinGainPerPoint, kMinGain / effectiveCount(points))))
+        return std::nullopt;
     return fit;
 }
 

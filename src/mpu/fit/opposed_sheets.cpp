@@ -3,7 +3,6 @@
 #include "local_fit.h"
 
 #include <Eigen/Eigenvalues>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,29 +12,32 @@ namespace mpuvdb
 namespace
 {
 
-/// Share of the normals' squares along one axis: sides of a wall, and no rim of it between them.
-constexpr double kOneAxis = 0.8;
-constexpr std::size_t kFewest = 12; ///< points of a side
-/// Cosine to the axis of normals that are of a side: others are of a rim or of a face beside, and
-/// noise alone tells which way along the axis they look.
-constexpr double kClear = 0.5;
-/// Of the noise: what of it is asked whether it is alone there. Three sheets for two are louder.
-constexpr double kQuiet = 0.65;
-/// Standard errors by which the sides are apart, or it cannot be told which is above.
-constexpr double kApart = 2;
+/// Least share of the normals' squares along one axis, of two sides without a rim.
+/// [tuned: noise_bench]
+constexpr double kMinAxisShare = 0.8;
+constexpr std::size_t kMinSidePoints = 12; ///< least points of a side [tuned: noise_bench]
+/// Least cosine to the axis of normals that count for a side: others are of a rim or another face,
+/// and their sign along the axis is noise. [tuned: noise_bench]
+constexpr double kMinAxisCosine = 0.5;
+/// Share of the noise that residuals are compared with: three sheets fitted by two leave more.
+/// [tuned: noise_bench]
+constexpr double kNoiseShare = 0.65;
+/// Least distance between the sides, standard errors: otherwise noise decides which is above.
+/// [tuned: noise_bench]
+constexpr double kMinSeparation = 2;
 
-/// The axis that the normals have in common, of either sign; none where they have not.
+/// The common axis of the normals, of either sign; none if there is none.
 std::optional<Vec3d> commonAxis(const CellPoints& points)
 {
     Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
     for (std::size_t i = 0; i < points.count; ++i)
         sum += points.weight[i] * points.normal(i) * points.normal(i).transpose();
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(sum);
-    if (!(solver.eigenvalues()[2] >= kOneAxis * sum.trace())) return std::nullopt;
+    if (!(solver.eigenvalues()[2] >= kMinAxisShare * sum.trace())) return std::nullopt;
     return Vec3d(solver.eigenvectors().col(2));
 }
 
-/// The two sides of a wall or gap; which of them a point is of, its own normal tells.
+/// The two sides of a wall or gap, separated by the signs of normals.
 class Sides
 {
 public:
@@ -45,15 +47,15 @@ public:
             if (isClear(i)) ++mCount[sideOf(i)];
     }
     std::size_t fewer() const { return std::min(mCount[0], mCount[1]); }
-    /// Of the distance between the sides, for a noise of 1.
+    /// Standard error of the distance between the sides, for a noise of 1.
     double standardError() const
     {
         return std::sqrt(1 / double(mCount[0]) + 1 / double(mCount[1]));
     }
-    /// Of a side above the sheet between both, along its plane's normal.
+    /// Height of a side over the sheet between both, along its plane's normal.
     double height(std::size_t side) const { return mHeight[side]; }
 
-    /// Make the normals of @a sheet, a copy of the points, look along the axis.
+    /// Turn the normals of @a sheet, a copy of the points, to the side of the axis.
     void turnAlong(CellPoints& sheet) const
     {
         for (std::size_t i = 0; i < sheet.paddedCount(); ++i) {
@@ -64,7 +66,7 @@ public:
         }
     }
 
-    /// Bring both sides of @a sheet, in the mean, onto the zero set of @a q along its plane's
+    /// Move each side of @a sheet so that its mean is on the zero set of @a q, along its plane's
     /// @a normal.
     void moveOnto(const Quadric& q, const Vec3d& normal, CellPoints& sheet)
     {
@@ -86,7 +88,10 @@ public:
     }
 
 private:
-    bool isClear(std::size_t i) const { return std::abs(mPoints.normal(i).dot(mAxis)) >= kClear; }
+    bool isClear(std::size_t i) const
+    {
+        return std::abs(mPoints.normal(i).dot(mAxis)) >= kMinAxisCosine;
+    }
     std::size_t sideOf(std::size_t i) const { return mPoints.normal(i).dot(mAxis) > 0 ? 0 : 1; }
 
     const CellPoints& mPoints;
@@ -100,25 +105,26 @@ private:
 std::optional<LocalFit> fitOpposedSheets(const CellPoints& points, double testRadius,
                                          const FitSettings& settings, CellPoints& scratch)
 {
-    constexpr int kRounds = 3;
+    constexpr int kAlternations = 3; ///< rounds of fits and moves [tuned: noise_bench]
     const std::optional<Vec3d> axis = commonAxis(points);
     if (!axis) return std::nullopt;
     Sides sides(points, *axis);
-    if (sides.fewer() < kFewest) return std::nullopt;
+    if (sides.fewer() < kMinSidePoints) return std::nullopt;
     scratch = points;
     sides.turnAlong(scratch);
-    scratch.weighAcross(*axis, settings.reach > 0 ? settings.reach : points.radius);
+    scratch.weightLaterally(*axis, settings.reach > 0 ? settings.reach : points.radius);
     const Vec3d normal = meanNormal(scratch);
     LocalFit sheet;
     Quadric& q = sheet.pieces[0];
-    for (int round = 0; round < kRounds; ++round) {
-        q = fitBivariate(scratch, normal, kFewest, settings.lever);
+    for (int round = 0; round < kAlternations; ++round) {
+        q = fitBivariate(scratch, normal, kMinSidePoints, settings.lever);
         sides.moveOnto(q, normal, scratch);
     }
-    if (!residualsAreNoise(sheet, scratch, testRadius, kQuiet * settings.noise))
+    if (!residualsAreNoise(sheet, scratch, testRadius, kNoiseShare * settings.noise))
         return std::nullopt;
     const double apart = sides.height(0) - sides.height(1);
-    if (std::abs(apart) < kApart * settings.noise * sides.standardError()) return std::nullopt;
+    if (std::abs(apart) < kMinSeparation * settings.noise * sides.standardError())
+        return std::nullopt;
     LocalFit fit;
     fit.count = 2;
     fit.pieces[0] = {q.A, q.b, q.c - sides.height(0)};

@@ -7,12 +7,13 @@ namespace mpuvdb
 namespace
 {
 
-/// A fit's ball beyond the last of its neighbors, whose weight would be zero on its border.
-constexpr double kMargin = 1.2;
+/// Radius of a fit's ball per distance of its last neighbor, whose weight would be 0 on the border.
+/// [tuned: interpolation_test]
+constexpr double kBallMargin = 1.2;
 
-/// Within this part of the ball neighbors weigh alike; beyond, with the inverse square of their
-/// distance.
-constexpr double kNear = 0.2;
+/// Radius, in parts of the ball, within which neighbors weigh alike; beyond, weights fall with the
+/// square of the distance. [tuned: interpolation_test]
+constexpr double kEqualWeightRadius = 0.2;
 
 Vec3f positionOf(const PointBatch& batch, std::size_t n)
 {
@@ -65,12 +66,12 @@ double PointFitter::gatherNearest(const Vec3d& at, const OctreeCell& cell,
     }
 }
 
-/// Fit to mNear, the more closely the nearer: where neighbors' fits miss a point, the surface has
-/// a dimple that voxels may not see. Points that face the other way are of another sheet.
+/// Fit to mNear, with larger weights near the point: where neighbors' fits miss it, the surface
+/// gets a dimple. Points that face the other way are of another sheet.
 Quadric PointFitter::fitNear(const Vec3f& at, const Vec3d& normal, double radius)
 {
     mCell.assign(mNear, at.cast<double>(), radius);
-    const double near2 = kNear * kNear * radius * radius;
+    const double near2 = kEqualWeightRadius * kEqualWeightRadius * radius * radius;
     for (std::size_t i = 0; i < mCell.count; ++i)
         mCell.weight[i] *= std::max(mCell.normal(i).dot(normal), 0.0) * near2 /
                            (mCell.position(i).squaredNorm() + near2);
@@ -86,7 +87,7 @@ PointFitter::PointFit PointFitter::fitThrough(std::size_t n, const OctreeCell& c
     const auto [entry, isNew] = mFits.try_emplace(Key{at});
     if (isNew) {
         const double last = gatherNearest(at.cast<double>(), cell, path);
-        const double radius = kMargin * std::max(last, std::numeric_limits<double>::min());
+        const double radius = kBallMargin * std::max(last, std::numeric_limits<double>::min());
         entry->second = {tree.addFitThrough(at, fitNear(at, normalOf(ball, n), radius)), radius};
     }
     return entry->second;

@@ -7,15 +7,11 @@
 namespace mpuvdb
 {
 
-/// Fits through points, one per point and subtree; scratch memory of one thread.
+/// Fits through points, one per point and subtree, with the scratch memory of one thread.
 class PointFitter
 {
 public:
-    /// Cells are split down to this level where points are next to nothing apart: a billionth of
-    /// the root cube. What is left together in one cell counts as one point.
-    static constexpr int kDeepest = Octree::kDeepest;
-
-    /// A fit in the tree, and the radius of the ball of neighbors it was made from.
+    /// A fit in the tree, and the radius of its ball of neighbors.
     struct PointFit {
         std::uint32_t index = 0;
         double radius = 0;
@@ -26,7 +22,7 @@ public:
     {
     }
 
-    /// Forget the fits: another tree follows.
+    /// Forget the fits before another tree.
     void clear() { mFits.clear(); }
 
     /// Up to two points (indices in @a ball, which holds all points of the cell) in @a cell.
@@ -34,7 +30,7 @@ public:
                          std::array<std::size_t, 2>& found) const;
 
     /// The fit through point @a n of the last ball of @a path to its N_min nearest neighbors;
-    /// stored in @a tree when first asked for. @a path: balls of @a cell and its ancestors.
+    /// stored in @a tree by the first call. @a path: balls of @a cell and its ancestors.
     PointFit fitThrough(std::size_t n, const OctreeCell& cell, const std::vector<Ball>& path,
                         Octree& tree);
     /// A fit of its own through point @a n of @a ball, to the points of @a around within @a radius;

@@ -1,4 +1,4 @@
-// Quadrics, and the few of them that make one local fit.
+// Quadrics, and the local fits made of up to four.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -18,18 +18,18 @@ struct Quadric {
 
     double value(const Vec3d& y) const { return y.dot(A * y) + b.dot(y) + c; }
     Vec3d gradient(const Vec3d& y) const { return 2 * (A * y) + b; }
-    /// The same function about another origin: newOrigin = origin + shift.
+    /// This function about another origin: newOrigin = origin + shift.
     Quadric shifted(const Vec3d& shift) const
     {
         return {A, Vec3d(b + 2 * (A * shift)), value(shift)};
     }
 };
 
-/// Which of @a count pieces of an edge or corner rules where piece k has @a valueOf(k).
+/// The piece in effect, of @a count of an edge or corner, where piece k has @a valueOf(k).
 ///
 /// Pieces are folded from the last to the first: Q = p[n-1]; then for k = n-2 .. 0
-/// Q = (bit k of maxBits) ? max(p[k], Q) : min(p[k], Q). So every tree of Ricci's Booleans that the
-/// paper's edges and corners need is one bit per step.
+/// Q = (bit k of maxBits) ? max(p[k], Q) : min(p[k], Q). Every tree of Ricci's Booleans of the
+/// paper's edges and corners is one bit per step.
 template <typename ValueOf>
 int rulingPiece(int count, unsigned maxBits, const ValueOf& valueOf)
 {
@@ -48,7 +48,7 @@ int rulingPiece(int count, unsigned maxBits, const ValueOf& valueOf)
 
 /// A quadric, or an edge or corner of up to four [Ohtake03 §4c], about one origin.
 struct LocalFit {
-    static constexpr int kMaxPieces = 4;
+    static constexpr int kMaxPieces = 4; ///< [paper: Ohtake03 §4c]
 
     std::array<Quadric, kMaxPieces> pieces;
     int count = 1;
@@ -56,7 +56,7 @@ struct LocalFit {
 
     bool isMax(int k) const { return (maxBits >> k) & 1u; }
     bool isSharp() const { return count > 1; }
-    /// The piece that rules at y.
+    /// The piece in effect at y.
     const Quadric& ruling(const Vec3d& y) const
     {
         const auto valueOf = [&](int k) { return pieces[std::size_t(k)].value(y); };
@@ -65,7 +65,7 @@ struct LocalFit {
 };
 
 /// The partition's weight at |x-c| = t R / 1.5: the quadratic B-spline of support 1.5
-/// [Ohtake03 eq. 3]. Of a number or of a SIMD vector; branch-free.
+/// [Ohtake03 eq. 3]. T is a number or a SIMD vector; branch-free.
 template <typename T>
 [[gnu::always_inline]] inline T bsplineWeight(const T& t)
 {
@@ -76,7 +76,7 @@ template <typename T>
 }
 
 /// The weight of interpolation from the inverse of the distance to the ball's center, singular
-/// there: ((R - d)+ / (R d))^2 [Ohtake03 eq. 4]. As above.
+/// there: ((R - d)+ / (R d))^2 [Ohtake03 eq. 4]. T is a number or a SIMD vector.
 template <typename T, typename Scalar>
 [[gnu::always_inline]] inline T singularWeight(const T& inverseDistance, Scalar inverseRadius)
 {

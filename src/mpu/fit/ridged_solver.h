@@ -1,12 +1,12 @@
-// Small least squares whose points may not determine every coefficient.
+// Small least squares problems that may be underdetermined.
 #pragma once
 #include <mpuvdb/vec.h>
 
 namespace mpuvdb
 {
 
-/// Factors M = L D L^T of a small symmetric positive definite matrix: Eigen's own loops are not
-/// unrolled at these sizes and take three times as long.
+/// Factorization M = L D L^T of a small symmetric positive definite matrix: Eigen's own loops are
+/// not unrolled at these sizes and take three times as long.
 template <int N>
 class SmallCholesky
 {
@@ -44,7 +44,7 @@ private:
 
 /// Solve the normal equations M x = r, M symmetric semi-definite of O(1) entries, with the ridge
 /// @a ridge. Refined against M itself: directions that the points determine lose the ridge's bias
-/// (factor ridge / eigenvalue per step), others stay damped. Inline, so that what calls it may be
+/// (factor ridge / eigenvalue per step), others stay damped. Inline, so that callers may be
 /// compiled for several instruction sets.
 template <int N>
 [[gnu::always_inline]] inline Eigen::Matrix<double, N, 1>

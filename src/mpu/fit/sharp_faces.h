@@ -1,4 +1,4 @@
-// The faces of an edge or a corner, told apart by normals [Ohtake03 §4c].
+// The faces of an edge or a corner, separated by normals [Ohtake03 §4c].
 #pragma once
 #include "cell_points.h"
 #include "quadric.h"
@@ -10,15 +10,18 @@
 namespace mpuvdb
 {
 
-/// Points, by their indices, whose normals are alike.
+/// Least cosine of a normal across two faces that is of a third one. [paper: Ohtake03 eq. 15]
+constexpr double kCornerCosine = 0.7;
+
+/// Indices of points with similar normals.
 using NormalClusters = std::vector<std::vector<std::uint32_t>>;
 
 /// Spherical Voronoi cells of the members' normals about the axes; empty ones left out.
 NormalClusters clusterNormals(const CellPoints& points, const std::vector<std::uint32_t>& members,
                               const std::vector<Vec3d>& axes);
 
-/// Keep of all ways to combine the faces [Ohtake03 §4c: convex, concave, or one face apart] the one
-/// of least errorOf(LocalFit).
+/// Combine the faces in the way of least errorOf(LocalFit): convex, concave, or one face apart
+/// [Ohtake03 §4c].
 template <typename ErrorOf>
 void combineFaces(LocalFit& fit, const ErrorOf& errorOf)
 {

@@ -1,10 +1,9 @@
 // Edges and corners [Ohtake03 §4c].
+#include "core/clones.h"
 #include "fit_quality.h"
 #include "local_fit.h"
 #include "mpu/octree/point_group.h"
 #include "sharp_faces.h"
-
-#include "core/clones.h"
 
 #include <algorithm>
 #include <numeric>
@@ -28,15 +27,15 @@ struct WidestPair {
            (load(points.ny, i) * normal[1] + load(points.nz, i) * normal[2]);
 }
 
-/// The first such pair of several.
+/// The pair of widest angle; the first of several.
 MPUVDB_WIDE_CLONES
 WidestPair widestNormals(const CellPoints& points)
 {
-    constexpr std::size_t kGroup = CellPoints::kGroup;
+    constexpr std::size_t kGroup = CellPoints::kGroup; ///< [derived: that of the points]
     WidestPair widest;
     for (std::size_t a = 0; a + 1 < points.count; ++a) {
         const Vec3d normal = points.normal(a);
-        // What comes before it was compared when its turn was; its own length is not quite 1.
+        // Pairs with normals before it are compared already; its own square is not exactly 1.
         const std::size_t begin = a / kGroup * kGroup;
         Group lowest = cosinesTo(normal, points, begin);
         lowest[a % kGroup] = 1;
@@ -53,14 +52,17 @@ WidestPair widestNormals(const CellPoints& points)
     return widest;
 }
 
-constexpr double kFeatureCosine = 0.9; // [Ohtake03 eq. 14]
-constexpr double kCornerCosine = 0.7;  // [Ohtake03 eq. 15]
-// A dull fold turns normals by two degrees or more; its faces by an eighth of that.
-constexpr double kDullestCosine = 0.9994;
-constexpr double kFlat = 1.0 / 64; // 1 - cosine grows with the square of the angle
-constexpr double kRounding = 1e-12;
-// Points that a face needs for curvature: with fewer a quadric swings out between them.
-constexpr std::size_t kQuadraticFace = 12;
+/// Cosine of the widest normals below which there is a feature. [paper: Ohtake03 eq. 14]
+constexpr double kFeatureCosine = 0.9;
+/// Largest cosine across a dull fold of flat faces, of two degrees. [tuned: local_fit_test]
+constexpr double kMaxFoldCosine = 0.9994;
+/// Largest 1 - cosine within its faces, in that across it: the square of an eighth of the angle.
+/// [tuned: local_fit_test]
+constexpr double kFlatnessRatio = 1.0 / 64;
+constexpr double kRounding = 1e-12; ///< of cosines [derived: rounding of doubles]
+/// Least points of a curved face: with fewer a quadric oscillates between them.
+/// [tuned: local_fit_test]
+constexpr std::size_t kMinQuadraticFacePoints = 12;
 
 } // namespace
 
@@ -90,16 +92,17 @@ NormalClusters clusterNormals(const CellPoints& points, const std::vector<std::u
 namespace
 {
 
-/// The two clusters of a dull fold, if it is one of flat faces: then normals turn at it alone.
+/// The two clusters of a dull fold of flat faces, where normals turn only across it; else none.
 NormalClusters flatFaces(const CellPoints& points, const std::vector<std::uint32_t>& members,
                          const WidestPair& widest, CellPoints& scratch)
 {
-    if (widest.cosine > kDullestCosine) return {};
+    if (widest.cosine > kMaxFoldCosine) return {};
     const std::vector<Vec3d> axes = {points.normal(widest.first), points.normal(widest.second)};
     NormalClusters faces = clusterNormals(points, members, axes);
-    const double flat = 1 - kFlat * (1 - widest.cosine);
+    const double flat = 1 - kFlatnessRatio * (1 - widest.cosine);
     for (std::size_t f = 0; f < faces.size(); ++f) {
-        // One of the face's normals is its axis, so that most that are not flat are found at once.
+        // One of the face's normals is its axis, so that most faces that are not flat are rejected
+        // here.
         const bool mayBeFlat = std::all_of(faces[f].begin(), faces[f].end(), [&](std::uint32_t i) {
             return axes[f].dot(points.normal(i)) >= flat - kRounding;
         });
@@ -152,7 +155,7 @@ std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch)
     fit.count = int(clusters.size());
     for (std::size_t a = 0; a < clusters.size(); ++a) {
         scratch.assignSubset(points, clusters[a]);
-        fit.pieces[a] = fitBivariate(scratch, meanNormal(scratch), kQuadraticFace);
+        fit.pieces[a] = fitBivariate(scratch, meanNormal(scratch), kMinQuadraticFacePoints);
     }
     combineFaces(fit, [&](const LocalFit& candidate) {
         return taubinError(candidate, points, points.radius);

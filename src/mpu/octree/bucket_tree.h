@@ -1,4 +1,4 @@
-// Points in small buckets under a tree of boxes, for searches among all of them.
+// A tree of boxes over small buckets of points, for searches among all points.
 #pragma once
 #include "sorted_points.h"
 
@@ -12,7 +12,7 @@ namespace mpuvdb
 class BucketTree
 {
 public:
-    /// A run of points, few and near each other.
+    /// A run of points that are near each other.
     struct Bucket {
         std::uint32_t begin, end;
     };
@@ -23,17 +23,16 @@ public:
         bool leaf;
     };
 
-    /// @param most  points in a bucket, unless copies of one are more.
+    /// @param most  largest number of points in a bucket, but for copies of one.
     BucketTree(const SortedPoints& points, std::size_t most);
 
     const std::vector<Bucket>& buckets() const { return mBuckets; }
-    /// Children stand after their parents.
+    /// The nodes, children after their parents.
     const std::vector<Node>& nodes() const { return mNodes; }
     /// The bucket of a leaf.
     const Bucket& bucketOf(std::uint32_t leaf) const { return mBuckets[mNodes[leaf].second]; }
 
-    /// fromLeaf(bucket) at the leaves, join(first, second) of the children above them, for all
-    /// nodes.
+    /// A value for each node: fromLeaf(bucket) at leaves, join(first child, second child) above.
     template <typename T, typename FromLeaf, typename Join>
     std::vector<T> perNode(FromLeaf fromLeaf, Join join) const
     {
@@ -46,9 +45,9 @@ public:
         return values;
     }
 
-    /// Call atLeaf(node) for all leaves with distance(node) <= reach(), those first that promise to
-    /// be near. What atLeaf() finds may lessen the reach.
-    /// @param distance  of a node's index: no more than that of any of its points.
+    /// Call atLeaf(node) for all leaves with distance(node) <= reach(), near ones first. atLeaf()
+    /// may lessen the reach.
+    /// @param distance  lower bound of the distance to a node's points, by its index.
     template <typename Distance, typename Reach, typename AtLeaf>
     void search(Distance distance, Reach reach, AtLeaf atLeaf) const
     {

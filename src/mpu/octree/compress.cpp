@@ -22,7 +22,7 @@ __attribute__((target("avx512f"))) std::size_t compressWide(const Sources& from,
                                                             std::size_t n, std::uint32_t bits,
                                                             const Targets& to)
 {
-    constexpr std::size_t kLanes = kCompressSlack;
+    constexpr std::size_t kLanes = kCompressSlack; ///< [derived: floats of a vector]
     const __m512i wanted = _mm512_set1_epi32(int(bits));
     std::size_t count = 0;
     for (std::size_t begin = 0; begin < n; begin += kLanes) {
@@ -33,7 +33,7 @@ __attribute__((target("avx512f"))) std::size_t compressWide(const Sources& from,
         if (keep == 0) continue; // often many in a row: points are in Morton order
         for (std::size_t a = 0; a < kPointFloats; ++a) {
             const __m512 values = _mm512_maskz_loadu_ps(keep, from[a] + begin);
-            // Not to memory directly, which some processors are slow at.
+            // Compression to memory is slow on some processors.
             _mm512_storeu_ps(to[a] + count, _mm512_maskz_compress_ps(keep, values));
         }
         count += std::size_t(__builtin_popcount(keep));
@@ -48,8 +48,8 @@ __attribute__((target("avx512f"))) std::size_t compressWide(const Sources& from,
 std::size_t compressByIndex(const Sources& from, const std::uint32_t* marks, std::size_t n,
                             std::uint32_t bits, const Targets& to)
 {
-    // Chunk by chunk: first where they are, then array by array.
-    constexpr std::size_t kChunk = 256;
+    // Chunk by chunk: first the indices, then array by array.
+    constexpr std::size_t kChunk = 256; ///< elements [free: time]
     std::array<std::uint32_t, kChunk> picked;
     std::size_t count = 0;
     for (std::size_t begin = 0; begin < n; begin += kChunk) {

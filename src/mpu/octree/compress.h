@@ -1,4 +1,4 @@
-// Picks some of the points of a batch.
+// Selection of points of a batch by marks.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -7,19 +7,18 @@
 namespace mpuvdb
 {
 
-/// Elements past those that are picked which compress() may write.
+/// Elements past the selected ones that compress() may write. [derived: floats of 512 bits]
 constexpr std::size_t kCompressSlack = 16;
 
-constexpr std::size_t kPointFloats = 7; ///< arrays of a PointBatch
+constexpr std::size_t kPointFloats = 7; ///< arrays of a PointBatch [derived: its members]
 
-/// Of @a n elements of each of @a from, copy those whose mark has one of @a bits, in their order,
-/// to
-/// @a to, which has room for @a n and the slack. Returns how many there are. No branch depends on a
-/// mark; the same copies by every instruction set.
+/// Copy those of @a n elements of each of @a from whose mark has one of @a bits, in order, to @a
+/// to, which has room for @a n and the slack. @return their number. No branch depends on a mark;
+/// the same result by every instruction set.
 std::size_t compress(const std::array<const float*, kPointFloats>& from, const std::uint32_t* marks,
                      std::size_t n, std::uint32_t bits, const std::array<float*, kPointFloats>& to);
 
-/// The same where the processor has no instruction for it.
+/// compress() for processors that have no instruction for it.
 std::size_t compressByIndex(const std::array<const float*, kPointFloats>& from,
                             const std::uint32_t* marks, std::size_t n, std::uint32_t bits,
                             const std::array<float*, kPointFloats>& to);

@@ -37,18 +37,18 @@ void checkSettings(const PointCloud& cloud, const MpuSettings& s)
     if (!cloud.hasNormals())
         throw InputError("the points have no normals: estimate them first (estimateNormals, or "
                          "--normals estimate)");
-    const auto demand = [](bool ok, const char* what, double value, const char* range) {
+    const auto require = [](bool ok, const char* what, double value, const char* range) {
         if (!ok) throw UsageError(fmt::format("{} is {}; it must be {}", what, value, range));
     };
-    demand(s.tolerance > 0 && std::isfinite(s.tolerance), "tolerance", s.tolerance, "above 0");
-    demand(s.noise >= 0 && std::isfinite(s.noise), "noise", s.noise, "0 or above");
-    demand(s.voxelSize > 0 && std::isfinite(s.voxelSize), "voxel size", s.voxelSize, "above 0");
+    require(s.tolerance > 0 && std::isfinite(s.tolerance), "tolerance", s.tolerance, "above 0");
+    require(s.noise >= 0 && std::isfinite(s.noise), "noise", s.noise, "0 or above");
+    require(s.voxelSize > 0 && std::isfinite(s.voxelSize), "voxel size", s.voxelSize, "above 0");
     if (s.interpolate)
-        demand(s.alpha >= 1.05 && s.alpha <= 2, "alpha", s.alpha,
-               "in [1.05, 2] for interpolation: the ball about a point has to cover its cell");
+        require(s.alpha >= 1.05 && s.alpha <= 2, "alpha", s.alpha,
+                "in [1.05, 2] for interpolation: the ball about a point has to cover its cell");
     else
-        demand(s.alpha >= 0.6 && s.alpha <= 2, "alpha", s.alpha, "in [0.6, 2]");
-    demand(s.minPoints >= 6 && s.minPoints <= 1000, "min points", s.minPoints, "in [6, 1000]");
+        require(s.alpha >= 0.6 && s.alpha <= 2, "alpha", s.alpha, "in [0.6, 2]");
+    require(s.minPoints >= 6 && s.minPoints <= 1000, "min points", s.minPoints, "in [6, 1000]");
 }
 
 RootCube rootCube(const Box3d& bounds, double voxelSize)
@@ -60,7 +60,7 @@ RootCube rootCube(const Box3d& bounds, double voxelSize)
 void Octree::setLeaf(std::uint32_t node, std::uint32_t fit, double support)
 {
     nodes[node] = {fit, float(support)};
-    complete &= support >= 1 && !fits[fit].lostInNoise;
+    complete &= support >= 1 && !fits[fit].unresolved;
 }
 
 std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin)
@@ -70,7 +70,7 @@ std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin)
     stored.firstQuadric = std::uint32_t(quadrics.size());
     stored.count = std::uint8_t(fit.count);
     stored.maxBits = std::uint8_t(fit.maxBits);
-    // The origin was rounded: the pieces move with it.
+    // The origin was rounded: shift the pieces accordingly.
     const Vec3d shift = stored.origin.cast<double>() - origin;
     for (int k = 0; k < fit.count; ++k)
         quadrics.push_back(coefficients(fit.pieces[std::size_t(k)].shifted(shift)));

@@ -1,8 +1,7 @@
-// The finished octree: cells, and the fits their balls blend.
+// The octree: cells, and the fits blended over their balls.
 #pragma once
 #include "mpu/fit/quadric.h"
 #include "sorted_points.h"
-
 #include <mpuvdb/mpu_field.h>
 
 #include <array>
@@ -25,13 +24,13 @@ struct StoredFit {
     std::uint8_t count = 1; ///< pieces, as in LocalFit
     std::uint8_t maxBits = 0;
     bool throughOrigin = false; ///< the origin is an input point, and the fit is zero there
-    bool lostInNoise = false;   ///< as in Decision
+    bool unresolved = false;    ///< as in Decision
 };
 
 struct OctreeNode {
-    static constexpr float kInner = -1;
+    static constexpr float kInner = -1; ///< support of inner nodes [derived: below that of leaves]
     std::uint32_t index = 0; ///< a leaf's fit; an inner node's first child, of eight in a row
-    /// How far data hold up the fit in the cell's ball, in [0,1]; kInner for an inner node.
+    /// Support of the fit by data in the cell's ball, in [0,1]; kInner for an inner node.
     float support = kInner;
 
     bool isLeaf() const { return support >= 0; }
@@ -39,12 +38,14 @@ struct OctreeNode {
 
 /// Nodes of a tree (or of a subtree while it is built), and its fits.
 struct Octree {
-    static constexpr int kDeepest = 30; ///< level of the smallest cells
+    /// Level of the smallest cells, a billionth of the root's edge: points left together in one
+    /// count as one. [derived: cells' indices have 32 bits]
+    static constexpr int kMaxLevel = 30;
 
     RootCube root;
     double alpha = 0.75;
-    /// Largest distance of a ball's center from its cell's, in diagonals of the cell; above 0 where
-    /// the points are interpolated: balls are centered at the points there, weights singular.
+    /// Largest distance of a ball's center from its cell's, in diagonals of the cell. Above 0 for
+    /// interpolation: balls are centered at points, and weights singular.
     double offCenter = 0;
     std::vector<OctreeNode> nodes;
     std::vector<StoredFit> fits;
@@ -60,7 +61,7 @@ struct Octree {
     {
         return (alpha + offCenter) * std::sqrt(3.0) * root.size(level);
     }
-    /// Whether the leaf @a cell with @a fit holds the input point through which the fit goes.
+    /// Whether the leaf @a cell holds the input point through which its @a fit goes.
     bool holdsItsPoint(const OctreeCell& cell, const StoredFit& fit) const
     {
         return fit.throughOrigin && root.holds(cell, fit.origin.cast<double>());
@@ -72,30 +73,32 @@ struct Octree {
     }
     /// Store @a fit about @a origin (local coordinates); returns its index.
     std::uint32_t addFit(const LocalFit& fit, const Vec3d& origin);
-    /// Store a fit about the input point @a point, at which it is zero.
+    /// Store a fit about the input point @a point, at which it is zero; returns its index.
     std::uint32_t addFitThrough(const Vec3f& point, const Quadric& fit);
-    /// The piece of a stored fit that rules at @a y from its origin; about the origin.
+    /// The piece of a stored fit that is in effect at @a y from its origin; about the origin.
     Quadric rulingAt(const StoredFit& fit, const Vec3d& y) const;
     /// One piece of a stored fit about another origin, in double precision.
     Quadric pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const;
     /// Append @a subtree, whose node 0 becomes node @a at.
     void graft(std::uint32_t at, const Octree& subtree);
+    /// Memory held, bytes.
     std::uint64_t bytes() const;
-
-    /// bytes() without room to grow.
+    /// Memory without room to grow, bytes.
     std::uint64_t usedBytes() const;
 
-    /// Call f(node, cell) for a leaf, or for those leaves below an inner node whose balls hold @a p
-    /// (local coordinates) and some that come close, depth first.
+    /// Call f(node, cell) for @a node if it is a leaf, else for the leaves below it whose balls
+    /// hold
+    /// @a p (local coordinates), and some close to it, depth first.
     template <typename F>
     void forEachLeafAt(const Vec3d& p, const F& f, OctreeNode node, const OctreeCell& cell) const
     {
-        constexpr double kRoom = 1 + 1e-6; // for roundings, even in the smallest cells
+        constexpr double kRoundingMargin = 1 + 1e-6; ///< [derived: roundings in the smallest cells]
         if (node.isLeaf()) {
             f(node, cell);
             return;
         }
-        const double quarter = root.size(cell.level) / 4, radius = kRoom * reach(cell.level + 1);
+        const double quarter = root.size(cell.level) / 4,
+                     radius = kRoundingMargin * reach(cell.level + 1);
         const Vec3d offset = root.center(cell) - p;
         double distance2[3][2]; // along each axis to the lower and the upper child
         for (int axis = 0; axis < 3; ++axis)
@@ -112,26 +115,26 @@ struct Octree {
     template <typename F>
     void forEachLeaf(F f, std::uint32_t node = 0, const OctreeCell& cell = {})
     {
-        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); }, kDeepest, node,
-                    cell);
+        forEachPart([&](std::uint32_t n, const OctreeCell& at) { f(nodes[n], at); }, kMaxLevel,
+                    node, cell);
     }
 
-    /// The same for all leaves, in parallel.
+    /// Call f(node, cell) for all leaves, in parallel.
     template <typename F>
     void forEachLeafParallel(F f)
     {
-        constexpr int kLevel = 4; // where there are enough subtrees for all threads
+        constexpr int kParallelLevel = 4; ///< level with subtrees for all threads [free: grain]
         std::vector<std::pair<std::uint32_t, OctreeCell>> parts;
         const auto collect = [&](std::uint32_t node, const OctreeCell& cell) {
             parts.push_back({node, cell});
         };
-        forEachPart(collect, kLevel, 0, {});
+        forEachPart(collect, kParallelLevel, 0, {});
         tbb::parallel_for(std::size_t(0), parts.size(),
                           [&](std::size_t n) { forEachLeaf(f, parts[n].first, parts[n].second); });
     }
 
 private:
-    /// Call f(index, cell) for every leaf and every node of level @a deepest, not what is below.
+    /// Call f(index, cell) for the leaves above level @a deepest and the nodes of that level.
     template <typename F>
     void forEachPart(const F& f, int deepest, std::uint32_t node, const OctreeCell& cell)
     {
@@ -150,7 +153,7 @@ void checkSettings(const PointCloud& cloud, const MpuSettings& settings);
 /// A cube about the points with room for the band and the fits' balls.
 RootCube rootCube(const Box3d& bounds, double voxelSize);
 
-/// Fit @a points [Ohtake03 §3]. The same for any number of threads.
+/// Fit @a points [Ohtake03 §3]; the same for any number of threads.
 Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
                    Interrupter& progress);
 

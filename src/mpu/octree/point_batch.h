@@ -1,7 +1,6 @@
-// Some points near a cell, copied together so that loops over them run straight through memory.
+// Contiguous copies of the points near a cell.
 #pragma once
 #include "unset_vector.h"
-
 #include <mpuvdb/vec.h>
 
 #include <array>
@@ -11,7 +10,10 @@
 namespace mpuvdb
 {
 
-/// Some points near a cell, one contiguous array per coordinate, local coordinates.
+/// Neighbors of a point that its spacing is measured with. [tuned: coverage_test]
+constexpr std::size_t kSpacingNeighbors = 12;
+
+/// Points near a cell, one array per coordinate, local coordinates.
 struct PointBatch {
     using Floats = UnsetVector<float>;
 
@@ -22,7 +24,7 @@ struct PointBatch {
     {
         forEach([](Floats& a) { a.clear(); });
     }
-    /// New points are unset.
+    /// Change the size; new points are unset.
     void resize(std::size_t n)
     {
         forEach([n](Floats& a) { a.resize(n); });
@@ -36,32 +38,31 @@ struct PointBatch {
     }
 };
 
-/// Selects points of a batch; scratch memory of one thread.
+/// Selection of points of a batch, with the scratch memory of one thread.
 class BatchFilter
 {
 public:
     /// Copy to @a out the points of @a from within @a radius of @a center.
     void ball(const PointBatch& from, const Vec3d& center, double radius, PointBatch& out);
-    /// The same for the eight centers @a center +- @a half along each axis; octant bits: x, y, z.
+    /// ball() for the eight centers @a center +- @a half along each axis; octant bits: x, y, z.
     void octants(const PointBatch& from, const Vec3d& center, double half, double radius,
                  std::array<PointBatch, 8>& out);
-    /// Copy to @a out the @a count (above 0) points of @a from nearest to @a center, or up to half
-    /// as many again; more where the last are as near as each other. Returns a distance that the
-    /// last does not exceed.
+    /// Copy to @a out the @a count (above 0) points of @a from nearest to @a center, and up to half
+    /// as many more (or all at equal distance). @return an upper bound of their distances.
     double nearest(const PointBatch& from, const Vec3d& center, std::size_t count, PointBatch& out);
     /// Index of the point of @a from (not empty) nearest to @a center; the first of several.
     std::size_t nearestOf(const PointBatch& from, const Vec3d& center);
     /// Copy to @a out the points in the least ball of radius @a radius (1 + n @a growth), 0 < n <=
-    /// @a most, that holds @a wanted points. Returns n; 0, and leaves @a out, if there is none.
+    /// @a most, that holds @a wanted points. @return n; 0, with @a out unchanged, if there is none.
     int grownBall(const PointBatch& from, const Vec3d& center, double radius, double growth,
                   int most, std::size_t wanted, PointBatch& out);
-    /// Every @a stride th point.
+    /// Copy to @a out every @a stride th point.
     void strided(const PointBatch& from, std::size_t stride, PointBatch& out);
     /// Append to @a out the points begin, begin + stride, ... below @a end within the ball.
     void appendBall(const PointBatch& from, std::size_t begin, std::size_t end, std::size_t stride,
                     const Vec3d& center, double radius, PointBatch& out);
-    /// Median over a few points of sqrt(pi/k) d, where k >= 12 neighbors are within d; 0 for too
-    /// few points. Points near the middle of the ball, where their neighbors are in it too.
+    /// Spacing of the points: median of sqrt(pi/k) d over a few points near the middle of the ball,
+    /// where k >= kSpacingNeighbors neighbors are within d. 0 for too few points.
     double spacing(const PointBatch& ball, const Vec3d& center, double radius);
 
 private:
@@ -72,7 +73,7 @@ private:
 
     PointBatch::Floats mDistance2;
     UnsetVector<std::uint32_t> mMask, mIndices;
-    std::size_t mSelected = 0; ///< indices in use
+    std::size_t mSelected = 0; ///< number of indices in use
 };
 
 } // namespace mpuvdb

@@ -1,4 +1,4 @@
-// Four points at a time; written so that every instruction set gives the same bits.
+// SIMD arithmetic on four points, with the same bits from every instruction set.
 #pragma once
 #include "unset_vector.h"
 

@@ -23,8 +23,11 @@ struct KeyedIndex {
 /// Stable sort by key: least significant digit first, each pass over equal chunks in parallel.
 void radixSort(std::vector<KeyedIndex>& items, Interrupter& progress)
 {
-    constexpr int kDigitBits = 11, kKeyBits = 3 * SortedPoints::kMaxLevel;
-    constexpr std::size_t kDigits = std::size_t(1) << kDigitBits, kChunk = std::size_t(1) << 16;
+    constexpr int kDigitBits = 11; ///< bits of a digit [free: time]
+    /// Bits of a key, and values of a digit. [derived: three bits per level; 2^kDigitBits]
+    constexpr int kKeyBits = 3 * SortedPoints::kMaxLevel;
+    constexpr std::size_t kDigits = std::size_t(1) << kDigitBits;
+    constexpr std::size_t kChunk = std::size_t(1) << 16; ///< items of a task [free: grain]
     const std::size_t chunks = (items.size() + kChunk - 1) / kChunk;
     std::vector<KeyedIndex> other(items.size());
     std::vector<std::array<std::uint32_t, kDigits>> starts(chunks);
@@ -52,7 +55,7 @@ void radixSort(std::vector<KeyedIndex>& items, Interrupter& progress)
     }
 }
 
-/// How a point's color and scalars are ordered before another's, where all else is equal.
+/// Whether a point's color and scalars come before another's, where all else is equal.
 bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
 {
     if (!cloud.colors.empty() && cloud.colors[a] != cloud.colors[b])
@@ -62,7 +65,7 @@ bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
     return false;
 }
 
-/// The points' order by key; where keys are equal, by everything else they have.
+/// The points' order by key; where keys are equal, by all other values.
 std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& root,
                                     Interrupter& progress)
 {
@@ -147,7 +150,7 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter
     makeTop();
 }
 
-/// A table of about an entry for a point: below its level cells are searched for.
+/// Make the table of first points, of about an entry per point; below its level cells are searched.
 void SortedPoints::makeTop()
 {
     while (std::size_t(8) << 3 * mTopLevel <= size()) ++mTopLevel;
@@ -159,7 +162,7 @@ void SortedPoints::makeTop()
     }
 }
 
-// Copies are next to each other: points of one key are sorted by position.
+// Copies are adjacent: points of one key are sorted by position.
 void SortedPoints::mergeCopies()
 {
     PointBatch& p = mPoints;
@@ -185,7 +188,7 @@ void SortedPoints::mergeCopies()
             channel[kept] = float(std::accumulate(channel.begin() + std::ptrdiff_t(n),
                                                   channel.begin() + std::ptrdiff_t(end), 0.0) /
                                   double(end - n));
-        // Where they cancel the first stands for all.
+        // Normals that cancel leave the first one.
         if (!(normal.norm() > 1e-3 * weight)) continue;
         const Vec3f mean = normal.normalized().cast<float>();
         p.nx[kept] = mean[0], p.ny[kept] = mean[1], p.nz[kept] = mean[2];
@@ -210,7 +213,7 @@ SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
     return {std::size_t(first - begin), std::size_t(end - begin)};
 }
 
-/// The ancestor whose 26 neighbors and itself cover the ball about the cell's center.
+/// The ancestor that, with its 26 neighbors, covers the ball about the cell's center.
 OctreeCell SortedPoints::coveringCell(OctreeCell cell, double radius) const
 {
     const double half = mRoot.size(cell.level) / 2;
@@ -264,7 +267,7 @@ std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const Oct
     if (range.begin == range.end || !box.intersects(cube)) return 0;
     if (box.contains(cube)) return range.end - range.begin;
     std::size_t count = 0;
-    if (range.end - range.begin <= kScan || cell.level == kMaxLevel) {
+    if (range.end - range.begin <= kMaxScanPoints || cell.level == kMaxLevel) {
         for (std::size_t n = range.begin; n < range.end; ++n)
             count += box.contains(Vec3d(mPoints.x[n], mPoints.y[n], mPoints.z[n]));
         return count;

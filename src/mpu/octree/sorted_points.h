@@ -1,7 +1,6 @@
-// Points in Morton order, stored one array per coordinate, and ball queries on them.
+// Points in Morton order, one array per coordinate, and ball queries on them.
 #pragma once
 #include "point_batch.h"
-
 #include <mpuvdb/point_cloud.h>
 
 #include <algorithm>
@@ -14,7 +13,7 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// A cube of the octree: integer position at its level.
+/// A cube of the octree, by its integer position at its level.
 struct OctreeCell {
     int level = 0;
     std::uint32_t i = 0, j = 0, k = 0;
@@ -38,8 +37,8 @@ struct RootCube {
         const double s = size(cell.level);
         return corner + s * Vec3d(cell.i + 0.5, cell.j + 0.5, cell.k + 0.5);
     }
-    /// Whether @a p is in the half-open cube: every point of the root is in one cell of each level,
-    /// rounding or not, because neighbors compute the same borders.
+    /// Whether @a p is in the half-open cube: every point of the root is in exactly one cell of
+    /// each level, as neighbors compute the same borders.
     bool holds(const OctreeCell& cell, const Vec3d& p) const
     {
         const double s = size(cell.level);
@@ -49,26 +48,26 @@ struct RootCube {
     }
 };
 
-/// Immutable; the order depends on the points' values only, never on their order in the input.
+/// Immutable points; their order depends on their values, not on their order in the input.
 class SortedPoints
 {
 public:
-    /// Levels a Morton key resolves.
+    /// Levels of a Morton key. [derived: 64 bits for three axes]
     static constexpr int kMaxLevel = 21;
 
-    /// What becomes of points at one position.
+    /// Treatment of points at one position.
     enum class Copies {
         Keep,
-        Merge ///< into one: the mean of all that they have
+        Merge ///< into one, with the mean of all values
     };
 
-    /// Takes over positions, normals, confidences, colors and scalars of @a cloud, and frees them.
+    /// Consume positions, normals, confidences, colors and scalars of @a cloud.
     SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter& progress,
                  Copies copies = Copies::Keep);
 
     std::size_t size() const { return mPoints.size(); }
     const PointBatch& points() const { return mPoints; }
-    /// Linear red, green and blue one after the other, then the scalars: one array each.
+    /// One array each for linear red, green and blue, if there are colors, and for the scalars.
     const std::vector<PointBatch::Floats>& channels() const { return mChannels; }
     bool hasColors() const { return mChannels.size() > mScalarNames.size(); }
     const std::vector<std::string>& scalarNames() const { return mScalarNames; }
@@ -86,11 +85,12 @@ public:
         OctreeCell cell; ///< about whose center the ball is
         double radius;
         std::array<Range, 27> ranges{};
-        std::size_t count = 0;  ///< of the ranges
-        std::size_t points = 0; ///< in them all: an upper bound of the ball's
+        std::size_t count = 0;  ///< number of ranges
+        std::size_t points = 0; ///< in all ranges: an upper bound for the ball
     };
+    /// The points around the ball of @a radius about the center of @a cell.
     Around around(const OctreeCell& cell, double radius) const;
-    /// The points in the ball, every @a stride th of those around it.
+    /// Copy to @a out the points in the ball among every @a stride th of those around it.
     void gather(const Around& around, std::size_t stride, BatchFilter& filter,
                 PointBatch& out) const;
     /// Number of points in @a box (local coordinates); at least @a limit if there are that many.
@@ -126,8 +126,8 @@ public:
     Range cellRange(const OctreeCell& cell) const;
 
 private:
-    /// Points, among few, below which a cell is not looked into.
-    static constexpr std::size_t kScan = 32;
+    /// Points of a cell up to which they are counted one by one. [free: time]
+    static constexpr std::size_t kMaxScanPoints = 32;
 
     void mergeCopies();
     void makeTop();

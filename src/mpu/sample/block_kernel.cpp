@@ -1,8 +1,7 @@
 #include "block_kernel.h"
 
-#include "mpu/fit/quadric.h"
-
 #include "core/clones.h"
+#include "mpu/fit/quadric.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,15 +12,16 @@ namespace mpuvdb
 namespace
 {
 
-/// The voxels of a cube, or eight cubes, all at once; written so that every instruction set gives
-/// the same bits.
+/// The voxels of a cube, or eight cubes, as one vector; the same bits from every instruction set.
 using Row = float __attribute__((vector_size(sizeof(float) * kCubeVoxels)));
 using Mask = std::int32_t __attribute__((vector_size(sizeof(std::int32_t) * kCubeVoxels)));
 
-constexpr int kCubeDim = 2;                      ///< voxels
-constexpr float kMiddle = (kCubeDim - 1) / 2.0f; ///< of a cube, from its first voxel
-constexpr int kCubes = kBlockDim / kCubeDim;     ///< along a block's edge
-constexpr int kRows = kBlockCubes / kCubeVoxels; ///< of eight cubes: half a layer across x
+/// Edge of a cube, its center from its first voxel, voxels; cubes along a block's edge; rows of
+/// eight cubes, each half a layer across x. [derived: from kCubeVoxels = 2^3 and kBlockDim]
+constexpr int kCubeDim = 2;
+constexpr float kCubeMiddle = (kCubeDim - 1) / 2.0f;
+constexpr int kCubesPerEdge = kBlockDim / kCubeDim;
+constexpr int kRows = kBlockCubes / kCubeVoxels;
 
 [[gnu::always_inline]] inline Row load(const std::array<float, kCubeVoxels>& from)
 {
@@ -67,13 +67,10 @@ using Piece = KernelCells::Piece;
     return std::max(std::max(m[0], m[1]), std::max(m[2], m[3]));
 }
 
-/// Below this blended gradients cancel between sheets and value / |gradient| means nothing.
-constexpr float kGradientFloor = 0.8f;
+// --- Classes of cubes
 
-// --- Which cubes
-
-/// Sixty-four flags as comparisons of eight lanes give them: bit 8 (r % 4) of a lane is that of row
-/// r, shifted by the lane.
+/// Sixty-four flags from comparisons of eight lanes: bit 8 (r % 4) + lane of a lane is that of row
+/// r.
 class Flags
 {
 public:
@@ -103,8 +100,9 @@ private:
     Mask mHalves[2] = {};
 };
 
-/// y and z of the first voxels of a row's cubes; in every other row y is one more half block.
-constexpr float kHalf = kBlockDim / 2.0f;
+/// Half a block's edge, voxels. [derived: from kBlockDim]
+constexpr float kHalfBlock = kBlockDim / 2.0f;
+/// y and z of the first voxels of a row's cubes; in every other row y is half a block more.
 const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
 
 /// Squared distance along an axis from @a at to cubes that begin at @a first.
@@ -117,11 +115,11 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
 
 [[gnu::always_inline]] inline Flags reachedCubes(const Cell& cell)
 {
-    // A voxel that rounding puts beyond the ball here may be within where weights are computed.
+    // The margin is for roundings here and where weights are computed.
     const float radius2 = cell.radius * cell.radius * (1 + 1e-5f);
     const Row z2 = squaredGap(kRowZ, cell.center[2]);
     const Row yz2[2] = {squaredGap(kRowY, cell.center[1]) + z2,
-                        squaredGap(kRowY + kHalf, cell.center[1]) + z2};
+                        squaredGap(kRowY + kHalfBlock, cell.center[1]) + z2};
     Flags reached;
     for (int row = 0; row < kRows; ++row) {
         const int layer = row / 2;
@@ -133,16 +131,17 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
     return reached;
 }
 
-/// The most, in the part of the block where a ball reaches cubes, of what a quadric needs at the
-/// middle of a cube to be beyond @a limit in all of it, over its gradient. It is convex: the most
-/// is at a corner.
+/// The value at a cube's center from which on a quadric is beyond @a limit times its gradient in
+/// the whole cube: the largest over the part of the block that the ball reaches. As it is convex,
+/// that is at a corner.
 [[gnu::always_inline]] inline float valueBeyond(const Piece& k, const Cell& cell, float limit)
 {
-    constexpr float kRoundings = 0.02f; // voxels; of coefficients, sums, quotient
+    /// Bound of roundings, voxels. [derived: of coefficients, sums, quotient]
+    constexpr float kRoundingMargin = 0.02f;
     const Mask upper[3] = {
         {0, 0, 0, 0, -1, -1, -1, -1}, {0, 0, -1, -1, 0, 0, -1, -1}, {0, -1, 0, -1, 0, -1, 0, -1}};
     Row corner[3];
-    for (std::size_t axis = 0; axis < 3; ++axis) { // cubes go one voxel farther than the ball
+    for (std::size_t axis = 0; axis < 3; ++axis) { // cubes reach one voxel farther than the ball
         const Row low = Row{} + std::max(cell.center[axis] - cell.radius - 1, 0.0f);
         const Row high =
             Row{} + std::min(cell.center[axis] + cell.radius + 1, float(kBlockDim - 1));
@@ -152,27 +151,28 @@ const Row kRowY = {0, 0, 0, 0, 2, 2, 2, 2}, kRowZ = {0, 2, 4, 6, 0, 2, 4, 6};
     const Row gx = k[1] + 2 * k[4] * x + k[7] * y + k[9] * z,
               gy = k[2] + 2 * k[5] * y + k[8] * z + k[7] * x,
               gz = k[3] + 2 * k[6] * z + k[9] * x + k[8] * y;
-    const Row slope = larger(squareRoot(gx * gx + gy * gy + gz * gz), Row{} + kGradientFloor);
-    const Row toCorner = kMiddle * (larger(gx, -gx) + larger(gy, -gy) + larger(gz, -gz));
-    return most(slope * (limit + kRoundings) + toCorner);
+    const Row slope =
+        larger(squareRoot(gx * gx + gy * gy + gz * gz), Row{} + float(kGradientFloor));
+    const Row toCorner = kCubeMiddle * (larger(gx, -gx) + larger(gy, -gy) + larger(gz, -gz));
+    return most(slope * (limit + kRoundingMargin) + toCorner);
 }
 
-/// Cubes in which one piece is beyond the limit on the outside, and on the inside.
+/// Cubes in which one piece is beyond the limit outside, and inside.
 struct BeyondCubes {
     Flags outside, inside;
     [[gnu::always_inline]] BeyondCubes(const Piece& k, const Cell& cell, float limit)
     {
         const float least = valueBeyond(k, cell, limit);
-        const Row z = kRowZ + kMiddle;
+        const Row z = kRowZ + kCubeMiddle;
         Row constant[2], linear[2]; // in x
         for (int half = 0; half < 2; ++half) {
-            const Row y = kRowY + (kMiddle + kHalf * float(half));
+            const Row y = kRowY + (kCubeMiddle + kHalfBlock * float(half));
             constant[half] = k[0] + y * (k[2] + k[5] * y + k[8] * z) + z * (k[3] + k[6] * z);
             linear[half] = k[1] + k[7] * y + k[9] * z;
         }
         for (int row = 0; row < kRows; ++row) {
             const int layer = row / 2;
-            const float x = float(kCubeDim * layer) + kMiddle;
+            const float x = float(kCubeDim * layer) + kCubeMiddle;
             const Row value = constant[row % 2] + x * (linear[row % 2] + k[4] * x);
             outside.set(row, value > least);
             inside.set(row, value < -least);
@@ -192,18 +192,19 @@ struct SmoothWeight {
 };
 
 struct SingularWeight {
-    /// A voxel on a point: all other cells together weigh a hundred-millionth of this one.
-    static constexpr float kLeast2 = 1e-8f;
+    /// Least squared distance to a point, voxels^2: the other cells' weights are 1e-8 of this
+    /// one's. [derived: below float's rounding]
+    static constexpr float kMinDistance2 = 1e-8f;
     float inverseRadius;
     explicit SingularWeight(float radius) : inverseRadius(1 / radius) {}
     [[gnu::always_inline]] Row operator()(const Row& distance2) const
     {
-        const Row least = Row{} + kLeast2;
+        const Row least = Row{} + kMinDistance2;
         return singularWeight(Row(1 / squareRoot(larger(distance2, least))), inverseRadius);
     }
 };
 
-/// One piece in a column of cubes along z: what does not depend on z.
+/// Terms of one piece in a column of cubes that do not depend on z.
 struct ColumnOfPiece {
     Row q0, q1, gx, gy;
     float q2, gxz, gyz;
@@ -229,7 +230,7 @@ struct CubeSamples {
     }
 };
 
-/// Pieces folded as LocalFit says.
+/// Value and gradient of the pieces combined, as by rulingPiece().
 [[gnu::always_inline]] inline CubeSamples fold(const Cell& cell, const ColumnOfPiece* pieces,
                                                int count, const Row& z)
 {
@@ -251,14 +252,14 @@ struct CubeSamples {
     store(load(sums) + row, sums);
 }
 
-/// The first cube of each column along z that has some.
+/// The first cube of each column along z that has cubes in the set.
 constexpr CubeSet columnsOf(CubeSet cubes)
 {
     const CubeSet pairs = cubes | cubes >> 1;
     return (pairs | pairs >> 2) & 0x1111111111111111u;
 }
 
-/// @a count  of pieces: a constant where it is one, so that the compiler knows.
+/// @param count  number of pieces: a constant 1 lets the compiler unroll.
 template <typename Weight>
 [[gnu::always_inline]] inline void addCell(const Cell& cell, const Piece* q, int count,
                                            CubeSet cubes, BlockSums& sums)
@@ -266,17 +267,17 @@ template <typename Weight>
     const Row cornerX = {0, 0, 0, 0, 1, 1, 1, 1}, cornerY = {0, 0, 1, 1, 0, 0, 1, 1},
               cornerZ = {0, 1, 0, 1, 0, 1, 0, 1};
     const Weight weigh(cell.radius);
-    // First all columns, then all cubes: the processor cannot guess how many cubes a column has.
+    // First all columns, then all cubes: the number of cubes in a column cannot be predicted.
     struct Column {
         Row distance2;
         ColumnOfPiece pieces[LocalFit::kMaxPieces];
     };
-    Column columns[kCubes * kCubes];
+    Column columns[kCubesPerEdge * kCubesPerEdge];
     for (CubeSet left = columnsOf(cubes); left; left &= left - 1) {
-        const int column = __builtin_ctzll(left) / kCubes;
-        const int layer = column / kCubes;
+        const int column = __builtin_ctzll(left) / kCubesPerEdge;
+        const int layer = column / kCubesPerEdge;
         const Row x = cornerX + float(kCubeDim * layer),
-                  y = cornerY + float(kCubeDim * (column % kCubes));
+                  y = cornerY + float(kCubeDim * (column % kCubesPerEdge));
         const Row dx = x - cell.center[0], dy = y - cell.center[1];
         columns[column].distance2 = dx * dx + dy * dy;
         for (int piece = 0; piece < count; ++piece)
@@ -284,8 +285,8 @@ template <typename Weight>
     }
     for (CubeSet left = cubes; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);
-        const Column& column = columns[cube / kCubes];
-        const Row z = cornerZ + float(kCubeDim * (cube % kCubes));
+        const Column& column = columns[cube / kCubesPerEdge];
+        const Row z = cornerZ + float(kCubeDim * (cube % kCubesPerEdge));
         const Row dz = z - cell.center[2];
         const CubeSamples s = fold(cell, column.pieces, count, z);
         const Row weight = weigh(column.distance2 + dz * dz);
@@ -322,13 +323,13 @@ void KernelCells::clear()
 }
 
 MPUVDB_WIDE_CLONES
-CubeVerdict judgeCubes(KernelCells& all, float limit)
+CubeClasses classifyCubes(KernelCells& all, float limit)
 {
     Flags notOutside, notInside;
     for (Cell& cell : all.cells) {
         const Flags reached = reachedCubes(cell);
         cell.cubes = reached.cubes();
-        if (cell.unsupported > 0) { // others may rule
+        if (cell.unsupported > 0) { // the coarse field may count
             notOutside.add(reached, {});
             notInside.add(reached, {});
         } else {
@@ -362,7 +363,7 @@ void normalize(const BlockSums& sums, CubeSet wanted, float limit, BlockValues& 
         const Row weight = load(s.weight), gx = load(s.gx), gy = load(s.gy), gz = load(s.gz);
         const Row slope = squareRoot(gx * gx + gy * gy + gz * gz);
         // value / weight over max(|g| / weight, floor)
-        const Row v = load(s.value) / larger(slope, kGradientFloor * weight);
+        const Row v = load(s.value) / larger(slope, float(kGradientFloor) * weight);
         const Row clamped = smaller(larger(v, -far), far);
         std::array<float, kCubeVoxels> distance;
         store(weight > 0 ? clamped : far, distance);

@@ -12,16 +12,17 @@ namespace mpuvdb
 namespace
 {
 
-/// Regions of 4x4x4 blocks.
-constexpr int kRegionShift = 2;
+constexpr int kRegionShift = 2; ///< log2 of the blocks along a region's edge [free: time]
+/// Voxels along a region's edge. [derived: from both]
 constexpr int kRegionVoxels = kBlockDim << kRegionShift;
 
-/// The side of the cubes whose places share a search for leaves, by the spacing of the places; and
-/// how many cubes along each axis are remembered.
+/// Edge of the cubes whose places share a search for leaves, in spacings of the places; and number
+/// of cubes remembered along each axis. [free: time]
 constexpr double kCubeSpacings = 4;
-constexpr std::uint32_t kCubesAlong = 4, kNoCube = ~std::uint32_t(0);
+constexpr std::uint32_t kCubesAlong = 4;
+constexpr std::uint32_t kNoCube = ~std::uint32_t(0); ///< [derived: no cube has this index]
 
-constexpr std::size_t kLanes = 8;
+constexpr std::size_t kLanes = 8; ///< [derived: floats of 256 bits]
 using Lanes = float __attribute__((vector_size(4 * kLanes)));
 
 [[gnu::always_inline]] inline Lanes load(const float* from)
@@ -40,7 +41,7 @@ using Lanes = float __attribute__((vector_size(4 * kLanes)));
     return beyond * beyond;
 }
 
-/// The same from a cube with its lowest corner @a first.
+/// Squared distance to a cube with its lowest corner @a first.
 [[gnu::always_inline]] inline Lanes squaredGap(const Lanes& x, const Lanes& y, const Lanes& z,
                                                const std::array<float, 3>& first, float extent)
 {
@@ -54,18 +55,18 @@ std::uint64_t firstBits(std::size_t count)
     return count < kLanes ? (std::uint64_t(1) << count) - 1 : ~std::uint64_t(0);
 }
 
-/// Of places and their reaches, those that reach into the block whose first voxel is @a first.
+/// Indices of the places that reach into the block whose first voxel is @a first.
 MPUVDB_WIDE_CLONES
 std::size_t reaching(const float* x, const float* y, const float* z, const float* reach2,
                      std::size_t count, const std::array<float, 3>& first, std::uint32_t* found)
 {
-    constexpr float kExtent = kBlockDim - 1;
+    constexpr float kExtent = kBlockDim - 1; ///< voxels [derived: from first to last]
     std::size_t n = 0;
     for (std::size_t group = 0; group < count; group += kLanes) {
         const Lanes distance2 =
             squaredGap(load(x + group), load(y + group), load(z + group), first, kExtent);
         const std::uint64_t reaches = bitsOf(distance2 < load(reach2 + group));
-        for (std::size_t lane = 0; lane < kLanes; ++lane) { // no branch: none could be foreseen
+        for (std::size_t lane = 0; lane < kLanes; ++lane) { // no branch: it could not be predicted
             found[n] = std::uint32_t(group + lane);
             n += reaches >> lane & 1u;
         }
@@ -78,7 +79,7 @@ std::size_t reaching(const float* x, const float* y, const float* z, const float
 LeafFinder::LeafFinder(const Octree& tree, const Vec3d& origin, double voxelSize)
     : mTree(tree), mOrigin(origin), mVoxelSize(voxelSize)
 {
-    // Centers are sums of halved sizes in floats: none is off by more than this.
+    // A bound of the error of centers, which are sums of halved sizes in floats.
     const double rounding = 1e-6 * (tree.root.side / voxelSize + kRegionVoxels);
     for (std::size_t level = 0; level < mQuarter.size(); ++level) {
         mQuarter[level] = float(tree.root.size(int(level)) / voxelSize / 4);
@@ -99,7 +100,7 @@ void LeafFinder::makeRoom(std::size_t leaves)
 [[gnu::always_inline]] inline void LeafFinder::addLeaf(OctreeNode leaf, const OctreeCell& cell,
                                                        float x, float y, float z)
 {
-    makeRoom(1 + kLanes); // and what pads
+    makeRoom(1 + kLanes); // with padding
     mLeaves[mCount] = {leaf, cell};
     mX[mCount] = x;
     mY[mCount] = y;
@@ -113,7 +114,7 @@ void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, flo
 {
     const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
                 sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
-    constexpr float kExtent = kRegionVoxels - 1;
+    constexpr float kExtent = kRegionVoxels - 1; ///< voxels [derived: from first to last]
     const auto level = std::size_t(cell.level);
     const float quarter = mQuarter[level];
     const Lanes allX = x + quarter * sideX, allY = y + quarter * sideY, allZ = z + quarter * sideZ;
@@ -121,7 +122,7 @@ void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, flo
     for (std::uint64_t left = bitsOf(distance2 < mReach2[level + 1]); left; left &= left - 1) {
         const int octant = __builtin_ctzll(left);
         const OctreeNode child = mTree.nodes[inner.index + std::uint32_t(octant)];
-        // As above; what has just been written as a group is slow to read as one number.
+        // Again, as single numbers of a vector just computed are slow to read.
         const float childX = octant & 1 ? x + quarter : x - quarter,
                     childY = octant & 2 ? y + quarter : y - quarter,
                     childZ = octant & 4 ? z + quarter : z - quarter;
@@ -151,7 +152,7 @@ void LeafFinder::enterRegion(const Vec3i& region)
 
 const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
 {
-    constexpr int kInRegion = (1 << kRegionShift) - 1;
+    constexpr int kInRegion = (1 << kRegionShift) - 1; ///< mask [derived: of kRegionShift bits]
     enterRegion({block[0] >> kRegionShift, block[1] >> kRegionShift, block[2] >> kRegionShift});
     std::array<float, 3> first;
     for (int axis = 0; axis < 3; ++axis)
@@ -165,9 +166,9 @@ const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
 
 PointLeafFinder::PointLeafFinder(const Octree& tree, double spacing) : mTree(tree)
 {
-    constexpr double kRounding = 2e-7; // of a place's coordinates to floats
+    constexpr double kRoundingMargin = 2e-7; ///< [derived: rounding of places to floats]
     for (std::size_t level = 0; level < mReach2.size(); ++level) {
-        const double reach = tree.reach(int(level)) / tree.root.side * (1 + 1e-6) + kRounding;
+        const double reach = tree.reach(int(level)) / tree.root.side * (1 + 1e-6) + kRoundingMargin;
         mReach2[level] = float(reach * reach);
     }
     const double cubes = std::clamp(tree.root.side / (kCubeSpacings * spacing), 1.0, 0x1p20);
@@ -178,7 +179,7 @@ PointLeafFinder::PointLeafFinder(const Octree& tree, double spacing) : mTree(tre
     mSteps[0] = {0, 1, !tree.nodes[0].isLeaf()};
 }
 
-/// For so many nodes more, and what groups of lanes read beyond.
+/// Make room for @a nodes more nodes, and for padding.
 void PointLeafFinder::Nodes::makeRoom(std::size_t nodes)
 {
     if (count + nodes + kLanes <= at.size()) return;
@@ -249,16 +250,16 @@ void PointLeafFinder::descend()
     step.end = mNodes.count;
 }
 
-/// From the smallest cube that holds this one and the last down to what only leaves reach into.
+/// Descend from the smallest cube that holds this one and the last until only leaves are left.
 void PointLeafFinder::enter(const Cube& cube)
 {
     const std::uint32_t differ = (cube[0] ^ mCube[0]) | (cube[1] ^ mCube[1]) | (cube[2] ^ mCube[2]);
     mCube = cube;
     while (differ >> (mCubeLevel - std::min(mLevel, mCubeLevel))) --mLevel;
-    while (mLevel < kLevels && mSteps[mLevel].hasInner) descend();
+    while (mLevel < kMaxFloatLevel && mSteps[mLevel].hasInner) descend();
 }
 
-/// What reaches into a small cube.
+/// The nodes that reach into a small cube.
 const PointLeafFinder::Nodes& PointLeafFinder::near(const Cube& cube)
 {
     std::size_t slot = 0;
@@ -276,8 +277,7 @@ const PointLeafFinder::Nodes& PointLeafFinder::near(const Cube& cube)
     return nodes;
 }
 
-/// Of some nodes the leaves, and the leaves below them, whose balls hold @a p; @a at as a part of
-/// the root cube.
+/// Add the leaves at and below @a nodes whose balls hold @a p, or @a at in units of the root cube.
 MPUVDB_WIDE_CLONES
 void PointLeafFinder::addHolding(const Nodes& nodes, const Vec3d& p, const std::array<float, 3>& at)
 {

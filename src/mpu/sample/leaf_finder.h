@@ -1,7 +1,6 @@
 // Finds the leaves of an octree that reach into a block of voxels.
 #pragma once
 #include "mpu/octree/octree.h"
-
 #include <mpuvdb/field.h>
 
 #include <array>
@@ -11,19 +10,20 @@
 namespace mpuvdb
 {
 
-/// A leaf; on the way down to leaves an inner node, too.
+/// A leaf, or an inner node on the way down to leaves.
 struct LeafAt {
     OctreeNode node;
     OctreeCell cell;
 };
 
-/// For one thread; fastest where blocks of one region follow each other: they share the descent.
+/// Finder of the leaves of blocks, for one thread; fastest where blocks of one region follow each
+/// other, which share the descent.
 class LeafFinder
 {
 public:
     /// @param origin  of the lattice, local coordinates.
     LeafFinder(const Octree& tree, const Vec3d& origin, double voxelSize);
-    /// All leaves whose balls hold a voxel of @a block, and some that come close; depth first.
+    /// All leaves whose balls hold a voxel of @a block, and some close to it; depth first.
     /// Valid until the next call.
     const std::vector<LeafAt>& find(const Vec3i& block);
 
@@ -38,53 +38,54 @@ private:
     const Octree& mTree;
     Vec3d mOrigin;
     double mVoxelSize;
-    /// By level, voxels: quarter of the size; square of how far the node and those below it reach.
-    std::array<float, Octree::kDeepest + 1> mQuarter, mReach2;
+    /// By level, voxels: a quarter of the size; the square of the reach of the node and those
+    /// below.
+    std::array<float, Octree::kMaxLevel + 1> mQuarter, mReach2;
     Vec3i mRegion;
     bool mHasRegion = false;
-    /// Leaves that reach into the region: the first mCount; then room for more.
+    /// Number of leaves that reach into the region; after them the arrays have room for more.
     std::size_t mCount = 0;
     std::vector<LeafAt> mLeaves;
-    std::vector<float> mX, mY, mZ, mLeafReach2; ///< voxels about the region's first
+    std::vector<float> mX, mY, mZ, mLeafReach2; ///< in voxels from the region's first
     std::vector<std::uint32_t> mInBlock;
     std::vector<LeafAt> mFound;
 };
 
-/// Finds the leaves whose balls hold a place. For one thread; fastest where each place is near some
-/// before it: those in a small cube of the octree share what reaches into it, and those in cubes
-/// beside each other the way down to the smallest one that holds both.
+/// Finder of the leaves whose balls hold a place, for one thread; fastest where each place is near
+/// some before it: places in a small cube of the octree share its leaves, and those in adjacent
+/// cubes the descent to the smallest one that holds both.
 class PointLeafFinder
 {
 public:
-    /// @param spacing  about how far apart the places will be.
+    /// @param spacing  typical distance between places, local units.
     PointLeafFinder(const Octree& tree, double spacing);
-    /// All leaves whose balls hold @a p (local coordinates), and some that come close; depth first.
+    /// All leaves whose balls hold @a p (local coordinates), and some close to it; depth first.
     /// Valid until the next call.
     const std::vector<LeafAt>& find(const Vec3d& p);
 
 private:
-    /// Centers of cells are exact in floats down to this level, as parts of the root's side, which
-    /// all lengths here are.
-    static constexpr std::size_t kLevels = 20;
+    /// Level down to which centers of cells, in units of the root's edge as all lengths here, are
+    /// exact in floats. [derived: 24 bits, with room]
+    static constexpr std::size_t kMaxFloatLevel = 20;
     using Cube = std::array<std::uint32_t, 3>;
 
-    /// Nodes of the octree, their centers, and the squares of how far they reach.
+    /// Nodes of the octree, their centers, and the squares of their reaches.
     struct Nodes {
         void add(OctreeNode node, const OctreeCell& cell, const std::array<float, 3>& center,
                  float squaredReach);
         void makeRoom(std::size_t nodes);
 
-        std::size_t count = 0; ///< of those that there are; after them is room for more
+        std::size_t count = 0; ///< number of nodes; after them the arrays have room for more
         std::vector<LeafAt> at;
         std::vector<float> x, y, z, reach2;
     };
     /// The nodes of one level that reach into the cube of that level about the last place, or into
-    /// the small cube if that is the larger, and the leaves above them.
+    /// the small cube if it is larger, and the leaves above them.
     struct Step {
         std::size_t begin = 0, end = 0;
         bool hasInner = false;
     };
-    /// What reaches into a small cube: leaves, and nodes of level kLevels.
+    /// The leaves, and nodes of level kMaxFloatLevel, that reach into a small cube.
     struct Near {
         Cube cube;
         Nodes nodes;
@@ -96,13 +97,13 @@ private:
     void addHolding(const Nodes& nodes, const Vec3d& p, const std::array<float, 3>& at);
 
     const Octree& mTree;
-    std::array<float, kLevels + 1> mReach2; ///< squared, by level
-    std::size_t mCubeLevel;                 ///< of small cubes
-    Cube mCube{};                           ///< the small one about the last place
-    std::array<Step, kLevels + 1> mSteps;   ///< by level
-    std::size_t mLevel = 0;                 ///< of the last step
-    Nodes mNodes;                           ///< of all steps
-    std::vector<Near> mNear;                ///< of small cubes that lie near each other
+    std::array<float, kMaxFloatLevel + 1> mReach2; ///< squared, by level
+    std::size_t mCubeLevel;                        ///< level of small cubes
+    Cube mCube{};                                  ///< the small cube about the last place
+    std::array<Step, kMaxFloatLevel + 1> mSteps;   ///< by level
+    std::size_t mLevel = 0;                        ///< level of the last step
+    Nodes mNodes;                                  ///< nodes of all steps
+    std::vector<Near> mNear;                       ///< small cubes near each other
     std::vector<LeafAt> mFound;
 };
 

@@ -8,7 +8,7 @@ namespace mpuvdb
 namespace
 {
 
-/// A quadric, @a shift from its origin, in voxels of size @a h.
+/// A quadric about a place @a shift from its origin, in voxels of size @a h.
 KernelCells::Piece pieceOf(const QuadricCoefficients& k, const Vec3d& shift, double h)
 {
     const double x = shift[0], y = shift[1], z = shift[2];
@@ -22,7 +22,7 @@ KernelCells::Piece pieceOf(const QuadricCoefficients& k, const Vec3d& shift, dou
 }
 
 /// Whether a ball (in voxels about the block's first) holds a voxel of the block: where points are
-/// closer than voxels most do not.
+/// denser than voxels, most do not.
 bool reachesVoxel(const Vec3d& center, double radius)
 {
     const Vec3d nearest =
@@ -36,8 +36,8 @@ MpuBlockSampler::MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, c
                                  double voxelSize, double band)
     : mTree(tree), mCoarse(coarse), mOrigin(origin), mVoxelSize(voxelSize),
       mLimit(float(band / voxelSize)),
-      mCoarseFarthest(coarse ? float(coarse->farthest() / voxelSize) : 0),
-      mFarthest(coarse ? std::max(2 * mLimit, mCoarseFarthest) : mLimit),
+      mMaxCoarse(coarse ? float(coarse->maxDistance() / voxelSize) : 0),
+      mMaxBlended(coarse ? std::max(2 * mLimit, mMaxCoarse) : mLimit),
       mLeaves(tree, origin, voxelSize)
 {
 }
@@ -47,7 +47,7 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     mCells.clear();
     const Vec3d corner = mOrigin + mVoxelSize * double(kBlockDim) * block.cast<double>();
     const Box3d box(corner, corner + Vec3d::Constant(mVoxelSize * (kBlockDim - 1)));
-    // Fits lie all over memory: those of all leaves are asked for before one is waited for.
+    // Fits are scattered in memory: prefetch those of all leaves.
     const std::vector<LeafAt>& leaves = mLeaves.find(block);
     for (const LeafAt& leaf : leaves) __builtin_prefetch(&mTree.fits[leaf.node.index]);
     for (const LeafAt& leaf : leaves)
@@ -55,41 +55,41 @@ void MpuBlockSampler::evaluate(const Vec3i& block, BlockValues& values)
     for (const LeafAt& leaf : leaves) gatherCell(leaf, corner);
     const CubeSet wanted = cubesToSum(box, values);
     addCells(mCells, wanted, mTree.interpolates(), mSums);
-    // Blended with the coarse field a value may be beyond the band and still count.
-    normalize(mSums, wanted, mFarthest, values);
+    // Values beyond the band still count in the blend with the coarse field.
+    normalize(mSums, wanted, mMaxBlended, values);
     if (mCoarse) {
         const bool isLimited = mCoarse->bounds().contains(box);
-        blendCoarse(wanted, corner,
-                    isLimited ? mCoarseFarthest : std::numeric_limits<float>::infinity(), values);
+        blendCoarse(wanted, corner, isLimited ? mMaxCoarse : std::numeric_limits<float>::infinity(),
+                    values);
     }
     for (float& v : values) v = std::clamp(v, -mLimit, mLimit) * float(mVoxelSize);
 }
 
-/// The rest of @a values is set: farther than the limit.
+/// The cubes to sum; in others, which are beyond the limit, @a values are set.
 CubeSet MpuBlockSampler::cubesToSum(const Box3d& box, BlockValues& values)
 {
-    const CubeVerdict verdict = judgeCubes(mCells, mLimit);
-    // Elsewhere there may be voxels that no ball holds.
+    const CubeClasses classes = classifyCubes(mCells, mLimit);
+    // Outside of the root cube, and for interpolation, there are voxels that no ball holds.
     const bool isCovered = !mTree.interpolates() && mTree.root.box().contains(box);
-    const CubeSet wanted = isCovered ? verdict.notOutside & verdict.notInside : kAllCubes;
+    const CubeSet wanted = isCovered ? classes.notOutside & classes.notInside : kAllCubes;
     for (CubeSet left = ~wanted; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);
-        const float value = verdict.notOutside >> cube & 1u ? -mLimit : mLimit;
+        const float value = classes.notOutside >> cube & 1u ? -mLimit : mLimit;
         for (int corner = 0; corner < kCubeVoxels; ++corner)
             values[std::size_t(voxelOf(cube, corner))] = value;
     }
     return wanted;
 }
 
-void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float farthest,
+void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float maxDistance,
                                   BlockValues& values) const
 {
-    constexpr int kGroup = 4;
-    constexpr float kRoundings = 1e-3f; // voxels
-    // Support, or a value beyond the limit that the coarse field cannot bring back.
+    constexpr int kGroup = 4;                ///< places at once [derived: those of evaluateFour()]
+    constexpr float kRoundingMargin = 1e-3f; ///< voxels [derived: rounding of values to floats]
+    // Full support, or a value that stays beyond the limit in the blend.
     const auto isSettled = [&](float value, float support) {
         return support >= 1 ||
-               support * std::abs(value) - (1 - support) * farthest > mLimit + kRoundings;
+               support * std::abs(value) - (1 - support) * maxDistance > mLimit + kRoundingMargin;
     };
     for (CubeSet left = cubes; left; left &= left - 1) {
         const int cube = __builtin_ctzll(left);

@@ -4,7 +4,6 @@
 #include "leaf_finder.h"
 #include "mpu/fill/coarse_sign.h"
 #include "mpu/octree/octree.h"
-
 #include <mpuvdb/field.h>
 
 #include <vector>
@@ -15,7 +14,7 @@ namespace mpuvdb
 class MpuBlockSampler final : public BlockSampler
 {
 public:
-    /// @param coarse  rules where data support nothing; null if the tree is complete.
+    /// @param coarse  the field where data support no fit; null if the tree is complete.
     /// @param origin  of the lattice, local coordinates. @param band  world units.
     MpuBlockSampler(const Octree& tree, const CoarseSign* coarse, const Vec3d& origin,
                     double voxelSize, double band);
@@ -24,19 +23,19 @@ public:
 private:
     void gatherCell(const LeafAt& leaf, const Vec3d& blockOrigin);
     CubeSet cubesToSum(const Box3d& box, BlockValues& values);
-    /// @param farthest  that the coarse field tells in this block, voxels.
-    void blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float farthest,
+    /// @param maxDistance  largest distance of the coarse field in this block, voxels.
+    void blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float maxDistance,
                      BlockValues& values) const;
 
     const Octree& mTree;
     const CoarseSign* mCoarse;
     Vec3d mOrigin;
     double mVoxelSize;
-    float mLimit;          ///< voxels
-    float mCoarseFarthest; ///< that the coarse field tells within its bounds, voxels
-    float mFarthest;       ///< what counts of a value that is blended with the coarse field, voxels
+    float mLimit;      ///< voxels
+    float mMaxCoarse;  ///< largest distance of the coarse field within its bounds, voxels
+    float mMaxBlended; ///< limit of values blended with the coarse field, voxels
     LeafFinder mLeaves;
-    KernelCells mCells; ///< that reach into the block
+    KernelCells mCells; ///< cells that reach into the block
     BlockSums mSums;
 };
 
