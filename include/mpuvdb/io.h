@@ -101,12 +101,12 @@ void writeVolumeLayer(const std::filesystem::path& file, const std::filesystem::
 
 /// What a level set is read for.
 enum class Purpose {
-    Modelling, ///< its values have to be distances, see demandDistances()
+    Modelling, ///< its values have to be distances, see requireDistances()
     Looking    ///< its zero set is all that counts
 };
 
-/// Read one level set of a .vdb file, as takeLevelSet() takes it: the grid called @a name, or, if
-/// empty, "surface" or the only level set. @param maxBytes  that the grid may take, by what its
+/// Read one level set of a .vdb file, as levelSetFromGrid() takes it: the grid called @a name, or,
+/// if empty, "surface" or the only level set. @param maxBytes  that the grid may take, by what its
 /// file says; 0: no limit. @param interrupter  gets notes of what was mended.
 /// @throws IoError, InputError (not a .vdb, truncated, no such grid: lists those there; no
 /// distances), LimitError, Interrupted.

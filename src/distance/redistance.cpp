@@ -309,7 +309,7 @@ void demandTellable(const char* what, double distance, double voxelSize)
 LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandHalfWidth(halfWidth);
+    requireHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, levelSet.voxelSize(), changed([](float d) { return d; }));
     const FloatGrid::Ptr made = remade(levelSet.grid(), Own::Kept, {reach, reach}, maker, progress);
@@ -329,7 +329,7 @@ FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach,
 LevelSet redistance(const FloatGrid& grid, double halfWidth, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandHalfWidth(halfWidth);
+    requireHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
                           [](const Leaf*, int n, const Distances& d) { return d.at(n); });

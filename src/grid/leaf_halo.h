@@ -1,4 +1,4 @@
-// A leaf's values together with those next to it.
+// A leaf's values with a rim of one voxel.
 #pragma once
 #include <openvdb/openvdb.h>
 
@@ -7,11 +7,12 @@
 namespace mpuvdb
 {
 
-/// A leaf's values and its neighbors' next to it, scaled.
+/// A leaf's values with those of the voxels around it, scaled.
 struct LeafHalo {
     using Leaf = openvdb::FloatTree::LeafNodeType;
     using Accessor = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
 
+    /// Edges of the leaf and of the leaf with its rim, voxels. [derived: OpenVDB's leaf, and two]
     static constexpr int kDim = 8, kHalo = kDim + 2;
     std::array<float, kHalo * kHalo * kHalo> value;
 
@@ -30,8 +31,8 @@ struct LeafHalo {
     }
 
 private:
-    /// Along each axis: the last layer of a lower neighbor, all of the middle, the first of an
-    /// upper.
+    /// Along each axis: the last layer of a lower neighbor, all of the leaf, the first layer of an
+    /// upper neighbor.
     void loadSide(const Accessor& access, const openvdb::Coord& origin, const openvdb::Coord& side,
                   float scale)
     {

@@ -1,4 +1,4 @@
-// Numbers of voxels that were chosen, looked up by place.
+// A sparse set of numbered voxels.
 #pragma once
 #include <openvdb/openvdb.h>
 
@@ -10,11 +10,12 @@
 namespace mpuvdb
 {
 
-/// A set of voxels, numbered leaf by leaf in the order in which the leaves were first seen, and
-/// within a leaf by their place there.
+/// A set of voxels, numbered leaf by leaf in the order in which the leaves were first added, and
+/// within a leaf by offset.
 class VoxelIndex
 {
 public:
+    /// Number of a voxel that is not in the set. [derived: the type's largest]
     static constexpr std::uint32_t kNone = ~std::uint32_t(0);
 
     void add(const openvdb::Coord& voxel)
@@ -23,7 +24,7 @@ public:
         const auto n = offset(voxel);
         block.voxels[n >> 6] |= std::uint64_t(1) << (n & 63);
     }
-    /// To be called once all voxels are there.
+    /// Number the voxels; to be called once, after all were added.
     void number()
     {
         mCount = 0;
@@ -38,7 +39,7 @@ public:
         }
     }
     std::uint32_t count() const { return mCount; }
-    /// All voxels in the order of their numbers.
+    /// All voxels by number.
     std::vector<openvdb::Coord> voxels() const
     {
         std::vector<openvdb::Coord> all;
@@ -54,13 +55,13 @@ public:
 
 private:
     friend class VoxelNumbers;
-    static constexpr int kDim = 8;
+    static constexpr int kDim = 8; ///< edge of a leaf, voxels [derived: OpenVDB's leaf]
 
     struct Block {
         openvdb::Coord origin;
         std::uint32_t first = 0;
         std::array<std::uint64_t, kDim> voxels = {};
-        std::array<std::uint16_t, kDim> before = {}; ///< voxels in the words before
+        std::array<std::uint16_t, kDim> before = {}; ///< count of voxels in the words before
     };
 
     static std::uint32_t offset(const openvdb::Coord& c)
@@ -81,33 +82,31 @@ private:
 
     std::vector<Block> mBlocks;
     std::unordered_map<openvdb::Coord, std::size_t> mIndex; ///< of blocks by origin
-    std::size_t mLast = 0;                                  ///< block seen last
+    std::size_t mLast = 0;                                  ///< block of the last voxel added
     std::uint32_t mCount = 0;
 };
 
-/// Looks up numbers of voxels that follow each other leaf by leaf. For one thread.
+/// Looks up numbers of voxels, fastest for voxels that are near each other. For one thread.
 class VoxelNumbers
 {
 public:
-    static constexpr std::uint32_t kNone = VoxelIndex::kNone;
-
     explicit VoxelNumbers(const VoxelIndex& index) : mIndex(index) {}
 
-    /// kNone: the voxel is not in the set.
+    /// The voxel's number; VoxelIndex::kNone if it is not in the set.
     std::uint32_t operator[](const openvdb::Coord& voxel)
     {
         openvdb::Coord side = (voxel - mHome) >> 3;
-        if (!mAnywhere || std::max({side[0], side[1], side[2]}) > 1 ||
+        if (!mHasHome || std::max({side[0], side[1], side[2]}) > 1 ||
             std::min({side[0], side[1], side[2]}) < -1) {
             moveTo(voxel & ~(VoxelIndex::kDim - 1));
             side = {0, 0, 0};
         }
         const int near = side[0] * 9 + side[1] * 3 + side[2] + 13;
         const Block* const block = mNear[std::size_t(near)];
-        if (!block) return kNone;
+        if (!block) return VoxelIndex::kNone;
         const std::uint32_t n = VoxelIndex::offset(voxel);
         const std::uint64_t word = block->voxels[n >> 6], bit = std::uint64_t(1) << (n & 63);
-        if (!(word & bit)) return kNone;
+        if (!(word & bit)) return VoxelIndex::kNone;
         return block->first + block->before[n >> 6] +
                std::uint32_t(__builtin_popcountll(word & (bit - 1)));
     }
@@ -117,7 +116,7 @@ private:
 
     void moveTo(const openvdb::Coord& home)
     {
-        mAnywhere = true;
+        mHasHome = true;
         mHome = home;
         for (int n = 0; n < 27; ++n) {
             const auto found = mIndex.mIndex.find(home.offsetBy((n / 9 - 1) * VoxelIndex::kDim,
@@ -129,7 +128,7 @@ private:
     }
 
     const VoxelIndex& mIndex;
-    bool mAnywhere = false;
+    bool mHasHome = false;
     openvdb::Coord mHome;
     std::array<const Block*, 27> mNear;
 };

@@ -123,8 +123,8 @@ LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double h
                     std::uint64_t maxBytes, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandUniformVoxels(grid);
-    demandFinite(grid);
+    requireUniformVoxels(grid);
+    requireFinite(grid);
     const bool above = inside == Inside::Above;
     const Outside outside{float(value), above ? -1.0f : 1.0f};
     if (!(outside(grid.background()) > 0))

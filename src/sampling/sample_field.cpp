@@ -24,7 +24,7 @@ constexpr double kCrossingWidth = 2;
 
 void demandSettings(const Field& field, const SampleSettings& settings)
 {
-    demandVoxelSize(settings.lattice.voxelSize);
+    requireVoxelSize(settings.lattice.voxelSize);
     if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
         throw UsageError(
             fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));

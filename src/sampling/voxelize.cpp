@@ -108,7 +108,7 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Interrupter*
 {
     Interrupter& progress = orSilent(interrupter);
     const Lattice& lattice = settings.lattice;
-    demandVoxelSize(lattice.voxelSize);
+    requireVoxelSize(lattice.voxelSize);
     if (!(settings.halfWidth >= 1.5 && settings.halfWidth <= 100))
         throw UsageError(
             fmt::format("half-width is {} voxels; it must be in [1.5, 100]", settings.halfWidth));

@@ -154,7 +154,7 @@ public:
         if (isThere(own.lattice))
             return own.halfWidth > mLevelSet.halfWidth() ? widerBytes(surface, own.halfWidth) : 0;
         const double wanted = widthToResample(mLattice, own.lattice, own.halfWidth);
-        if (wanted > kWidestBand) return 0; // is refused
+        if (wanted > kMaxHalfWidth) return 0; // is refused
         double bytes = kResamplingGrids * gridBytes(surface, own.lattice.voxelSize, own.halfWidth);
         if (wanted > mLevelSet.halfWidth())
             bytes += widerBytes(surface, wanted) + gridBytes(surface, h, wanted);

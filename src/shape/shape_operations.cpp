@@ -50,9 +50,9 @@ public:
 
     Demand demandOf(std::size_t, const Demand& own) const override
     {
-        demandBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
+        requireBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
         if (mBlendRadius > 0)
-            demandBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
+            requireBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
         Demand demand = own;
         demand.halfWidth += mBlendRadius / own.lattice.voxelSize;
         return demand;
@@ -125,7 +125,7 @@ private:
     static Box3d boundsOf(Boolean kind, const std::vector<Ptr>& inputs, double blendRadius)
     {
         if (inputs.empty()) throw UsageError("a Boolean of no shape: give at least one");
-        demandBlendRadius(blendRadius);
+        requireBlendRadius(blendRadius);
         Box3d box = inputs.front()->bounds();
         for (const Ptr& input : inputs) {
             if (kind == Boolean::Union) box.extend(input->bounds());

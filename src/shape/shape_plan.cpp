@@ -17,7 +17,7 @@ namespace
 
 void demandSettings(const Shape::Node& root, const ShapeSettings& settings)
 {
-    demandHalfWidth(settings.halfWidth);
+    requireHalfWidth(settings.halfWidth);
     if (!root.bounds().isEmpty() && !isFinite(root.bounds()))
         throw UsageError(fmt::format("the shape ({}) has no end, and a grid has one: intersect it "
                                      "with a box or another solid",

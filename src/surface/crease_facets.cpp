@@ -124,7 +124,7 @@ private:
             if (!mZone.isBeside(n) || mPatches.superseded[n]) continue;
             for (int corner = 0; corner < 8 && !mPatches.superseded[n]; ++corner)
                 mPatches.superseded[n] =
-                    cells[mPatches.patches[n].voxel - cornerOf(corner)] != VoxelNumbers::kNone;
+                    cells[mPatches.patches[n].voxel - cornerOf(corner)] != VoxelIndex::kNone;
         }
     }
 
@@ -172,7 +172,7 @@ private:
         Vec3f mean = Vec3f::Zero();
         forEachEdge(cell, [&](const Coord& first, int axis) {
             const std::uint32_t n = edges[std::size_t(axis)][first];
-            if (n == VoxelNumbers::kNone) return;
+            if (n == VoxelIndex::kNone) return;
             FaceCrossing& crossing = found[std::size_t(count++)];
             crossing = mCrossings[axis][n];
             crossing.point += toVec(first - cell);
@@ -231,7 +231,7 @@ private:
                 Facet facet;
                 const auto about = cellsAbout(mEdgeAt[axis][n], axis);
                 for (std::size_t c = 0; c < 4; ++c) facet[c] = cells[about[c]];
-                if (std::find(facet.begin(), facet.end(), VoxelNumbers::kNone) == facet.end())
+                if (std::find(facet.begin(), facet.end(), VoxelIndex::kNone) == facet.end())
                     mFacets.push_back(facet);
             }
         mPatches.facets.resize(mFacets.size());

@@ -25,7 +25,7 @@ CreaseZone::CreaseZone(const SurfacePatches& patches, const openvdb::FloatTree& 
         for (int k = 0; k < 27; ++k) {
             const std::uint32_t near =
                 numbers[patches.patches[n].voxel.offsetBy(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1)];
-            if (near != VoxelNumbers::kNone) mBeside[near] = true;
+            if (near != VoxelIndex::kNone) mBeside[near] = true;
         }
     }
 }

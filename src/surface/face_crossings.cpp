@@ -95,7 +95,7 @@ void FaceCrossings::collect(const Coord& voxel, int axis, bool rising)
         Coord at = voxel;
         for (int k = 0; k < 3; ++k) at[(axis + k) % 3] += step[k];
         const std::uint32_t n = mNumbers[at];
-        if (n == VoxelNumbers::kNone || mPatches.kinds[n] == PatchKind::Rough) continue;
+        if (n == VoxelIndex::kNone || mPatches.kinds[n] == PatchKind::Rough) continue;
         const Vec3f& normal = mPatches.patches[n].normal;
         if (std::any_of(mCandidates.begin(), mCandidates.end(),
                         [&](const Candidate& c) { return c.normal.dot(normal) > kSameFace; }))

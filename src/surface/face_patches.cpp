@@ -87,8 +87,7 @@ Fitted fitted(const CreaseZone& zone, VoxelNumbers& numbers, std::uint32_t numbe
         for (int y = -kAround; y <= kAround; ++y)
             for (int z = -kAround; z <= kAround; ++z) {
                 const std::uint32_t n = numbers[patch.voxel.offsetBy(x, y, z)];
-                if (n == VoxelNumbers::kNone || zone.patches().kinds[n] == PatchKind::Rough)
-                    continue;
+                if (n == VoxelIndex::kNone || zone.patches().kinds[n] == PatchKind::Rough) continue;
                 const SurfacePatch& other = zone.patches().patches[n];
                 const float cosine = patch.normal.dot(other.normal);
                 if (!(cosine >= kSameFace)) continue;
