@@ -2,10 +2,9 @@
 // Leaves exchange such news in waves: a wave reads only what the wave before has sent, so that
 // nothing depends on the order of threads. Waves go on until the front has passed a bound; then all
 // nearer voxels are settled, and the bound moves on.
-#include "known_distances.h"
-
 #include "core/lanes.h"
 #include "core/release.h"
+#include "known_distances.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>

@@ -1,7 +1,6 @@
 #include "measure_voxels.h"
 
 #include "distance_front.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>

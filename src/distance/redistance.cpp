@@ -1,10 +1,10 @@
 // Grids whose values are made anew from distances to a surface.
 #include "redistance.h"
+
 #include "grid/band_limits.h"
 #include "grid/prune.h"
 #include "restore_distance.h"
 #include "shell_patches.h"
-
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -209,7 +209,7 @@ Sources sourcesOf(const FloatGrid& grid, Own own, const Reach& reach, Interrupte
     Sources sources{surfacePatches(grid.tree(), voxelSize, Values::Distances, progress), reach};
     Sight sight = Sight::TooNarrow;
     if (const float side = sideBeyond(grid, reach); side != 0) {
-        sight = amendBySight(sources.patches, grid.tree(), voxelSize, side, progress);
+        sight = refineByShellProjection(sources.patches, grid.tree(), voxelSize, side, progress);
         if (sight == Sight::Distances)
             (side > 0 ? sources.reach.inside : sources.reach.outside) = 0;
     } else if (own == Own::Judged) {

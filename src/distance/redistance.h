@@ -1,7 +1,6 @@
 // Bands that are wider on one side.
 #pragma once
 #include "distance_front.h"
-
 #include <mpuvdb/level_set.h>
 
 namespace mpuvdb

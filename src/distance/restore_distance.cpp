@@ -1,10 +1,9 @@
 #include "restore_distance.h"
 
-#include "grid/leaf_halo.h"
-#include "surface/leaf_crossings.h"
-
 #include "core/clones.h"
 #include "core/lanes.h"
+#include "grid/leaf_halo.h"
+#include "surface/leaf_crossings.h"
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/vec.h>
 

@@ -1,8 +1,7 @@
 // Makes a closed band a true distance again, only where it is none.
 #pragma once
-#include <openvdb/openvdb.h>
-
 #include <cstdint>
+#include <openvdb/openvdb.h>
 #include <vector>
 
 namespace mpuvdb

@@ -1,15 +1,12 @@
 #include "room_distances.h"
 
 #include "distance_front.h"
-
 #include <mpuvdb/interrupter.h>
-
-#include <openvdb/tree/LeafManager.h>
-
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
+#include <openvdb/tree/LeafManager.h>
+#include <tbb/parallel_for.h>
 #include <unordered_set>
 
 namespace mpuvdb

@@ -2,7 +2,6 @@
 // outside, can have its center.
 #pragma once
 #include <openvdb/openvdb.h>
-
 #include <vector>
 
 namespace mpuvdb

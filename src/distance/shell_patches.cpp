@@ -4,10 +4,9 @@
 // nearest place.
 #include "shell_patches.h"
 
+#include "core/release.h"
 #include "distance_front.h"
 #include "grid/leaf_halo.h"
-
-#include "core/release.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -218,7 +217,7 @@ SurfacePatches shellPatches(const openvdb::FloatTree& tree, double voxelSize, fl
     const Shell shell = forEachShellLeaf(
         tree, result.leaves, voxelSize, side, progress,
         [&](std::size_t n, std::vector<SurfacePatch>&& patches) { found[n] = std::move(patches); });
-    demandNumbers(shell.patches);
+    requireIndexable(shell.patches);
     sight = shell.sight();
     if (sight != Sight::Distances) return result;
     result.patches.reserve(shell.patches);
@@ -284,8 +283,8 @@ Sight sightFrom(const openvdb::FloatTree& tree, double voxelSize, float side, In
         .sight();
 }
 
-Sight amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, double voxelSize,
-                   float side, Interrupter& progress)
+Sight refineByShellProjection(SurfacePatches& patches, const openvdb::FloatTree& tree,
+                              double voxelSize, float side, Interrupter& progress)
 {
     Sight sight = Sight::TooNarrow;
     const SurfacePatches shell = shellPatches(tree, voxelSize, side, sight, progress);
@@ -304,7 +303,7 @@ Sight amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, doub
         if (comparison.isWrong(n)) patches.superseded[n] = true;
     for (std::uint32_t n = 0; n < shell.patches.size(); ++n)
         if (comparison.isMissing(n)) patches.patches.push_back(shell.patches[n]);
-    demandNumbers(patches.patches.size());
+    requireIndexable(patches.patches.size());
     return sight;
 }
 

@@ -21,7 +21,7 @@ Sight sightFrom(const openvdb::FloatTree& tree, double voxelSize, float side,
 /// too blunt or too near to each other for facets, supersede them by patches that voxels of a shell
 /// one to two voxels off are nearest to: good for distances farther off. @returns what it has seen;
 /// nothing is changed if these are no distances. @throws LimitError, Interrupted.
-Sight amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, double voxelSize,
-                   float side, Interrupter& progress);
+Sight refineByShellProjection(SurfacePatches& patches, const openvdb::FloatTree& tree,
+                              double voxelSize, float side, Interrupter& progress);
 
 } // namespace mpuvdb

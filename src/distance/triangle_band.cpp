@@ -3,14 +3,13 @@
 #include "spatial/point_triangle.h"
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/enumerable_thread_specific.h>
-#include <tbb/task_group.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/task_group.h>
 
 namespace mpuvdb
 {

@@ -2,9 +2,8 @@
 #pragma once
 #include "spatial/triangle_tree.h"
 
-#include <openvdb/openvdb.h>
-
 #include <memory>
+#include <openvdb/openvdb.h>
 #include <vector>
 
 namespace mpuvdb

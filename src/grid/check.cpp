@@ -1,17 +1,15 @@
 // The check of a level set: tiles here, leaves in leaf_check, findings as text.
+#include "leaf_check.h"
+#include "transform_lattice.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
 
-#include "leaf_check.h"
-#include "transform_lattice.h"
-
+#include <cmath>
 #include <fmt/format.h>
+#include <limits>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
-
-#include <cmath>
-#include <limits>
 
 namespace mpuvdb
 {

@@ -7,15 +7,14 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
-#include <fmt/format.h>
-#include <openvdb/tools/ChangeBackground.h>
-#include <openvdb/tree/LeafManager.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fmt/format.h>
+#include <openvdb/tools/ChangeBackground.h>
+#include <openvdb/tree/LeafManager.h>
 #include <optional>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {

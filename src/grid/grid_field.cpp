@@ -3,10 +3,9 @@
 #include "field/point_field.h"
 #include <mpuvdb/level_set.h>
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {

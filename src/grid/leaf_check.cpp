@@ -7,12 +7,11 @@
 #include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_reduce.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_reduce.h>
 
 namespace mpuvdb
 {

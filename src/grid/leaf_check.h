@@ -1,10 +1,9 @@
 // Faults of a level set's voxels, found leaf by leaf.
 #pragma once
-#include <openvdb/openvdb.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <openvdb/openvdb.h>
 
 namespace mpuvdb
 {

@@ -1,8 +1,7 @@
 // A leaf's values with a rim of one voxel.
 #pragma once
-#include <openvdb/openvdb.h>
-
 #include <array>
+#include <openvdb/openvdb.h>
 
 namespace mpuvdb
 {
@@ -14,6 +13,8 @@ struct LeafHalo {
 
     /// Edges of the leaf and of the leaf with its rim, voxels. [derived: OpenVDB's leaf, and two]
     static constexpr int kDim = 8, kHalo = kDim + 2;
+    /// Steps to the next voxel along x, y, z. [derived: kHalo]
+    static constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
     std::array<float, kHalo * kHalo * kHalo> value;
 
     /// Voxel (x,y,z) of the leaf is at index(x + 1, y + 1, z + 1).

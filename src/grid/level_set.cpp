@@ -1,14 +1,13 @@
-#include <mpuvdb/error.h>
 #include <mpuvdb/level_set.h>
 
 #include "transform_lattice.h"
-
-#include <fmt/format.h>
-#include <tbb/parallel_for.h>
+#include <mpuvdb/error.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 #include <numeric>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {

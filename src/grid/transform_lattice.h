@@ -4,7 +4,6 @@
 
 #include <openvdb/Grid.h>
 #include <openvdb/math/Transform.h>
-
 #include <optional>
 
 namespace mpuvdb

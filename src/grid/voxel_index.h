@@ -1,9 +1,8 @@
 // A sparse set of numbered voxels.
 #pragma once
-#include <openvdb/openvdb.h>
-
 #include <array>
 #include <cstdint>
+#include <openvdb/openvdb.h>
 #include <unordered_map>
 #include <vector>
 

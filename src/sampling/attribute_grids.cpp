@@ -1,16 +1,14 @@
 #include <mpuvdb/attribute_grids.h>
 
 #include "surface/surface_places.h"
-
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
-#include <openvdb/tree/LeafManager.h>
-
 #include <map>
 #include <numeric>
+#include <openvdb/tree/LeafManager.h>
 #include <set>
 #include <tbb/parallel_for.h>
 

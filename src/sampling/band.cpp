@@ -1,9 +1,9 @@
 #include "band.h"
-#include "grid/prune.h"
 
 #include "core/clones.h"
 #include "core/lanes.h"
 #include "core/union_find.h"
+#include "grid/prune.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 

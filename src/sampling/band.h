@@ -2,13 +2,11 @@
 // closing, assembly.
 #pragma once
 #include "grid/block_parts.h"
-
 #include <mpuvdb/field.h>
-
-#include <openvdb/openvdb.h>
 
 #include <cstdint>
 #include <memory>
+#include <openvdb/openvdb.h>
 #include <optional>
 #include <unordered_map>
 #include <vector>

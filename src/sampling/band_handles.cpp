@@ -5,7 +5,6 @@
 // middle on as long as the topology stays, leaves a plug; a bridge is a tunnel through the outside.
 #include "band.h"
 #include "block_mosaic.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>

@@ -1,6 +1,5 @@
 // Islands: small components of one sign, shut in by the other, that no data hold up.
 #include "band.h"
-
 #include "core/union_find.h"
 #include <mpuvdb/interrupter.h>
 

@@ -1,6 +1,5 @@
 // Bands of which only a part is looked at.
 #include "band.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>

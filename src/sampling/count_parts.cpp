@@ -1,13 +1,11 @@
 #include "count_parts.h"
 
-#include "solid_blocks.h"
-
 #include "core/union_find.h"
+#include "solid_blocks.h"
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {

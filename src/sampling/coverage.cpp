@@ -1,13 +1,11 @@
 #include "surface/surface_places.h"
-
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
-#include <fmt/format.h>
-#include <openvdb/tree/LeafManager.h>
-
 #include <charconv>
 #include <cmath>
+#include <fmt/format.h>
+#include <openvdb/tree/LeafManager.h>
 
 namespace mpuvdb
 {

@@ -1,6 +1,5 @@
 // What a reconstruction takes, told by a small one.
 #include "surface/surface_integrals.h"
-
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/reconstruct.h>

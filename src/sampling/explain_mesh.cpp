@@ -1,16 +1,14 @@
 #include "explain_mesh.h"
 
+#include "core/even_places.h"
 #include "count_parts.h"
 #include "solid_blocks.h"
-
-#include "core/even_places.h"
 #include <mpuvdb/interrupter.h>
-
-#include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {

@@ -2,7 +2,6 @@
 #pragma once
 #include "distance/triangle_band.h"
 #include "solid_boundary.h"
-
 #include <mpuvdb/explained.h>
 
 namespace mpuvdb

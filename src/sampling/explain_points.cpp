@@ -1,16 +1,14 @@
 // A level set held against the points that it was made of.
 #include "count_parts.h"
 #include "solid_blocks.h"
-
 #include <mpuvdb/explained.h>
 #include <mpuvdb/interrupter.h>
 
+#include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/parallel_for.h>
-
-#include <algorithm>
-#include <cmath>
 
 namespace mpuvdb
 {

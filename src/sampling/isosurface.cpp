@@ -1,17 +1,15 @@
 // Where the values of any grid pass one of them, as a level set.
 #include "grid/transform_lattice.h"
-
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
+#include <cmath>
 #include <fmt/format.h>
+#include <memory>
 #include <openvdb/tools/Count.h>
 #include <openvdb/tools/Morphology.h>
-
-#include <cmath>
-#include <memory>
 #include <vector>
 
 namespace mpuvdb

@@ -3,11 +3,10 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
-#include <fmt/format.h>
-#include <tbb/parallel_for.h>
-
 #include <array>
 #include <cmath>
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
 #include <unordered_map>
 
 namespace mpuvdb

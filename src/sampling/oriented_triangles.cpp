@@ -2,13 +2,12 @@
 
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <numeric>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 namespace mpuvdb
 {

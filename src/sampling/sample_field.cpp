@@ -1,7 +1,6 @@
 #include "band.h"
 #include "distance/restore_distance.h"
 #include "grid/transform_lattice.h"
-
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>

@@ -2,7 +2,6 @@
 #pragma once
 #include "grid/block_parts.h"
 #include "solid_sums.h"
-
 #include <mpuvdb/level_set.h>
 
 #include <array>

@@ -1,16 +1,14 @@
 #include "solid_boundary.h"
 
 #include "convex_pieces.h"
-#include "triangle_contacts.h"
-
 #include "core/union_find.h"
+#include "triangle_contacts.h"
 #include <mpuvdb/interrupter.h>
-
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <tbb/parallel_for.h>
 #include <unordered_map>
 
 namespace mpuvdb

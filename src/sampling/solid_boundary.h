@@ -1,9 +1,8 @@
 // The boundary of the solid that the closed parts of a mesh make together.
 #pragma once
 #include "oriented_triangles.h"
-#include "winding_number.h"
-
 #include "spatial/triangle_tree.h"
+#include "winding_number.h"
 
 #include <memory>
 #include <vector>

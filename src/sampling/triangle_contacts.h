@@ -1,7 +1,6 @@
 // Where the triangles of a mesh meet that are no neighbors.
 #pragma once
 #include "oriented_triangles.h"
-
 #include "spatial/triangle_tree.h"
 
 #include <vector>

@@ -2,17 +2,15 @@
 #include "explain_mesh.h"
 #include "grid/transform_lattice.h"
 #include "mesh_signs.h"
-
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
+#include <cmath>
 #include <fmt/format.h>
 #include <openvdb/tools/SignedFloodFill.h>
-
-#include <cmath>
 
 namespace mpuvdb
 {

@@ -1,8 +1,7 @@
 #include "winding_number.h"
 
-#include <tbb/parallel_for.h>
-
 #include <cmath>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {

@@ -1,8 +1,9 @@
-// Which edges are crossed is told by the signs of a leaf's voxels as bits, eight rows to a word.
+// Crossed edges are found by the signs of a leaf's voxels as bits, eight rows to a word.
 #include "leaf_crossings.h"
 
 #include "core/clones.h"
 #include "core/lanes.h"
+#include "grid/block_parts.h"
 
 #include <array>
 #include <cstdint>
@@ -17,21 +18,18 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
 using openvdb::Coord;
 
-constexpr int kDim = Leaf::DIM;
+constexpr int kDim = Leaf::DIM; ///< voxels [derived: the leaf's edge]
 using Lanes = float __attribute__((vector_size(4 * kDim)));
+using Words = SignWords;
 
-/// Voxels of a leaf as its mask has them: word x, bit 8 y + z.
-using Words = std::array<std::uint64_t, kDim>;
-
-/// A leaf's values, and those of the upper neighbors across x, y and z: null, and one value, where
-/// there are only tiles.
+/// Values of a leaf and of its upper neighbors across x, y and z: null, and one value, for tiles.
 struct UpperRim {
     const float* own;
     std::array<const float*, 3> beyond{};
     std::array<float, 3> tile{};
 };
 
-/// Inner and zero voxels, and those whose upper neighbor along each axis is on the other side.
+/// Inside voxels, zero voxels, and those whose upper neighbor along each axis has the other sign.
 struct LeafSigns {
     Words inside{}, zero{};
     std::array<Words, 3> change;
@@ -40,7 +38,6 @@ struct LeafSigns {
 MPUVDB_CLONES
 LeafSigns signsOf(const UpperRim& values)
 {
-    constexpr std::uint64_t kFirstZ = 0x0101010101010101u;
     LeafSigns signs;
     decltype(Lanes{} < 0) anyZero{};
     for (std::size_t row = 0; row < kDim * kDim; ++row) {
@@ -81,7 +78,7 @@ LeafSigns signsOf(const UpperRim& values)
     return signs;
 }
 
-/// Whether a voxel of value 0 has both sides about it; it may only lie where two inside touch.
+/// Whether a voxel of value 0 has inside and outside among its 26 neighbors.
 bool isOnSurface(const Coord& at, Access& access)
 {
     bool inside = false, outside = false;

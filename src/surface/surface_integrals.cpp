@@ -1,13 +1,11 @@
 #include "surface_integrals.h"
 
-#include "surface_cells.h"
-
 #include "core/union_find.h"
+#include "surface_cells.h"
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
+#include <tbb/parallel_for.h>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -18,20 +16,21 @@ namespace
 using openvdb::Coord;
 using Leaf = LeafWindow::Leaf;
 
-constexpr int kLeaf = int(Leaf::DIM);
-constexpr int kSteps = 7; ///< from a voxel to the others of its cell
+constexpr int kLeaf = int(Leaf::DIM); ///< voxels [derived: the leaf's edge]
+constexpr int kSteps = 7; ///< edges from a voxel to the others of its cell [derived: 2^3 - 1]
 
-/// A vertex by the voxel that its edge starts at and its step: voxels of a leaf and of the first
-/// layer beyond.
-constexpr int kReach = kLeaf + 1;
-constexpr std::size_t kVertices = std::size_t(kReach * kReach * kReach * kSteps);
+/// Edge of a leaf and the first layer beyond, voxels, and number of possible vertices: one for each
+/// voxel and step. [derived: kLeaf, kSteps]
+constexpr int kExtent = kLeaf + 1;
+constexpr std::size_t kVertices = std::size_t(kExtent * kExtent * kExtent * kSteps);
 
+/// Index of a vertex by the voxel that its edge starts at, and its step.
 std::uint32_t vertexIndex(const Vec3i& from, int step)
 {
-    return std::uint32_t(((from[0] * kReach + from[1]) * kReach + from[2]) * kSteps + step - 1);
+    return std::uint32_t(((from[0] * kExtent + from[1]) * kExtent + from[2]) * kSteps + step - 1);
 }
 
-/// A vertex on the border between leaves, and the connected piece of its leaf's surface.
+/// A vertex on the border between leaves, and its component of its leaf's surface.
 struct BorderVertex {
     std::uint32_t vertex; ///< in the leaf that its edge starts in
     std::uint32_t piece;
@@ -48,7 +47,7 @@ struct LeafSurface {
     std::array<std::vector<BorderVertex>, 8> beyond; ///< by the leaf above: bits x, y, z
 };
 
-/// Sums up one leaf after another.
+/// Integrates over one leaf after another.
 class LeafIntegrator
 {
 public:
@@ -57,7 +56,7 @@ public:
     {
     }
 
-    /// @param origin  of the leaf relative to the place that volumes are measured from, voxels.
+    /// @param origin  of the leaf relative to the apex of volumes, voxels.
     LeafSurface integrate(const Leaf& leaf, const Vec3d& origin)
     {
         mWindow.load(leaf);
@@ -148,7 +147,7 @@ private:
     std::vector<SurfaceVertex> mSeen;
 };
 
-/// The number of connected surfaces, of pieces that meet in vertices.
+/// The number of connected surfaces; pieces that share vertices are one.
 std::uint64_t countSurfaces(const std::vector<const Leaf*>& leaves,
                             const std::vector<LeafSurface>& surfaces, Interrupter& progress)
 {
