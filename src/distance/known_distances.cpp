@@ -10,13 +10,13 @@ namespace mpuvdb
 namespace
 {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kInfinity = std::numeric_limits<float>::infinity(); ///< [derived: the type]
 
 } // namespace
 
 using openvdb::Coord;
 
-/// The nearest of what a voxel is offered.
+/// The minimum of the distances that are offered for a voxel.
 class KnownDistances::Nearest
 {
 public:
@@ -26,7 +26,7 @@ public:
     }
     float distance() const { return mDistance; }
     void offer(float distance) { mDistance = std::min(mDistance, distance); }
-    /// @param number  the facet's: each vertex brings it anew.
+    /// @param number  of the facet, which every vertex of it offers.
     void offer(const SurfaceFacet& facet, std::uint32_t number)
     {
         const Coord d = mVoxel - facet.voxel;
@@ -46,7 +46,7 @@ public:
 private:
     Coord mVoxel;
     float mDistance2, mDistance;
-    std::array<std::uint32_t, 16> mTried; ///< facets
+    std::array<std::uint32_t, 16> mTried; ///< facets offered before
     std::size_t mTriedCount = 0;
 };
 
@@ -73,8 +73,8 @@ float KnownDistances::distanceToPatch(std::uint32_t patch, const Coord& at, floa
     return p.distance(p.to(at), side);
 }
 
-/// The nearest vertex need not be one of the nearest facet's: ask the voxel's neighbors in the
-/// leaf for theirs too.
+/// The nearest vertex need not belong to the nearest facet: the closest patches of the voxel's
+/// neighbors in the leaf count too.
 float KnownDistances::distanceToFacets(int voxel, float side) const
 {
     const Coord at = Knowledge::coordOf(voxel), place = mOrigin + at;

@@ -1,4 +1,4 @@
-// The patches that the voxels of a leaf know, and the distances to them.
+// The closest patches of a leaf's voxels, and the distances to them.
 #pragma once
 #include "distance_front.h"
 
@@ -7,19 +7,19 @@
 namespace mpuvdb
 {
 
-/// What the voxels of a leaf that is not settled know.
-struct Knowledge {
+/// The closest patches found so far, for the voxels of a leaf that is not settled.
+struct ClosestPatches {
+    /// Edge and voxels of a leaf. [derived: OpenVDB's leaf]
     static constexpr int kDim = 8, kVoxels = kDim * kDim * kDim;
-    static constexpr std::uint32_t kNone = kNoPatch;
 
     std::array<std::uint32_t, kVoxels> patch;
-    std::array<float, kVoxels> distance2; ///< to the patch's foot; of none, what is beyond reach
-    std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbors
+    std::array<float, kVoxels> distance2; ///< to the patch's foot, squared; beyond reach: more
+    std::array<std::uint64_t, kDim> pending = {}; ///< voxels with updates not yet propagated
     std::array<std::uint64_t, kDim> negative;
 
     bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }
-    /// A voxel has found a nearer patch.
-    void take(int n, std::uint32_t nearer, float itsDistance2)
+    /// Set a nearer patch of voxel @a n.
+    void set(int n, std::uint32_t nearer, float itsDistance2)
     {
         patch[std::size_t(n)] = nearer;
         distance2[std::size_t(n)] = itsDistance2;
@@ -31,7 +31,7 @@ struct Knowledge {
     }
 };
 
-/// The distances to the patches that the voxels of a leaf know.
+/// The distances of a leaf's voxels to their closest patches.
 class KnownDistances final : public LeafDistances
 {
 public:

@@ -20,7 +20,7 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using Leaves = std::vector<std::unique_ptr<Leaf>>;
 using openvdb::Coord;
 
-constexpr int kDim = Leaf::DIM;
+constexpr int kDim = Leaf::DIM; ///< voxels [derived: the leaf's edge]
 
 Vec3d vecOf(const Coord& at)
 {
@@ -33,7 +33,7 @@ struct Cube {
     int size;
 
     Vec3d center() const { return vecOf(first) + Vec3d::Constant(0.5 * (size - 1)); }
-    /// Of a ball that holds its voxels.
+    /// Radius of a ball that holds its voxels.
     double radius() const { return std::sqrt(3.0) / 2 * (size - 1); }
     Cube child(int octant) const
     {
@@ -43,20 +43,23 @@ struct Cube {
     }
 };
 
-/// Voxels: places nearer to each other are one. Corners of triangles that meet where they were cut
-/// are rounded to floats each for itself.
+/// Largest difference of distances that count as equal, voxels: where triangles were cut, their
+/// corners are rounded to floats independently.
 double tieFor(const PlacedTriangles& triangles)
 {
-    constexpr double kLeast = 1e-6;  // [derived: roundings of doubles at 2^23 voxels, thousandfold]
-    constexpr double kRoundings = 4; // [derived: two corners along the axes, two distances]
+    /// Smallest tie, voxels. [derived: roundings of doubles at 2^23 voxels, thousandfold]
+    constexpr double kMinTie = 1e-6;
+    /// Roundings of floats. [derived: two corners along the axes, two distances]
+    constexpr double kTieRoundings = 4;
     const TriangleTree::Box& box = triangles.tree.box();
     const float largest = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
-    return kLeast + kRoundings * double(std::numeric_limits<float>::epsilon() * largest) /
-                        triangles.voxelSize;
+    return kMinTie + kTieRoundings * double(std::numeric_limits<float>::epsilon() * largest) /
+                         triangles.voxelSize;
 }
 
-/// The place of a triangle that is nearest to another place, and how much of a small circle about
-/// it the triangle fills, radians: 2 pi within it, pi on an edge, the corner's angle at a corner.
+/// The place of a triangle that is nearest to a given place, and the angle of a small circle about
+/// it that the triangle fills, radians: 2 pi within it, pi on an edge, the corner's angle at a
+/// corner.
 struct NearestPlace {
     Vec3d place;
     double angle;
@@ -91,8 +94,8 @@ private:
     }
 };
 
-/// Measures the voxels of one leaf after the other, for one thread: cube by cube, halved with those
-/// triangles that may be nearest to one of its voxels.
+/// Measures the voxels of one leaf after the other by halving cubes, each with the triangles that
+/// may be nearest to one of its voxels. For one thread.
 class LeafMeasure
 {
 public:
@@ -142,17 +145,18 @@ private:
         return t;
     }
 
-    /// How far from the center of a ball the nearest triangles of a place in it can be, if they are
-    /// within reach. @param least  of the distances to the center, or more.
+    /// Upper bound of the distance from the center of a ball to the nearest triangles of places in
+    /// it that are within reach. @param least  upper bound of the smallest distance to the center.
     double bound(double least, double radius) const
     {
         return std::min(least + 2 * radius, mReach + radius) + mTie;
     }
 
-    /// @param atMost  as far as the nearest triangle is from the center, or farther.
+    /// @param atMost  upper bound of the distance from the center to the nearest triangle, voxels.
     void refine(const Cube& cube, std::size_t depth, double atMost)
     {
-        constexpr double kRoundings = 1 + 1e-9;
+        constexpr double kRoundings =
+            1 + 1e-9; ///< factor [derived: a million roundings of doubles]
         const Vec3d center = cube.center();
         const double radius = cube.radius();
         std::vector<std::uint32_t>& kept = mKept[depth + 1];
@@ -169,7 +173,7 @@ private:
             mDistances.push_back(distance);
             if (distance >= least) continue;
             least = distance;
-            // In front, where it will narrow the search of the cubes within this one.
+            // The nearest comes first, which narrows the search of the cubes within this one.
             std::swap(kept.front(), kept.back());
             std::swap(mDistances.front(), mDistances.back());
         }
@@ -214,14 +218,14 @@ private:
 
     const PlacedTriangles& mTriangles;
     double mReach;
-    double mTie; ///< voxels: triangles are as near whose distances differ by less
+    double mTie; ///< difference of distances, voxels, below which triangles are equally near
     std::vector<Held> mHeld;
     std::array<std::vector<std::uint32_t>, 5> mKept; ///< by depth
     std::vector<double> mDistances;                  ///< of those kept last
     std::unique_ptr<Leaf> mLeaf;
 };
 
-/// From a cube that holds all triangles down to leaves, wherever some are within reach.
+/// Descends from a cube that holds all triangles to the leaves within reach of some.
 class Descent
 {
 public:
@@ -249,7 +253,7 @@ public:
     }
 
 private:
-    /// @param slot  as the tree has it.
+    /// @param slot  of the triangle nearest so far, as TriangleTree::squaredDistance() takes it.
     void descend(const Cube& cube, std::size_t slot)
     {
         mProgress.check();
