@@ -21,7 +21,7 @@ using openvdb::FloatTree;
 using openvdb::Vec3STree;
 using Leaf = FloatTree::LeafNodeType;
 
-void demandNames(const LevelSet& levelSet, const SurfaceAttributes& attributes)
+void requireUniqueNames(const LevelSet& levelSet, const SurfaceAttributes& attributes)
 {
     std::set<std::string> names = {levelSet.grid().getName(), kCoverageName, kColorName};
     for (const std::string& name : attributes.scalarNames())
@@ -42,7 +42,7 @@ openvdb::GridBase::Ptr gridOf(const typename Tree::Ptr& tree, const LevelSet& le
     return grid;
 }
 
-/// Leaves of one attribute's tree.
+/// New leaves of one attribute's tree.
 template <class Tree>
 class Made
 {
@@ -67,7 +67,7 @@ private:
     std::vector<std::unique_ptr<Node>> mLeaves;
 };
 
-/// Leaves of all attributes' trees.
+/// New leaves of all attributes' trees.
 class MadeLeaves
 {
 public:
@@ -76,7 +76,7 @@ public:
     {
     }
 
-    /// Give the voxels of @a leaf what there is from @a next on in turn. Returns what is left.
+    /// Set the voxels of @a leaf to the values from @a next on. Returns the first unused value.
     const float* add(const Leaf& leaf, const float* next)
     {
         openvdb::Vec3s* const color = mHasColors ? mColors.addLike(leaf) : nullptr;
@@ -103,12 +103,14 @@ private:
     std::vector<Made<FloatTree>> mScalars;
 };
 
-/// Leaves in one cube of space, whose places are near each other.
+/// The leaves in one cube of space.
 using LeafGroup = std::vector<const Leaf*>;
 
 std::vector<LeafGroup> groupsOf(const openvdb::tree::LeafManager<const FloatTree>& leaves)
 {
-    constexpr int kEdgeBits = 5; ///< 32 voxels: few places lie outside of the cube
+    /// Binary logarithm of the cube's edge, voxels: few places lie outside of the cube. [free:
+    /// time]
+    constexpr int kEdgeBits = 5;
     std::map<openvdb::Coord, LeafGroup> groups;
     for (std::size_t n = 0; n < leaves.leafCount(); ++n)
         groups[leaves.leaf(n).origin() >> kEdgeBits].push_back(&leaves.leaf(n));
@@ -125,7 +127,7 @@ std::vector<openvdb::GridBase::Ptr> sampleAttributes(const LevelSet& levelSet,
                                                      Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandNames(levelSet, attributes);
+    requireUniqueNames(levelSet, attributes);
     const openvdb::FloatGrid& surface = levelSet.grid();
     const Lattice lattice = levelSet.lattice();
     openvdb::tree::LeafManager<const FloatTree> leaves(surface.tree());

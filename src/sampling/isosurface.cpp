@@ -1,4 +1,4 @@
-// Where the values of any grid pass one of them, as a level set.
+// Isosurfaces of grids of any class as level sets.
 #include "grid/transform_lattice.h"
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
@@ -22,20 +22,20 @@ using openvdb::FloatGrid;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-constexpr int kLeaf = int(Leaf::DIM);
-/// What a block's face of a tile takes, with all that is made on the way: measured.
+constexpr int kLeaf = int(Leaf::DIM); ///< voxels [derived: the leaf's edge]
+/// Peak memory for a tile's face of 8 x 8 voxels, bytes. [tuned: measured on cubes of tiles]
 constexpr std::uint64_t kBytesPerFace = 28000;
 
-/// What becomes of a value: how far outside it is.
+/// Maps a value to its excess outside: positive outside, negative inside.
 struct Outside {
     float value, sign;
     float operator()(float v) const { return sign * (v - value); }
 };
 
-/// Where a block of the tile in @a box, which is inside, meets outside by a face and neither is a
-/// leaf: tell of a voxel of either.
+/// Call visit(in, out) with a voxel of each side for every face of 8 x 8 voxels between the tile in
+/// @a box, which is inside, and an outside tile.
 template <typename F>
-void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& tell)
+void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& visit)
 {
     for (int face = 0; face < 6; ++face) {
         const int axis = face / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
@@ -46,14 +46,14 @@ void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& t
             for (in[v] = box.min()[v]; in[v] <= box.max()[v]; in[v] += kLeaf) {
                 out[u] = in[u];
                 out[v] = in[v];
-                if (!tree.probeConstLeaf(out) && !(tree.getValue(out) < 0)) tell(in, out);
+                if (!tree.probeConstLeaf(out) && !(tree.getValue(out) < 0)) visit(in, out);
             }
     }
 }
 
-/// @throws LimitError where the tiles' surface takes more than @a maxBytes.
-void demandMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree& tree,
-                  std::uint64_t maxBytes, Interrupter& progress)
+/// @throws LimitError if the tiles' surface needs more than @a maxBytes.
+void requireMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree& tree,
+                   std::uint64_t maxBytes, Interrupter& progress)
 {
     std::uint64_t faces = 0;
     for (const openvdb::CoordBBox& box : tiles) {
@@ -68,7 +68,7 @@ void demandMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree&
                                  faces, kLeaf, kLeaf, double(bytes) / 1e6, double(maxBytes) / 1e6));
 }
 
-/// The values of @a grid outward, with voxels beside its leaves active and all else inactive.
+/// The values of @a grid mapped by @a outside; voxels of and beside leaves are active.
 FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint64_t maxBytes,
                        Interrupter& progress)
 {
@@ -87,10 +87,10 @@ FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint6
             leaf->setValueOnly(n, outside(from->getValue(n)));
         tree->addLeaf(leaf.release());
     }
-    demandMemory(inside, *tree, maxBytes, progress);
+    requireMemory(inside, *tree, maxBytes, progress);
     for (const openvdb::CoordBBox& box : inside) {
         progress.check();
-        // Zero is to be crossed between active voxels.
+        // The zero crossing has to lie between active voxels.
         forEachOpenFace(box, *tree, [&](const Coord& in, const Coord& out) {
             tree->touchLeaf(in)->setValuesOn();
             tree->touchLeaf(out)->setValuesOn();
@@ -101,12 +101,7 @@ FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint6
     return tree;
 }
 
-} // namespace
-
-namespace
-{
-
-/// How distances are meant, for who asks for what is above a value of them.
+/// A hint for level sets, whose inside is below: text to append to an error, or none.
 std::string hintFor(const FloatGrid& grid, Inside inside)
 {
     const bool isSigned = openvdb::tools::minMax(grid.tree()).min() < 0;
