@@ -23,10 +23,9 @@ namespace
 using Leaf = SurfacePatches::Leaf;
 using openvdb::Coord;
 
-/// Edge and voxels of a leaf. [derived: OpenVDB's leaf]
-constexpr int kDim = ClosestPatches::kDim, kVoxels = ClosestPatches::kVoxels;
-constexpr std::uint32_t kNoNode = ~std::uint32_t(0);                ///< [derived: type's largest]
-constexpr float kInfinity = std::numeric_limits<float>::infinity(); ///< [derived: the type]
+constexpr std::uint32_t kNoNode = ~std::uint32_t(0); ///< number of none [derived: type's largest]
+constexpr float kInfinity =
+    std::numeric_limits<float>::infinity(); ///< distance [derived: the type]
 /// Step of the bound, voxels. [tuned: offset_bench]
 constexpr float kBoundStep = 4;
 /// Step, voxels, in which a leaf propagates its nearer voxels first. [tuned: offset_bench]
@@ -42,15 +41,15 @@ constexpr int sideOf(int x, int y, int z)
 }
 
 /// For each voxel of a leaf the leaves that it touches, a bit of sideOf() each.
-constexpr std::array<std::uint32_t, kVoxels> sidesOfVoxels()
+constexpr std::array<std::uint32_t, kBlockVoxels> sidesOfVoxels()
 {
-    std::array<std::uint32_t, kVoxels> sides{};
-    for (int n = 0; n < kVoxels; ++n) {
-        const int at[3] = {n / (kDim * kDim), n / kDim % kDim, n % kDim};
+    std::array<std::uint32_t, kBlockVoxels> sides{};
+    for (int n = 0; n < kBlockVoxels; ++n) {
+        const int at[3] = {n / (kBlockDim * kBlockDim), n / kBlockDim % kBlockDim, n % kBlockDim};
         int low[3] = {}, high[3] = {};
         for (int a = 0; a < 3; ++a) {
             low[a] = at[a] == 0 ? -1 : 0;
-            high[a] = at[a] == kDim - 1 ? 1 : 0;
+            high[a] = at[a] == kBlockDim - 1 ? 1 : 0;
         }
         for (int x = low[0]; x <= high[0]; ++x)
             for (int y = low[1]; y <= high[1]; ++y)
@@ -60,7 +59,8 @@ constexpr std::array<std::uint32_t, kVoxels> sidesOfVoxels()
     return sides;
 }
 
-constexpr std::array<std::uint32_t, kVoxels> kSidesOfVoxels = sidesOfVoxels(); ///< [derived: kDim]
+constexpr std::array<std::uint32_t, kBlockVoxels> kSidesOfVoxels =
+    sidesOfVoxels(); ///< [derived: kBlockDim]
 
 /// The new closest patch of a voxel at the side of its leaf.
 struct Update {
@@ -199,7 +199,7 @@ private:
         }
         const float* const values = node.signs->buffer().data();
         known.negative = {};
-        for (int n = 0; n < kVoxels; ++n) {
+        for (int n = 0; n < kBlockVoxels; ++n) {
             const bool negative = values[n] < 0;
             known.negative[std::size_t(n >> 6)] |= std::uint64_t(negative) << (n & 63);
             known.distance2[std::size_t(n)] = mBeyond2[negative];
@@ -243,7 +243,8 @@ private:
         std::uint32_t to = mNodes[n]->beside[std::size_t(side)];
         if (to == kNoNode) {
             const Coord step(side / 9 - 1, side / 3 % 3 - 1, side % 3 - 1);
-            to = addNode(mNodes[n]->origin + Coord(step[0] * kDim, step[1] * kDim, step[2] * kDim));
+            to = addNode(mNodes[n]->origin +
+                         Coord(step[0] * kBlockDim, step[1] * kBlockDim, step[2] * kBlockDim));
             mNodes[n]->beside[std::size_t(side)] = to;
         }
         Node& node = *mNodes[to];
@@ -256,7 +257,8 @@ private:
     void receive(const Node& from, Node& node)
     {
         const Coord shift = from.origin - node.origin;
-        const int side = sideOf(-shift[0] / kDim, -shift[1] / kDim, -shift[2] / kDim);
+        const int side =
+            sideOf(-shift[0] / kBlockDim, -shift[1] / kBlockDim, -shift[2] / kBlockDim);
         for (const Update& m : from.sent) {
             if (!(kSidesOfVoxels[m.voxel] >> side & 1u)) continue;
             const Coord at = shift + ClosestPatches::coordOf(m.voxel);
@@ -290,7 +292,7 @@ private:
     template <typename F>
     static void forEachPending(const ClosestPatches& known, F f)
     {
-        for (int word = 0; word < kDim; ++word)
+        for (int word = 0; word < kBlockDim; ++word)
             for (std::uint64_t bits = known.pending[std::size_t(word)]; bits; bits &= bits - 1)
                 f(64 * word + __builtin_ctzll(bits));
     }
@@ -311,7 +313,7 @@ private:
     std::uint32_t sidesReached(const Coord& at, const Vec3f& v) const
     {
         const auto low = [&](int a) { return at[a] == 0 ? -1 : 0; };
-        const auto high = [&](int a) { return at[a] == kDim - 1 ? 1 : 0; };
+        const auto high = [&](int a) { return at[a] == kBlockDim - 1 ? 1 : 0; };
         std::uint32_t sides = 0;
         const float limit2 = std::max(mLimit2[0], mLimit2[1]);
         for (int x = low(0); x <= high(0); ++x)
@@ -340,9 +342,9 @@ private:
     {
         ClosestPatches& known = *node.closest;
         const auto low = [&](int a) { return std::max(at[a] - 1, 0); };
-        const auto high = [&](int a) { return std::min(at[a] + 1, kDim - 1); };
+        const auto high = [&](int a) { return std::min(at[a] + 1, kBlockDim - 1); };
         // Most offers are no nearer: four voxels are compared at once, of which up to three count.
-        const int z0 = std::min(low(2), kDim - 4);
+        const int z0 = std::min(low(2), kBlockDim - 4);
         const Ints steps = (z0 - at[2]) + Ints{0, 1, 2, 3};
         const Ints inRange = (steps >= -1) & (steps <= 1);
         const Floats dz = v[2] + __builtin_convertvector(steps, Floats), dz2 = dz * dz;
@@ -350,7 +352,7 @@ private:
             const float dx = v[0] + float(x - at[0]), dx2 = dx * dx;
             for (int y = low(1); y <= high(1); ++y) {
                 const float dy = v[1] + float(y - at[1]), dxy2 = dx2 + dy * dy;
-                const int row = (x * kDim + y) * kDim + z0;
+                const int row = (x * kBlockDim + y) * kBlockDim + z0;
                 const Floats d2 = dxy2 + dz2;
                 const Ints nearer = (d2 < lanesAt<Floats>(&known.distance2[row])) & inRange;
                 if (!anyOf(nearer)) continue;
@@ -373,7 +375,7 @@ private:
 
     bool isSettled(const ClosestPatches& known, float bound) const
     {
-        for (int n = 0; n < kVoxels; ++n) {
+        for (int n = 0; n < kBlockVoxels; ++n) {
             const float reach = mReach[known.isNegative(n)];
             if (known.distance2[n] > bound * bound && (reach > 0 && bound < reach + kFootMargin))
                 return false;

@@ -1,6 +1,7 @@
 // The closest patches of a leaf's voxels, and the distances to them.
 #pragma once
 #include "distance_front.h"
+#include <mpuvdb/field.h>
 
 #include <array>
 
@@ -9,13 +10,10 @@ namespace mpuvdb
 
 /// The closest patches found so far, for the voxels of a leaf that is not settled.
 struct ClosestPatches {
-    /// Edge and voxels of a leaf. [derived: OpenVDB's leaf]
-    static constexpr int kDim = 8, kVoxels = kDim * kDim * kDim;
-
-    std::array<std::uint32_t, kVoxels> patch;
-    std::array<float, kVoxels> distance2; ///< to the patch's foot, squared; beyond reach: more
-    std::array<std::uint64_t, kDim> pending = {}; ///< voxels with updates not yet propagated
-    std::array<std::uint64_t, kDim> negative;
+    std::array<std::uint32_t, kBlockVoxels> patch;
+    std::array<float, kBlockVoxels> distance2; ///< to the patch's foot, squared; beyond reach: more
+    std::array<std::uint64_t, kBlockDim> pending = {}; ///< voxels with updates not yet propagated
+    std::array<std::uint64_t, kBlockDim> negative;
 
     bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }
     /// Set a nearer patch of voxel @a n.
@@ -27,7 +25,7 @@ struct ClosestPatches {
     }
     static openvdb::Coord coordOf(int voxel)
     {
-        return {voxel / (kDim * kDim), voxel / kDim % kDim, voxel % kDim};
+        return {voxel / (kBlockDim * kBlockDim), voxel / kBlockDim % kBlockDim, voxel % kBlockDim};
     }
 };
 
@@ -36,7 +34,7 @@ class KnownDistances final : public LeafDistances
 {
 public:
     KnownDistances(const SurfacePatches& surface, const openvdb::Coord& origin,
-                   const Knowledge& known)
+                   const ClosestPatches& known)
         : mSurface(surface), mOrigin(origin), mKnown(known)
     {
     }
@@ -53,7 +51,7 @@ private:
 
     const SurfacePatches& mSurface;
     openvdb::Coord mOrigin;
-    const Knowledge& mKnown;
+    const ClosestPatches& mKnown;
 };
 
 } // namespace mpuvdb

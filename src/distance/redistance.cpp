@@ -24,7 +24,8 @@ using openvdb::Coord;
 using openvdb::FloatGrid;
 using openvdb::FloatTree;
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity(); ///< [derived: the type]
+constexpr float kInfinity =
+    std::numeric_limits<float>::infinity(); ///< distance [derived: the type]
 /// Largest offset or thickness, voxels. [derived: floats there resolve a hundredth of a voxel]
 constexpr double kMaxDistance = 1e5;
 /// Excess of the distance to an offset's surface over a value, voxels, from which on the value is
@@ -179,7 +180,8 @@ FloatTree::Ptr assemble(const FloatTree& old, const Sources& sources,
 /// The side on which alone @a reach exceeds the band of @a grid: 1 outside, -1 inside, 0 if none.
 float sideBeyond(const FloatGrid& grid, const Reach& reach)
 {
-    constexpr float kRounding = 1e-4f; ///< relative [derived: a thousand roundings of a float]
+    /// Relative tolerance of the comparison. [derived: a thousand roundings of a float]
+    constexpr float kRounding = 1e-4f;
     const float own = float(grid.background() / grid.voxelSize()[0]) * (1 + kRounding);
     return float(reach.outside > own) - float(reach.inside > own);
 }
@@ -224,7 +226,7 @@ Sources sourcesOf(const FloatGrid& grid, Own own, const Reach& reach, Interrupte
 FloatGrid::Ptr remade(const FloatGrid& grid, Own own, const Reach& reach, const BandMaker& maker,
                       Interrupter& progress, double units = 0)
 {
-    constexpr double kPatchesShare = 0.2; ///< of the progress [free: progress display]
+    constexpr double kPatchesShare = 0.2; ///< share of the progress [free: progress display]
     const Sources sources = sourcesOf(grid, own, reach, progress);
     progress.advance(kPatchesShare * units);
     std::vector<FinishedLeaf> reached = spreadDistances(

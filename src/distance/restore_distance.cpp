@@ -27,8 +27,6 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using Halo = LeafHalo; ///< in voxels
 using openvdb::Coord;
 
-/// Edges of a leaf and of its halo, voxels. [derived: LeafHalo]
-constexpr int kDim = Halo::kDim, kHalo = Halo::kHalo;
 /// Distances between neighbors by face, edge, corner, voxels. [derived: square roots of 1, 2, 3]
 constexpr float kDiagonal = 1.7320508f;
 constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
@@ -36,7 +34,7 @@ constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
 /// examined. [derived: at a corner a true distance has 0.55, and below sqrt(3) voxels 0.318 d;
 /// rounded down]
 constexpr float kMinSlope = 0.5f, kMinSlopePerVoxel = 0.3f;
-constexpr float kMaxSlope = 1.3f; ///< the largest that is not examined [tuned: sample_field_test]
+constexpr float kMaxSlope = 1.3f; ///< largest slope not examined [tuned: sample_field_test]
 /// Largest difference of neighbors that is not examined, voxels. [tuned: sample_field_test]
 constexpr float kMaxStep = 1.3f;
 /// Largest excess of the distance to the nearest crossing over the distance, voxels, between
@@ -62,8 +60,8 @@ struct RowFlags {
     std::array<float, 8> slope; ///< of steep voxels
 };
 
-using Lanes = float __attribute__((vector_size(4 * kDim)));
-using Flags = int __attribute__((vector_size(4 * kDim)));
+using Lanes = float __attribute__((vector_size(4 * kBlockDim)));
+using Flags = int __attribute__((vector_size(4 * kBlockDim)));
 
 /// Depth inside the band, voxels, by a neighbor's value, from which on an inactive voxel is
 /// examined. [tuned: sample_field_test]
@@ -80,7 +78,7 @@ unsigned missingInRow(const float* row, float halfWidth)
 #pragma GCC unroll 27
     for (int n = 0; n < 27; ++n) {
         const int x = n / 9 - 1, y = n / 3 % 3 - 1, z = n % 3 - 1;
-        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * kHalo + y) * kHalo + z)) +
+        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * Halo::kHalo + y) * Halo::kHalo + z)) +
                         kLength[std::abs(x) + std::abs(y) + std::abs(z)];
         nearest = u < nearest ? u : nearest;
     }
@@ -125,7 +123,7 @@ RowFlags examineRow(const float* row, float halfWidth)
     flags.flat = unsigned(bitsOf(~crosses & (slope2 < least * least)));
     flags.cornerMissing = unsigned(bitsOf((a < deep) & (highestCorner >= outside)));
     flags.steep = unsigned(bitsOf(gentle2 > kScaleFrom * kScaleFrom));
-    for (int z = 0; flags.steep != 0 && z < kDim; ++z)
+    for (int z = 0; flags.steep != 0 && z < kBlockDim; ++z)
         flags.slope[std::size_t(z)] = std::sqrt(gentle2[z]);
     return flags;
 }
@@ -136,7 +134,7 @@ public:
     Restorer(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from, Interrupter& progress)
         : mTree(tree), mProgress(progress), mFrom(from), mVoxelSize(float(voxelSize)),
           mHalfWidth(tree.background() / float(voxelSize)),
-          mReach((int(std::ceil(mHalfWidth)) + kDim - 1) / kDim)
+          mReach((int(std::ceil(mHalfWidth)) + kBlockDim - 1) / kBlockDim)
     {
     }
 
@@ -154,7 +152,7 @@ public:
         for (const KnownVoxels& leaf : known) {
             if (!leaf.isSuspect) continue;
             addLeavesAround(leaf.origin, origins);
-            addLeavesAround(leaf.origin.offsetBy(kDim - 1), origins);
+            addLeavesAround(leaf.origin.offsetBy(kBlockDim - 1), origins);
         }
         return run(leavesAt(origins));
     }
@@ -202,11 +200,11 @@ private:
         halo.load(access, leaf, 1 / mVoxelSize);
         const Leaf::NodeMaskType exact = exactIn(leaf.origin());
         std::vector<Examined> found, suspects; // exact voxels of the first stay
-        for (int x = 0; x < kDim; ++x) {
-            for (int y = 0; y < kDim; ++y) {
+        for (int x = 0; x < kBlockDim; ++x) {
+            for (int y = 0; y < kBlockDim; ++y) {
                 const int row = Halo::index(x + 1, y + 1, 1);
                 const float* const values = &halo.value[row];
-                const auto inLeaf = openvdb::Index(x * kDim + y);
+                const auto inLeaf = openvdb::Index(x * kBlockDim + y);
                 const unsigned active = leaf.getValueMask().getWord<std::uint8_t>(inLeaf);
                 RowFlags flags;
                 if (active != 0) flags = examineRow(values, mHalfWidth);
@@ -219,7 +217,7 @@ private:
                 flags.suspect &= ~flags.steep;
                 if ((flags.suspect | flags.cornerMissing | flags.missing | flags.steep) == 0)
                     continue;
-                for (int z = 0; z < kDim; ++z) {
+                for (int z = 0; z < kBlockDim; ++z) {
                     const Coord at = leaf.origin() + Coord(x, y, z);
                     if (flags.cornerMissing >> z & 1u) addCorners(at, found);
                     if (flags.suspect >> z & 1u) suspects.push_back({at, 0});
@@ -254,13 +252,13 @@ private:
     {
         for (int n = 0; n < 27; ++n) {
             const Coord side(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-            if (n == 13 ||
-                access.probeConstLeaf(leaf.origin() +
-                                      Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim)))
+            if (n == 13 || access.probeConstLeaf(leaf.origin() + Coord(side[0] * kBlockDim,
+                                                                       side[1] * kBlockDim,
+                                                                       side[2] * kBlockDim)))
                 continue;
             // The leaf's voxels that touch that side, each with its neighbors there.
-            const auto first = [&](int axis) { return side[axis] > 0 ? kDim - 1 : 0; };
-            const auto last = [&](int axis) { return side[axis] < 0 ? 0 : kDim - 1; };
+            const auto first = [&](int axis) { return side[axis] > 0 ? kBlockDim - 1 : 0; };
+            const auto last = [&](int axis) { return side[axis] < 0 ? 0 : kBlockDim - 1; };
             for (int x = first(0); x <= last(0); ++x)
                 for (int y = first(1); y <= last(1); ++y)
                     for (int z = first(2); z <= last(2); ++z)
@@ -347,7 +345,7 @@ private:
         for (int x = -mReach; x <= mReach; ++x)
             for (int y = -mReach; y <= mReach; ++y)
                 for (int z = -mReach; z <= mReach; ++z)
-                    f(home + Coord(x * kDim, y * kDim, z * kDim));
+                    f(home + Coord(x * kBlockDim, y * kBlockDim, z * kBlockDim));
     }
 
     /// Distance from a voxel to the nearest crossing, voxels; the half-width if none is nearer.
@@ -443,9 +441,9 @@ private:
     static void addLeavesAround(const Coord& at, LeafSet& origins)
     {
         const Coord low = at.offsetBy(-1) & ~7, high = at.offsetBy(1) & ~7;
-        for (int x = low.x(); x <= high.x(); x += kDim)
-            for (int y = low.y(); y <= high.y(); y += kDim)
-                for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace(x, y, z);
+        for (int x = low.x(); x <= high.x(); x += kBlockDim)
+            for (int y = low.y(); y <= high.y(); y += kBlockDim)
+                for (int z = low.z(); z <= high.z(); z += kBlockDim) origins.emplace(x, y, z);
     }
 
     /// The magnitude of a value, voxels, scaled down where values rise by @a slope per voxel. Its

@@ -23,7 +23,6 @@ namespace
 
 using Leaf = SurfacePatches::Leaf;
 
-constexpr int kDim = LeafHalo::kDim; ///< voxels [derived: the leaf's edge]
 constexpr const auto& kStride = LeafHalo::kStride;
 /// Distances of the shell from the surface, voxels. [derived: the neighbors of its voxels lie in a
 /// band of three, and it is one thick]
@@ -103,8 +102,8 @@ public:
 private:
     static int inHalo(int voxel)
     {
-        return LeafHalo::index(voxel / (kDim * kDim) + 1, voxel / kDim % kDim + 1,
-                               voxel % kDim + 1);
+        return LeafHalo::index(voxel / (kBlockDim * kBlockDim) + 1,
+                               voxel / kBlockDim % kBlockDim + 1, voxel % kBlockDim + 1);
     }
 
     SurfacePatch patch(const openvdb::Coord& at, float height, const Square& square) const

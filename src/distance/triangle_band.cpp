@@ -1,6 +1,7 @@
 #include "triangle_band.h"
 
 #include "spatial/point_triangle.h"
+#include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -19,8 +20,6 @@ namespace
 using Leaf = openvdb::FloatTree::LeafNodeType;
 using Leaves = std::vector<std::unique_ptr<Leaf>>;
 using openvdb::Coord;
-
-constexpr int kDim = Leaf::DIM; ///< voxels [derived: the leaf's edge]
 
 Vec3d vecOf(const Coord& at)
 {
@@ -241,7 +240,7 @@ public:
         const Vec3d high = mTriangles.voxels(mTriangles.tree.box().max()) + Vec3d::Constant(mReach);
         const Coord first(int(std::floor(low[0])), int(std::floor(low[1])),
                           int(std::floor(low[2])));
-        Cube cube{first & ~(kDim - 1), kDim};
+        Cube cube{first & ~(kBlockDim - 1), kBlockDim};
         while ((high - vecOf(cube.first)).maxCoeff() >= cube.size) cube.size *= 2;
         descend(cube, 0);
         Leaves leaves;
@@ -261,7 +260,7 @@ private:
             std::sqrt(mTriangles.tree.squaredDistance(mTriangles.place(cube.center()), slot)) /
             mTriangles.voxelSize;
         if (!(distance < mReach + cube.radius())) return;
-        if (cube.size == kDim) {
+        if (cube.size == kBlockDim) {
             if (auto leaf = mMeasures.local().measure(cube, distance))
                 mLeaves.local().push_back(std::move(leaf));
             return;

@@ -98,7 +98,7 @@ template <typename Node>
 FaultTallies checkTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& limits,
                           const openvdb::CoordBBox& within, Interrupter& progress)
 {
-    constexpr int kDim = Node::ChildNodeType::DIM; ///< edge of a tile, voxels [derived: the tree]
+    constexpr int kDim = Node::ChildNodeType::DIM; ///< edge of a child, voxels [derived: the tree]
     std::vector<const Node*> nodes;
     grid.tree().getNodes(nodes);
     return tbb::parallel_reduce(

@@ -21,7 +21,7 @@ enum class Fault {
     Jump,
     Steepness
 };
-constexpr std::size_t kFaults = std::size_t(Fault::Steepness) + 1; ///< [derived: the enumerators]
+constexpr std::size_t kFaults = std::size_t(Fault::Steepness) + 1; ///< kinds [derived: the last]
 
 /// Thresholds of the checks, in world units.
 struct CheckLimits {

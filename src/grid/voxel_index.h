@@ -1,5 +1,7 @@
 // A sparse set of numbered voxels.
 #pragma once
+#include <mpuvdb/field.h>
+
 #include <array>
 #include <cstdint>
 #include <openvdb/openvdb.h>
@@ -19,7 +21,7 @@ public:
 
     void add(const openvdb::Coord& voxel)
     {
-        Block& block = blockAt(voxel & ~(kDim - 1));
+        Block& block = blockAt(voxel & ~(kBlockDim - 1));
         const auto n = offset(voxel);
         block.voxels[n >> 6] |= std::uint64_t(1) << (n & 63);
     }
@@ -30,7 +32,7 @@ public:
         for (Block& block : mBlocks) {
             block.first = mCount;
             std::uint32_t before = 0;
-            for (std::size_t word = 0; word < kDim; ++word) {
+            for (std::size_t word = 0; word < kBlockDim; ++word) {
                 block.before[word] = std::uint16_t(before);
                 before += std::uint32_t(__builtin_popcountll(block.voxels[word]));
             }
@@ -44,7 +46,7 @@ public:
         std::vector<openvdb::Coord> all;
         all.reserve(mCount);
         for (const Block& block : mBlocks)
-            for (int word = 0; word < kDim; ++word)
+            for (int word = 0; word < kBlockDim; ++word)
                 for (std::uint64_t bits = block.voxels[std::size_t(word)]; bits; bits &= bits - 1) {
                     const int bit = __builtin_ctzll(bits);
                     all.push_back(block.origin + openvdb::Coord(word, bit >> 3, bit & 7));
@@ -54,13 +56,11 @@ public:
 
 private:
     friend class VoxelNumbers;
-    static constexpr int kDim = 8; ///< edge of a leaf, voxels [derived: OpenVDB's leaf]
-
     struct Block {
         openvdb::Coord origin;
         std::uint32_t first = 0;
-        std::array<std::uint64_t, kDim> voxels = {};
-        std::array<std::uint16_t, kDim> before = {}; ///< count of voxels in the words before
+        std::array<std::uint64_t, kBlockDim> voxels = {};
+        std::array<std::uint16_t, kBlockDim> before = {}; ///< count of voxels in the words before
     };
 
     static std::uint32_t offset(const openvdb::Coord& c)
@@ -97,7 +97,7 @@ public:
         openvdb::Coord side = (voxel - mHome) >> 3;
         if (!mHasHome || std::max({side[0], side[1], side[2]}) > 1 ||
             std::min({side[0], side[1], side[2]}) < -1) {
-            moveTo(voxel & ~(VoxelIndex::kDim - 1));
+            moveTo(voxel & ~(kBlockDim - 1));
             side = {0, 0, 0};
         }
         const int near = side[0] * 9 + side[1] * 3 + side[2] + 13;
@@ -118,9 +118,8 @@ private:
         mHasHome = true;
         mHome = home;
         for (int n = 0; n < 27; ++n) {
-            const auto found = mIndex.mIndex.find(home.offsetBy((n / 9 - 1) * VoxelIndex::kDim,
-                                                                (n / 3 % 3 - 1) * VoxelIndex::kDim,
-                                                                (n % 3 - 1) * VoxelIndex::kDim));
+            const auto found = mIndex.mIndex.find(home.offsetBy(
+                (n / 9 - 1) * kBlockDim, (n / 3 % 3 - 1) * kBlockDim, (n % 3 - 1) * kBlockDim));
             mNear[std::size_t(n)] =
                 found == mIndex.mIndex.end() ? nullptr : &mIndex.mBlocks[found->second];
         }

@@ -111,7 +111,8 @@ void sortVoxels(BlockValues& values, float background, float rounding, SignWords
 /// approximate, as values that are not distances may be small far from the zero set.
 Box3d reachOf(const Field& field, const Lattice& lattice)
 {
-    constexpr double kMargin = 64; ///< voxels, beside the diagonal [tuned: sample_field_test]
+    /// Margin beside the diagonal, voxels. [tuned: sample_field_test]
+    constexpr double kMargin = 64;
     const Box3d box = field.bounds();
     if (box.isEmpty()) return box;
     const Vec3d loose = Vec3d::Constant(box.diagonal().norm() + kMargin * lattice.voxelSize);

@@ -16,11 +16,12 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::uint64_t kMaxIslandVoxels = 1 << 18; ///< voxels [tuned: unseen_bench]
+constexpr std::uint64_t kMaxIslandVoxels = 1
+                                           << 18; ///< of a removed component [tuned: unseen_bench]
 /// Number of data points in its voxels from which on a component is an object: about half of the
 /// points of an object lie there, the others outside. [tuned: noise_bench]
 constexpr std::size_t kMinObjectPoints = 30;
-/// Divisor of the number of all points, if that gives fewer. [tuned: handles_test]
+/// Divisor of the number of all points that gives that number, if lower. [tuned: handles_test]
 constexpr std::size_t kObjectShare = 4;
 
 using Part = Band::Regions::Part;

@@ -15,7 +15,7 @@ namespace mpuvdb
 class BlockMosaic
 {
 public:
-    static constexpr std::uint32_t kNoBlock = ~0u; ///< [derived: the type's largest]
+    static constexpr std::uint32_t kNoBlock = ~0u; ///< number of none [derived: type's largest]
     using Around = std::array<std::uint32_t, 27>;  ///< 9 (dx + 1) + 3 (dy + 1) + (dz + 1)
 
     explicit BlockMosaic(std::vector<Around> around) : mAround(std::move(around)) {}

@@ -22,7 +22,6 @@ using openvdb::FloatGrid;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-constexpr int kLeaf = int(Leaf::DIM); ///< voxels [derived: the leaf's edge]
 /// Peak memory for a tile's face of 8 x 8 voxels, bytes. [tuned: measured on cubes of tiles]
 constexpr std::uint64_t kBytesPerFace = 28000;
 
@@ -42,8 +41,8 @@ void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& v
         Coord in, out;
         in[axis] = face % 2 ? box.max()[axis] : box.min()[axis];
         out[axis] = in[axis] + (face % 2 ? 1 : -1);
-        for (in[u] = box.min()[u]; in[u] <= box.max()[u]; in[u] += kLeaf)
-            for (in[v] = box.min()[v]; in[v] <= box.max()[v]; in[v] += kLeaf) {
+        for (in[u] = box.min()[u]; in[u] <= box.max()[u]; in[u] += kBlockDim)
+            for (in[v] = box.min()[v]; in[v] <= box.max()[v]; in[v] += kBlockDim) {
                 out[u] = in[u];
                 out[v] = in[v];
                 if (!tree.probeConstLeaf(out) && !(tree.getValue(out) < 0)) visit(in, out);
@@ -65,7 +64,8 @@ void requireMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree
     throw LimitError(fmt::format("the surface of the grid's tiles, {} faces of {} x {} voxels, "
                                  "needs about {:.0f} MB, more than the {:.0f} MB that are left: "
                                  "raise --max-memory, or use larger voxels",
-                                 faces, kLeaf, kLeaf, double(bytes) / 1e6, double(maxBytes) / 1e6));
+                                 faces, kBlockDim, kBlockDim, double(bytes) / 1e6,
+                                 double(maxBytes) / 1e6));
 }
 
 /// The values of @a grid mapped by @a outside; voxels of and beside leaves are active.

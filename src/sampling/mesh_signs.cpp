@@ -66,7 +66,7 @@ private:
         std::array<const Leaf*, 3> beside;
         for (int axis = 0; axis < 3; ++axis) {
             openvdb::Coord origin = leaf.origin();
-            origin[axis] += kDim;
+            origin[axis] += kBlockDim;
             const auto at = mNumbers.find(origin);
             beside[std::size_t(axis)] = at != mNumbers.end() ? &mBand.leaf(at->second) : nullptr;
         }
@@ -75,7 +75,7 @@ private:
             for (int axis = 0; axis < 3; ++axis) {
                 openvdb::Coord next = at;
                 ++next[axis];
-                const bool isHere = next[axis] & (kDim - 1);
+                const bool isHere = next[axis] & (kBlockDim - 1);
                 const Leaf* const other = isHere ? &leaf : beside[std::size_t(axis)];
                 float there = 0;
                 if (!other || !other->probeValue(next, there) || (*on < 0) == (there < 0)) continue;
@@ -94,7 +94,7 @@ private:
             for (const int step : {0, 1}) {
                 openvdb::Coord voxel = d.voxel;
                 voxel[d.axis] += step;
-                auto& resolved = mResolved[mNumbers.at(voxel & ~(kDim - 1))];
+                auto& resolved = mResolved[mNumbers.at(voxel & ~(kBlockDim - 1))];
                 const auto offset = Leaf::coordToOffset(voxel);
                 if (resolved.isOn(offset)) continue;
                 resolved.setOn(offset);
@@ -107,7 +107,7 @@ private:
                 mTriangles.place(Vec3d(voxels[n].x(), voxels[n].y(), voxels[n].z())));
         });
         for (std::size_t n = 0; n < voxels.size(); ++n) {
-            Leaf& leaf = mBand.leaf(mNumbers.at(voxels[n] & ~(kDim - 1)));
+            Leaf& leaf = mBand.leaf(mNumbers.at(voxels[n] & ~(kBlockDim - 1)));
             const float distance = std::abs(leaf.getValue(voxels[n]));
             leaf.setValueOnly(voxels[n], inside[n] ? -distance : distance);
         }
@@ -130,7 +130,6 @@ private:
             at[0], at[1], at[2], mSolid.report().openEdges));
     }
 
-    static constexpr int kDim = Leaf::DIM; ///< voxels [derived: the leaf's edge]
     LeafManager mBand;
     const PlacedTriangles& mTriangles;
     const SolidBoundary& mSolid;

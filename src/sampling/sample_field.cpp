@@ -81,7 +81,7 @@ LevelSet cropped(const LevelSet& whole, const openvdb::CoordBBox& region)
 
 openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
 {
-    constexpr double kMaxIndex = 1 << 23; ///< voxels [derived: 2^20 blocks of 8]
+    constexpr double kMaxIndex = 1 << 23; ///< index of a voxel [derived: 2^20 blocks of 8]
     openvdb::CoordBBox voxels;
     for (int axis = 0; axis < 3; ++axis) {
         const auto index = [&](double x) {

@@ -69,7 +69,7 @@ public:
     void forEachTile(std::uint32_t node, const F& f) const
     {
         const UpperNode& upper = mUppers[node];
-        constexpr int kStep = int(Lower::DIM); ///< voxels [derived: the tile's edge]
+        constexpr int kStep = int(Lower::DIM); ///< edge of a tile, voxels [derived: the tree]
         const openvdb::CoordBBox& box = upper.box;
         for (int x = box.min().x(); x <= box.max().x(); x += kStep)
             for (int y = box.min().y(); y <= box.max().y(); y += kStep)

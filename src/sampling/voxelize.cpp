@@ -58,7 +58,7 @@ void requireValidMesh(const Mesh& mesh)
 /// Area of all triangles, voxels squared. @throws LimitError beyond the index range.
 double areaOf(const IndexMesh& mesh, const Mesh& triangles, double voxelSize)
 {
-    constexpr double kMaxIndex = 1 << 23; ///< voxels [derived: 24 significant bits of floats]
+    constexpr double kMaxIndex = 1 << 23; ///< of a voxel [derived: 24 significant bits of floats]
     double area = 0;
     for (const Mesh::Triangle& t : triangles.triangles) {
         const Vec3d a = mesh.at(t[0]), b = mesh.at(t[1]), c = mesh.at(t[2]);

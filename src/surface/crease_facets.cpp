@@ -29,7 +29,7 @@ constexpr float kMinSpread = 0.01f;
 /// Largest distance of a vertex from its cell, voxels: the tip of an edge crosses no edge between
 /// voxels. [tuned: offset_bench]
 constexpr float kMaxOutside = 3;
-constexpr float kBallAllowance = 0.1f; ///< see EmptyBalls, voxels [tuned: offset_bench]
+constexpr float kBallAllowance = 0.1f; ///< reduction of EmptyBalls, voxels [tuned: offset_bench]
 /// Items between two looks at the interrupter. [free: response time]
 constexpr std::size_t kCheckInterval = 1 << 12;
 

@@ -18,7 +18,7 @@ constexpr float kMaxBeyondEdge = 0.02f;
 constexpr float kMinCosine = 0.05f;
 /// Largest distance of a crossing from a patch's foot, voxels. [tuned: offset_bench]
 constexpr float kMaxFootDistance = 2.5f;
-constexpr float kBallAllowance = 0.2f; ///< see EmptyBalls, voxels [tuned: offset_bench]
+constexpr float kBallAllowance = 0.2f; ///< reduction of EmptyBalls, voxels [tuned: offset_bench]
 /// Cosine above which normals belong to one face. [tuned: offset_bench]
 constexpr float kSameFaceCosine = 0.995f;
 /// Smallest height of one foot over the other's plane, voxels, by which a ridge differs from a
@@ -58,7 +58,7 @@ std::array<Coord, 36> nearestFirst()
 std::optional<FaceCrossings::Candidate>
 FaceCrossings::candidate(const Coord& voxel, int axis, bool rising, const SurfacePatch& patch) const
 {
-    constexpr int kNewtonSteps = 2;  ///< [tuned: offset_bench]
+    constexpr int kNewtonSteps = 2;  ///< number of steps after the first [tuned: offset_bench]
     constexpr float kMaxTurn = 0.3f; ///< change of the cosine by curvature [tuned: offset_bench]
     const float steep = rising ? patch.normal[axis] : -patch.normal[axis];
     if (!(steep >= kMinCosine - kMaxTurn)) return std::nullopt;

@@ -19,7 +19,8 @@ constexpr int kNeighborRadius = 2; ///< neighborhood of a fit, voxels [tuned: of
 /// Smallest cosine of normals and largest height over the plane, voxels, for feet of one face.
 /// [tuned: offset_bench]
 constexpr float kFaceCosine = 0.9f, kFaceHeight = 0.5f;
-/// The same for feet of one plane. [tuned: offset_bench]
+/// Smallest cosine of normals and largest height over the plane, voxels, for feet of one plane.
+/// [tuned: offset_bench]
 constexpr float kPlaneCosine = 0.97f, kPlaneHeight = 0.15f;
 /// Smallest number of other feet on a patch's plane. [tuned: offset_bench]
 constexpr int kMinSupport = 3;

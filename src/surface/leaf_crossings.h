@@ -1,6 +1,6 @@
 // Crossings of the surface with the edges between voxels.
 #pragma once
-#include <mpuvdb/vec.h>
+#include <mpuvdb/field.h>
 
 #include <algorithm>
 #include <openvdb/openvdb.h>
@@ -21,11 +21,9 @@ inline Vec3f toVec(const openvdb::Coord& c)
 /// the edges that start there.
 inline float squaredGap(const openvdb::Coord& from)
 {
-    constexpr int kDim =
-        openvdb::FloatTree::LeafNodeType::DIM; ///< voxels [derived: the leaf's edge]
     float gap2 = 0;
     for (int axis = 0; axis < 3; ++axis) {
-        const auto gap = float(std::max({0, -from[axis], from[axis] - kDim}));
+        const auto gap = float(std::max({0, -from[axis], from[axis] - kBlockDim}));
         gap2 += gap * gap;
     }
     return gap2;

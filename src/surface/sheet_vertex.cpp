@@ -19,7 +19,8 @@ constexpr float kSteepnessTolerance = 0.05f;
 /// smoothed. [tuned: sharp_mesh_test]
 constexpr double kMinEigenvalue = 0.03;
 
-/// The same for folds of flat faces, which are kept from one degree on. [tuned: sharp_mesh_test]
+/// Smallest relative eigenvalue for folds of flat faces, which are kept from one degree on.
+/// [tuned: sharp_mesh_test]
 constexpr double kMinFaceEigenvalue = 1e-4;
 /// Cosine to their mean of normals without such a fold. [derived: half a degree]
 constexpr float kUnfoldedCosine = 0.99996f;
@@ -32,7 +33,7 @@ constexpr float kMaxBendShare = 0.125f;
 /// [tuned: sharp_mesh_test]
 constexpr float kMaxAxisSlope = 0.9f;
 
-/// Crossing of an edge with a plane that it misses. [derived: far outside [0, 1]]
+/// Crossing of an edge with a plane that it misses. [derived: far from the edge]
 constexpr float kNoCrossing = 1e6f;
 
 /// Largest distance of a crease vertex outside its cell, voxels: held at the wall, a vertex beside
@@ -342,7 +343,7 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
 /// the four cells that share the edge. @param start  crossing of the values, 0 to 1.
 const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, int edge, float start)
 {
-    constexpr int kNewtonSteps = 6; ///< largest number [tuned: sharp_mesh_test]
+    constexpr int kNewtonSteps = 6; ///< largest number of steps [tuned: sharp_mesh_test]
     /// Length of the last Newton step, voxels, that leaves an error below a thousandth of a voxel;
     /// and the same where the values have the same direction, as off creases.
     /// [tuned: sharp_mesh_test]

@@ -1,7 +1,7 @@
 // The surface of a level set, cell by cell: triangles of the piecewise linear distance on
 // tetrahedra, closed and without ambiguity, and the distance's quadric around them.
 #pragma once
-#include <mpuvdb/vec.h>
+#include <mpuvdb/field.h>
 
 #include <array>
 #include <openvdb/openvdb.h>
@@ -16,7 +16,7 @@ public:
     using Leaf = openvdb::FloatTree::LeafNodeType;
     /// Layers below and above the leaf, and the edge of all, voxels. [derived: a cell's corners and
     /// their neighbors]
-    static constexpr int kBelow = 1, kAbove = 2, kDim = int(Leaf::DIM) + kBelow + kAbove;
+    static constexpr int kBelow = 1, kAbove = 2, kDim = kBlockDim + kBelow + kAbove;
 
     /// @param halfWidth  of the band, voxels.
     LeafWindow(const openvdb::FloatTree& tree, double voxelSize, double halfWidth)

@@ -16,12 +16,11 @@ namespace
 using openvdb::Coord;
 using Leaf = LeafWindow::Leaf;
 
-constexpr int kLeaf = int(Leaf::DIM); ///< voxels [derived: the leaf's edge]
 constexpr int kSteps = 7; ///< edges from a voxel to the others of its cell [derived: 2^3 - 1]
 
 /// Edge of a leaf and the first layer beyond, voxels, and number of possible vertices: one for each
-/// voxel and step. [derived: kLeaf, kSteps]
-constexpr int kExtent = kLeaf + 1;
+/// voxel and step. [derived: kBlockDim, kSteps]
+constexpr int kExtent = kBlockDim + 1;
 constexpr std::size_t kVertices = std::size_t(kExtent * kExtent * kExtent * kSteps);
 
 /// Index of a vertex by the voxel that its edge starts at, and its step.
@@ -61,9 +60,9 @@ public:
     {
         mWindow.load(leaf);
         mCrossed.clear();
-        for (int x = 0; x < kLeaf; ++x)
-            for (int y = 0; y < kLeaf; ++y)
-                for (int z = 0; z < kLeaf; ++z)
+        for (int x = 0; x < kBlockDim; ++x)
+            for (int y = 0; y < kBlockDim; ++y)
+                for (int z = 0; z < kBlockDim; ++z)
                     if (isCrossed(mWindow, {x, y, z})) mCrossed.emplace_back(x, y, z);
         LeafSurface sums;
         if (mCrossed.empty()) return sums;
@@ -127,7 +126,7 @@ private:
             int side = 0;
             Vec3i from = v.from;
             for (int axis = 0; axis < 3; ++axis)
-                if (from[axis] == kLeaf) {
+                if (from[axis] == kBlockDim) {
                     from[axis] = 0;
                     side |= 1 << axis;
                 }
@@ -165,7 +164,7 @@ std::uint64_t countSurfaces(const std::vector<const Leaf*>& leaves,
             const std::vector<BorderVertex>& beyond = surfaces[n].beyond[std::size_t(side)];
             if (beyond.empty()) continue;
             const auto next = at.find(leaves[n]->origin().offsetBy(
-                kLeaf * (side & 1), kLeaf * (side >> 1 & 1), kLeaf * (side >> 2)));
+                kBlockDim * (side & 1), kBlockDim * (side >> 1 & 1), kBlockDim * (side >> 2)));
             if (next == at.end()) continue;
             const std::size_t m = next->second;
             const std::vector<BorderVertex>& own = surfaces[m].own;

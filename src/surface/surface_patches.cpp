@@ -17,11 +17,10 @@ namespace
 
 using Leaf = SurfacePatches::Leaf;
 
-constexpr int kDim = LeafHalo::kDim; ///< voxels [derived: the leaf's edge]
 constexpr const auto& kStride = LeafHalo::kStride;
 /// Smallest slope of a distance with a meaningful direction. [tuned: redistance_test]
 constexpr float kMinSlope = 0.3f;
-/// The same of other values, world units per voxel. [tuned: redistance_test]
+/// Smallest slope of values that are not distances, per voxel. [tuned: redistance_test]
 constexpr float kMinImplicitSlope = 1e-6f;
 /// Change of the gradient from voxel to voxel, relative to the slope, beyond which there may be a
 /// crease. [tuned: offset_bench]
@@ -29,8 +28,9 @@ constexpr float kCreaseChange = 0.22f;
 /// Largest error of one octant's plane beside a crease, relative to that change. [tuned:
 /// offset_bench]
 constexpr float kPlaneChange = 0.25f;
-/// The same relative to the slope, and largest | slope - 1 |; and of values that are not distances,
-/// which may bend more. [tuned: offset_bench]
+/// Largest error of such a plane relative to the slope, and largest difference of a distance's
+/// slope from 1; and the error of values that are not distances, which may bend more. [tuned:
+/// offset_bench]
 constexpr float kPlaneError = 0.03f, kImplicitPlaneError = 0.06f;
 /// Largest distance of the interpolated zero set from a foot on the model's, voxels.
 /// [tuned: redistance_test]
@@ -66,17 +66,17 @@ public:
     void forEachCrossing(const Leaf& leaf, F f)
     {
         mHalo.load(mAccess, leaf, mScale);
-        for (int row = 0; row < kDim * kDim; ++row) {
+        for (int row = 0; row < kBlockDim * kBlockDim; ++row) {
             unsigned active = leaf.getValueMask().getWord<std::uint8_t>(openvdb::Index(row));
             if (active == 0) continue;
-            const int in = LeafHalo::index(row / kDim + 1, row % kDim + 1, 1);
+            const int in = LeafHalo::index(row / kBlockDim + 1, row % kBlockDim + 1, 1);
             const unsigned own = signs(in);
             unsigned crosses = 0;
             for (const int stride : kStride)
                 crosses |= (own ^ signs(in - stride)) | (own ^ signs(in + stride));
             crosses |= zeros(in);
             for (unsigned bits = crosses & active; bits; bits &= bits - 1)
-                f(row * kDim + __builtin_ctz(bits));
+                f(row * kBlockDim + __builtin_ctz(bits));
         }
     }
 
@@ -84,7 +84,8 @@ public:
     /// a neighbor's patch is not smooth.
     SurfacePatch make(const Leaf& leaf, int voxel, bool besideCrease, PatchKind& kind) const
     {
-        const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
+        const int x = voxel / (kBlockDim * kBlockDim), y = voxel / kBlockDim % kBlockDim,
+                  z = voxel % kBlockDim;
         const int in = LeafHalo::index(x + 1, y + 1, z + 1);
         SurfacePatch patch;
         patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
@@ -113,7 +114,7 @@ private:
     unsigned signs(int in) const
     {
         unsigned bits = 0;
-        for (int z = 0; z < kDim; ++z) bits |= unsigned(mHalo.value[in + z] < 0) << z;
+        for (int z = 0; z < kBlockDim; ++z) bits |= unsigned(mHalo.value[in + z] < 0) << z;
         return bits;
     }
 
@@ -121,7 +122,7 @@ private:
     unsigned zeros(int in) const
     {
         unsigned bits = 0;
-        for (int z = 0; z < kDim; ++z)
+        for (int z = 0; z < kBlockDim; ++z)
             if (mHalo.value[in + z] == 0) bits |= unsigned(isBetween(in + z)) << z;
         return bits;
     }
@@ -230,7 +231,7 @@ private:
     /// The zero of the model along its gradient, if the interpolated values are zero there too.
     bool intersect(const Quadratic& model, int in, SurfacePatch& patch) const
     {
-        constexpr int kNewtonSteps = 4; ///< [tuned: redistance_test]
+        constexpr int kNewtonSteps = 4; ///< number of steps [tuned: redistance_test]
         Vec3f d = Vec3f::Zero(), g = model.gradient;
         for (int step = 0; step < kNewtonSteps; ++step) {
             const float g2 = g.squaredNorm();

@@ -20,7 +20,8 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using Lanes = float __attribute__((vector_size(32)));
 using Flags = std::int32_t __attribute__((vector_size(32)));
 
-constexpr float kMinGradient = 0.5f; ///< length; that of a distance is 1 [tuned: coverage_test]
+/// Smallest length of a gradient, which is 1 for distances. [tuned: coverage_test]
+constexpr float kMinGradient = 0.5f;
 /// Distance from the surface, voxels, at which projection ends. [tuned: coverage_test]
 constexpr float kMaxResidual = 0.2f;
 
@@ -130,7 +131,7 @@ private:
     }
     float valueAt(const Coord& at) const
     {
-        const auto isNear = [&](int k) { return at[k] >= -1 && at[k] <= LeafHalo::kDim; };
+        const auto isNear = [&](int k) { return at[k] >= -1 && at[k] <= kBlockDim; };
         return isNear(0) && isNear(1) && isNear(2)
                    ? mHalo.value[LeafHalo::index(at[0] + 1, at[1] + 1, at[2] + 1)]
                    : mAccess.getValue(mLow + at) / mVoxelSize;
