@@ -13,7 +13,7 @@ void requireHalfWidth(double halfWidth)
 {
     if (!(halfWidth >= kMinHalfWidth && halfWidth <= kMaxHalfWidth))
         throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [{}, {}], and "
-                                     "most that work with level sets expect 3",
+                                     "most tools for level sets expect 3",
                                      halfWidth, kMinHalfWidth, kMaxHalfWidth));
 }
 

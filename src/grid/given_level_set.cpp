@@ -409,10 +409,11 @@ void requireDistances(const LevelSet& levelSet, const std::string& cure, Interru
     const FloatGrid& grid = levelSet.grid();
     const double slope = medianSlope(grid, levelSet.voxelSize(), progress);
     if (!(slope >= kMinSlope && slope <= kMaxSlope))
-        throw InputError(fmt::format("grid '{}': its values are not distances in world units: "
-                                     "beside the surface they change "
-                                     "by {:.3g} per unit, where a distance changes by 1. {}",
-                                     grid.getName(), slope, cure));
+        throw InputError(
+            fmt::format("grid '{}': its values are not distances in world units: beside "
+                        "the surface they change by {:.3g} per unit, where a distance "
+                        "changes by 1. {}",
+                        grid.getName(), slope, cure));
     const Faces faces = facesOf(grid, progress);
     if (double(faces.open) > kMaxOpen * double(faces.all))
         throw InputError(fmt::format(

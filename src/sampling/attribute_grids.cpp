@@ -26,9 +26,8 @@ void requireUniqueNames(const LevelSet& levelSet, const SurfaceAttributes& attri
     std::set<std::string> names = {levelSet.grid().getName(), kCoverageName, kColorName};
     for (const std::string& name : attributes.scalarNames())
         if (!names.insert(name).second)
-            throw UsageError(fmt::format("an attribute cannot be called '{}': another grid is, or "
-                                         "it is named twice",
-                                         name));
+            throw UsageError(fmt::format(
+                "attribute '{}': another grid or attribute has that name. Rename it", name));
 }
 
 template <class Tree>

@@ -33,7 +33,8 @@ void requireValidSettings(const Field& field, const SampleSettings& settings)
                          "or with a bounded solid");
     if (settings.region && (settings.region->isEmpty() || !settings.region->min().allFinite() ||
                             !settings.region->max().allFinite()))
-        throw UsageError("the region's corners are not finite, or not in order");
+        throw UsageError("the region's corners are not finite, or not in order: give the lower "
+                         "corner first");
 }
 
 /// Whether there is no surface. @throws InputError if there has to be one.
