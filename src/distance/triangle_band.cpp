@@ -107,14 +107,14 @@ public:
     /// @param distance  voxels from the cube's center to the mesh. Null if nothing is within reach.
     std::unique_ptr<Leaf> measure(const Cube& cube, double distance)
     {
-        mHeld.clear();
+        mCandidates.clear();
         mKept[0].clear();
         const double farthest = bound(distance, cube.radius());
         const TriangleTree& tree = mTriangles.tree;
         tree.forEachNear(mTriangles.place(cube.center()), farthest * mTriangles.voxelSize,
                          [&](std::size_t slot) {
-                             mKept[0].push_back(std::uint32_t(mHeld.size()));
-                             mHeld.push_back(held(tree.corners(slot)));
+                             mKept[0].push_back(std::uint32_t(mCandidates.size()));
+                             mCandidates.push_back(candidateOf(tree.corners(slot)));
                          });
         mLeaf = std::make_unique<Leaf>(cube.first, float(mReach * mTriangles.voxelSize), false);
         refine(cube, 0, distance);
@@ -123,16 +123,16 @@ public:
 
 private:
     /// A triangle in voxels, and a ball that holds it.
-    struct Held {
+    struct Candidate {
         std::array<Vec3d, 3> corners;
         Vec3d normal; ///< of length 1, or 0
         Vec3d middle;
         double radius;
     };
 
-    Held held(const TriangleTree::Corners& corners) const
+    Candidate candidateOf(const TriangleTree::Corners& corners) const
     {
-        Held t;
+        Candidate t;
         for (std::size_t k = 0; k < 3; ++k) t.corners[k] = mTriangles.voxels(corners[k]);
         const auto& [a, b, c] = t.corners;
         t.normal = (b - a).cross(c - a).normalized();
@@ -163,7 +163,7 @@ private:
         mDistances.clear();
         double least = kRoundings * atMost;
         for (const std::uint32_t n : mKept[depth]) {
-            const Held& t = mHeld[n];
+            const Candidate& t = mCandidates[n];
             const double farthest = bound(least, radius), allowed = farthest + t.radius;
             if ((center - t.middle).squaredNorm() > allowed * allowed) continue;
             const double distance = std::sqrt(squaredDistance(center, t.corners));
@@ -200,17 +200,17 @@ private:
     /// @param nearest  triangles, all as far from @a p.
     bool isBehind(const std::vector<std::uint32_t>& nearest, const Vec3d& p) const
     {
-        const auto height = [&](const Held& t, const Vec3d& from) {
+        const auto height = [&](const Candidate& t, const Vec3d& from) {
             return t.normal.dot(p - from);
         };
         if (nearest.size() == 1) {
-            const Held& only = mHeld[nearest.front()];
+            const Candidate& only = mCandidates[nearest.front()];
             return height(only, only.corners[0]) < 0;
         }
         double sum = 0;
         for (const std::uint32_t n : nearest) {
-            const NearestPlace near(p, mHeld[n].corners);
-            sum += near.angle * height(mHeld[n], near.place);
+            const NearestPlace near(p, mCandidates[n].corners);
+            sum += near.angle * height(mCandidates[n], near.place);
         }
         return sum < 0;
     }
@@ -218,7 +218,7 @@ private:
     const PlacedTriangles& mTriangles;
     double mReach;
     double mTie; ///< difference of distances, voxels, below which triangles are equally near
-    std::vector<Held> mHeld;
+    std::vector<Candidate> mCandidates;
     std::array<std::vector<std::uint32_t>, 5> mKept; ///< by depth
     std::vector<double> mDistances;                  ///< of those kept last
     std::unique_ptr<Leaf> mLeaf;

@@ -144,22 +144,22 @@ Band measureBand(const FloatTree& tree, float limit, const Interrupter& progress
         Band& band = bands[n];
         const Words inside = insideOf(leaf);
         const Words active = activeOf(leaf);
-        Words held = wordsOf(leaf, [&](const Lanes& v) { return magnitude(v) < limit; });
+        Words inBand = wordsOf(leaf, [&](const Lanes& v) { return magnitude(v) < limit; });
         const Words usual = wordsOf(leaf, [&](const Lanes& v) {
             return magnitude(magnitude(v) - background) <= kRounding * background;
         });
-        for (std::size_t x = 0; x < held.size(); ++x) {
-            held[x] &= active[x];
+        for (std::size_t x = 0; x < inBand.size(); ++x) {
+            inBand[x] &= active[x];
             band.odd += std::uint64_t(bitsIn(~active[x] & ~usual[x]));
         }
         band.active = leaf.onVoxelCount();
         band.beyond = band.active;
         for (int x = 0; x <= kLast; ++x) {
-            const std::uint64_t own = held[std::size_t(x)], sign = inside[std::size_t(x)];
+            const std::uint64_t own = inBand[std::size_t(x)], sign = inside[std::size_t(x)];
             band.beyond -= std::uint64_t(bitsIn(own));
             std::uint64_t ends = 0;
             for (const Toward& to : kFaces)
-                ends |= own & to.within(x) & ~to.of(held, x) & ~(sign ^ to.of(inside, x));
+                ends |= own & to.within(x) & ~to.of(inBand, x) & ~(sign ^ to.of(inside, x));
             forEachBit(ends, [&](int bit) {
                 rims[n].push_back(std::abs(leaf.getValue(openvdb::Index(64 * x + bit))));
             });
@@ -177,7 +177,7 @@ Band measureBand(const FloatTree& tree, float limit, const Interrupter& progress
 
 /// The half-width of the band, voxels, to a quarter of a voxel; none if it ends nowhere. A complete
 /// band ends less than a voxel within its half-width.
-std::optional<double> heldWidth(Band& band, double voxelSize)
+std::optional<double> measuredWidth(Band& band, double voxelSize)
 {
     constexpr double kMaxMissingRim =
         0.1; ///< share of the rim that may be missing [tuned: given_level_set_test]
@@ -387,14 +387,14 @@ LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::stri
     const bool isFull = hasTiles || double(band.beyond) > kMaxBeyond * double(band.active);
     if (isFull && promised < kMinHalfWidth) // the values beyond it are the band
         band = measureBand(grid->tree(), std::numeric_limits<float>::max(), progress);
-    const std::optional<double> held = heldWidth(band, h);
+    const std::optional<double> measured = measuredWidth(band, h);
     progress.check();
-    if (held && *held >= 1 &&
-        (promised > *held + kMaxExcess || (promised < kMinHalfWidth && isFull))) {
+    if (measured && *measured >= 1 &&
+        (promised > *measured + kMaxExcess || (promised < kMinHalfWidth && isFull))) {
         notes.push_back(fmt::format("grid '{}': its background promises a band of {:.4g} voxels, "
                                     "and there are {:.4g}: the background was set to {:.4g}",
-                                    grid->getName(), promised, *held, *held * h));
-        return LevelSet(cutOff(*grid, float(*held * h)));
+                                    grid->getName(), promised, *measured, *measured * h));
+        return LevelSet(cutOff(*grid, float(*measured * h)));
     }
     return isFull || band.odd > 0 ? LevelSet(cutOff(*grid, background)) : given;
 }

@@ -24,7 +24,7 @@ constexpr float kFaceCosine = 0.9f, kFaceHeight = 0.5f;
 constexpr float kPlaneCosine = 0.97f, kPlaneHeight = 0.15f;
 /// Smallest number of other feet on a patch's plane. [tuned: offset_bench]
 constexpr int kMinSupport = 3;
-constexpr float kMaxCurvature = 0.3f; ///< per voxel [tuned: offset_bench]
+constexpr float kMaxCurvature = 0.3f; ///< largest curvature, per voxel [tuned: offset_bench]
 
 /// Least-squares fit of a quadratic function to heights over a plane.
 class Heights
@@ -45,10 +45,12 @@ public:
     /// False where heights are too few, or not those of a smooth surface.
     bool fit(Coefficients& h) const
     {
-        constexpr int kMinHeights = 9;    ///< for six coefficients [tuned: offset_bench]
+        /// Smallest number of heights, for six coefficients. [tuned: offset_bench]
+        constexpr int kMinHeights = 9;
         constexpr float kDamping = 1e-3f; ///< ridge of the normal equations [tuned: offset_bench]
-        constexpr float kMaxTilt = 0.2f;  ///< slope of the fit [tuned: offset_bench]
-        constexpr float kMaxResidual = 0.02f; ///< root mean square, voxels [tuned: offset_bench]
+        constexpr float kMaxTilt = 0.2f;  ///< largest slope of the fit [tuned: offset_bench]
+        /// Largest root mean square of the residuals, voxels. [tuned: offset_bench]
+        constexpr float kMaxResidual = 0.02f;
         if (mCount < kMinHeights) return false;
         h = (mSquares + kDamping * Squares::Identity()).ldlt().solve(mPull);
         const float left = mSum - 2 * h.dot(mPull) + h.dot(mSquares * h);
