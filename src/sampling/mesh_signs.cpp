@@ -1,6 +1,7 @@
 #include "mesh_signs.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>
 
 #include <array>
