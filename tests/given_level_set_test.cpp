@@ -53,7 +53,7 @@ void expectRefused(const FloatGrid::Ptr& grid, const std::string& part)
 {
     std::vector<std::string> notes;
     try {
-        demandDistances(takeLevelSet(grid, notes, Interrupter()), "The cure.", Interrupter());
+        requireDistances(levelSetFromGrid(grid, notes), "The cure.");
         ADD_FAILURE() << "was taken";
     } catch (const InputError& e) {
         const std::string text = e.what();
@@ -65,8 +65,8 @@ void expectRefused(const FloatGrid::Ptr& grid, const std::string& part)
 std::vector<std::string> expectTaken(const FloatGrid::Ptr& grid, const LevelSet& like)
 {
     std::vector<std::string> notes;
-    const LevelSet taken = takeLevelSet(grid, notes, Interrupter());
-    EXPECT_NO_THROW(demandDistances(taken, "", Interrupter()));
+    const LevelSet taken = levelSetFromGrid(grid, notes);
+    EXPECT_NO_THROW(requireDistances(taken, ""));
     EXPECT_NEAR(taken.halfWidth(), like.halfWidth(), 1e-4);
     EXPECT_TRUE(taken.grid().tree().hasSameTopology(like.grid().tree()));
     for (auto on = like.grid().cbeginValueOn(); on; ++on)
@@ -83,19 +83,18 @@ TEST(GivenLevelSet, OfOursIsTheSame)
     for (const double halfWidth : {1.5, 3.0, 12.0}) {
         const LevelSet own = ball(halfWidth);
         std::vector<std::string> notes;
-        const LevelSet taken = takeLevelSet(own.gridPtr(), notes, Interrupter());
+        const LevelSet taken = levelSetFromGrid(own.gridPtr(), notes);
         EXPECT_EQ(&taken.grid(), &own.grid());
         EXPECT_TRUE(notes.empty());
-        EXPECT_NO_THROW(demandDistances(taken, "", Interrupter()));
+        EXPECT_NO_THROW(requireDistances(taken, ""));
     }
     Interrupter progress;
     const LevelSet thin = shell(ball(), 2 * kVoxel, Wall::Centered, &progress);
     std::vector<std::string> notes;
-    EXPECT_EQ(&takeLevelSet(thin.gridPtr(), notes, Interrupter()).grid(), &thin.grid());
-    EXPECT_NO_THROW(demandDistances(thin, "", Interrupter()));
+    EXPECT_EQ(&levelSetFromGrid(thin.gridPtr(), notes).grid(), &thin.grid());
+    EXPECT_NO_THROW(requireDistances(thin, ""));
     const LevelSet nothing = emptyLevelSet({Vec3d::Zero(), kVoxel}, 3);
-    EXPECT_NO_THROW(
-        demandDistances(takeLevelSet(nothing.gridPtr(), notes, Interrupter()), "", Interrupter()));
+    EXPECT_NO_THROW(requireDistances(levelSetFromGrid(nothing.gridPtr(), notes), ""));
     EXPECT_TRUE(notes.empty());
 }
 
@@ -138,14 +137,14 @@ TEST(GivenLevelSet, WithoutDistancesIsRefused)
         const FloatGrid::Ptr grid = copyOf(ball());
         grid->tree().root().setBackground(float(scale * grid->background()), false);
         for (auto v = grid->beginValueAll(); v; ++v) v.setValue(float(scale * *v));
-        expectRefused(grid, "no distances in world units");
+        expectRefused(grid, "not distances in world units");
     }
     // Half and twice the slope may be meant well.
     for (const double scale : {0.5, 2.0}) {
         const FloatGrid::Ptr grid = copyOf(ball());
         grid->tree().root().setBackground(float(scale * grid->background()), false);
         for (auto v = grid->beginValueAll(); v; ++v) v.setValue(float(scale * *v));
-        EXPECT_NO_THROW(demandDistances(LevelSet(grid), "", Interrupter()));
+        EXPECT_NO_THROW(requireDistances(LevelSet(grid), ""));
     }
 }
 
@@ -164,7 +163,7 @@ TEST(GivenLevelSet, WithoutABandIsRefused)
     // What check() only complains of is taken.
     const FloatGrid::Ptr hole = copyOf(ball());
     for (int z = -1; z <= 1; ++z) hole->tree().setValueOff(Coord(20, 0, z));
-    EXPECT_NO_THROW(demandDistances(LevelSet(hole), "", Interrupter()));
+    EXPECT_NO_THROW(requireDistances(LevelSet(hole), ""));
 }
 
 TEST(GivenLevelSet, IsJudgedWhereAFaceLiesBetweenLeaves)
@@ -175,7 +174,7 @@ TEST(GivenLevelSet, IsJudgedWhereAFaceLiesBetweenLeaves)
     settings.lattice.origin = Vec3d::Constant(0.5);
     const LevelSet cube =
         sampleField(*makeSolidField(parseSolid("box(16, 16, 16)")), settings, &progress);
-    EXPECT_NO_THROW(demandDistances(cube, "", Interrupter()));
+    EXPECT_NO_THROW(requireDistances(cube, ""));
     const FloatGrid::Ptr steep = copyOf(cube);
     steep->tree().root().setBackground(10 * steep->background(), false);
     for (auto v = steep->beginValueAll(); v; ++v) v.setValue(10 * *v);

@@ -1,4 +1,4 @@
-// What was made, held against what it was made from.
+// Comparison of level sets with the input that they were made from.
 #pragma once
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/mpu_field.h>
@@ -12,55 +12,54 @@
 namespace mpuvdb
 {
 
-/// A mesh and the level set of its solid, compared.
+/// Comparison of a mesh with the level set of its solid.
 struct MeshExplained {
     double volumeIn = 0, volumeOut = 0; ///< of the mesh's solid and of the level set's, world units
                                         ///< cubed
     double areaIn = 0, areaOut = 0;     ///< of their boundaries, world units squared
-    std::uint64_t partsIn = 0;          ///< surfaces that enclose some of the mesh's solid
+    std::uint64_t partsIn = 0;          ///< surfaces that enclose parts of the mesh's solid
     std::uint64_t partsOut = 0;         ///< connected parts of the level set's solid
-    std::uint64_t cavitiesIn = 0;       ///< surfaces that enclose what is none of the mesh's solid
-    std::uint64_t cavitiesOut = 0;      ///< connected parts of what the level set's solid encloses
-    /// The difference of the volumes that the voxel size explains: h^2 / 4 times the integral of
-    /// the surface's curvatures, which over a mesh is the sum of its edges' lengths times the
-    /// angles between normals. Half of it is what values that are linear between voxels move a
-    /// surface by, the other half what the volume's sum over voxels errs by beside edges. At most
-    /// 3/16 of the volume: what linear values take of a ball four voxels across, the smallest that
-    /// a band resolves.
+    std::uint64_t cavitiesIn = 0;       ///< surfaces that enclose cavities of the mesh's solid
+    std::uint64_t cavitiesOut = 0;      ///< connected cavities of the level set's solid
+    /// The difference of the volumes that the voxel size h explains, world units cubed: h^2 / 4
+    /// times the integral of the surface's curvatures (over a mesh the sum of edge lengths times
+    /// angles between normals). Half of it is the error of linear interpolation, half that of the
+    /// sum over voxels beside edges. At most 3/16 of the volume: the error for a ball four voxels
+    /// across, the smallest that a band resolves.
     double volumeExplained = 0;
-    /// Share of the mesh's boundary around which all eight voxels are on one side.
+    /// Share of the mesh's boundary around which all eight voxels are on one side, in [0, 1].
     double missed = 0;
-    std::uint64_t openEdges = 0;       ///< edges of the mesh whose triangles do not cancel
-    std::uint64_t turned = 0;          ///< triangles that faced another way than their neighbors
-    bool insideOut = false;            ///< all parts faced inward, and were turned
-    double areaWithin = 0;             ///< of triangles inside the solid, world units squared
-    double areaOfNothing = 0;          ///< of parts that face inward and lie in no other
-    std::vector<std::string> findings; ///< what the voxel size does not explain, with the cure
+    std::uint64_t openEdges = 0; ///< edges of the mesh whose triangles do not cancel
+    std::uint64_t turned = 0;    ///< triangles turned to face as their neighbors do
+    bool insideOut = false;      ///< all parts faced inward, and were turned
+    double areaWithin = 0;       ///< of triangles inside the solid, world units squared
+    double areaOfNothing = 0;    ///< of parts that face inward and lie in no other, the same
+    std::vector<std::string>
+        findings; ///< deviations that the voxel size does not explain, and cures
 };
 
-/// Points and the level set made of them, compared.
+/// Comparison of points with the level set made of them.
 struct PointsExplained {
-    std::uint64_t points = 0; ///< those that were fitted, in the region
-    double limit = 0;   ///< world units: so near to the surface a point is explained by it: half a
+    std::uint64_t points = 0; ///< fitted points in the region
+    double limit = 0;   ///< distance up to which the surface explains a point, world units: half a
                         ///< voxel, the tolerance, and three standard deviations of the noise
-    double within = 1;  ///< share of the points that are explained
-    double largest = 0; ///< world units: the largest distance, if it is in the band, else its width
-    /// Share of the points whose normals look against the surface's.
+    double within = 1;  ///< share of the points within the limit, in [0, 1]
+    double largest = 0; ///< largest distance of a point, world units; at most the band's half-width
+    /// Share of the points whose normals oppose the surface's, in [0, 1].
     double against = 0;
-    /// Share of the surface in whose blocks of eight voxels and within five spacings of them there
-    /// is no point.
+    /// Share of the surface without a point within five spacings of its block of 8 x 8 x 8 voxels.
     double unsupported = 0;
     double volume = 0, area = 0; ///< of the level set's solid, world units cubed and squared
-    std::uint64_t parts = 0;     ///< of the level set's solid, that are connected
-    std::uint64_t cavities = 0;  ///< connected parts of what it encloses
+    std::uint64_t parts = 0;     ///< connected parts of the level set's solid
+    std::uint64_t cavities = 0;  ///< connected cavities of the level set's solid
     /// The mesh whose vertices the points are, if they are; without its places.
     std::optional<VertexMesh> mesh;
-    double meshWithin =
-        1; ///< share of that mesh's area that is as near to the surface as the limit
-    std::vector<std::string> findings; ///< what noise, spacing and voxel size do not explain
+    double meshWithin = 1; ///< share of that mesh's area near the surface: limit and half a spacing
+    std::vector<std::string>
+        findings; ///< deviations that noise, spacing and voxel size do not explain
 };
 
-/// What a level set was held against when it was made.
+/// The comparison of a level set with its input.
 struct Explained {
     std::variant<MeshExplained, PointsExplained> by;
 
@@ -72,8 +71,8 @@ struct Explained {
     bool isSound() const { return findings().empty(); }
 };
 
-/// Hold @a levelSet, sampled from @a field, against the field's points. @param region  of the
-/// world, if only a part was sampled. The same for any number of threads. @throws Interrupted.
+/// Compare @a levelSet, sampled from @a field, with the field's points. @param region  box (world
+/// units), if only a part was sampled. The same for any number of threads. @throws Interrupted.
 PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
                         const std::optional<Box3d>& region, Interrupter* interrupter = nullptr);
 

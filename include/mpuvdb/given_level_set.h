@@ -1,4 +1,4 @@
-// Level sets that were made elsewhere: taken in, or refused before work is lost on them.
+// Level sets from other programs: normalized, or refused.
 #pragma once
 #include <mpuvdb/level_set.h>
 
@@ -10,23 +10,24 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// @a grid as operations expect it: the grid itself, or a copy in which
-/// - what is active and has the background's magnitude or more is inactive, as are active tiles:
-///   dense arrays that were cut off at the band's rim are written like that,
-/// - the background is what the band holds, where it promises two voxels more than that, or holds
-///   less than 1.5 voxels of a wider band,
+/// A level set of @a grid that satisfies the conventions of level_set.h: the grid itself, or a copy
+/// in which
+/// - active tiles and active values of the background's magnitude or more are inactive, as dense
+///   arrays clipped to the band have them,
+/// - the background is the half-width that the band has, where it exceeds that by more than two
+///   voxels, or is less than 1.5 voxels of a wider band,
 /// - inactive values are plus or minus the background.
-/// @param notes  gets what changes the half-width, if anything does.
-/// @throws InputError as LevelSet's constructor and demandFinite() do, Interrupted.
-LevelSet takeLevelSet(const openvdb::FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
-                      Interrupter* interrupter = nullptr);
+/// @param notes  a note is appended if the half-width changes.
+/// @throws InputError as LevelSet's constructor and requireFinite() do, Interrupted.
+LevelSet levelSetFromGrid(const openvdb::FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
+                          Interrupter* interrupter = nullptr);
 
-/// Look whether the values of @a levelSet may be distances at all; check() looks closer.
-/// @param cure  ends the error's text: how to make distances of them.
+/// Require that the values of @a levelSet are roughly distances; check() is stricter.
+/// @param cure  last sentence of the error's text: how to make distances of them.
 /// @throws InputError if the median slope beside the zero set, where a distance has 1, is outside
 /// [0.4, 2.5], or if more than one in ten faces between inside and outside lie beside an inactive
 /// voxel or tile, where there is no distance; Interrupted.
-void demandDistances(const LevelSet& levelSet, const std::string& cure,
-                     Interrupter* interrupter = nullptr);
+void requireDistances(const LevelSet& levelSet, const std::string& cure,
+                      Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb

@@ -72,11 +72,11 @@ void writeVolumeLayer(const std::filesystem::path& file, const std::filesystem::
 
 /// The checks of a level set that is read.
 enum class Validation {
-    Distances, ///< values have to be distances, see demandDistances()
+    Distances, ///< values have to be distances, see requireDistances()
     SignsOnly  ///< any values with the right zero set
 };
 
-/// Reads one level set of a .vdb file, as takeLevelSet() takes it.
+/// Reads one level set of a .vdb file, as levelSetFromGrid() takes it.
 /// @param name  of the grid; empty: "surface", or the only level set.
 /// @param maxBytes  limit of the grid's memory by its metadata; 0: none.
 /// @param interrupter  gets notes of repairs.

@@ -1,11 +1,10 @@
-// Each voxel knows the nearest patch found so far, and tells its neighbors when that changes.
-// Leaves exchange such news in waves: a wave reads only what the wave before has sent, so that
-// nothing depends on the order of threads. Waves go on until the front has passed a bound; then all
-// nearer voxels are settled, and the bound moves on.
-#include "known_distances.h"
-
+// Closest-point propagation: each voxel has the closest patch found so far, and propagates changes
+// to its neighbors. Leaves exchange updates in waves: a wave reads only what the wave before has
+// sent, so that nothing depends on the order of threads. Waves continue until the front has passed
+// a bound; then all nearer voxels are settled, and the bound moves on.
 #include "core/lanes.h"
 #include "core/release.h"
+#include "known_distances.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -24,32 +23,33 @@ namespace
 using Leaf = SurfacePatches::Leaf;
 using openvdb::Coord;
 
-constexpr int kDim = Knowledge::kDim, kVoxels = Knowledge::kVoxels;
-constexpr std::uint32_t kNone = Knowledge::kNone;
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-/// Voxels by which the bound moves on.
+constexpr std::uint32_t kNoNode = ~std::uint32_t(0); ///< number of none [derived: type's largest]
+constexpr float kInfinity =
+    std::numeric_limits<float>::infinity(); ///< distance [derived: the type]
+/// Step of the bound, voxels. [tuned: offset_bench]
 constexpr float kBoundStep = 4;
-/// Within a leaf nearer voxels tell first, in steps of as many voxels.
+/// Step, voxels, in which a leaf propagates its nearer voxels first. [tuned: offset_bench]
 constexpr float kOrderStep = 0.75f;
-/// The distance to a patch is less than that to its foot, by which the front goes, by no more.
-constexpr float kMargin = 0.3f;
+/// Largest difference between the distances to a patch's foot, which orders the front, and to the
+/// patch, voxels. [tuned: redistance_test]
+constexpr float kFootMargin = 0.3f;
 
-/// Of 27 leaves around one, in the order of their coordinates, the middle itself.
+/// Number of a leaf among the 27 around and including one.
 constexpr int sideOf(int x, int y, int z)
 {
     return (x + 1) * 9 + (y + 1) * 3 + z + 1;
 }
 
-/// For each voxel of a leaf, which sides it lies beside, a bit each.
-constexpr std::array<std::uint32_t, kVoxels> sidesOfVoxels()
+/// For each voxel of a leaf the leaves that it touches, a bit of sideOf() each.
+constexpr std::array<std::uint32_t, kBlockVoxels> sidesOfVoxels()
 {
-    std::array<std::uint32_t, kVoxels> sides{};
-    for (int n = 0; n < kVoxels; ++n) {
-        const int at[3] = {n / (kDim * kDim), n / kDim % kDim, n % kDim};
+    std::array<std::uint32_t, kBlockVoxels> sides{};
+    for (int n = 0; n < kBlockVoxels; ++n) {
+        const int at[3] = {n / (kBlockDim * kBlockDim), n / kBlockDim % kBlockDim, n % kBlockDim};
         int low[3] = {}, high[3] = {};
         for (int a = 0; a < 3; ++a) {
             low[a] = at[a] == 0 ? -1 : 0;
-            high[a] = at[a] == kDim - 1 ? 1 : 0;
+            high[a] = at[a] == kBlockDim - 1 ? 1 : 0;
         }
         for (int x = low[0]; x <= high[0]; ++x)
             for (int y = low[1]; y <= high[1]; ++y)
@@ -59,10 +59,11 @@ constexpr std::array<std::uint32_t, kVoxels> sidesOfVoxels()
     return sides;
 }
 
-constexpr std::array<std::uint32_t, kVoxels> kSidesOfVoxels = sidesOfVoxels();
+constexpr std::array<std::uint32_t, kBlockVoxels> kSidesOfVoxels =
+    sidesOfVoxels(); ///< [derived: kBlockDim]
 
-/// News of one voxel at the side of its leaf.
-struct Message {
+/// The new closest patch of a voxel at the side of its leaf.
+struct Update {
     std::uint16_t voxel;
     std::uint32_t patch;
 };
@@ -70,18 +71,18 @@ struct Message {
 struct Node {
     Coord origin;
     const Leaf* signs = nullptr;
-    std::unique_ptr<Knowledge> known; ///< none before the first news, and once it is finished
-    std::vector<Message> sent, sending;
-    std::vector<std::uint32_t> senders; ///< nodes with news for this one
-    std::uint32_t touched = 0;          ///< which of 27 neighbors the news concern
+    std::unique_ptr<ClosestPatches> closest; ///< null before the first update, and once finished
+    std::vector<Update> sent, sending;
+    std::vector<std::uint32_t> senders; ///< nodes with updates for this one
+    std::uint32_t touched = 0;          ///< bits of the neighbors that the updates concern
     std::array<std::uint32_t, 27> beside;
     bool active = false, finished = false;
     FinishedLeaf result;
 
-    /// Give back what only a node needs that is not finished.
-    void letGo()
+    /// Free what a finished node does not need.
+    void releaseScratch()
     {
-        known.reset();
+        closest.reset();
         release(sent);
         release(sending);
         release(senders);
@@ -107,7 +108,7 @@ public:
           mProgress(progress), mReach{std::max(reach.outside, 0.0f), std::max(reach.inside, 0.0f)}
     {
         for (int side = 0; side < 2; ++side) {
-            const float reached = mReach[side] > 0 ? mReach[side] + kMargin : 0;
+            const float reached = mReach[side] > 0 ? mReach[side] + kFootMargin : 0;
             mLimit2[side] = reached * reached;
             mBeyond2[side] = std::nextafter(mLimit2[side], kInfinity);
         }
@@ -117,7 +118,7 @@ public:
     /// @param units  of progress.
     std::vector<FinishedLeaf> run(double units)
     {
-        const float last = std::max(mReach[0], mReach[1]) + kMargin;
+        const float last = std::max(mReach[0], mReach[1]) + kFootMargin;
         for (float bound = kBoundStep; !mLive.empty(); bound += kBoundStep) {
             mBound2 = bound * bound;
             std::vector<std::uint32_t> work = mLive;
@@ -159,13 +160,13 @@ private:
             for (std::uint32_t n = patches.first[leaf]; n < patches.first[leaf + 1]; ++n) {
                 if (patches.isSuperseded(n)) continue;
                 const int voxel = int(Leaf::coordToOffset(mPatches[n].voxel));
-                node.known->take(voxel, n, mPatches[n].foot.squaredNorm());
+                node.closest->set(voxel, n, mPatches[n].foot.squaredNorm());
             }
         });
         for (std::uint32_t n = patches.voxelPatches(); n < mPatches.size(); ++n) {
             if (patches.isSuperseded(n)) continue;
             Node& node = *mNodes[addNode(mPatches[n].voxel & ~7)];
-            if (!node.known) prepare(node);
+            if (!node.closest) prepare(node);
             spread(node, int(Leaf::coordToOffset(mPatches[n].voxel)), n);
         }
         publish(std::vector<std::uint32_t>(mLive));
@@ -178,17 +179,17 @@ private:
         if (!added.second) return added.first->second;
         mNodes.push_back(std::make_unique<Node>());
         mNodes.back()->origin = origin;
-        mNodes.back()->beside.fill(kNone);
+        mNodes.back()->beside.fill(kNoNode);
         mLive.push_back(number);
         return number;
     }
 
-    /// Make room for what is to be known of the leaf.
+    /// Initialize the closest patches of the leaf: none.
     void prepare(Node& node) const
     {
-        node.known = std::make_unique<Knowledge>();
-        Knowledge& known = *node.known;
-        known.patch.fill(kNone);
+        node.closest = std::make_unique<ClosestPatches>();
+        ClosestPatches& known = *node.closest;
+        known.patch.fill(kNoPatch);
         node.signs = mSigns.probeConstLeaf(node.origin);
         if (!node.signs) {
             const bool negative = mSigns.getValue(node.origin) < 0;
@@ -198,27 +199,27 @@ private:
         }
         const float* const values = node.signs->buffer().data();
         known.negative = {};
-        for (int n = 0; n < kVoxels; ++n) {
+        for (int n = 0; n < kBlockVoxels; ++n) {
             const bool negative = values[n] < 0;
             known.negative[std::size_t(n >> 6)] |= std::uint64_t(negative) << (n & 63);
             known.distance2[std::size_t(n)] = mBeyond2[negative];
         }
     }
 
-    /// Let the nodes of @a work hear and tell; returns those that have news to hear.
+    /// Let the nodes of @a work receive and propagate updates; returns those to receive them next.
     std::vector<std::uint32_t> wave(const std::vector<std::uint32_t>& work)
     {
         forEach(work, [&](Node& node) {
-            if (!node.known) prepare(node);
-            for (const std::uint32_t from : node.senders) hear(*mNodes[from], node);
+            if (!node.closest) prepare(node);
+            for (const std::uint32_t from : node.senders) receive(*mNodes[from], node);
             node.senders.clear();
             node.touched = 0;
-            tell(node);
+            propagate(node);
         });
         return publish(work);
     }
 
-    /// Let what @a work has to tell stand for the next wave; returns those that it concerns.
+    /// Publish the updates of @a work for the next wave; returns the nodes that they concern.
     std::vector<std::uint32_t> publish(const std::vector<std::uint32_t>& work)
     {
         for (const std::uint32_t n : mSenders) mNodes[n]->sent.clear();
@@ -229,20 +230,21 @@ private:
             if (mNodes[n]->sent.empty()) continue;
             mSenders.push_back(n);
             for (int side = 0; side < 27; ++side)
-                if (mNodes[n]->touched >> side & 1u) address(n, side, next);
+                if (mNodes[n]->touched >> side & 1u) notify(n, side, next);
         }
         for (const std::uint32_t n : next) mNodes[n]->active = false;
         std::sort(next.begin(), next.end());
         return next;
     }
 
-    /// The node beside node @a n is to hear its news.
-    void address(std::uint32_t n, int side, std::vector<std::uint32_t>& next)
+    /// Add the node beside node @a n to @a next, to receive the updates of @a n.
+    void notify(std::uint32_t n, int side, std::vector<std::uint32_t>& next)
     {
         std::uint32_t to = mNodes[n]->beside[std::size_t(side)];
-        if (to == kNone) {
+        if (to == kNoNode) {
             const Coord step(side / 9 - 1, side / 3 % 3 - 1, side % 3 - 1);
-            to = addNode(mNodes[n]->origin + Coord(step[0] * kDim, step[1] * kDim, step[2] * kDim));
+            to = addNode(mNodes[n]->origin +
+                         Coord(step[0] * kBlockDim, step[1] * kBlockDim, step[2] * kBlockDim));
             mNodes[n]->beside[std::size_t(side)] = to;
         }
         Node& node = *mNodes[to];
@@ -252,21 +254,22 @@ private:
         node.active = true;
     }
 
-    void hear(const Node& from, Node& node)
+    void receive(const Node& from, Node& node)
     {
         const Coord shift = from.origin - node.origin;
-        const int side = sideOf(-shift[0] / kDim, -shift[1] / kDim, -shift[2] / kDim);
-        for (const Message& m : from.sent) {
+        const int side =
+            sideOf(-shift[0] / kBlockDim, -shift[1] / kBlockDim, -shift[2] / kBlockDim);
+        for (const Update& m : from.sent) {
             if (!(kSidesOfVoxels[m.voxel] >> side & 1u)) continue;
-            const Coord at = shift + Knowledge::coordOf(m.voxel);
+            const Coord at = shift + ClosestPatches::coordOf(m.voxel);
             offer(node, at, m.patch, mPatches[m.patch].to(node.origin + at));
         }
     }
 
-    /// All voxels within the bound that have news tell them, the nearest first.
-    void tell(Node& node)
+    /// Propagate the pending voxels within the bound, the nearest first.
+    void propagate(Node& node)
     {
-        Knowledge& known = *node.known;
+        ClosestPatches& known = *node.closest;
         float least2 = kInfinity;
         forEachPending(known, [&](int n) { least2 = std::min(least2, known.distance2[n]); });
         if (least2 > mBound2) return;
@@ -287,17 +290,17 @@ private:
     }
 
     template <typename F>
-    static void forEachPending(const Knowledge& known, F f)
+    static void forEachPending(const ClosestPatches& known, F f)
     {
-        for (int word = 0; word < kDim; ++word)
+        for (int word = 0; word < kBlockDim; ++word)
             for (std::uint64_t bits = known.pending[std::size_t(word)]; bits; bits &= bits - 1)
                 f(64 * word + __builtin_ctzll(bits));
     }
 
-    /// Offer a voxel's patch to all around it.
+    /// Offer a voxel's patch to the voxels around it.
     void spread(Node& node, int voxel, std::uint32_t patch)
     {
-        const Coord at = Knowledge::coordOf(voxel);
+        const Coord at = ClosestPatches::coordOf(voxel);
         const Vec3f v = mPatches[patch].to(node.origin + at);
         offer(node, at, patch, v);
         const std::uint32_t sides = sidesReached(at, v);
@@ -306,11 +309,11 @@ private:
         node.sending.push_back({std::uint16_t(voxel), patch});
     }
 
-    /// Neighbor leaves, of 27, with a voxel beside @a at that is within reach.
+    /// Bits of the neighbor leaves with a voxel beside @a at that is within reach.
     std::uint32_t sidesReached(const Coord& at, const Vec3f& v) const
     {
         const auto low = [&](int a) { return at[a] == 0 ? -1 : 0; };
-        const auto high = [&](int a) { return at[a] == kDim - 1 ? 1 : 0; };
+        const auto high = [&](int a) { return at[a] == kBlockDim - 1 ? 1 : 0; };
         std::uint32_t sides = 0;
         const float limit2 = std::max(mLimit2[0], mLimit2[1]);
         for (int x = low(0); x <= high(0); ++x)
@@ -320,8 +323,8 @@ private:
         return sides & ~(1u << sideOf(0, 0, 0));
     }
 
-    /// The least square of a distance to the patch of v's foot, from voxels beside the one at @a v
-    /// that lie in the leaf at @a side.
+    /// Smallest squared distance to a patch's foot, from voxels of the leaf at @a side beside the
+    /// one at @a v from the foot.
     static float leastDistance2(const Coord& side, const Vec3f& v)
     {
         float sum = 0;
@@ -333,28 +336,28 @@ private:
         return sum;
     }
 
-    /// Offer a patch, from whose foot it is @a v to @a at (in the leaf or beside it), to all voxels
-    /// of the leaf around.
+    /// Offer a patch to the leaf's voxels around @a at, in the leaf or beside it. @param v  from
+    /// the patch's foot to @a at.
     void offer(Node& node, const Coord& at, std::uint32_t patch, const Vec3f& v) const
     {
-        Knowledge& known = *node.known;
+        ClosestPatches& known = *node.closest;
         const auto low = [&](int a) { return std::max(at[a] - 1, 0); };
-        const auto high = [&](int a) { return std::min(at[a] + 1, kDim - 1); };
-        // Most offers are no nearer: four voxels are asked at once, of which up to three are meant.
-        const int z0 = std::min(low(2), kDim - 4);
+        const auto high = [&](int a) { return std::min(at[a] + 1, kBlockDim - 1); };
+        // Most offers are no nearer: four voxels are compared at once, of which up to three count.
+        const int z0 = std::min(low(2), kBlockDim - 4);
         const Ints steps = (z0 - at[2]) + Ints{0, 1, 2, 3};
-        const Ints meant = (steps >= -1) & (steps <= 1);
+        const Ints inRange = (steps >= -1) & (steps <= 1);
         const Floats dz = v[2] + __builtin_convertvector(steps, Floats), dz2 = dz * dz;
         for (int x = low(0); x <= high(0); ++x) {
             const float dx = v[0] + float(x - at[0]), dx2 = dx * dx;
             for (int y = low(1); y <= high(1); ++y) {
                 const float dy = v[1] + float(y - at[1]), dxy2 = dx2 + dy * dy;
-                const int row = (x * kDim + y) * kDim + z0;
+                const int row = (x * kBlockDim + y) * kBlockDim + z0;
                 const Floats d2 = dxy2 + dz2;
-                const Ints nearer = (d2 < lanesAt<Floats>(&known.distance2[row])) & meant;
+                const Ints nearer = (d2 < lanesAt<Floats>(&known.distance2[row])) & inRange;
                 if (!anyOf(nearer)) continue;
                 for (int z = 0; z < 4; ++z)
-                    if (nearer[z]) known.take(row + z, patch, d2[z]);
+                    if (nearer[z]) known.set(row + z, patch, d2[z]);
             }
         }
     }
@@ -363,18 +366,18 @@ private:
     void finishSettled(float bound)
     {
         forEach(mLive, [&](Node& node) {
-            if (isSettled(*node.known, bound)) finish(node);
+            if (isSettled(*node.closest, bound)) finish(node);
         });
         mLive.erase(std::remove_if(mLive.begin(), mLive.end(),
                                    [&](std::uint32_t n) { return mNodes[n]->finished; }),
                     mLive.end());
     }
 
-    bool isSettled(const Knowledge& known, float bound) const
+    bool isSettled(const ClosestPatches& known, float bound) const
     {
-        for (int n = 0; n < kVoxels; ++n) {
+        for (int n = 0; n < kBlockVoxels; ++n) {
             const float reach = mReach[known.isNegative(n)];
-            if (known.distance2[n] > bound * bound && (reach > 0 && bound < reach + kMargin))
+            if (known.distance2[n] > bound * bound && (reach > 0 && bound < reach + kFootMargin))
                 return false;
         }
         return true;
@@ -383,9 +386,9 @@ private:
     void finish(Node& node)
     {
         node.result =
-            mFinish(node.origin, node.signs, KnownDistances(mSurface, node.origin, *node.known));
+            mFinish(node.origin, node.signs, KnownDistances(mSurface, node.origin, *node.closest));
         node.result.origin = node.origin;
-        node.letGo();
+        node.releaseScratch();
         node.finished = true;
     }
 
@@ -395,12 +398,12 @@ private:
     const FinishLeaf& mFinish;
     Interrupter& mProgress;
     float mReach[2], mLimit2[2]; ///< outside, inside
-    float mBeyond2[2];           ///< the least that is above the limit
+    float mBeyond2[2];           ///< the smallest floats above the limits
     float mBound2 = 0;
     std::vector<std::unique_ptr<Node>> mNodes;
     std::unordered_map<Coord, std::uint32_t> mIndex;
     std::vector<std::uint32_t> mLive;    ///< not finished, in the order of their numbers
-    std::vector<std::uint32_t> mSenders; ///< those whose news of the wave before stand
+    std::vector<std::uint32_t> mSenders; ///< nodes with updates of the wave before
 };
 
 } // namespace

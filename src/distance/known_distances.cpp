@@ -10,13 +10,14 @@ namespace mpuvdb
 namespace
 {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kInfinity =
+    std::numeric_limits<float>::infinity(); ///< distance [derived: the type]
 
 } // namespace
 
 using openvdb::Coord;
 
-/// The nearest of what a voxel is offered.
+/// The minimum of the distances that are offered for a voxel.
 class KnownDistances::Nearest
 {
 public:
@@ -26,7 +27,7 @@ public:
     }
     float distance() const { return mDistance; }
     void offer(float distance) { mDistance = std::min(mDistance, distance); }
-    /// @param number  the facet's: each vertex brings it anew.
+    /// @param number  of the facet, which every vertex of it offers.
     void offer(const SurfaceFacet& facet, std::uint32_t number)
     {
         const Coord d = mVoxel - facet.voxel;
@@ -46,7 +47,7 @@ public:
 private:
     Coord mVoxel;
     float mDistance2, mDistance;
-    std::array<std::uint32_t, 16> mTried; ///< facets
+    std::array<std::uint32_t, 16> mTried; ///< facets offered before
     std::size_t mTriedCount = 0;
 };
 
@@ -54,15 +55,15 @@ float KnownDistances::at(int voxel) const
 {
     const std::uint32_t patch = mKnown.patch[std::size_t(voxel)];
     const float side = mKnown.isNegative(voxel) ? -1.0f : 1.0f;
-    if (patch == Knowledge::kNone) return side * kInfinity;
+    if (patch == kNoPatch) return side * kInfinity;
     if (mSurface.isVertex(patch)) return side * distanceToFacets(voxel, side);
-    return side * distanceToPatch(patch, mOrigin + Knowledge::coordOf(voxel), side);
+    return side * distanceToPatch(patch, mOrigin + ClosestPatches::coordOf(voxel), side);
 }
 
 float KnownDistances::atMost(int voxel) const
 {
     const auto n = std::size_t(voxel);
-    const bool found = mKnown.patch[n] != Knowledge::kNone;
+    const bool found = mKnown.patch[n] != kNoPatch;
     const float distance = found ? std::sqrt(mKnown.distance2[n]) : kInfinity;
     return mKnown.isNegative(voxel) ? -distance : distance;
 }
@@ -73,16 +74,16 @@ float KnownDistances::distanceToPatch(std::uint32_t patch, const Coord& at, floa
     return p.distance(p.to(at), side);
 }
 
-/// The nearest vertex need not be one of the nearest facet's: ask the voxel's neighbors in the
-/// leaf for theirs too.
+/// The nearest vertex need not belong to the nearest facet: the closest patches of the voxel's
+/// neighbors in the leaf count too.
 float KnownDistances::distanceToFacets(int voxel, float side) const
 {
-    const Coord at = Knowledge::coordOf(voxel), place = mOrigin + at;
+    const Coord at = ClosestPatches::coordOf(voxel), place = mOrigin + at;
     Nearest nearest(place, mKnown.distance2[std::size_t(voxel)]);
     std::array<std::uint32_t, 28> seen;
     auto end = seen.begin();
     const auto offer = [&](std::uint32_t patch) {
-        if (patch == Knowledge::kNone || std::find(seen.begin(), end, patch) != end) return;
+        if (patch == kNoPatch || std::find(seen.begin(), end, patch) != end) return;
         *end++ = patch;
         if (mSurface.isVertex(patch))
             offerFan(patch, nearest);
@@ -92,7 +93,7 @@ float KnownDistances::distanceToFacets(int voxel, float side) const
     offer(mKnown.patch[std::size_t(voxel)]);
     for (int n = 0; n < 27; ++n) {
         const Coord to = at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-        if (((to[0] | to[1] | to[2]) & ~(Knowledge::kDim - 1)) == 0)
+        if (((to[0] | to[1] | to[2]) & ~(kBlockDim - 1)) == 0)
             offer(mKnown.patch[SurfacePatches::Leaf::coordToOffset(to)]);
     }
     return nearest.distance();

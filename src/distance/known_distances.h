@@ -1,25 +1,23 @@
-// The patches that the voxels of a leaf know, and the distances to them.
+// The closest patches of a leaf's voxels, and the distances to them.
 #pragma once
 #include "distance_front.h"
+#include <mpuvdb/field.h>
 
 #include <array>
 
 namespace mpuvdb
 {
 
-/// What the voxels of a leaf that is not settled know.
-struct Knowledge {
-    static constexpr int kDim = 8, kVoxels = kDim * kDim * kDim;
-    static constexpr std::uint32_t kNone = kNoPatch;
-
-    std::array<std::uint32_t, kVoxels> patch;
-    std::array<float, kVoxels> distance2; ///< to the patch's foot; of none, what is beyond reach
-    std::array<std::uint64_t, kDim> pending = {}; ///< voxels that have not told their neighbors
-    std::array<std::uint64_t, kDim> negative;
+/// The closest patches found so far, for the voxels of a leaf that is not settled.
+struct ClosestPatches {
+    std::array<std::uint32_t, kBlockVoxels> patch;
+    std::array<float, kBlockVoxels> distance2; ///< to the patch's foot, squared; beyond reach: more
+    std::array<std::uint64_t, kBlockDim> pending = {}; ///< voxels with updates not yet propagated
+    std::array<std::uint64_t, kBlockDim> negative;
 
     bool isNegative(int n) const { return negative[std::size_t(n >> 6)] >> (n & 63) & 1u; }
-    /// A voxel has found a nearer patch.
-    void take(int n, std::uint32_t nearer, float itsDistance2)
+    /// Set a nearer patch of voxel @a n.
+    void set(int n, std::uint32_t nearer, float itsDistance2)
     {
         patch[std::size_t(n)] = nearer;
         distance2[std::size_t(n)] = itsDistance2;
@@ -27,16 +25,16 @@ struct Knowledge {
     }
     static openvdb::Coord coordOf(int voxel)
     {
-        return {voxel / (kDim * kDim), voxel / kDim % kDim, voxel % kDim};
+        return {voxel / (kBlockDim * kBlockDim), voxel / kBlockDim % kBlockDim, voxel % kBlockDim};
     }
 };
 
-/// The distances to the patches that the voxels of a leaf know.
+/// The distances of a leaf's voxels to their closest patches.
 class KnownDistances final : public LeafDistances
 {
 public:
     KnownDistances(const SurfacePatches& surface, const openvdb::Coord& origin,
-                   const Knowledge& known)
+                   const ClosestPatches& known)
         : mSurface(surface), mOrigin(origin), mKnown(known)
     {
     }
@@ -53,7 +51,7 @@ private:
 
     const SurfacePatches& mSurface;
     openvdb::Coord mOrigin;
-    const Knowledge& mKnown;
+    const ClosestPatches& mKnown;
 };
 
 } // namespace mpuvdb

@@ -1,7 +1,6 @@
 #include "measure_voxels.h"
 
 #include "distance_front.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -17,15 +16,17 @@ namespace
 using Leaf = SurfacePatches::Leaf;
 using openvdb::Coord;
 
-/// Voxels by which the surface may seem farther off than it is where it is too thin to be seen.
-constexpr float kUnseen = 1.5f;
-/// A value stays that is nearer than this, in voxels, to what is measured: if it is that of a
-/// crease found from both solids, it is the better.
-constexpr float kAgrees = 0.02f;
-/// Patches look at so many voxels about the surface.
-constexpr int kAroundSurface = 4;
+/// Excess of a measured distance over a placed voxel's, voxels, up to which the surface may have
+/// been too thin to resolve. [tuned: combine_test]
+constexpr float kMaxExcess = 1.5f;
+/// Difference from the measured distance, voxels, up to which a value stays: that of a crease found
+/// from both solids is more exact. [tuned: combine_test]
+constexpr float kMaxDifference = 0.02f;
+/// Voxels about the surface that patches depend on. [derived: a patch's stencil, its neighbors',
+/// and kNeighborRadius of fits to faces]
+constexpr int kPatchSupport = 4;
 
-/// Leaves that the distances of voxels in leaves with unplaced ones may depend on, in order.
+/// Leaves on which the distances of unplaced voxels may depend, in order.
 std::vector<const Leaf*> leavesAbout(const openvdb::FloatTree& tree,
                                      const std::vector<KnownVoxels>& known, int reach)
 {
@@ -56,7 +57,7 @@ const KnownVoxels* find(const std::vector<KnownVoxels>& known, const Coord& orig
     return found == known.end() || found->origin != origin ? nullptr : &*found;
 }
 
-/// A leaf's voxels anew.
+/// Measures the voxels of a leaf.
 class LeafMeasurer
 {
 public:
@@ -77,8 +78,9 @@ public:
 private:
     bool isTooNear(int voxel) const
     {
-        const float least = std::abs(mOld.getValue(openvdb::Index(voxel))) + kUnseen * mVoxelSize;
-        return least < mBackground && // what is beyond is not known
+        const float least =
+            std::abs(mOld.getValue(openvdb::Index(voxel))) + kMaxExcess * mVoxelSize;
+        return least < mBackground && // beyond, the distance is unknown
                std::abs(mVoxelSize * mDistances.atMost(voxel)) > least &&
                std::abs(mVoxelSize * mDistances.at(voxel)) > least;
     }
@@ -86,7 +88,8 @@ private:
     {
         const float d = std::abs(mVoxelSize * mDistances.at(int(voxel)));
         const float old = mOld.getValue(voxel);
-        if (mOld.isValueOn(voxel) && std::abs(d - std::abs(old)) < kAgrees * mVoxelSize) return;
+        if (mOld.isValueOn(voxel) && std::abs(d - std::abs(old)) < kMaxDifference * mVoxelSize)
+            return;
         if (d < mBackground)
             mNew->setValueOn(voxel, std::copysign(d, old));
         else
@@ -99,7 +102,7 @@ private:
     std::unique_ptr<Leaf> mNew;
 };
 
-/// Let voxels that no surface is near be none of the band's.
+/// Make a leaf's listed voxels inactive: no surface is near.
 void drop(const KnownVoxels& known, float background, Leaf& leaf)
 {
     for (const auto* voxels : {&known.unplaced, &known.placed})
@@ -114,7 +117,7 @@ void measureUnplaced(openvdb::FloatTree& tree, double voxelSize, std::vector<Kno
 {
     const float background = tree.background(), h = float(voxelSize), reach = background / h;
     std::vector<const Leaf*> leaves =
-        leavesAbout(tree, known, int(std::ceil(reach)) + kAroundSurface);
+        leavesAbout(tree, known, int(std::ceil(reach)) + kPatchSupport);
     if (leaves.empty()) return;
     const SurfacePatches patches =
         surfacePatches(tree, std::move(leaves), voxelSize, Values::Distances, progress);

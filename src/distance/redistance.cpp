@@ -1,10 +1,10 @@
-// Grids whose values are made anew from distances to a surface.
+// Grids with values computed from distances to a surface: re-distancing, widening, offsets, shells.
 #include "redistance.h"
+
 #include "grid/band_limits.h"
 #include "grid/prune.h"
 #include "restore_distance.h"
 #include "shell_patches.h"
-
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -24,18 +24,20 @@ using openvdb::Coord;
 using openvdb::FloatGrid;
 using openvdb::FloatTree;
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-/// Farther, in voxels, no offset goes: floats would not tell a twentieth of a voxel any more.
-constexpr double kFarthest = 1e5;
-/// An offset's values this much below the distance to its surface are none, voxels.
-constexpr float kWedge = 0.1f;
-/// Where a grid's values are no distances, those up to so far from its zero set, voxels, make it
-/// what it is, and stay; over another voxel they give way to the distances to it.
-constexpr float kOwn = 1;
-/// The part of an offset's progress that goes to its creases.
-constexpr double kWedgesShare = 0.4;
+constexpr float kInfinity =
+    std::numeric_limits<float>::infinity(); ///< distance [derived: the type]
+/// Largest offset or thickness, voxels. [derived: floats there resolve a hundredth of a voxel]
+constexpr double kMaxDistance = 1e5;
+/// Excess of the distance to an offset's surface over a value, voxels, from which on the value is
+/// replaced. [tuned: offset_bench]
+constexpr float kMaxCreaseError = 0.1f;
+/// Distance from the zero set, voxels, up to which values that are not distances stay, as they
+/// define it; over the next voxel they blend into distances. [tuned: redistance_test]
+constexpr float kKeptWidth = 1;
+/// Share of an offset's progress for the repair of creases. [free: progress display]
+constexpr double kCreaseShare = 0.4;
 
-/// Signed distances in world units, found as they are asked for.
+/// Signed distances in world units, computed on demand.
 class Distances
 {
 public:
@@ -45,13 +47,13 @@ public:
     }
     float at(int voxel) const { return mVoxelSize * mInVoxels.at(voxel); }
     float atMost(int voxel) const { return mVoxelSize * mInVoxels.atMost(voxel); }
-    /// Whether the grid's own values are, in all its band.
+    /// Whether the grid's own values are distances in all its band.
     bool ownAreDistances() const { return mOwnAreDistances; }
-    /// That of an active voxel, by its @a own value as far as that can be trusted.
+    /// The distance of an active voxel: its @a own value as far as values are distances.
     float by(float own, int voxel) const
     {
         if (mOwnAreDistances) return own;
-        const float found = at(voxel), fading = std::abs(found) / mVoxelSize - kOwn;
+        const float found = at(voxel), fading = std::abs(found) / mVoxelSize - kKeptWidth;
         return fading >= 1 ? found : own + std::max(fading, 0.0f) * (found - own);
     }
 
@@ -61,7 +63,7 @@ private:
     bool mOwnAreDistances;
 };
 
-/// Distances beyond reach, with a leaf's signs, or one.
+/// Infinite distances with the signs of a leaf, or with one sign.
 class Beyond final : public LeafDistances
 {
 public:
@@ -81,10 +83,10 @@ private:
     float mSign = 1;
 };
 
-/// Turns the distance of a voxel of a leaf (null: of a tile) into a new value, world units.
+/// Computes the new value of a voxel of a leaf (null: of a tile) from its distance, world units.
 using NewValue = std::function<float(const Leaf*, int voxel, const Distances&)>;
 
-/// A band of @a halfWidth voxels of the values that @a newValue gives.
+/// Makes leaves of a band of @a halfWidth voxels with the values of @a newValue.
 class BandMaker
 {
 public:
@@ -119,7 +121,7 @@ public:
     }
 
     float background() const { return mBackground; }
-    /// What a tile becomes that is beyond all reach.
+    /// The new value of a tile beyond the reach.
     float farValue(bool inside) const
     {
         const float v = mNewValue(nullptr, 0, Distances(Beyond(inside), mVoxelSize, true));
@@ -131,15 +133,15 @@ private:
     NewValue mNewValue;
 };
 
-/// What distances to a grid's zero set are made of.
+/// Input of distances to a grid's zero set.
 struct Sources {
-    SurfacePatches patches;      ///< they spread from these
-    Reach reach;                 ///< as far as this; 0 where the grid's own values will do
-    bool ownAreDistances = true; ///< those, in all its band
+    SurfacePatches patches;
+    Reach reach; ///< of the patches' distances; 0 where the grid's own values suffice
+    bool ownAreDistances = true; ///< the grid's own values, in all its band
 };
 
-/// The tree of new values: those of @a reached leaves, of all others of @a old by their own values
-/// and signs.
+/// The tree of new values: @a reached leaves, and all others of @a old by their own values and
+/// signs.
 FloatTree::Ptr assemble(const FloatTree& old, const Sources& sources,
                         std::vector<FinishedLeaf>&& reached, const BandMaker& maker,
                         Interrupter& progress)
@@ -175,64 +177,64 @@ FloatTree::Ptr assemble(const FloatTree& old, const Sources& sources,
     return tree;
 }
 
-/// On which side alone @a reach goes beyond the values that @a grid has: 1 outside, -1 inside, 0 if
-/// there is no such side.
+/// The side on which alone @a reach exceeds the band of @a grid: 1 outside, -1 inside, 0 if none.
 float sideBeyond(const FloatGrid& grid, const Reach& reach)
 {
+    /// Relative tolerance of the comparison. [derived: a thousand roundings of a float]
     constexpr float kRounding = 1e-4f;
     const float own = float(grid.background() / grid.voxelSize()[0]) * (1 + kRounding);
     return float(reach.outside > own) - float(reach.inside > own);
 }
 
-/// How the values of a grid are taken.
+/// Interpretation of a grid's own values.
 enum class Own {
     Implicit, ///< as Values::Implicit
     Kept,     ///< as distances
-    Judged    ///< as distances where they are
+    Judged    ///< as distances if the shell about the surface has some
 };
 
-/// The worse of what the two sides' values are.
-Sight sightFromBothSides(const FloatGrid& grid, Interrupter& progress)
+/// The worse of the two sides' results of shellValues().
+ShellValues shellValuesOfBothSides(const FloatGrid& grid, Interrupter& progress)
 {
     const double voxelSize = grid.voxelSize()[0];
-    const Sight outside = sightFrom(grid.tree(), voxelSize, 1, progress);
-    return outside == Sight::NoDistances ? outside
-                                         : sightFrom(grid.tree(), voxelSize, -1, progress);
+    const ShellValues outside = shellValues(grid.tree(), voxelSize, 1, progress);
+    return outside == ShellValues::NoDistances ? outside
+                                               : shellValues(grid.tree(), voxelSize, -1, progress);
 }
 
-/// @param reach  how far distances to the zero set of @a grid are wanted.
+/// @param reach  of the distances to the zero set of @a grid.
 Sources sourcesOf(const FloatGrid& grid, Own own, const Reach& reach, Interrupter& progress)
 {
     const double voxelSize = grid.voxelSize()[0];
     if (own == Own::Implicit)
         return {surfacePatches(grid.tree(), voxelSize, Values::Implicit, progress), reach};
     Sources sources{surfacePatches(grid.tree(), voxelSize, Values::Distances, progress), reach};
-    Sight sight = Sight::TooNarrow;
+    ShellValues shell = ShellValues::TooNarrow;
     if (const float side = sideBeyond(grid, reach); side != 0) {
-        sight = amendBySight(sources.patches, grid.tree(), voxelSize, side, progress);
-        if (sight == Sight::Distances)
+        shell = refineByShellProjection(sources.patches, grid.tree(), voxelSize, side, progress);
+        if (shell == ShellValues::Distances)
             (side > 0 ? sources.reach.inside : sources.reach.outside) = 0;
     } else if (own == Own::Judged) {
-        sight = sightFromBothSides(grid, progress);
+        shell = shellValuesOfBothSides(grid, progress);
     }
-    sources.ownAreDistances = own == Own::Kept || sight != Sight::NoDistances;
+    sources.ownAreDistances = own == Own::Kept || shell != ShellValues::NoDistances;
     return sources;
 }
 
-/// A level set on the lattice of @a grid with the new values that the distances to its zero set
-/// make, as far as @a reach. @param units  by which the running stage advances.
+/// A level set on the lattice of @a grid with new values, computed from the distances to its zero
+/// set as far as @a reach. @param units  by which the running stage advances.
 FloatGrid::Ptr remade(const FloatGrid& grid, Own own, const Reach& reach, const BandMaker& maker,
                       Interrupter& progress, double units = 0)
 {
-    constexpr double kPatches = 0.2; // of the time
+    constexpr double kPatchesShare = 0.2; ///< share of the progress [free: progress display]
     const Sources sources = sourcesOf(grid, own, reach, progress);
-    progress.advance(kPatches * units);
+    progress.advance(kPatchesShare * units);
     std::vector<FinishedLeaf> reached = spreadDistances(
         grid.tree(), sources.patches, sources.reach,
         [&](const Coord& origin, const Leaf* signs, const LeafDistances& d) {
             return maker.finish(origin, signs, d, sources.ownAreDistances);
         },
-        progress, (1 - kPatches) * units);
+        progress, (1 - kPatchesShare) * units);
     auto result =
         FloatGrid::create(assemble(grid.tree(), sources, std::move(reached), maker, progress));
     result->insertMeta(grid);
@@ -241,15 +243,14 @@ FloatGrid::Ptr remade(const FloatGrid& grid, Own own, const Reach& reach, const 
     return result;
 }
 
-/// The distance that the grid has itself in a voxel, as far as that can be trusted, or else the one
-/// found.
+/// The grid's own distance of an active voxel, as Distances::by(), or else the computed one.
 float ownOrFound(const Leaf* leaf, int n, const Distances& distances)
 {
     const bool own = leaf && leaf->isValueOn(openvdb::Index(n));
     return own ? distances.by(leaf->getValue(openvdb::Index(n)), n) : distances.at(n);
 }
 
-/// What to @a change that distance to.
+/// New values: ownOrFound(), changed by @a change.
 NewValue changed(const std::function<float(float)>& change)
 {
     return [change](const Leaf* leaf, int n, const Distances& distances) {
@@ -257,51 +258,51 @@ NewValue changed(const std::function<float(float)>& change)
     };
 }
 
-/// The same for distances less @a shift, in a band as wide as @a background.
+/// New values: ownOrFound() less @a shift, in a band as wide as @a background.
 NewValue shifted(float shift, float background)
 {
     return [=](const Leaf* leaf, int n, const Distances& distances) {
         const bool own = leaf && leaf->isValueOn(openvdb::Index(n)) && distances.ownAreDistances();
         if (!own) {
             const float most = distances.atMost(n), v = most - shift;
-            // All from zero to there ends up beyond the band.
+            // All values from zero to there lie beyond the new band.
             if ((most < 0) != (v < 0) && std::abs(v) >= background) return v;
         }
         return ownOrFound(leaf, n, distances) - shift;
     };
 }
 
-/// Where fronts from two sides of the old surface have met, the new surface has a crease, and
-/// behind it values are the distance to what the other front has swallowed. Give those on one side
-/// (1 outside, -1 inside) the distance to what is there.
-FloatGrid::Ptr withoutWedges(const FloatGrid& grid, float side, double halfWidth,
-                             Interrupter& progress)
+/// Where offsets of two parts of the old surface meet, the new surface has a crease, and values
+/// behind it are distances to places that the offset has removed. Replace those on one side (1
+/// outside, -1 inside) by distances to the new surface.
+FloatGrid::Ptr repairOffsetCreases(const FloatGrid& grid, float side, double halfWidth,
+                                   Interrupter& progress)
 {
-    const auto reach = float(halfWidth), wedge = float(kWedge * grid.voxelSize()[0]);
-    const auto newValue = [side, wedge](const Leaf* leaf, int n, const Distances& distances) {
+    const auto reach = float(halfWidth), tolerance = float(kMaxCreaseError * grid.voxelSize()[0]);
+    const auto newValue = [side, tolerance](const Leaf* leaf, int n, const Distances& distances) {
         const float most = distances.atMost(n);
         const bool active = leaf && leaf->isValueOn(openvdb::Index(n));
         if (!active) return std::copysign(kInfinity, most);
-        const float v = leaf->getValue(openvdb::Index(n)), least = std::abs(v) + wedge;
+        const float v = leaf->getValue(openvdb::Index(n)), least = std::abs(v) + tolerance;
         if (!(v * side > 0) || !(std::abs(most) > least)) return v;
         const float distance = distances.at(n);
         return std::abs(distance) > least ? distance : v;
     };
     const BandMaker maker(halfWidth, grid.voxelSize()[0], newValue);
     FloatGrid::Ptr made = remade(grid, Own::Implicit, side > 0 ? Reach{reach, 0} : Reach{0, reach},
-                                 maker, progress, kWedgesShare);
+                                 maker, progress, kCreaseShare);
     restoreDistance(made->tree(), made->voxelSize()[0], ValuesFrom::Distances, progress);
     return made;
 }
 
-/// @param what  what it is called.
-void demandTellable(const char* what, double distance, double voxelSize)
+/// @throws LimitError if floats do not resolve @a distance (world units). @param what  its name.
+void requireRepresentableDistance(const char* what, double distance, double voxelSize)
 {
-    if (std::abs(distance) > kFarthest * voxelSize)
+    if (std::abs(distance) > kMaxDistance * voxelSize)
         throw LimitError(fmt::format("{} {:.6g} is {:.3g} voxels of {:.6g}, and no more than {:g} "
-                                     "can be told exactly: at most {:.6g}, or use larger voxels",
+                                     "are resolved: use at most {:.6g}, or larger voxels",
                                      what, distance, std::abs(distance) / voxelSize, voxelSize,
-                                     kFarthest, kFarthest * voxelSize));
+                                     kMaxDistance, kMaxDistance * voxelSize));
 }
 
 } // namespace
@@ -309,7 +310,7 @@ void demandTellable(const char* what, double distance, double voxelSize)
 LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandHalfWidth(halfWidth);
+    requireHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, levelSet.voxelSize(), changed([](float d) { return d; }));
     const FloatGrid::Ptr made = remade(levelSet.grid(), Own::Kept, {reach, reach}, maker, progress);
@@ -329,7 +330,7 @@ FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach,
 LevelSet redistance(const FloatGrid& grid, double halfWidth, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandHalfWidth(halfWidth);
+    requireHalfWidth(halfWidth);
     const auto reach = float(halfWidth);
     const BandMaker maker(halfWidth, grid.voxelSize()[0],
                           [](const Leaf*, int n, const Distances& d) { return d.at(n); });
@@ -343,15 +344,15 @@ LevelSet offset(const LevelSet& levelSet, double distance, Interrupter* interrup
     Interrupter& progress = orSilent(interrupter);
     if (!std::isfinite(distance))
         throw UsageError(fmt::format("offset: distance is {}; it must be finite", distance));
-    demandTellable("offset: distance", distance, levelSet.voxelSize());
+    requireRepresentableDistance("offset: distance", distance, levelSet.voxelSize());
     const double halfWidth = levelSet.halfWidth();
     const auto shift = float(distance / levelSet.voxelSize());
     const Reach reach{float(halfWidth) + shift, float(halfWidth) - shift};
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
                           shifted(float(distance), float(halfWidth * levelSet.voxelSize())));
     const FloatGrid::Ptr moved =
-        remade(levelSet.grid(), Own::Judged, reach, maker, progress, 1 - kWedgesShare);
-    return LevelSet(withoutWedges(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
+        remade(levelSet.grid(), Own::Judged, reach, maker, progress, 1 - kCreaseShare);
+    return LevelSet(repairOffsetCreases(*moved, shift > 0 ? -1.0f : 1.0f, halfWidth, progress));
 }
 
 LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Interrupter* interrupter)
@@ -360,23 +361,23 @@ LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Interrupte
     if (!(thickness > 0) || !std::isfinite(thickness))
         throw UsageError(
             fmt::format("shell: thickness is {:.6g}; it must be above 0 and finite", thickness));
-    demandTellable("shell: thickness", thickness, levelSet.voxelSize());
+    requireRepresentableDistance("shell: thickness", thickness, levelSet.voxelSize());
     const double halfWidth = levelSet.halfWidth();
     const auto reach = float(halfWidth), half = float(0.5 * thickness / levelSet.voxelSize());
-    constexpr float kThinnest = 2;
-    if (!(2 * half >= kThinnest))
-        throw LimitError(fmt::format("shell: thickness {:.6g} is {:.3g} voxels, and a level set "
-                                     "shows no wall thinner than {:g}: use "
-                                     "voxels of at most {:g}",
-                                     thickness, 2 * half, kThinnest, thickness / kThinnest));
+    constexpr float kMinWall = 2; ///< thinnest wall, voxels [tuned: redistance_test]
+    if (!(2 * half >= kMinWall))
+        throw LimitError(
+            fmt::format("shell: thickness {:.6g} is {:.3g} voxels, and a level set "
+                        "resolves no wall thinner than {:g}: use voxels of at most {:g}",
+                        thickness, 2 * half, kMinWall, thickness / kMinWall));
     const float middle = wall == Wall::Inward ? -half : wall == Wall::Outward ? half : 0;
     const auto h = float(levelSet.voxelSize());
     const BandMaker maker(halfWidth, levelSet.voxelSize(),
                           changed([=](float d) { return std::abs(d - middle * h) - half * h; }));
     const FloatGrid::Ptr hollow =
         remade(levelSet.grid(), Own::Judged, {reach + middle + half, reach + half - middle}, maker,
-               progress, 1 - kWedgesShare);
-    return LevelSet(withoutWedges(*hollow, -1, halfWidth, progress));
+               progress, 1 - kCreaseShare);
+    return LevelSet(repairOffsetCreases(*hollow, -1, halfWidth, progress));
 }
 
 } // namespace mpuvdb

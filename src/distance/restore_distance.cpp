@@ -1,10 +1,9 @@
 #include "restore_distance.h"
 
-#include "grid/leaf_halo.h"
-#include "surface/leaf_crossings.h"
-
 #include "core/clones.h"
 #include "core/lanes.h"
+#include "grid/leaf_halo.h"
+#include "surface/leaf_crossings.h"
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/vec.h>
 
@@ -28,44 +27,50 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using Halo = LeafHalo; ///< in voxels
 using openvdb::Coord;
 
-constexpr int kDim = Halo::kDim, kHalo = Halo::kHalo;
+/// Distances between neighbors by face, edge, corner, voxels. [derived: square roots of 1, 2, 3]
 constexpr float kDiagonal = 1.7320508f;
-/// Between neighbors of faces, edges, corners.
 constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
-/// Bounds of the upwind gradient, beyond which a value is examined. Outside a corner that of a true
-/// distance a falls to 0.55, and below a = sqrt(3) voxels to 0.318 a.
-constexpr float kLeastSlope = 0.5f, kLeastSlopePerVoxel = 0.3f, kMostSlope = 1.3f;
-constexpr float kStep = 1.3f; ///< voxels by which neighbors may differ unexamined
-/// The distance to the nearest crossing overestimates by up to this between crossings, voxels, and
-/// by up to a diagonal's length beside one.
-constexpr float kBetween = 0.5f;
-/// An examined value within these bounds of it stays.
+/// Smallest upwind gradient of a distance d, and the same per voxel of d; lower values are
+/// examined. [derived: at a corner a true distance has 0.55, and below sqrt(3) voxels 0.318 d;
+/// rounded down]
+constexpr float kMinSlope = 0.5f, kMinSlopePerVoxel = 0.3f;
+constexpr float kMaxSlope = 1.3f; ///< largest slope not examined [tuned: sample_field_test]
+/// Largest difference of neighbors that is not examined, voxels. [tuned: sample_field_test]
+constexpr float kMaxStep = 1.3f;
+/// Largest excess of the distance to the nearest crossing over the distance, voxels, between
+/// crossings. [tuned: sample_field_test]
+constexpr float kMaxExcess = 0.5f;
+/// Differences from that distance, upwards and downwards, voxels, with which an examined value
+/// stays. [tuned: sample_field_test]
 constexpr float kAbove = 0.2f, kBelow = 0.35f;
-/// The tip of an edge or corner may cross no edge between voxels: a value this near to zero is
-/// raised no farther than to where its neighbors' values can be reached.
+/// Values, voxels, at which the tip of an edge or corner may pass between voxels without a
+/// crossing: they are raised no higher than their neighbors allow. [tuned: sharp_mesh_test]
 constexpr float kTip = 0.5f;
-/// Where values rise as fast as this on both sides, they are evened: from the first on in part,
-/// from the second on all.
-constexpr float kEvenFrom = 1.05f, kEvenAll = 1.15f;
+/// Slopes on both sides from which on values are scaled down in part, and in full.
+/// [tuned: noise_bench]
+constexpr float kScaleFrom = 1.05f, kScaleFully = 1.15f;
 
-/// What is to be said of eight voxels in a row: one bit each.
+/// Properties of eight voxels in a row: one bit each.
 struct RowFlags {
-    unsigned doubtful = 0;      ///< if active: the value cannot be trusted
-    unsigned flat = 0;          ///< if active: nor this one, but at the tip of an edge
-    unsigned cornerMissing = 0; ///< if active: the band lacks a corner neighbor
-    unsigned missing = 0;       ///< if inactive: neighbors are so near to zero that it belongs
-    unsigned steep = 0;         ///< if active: values rise too fast on both sides
-    std::array<float, 8> slope; ///< of those
+    unsigned suspect = 0;       ///< active, and the value may be wrong
+    unsigned flat = 0;          ///< the same, except at the tip of an edge
+    unsigned cornerMissing = 0; ///< active, and the band lacks a corner neighbor
+    unsigned missing = 0;       ///< inactive, and a neighbor's value puts it inside the band
+    unsigned steep = 0;         ///< active, and values rise too fast on both sides
+    std::array<float, 8> slope; ///< of steep voxels
 };
 
-using Lanes = float __attribute__((vector_size(4 * kDim)));
-using Flags = int __attribute__((vector_size(4 * kDim)));
+using Lanes = float __attribute__((vector_size(4 * kBlockDim)));
+using Flags = int __attribute__((vector_size(4 * kBlockDim)));
 
-constexpr float kMissing = 0.3f; ///< a voxel belongs to the band if it is so much nearer, voxels
-/// And it must, if it is by so much, whatever the nearest crossing says, which may be too far.
-constexpr float kPromised = 0.5f;
+/// Depth inside the band, voxels, by a neighbor's value, from which on an inactive voxel is
+/// examined. [tuned: sample_field_test]
+constexpr float kMissingDepth = 0.3f;
+/// The same from which on it is added however far the nearest crossing is. [tuned:
+/// sample_field_test]
+constexpr float kCertainDepth = 0.5f;
 
-/// The band's inactive voxels that a neighbor, by its value, puts well inside the band.
+/// The row's voxels that a neighbor's value puts well inside the band.
 MPUVDB_CLONES
 unsigned missingInRow(const float* row, float halfWidth)
 {
@@ -73,18 +78,18 @@ unsigned missingInRow(const float* row, float halfWidth)
 #pragma GCC unroll 27
     for (int n = 0; n < 27; ++n) {
         const int x = n / 9 - 1, y = n / 3 % 3 - 1, z = n % 3 - 1;
-        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * kHalo + y) * kHalo + z)) +
+        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * Halo::kHalo + y) * Halo::kHalo + z)) +
                         kLength[std::abs(x) + std::abs(y) + std::abs(z)];
         nearest = u < nearest ? u : nearest;
     }
-    return unsigned(bitsOf(nearest < halfWidth - kMissing));
+    return unsigned(bitsOf(nearest < halfWidth - kMissingDepth));
 }
 
-/// The row's active voxels.
+/// The flags of the row's voxels, as if all were active.
 MPUVDB_CLONES
 RowFlags examineRow(const float* row, float halfWidth)
 {
-    constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
+    constexpr const auto& kStride = Halo::kStride;
     const Lanes v = lanesAt<Lanes>(row), a = magnitude(v);
     Lanes slope2{}, largestStep{}, gentle2{};
     Flags crosses{};
@@ -100,9 +105,9 @@ RowFlags examineRow(const float* row, float halfWidth)
         const Lanes rise = a - (a0 < a1 ? a0 : a1);
         slope2 += rise > 0 ? rise * rise : Lanes{};
     }
-    const Lanes perVoxel = kLeastSlopePerVoxel * a;
-    const Lanes least = perVoxel < kLeastSlope ? perVoxel : Lanes{} + kLeastSlope;
-    const Flags isSteep = slope2 > kMostSlope * kMostSlope;
+    const Lanes perVoxel = kMinSlopePerVoxel * a;
+    const Lanes least = perVoxel < kMinSlope ? perVoxel : Lanes{} + kMinSlope;
+    const Flags isSteep = slope2 > kMaxSlope * kMaxSlope;
     Lanes highestCorner{};
     for (const int dx : {-kStride[0], kStride[0]}) {
         for (const int dy : {-kStride[1], kStride[1]}) {
@@ -112,13 +117,13 @@ RowFlags examineRow(const float* row, float halfWidth)
             }
         }
     }
-    const float deep = halfWidth - kMissing - kDiagonal, outside = halfWidth * (1 - 1e-5f);
+    const float deep = halfWidth - kMissingDepth - kDiagonal, outside = halfWidth * (1 - 1e-5f);
     RowFlags flags;
-    flags.doubtful = unsigned(bitsOf((largestStep > kStep) | (~crosses & isSteep)));
+    flags.suspect = unsigned(bitsOf((largestStep > kMaxStep) | (~crosses & isSteep)));
     flags.flat = unsigned(bitsOf(~crosses & (slope2 < least * least)));
     flags.cornerMissing = unsigned(bitsOf((a < deep) & (highestCorner >= outside)));
-    flags.steep = unsigned(bitsOf(gentle2 > kEvenFrom * kEvenFrom));
-    for (int z = 0; flags.steep != 0 && z < kDim; ++z)
+    flags.steep = unsigned(bitsOf(gentle2 > kScaleFrom * kScaleFrom));
+    for (int z = 0; flags.steep != 0 && z < kBlockDim; ++z)
         flags.slope[std::size_t(z)] = std::sqrt(gentle2[z]);
     return flags;
 }
@@ -129,7 +134,7 @@ public:
     Restorer(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from, Interrupter& progress)
         : mTree(tree), mProgress(progress), mFrom(from), mVoxelSize(float(voxelSize)),
           mHalfWidth(tree.background() / float(voxelSize)),
-          mReach((int(std::ceil(mHalfWidth)) + kDim - 1) / kDim)
+          mReach((int(std::ceil(mHalfWidth)) + kBlockDim - 1) / kBlockDim)
     {
     }
 
@@ -145,9 +150,9 @@ public:
         mKnown = &known;
         LeafSet origins;
         for (const KnownVoxels& leaf : known) {
-            if (!leaf.isDoubtful) continue;
+            if (!leaf.isSuspect) continue;
             addLeavesAround(leaf.origin, origins);
-            addLeavesAround(leaf.origin.offsetBy(kDim - 1), origins);
+            addLeavesAround(leaf.origin.offsetBy(kBlockDim - 1), origins);
         }
         return run(leavesAt(origins));
     }
@@ -165,7 +170,7 @@ private:
             });
             work = apply(found, changed);
         }
-        while (const std::size_t added = addPromised()) changed += added;
+        while (const std::size_t added = addCertain()) changed += added;
         return changed;
     }
 
@@ -174,7 +179,7 @@ private:
     struct Examined {
         Coord at;
         float distance;                                        ///< voxels
-        float evened = std::numeric_limits<float>::infinity(); ///< value, voxels; infinite: none
+        float scaled = std::numeric_limits<float>::infinity(); ///< value, voxels; infinite: none
     };
 
     template <typename F>
@@ -187,44 +192,44 @@ private:
                           });
     }
 
-    /// Voxels in the leaf, or in missing leaves beside it, whose values cannot be trusted.
+    /// Voxels in the leaf, or in missing leaves beside it, whose values may be wrong.
     std::vector<Examined> examine(const Leaf& leaf) const
     {
         openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
         Halo halo;
         halo.load(access, leaf, 1 / mVoxelSize);
         const Leaf::NodeMaskType exact = exactIn(leaf.origin());
-        std::vector<Examined> found, doubted; // of the first, what is exact stays
-        for (int x = 0; x < kDim; ++x) {
-            for (int y = 0; y < kDim; ++y) {
+        std::vector<Examined> found, suspects; // exact voxels of the first stay
+        for (int x = 0; x < kBlockDim; ++x) {
+            for (int y = 0; y < kBlockDim; ++y) {
                 const int row = Halo::index(x + 1, y + 1, 1);
                 const float* const values = &halo.value[row];
-                const auto inLeaf = openvdb::Index(x * kDim + y);
+                const auto inLeaf = openvdb::Index(x * kBlockDim + y);
                 const unsigned active = leaf.getValueMask().getWord<std::uint8_t>(inLeaf);
                 RowFlags flags;
                 if (active != 0) flags = examineRow(values, mHalfWidth);
                 if (active != 0xff) flags.missing = missingInRow(values, mHalfWidth);
-                flags.doubtful |= flags.flat & ~unsigned(exact.getWord<std::uint8_t>(inLeaf));
-                flags.doubtful &= active;
+                flags.suspect |= flags.flat & ~unsigned(exact.getWord<std::uint8_t>(inLeaf));
+                flags.suspect &= active;
                 flags.cornerMissing &= active;
                 flags.missing &= ~active;
                 flags.steep &= mFrom == ValuesFrom::Field ? active : 0;
-                flags.doubtful &= ~flags.steep;
-                if ((flags.doubtful | flags.cornerMissing | flags.missing | flags.steep) == 0)
+                flags.suspect &= ~flags.steep;
+                if ((flags.suspect | flags.cornerMissing | flags.missing | flags.steep) == 0)
                     continue;
-                for (int z = 0; z < kDim; ++z) {
+                for (int z = 0; z < kBlockDim; ++z) {
                     const Coord at = leaf.origin() + Coord(x, y, z);
                     if (flags.cornerMissing >> z & 1u) addCorners(at, found);
-                    if (flags.doubtful >> z & 1u) doubted.push_back({at, 0});
+                    if (flags.suspect >> z & 1u) suspects.push_back({at, 0});
                     if (flags.steep >> z & 1u)
-                        doubted.push_back({at, 0, evened(values[z], flags.slope[std::size_t(z)])});
+                        suspects.push_back({at, 0, scaled(values[z], flags.slope[std::size_t(z)])});
                     if (flags.missing >> z & 1u) addMissing(halo, at, row + z, found);
                 }
             }
         }
         addMissingBeside(access, leaf, found);
         const auto byPlace = [](const Examined& a, const Examined& b) {
-            return a.at != b.at ? a.at < b.at : a.evened < b.evened;
+            return a.at != b.at ? a.at < b.at : a.scaled < b.scaled;
         };
         const auto same = [](const Examined& a, const Examined& b) { return a.at == b.at; };
         std::sort(found.begin(), found.end(), byPlace);
@@ -233,27 +238,27 @@ private:
             found.erase(std::remove_if(found.begin(), found.end(), which), found.end());
         };
         drop([&](const Examined& v) { return isExact(access, v.at); });
-        found.insert(found.end(), doubted.begin(), doubted.end());
+        found.insert(found.end(), suspects.begin(), suspects.end());
         std::sort(found.begin(), found.end(), byPlace);
         found.erase(std::unique(found.begin(), found.end(), same), found.end());
         drop([&](const Examined& v) { return isSettled(v.at); });
-        found.shrink_to_fit(); // most were found many times, and those of all leaves are held
+        found.shrink_to_fit(); // most were found several times, and all leaves' are kept
         return found;
     }
 
-    /// Add voxels of tiles beside the leaf that the band should hold.
+    /// Add voxels of tiles beside the leaf that belong to the band.
     void addMissingBeside(const openvdb::tree::ValueAccessor<const openvdb::FloatTree>& access,
                           const Leaf& leaf, std::vector<Examined>& found) const
     {
         for (int n = 0; n < 27; ++n) {
             const Coord side(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-            if (n == 13 ||
-                access.probeConstLeaf(leaf.origin() +
-                                      Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim)))
+            if (n == 13 || access.probeConstLeaf(leaf.origin() + Coord(side[0] * kBlockDim,
+                                                                       side[1] * kBlockDim,
+                                                                       side[2] * kBlockDim)))
                 continue;
             // The leaf's voxels that touch that side, each with its neighbors there.
-            const auto first = [&](int axis) { return side[axis] > 0 ? kDim - 1 : 0; };
-            const auto last = [&](int axis) { return side[axis] < 0 ? 0 : kDim - 1; };
+            const auto first = [&](int axis) { return side[axis] > 0 ? kBlockDim - 1 : 0; };
+            const auto last = [&](int axis) { return side[axis] < 0 ? 0 : kBlockDim - 1; };
             for (int x = first(0); x <= last(0); ++x)
                 for (int y = first(1); y <= last(1); ++y)
                     for (int z = first(2); z <= last(2); ++z)
@@ -265,7 +270,7 @@ private:
                    std::vector<Examined>& found) const
     {
         const float a = std::abs(leaf.getValue(leaf.origin() + in)) / mVoxelSize;
-        if (a + 1 >= mHalfWidth - kMissing) return;
+        if (a + 1 >= mHalfWidth - kMissingDepth) return;
         for (int n = 0; n < 27; ++n) {
             const Coord to = in + Coord(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
             if (Coord(to[0] >> 3, to[1] >> 3, to[2] >> 3) == side)
@@ -273,7 +278,7 @@ private:
         }
     }
 
-    /// Which voxels of a leaf are known to be exact.
+    /// The voxels of a leaf that are known to be exact.
     Leaf::NodeMaskType exactIn(const Coord& origin) const
     {
         if (!mKnown) return {};
@@ -303,21 +308,21 @@ private:
             found.push_back({at + Coord(n & 1 ? 1 : -1, n & 2 ? 1 : -1, n & 4 ? 1 : -1), 0});
     }
 
-    /// Add an inactive voxel so near to values well inside the band that it belongs there, and
-    /// those values, one of which may be wrong.
+    /// Add an inactive voxel that its neighbors' values put inside the band, and those neighbors,
+    /// one of which may be wrong.
     void addMissing(const Halo& halo, const Coord& at, int in, std::vector<Examined>& found) const
     {
         for (int n = 0; n < 27; ++n) {
             const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
             const float u = std::abs(halo.value[in + Halo::index(d[0], d[1], d[2])]);
             if (u + kLength[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
-                mHalfWidth - kMissing)
+                mHalfWidth - kMissingDepth)
                 found.push_back({at + d, 0});
         }
         found.push_back({at, 0});
     }
 
-    /// Those that may be nearest to what was found.
+    /// Collect the crossings that may be nearest to the found voxels.
     void collectCrossings(const std::vector<std::vector<Examined>>& found)
     {
         LeafSet homes, wanted;
@@ -340,7 +345,7 @@ private:
         for (int x = -mReach; x <= mReach; ++x)
             for (int y = -mReach; y <= mReach; ++y)
                 for (int z = -mReach; z <= mReach; ++z)
-                    f(home + Coord(x * kDim, y * kDim, z * kDim));
+                    f(home + Coord(x * kBlockDim, y * kBlockDim, z * kBlockDim));
     }
 
     /// Distance from a voxel to the nearest crossing, voxels; the half-width if none is nearer.
@@ -360,7 +365,7 @@ private:
         return std::sqrt(best2);
     }
 
-    /// Write what was found; returns the leaves to look at again.
+    /// Write the new values; returns the leaves to examine again.
     std::vector<Leaf*> apply(const std::vector<std::vector<Examined>>& found,
                              std::uint64_t& changed)
     {
@@ -383,7 +388,7 @@ private:
                 if (active ? distance == a : beyond) continue;
                 if (!beyond)
                     access.setValueOn(voxel.at, std::copysign(distance * mVoxelSize, old));
-                else if (a < mHalfWidth - 0.5f) // else the band's rim, as good as it gets
+                else if (a < mHalfWidth - 0.5f) // else it is at the band's rim
                     access.setValueOff(voxel.at, std::copysign(mTree.background(), old));
                 else
                     continue;
@@ -394,7 +399,7 @@ private:
         return leavesAt(touched);
     }
 
-    /// Those of the leaves that there are, in order.
+    /// The existing leaves at @a origins, in order.
     std::vector<Leaf*> leavesAt(const LeafSet& origins)
     {
         std::vector<Coord> inOrder(origins.begin(), origins.end());
@@ -406,12 +411,12 @@ private:
         return leaves;
     }
 
-    /// Add voxels that were found too far from crossings, but lie nearer by their neighbors'
+    /// Add voxels that are too far from crossings, but well inside the band by their neighbors'
     /// values. Returns their number.
-    std::size_t addPromised()
+    std::size_t addCertain()
     {
         openvdb::tree::ValueAccessor<openvdb::FloatTree> access(mTree);
-        std::vector<Examined> promised;
+        std::vector<Examined> certain;
         for (const auto& [origin, settled] : mSettled) {
             mProgress.check();
             for (auto it = settled.beginOn(); it; ++it) {
@@ -423,42 +428,42 @@ private:
                     least = std::min(least, std::abs(access.getValue(at + d)) / mVoxelSize +
                                                 d.asVec3s().length());
                 }
-                if (least < mHalfWidth - kPromised) promised.push_back({at, least});
+                if (least < mHalfWidth - kCertainDepth) certain.push_back({at, least});
             }
         }
-        for (const Examined& voxel : promised)
+        for (const Examined& voxel : certain)
             access.setValueOn(
                 voxel.at, std::copysign(voxel.distance * mVoxelSize, access.getValue(voxel.at)));
-        return promised.size();
+        return certain.size();
     }
 
     /// Origins of the leaves that hold a voxel or one of its neighbors.
     static void addLeavesAround(const Coord& at, LeafSet& origins)
     {
         const Coord low = at.offsetBy(-1) & ~7, high = at.offsetBy(1) & ~7;
-        for (int x = low.x(); x <= high.x(); x += kDim)
-            for (int y = low.y(); y <= high.y(); y += kDim)
-                for (int z = low.z(); z <= high.z(); z += kDim) origins.emplace(x, y, z);
+        for (int x = low.x(); x <= high.x(); x += kBlockDim)
+            for (int y = low.y(); y <= high.y(); y += kBlockDim)
+                for (int z = low.z(); z <= high.z(); z += kBlockDim) origins.emplace(x, y, z);
     }
 
-    /// What a value is to be where values rise by @a slope per voxel. Its neighbors are scaled
-    /// alike: the surface stays where it is.
-    static float evened(float value, float slope)
+    /// The magnitude of a value, voxels, scaled down where values rise by @a slope per voxel. Its
+    /// neighbors are scaled alike, so that the surface stays in place.
+    static float scaled(float value, float slope)
     {
-        const float t = std::clamp((slope - kEvenFrom) / (kEvenAll - kEvenFrom), 0.0f, 1.0f);
+        const float t = std::clamp((slope - kScaleFrom) / (kScaleFully - kScaleFrom), 0.0f, 1.0f);
         return std::abs(value) / (1 + t * (slope - 1));
     }
 
-    /// What a value is to be, given the distance to the nearest crossing.
+    /// The corrected value, voxels, given the distance to the nearest crossing.
     static float corrected(float value, const Examined& voxel)
     {
         const float distance = voxel.distance;
-        if (std::isfinite(voxel.evened)) {
-            const float least = std::max(distance / kDiagonal, distance - kBetween);
-            return std::clamp(voxel.evened, least, distance);
+        if (std::isfinite(voxel.scaled)) {
+            const float least = std::max(distance / kDiagonal, distance - kMaxExcess);
+            return std::clamp(voxel.scaled, least, distance);
         }
         if (value <= distance + kAbove && value >= distance - kBelow) return value;
-        return value < kTip ? std::max(value, distance - kBetween) : distance;
+        return value < kTip ? std::max(value, distance - kMaxExcess) : distance;
     }
 
     openvdb::FloatTree& mTree;
@@ -466,9 +471,9 @@ private:
     ValuesFrom mFrom;
     const std::vector<KnownVoxels>* mKnown = nullptr;
     float mVoxelSize, mHalfWidth; ///< world units; voxels
-    int mReach;                   ///< leaves around a voxel's own that the band reaches
+    int mReach;                   ///< leaves that the band reaches, around a voxel's own
     std::unordered_map<Coord, Crossings> mCrossings; ///< by leaf origin
-    /// Voxels whose distance to the nearest crossing has been looked up: it will not change.
+    /// Voxels whose distance to the nearest crossing has been found: it will not change.
     std::unordered_map<Coord, Leaf::NodeMaskType> mSettled;
 };
 

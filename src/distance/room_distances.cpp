@@ -1,15 +1,12 @@
 #include "room_distances.h"
 
 #include "distance_front.h"
-
 #include <mpuvdb/interrupter.h>
-
-#include <openvdb/tree/LeafManager.h>
-
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
+#include <openvdb/tree/LeafManager.h>
+#include <tbb/parallel_for.h>
 #include <unordered_set>
 
 namespace mpuvdb
@@ -21,10 +18,10 @@ using openvdb::Coord;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-/// Voxels from where the ball touches within which there are values.
-constexpr float kBand = 4;
+/// Half-width of the band about the surface of possible centers, voxels. [tuned: combine_test]
+constexpr float kRoomBand = 4;
 
-/// Leaves of either solid within @a reach of @a origins, in order.
+/// Leaves of either solid within @a reach voxels of @a origins, in order.
 std::vector<Coord> leavesAbout(const ScaledSolid& a, const ScaledSolid& b,
                                const std::vector<Coord>& origins, float reach,
                                Interrupter& progress)
@@ -48,7 +45,7 @@ std::vector<Coord> leavesAbout(const ScaledSolid& a, const ScaledSolid& b,
     return leaves;
 }
 
-/// How much more room than the ball needs there is, voxels. For one thread.
+/// Distance to the nearer solid less the ball's radius, voxels. For one thread.
 class Room
 {
 public:
@@ -66,11 +63,11 @@ private:
     float mScaleA, mScaleB, mRadius;
 };
 
-/// A level set of where the ball's center cannot be.
+/// A level set of the places where the ball's center cannot be.
 FloatTree roomTree(const ScaledSolid& a, const ScaledSolid& b, float radius,
                    const std::vector<Coord>& origins, Interrupter& progress)
 {
-    FloatTree tree(kBand);
+    FloatTree tree(kRoomBand);
     for (const Coord& origin : origins) tree.touchLeaf(origin);
     openvdb::tree::LeafManager<FloatTree> leaves(tree);
     leaves.foreach ([&](Leaf& leaf, std::size_t) {
@@ -78,8 +75,8 @@ FloatTree roomTree(const ScaledSolid& a, const ScaledSolid& b, float radius,
         const Room room(a, b, radius);
         for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
             const float v = room.at(leaf.offsetToGlobalCoord(n));
-            leaf.setValueOnly(n, std::clamp(v, -kBand, kBand));
-            leaf.setActiveState(n, std::abs(v) < kBand);
+            leaf.setValueOnly(n, std::clamp(v, -kRoomBand, kRoomBand));
+            leaf.setActiveState(n, std::abs(v) < kRoomBand);
         }
     });
     return tree;
@@ -99,7 +96,7 @@ std::vector<RoomDistances> roomDistances(const ScaledSolid& a, const ScaledSolid
             if (room.at(origins[n] + Leaf::offsetToLocalCoord(i)) >= 0) distances[n][i] = 0;
     });
     const FloatTree tree =
-        roomTree(a, b, radius, leavesAbout(a, b, origins, reach + kBand, progress), progress);
+        roomTree(a, b, radius, leavesAbout(a, b, origins, reach + kRoomBand, progress), progress);
     const SurfacePatches patches = surfacePatches(tree, 1, Values::Implicit, progress);
     const auto keep = [&](const Coord& origin, const Leaf*, const LeafDistances& found) {
         const auto wanted = std::lower_bound(origins.begin(), origins.end(), origin);

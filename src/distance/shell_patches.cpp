@@ -1,13 +1,11 @@
-// From a shell about the surface, creases that are convex look round; of hollow ones no place is
-// nearest to anything on that side. And the square of a distance is a quadratic function beside a
-// plane, an edge and a corner alike: central differences of it are exact there, and lead to the
-// nearest place.
+// The squared distance is a quadratic function beside a plane, an edge and a corner alike: central
+// differences of it are exact there, and project a shell's voxels to their nearest places. Seen
+// from the shell convex creases are round, and concave ones are nearest to nothing.
 #include "shell_patches.h"
 
+#include "core/release.h"
 #include "distance_front.h"
 #include "grid/leaf_halo.h"
-
-#include "core/release.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -25,40 +23,33 @@ namespace
 
 using Leaf = SurfacePatches::Leaf;
 
-constexpr int kDim = LeafHalo::kDim, kHalo = LeafHalo::kHalo;
-constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
-/// The shell, voxels from the surface: as far off as a band of three lets its voxels' neighbors
-/// be known, and one thick, so that each way from the surface leads past its voxels.
-constexpr float kNearest = 0.9f, kFarthest = 1.9f;
-/// Values so near to the background, relative to it, come from beyond the band.
-constexpr float kBeyond = 1e-3f;
-/// By how much, voxels, the length of the way to the surface and the value may differ: near the
-/// medial axis the differences tell neither.
-constexpr float kMostOff = 0.3f;
-/// As far as this, voxels, distances to patches are compared with values; and by how much they may
-/// differ.
-constexpr float kCompared = 3;
-constexpr float kMostWrong = 0.02f;
-/// Of the shell's voxels so many have to lead to the surface.
-constexpr double kLeastShare = 0.5;
-/// Half the square of a distance bends by no more than 1 anywhere [semiconcave, as the least of
-/// such functions]. Values that bend more, where they are larger than the distance to an edge, say,
-/// are none; no more than so many of the shell's voxels may have them.
-constexpr float kMostBent = 1.1f;
-constexpr double kMostShare = 1e-3;
-/// What is bent more, per voxel, counts as an edge: fits' and grids' own roundings are.
-constexpr float kSharpest = 1;
-/// Patches' radii, voxels: where the next begins. What is nearest to places beside an edge lies on
-/// it: past there, a patch tells more than is known.
-constexpr float kExtent = 0.9f, kEdgeExtent = 0.2f;
+constexpr const auto& kStride = LeafHalo::kStride;
+/// Distances of the shell from the surface, voxels. [derived: the neighbors of its voxels lie in a
+/// band of three, and it is one thick]
+constexpr float kShellFrom = 0.9f, kShellTo = 1.9f;
+/// Largest difference between the length of a projection and the value, voxels: it is large near
+/// the medial axis. [tuned: offset_bench]
+constexpr float kMaxLengthError = 0.3f;
+/// Distance from the surface up to which patches are compared with values, voxels, and the largest
+/// difference. [tuned: offset_bench]
+constexpr float kComparedWidth = 3;
+constexpr float kMaxError = 0.02f;
+/// Smallest share of the shell's voxels with a projection. [tuned: offset_bench]
+constexpr double kMinProjected = 0.5;
+/// Largest second derivative of half the squared distance, which is semiconcave with bound 1, and
+/// largest share of the shell's voxels beyond it. [tuned: offset_bench]
+constexpr float kMaxBend = 1.1f;
+constexpr double kMaxBentShare = 1e-3;
+/// Largest curvature, per voxel; beyond it a patch is that of an edge. [tuned: offset_bench]
+constexpr float kMaxCurvature = 1;
 
-/// Half the square of the distance around a voxel: gradient and second derivatives.
+/// Half the squared distance around a voxel: gradient and second derivatives.
 struct Square {
     Vec3f gradient; ///< from the nearest place to the voxel
     Eigen::Matrix3f hessian;
 };
 
-/// What a shell's voxels are.
+/// Counts of a shell's voxels.
 struct Shell {
     std::uint64_t voxels = 0, known = 0, patches = 0, bent = 0;
 
@@ -69,31 +60,31 @@ struct Shell {
         patches += part.patches;
         bent += part.bent;
     }
-    Sight sight() const
+    ShellValues values() const
     {
-        if (double(bent) > kMostShare * double(known)) return Sight::NoDistances;
-        const bool leadToSurface = double(patches) >= kLeastShare * double(voxels);
-        return leadToSurface && patches > 0 ? Sight::Distances : Sight::TooNarrow;
+        if (double(bent) > kMaxBentShare * double(known)) return ShellValues::NoDistances;
+        const bool leadToSurface = double(patches) >= kMinProjected * double(voxels);
+        return leadToSurface && patches > 0 ? ShellValues::Distances : ShellValues::TooNarrow;
     }
 };
 
-/// Patches that one leaf's voxels are nearest to.
+/// Makes the patches that one leaf's voxels are nearest to.
 class ShellLeaf
 {
 public:
     ShellLeaf(const openvdb::FloatTree& tree, double voxelSize, float side)
         : mAccess(tree), mScale(float(1 / voxelSize)),
-          mBeyond(tree.background() * mScale * (1 - kBeyond)), mSide(side)
+          mBeyond(tree.background() * mScale * (1 - kRimTolerance)), mSide(side)
     {
     }
 
-    /// @param shell  gets the leaf's voxels.
+    /// @param shell  the leaf's voxels are added to its counts.
     void addPatches(const Leaf& leaf, std::vector<SurfacePatch>& patches, Shell& shell)
     {
         bool loaded = false;
         for (auto value = leaf.cbeginValueOn(); value; ++value) {
             const float height = *value * mScale * mSide;
-            if (!(height >= kNearest && height < kFarthest)) continue;
+            if (!(height >= kShellFrom && height < kShellTo)) continue;
             if (!loaded) mHalo.load(mAccess, leaf, mScale);
             loaded = true;
             ++shell.voxels;
@@ -101,8 +92,8 @@ public:
             Square square;
             if (!squareAt(in, square)) continue;
             ++shell.known;
-            shell.bent += square.hessian.diagonal().maxCoeff() > kMostBent;
-            if (std::abs(square.gradient.norm() - height) < kMostOff)
+            shell.bent += square.hessian.diagonal().maxCoeff() > kMaxBend;
+            if (std::abs(square.gradient.norm() - height) < kMaxLengthError)
                 patches.push_back(patch(value.getCoord(), height, square));
         }
         shell.patches += patches.size();
@@ -111,8 +102,8 @@ public:
 private:
     static int inHalo(int voxel)
     {
-        return LeafHalo::index(voxel / (kDim * kDim) + 1, voxel / kDim % kDim + 1,
-                               voxel % kDim + 1);
+        return LeafHalo::index(voxel / (kBlockDim * kBlockDim) + 1,
+                               voxel / kBlockDim % kBlockDim + 1, voxel % kBlockDim + 1);
     }
 
     SurfacePatch patch(const openvdb::Coord& at, float height, const Square& square) const
@@ -122,15 +113,15 @@ private:
         patch.voxel = at;
         patch.foot = -height * away;
         patch.normal = mSide * away;
-        patch.extent = kExtent;
+        patch.extent = kPatchRadius;
         const std::array<float, 2> bend = patch.turnTangent(square.hessian);
         for (std::size_t k = 0; k < 2; ++k) {
-            // Of a place of radius r that is h off it is h / (r + h).
+            // At height h over a place of radius r the second derivative is h / (r + h).
             const float flat = std::max(1 - bend[k], 1 / kPointCurvature);
             const float curvature = bend[k] / (height * flat);
-            const bool isEdge = curvature > kSharpest;
+            const bool isEdge = curvature > kMaxCurvature;
             patch.curvature[k] = mSide * (isEdge ? kPointCurvature : curvature);
-            if (isEdge) patch.extent = kEdgeExtent;
+            if (isEdge) patch.extent = kCreasePatchRadius;
         }
         return patch;
     }
@@ -142,7 +133,7 @@ private:
         return 0.5f * v * v;
     }
 
-    /// False beside the band's rim.
+    /// Compute half the squared distance; false beside the band's rim.
     bool squareAt(int in, Square& q) const
     {
         const float here = squareOf(in);
@@ -160,7 +151,7 @@ private:
         return true;
     }
 
-    /// The mixed second derivative, from those of the four corners that are known.
+    /// The mixed second derivative, from the known ones of the four corners.
     float mixed(int in, int a, int b, const Square& q) const
     {
         const float here = squareOf(in), bent = 0.5f * (q.hessian(a, a) + q.hessian(b, b));
@@ -184,7 +175,7 @@ private:
     float mScale, mBeyond, mSide;
 };
 
-/// Let the shell's voxels of each of @a leaves have patches: f(number, patches).
+/// Call f(number, patches) with the patches of the shell's voxels for each of @a leaves.
 template <typename F>
 Shell forEachShellLeaf(const openvdb::FloatTree& tree, const std::vector<const Leaf*>& leaves,
                        double voxelSize, float side, Interrupter& progress, F f)
@@ -205,10 +196,10 @@ Shell forEachShellLeaf(const openvdb::FloatTree& tree, const std::vector<const L
     return sum;
 }
 
-/// The patches that the voxels of the shell are nearest to, about one for each voxel that the
-/// surface passes; none at all unless @a sight becomes that of distances.
+/// The patches that the voxels of the shell are nearest to, about one for each voxel at the
+/// surface; none unless @a values becomes ShellValues::Distances.
 SurfacePatches shellPatches(const openvdb::FloatTree& tree, double voxelSize, float side,
-                            Sight& sight, Interrupter& progress)
+                            ShellValues& values, Interrupter& progress)
 {
     SurfacePatches result;
     tree.getNodes(result.leaves);
@@ -218,9 +209,9 @@ SurfacePatches shellPatches(const openvdb::FloatTree& tree, double voxelSize, fl
     const Shell shell = forEachShellLeaf(
         tree, result.leaves, voxelSize, side, progress,
         [&](std::size_t n, std::vector<SurfacePatch>&& patches) { found[n] = std::move(patches); });
-    demandNumbers(shell.patches);
-    sight = shell.sight();
-    if (sight != Sight::Distances) return result;
+    requireIndexable(shell.patches);
+    values = shell.values();
+    if (values != ShellValues::Distances) return result;
     result.patches.reserve(shell.patches);
     for (std::size_t n = 0; n < leaves; ++n) {
         result.patches.insert(result.patches.end(), found[n].begin(), found[n].end());
@@ -230,14 +221,14 @@ SurfacePatches shellPatches(const openvdb::FloatTree& tree, double voxelSize, fl
     return result;
 }
 
-/// Compares distances to patches with the values of a tree.
+/// Compares the distances to patches with the values of a tree.
 class Comparison
 {
 public:
     Comparison(const SurfacePatches& patches, const SurfacePatches& shell, double voxelSize,
                float side)
         : mShell(shell), mScale(float(1 / voxelSize)), mSide(side), mWrong(patches.patches.size()),
-          mTeller(shell.patches.size(), kNoPatch)
+          mClosest(shell.patches.size(), kNoPatch)
     {
         for (std::size_t n = 0; n < shell.leaves.size(); ++n) mLeaves.emplace(shell.leaves[n], n);
     }
@@ -248,21 +239,21 @@ public:
         std::uint32_t next = mShell.first[mLeaves.at(&leaf)];
         for (auto value = leaf.cbeginValueOn(); value; ++value) {
             const float height = *value * mScale * mSide;
-            if (!(height >= kNearest && height < kCompared)) continue;
+            if (!(height >= kShellFrom && height < kComparedWidth)) continue;
             const int voxel = int(value.pos());
             const std::uint32_t patch = found.patch(voxel);
-            if (patch != kNoPatch && std::abs(found.at(voxel) * mSide - height) > kMostWrong)
+            if (patch != kNoPatch && std::abs(found.at(voxel) * mSide - height) > kMaxError)
                 mWrong[patch].store(true, std::memory_order_relaxed);
-            if (next < mTeller.size() && mShell.patches[next].voxel == value.getCoord())
-                mTeller[next++] = patch;
+            if (next < mClosest.size() && mShell.patches[next].voxel == value.getCoord())
+                mClosest[next++] = patch;
         }
     }
 
     bool isWrong(std::uint32_t patch) const { return mWrong[patch]; }
-    /// Whether the place nearest to the voxel of the shell's patch is told wrongly, or not at all.
+    /// Whether the voxel of the shell's patch has no closest patch, or a wrong one.
     bool isMissing(std::uint32_t patch) const
     {
-        return mTeller[patch] == kNoPatch || isWrong(mTeller[patch]);
+        return mClosest[patch] == kNoPatch || isWrong(mClosest[patch]);
     }
 
 private:
@@ -270,29 +261,30 @@ private:
     float mScale, mSide;
     std::unordered_map<const Leaf*, std::size_t> mLeaves;
     std::vector<std::atomic<bool>> mWrong; ///< by patch
-    std::vector<std::uint32_t> mTeller;    ///< by the shell's patch: what its voxel is nearest to
+    std::vector<std::uint32_t> mClosest;   ///< by the shell's patch: closest patch of its voxel
 };
 
 } // namespace
 
-Sight sightFrom(const openvdb::FloatTree& tree, double voxelSize, float side, Interrupter& progress)
+ShellValues shellValues(const openvdb::FloatTree& tree, double voxelSize, float side,
+                        Interrupter& progress)
 {
     std::vector<const Leaf*> leaves;
     tree.getNodes(leaves);
     return forEachShellLeaf(tree, leaves, voxelSize, side, progress,
                             [](std::size_t, const std::vector<SurfacePatch>&) {})
-        .sight();
+        .values();
 }
 
-Sight amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, double voxelSize,
-                   float side, Interrupter& progress)
+ShellValues refineByShellProjection(SurfacePatches& patches, const openvdb::FloatTree& tree,
+                                    double voxelSize, float side, Interrupter& progress)
 {
-    Sight sight = Sight::TooNarrow;
-    const SurfacePatches shell = shellPatches(tree, voxelSize, side, sight, progress);
-    if (sight != Sight::Distances) return sight;
+    ShellValues values = ShellValues::TooNarrow;
+    const SurfacePatches shell = shellPatches(tree, voxelSize, side, values, progress);
+    if (values != ShellValues::Distances) return values;
     Comparison comparison(patches, shell, voxelSize, side);
     spreadDistances(
-        tree, patches, side > 0 ? Reach{kCompared, 0} : Reach{0, kCompared},
+        tree, patches, side > 0 ? Reach{kComparedWidth, 0} : Reach{0, kComparedWidth},
         [&](const openvdb::Coord&, const Leaf* leaf, const LeafDistances& found) {
             if (leaf) comparison.add(*leaf, found);
             return FinishedLeaf{};
@@ -304,8 +296,8 @@ Sight amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, doub
         if (comparison.isWrong(n)) patches.superseded[n] = true;
     for (std::uint32_t n = 0; n < shell.patches.size(); ++n)
         if (comparison.isMissing(n)) patches.patches.push_back(shell.patches[n]);
-    demandNumbers(patches.patches.size());
-    return sight;
+    requireIndexable(patches.patches.size());
+    return values;
 }
 
 } // namespace mpuvdb

@@ -1,27 +1,28 @@
-// The zero set as it looks from one side, for distances far from it.
+// Patches of the zero set by projection of a shell of voxels on one side, for distances far from
+// it.
 #pragma once
 #include "surface/surface_patches.h"
 
 namespace mpuvdb
 {
 
-/// What the values one to two voxels off the zero set are.
-enum class Sight {
+/// Kind of the values one to two voxels from the zero set.
+enum class ShellValues {
     Distances,
-    NoDistances, ///< such as beside edges the larger of two planes'
-    TooNarrow    ///< the band, less than three voxels, to tell where the nearest places are
+    NoDistances, ///< for example the maximum of two planes' distances beside an edge
+    TooNarrow    ///< the band, less than three voxels, does not determine the nearest places
 };
 
-/// The values that @a tree has on @a side: 1 outside, -1 inside. @param voxelSize  world units.
-/// @throws Interrupted.
-Sight sightFrom(const openvdb::FloatTree& tree, double voxelSize, float side,
-                Interrupter& progress);
+/// The kind of the values that @a tree has on @a side: 1 outside, -1 inside. @param voxelSize world
+/// units. @throws Interrupted.
+ShellValues shellValues(const openvdb::FloatTree& tree, double voxelSize, float side,
+                        Interrupter& progress);
 
-/// Where @a patches of the zero set do not tell the distances that @a tree has on @a side, ridges
-/// too blunt or too near to each other for facets, supersede them by patches that voxels of a shell
-/// one to two voxels off are nearest to: good for distances farther off. @returns what it has seen;
-/// nothing is changed if these are no distances. @throws LimitError, Interrupted.
-Sight amendBySight(SurfacePatches& patches, const openvdb::FloatTree& tree, double voxelSize,
-                   float side, Interrupter& progress);
+/// Supersede @a patches of the zero set whose distances differ from those of @a tree on @a side,
+/// such as at ridges too blunt or too close for facets, by the projections of a shell of voxels one
+/// to two voxels from the surface: suited to distances farther off. @returns the kind of the
+/// values; unless they are distances nothing changes. @throws LimitError, Interrupted.
+ShellValues refineByShellProjection(SurfacePatches& patches, const openvdb::FloatTree& tree,
+                                    double voxelSize, float side, Interrupter& progress);
 
 } // namespace mpuvdb

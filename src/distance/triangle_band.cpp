@@ -1,16 +1,16 @@
 #include "triangle_band.h"
 
 #include "spatial/point_triangle.h"
+#include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>
-
-#include <tbb/enumerable_thread_specific.h>
-#include <tbb/task_group.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/task_group.h>
 
 namespace mpuvdb
 {
@@ -20,8 +20,6 @@ namespace
 using Leaf = openvdb::FloatTree::LeafNodeType;
 using Leaves = std::vector<std::unique_ptr<Leaf>>;
 using openvdb::Coord;
-
-constexpr int kDim = Leaf::DIM;
 
 Vec3d vecOf(const Coord& at)
 {
@@ -34,7 +32,7 @@ struct Cube {
     int size;
 
     Vec3d center() const { return vecOf(first) + Vec3d::Constant(0.5 * (size - 1)); }
-    /// Of a ball that holds its voxels.
+    /// Radius of a ball that holds its voxels.
     double radius() const { return std::sqrt(3.0) / 2 * (size - 1); }
     Cube child(int octant) const
     {
@@ -44,20 +42,23 @@ struct Cube {
     }
 };
 
-/// Voxels: places nearer to each other are one. Corners of triangles that meet where they were cut
-/// are rounded to floats each for itself.
+/// Largest difference of distances that count as equal, voxels: where triangles were cut, their
+/// corners are rounded to floats independently.
 double tieFor(const PlacedTriangles& triangles)
 {
-    constexpr double kLeast = 1e-6;  // [derived: roundings of doubles at 2^23 voxels, thousandfold]
-    constexpr double kRoundings = 4; // [derived: two corners along the axes, two distances]
+    /// Smallest tie, voxels. [derived: roundings of doubles at 2^23 voxels, thousandfold]
+    constexpr double kMinTie = 1e-6;
+    /// Roundings of floats. [derived: two corners along the axes, two distances]
+    constexpr double kTieRoundings = 4;
     const TriangleTree::Box& box = triangles.tree.box();
     const float largest = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
-    return kLeast + kRoundings * double(std::numeric_limits<float>::epsilon() * largest) /
-                        triangles.voxelSize;
+    return kMinTie + kTieRoundings * double(std::numeric_limits<float>::epsilon() * largest) /
+                         triangles.voxelSize;
 }
 
-/// The place of a triangle that is nearest to another place, and how much of a small circle about
-/// it the triangle fills, radians: 2 pi within it, pi on an edge, the corner's angle at a corner.
+/// The place of a triangle that is nearest to a given place, and the angle of a small circle about
+/// it that the triangle fills, radians: 2 pi within it, pi on an edge, the corner's angle at a
+/// corner.
 struct NearestPlace {
     Vec3d place;
     double angle;
@@ -92,8 +93,8 @@ private:
     }
 };
 
-/// Measures the voxels of one leaf after the other, for one thread: cube by cube, halved with those
-/// triangles that may be nearest to one of its voxels.
+/// Measures the voxels of one leaf after the other by halving cubes, each with the triangles that
+/// may be nearest to one of its voxels. For one thread.
 class LeafMeasure
 {
 public:
@@ -106,14 +107,14 @@ public:
     /// @param distance  voxels from the cube's center to the mesh. Null if nothing is within reach.
     std::unique_ptr<Leaf> measure(const Cube& cube, double distance)
     {
-        mHeld.clear();
+        mCandidates.clear();
         mKept[0].clear();
         const double farthest = bound(distance, cube.radius());
         const TriangleTree& tree = mTriangles.tree;
         tree.forEachNear(mTriangles.place(cube.center()), farthest * mTriangles.voxelSize,
                          [&](std::size_t slot) {
-                             mKept[0].push_back(std::uint32_t(mHeld.size()));
-                             mHeld.push_back(held(tree.corners(slot)));
+                             mKept[0].push_back(std::uint32_t(mCandidates.size()));
+                             mCandidates.push_back(candidateOf(tree.corners(slot)));
                          });
         mLeaf = std::make_unique<Leaf>(cube.first, float(mReach * mTriangles.voxelSize), false);
         refine(cube, 0, distance);
@@ -122,16 +123,16 @@ public:
 
 private:
     /// A triangle in voxels, and a ball that holds it.
-    struct Held {
+    struct Candidate {
         std::array<Vec3d, 3> corners;
         Vec3d normal; ///< of length 1, or 0
         Vec3d middle;
         double radius;
     };
 
-    Held held(const TriangleTree::Corners& corners) const
+    Candidate candidateOf(const TriangleTree::Corners& corners) const
     {
-        Held t;
+        Candidate t;
         for (std::size_t k = 0; k < 3; ++k) t.corners[k] = mTriangles.voxels(corners[k]);
         const auto& [a, b, c] = t.corners;
         t.normal = (b - a).cross(c - a).normalized();
@@ -143,17 +144,18 @@ private:
         return t;
     }
 
-    /// How far from the center of a ball the nearest triangles of a place in it can be, if they are
-    /// within reach. @param least  of the distances to the center, or more.
+    /// Upper bound of the distance from the center of a ball to the nearest triangles of places in
+    /// it that are within reach. @param least  upper bound of the smallest distance to the center.
     double bound(double least, double radius) const
     {
         return std::min(least + 2 * radius, mReach + radius) + mTie;
     }
 
-    /// @param atMost  as far as the nearest triangle is from the center, or farther.
+    /// @param atMost  upper bound of the distance from the center to the nearest triangle, voxels.
     void refine(const Cube& cube, std::size_t depth, double atMost)
     {
-        constexpr double kRoundings = 1 + 1e-9;
+        constexpr double kRoundings =
+            1 + 1e-9; ///< factor [derived: a million roundings of doubles]
         const Vec3d center = cube.center();
         const double radius = cube.radius();
         std::vector<std::uint32_t>& kept = mKept[depth + 1];
@@ -161,7 +163,7 @@ private:
         mDistances.clear();
         double least = kRoundings * atMost;
         for (const std::uint32_t n : mKept[depth]) {
-            const Held& t = mHeld[n];
+            const Candidate& t = mCandidates[n];
             const double farthest = bound(least, radius), allowed = farthest + t.radius;
             if ((center - t.middle).squaredNorm() > allowed * allowed) continue;
             const double distance = std::sqrt(squaredDistance(center, t.corners));
@@ -170,7 +172,7 @@ private:
             mDistances.push_back(distance);
             if (distance >= least) continue;
             least = distance;
-            // In front, where it will narrow the search of the cubes within this one.
+            // The nearest comes first, which narrows the search of the cubes within this one.
             std::swap(kept.front(), kept.back());
             std::swap(mDistances.front(), mDistances.back());
         }
@@ -198,31 +200,31 @@ private:
     /// @param nearest  triangles, all as far from @a p.
     bool isBehind(const std::vector<std::uint32_t>& nearest, const Vec3d& p) const
     {
-        const auto height = [&](const Held& t, const Vec3d& from) {
+        const auto height = [&](const Candidate& t, const Vec3d& from) {
             return t.normal.dot(p - from);
         };
         if (nearest.size() == 1) {
-            const Held& only = mHeld[nearest.front()];
+            const Candidate& only = mCandidates[nearest.front()];
             return height(only, only.corners[0]) < 0;
         }
         double sum = 0;
         for (const std::uint32_t n : nearest) {
-            const NearestPlace near(p, mHeld[n].corners);
-            sum += near.angle * height(mHeld[n], near.place);
+            const NearestPlace near(p, mCandidates[n].corners);
+            sum += near.angle * height(mCandidates[n], near.place);
         }
         return sum < 0;
     }
 
     const PlacedTriangles& mTriangles;
     double mReach;
-    double mTie; ///< voxels: triangles are as near whose distances differ by less
-    std::vector<Held> mHeld;
+    double mTie; ///< difference of distances, voxels, below which triangles are equally near
+    std::vector<Candidate> mCandidates;
     std::array<std::vector<std::uint32_t>, 5> mKept; ///< by depth
     std::vector<double> mDistances;                  ///< of those kept last
     std::unique_ptr<Leaf> mLeaf;
 };
 
-/// From a cube that holds all triangles down to leaves, wherever some are within reach.
+/// Descends from a cube that holds all triangles to the leaves within reach of some.
 class Descent
 {
 public:
@@ -238,7 +240,7 @@ public:
         const Vec3d high = mTriangles.voxels(mTriangles.tree.box().max()) + Vec3d::Constant(mReach);
         const Coord first(int(std::floor(low[0])), int(std::floor(low[1])),
                           int(std::floor(low[2])));
-        Cube cube{first & ~(kDim - 1), kDim};
+        Cube cube{first & ~(kBlockDim - 1), kBlockDim};
         while ((high - vecOf(cube.first)).maxCoeff() >= cube.size) cube.size *= 2;
         descend(cube, 0);
         Leaves leaves;
@@ -250,7 +252,7 @@ public:
     }
 
 private:
-    /// @param slot  as the tree has it.
+    /// @param slot  of the triangle nearest so far, as TriangleTree::squaredDistance() takes it.
     void descend(const Cube& cube, std::size_t slot)
     {
         mProgress.check();
@@ -258,7 +260,7 @@ private:
             std::sqrt(mTriangles.tree.squaredDistance(mTriangles.place(cube.center()), slot)) /
             mTriangles.voxelSize;
         if (!(distance < mReach + cube.radius())) return;
-        if (cube.size == kDim) {
+        if (cube.size == kBlockDim) {
             if (auto leaf = mMeasures.local().measure(cube, distance))
                 mLeaves.local().push_back(std::move(leaf));
             return;

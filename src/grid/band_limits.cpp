@@ -9,15 +9,15 @@
 namespace mpuvdb
 {
 
-void demandHalfWidth(double halfWidth)
+void requireHalfWidth(double halfWidth)
 {
-    if (!(halfWidth >= kNarrowestBand && halfWidth <= kWidestBand))
+    if (!(halfWidth >= kMinHalfWidth && halfWidth <= kMaxHalfWidth))
         throw UsageError(fmt::format("half-width is {:.6g} voxels; it must be in [{}, {}], and "
-                                     "most that work with level sets expect 3",
-                                     halfWidth, kNarrowestBand, kWidestBand));
+                                     "most tools for level sets expect 3",
+                                     halfWidth, kMinHalfWidth, kMaxHalfWidth));
 }
 
-void demandBlendRadius(double radius)
+void requireBlendRadius(double radius)
 {
     if (!(radius >= 0) || !std::isfinite(radius))
         throw UsageError(
@@ -26,9 +26,9 @@ void demandBlendRadius(double radius)
                         radius));
 }
 
-void demandBandForBlend(double radius, double voxelSize, double halfWidth)
+void requireBandForBlend(double radius, double voxelSize, double halfWidth)
 {
-    const double most = kWidestBand - halfWidth; // voxels
+    const double most = kMaxHalfWidth - halfWidth; // voxels
     if (radius <= most * voxelSize) return;
     throw LimitError(fmt::format(
         "blend radius {:.6g} is {:.4g} voxels of {:.6g}, and a fillet takes no more than {:.4g}: "
@@ -36,11 +36,11 @@ void demandBandForBlend(double radius, double voxelSize, double halfWidth)
         radius, radius / voxelSize, voxelSize, most, most * voxelSize));
 }
 
-void demandBallForSolids(double radius, double voxelSize, const Box3d& solids)
+void requireBallForSolids(double radius, double voxelSize, const Box3d& solids)
 {
-    constexpr double kAnyway = 100; // voxels
+    constexpr double kMinLimit = 100; ///< limit for small solids, voxels [tuned: combine_test]
     if (solids.isEmpty()) return;
-    const double across = solids.sizes().norm(), most = std::max(across, kAnyway * voxelSize);
+    const double across = solids.sizes().norm(), most = std::max(across, kMinLimit * voxelSize);
     if (!(radius > most)) return;
     throw LimitError(fmt::format(
         "blend radius {:.6g} ({:.4g} voxels) is larger than the solids together, which are {:.6g} "

@@ -5,9 +5,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::uint64_t kFirstZ = 0x0101010101010101ull, kLastZ = kFirstZ << 7;
-
-/// Those of @a mask that are connected by faces to its first.
+/// The face-connected component of @a mask that holds its first voxel.
 SignWords firstPart(const SignWords& mask)
 {
     std::size_t first = 0;

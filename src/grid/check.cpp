@@ -1,17 +1,15 @@
-// What a level set promises, looked at voxel by voxel, and what is wrong with it in words.
+// The check of a level set: tiles here, leaves in leaf_check, findings as text.
+#include "leaf_check.h"
+#include "transform_lattice.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
 
-#include "leaf_check.h"
-#include "transform_lattice.h"
-
+#include <cmath>
 #include <fmt/format.h>
+#include <limits>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
-
-#include <cmath>
-#include <limits>
 
 namespace mpuvdb
 {
@@ -21,14 +19,19 @@ namespace
 using openvdb::Coord;
 using Tree = openvdb::FloatTree;
 
-/// A half float has 11 significant bits, all others are exact but for a rounding or two.
-constexpr double kHalfTolerance = 1.0 / 1024, kFloatTolerance = 1e-5;
-/// A distance changes by at most one voxel from voxel to voxel; beyond two, it is none.
-constexpr double kLargestStep = 2;
-/// What a mean ||grad| - 1| over n voxels may be off, times sqrt(n): 0.18 for eight, 0.005 for ten
-/// thousand. The few voxels that a region has of a band that grazes it may all be at a crease.
+/// Tolerance of values saved as half floats, relative. [derived: 11 significant bits, two
+/// roundings]
+constexpr double kHalfTolerance = 1.0 / 1024;
+/// Tolerance of floats, relative. [derived: eighty roundings]
+constexpr double kFloatTolerance = 1e-5;
+/// Largest change of a distance between neighbors, voxels: twice that of a true distance.
+/// [tuned: level_set_test]
+constexpr double kMaxStep = 2;
+/// Uncertainty of a mean ||grad| - 1| over n voxels, times sqrt(n): the few voxels of a band that
+/// grazes a region may all be at a crease. [tuned: region_test]
 constexpr double kMeanUncertainty = 0.5;
-/// How much farther than its neighbor's distance allows a voxel may be before it is missed.
+/// Margin by which a neighbor's distance has to put a voxel inside the band, voxels.
+/// [tuned: level_set_test]
 constexpr double kBandMargin = 0.5;
 
 CheckLimits limitsOf(const openvdb::FloatGrid& grid, double voxelSize, double gradientTolerance)
@@ -37,7 +40,7 @@ CheckLimits limitsOf(const openvdb::FloatGrid& grid, double voxelSize, double gr
     limits.background = grid.background();
     limits.tolerance =
         float(limits.background * (grid.saveFloatAsHalf() ? kHalfTolerance : kFloatTolerance));
-    limits.step = float(kLargestStep * voxelSize);
+    limits.step = float(kMaxStep * voxelSize);
     limits.twiceVoxel = float(2 * voxelSize);
     for (int n = 0; n < 3; ++n)
         limits.near[n] = float(limits.background - (std::sqrt(n + 1.0) + kBandMargin) * voxelSize);
@@ -45,9 +48,9 @@ CheckLimits limitsOf(const openvdb::FloatGrid& grid, double voxelSize, double gr
     return limits;
 }
 
-/// Judge a tile: inactive, of background's magnitude, of the same sign as what it touches. Smaller
-/// neighbors look at it from their side.
-void judgeTile(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLimits& limits,
+/// Check a tile: inactive, of the background's magnitude, of the same sign as what it touches.
+/// Smaller neighbors are compared with it from their side.
+void checkTile(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLimits& limits,
                const Coord& origin, int dim, FaultTallies& tallies)
 {
     float value = 0;
@@ -68,11 +71,12 @@ void judgeTile(const openvdb::FloatGrid::ConstAccessor& accessor, const CheckLim
         }
 }
 
-/// Whether child @a n of a node is a tile without fault among tiles of the same node, like itself:
-/// nearly all are, and need no look from the root.
+/// Whether child @a n of a node and its neighbors in the node are sound tiles of one sign: nearly
+/// all are, and need no search from the root.
 template <typename Node>
-bool isAmongItsLike(const Node& node, openvdb::Index n, const CheckLimits& limits)
+bool isInUniformTiles(const Node& node, openvdb::Index n, const CheckLimits& limits)
 {
+    /// Last child along an axis. [derived: the node's edge]
     constexpr openvdb::Index kLast = (1u << Node::LOG2DIM) - 1;
     const float value = node.getTable()[n].getValue();
     if (node.isValueMaskOn(n) ||
@@ -89,12 +93,12 @@ bool isAmongItsLike(const Node& node, openvdb::Index n, const CheckLimits& limit
     return true;
 }
 
-/// Judge the tiles of all nodes of one level.
+/// Check the tiles of all nodes of one level.
 template <typename Node>
-FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& limits,
+FaultTallies checkTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& limits,
                           const openvdb::CoordBBox& within, Interrupter& progress)
 {
-    constexpr int kDim = Node::ChildNodeType::DIM;
+    constexpr int kDim = Node::ChildNodeType::DIM; ///< edge of a child, voxels [derived: the tree]
     std::vector<const Node*> nodes;
     grid.tree().getNodes(nodes);
     return tbb::parallel_reduce(
@@ -104,9 +108,9 @@ FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& lim
             for (std::size_t n = range.begin(); n != range.end(); ++n) {
                 progress.check();
                 for (auto tile = nodes[n]->cbeginValueAll(); tile; ++tile)
-                    if (!isAmongItsLike(*nodes[n], tile.pos(), limits) &&
+                    if (!isInUniformTiles(*nodes[n], tile.pos(), limits) &&
                         isWellWithin(tile.getCoord(), kDim, within))
-                        judgeTile(accessor, limits, tile.getCoord(), kDim, tallies);
+                        checkTile(accessor, limits, tile.getCoord(), kDim, tallies);
             }
             return tallies;
         },
@@ -116,21 +120,21 @@ FaultTallies judgeTilesOf(const openvdb::FloatGrid& grid, const CheckLimits& lim
         });
 }
 
-FaultTallies judgeTiles(const openvdb::FloatGrid& grid, const CheckLimits& limits,
+FaultTallies checkTiles(const openvdb::FloatGrid& grid, const CheckLimits& limits,
                         const openvdb::CoordBBox& within, Interrupter& progress)
 {
     using Upper = Tree::RootNodeType::ChildNodeType;
     using Lower = Upper::ChildNodeType;
-    FaultTallies tallies = judgeTilesOf<Upper>(grid, limits, within, progress);
-    tallies.join(judgeTilesOf<Lower>(grid, limits, within, progress));
+    FaultTallies tallies = checkTilesOf<Upper>(grid, limits, within, progress);
+    tallies.join(checkTilesOf<Lower>(grid, limits, within, progress));
     const auto accessor = grid.getConstAccessor();
     for (auto tile = grid.tree().root().cbeginValueAll(); tile; ++tile)
         if (isWellWithin(tile.getCoord(), Upper::DIM, within))
-            judgeTile(accessor, limits, tile.getCoord(), Upper::DIM, tallies);
+            checkTile(accessor, limits, tile.getCoord(), Upper::DIM, tallies);
     return tallies;
 }
 
-/// What is wrong, in words.
+/// The text of a finding.
 std::string describe(Fault fault, const CheckLimits& limits, const CheckReport& report)
 {
     switch (fault) {
@@ -151,7 +155,7 @@ std::string describe(Fault fault, const CheckLimits& limits, const CheckReport& 
         return "the sign changes beside an inactive voxel or tile";
     case Fault::Jump:
         return fmt::format("the distance changes by more than {:g} voxels from voxel to voxel",
-                           kLargestStep);
+                           kMaxStep);
     case Fault::Steepness:
         break;
     }
@@ -160,7 +164,7 @@ std::string describe(Fault fault, const CheckLimits& limits, const CheckReport& 
                        report.meanGradientError, report.maxGradientError, limits.steepness);
 }
 
-/// What is wrong with the grid as a whole, and forbids to look at its voxels.
+/// Faults of the grid as a whole, with which its voxels cannot be checked.
 std::vector<CheckFinding> findingsOfGrid(const openvdb::FloatGrid& grid)
 {
     std::vector<CheckFinding> findings;
@@ -196,14 +200,14 @@ CheckReport check(const openvdb::FloatGrid& grid, double gradientTolerance,
     const double voxelSize = latticeOf(grid.transform())->voxelSize;
     const CheckLimits limits = limitsOf(grid, voxelSize, gradientTolerance);
     SideSums steepness = {};
-    FaultTallies tallies = judgeLeaves(grid, limits, within, steepness, progress);
-    tallies.join(judgeTiles(grid, limits, within, progress));
+    FaultTallies tallies = checkLeaves(grid, limits, within, steepness, progress);
+    tallies.join(checkTiles(grid, limits, within, progress));
     progress.endStage();
 
     report.bandInside = -tallies.lowest / voxelSize;
     report.bandOutside = tallies.highest / voxelSize;
     report.maxGradientError = tallies.maxSteepness;
-    // The better side counts: inside a wall thinner than the band there is no room for a slope.
+    // The better side counts: inside a wall thinner than the band there is no full slope.
     double mean = std::numeric_limits<double>::infinity(), least = mean;
     for (std::size_t side : {0, 1}) {
         const auto n = double(tallies.gradients[side]);

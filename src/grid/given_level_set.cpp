@@ -1,20 +1,20 @@
-#include "core/lanes.h"
-#include <mpuvdb/error.h>
 #include <mpuvdb/given_level_set.h>
-#include <mpuvdb/interrupter.h>
 
 #include "band_limits.h"
+#include "block_parts.h"
+#include "core/lanes.h"
 #include "prune.h"
-
-#include <fmt/format.h>
-#include <openvdb/tools/ChangeBackground.h>
-#include <openvdb/tree/LeafManager.h>
-#include <tbb/parallel_for.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fmt/format.h>
+#include <openvdb/tools/ChangeBackground.h>
+#include <openvdb/tree/LeafManager.h>
 #include <optional>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
@@ -26,22 +26,21 @@ using openvdb::FloatGrid;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-/// What is so near to the background, in parts of it, is the background.
+/// Difference from the background, relative to it, up to which a value is the background.
+/// [derived: eighty roundings of a float]
 constexpr float kRounding = 1e-5f;
-constexpr int kLast = int(Leaf::DIM) - 1;
+constexpr int kLast = int(Leaf::DIM) - 1; ///< last voxel along an axis [derived: the leaf's edge]
 
 const Coord kSteps[3] = {Coord(1, 0, 0), Coord(0, 1, 0), Coord(0, 0, 1)};
 
-/// Bits of a leaf's voxels, as its masks have them: a word for each x, in it y * 8 + z.
-using Words = std::array<std::uint64_t, Leaf::DIM>;
-constexpr std::uint64_t kLastZ = 0x8080808080808080u, kFirstZ = 0x0101010101010101u;
-constexpr std::uint64_t kLastY = 0xff00000000000000u, kFirstY = 0x00000000000000ffu;
+/// Bits of a leaf's voxels, as its masks have them.
+using Words = SignWords;
 
-/// A direction along an axis. @param step  1 or -1.
+/// A direction along an axis.
 struct Toward {
-    int axis, step;
+    int axis, step; ///< step is 1 or -1
 
-    /// What @a words say of the neighbor of each voxel with x-coordinate @a x in this leaf.
+    /// The bits of @a words at the neighbors of the voxels with x-coordinate @a x in this leaf.
     std::uint64_t of(const Words& words, int x) const
     {
         const auto n = std::size_t(x);
@@ -49,7 +48,7 @@ struct Toward {
         const int shift = axis == 1 ? 8 : 1;
         return step > 0 ? words[n] >> shift : words[n] << shift;
     }
-    /// The voxels that have that neighbor in this leaf.
+    /// The voxels whose neighbor in that direction lies in this leaf.
     std::uint64_t within(int x) const
     {
         if (axis == 0) return hasNeighbor(x) ? ~std::uint64_t(0) : 0;
@@ -65,7 +64,7 @@ const Toward kFaces[6] = {{0, -1}, {0, 1}, {1, -1}, {1, 1}, {2, -1}, {2, 1}};
 
 using Lanes = float __attribute__((vector_size(sizeof(float) * Leaf::DIM)));
 
-/// The voxels for whose values @a f holds; it takes eight at once.
+/// The voxels whose values satisfy @a f, which takes eight at once.
 template <typename F>
 Words wordsOf(const Leaf& leaf, const F& f)
 {
@@ -109,7 +108,7 @@ std::vector<const Leaf*> leavesOf(const FloatTree& tree)
     return leaves;
 }
 
-/// All of @a parts, in their order.
+/// The concatenation of @a parts.
 std::vector<float> joined(const std::vector<std::vector<float>>& parts)
 {
     std::vector<float> all;
@@ -117,7 +116,7 @@ std::vector<float> joined(const std::vector<std::vector<float>>& parts)
     return all;
 }
 
-/// The value that a share @a part of @a values is below; there has to be one.
+/// The @a part quantile of @a values, which are not empty.
 float quantile(std::vector<float>& values, double part)
 {
     const auto n = std::ptrdiff_t(part * double(values.size() - 1));
@@ -125,11 +124,12 @@ float quantile(std::vector<float>& values, double part)
     return values[std::size_t(n)];
 }
 
-/// How wide the band really is.
+/// Counts that show how wide a band is.
 struct Band {
-    std::uint64_t active = 0, beyond = 0; ///< voxels; those at the background or beyond
-    std::uint64_t odd = 0;                ///< inactive voxels of another value
-    std::vector<float> rims;              ///< values where the band ends
+    std::uint64_t active = 0,
+                  beyond = 0; ///< active voxels; those of them at the background or beyond
+    std::uint64_t odd = 0;    ///< inactive voxels of another value than the background's
+    std::vector<float> rims;  ///< magnitudes of the values where the band ends
 };
 
 Band measureBand(const FloatTree& tree, float limit, const Interrupter& progress)
@@ -144,22 +144,22 @@ Band measureBand(const FloatTree& tree, float limit, const Interrupter& progress
         Band& band = bands[n];
         const Words inside = insideOf(leaf);
         const Words active = activeOf(leaf);
-        Words held = wordsOf(leaf, [&](const Lanes& v) { return magnitude(v) < limit; });
+        Words inBand = wordsOf(leaf, [&](const Lanes& v) { return magnitude(v) < limit; });
         const Words usual = wordsOf(leaf, [&](const Lanes& v) {
             return magnitude(magnitude(v) - background) <= kRounding * background;
         });
-        for (std::size_t x = 0; x < held.size(); ++x) {
-            held[x] &= active[x];
+        for (std::size_t x = 0; x < inBand.size(); ++x) {
+            inBand[x] &= active[x];
             band.odd += std::uint64_t(bitsIn(~active[x] & ~usual[x]));
         }
         band.active = leaf.onVoxelCount();
         band.beyond = band.active;
         for (int x = 0; x <= kLast; ++x) {
-            const std::uint64_t own = held[std::size_t(x)], sign = inside[std::size_t(x)];
+            const std::uint64_t own = inBand[std::size_t(x)], sign = inside[std::size_t(x)];
             band.beyond -= std::uint64_t(bitsIn(own));
             std::uint64_t ends = 0;
             for (const Toward& to : kFaces)
-                ends |= own & to.within(x) & ~to.of(held, x) & ~(sign ^ to.of(inside, x));
+                ends |= own & to.within(x) & ~to.of(inBand, x) & ~(sign ^ to.of(inside, x));
             forEachBit(ends, [&](int bit) {
                 rims[n].push_back(std::abs(leaf.getValue(openvdb::Index(64 * x + bit))));
             });
@@ -175,16 +175,18 @@ Band measureBand(const FloatTree& tree, float limit, const Interrupter& progress
     return whole;
 }
 
-/// The half-width in voxels that the band of @a tree holds, to a quarter of a voxel; none if it
-/// ends nowhere. A band that is whole ends less than a voxel within its half-width.
-std::optional<double> heldWidth(Band& band, double voxelSize)
+/// The half-width of the band, voxels, to a quarter of a voxel; none if it ends nowhere. A complete
+/// band ends less than a voxel within its half-width.
+std::optional<double> measuredWidth(Band& band, double voxelSize)
 {
-    constexpr double kRagged = 0.1; // of the rim may be missing
-    constexpr double kQuarters = 4;
+    constexpr double kMaxMissingRim =
+        0.1; ///< share of the rim that may be missing [tuned: given_level_set_test]
+    constexpr double kStepsPerVoxel = 4; ///< steps per voxel [tuned: given_level_set_test]
     if (band.rims.empty()) return std::nullopt;
-    const double least = quantile(band.rims, kRagged) / voxelSize;
+    const double least = quantile(band.rims, kMaxMissingRim) / voxelSize;
     const double most = quantile(band.rims, 1) / voxelSize;
-    return std::min(std::ceil(kQuarters * most), std::floor(kQuarters * (least + 1))) / kQuarters;
+    return std::min(std::ceil(kStepsPerVoxel * most), std::floor(kStepsPerVoxel * (least + 1))) /
+           kStepsPerVoxel;
 }
 
 bool hasActiveTiles(const FloatTree& tree)
@@ -194,7 +196,7 @@ bool hasActiveTiles(const FloatTree& tree)
     return bool(tile);
 }
 
-/// A copy of @a grid with another background, and inactive what is not within.
+/// A copy of @a grid with another background, in which values beyond it are inactive.
 FloatGrid::Ptr cutOff(const FloatGrid& grid, float background)
 {
     FloatGrid::Ptr made = grid.deepCopy();
@@ -213,8 +215,8 @@ FloatGrid::Ptr cutOff(const FloatGrid& grid, float background)
     return made;
 }
 
-/// Lengths of the gradient in the active voxels of @a leaf beside the zero set, by the steeper side
-/// of each axis: so the middle of a thin wall is as steep as its sides.
+/// Append the lengths of the gradient in the active voxels of @a leaf beside the zero set. Each
+/// axis counts with its steeper side, so that the middle of a thin wall is as steep as its sides.
 void addSlopes(const Leaf& leaf, FloatGrid::ConstAccessor& at, double voxelSize,
                std::vector<float>& slopes)
 {
@@ -237,10 +239,11 @@ void addSlopes(const Leaf& leaf, FloatGrid::ConstAccessor& at, double voxelSize,
     }
 }
 
-/// The median slope beside the zero set, of up to kMost leaves; 1 where there is none.
+/// The median slope beside the zero set in a sample of the leaves; 1 where there is none.
 double medianSlope(const FloatGrid& grid, double voxelSize, const Interrupter& progress)
 {
-    constexpr std::size_t kMost = 128;
+    /// Leaves to sample: several thousand slopes. [tuned: given_level_set_test]
+    constexpr std::size_t kSampledLeaves = 128;
     std::vector<const Leaf*> leaves = leavesOf(grid.tree());
     const auto isUncrossed = [&](const Leaf* leaf) {
         progress.check();
@@ -248,10 +251,10 @@ double medianSlope(const FloatGrid& grid, double voxelSize, const Interrupter& p
         return std::all_of(values, values + Leaf::SIZE, [](float v) { return v < 0; }) ||
                std::none_of(values, values + Leaf::SIZE, [](float v) { return v < 0; });
     };
-    const bool isFew = leaves.size() <= kMost; // a face may lie between leaves
+    const bool isFew = leaves.size() <= kSampledLeaves; // a face may lie between leaves
     if (!isFew)
         leaves.erase(std::remove_if(leaves.begin(), leaves.end(), isUncrossed), leaves.end());
-    const std::size_t stride = leaves.size() / kMost + 1;
+    const std::size_t stride = leaves.size() / kSampledLeaves + 1;
     std::vector<std::vector<float>> found(leaves.size());
     tbb::parallel_for(std::size_t(0), (leaves.size() + stride - 1) / stride, [&](std::size_t n) {
         FloatGrid::ConstAccessor at = grid.getConstAccessor();
@@ -261,10 +264,10 @@ double medianSlope(const FloatGrid& grid, double voxelSize, const Interrupter& p
     return slopes.empty() ? 1 : quantile(slopes, 0.5);
 }
 
-/// Faces between voxels inside and outside.
+/// Faces between inside and outside voxels.
 struct Faces {
-    std::uint64_t all = 0, open = 0; ///< open: beside an inactive one
-    Coord first;                     ///< a voxel at an open one
+    std::uint64_t all = 0, open = 0; ///< open: beside an inactive voxel
+    Coord first;                     ///< voxel at the first open face
 
     void add(const Coord& at, bool isOpen, std::uint64_t count = 1)
     {
@@ -281,7 +284,7 @@ struct Faces {
     }
 };
 
-/// Those of @a leaf's voxels towards higher coordinates, and towards tiles.
+/// Faces of @a leaf's voxels towards higher coordinates, and towards tiles.
 Faces facesOf(const Leaf& leaf, FloatGrid::ConstAccessor& at)
 {
     Faces faces;
@@ -303,7 +306,7 @@ Faces facesOf(const Leaf& leaf, FloatGrid::ConstAccessor& at)
         Coord beyond = origin;
         beyond[to.axis] += to.step * int(Leaf::DIM);
         const Leaf* const beside = at.probeConstLeaf(beyond);
-        if (beside && to.step < 0) continue; // it looks at us
+        if (beside && to.step < 0) continue; // that leaf counts them
         const float tile = beside ? 0 : at.getValue(beyond);
         const bool isTileOn = !beside && at.isValueOn(beyond);
         const int u = (to.axis + 1) % 3, v = (to.axis + 2) % 3;
@@ -324,7 +327,7 @@ Faces facesOf(const Leaf& leaf, FloatGrid::ConstAccessor& at)
     return faces;
 }
 
-/// Those between tiles, as far as the corner of the one inside tells.
+/// Faces between tiles, each judged by a corner of the inside tile.
 Faces facesOfTiles(const FloatGrid& grid)
 {
     Faces faces;
@@ -364,48 +367,55 @@ Faces facesOf(const FloatGrid& grid, const Interrupter& progress)
 
 } // namespace
 
-LevelSet takeLevelSet(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
-                      Interrupter* interrupter)
+LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
+                          Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    constexpr double kFew = 0.01; // of the active voxels: rounding may put them at the background
-    constexpr double kSlack = 2;  // voxels
+    /// Share of active voxels at the background that rounding may put there.
+    /// [tuned: given_level_set_test]
+    constexpr double kMaxBeyond = 0.01;
+    /// Excess of the background over the band that is left as it is, voxels.
+    /// [tuned: given_level_set_test]
+    constexpr double kMaxExcess = 2;
     const LevelSet given(grid);
-    demandFinite(*grid);
+    requireFinite(*grid);
     progress.check();
     const double h = given.voxelSize(), promised = given.halfWidth();
     const float background = grid->background();
     const bool hasTiles = hasActiveTiles(grid->tree());
     Band band = measureBand(grid->tree(), background * (1 - kRounding), progress);
-    const bool isFull = hasTiles || double(band.beyond) > kFew * double(band.active);
-    if (isFull && promised < kNarrowestBand) // what is beyond it is the band
+    const bool isFull = hasTiles || double(band.beyond) > kMaxBeyond * double(band.active);
+    if (isFull && promised < kMinHalfWidth) // the values beyond it are the band
         band = measureBand(grid->tree(), std::numeric_limits<float>::max(), progress);
-    const std::optional<double> held = heldWidth(band, h);
+    const std::optional<double> measured = measuredWidth(band, h);
     progress.check();
-    if (held && *held >= 1 &&
-        (promised > *held + kSlack || (promised < kNarrowestBand && isFull))) {
+    if (measured && *measured >= 1 &&
+        (promised > *measured + kMaxExcess || (promised < kMinHalfWidth && isFull))) {
         notes.push_back(fmt::format("grid '{}': its background promises a band of {:.4g} voxels, "
-                                    "and there are {:.4g}: it was taken for {:.4g}",
-                                    grid->getName(), promised, *held, *held * h));
-        return LevelSet(cutOff(*grid, float(*held * h)));
+                                    "and there are {:.4g}: the background was set to {:.4g}",
+                                    grid->getName(), promised, *measured, *measured * h));
+        return LevelSet(cutOff(*grid, float(*measured * h)));
     }
     return isFull || band.odd > 0 ? LevelSet(cutOff(*grid, background)) : given;
 }
 
-void demandDistances(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
+void requireDistances(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    constexpr double kLeast = 0.4, kMost = 2.5;
-    constexpr double kOpen = 0.1;
+    /// Median slopes of distances that were edited elsewhere. [tuned: given_level_set_test]
+    constexpr double kMinSlope = 0.4, kMaxSlope = 2.5;
+    /// Share of faces that may be beside inactive voxels. [tuned: given_level_set_test]
+    constexpr double kMaxOpen = 0.1;
     const FloatGrid& grid = levelSet.grid();
     const double slope = medianSlope(grid, levelSet.voxelSize(), progress);
-    if (!(slope >= kLeast && slope <= kMost))
-        throw InputError(fmt::format(
-            "grid '{}': its values are no distances in world units: beside the surface they change "
-            "by {:.3g} per unit, where a distance changes by 1. {}",
-            grid.getName(), slope, cure));
+    if (!(slope >= kMinSlope && slope <= kMaxSlope))
+        throw InputError(
+            fmt::format("grid '{}': its values are not distances in world units: beside "
+                        "the surface they change by {:.3g} per unit, where a distance "
+                        "changes by 1. {}",
+                        grid.getName(), slope, cure));
     const Faces faces = facesOf(grid, progress);
-    if (double(faces.open) > kOpen * double(faces.all))
+    if (double(faces.open) > kMaxOpen * double(faces.all))
         throw InputError(fmt::format(
             "grid '{}': inside meets outside without a band of distances between them, at {} of {} "
             "faces (first at voxel {}, {}, {}). {}",

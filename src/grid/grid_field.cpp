@@ -1,12 +1,11 @@
-// A level set as a field: cubic interpolation, which is several times closer to curved surfaces
-// than linear or quadratic, and no worse at creases.
+// A level set as a field. Cubic interpolation is several times closer to curved surfaces than
+// linear or quadratic, and no worse at creases.
 #include "field/point_field.h"
 #include <mpuvdb/level_set.h>
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
@@ -16,10 +15,11 @@ namespace
 using openvdb::Coord;
 using Accessor = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
 
-/// Positions so close to a voxel are that voxel: its value stays as it is, to the bit.
+/// Distance from a voxel, voxels, below which a position is that voxel: its value stays the same to
+/// the bit. [derived: roundings of positions with indices up to 2^32]
 constexpr double kSameVoxel = 1e-6;
 
-/// The four samples about a position along one axis, and their weights (Catmull-Rom).
+/// The four samples about a position along one axis, and their weights [Catmull74].
 struct Stencil {
     int first; ///< the samples are first .. first + 3
     std::array<double, 4> weights, slopes;
@@ -35,7 +35,7 @@ struct Stencil {
         slopes = {-0.5 + t * (2 - 1.5 * t), t * (-5 + 4.5 * t), 0.5 + t * (4 - 4.5 * t),
                   t * (-1 + 1.5 * t)};
     }
-    /// @{ Of four samples: the value at the position, and its slope.
+    /// @{ The value of four samples at the position, and its slope.
     double weighted(const std::array<float, 4>& samples) const { return sum(weights, samples); }
     double sloped(const std::array<float, 4>& samples) const { return sum(slopes, samples); }
     /// @}
@@ -64,7 +64,7 @@ std::array<float, 4> fourFrom(const Accessor& at, const Coord& first)
     return samples;
 }
 
-/// Along one axis: which samples a block's voxels need, and how each combines four of them.
+/// The samples that a block's voxels need along one axis, and how each combines four of them.
 struct AxisPlan {
     std::vector<int> samples; ///< indices, ascending
     struct Row {
@@ -92,7 +92,7 @@ struct AxisPlan {
     }
 };
 
-/// Interpolates along one axis after the other, since both lattices have the same axes.
+/// Interpolates along one axis after the other: both lattices have the same axes.
 class GridSampler final : public BlockSampler
 {
 public:
@@ -118,7 +118,7 @@ public:
     }
 
 private:
-    /// Whether the samples are more than one background.
+    /// Read the samples; false if all are one background value.
     bool gather(const AxisPlan& x, const AxisPlan& y, const AxisPlan& z)
     {
         mSamples.clear();
@@ -132,7 +132,8 @@ private:
         return differ || std::abs(mSamples.front()) < mBackground;
     }
 
-    /// Along the middle one of three axes: @a outer groups of plan.samples times @a inner values.
+    /// Interpolate along the middle of three axes: @a outer groups of plan.samples times @a inner
+    /// values.
     static void combine(const AxisPlan& plan, std::size_t outer, std::size_t inner,
                         const float* from, std::vector<float>& to)
     {
@@ -205,7 +206,7 @@ public:
         return sample;
     }
 
-    /// The surface lies in the cubes of leaves that have active voxels.
+    /// Blocks in the cubes of leaves with active voxels, where the surface lies.
     std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override
     {
         std::vector<const openvdb::FloatTree::LeafNodeType*> leaves;
@@ -214,7 +215,8 @@ public:
         tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
             if (leaves[n]->getValueMask().isOff()) return;
             const Accessor at(mGrid->tree());
-            // A block's middle is this far from the next voxel, of which the distance is known.
+            // The middle of a block is at most sqrt(3) / 2 voxels from a voxel, whose distance is
+            // known.
             const double reach = 0.87 * mLattice.voxelSize;
             const double background = double(mGrid->background());
             const auto mayMeet = [&](const Vec3d& center, double radius) {
@@ -237,6 +239,7 @@ public:
     }
 
 private:
+    /// Index from which on positions are outside. [derived: half of the range of int]
     static constexpr double kFarVoxel = 1 << 30;
 
     Vec3d world(const Coord& c) const

@@ -1,5 +1,5 @@
-// Leaves are looked at with a rim of one voxel around them; most questions are answered for eight
-// voxels at once, as bits of a row along z.
+// Checks of leaves with a rim of one voxel around them; most tests treat eight voxels at once, as
+// bits of a row along z.
 #include "leaf_check.h"
 
 #include "core/clones.h"
@@ -7,12 +7,11 @@
 #include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_reduce.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_reduce.h>
 
 namespace mpuvdb
 {
@@ -24,11 +23,11 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 static_assert(Leaf::DIM == kBlockDim, "rows of bits hold one leaf");
 
 using Row = std::uint32_t;
-/// Eight rows along y at once; eight voxels of one.
+/// Lanes for the eight rows along y, and for the eight voxels of one row.
 using Rows = Row __attribute__((vector_size(sizeof(Row) * kBlockDim)));
 using Lanes = float __attribute__((vector_size(sizeof(float) * kBlockDim)));
-constexpr int kPadded = kBlockDim + 2;
-/// The bits of a row that belong to the leaf itself.
+constexpr int kPadded = kBlockDim + 2; ///< edge of a leaf with its rim, voxels [derived: sum]
+/// Mask of a row's bits that belong to the leaf itself.
 constexpr Row kInner = 0x1FE;
 
 [[gnu::always_inline]] inline Lanes squareRoot(const Lanes& v)
@@ -45,7 +44,7 @@ template <typename Visit>
     for (; row; row &= row - 1) visit(__builtin_ctz(row));
 }
 
-/// A leaf and its rim: values, and rows of bits along z.
+/// A leaf with its rim: values, and rows of bits along z.
 class Neighborhood
 {
 public:
@@ -54,19 +53,19 @@ public:
     {
     }
 
-    /// Judge @a leaf. @return the sums of ||grad| - 1|.
+    /// Check @a leaf. @return the sums of ||grad| - 1|.
     MPUVDB_CLONES
-    SideSums judge(const Leaf& leaf, FaultTallies& tallies)
+    SideSums check(const Leaf& leaf, FaultTallies& tallies)
     {
         mOrigin = leaf.origin();
         loadAll();
         SideSums steepness = {};
         for (int x = 1; x <= kBlockDim; ++x) {
-            judgeSigns(x, tallies);
-            judgeBand(x, tallies);
+            checkSigns(x, tallies);
+            checkBand(x, tallies);
             for (int y = 1; y <= kBlockDim; ++y) {
-                judgeValues(x, y, tallies);
-                judgeSteps(x, y, tallies, steepness);
+                checkValues(x, y, tallies);
+                checkSteps(x, y, tallies, steepness);
             }
         }
         return steepness;
@@ -86,7 +85,7 @@ private:
             for (int y = 0; y < kPadded; ++y) markRow(x, y);
     }
 
-    /// Copy what the leaf, or the tile, at this side of ours has of our block.
+    /// Copy the part of the padded block that the leaf or tile at offset (dx,dy,dz) holds.
     void loadPart(int dx, int dy, int dz)
     {
         const auto first = [](int d) { return d < 0 ? 0 : d == 0 ? 1 : kPadded - 1; };
@@ -114,11 +113,12 @@ private:
             }
     }
 
-    /// Bit z: whether f holds for the value at z; f takes eight at once.
+    /// A padded row of bits: whether f holds for the value at z; f takes eight values at once.
     template <typename F>
     [[gnu::always_inline]] Row wholeRow(int x, int y, const F& f) const
     {
-        constexpr int kRest = kPadded - kBlockDim;
+        constexpr int kRest =
+            kPadded - kBlockDim; ///< voxels beyond the lanes [derived: difference]
         const float* const values = mValue[x][y];
         return Row(bitsOf(f(lanesAt<Lanes>(values))) | bitsOf(f(lanesAt<Lanes>(values + kRest)))
                                                            << kRest);
@@ -134,7 +134,7 @@ private:
         }
     }
 
-    /// Calls @a visit with each face neighbor's offset.
+    /// Call visit(dx, dy, dz) with each face neighbor's offset.
     template <typename Visit>
     static void forEachFace(const Visit& visit)
     {
@@ -146,7 +146,7 @@ private:
         visit(0, 0, 1);
     }
 
-    /// Rows (x,1) to (x,8) of the block shifted by an offset: bit z is the neighbor's.
+    /// Rows (x,1) to (x,8) shifted by an offset: bit z is the neighbor's.
     [[gnu::always_inline]] static Rows neighbors(const Bits& bits, int x, int dx, int dy, int dz)
     {
         const Rows rows = lanesAt<Rows>(&bits[x + dx][1 + dy]);
@@ -162,7 +162,7 @@ private:
             forEachBit(rows[y - 1] & kInner, [&](int z) { visit(y, z); });
     }
 
-    [[gnu::always_inline]] void judgeValues(int x, int y, FaultTallies& tallies) const
+    [[gnu::always_inline]] void checkValues(int x, int y, FaultTallies& tallies) const
     {
         const Lanes v = lanesAt<Lanes>(&mValue[x][y][1]),
                     excess = magnitude(v) - mLimits.background;
@@ -181,9 +181,9 @@ private:
         });
     }
 
-    /// Changes of sign where one of two neighbors is inactive. The inactive one is at fault; what
-    /// a tile is at fault for is noted at its neighbor.
-    [[gnu::always_inline]] void judgeSigns(int x, FaultTallies& tallies) const
+    /// Changes of sign where one of two neighbors is inactive. They count at the inactive one, or
+    /// at the neighbor of a tile.
+    [[gnu::always_inline]] void checkSigns(int x, FaultTallies& tallies) const
     {
         const Rows active = lanesAt<Rows>(&mActive[x][1]),
                    negative = lanesAt<Rows>(&mNegative[x][1]);
@@ -202,9 +202,9 @@ private:
         });
     }
 
-    /// Inactive voxels that a neighbor's distance puts inside the band. A voxel at l voxels from
-    /// one of distance d is at most d + l voxels from the surface.
-    [[gnu::always_inline]] void judgeBand(int x, FaultTallies& tallies) const
+    /// Inactive voxels that a neighbor's distance puts inside the band: a voxel l voxels from one
+    /// of distance d is at most d + l voxels from the surface.
+    [[gnu::always_inline]] void checkBand(int x, FaultTallies& tallies) const
     {
         const Rows active = lanesAt<Rows>(&mActive[x][1]);
         Rows missing{};
@@ -223,7 +223,7 @@ private:
     }
 
     /// Steps between active neighbors, and the gradient where all of them are active.
-    [[gnu::always_inline]] void judgeSteps(int x, int y, FaultTallies& tallies,
+    [[gnu::always_inline]] void checkSteps(int x, int y, FaultTallies& tallies,
                                            SideSums& sums) const
     {
         const Row active = mActive[x][y];
@@ -267,8 +267,8 @@ private:
         });
     }
 
-    /// Twice the slope along an axis: by central difference, but where the value turns between two
-    /// sides of the surface by the steeper side.
+    /// Twice the slope along an axis: the central difference, but at an extremum between two sheets
+    /// the steeper side.
     [[gnu::always_inline]] static Lanes twiceSlope(const Lanes& below, const Lanes& at,
                                                    const Lanes& above)
     {
@@ -287,7 +287,7 @@ private:
 
 } // namespace
 
-FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
+FaultTallies checkLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
                          const openvdb::CoordBBox& within, SideSums& steepness,
                          Interrupter& progress)
 {
@@ -307,7 +307,7 @@ FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limi
             Neighborhood neighborhood(accessor, limits);
             for (std::size_t n = range.begin(); n != range.end(); ++n) {
                 progress.check();
-                sums[n] = neighborhood.judge(*leaves[n], part);
+                sums[n] = neighborhood.check(*leaves[n], part);
             }
             progress.advance(double(range.size()));
             return part;

@@ -1,17 +1,16 @@
-// What is wrong with the voxels of leaves.
+// Faults of a level set's voxels, found leaf by leaf.
 #pragma once
-#include <openvdb/openvdb.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <openvdb/openvdb.h>
 
 namespace mpuvdb
 {
 
 class Interrupter;
 
-/// What a voxel can be at fault for, or a tile.
+/// A violated property of a voxel or tile.
 enum class Fault {
     NotFinite,
     ActiveTile,
@@ -22,16 +21,16 @@ enum class Fault {
     Jump,
     Steepness
 };
-constexpr std::size_t kFaults = std::size_t(Fault::Steepness) + 1;
+constexpr std::size_t kFaults = std::size_t(Fault::Steepness) + 1; ///< kinds [derived: the last]
 
-/// All thresholds, in world units.
+/// Thresholds of the checks, in world units.
 struct CheckLimits {
     float background, tolerance, step, twiceVoxel;
-    std::array<float, 3> near; ///< below: the neighbors across a face, edge, corner are active
+    std::array<float, 3> near; ///< |value| below which neighbors by face, edge, corner are active
     float steepness;           ///< largest ||grad| - 1| that is not counted
 };
 
-/// How often a fault was seen, and where most of it: the first voxel of those of highest rank.
+/// How often a fault was found, and its worst voxel: the first of those of highest rank.
 struct FaultTally {
     std::uint64_t count = 0;
     double rank = -1;
@@ -57,7 +56,7 @@ private:
     }
 };
 
-/// What was seen: nothing of it depends on the order in which voxels are looked at.
+/// The result of a check; it does not depend on the order in which voxels are visited.
 struct FaultTallies {
     std::array<FaultTally, kFaults> faults;
     std::array<std::uint64_t, 2> gradients = {}; ///< outside, inside
@@ -84,9 +83,9 @@ inline bool isWellWithin(const openvdb::Coord& origin, int dim, const openvdb::C
            within.isInside(openvdb::CoordBBox(origin.offsetBy(-1), origin.offsetBy(dim)));
 }
 
-/// Judge all leaves well within @a within; @a steepness becomes the sums of ||grad| - 1|, added up
-/// in the leaves' order. The stage "check" begins. @throws Interrupted.
-FaultTallies judgeLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
+/// Check all leaves well within @a within; @a steepness becomes the sums of ||grad| - 1|, added up
+/// in the leaves' order. Begins the stage "check". @throws Interrupted.
+FaultTallies checkLeaves(const openvdb::FloatGrid& grid, const CheckLimits& limits,
                          const openvdb::CoordBBox& within, SideSums& steepness,
                          Interrupter& progress);
 

@@ -1,18 +1,21 @@
-// A leaf's values together with those next to it.
+// A leaf's values with a rim of one voxel.
 #pragma once
-#include <openvdb/openvdb.h>
+#include <mpuvdb/field.h>
 
 #include <array>
+#include <openvdb/openvdb.h>
 
 namespace mpuvdb
 {
 
-/// A leaf's values and its neighbors' next to it, scaled.
+/// A leaf's values with those of the voxels around it, scaled.
 struct LeafHalo {
     using Leaf = openvdb::FloatTree::LeafNodeType;
     using Accessor = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
 
-    static constexpr int kDim = 8, kHalo = kDim + 2;
+    static constexpr int kHalo = kBlockDim + 2; ///< edge with the rim, voxels [derived: sum]
+    /// Steps to the next voxel along x, y, z. [derived: kHalo]
+    static constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
     std::array<float, kHalo * kHalo * kHalo> value;
 
     /// Voxel (x,y,z) of the leaf is at index(x + 1, y + 1, z + 1).
@@ -21,33 +24,35 @@ struct LeafHalo {
     void load(const Accessor& access, const Leaf& leaf, float scale)
     {
         const float* const own = leaf.buffer().data();
-        for (int row = 0; row < kDim * kDim; ++row)
-            for (int z = 0; z < kDim; ++z)
-                value[index((row >> 3) + 1, (row & 7) + 1, 1) + z] = own[row * kDim + z] * scale;
+        for (int row = 0; row < kBlockDim * kBlockDim; ++row)
+            for (int z = 0; z < kBlockDim; ++z)
+                value[index((row >> 3) + 1, (row & 7) + 1, 1) + z] =
+                    own[row * kBlockDim + z] * scale;
         for (int n = 0; n < 27; ++n)
             if (n != 13)
                 loadSide(access, leaf.origin(), {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}, scale);
     }
 
 private:
-    /// Along each axis: the last layer of a lower neighbor, all of the middle, the first of an
-    /// upper.
+    /// Along each axis: the last layer of a lower neighbor, all of the leaf, the first layer of an
+    /// upper neighbor.
     void loadSide(const Accessor& access, const openvdb::Coord& origin, const openvdb::Coord& side,
                   float scale)
     {
         const openvdb::Coord from =
-            origin + openvdb::Coord(side[0] * kDim, side[1] * kDim, side[2] * kDim);
+            origin + openvdb::Coord(side[0] * kBlockDim, side[1] * kBlockDim, side[2] * kBlockDim);
         const Leaf* const leaf = access.probeConstLeaf(from);
         const float* const data = leaf ? leaf->buffer().data() : nullptr;
         const float tile = leaf ? 0 : access.getValue(from) * scale;
-        const auto first = [](int s) { return s < 0 ? kDim - 1 : 0; };
-        const auto last = [](int s) { return s > 0 ? 0 : kDim - 1; };
+        const auto first = [](int s) { return s < 0 ? kBlockDim - 1 : 0; };
+        const auto last = [](int s) { return s > 0 ? 0 : kBlockDim - 1; };
         for (int x = first(side[0]); x <= last(side[0]); ++x)
             for (int y = first(side[1]); y <= last(side[1]); ++y) {
-                const int row =
-                    index(x + 1 + side[0] * kDim, y + 1 + side[1] * kDim, 1 + side[2] * kDim);
+                const int row = index(x + 1 + side[0] * kBlockDim, y + 1 + side[1] * kBlockDim,
+                                      1 + side[2] * kBlockDim);
                 for (int z = first(side[2]); z <= last(side[2]); ++z)
-                    value[row + z] = data ? data[(x * kDim + y) * kDim + z] * scale : tile;
+                    value[row + z] =
+                        data ? data[(x * kBlockDim + y) * kBlockDim + z] * scale : tile;
             }
     }
 };

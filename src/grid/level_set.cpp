@@ -1,21 +1,20 @@
-#include <mpuvdb/error.h>
 #include <mpuvdb/level_set.h>
 
 #include "transform_lattice.h"
-
-#include <fmt/format.h>
-#include <tbb/parallel_for.h>
+#include <mpuvdb/error.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
 #include <numeric>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
 namespace
 {
 
-void demandFiniteTiles(const openvdb::FloatGrid& grid)
+void requireFiniteTiles(const openvdb::FloatGrid& grid)
 {
     auto tile = grid.cbeginValueAll();
     tile.setMaxDepth(openvdb::FloatTree::ValueAllCIter::LEAF_DEPTH - 1);
@@ -36,7 +35,7 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
     const openvdb::math::Mat4d m = transform.baseMap()->getAffineMap()->getMat4();
     const double size = m(0, 0);
     if (!(size > 0) || !std::isfinite(size)) return std::nullopt;
-    // Voxel sizes pass through files as text or floats, and come back a little different per axis.
+    // Voxel sizes that passed through files as text or floats differ a little per axis.
     const double tolerance = 1e-6 * size;
     for (int row = 0; row < 3; ++row)
         for (int column = 0; column < 3; ++column)
@@ -47,7 +46,7 @@ std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
     return lattice;
 }
 
-void demandUniformVoxels(const openvdb::GridBase& grid)
+void requireUniformVoxels(const openvdb::GridBase& grid)
 {
     if (latticeOf(grid.transform())) return;
     const openvdb::Vec3d size = grid.voxelSize();
@@ -68,7 +67,7 @@ void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
 
 LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth)
 {
-    demandVoxelSize(lattice.voxelSize);
+    requireVoxelSize(lattice.voxelSize);
     const auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
     setLattice(*grid, lattice);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
@@ -79,7 +78,7 @@ LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth)
 LevelSet::LevelSet(openvdb::FloatGrid::ConstPtr grid) : mGrid(std::move(grid))
 {
     if (!mGrid) throw InputError("level set: there is no grid. Read or make one first");
-    demandUniformVoxels(*mGrid);
+    requireUniformVoxels(*mGrid);
     if (mGrid->getGridClass() != openvdb::GRID_LEVEL_SET)
         throw InputError(fmt::format(
             "grid '{}': its class is {}, not a level set. Give it that class if its values are "
@@ -102,7 +101,7 @@ Box3d LevelSet::bounds() const
     return {world(box.min()), world(box.max())};
 }
 
-void demandFinite(const openvdb::FloatGrid& grid)
+void requireFinite(const openvdb::FloatGrid& grid)
 {
     using Leaf = openvdb::FloatTree::LeafNodeType;
     std::vector<const Leaf*> leaves;
@@ -118,7 +117,7 @@ void demandFinite(const openvdb::FloatGrid& grid)
         }
     });
     const auto count = std::accumulate(counts.begin(), counts.end(), std::uint64_t(0));
-    if (count == 0) return demandFiniteTiles(grid);
+    if (count == 0) return requireFiniteTiles(grid);
     const auto n = std::size_t(
         std::find_if(counts.begin(), counts.end(), [](std::uint64_t c) { return c > 0; }) -
         counts.begin());
@@ -149,35 +148,42 @@ Lattice LevelSet::lattice() const
     return *latticeOf(mGrid->transform());
 }
 
-void demandVoxelSize(double voxelSize)
+void requireVoxelSize(double voxelSize)
 {
-    constexpr double kLeast = 1.5e-5;
+    /// Smallest voxel size, world units. [derived: cube root of the determinant 3e-15, at which
+    /// OpenVDB takes a transform for singular]
+    constexpr double kMinVoxelSize = 1.5e-5;
     if (!(voxelSize > 0) || !std::isfinite(voxelSize))
         throw UsageError(
             fmt::format("voxel size {}: must be a positive number of world units", voxelSize));
-    if (voxelSize < kLeast)
+    if (voxelSize < kMinVoxelSize)
         throw LimitError(fmt::format("voxel size {:.3g}: below {} OpenVDB takes a transform for "
                                      "singular. Scale the model, for example from meters to "
                                      "millimeters, or choose larger voxels",
-                                     voxelSize, kLeast));
+                                     voxelSize, kMinVoxelSize));
 }
 
 Lattice latticeFor(const Box3d& bounds, double voxelSize)
 {
-    demandVoxelSize(voxelSize);
+    requireVoxelSize(voxelSize);
     if (bounds.isEmpty() || !bounds.min().allFinite() || !bounds.max().allFinite())
         throw InputError("bounding box: is empty or not finite, so that no grid can be laid about "
                          "it. Give at least one point");
-    constexpr double kNear = 1 << 20, kFar = 1 << 30, kExact = std::int64_t(1) << 46;
+    /// Index up to which the lattice stays at the world's origin, voxels: floats there resolve an
+    /// eighth of a voxel. [derived: 24 significant bits]
+    constexpr double kMaxAligned = 1 << 20;
+    constexpr double kMaxHalfSize = 1 << 30; ///< half of the box, voxels [derived: range of int]
+    /// Distance from the origin, voxels. [derived: doubles there resolve 1/64 of a voxel]
+    constexpr double kMaxReach = std::int64_t(1) << 46;
     const double extent = bounds.min().cwiseAbs().cwiseMax(bounds.max().cwiseAbs()).maxCoeff();
     const double reach = extent / voxelSize;
-    if (reach < kNear) return {Vec3d::Zero(), voxelSize};
+    if (reach < kMaxAligned) return {Vec3d::Zero(), voxelSize};
     const double halfSize = 0.5 * (bounds.max() - bounds.min()).maxCoeff() / voxelSize;
-    if (!(halfSize < kFar && reach < kExact))
+    if (!(halfSize < kMaxHalfSize && reach < kMaxReach))
         throw LimitError(fmt::format(
-            "voxel size {}: the box reaches to {:g} voxels from the origin and is {:g} across, "
-            "more "
-            "than can be told apart. Choose larger voxels, or move the model towards the origin",
+            "voxel size {}: the box reaches {:g} voxels from the origin and is {:g} across, more "
+            "than indices and doubles resolve. Choose larger voxels, or move the model towards the "
+            "origin",
             voxelSize, reach, 2 * halfSize));
     const double step = 8 * voxelSize;
     const Vec3d middle = 0.5 * bounds.min() + 0.5 * bounds.max();

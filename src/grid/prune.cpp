@@ -32,7 +32,7 @@ bool isOfOneSign(const Node& node)
     return true;
 }
 
-/// Prunes the children of a node, after theirs.
+/// Prunes the children of a node; called bottom-up.
 class PruneChildren
 {
 public:

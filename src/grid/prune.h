@@ -1,14 +1,13 @@
-// Bands without nodes that say nothing.
+// Pruning of narrow bands.
 #pragma once
 #include <openvdb/openvdb.h>
 
 namespace mpuvdb
 {
 
-/// Turn nodes without active voxels, all of one sign, into tiles of that sign: background or minus
-/// background. Unlike openvdb::tools::pruneLevelSet() it does not take the sign of a node's first
-/// voxel for that of all: where a band ends, as that of a region does, a node may hold a part of
-/// the inside without any of its surface.
+/// Turn nodes without active voxels and with values of one sign into tiles of +-background. Unlike
+/// openvdb::tools::pruneLevelSet() it looks at all of a node's signs: where a region ends, a node
+/// may hold inside and outside without any active voxel.
 void pruneBand(openvdb::FloatTree& tree);
 
 } // namespace mpuvdb

@@ -1,27 +1,25 @@
-// What a grid's transform has to be for its voxels to form a lattice.
+// Conversion between a grid's transform and a lattice of cubic voxels.
 #pragma once
 #include <mpuvdb/field.h>
 
 #include <openvdb/Grid.h>
 #include <openvdb/math/Transform.h>
-
 #include <optional>
 
 namespace mpuvdb
 {
 
-/// The lattice of @a transform; empty unless it only scales, by one positive number, and
-/// translates.
+/// The lattice of @a transform; empty unless it is a positive uniform scale and a translation.
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform);
 
 /// Give @a grid the transform of @a lattice.
 void setLattice(openvdb::GridBase& grid, const Lattice& lattice);
 
-/// @throws InputError unless its transform is that of a lattice.
-void demandUniformVoxels(const openvdb::GridBase& grid);
+/// @throws InputError unless the transform of @a grid is that of a lattice.
+void requireUniformVoxels(const openvdb::GridBase& grid);
 
-/// @throws UsageError unless @a voxelSize is a positive number, LimitError for one that is too
-/// small for a transform: OpenVDB takes those whose determinant is below 3e-15 for singular.
-void demandVoxelSize(double voxelSize);
+/// @throws UsageError unless @a voxelSize (world units) is positive and finite, LimitError below
+/// 1.5e-5: OpenVDB takes transforms whose determinant is below 3e-15 for singular.
+void requireVoxelSize(double voxelSize);
 
 } // namespace mpuvdb

@@ -8,7 +8,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr int kCells = 27;
+constexpr int kCells = 27; ///< voxels of a neighborhood [derived: 3^3]
 constexpr Neighborhood kAll = (1u << kCells) - 1;
 
 constexpr Neighborhood bit(int x, int y, int z)
@@ -16,7 +16,7 @@ constexpr Neighborhood bit(int x, int y, int z)
     return 1u << unsigned(9 * (x + 1) + 3 * (y + 1) + (z + 1));
 }
 
-/// Of each voxel of a neighborhood the voxels in it that touch it.
+/// For each voxel of a neighborhood the voxels in it that touch it.
 struct Adjacency {
     std::array<Neighborhood, kCells> byFace{}, byCorner{};
 
@@ -39,7 +39,7 @@ struct Adjacency {
 
 constexpr Adjacency kAdjacent;
 
-/// The voxels that share a face or an edge with the center.
+/// Mask of the voxels that share a face or an edge with the center.
 constexpr Neighborhood facesAndEdges()
 {
     Neighborhood all = kFaceNeighbors;
@@ -48,7 +48,7 @@ constexpr Neighborhood facesAndEdges()
     return all & ~kCenter;
 }
 
-/// Whether @a voxels, of which some belong to @a seeds, have exactly one component that does.
+/// Whether exactly one component of @a voxels meets @a seeds.
 bool oneComponent(Neighborhood voxels, Neighborhood seeds,
                   const std::array<Neighborhood, kCells>& adjacent)
 {
@@ -75,8 +75,8 @@ bool isSimple(Neighborhood around)
 
 int eulerChange(Neighborhood around)
 {
-    // The rest as a union of closed cubes: of the center's corners, edges and faces those go that
-    // no other cube has. What the rest loses of handles, the set gains of them, and so on.
+    // The complement is a union of closed cubes; without the center it loses the center's corners,
+    // edges and faces that no other cube has. By duality the set gains what the complement loses.
     const Neighborhood rest = ~around & kAll & ~kCenter;
     int change = -1; // its body
     for (int n = 0; n < kCells; ++n) {

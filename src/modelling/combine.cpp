@@ -201,7 +201,7 @@ LevelSet combine(Boolean kind, const std::vector<LevelSet>& inputs, double blend
     Interrupter& progress = orSilent(interrupter);
     if (inputs.empty())
         throw UsageError("Boolean operation: there is no level set. Give at least one");
-    demandBlendRadius(blendRadius);
+    requireBlendRadius(blendRadius);
     if (inputs.size() == 1) return inputs.front();
     const std::vector<LevelSet> solids = onOneLattice(inputs, 0, &progress).levelSets;
     double halfWidth = 0;
@@ -214,8 +214,8 @@ LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double
 {
     if (blendRadius > 0) {
         const double voxelSize = inputs.front().voxelSize();
-        demandBandForBlend(blendRadius, voxelSize, std::max(halfWidth, kAroundPath));
-        demandBallForSolids(blendRadius, voxelSize, boxOf(inputs));
+        requireBandForBlend(blendRadius, voxelSize, std::max(halfWidth, kAroundPath));
+        requireBallForSolids(blendRadius, voxelSize, boxOf(inputs));
     }
     progress.beginStage("combine", double(inputs.size() - 1));
     LevelSet result = inputs.front();

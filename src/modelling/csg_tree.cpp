@@ -219,8 +219,8 @@ private:
             if (mRadius == 0 && !isPlaced(answer)) {
                 known.unplaced.setOn(i);
                 known.exact.setOff(i);
-                known.isDoubtful = true;
-                // A guess, too deep to move the surface.
+                known.isSuspect = true;
+                // A guess, so deep that the surface is not measured by it.
                 if (answer.place == CreaseFinder::Place::Crease && least < -kDeep)
                     place(answer, i, leaf);
                 // Between two touching solids values are 0, and all is inside.
@@ -235,11 +235,11 @@ private:
                 filleted.voxels.setOn(i);
             else if (mRadius > 0 && (isCrease || !isKnown))
                 unsettled.voxels.setOn(i);
-            known.isDoubtful |= !isKnown;
+            known.isSuspect |= !isKnown;
             known.exact.set(i, isKnown && (mRadius == 0 || answer.isSure));
             if (least >= 0 && mSigns.result * leaf.getValue(i) < 0) mFilled.push_back(at);
         }
-        if (mRadius == 0 || known.isDoubtful || !filleted.voxels.isOff()) mKnown.push_back(known);
+        if (mRadius == 0 || known.isSuspect || !filleted.voxels.isOff()) mKnown.push_back(known);
         if (!filleted.voxels.isOff()) mFilleted.push_back(filleted);
         if (!unsettled.voxels.isOff()) mUnsettled.push_back(unsettled);
     }

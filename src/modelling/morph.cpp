@@ -33,11 +33,11 @@ using ConstAccess = openvdb::tree::ValueAccessor<const FloatTree>;
 /// @a levelSet in a band of twice @a halfWidth voxels, which is doubled.
 LevelSet wider(const LevelSet& levelSet, double& halfWidth, Interrupter& progress)
 {
-    if (halfWidth >= kWidestBand)
+    if (halfWidth >= kMaxHalfWidth)
         throw LimitError(fmt::format("morph: the shapes differ by more than {} voxels of {:g}, "
                                      "more than a band can be wide. Use larger voxels",
-                                     kWidestBand, levelSet.voxelSize()));
-    halfWidth = std::min(2 * halfWidth, kWidestBand);
+                                     kMaxHalfWidth, levelSet.voxelSize()));
+    halfWidth = std::min(2 * halfWidth, kMaxHalfWidth);
     return withHalfWidth(levelSet, halfWidth, &progress);
 }
 

@@ -69,8 +69,8 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
                   Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandVoxelSize(lattice.voxelSize);
-    demandHalfWidth(halfWidth);
+    requireVoxelSize(lattice.voxelSize);
+    requireHalfWidth(halfWidth);
     const Lattice from = levelSet.lattice();
     if (from.origin == lattice.origin && from.voxelSize == lattice.voxelSize) {
         const bool same = std::abs(levelSet.halfWidth() - halfWidth) <= kRounding * halfWidth;
@@ -82,7 +82,7 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
     const double ratio = lattice.voxelSize / from.voxelSize, outer = beyond(from, lattice);
     const double crossing = std::min(kCrossingWidth, halfWidth);
     const double least = widthToResample(from, lattice, halfWidth);
-    if (const double most = (kWidestBand - outer) / crossing; ratio > most)
+    if (const double most = (kMaxHalfWidth - outer) / crossing; ratio > most)
         throw LimitError(fmt::format("voxels of {:g} are {:.4g} times those of the level "
                                      "set, and may be {:.3g} times: take voxels of at most {:.4g}",
                                      lattice.voxelSize, ratio, most, most * from.voxelSize));

@@ -94,7 +94,7 @@ LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Interr
 {
     Interrupter& progress = orSilent(interrupter);
     requireSmoothSettings(settings);
-    if (settings.mask) demandFinite(*settings.mask);
+    if (settings.mask) requireFinite(*settings.mask);
     const double halfWidth = levelSet.halfWidth();
     progress.beginStage("smooth", passesOf(settings));
     LevelSet result = levelSet;

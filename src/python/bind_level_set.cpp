@@ -30,11 +30,11 @@ namespace
 LevelSet taken(const openvdb::FloatGrid::ConstPtr& grid, Interrupter& progress)
 {
     std::vector<std::string> notes;
-    LevelSet levelSet = takeLevelSet(grid, notes, &progress);
-    demandDistances(levelSet,
-                    "Make distances: LevelSet.isosurface(source, 0, "
-                    "inside='below')",
-                    &progress);
+    LevelSet levelSet = levelSetFromGrid(grid, notes, &progress);
+    requireDistances(levelSet,
+                     "Make distances: LevelSet.isosurface(source, 0, "
+                     "inside='below')",
+                     &progress);
     for (const std::string& text : notes) progress.note(text);
     return levelSet;
 }

@@ -87,7 +87,7 @@ openvdb::FloatGrid::Ptr fromPyOpenVdb(const py::object& object, const char* what
     return run(py::none(), [&](Interrupter& p) {
         auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(readGrids(file, 0, &p).front());
         p.check();
-        demandFinite(*grid);
+        requireFinite(*grid);
         return grid;
     });
 }

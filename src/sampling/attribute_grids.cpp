@@ -1,16 +1,14 @@
 #include <mpuvdb/attribute_grids.h>
 
 #include "surface/surface_places.h"
-
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
-#include <openvdb/tree/LeafManager.h>
-
 #include <map>
 #include <numeric>
+#include <openvdb/tree/LeafManager.h>
 #include <set>
 #include <tbb/parallel_for.h>
 
@@ -23,14 +21,13 @@ using openvdb::FloatTree;
 using openvdb::Vec3STree;
 using Leaf = FloatTree::LeafNodeType;
 
-void demandNames(const LevelSet& levelSet, const SurfaceAttributes& attributes)
+void requireUniqueNames(const LevelSet& levelSet, const SurfaceAttributes& attributes)
 {
     std::set<std::string> names = {levelSet.grid().getName(), kCoverageName, kColorName};
     for (const std::string& name : attributes.scalarNames())
         if (!names.insert(name).second)
-            throw UsageError(fmt::format("an attribute cannot be called '{}': another grid is, or "
-                                         "it is named twice",
-                                         name));
+            throw UsageError(fmt::format(
+                "attribute '{}': another grid or attribute has that name. Rename it", name));
 }
 
 template <class Tree>
@@ -44,7 +41,7 @@ openvdb::GridBase::Ptr gridOf(const typename Tree::Ptr& tree, const LevelSet& le
     return grid;
 }
 
-/// Leaves of one attribute's tree.
+/// New leaves of one attribute's tree.
 template <class Tree>
 class Made
 {
@@ -69,7 +66,7 @@ private:
     std::vector<std::unique_ptr<Node>> mLeaves;
 };
 
-/// Leaves of all attributes' trees.
+/// New leaves of all attributes' trees.
 class MadeLeaves
 {
 public:
@@ -78,7 +75,7 @@ public:
     {
     }
 
-    /// Give the voxels of @a leaf what there is from @a next on in turn. Returns what is left.
+    /// Set the voxels of @a leaf to the values from @a next on. Returns the first unused value.
     const float* add(const Leaf& leaf, const float* next)
     {
         openvdb::Vec3s* const color = mHasColors ? mColors.addLike(leaf) : nullptr;
@@ -105,12 +102,14 @@ private:
     std::vector<Made<FloatTree>> mScalars;
 };
 
-/// Leaves in one cube of space, whose places are near each other.
+/// The leaves in one cube of space.
 using LeafGroup = std::vector<const Leaf*>;
 
 std::vector<LeafGroup> groupsOf(const openvdb::tree::LeafManager<const FloatTree>& leaves)
 {
-    constexpr int kEdgeBits = 5; ///< 32 voxels: few places lie outside of the cube
+    /// Binary logarithm of the cube's edge, voxels: few places lie outside of the cube. [free:
+    /// time]
+    constexpr int kEdgeBits = 5;
     std::map<openvdb::Coord, LeafGroup> groups;
     for (std::size_t n = 0; n < leaves.leafCount(); ++n)
         groups[leaves.leaf(n).origin() >> kEdgeBits].push_back(&leaves.leaf(n));
@@ -127,7 +126,7 @@ std::vector<openvdb::GridBase::Ptr> sampleAttributes(const LevelSet& levelSet,
                                                      Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandNames(levelSet, attributes);
+    requireUniqueNames(levelSet, attributes);
     const openvdb::FloatGrid& surface = levelSet.grid();
     const Lattice lattice = levelSet.lattice();
     openvdb::tree::LeafManager<const FloatTree> leaves(surface.tree());

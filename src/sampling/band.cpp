@@ -1,9 +1,9 @@
 #include "band.h"
-#include "grid/prune.h"
 
 #include "core/clones.h"
 #include "core/lanes.h"
 #include "core/union_find.h"
+#include "grid/prune.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
@@ -19,14 +19,11 @@ namespace mpuvdb
 namespace
 {
 
-constexpr int kLastBlock = 1 << 20; ///< block positions lie in (-kLastBlock, kLastBlock)
+/// Bound of block positions, which lie in (-kLastBlock, kLastBlock). [derived: 21 bits of packed()]
+constexpr int kLastBlock = 1 << 20;
+/// Memory of a block, bytes. [derived: sizes of its members, and of its entry in the index]
 constexpr std::uint64_t kBlockBytes =
     sizeof(Band::Block) + sizeof(Band::Leaf) + 4 * kBlockVoxels + 64;
-
-constexpr std::uint64_t kLastZ = 0x8080808080808080ull; ///< bits of z = 7
-constexpr std::uint64_t kFirstZ = 0x0101010101010101ull;
-constexpr std::uint64_t kLastY = 0xff00000000000000ull;
-constexpr std::uint64_t kFirstY = 0x00000000000000ffull;
 
 const std::array<Vec3i, 6> kFaces = {Vec3i(-1, 0, 0), Vec3i(1, 0, 0),  Vec3i(0, -1, 0),
                                      Vec3i(0, 1, 0),  Vec3i(0, 0, -1), Vec3i(0, 0, 1)};
@@ -36,7 +33,7 @@ bool before(const Vec3i& a, const Vec3i& b)
     return std::make_tuple(a[0], a[1], a[2]) < std::make_tuple(b[0], b[1], b[2]);
 }
 
-/// The bits of a block's face voxels; all other bits zero.
+/// The bits of the voxels at a face of a block; all other bits are 0.
 SignWords faceOf(const SignWords& words, int face)
 {
     SignWords on{};
@@ -67,7 +64,7 @@ SignWords inverted(const SignWords& words)
     return result;
 }
 
-/// Voxels with a face neighbor of the other sign. @a sides: signs of the six neighbor blocks.
+/// Voxels with a face neighbor of the other sign. @param sides  signs of the six neighbor blocks.
 SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
 {
     SignWords f{};
@@ -84,15 +81,15 @@ SignWords flips(const SignWords& m, const std::array<SignWords, 6>& sides)
     return f;
 }
 
-/// Say which voxels are inside, and which in the band; the rest gets the background. Values that
-/// are rounding become zero: where a face lies in a plane of voxels, these are on one side of it.
+/// Find the voxels that are inside, and those in the band; set all others to the background. Values
+/// below rounding become zero, so that voxels in the plane of a face are on one side of it.
 MPUVDB_CLONES
 void sortVoxels(BlockValues& values, float background, float rounding, SignWords& inside,
                 SignWords& active)
 {
     using Row = float __attribute__((vector_size(sizeof(float) * kBlockDim)));
     // The clamp of the sampler and the background may differ by a rounding.
-    const float limit = background * (1 - rounding), hair = background * rounding;
+    const float limit = background * (1 - rounding), zero = background * rounding;
     const Row far = Row{} + background;
     for (std::size_t x = 0; x < kBlockDim; ++x) {
         inside[x] = active[x] = 0;
@@ -100,7 +97,7 @@ void sortVoxels(BlockValues& values, float background, float rounding, SignWords
             float* const at = &values[(x * kBlockDim + y) * kBlockDim];
             Row v;
             std::memcpy(&v, at, sizeof v);
-            v = (v < hair) & (v > -hair) ? Row{} : v;
+            v = (v < zero) & (v > -zero) ? Row{} : v;
             const auto isInside = v < 0, isActive = (v < limit) & (v > -limit);
             v = isActive ? v : (isInside ? -far : far);
             std::memcpy(at, &v, sizeof v);
@@ -110,14 +107,15 @@ void sortVoxels(BlockValues& values, float background, float rounding, SignWords
     }
 }
 
-/// Where the band of a field may be that keeps its promise: about its bounds. Bounds are not taken
-/// at their word, and values that are no distances may be small far from the zero set.
+/// The box in which the band is searched: loosely about the field's bounds, which may be
+/// approximate, as values that are not distances may be small far from the zero set.
 Box3d reachOf(const Field& field, const Lattice& lattice)
 {
-    constexpr double kVoxels = 64;
+    /// Margin beside the diagonal, voxels. [tuned: sample_field_test]
+    constexpr double kMargin = 64;
     const Box3d box = field.bounds();
     if (box.isEmpty()) return box;
-    const Vec3d loose = Vec3d::Constant(box.diagonal().norm() + kVoxels * lattice.voxelSize);
+    const Vec3d loose = Vec3d::Constant(box.diagonal().norm() + kMargin * lattice.voxelSize);
     return {box.min() - loose, box.max() + loose};
 }
 
@@ -133,7 +131,7 @@ std::uint64_t packed(const Vec3i& at)
 struct Band::Gap {
     int x, y, z0, z1;
     std::uint32_t root;
-    bool outer; ///< reaches the border of the sampled blocks' box
+    bool outer; ///< touches the border of the sampled blocks' box
 };
 
 Band::Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
@@ -179,7 +177,7 @@ void Band::checkMemory() const
                                  double(mMaxBytes) / 1e6, mBlocks.size(), mLattice.voxelSize));
 }
 
-/// @throws InputError where a search would never end, or not before memory does.
+/// @throws InputError if the search leaves its limit, beyond which it may never end.
 void Band::checkReach(const Vec3i& at) const
 {
     const Vec3d corner = mLattice.origin + kBlockDim * mLattice.voxelSize * at.cast<double>();
@@ -187,9 +185,8 @@ void Band::checkReach(const Vec3i& at) const
     const Box3d box = mField.bounds();
     throw InputError(fmt::format(
         "the surface leaves its bounds ({:.4g}, {:.4g}, {:.4g}) to ({:.4g}, {:.4g}, {:.4g}) and "
-        "goes "
-        "on beyond ({:.4g}, {:.4g}, {:.4g}). Give bounds, or the box that a warp moves them to, "
-        "that hold the solid; or intersect it with a box",
+        "goes on beyond ({:.4g}, {:.4g}, {:.4g}). Give bounds, or the box that a warp moves them "
+        "to, that hold the solid; or intersect it with a box",
         box.min()[0], box.min()[1], box.min()[2], box.max()[0], box.max()[1], box.max()[2],
         corner[0], corner[1], corner[2]));
 }
@@ -214,7 +211,7 @@ Band::Block Band::sample(BlockSampler& sampler, const Vec3i& at) const
 
 std::size_t Band::search(std::vector<Vec3i> wave)
 {
-    // Regions of 4x4x4 blocks keep neighbors together: a sampler shares work among them.
+    // Regions of 4x4x4 blocks keep neighbors together, which share work in a sampler.
     const auto region = [](const Vec3i& b) { return Vec3i(b[0] >> 2, b[1] >> 2, b[2] >> 2); };
     const auto byRegion = [&](const Vec3i& a, const Vec3i& b) {
         const Vec3i ra = region(a), rb = region(b);
@@ -251,7 +248,7 @@ std::size_t Band::search(std::vector<Vec3i> wave)
         wave.clear();
         for (Block& block : found) {
             beside.clear();
-            goOn(block, beside);
+            addNeighbors(block, beside);
             std::copy_if(beside.begin(), beside.end(), std::back_inserter(wave),
                          [&](const Vec3i& next) { return !find(next); });
             add(std::move(block));
@@ -261,8 +258,8 @@ std::size_t Band::search(std::vector<Vec3i> wave)
     return sampled;
 }
 
-/// Add to @a blocks those beside @a block into which its active voxels lead.
-void Band::goOn(const Block& block, std::vector<Vec3i>& blocks)
+/// Add to @a blocks the neighbors of @a block that its active voxels touch.
+void Band::addNeighbors(const Block& block, std::vector<Vec3i>& blocks)
 {
     if (!block.leaf || block.leaf->getValueMask().isOff()) return;
     SignWords active;
@@ -278,7 +275,7 @@ std::vector<Band::Gap> Band::findGaps() const
     std::vector<Vec3i> order(mBlocks.size());
     for (std::size_t n = 0; n < order.size(); ++n) order[n] = mBlocks[n].at;
     std::sort(order.begin(), order.end(), before);
-    // Columns without blocks are one with the outside. Only those beside blocks are asked for.
+    // Columns without blocks are outside. Only those beside blocks are needed.
     std::vector<Column> columns;
     int low = order.front()[2], high = low;
     for (std::size_t n = 0; n < order.size(); ++n) {
@@ -317,8 +314,8 @@ std::vector<Band::Gap> Band::findGaps() const
     return gaps;
 }
 
-/// Per component of gaps (by root): faces that say inside, faces that say outside; and the gap
-/// blocks touched by each kind.
+/// Faces of sampled blocks at gaps: the gap blocks they touch with the signs of the face, and the
+/// balance of signs by component of gaps.
 struct Band::Contacts {
     struct Touch {
         Vec3i at;
@@ -326,7 +323,7 @@ struct Band::Contacts {
         bool inside, outside;
     };
     std::vector<Touch> touches;
-    std::vector<std::int64_t> votes; ///< inside minus outside, by root; outermost: very negative
+    std::vector<std::int64_t> votes; ///< inside minus outside, by root; outer gaps: very negative
 };
 
 Band::Contacts Band::labelGaps(std::vector<Gap>& gaps) const
@@ -386,7 +383,8 @@ Band::Contacts Band::labelGaps(std::vector<Gap>& gaps) const
 
 void Band::resolveSigns()
 {
-    constexpr int kRounds = 64; // a field without jumps needs one
+    /// Largest number of rounds; a field without jumps needs one. [tuned: sample_field_test]
+    constexpr int kMaxRounds = 64;
     for (int round = 0;; ++round) {
         mProgress.check();
         std::vector<Gap> gaps = findGaps();
@@ -396,7 +394,7 @@ void Band::resolveSigns()
             const bool inside = contacts.votes[touch.root] > 0;
             if (inside ? touch.outside : touch.inside) disputed.push_back(touch.at);
         }
-        if (!disputed.empty() && round < kRounds) {
+        if (!disputed.empty() && round < kMaxRounds) {
             search(std::move(disputed));
             continue;
         }
@@ -404,8 +402,7 @@ void Band::resolveSigns()
             if (contacts.votes[gap.root] > 0)
                 mInsideRuns.push_back({{gap.x, gap.y, gap.z0}, {gap.x, gap.y, gap.z1}});
         }
-        // Whatever is still disputed gets its component's sign, and a sheet when the band is
-        // closed.
+        // Blocks that are still disputed get their component's sign; closing the band adds a sheet.
         for (const Vec3i& at : disputed) {
             if (find(at)) continue;
             const bool inside =
@@ -427,7 +424,7 @@ SignWords Band::signChanges(const Block& block) const
         const Block* next = find(block.at + kFaces[face]);
         if (next) {
             sides[face] = next->inside;
-        } else { // unsampled: it has the sign of this block's face
+        } else { // not sampled: the sign of this block's face
             const bool inside = any(faceOf(block.inside, int(face)));
             sides[face].fill(inside ? ~std::uint64_t(0) : 0);
         }

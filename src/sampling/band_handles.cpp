@@ -1,11 +1,11 @@
-// Handles: narrow tunnels through the inside, and narrow bridges across the outside, that no data
-// hold up.
+// Removal of handles: narrow tunnels through the inside, and narrow bridges across the outside,
+// that data do not support.
 //
-// A tunnel is found where closing the narrow gaps of the inside, and opening them again from their
-// middle on as long as the topology stays, leaves a plug; a bridge is a tunnel through the outside.
+// A tunnel is found by a topology-preserving thinning: the narrow gaps of the inside are closed,
+// and opened again from their middle on as long as the topology stays; the rest is a cut across the
+// tunnel. A bridge is a tunnel through the outside.
 #include "band.h"
 #include "block_mosaic.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -20,26 +20,27 @@ namespace mpuvdb
 namespace
 {
 
-constexpr int kReach = 2; ///< half the width of a handle, voxels
-/// Voxels: to move the surface by less takes no detail away that the voxels show.
+constexpr int kHalfHandle = 2; ///< half the largest width of a handle, voxels [tuned: handles_test]
+/// Depth of a cut, voxels, up to which its turn removes no detail that voxels resolve.
+/// [tuned: handles_test]
 constexpr double kShallow = 0.5;
-/// So many points at a plug hold up what it would turn, however shallow it is. A wire that shallow
-/// is as thin as a voxel: points as dense as voxels tell it from sheets that nearly touch.
-constexpr std::size_t kManyPoints = 20;
-/// A deep plug turns if it has fewer points than one in as many voxels.
+/// Smallest number of points on a shallow cut that keep a handle. In thin parts it is one per
+/// voxel, which distinguishes them from sheets that nearly touch. [tuned: handles_test]
+constexpr std::size_t kMinPoints = 20;
+/// Largest number of voxels per point of a deep cut that points keep. [tuned: handles_test]
 constexpr std::size_t kVoxelsPerPoint = 8;
-/// A wire is an object, even if it is thin. A bridge joins parts that are thicker: from each of its
-/// ends so many steps lead to a voxel that lies so deep in them, in voxels.
+/// Largest number of steps from the ends of a bridge to a voxel deep in a thicker part, and its
+/// depth, voxels; what is thin for longer is an object. [tuned: handles_test]
 constexpr int kBridgeSteps = 6;
-constexpr double kDeep = 1.5;
+constexpr double kMinPartDepth = 1.5;
 
-/// Voxels whose turn to the other sign takes a handle away.
-struct Plug {
+/// Voxels that remove a handle when they change sign.
+struct Cut {
     std::vector<VoxelId> voxels;
-    bool inside;        ///< the voxels' sign before
-    bool wire = false;  ///< part of something that is thin for longer than a bridge
-    double cost = 0;    ///< how deep the voxels are in their side, together
-    double deepest = 0; ///< of them
+    bool inside;             ///< the voxels' sign before
+    bool isThinPart = false; ///< part of something that is thin for longer than a bridge
+    double cost = 0;         ///< sum of the voxels' depths, world units
+    double deepest = 0;      ///< largest of the depths
 };
 
 using BlockVoxels = std::map<std::size_t, SignWords>;
@@ -59,8 +60,8 @@ std::vector<SignWords> inverse(std::vector<SignWords> set)
     return set;
 }
 
-/// What turning @a voxels, none of which is in @a set, adds to the set's Euler characteristic. They
-/// are in the set afterwards.
+/// Add @a voxels to @a set, which holds none of them. Returns the change of its Euler
+/// characteristic.
 int changeBy(const BlockMosaic& mosaic, std::vector<SignWords>& set,
              const std::vector<VoxelId>& voxels)
 {
@@ -72,7 +73,7 @@ int changeBy(const BlockMosaic& mosaic, std::vector<SignWords>& set,
     return change;
 }
 
-/// The narrow gaps of a set, reduced to what keeps them closed.
+/// The narrow gaps of a set, thinned to the cuts that keep them closed.
 class Gaps
 {
 public:
@@ -81,8 +82,8 @@ public:
     {
     }
 
-    /// Open the gaps as long as the topology stays, from their middle on.
-    /// @param depth  of a voxel outside of the set.
+    /// Open the gaps from their middle on, as long as the topology stays.
+    /// @param depth  depth(voxel) of a voxel outside of the set, world units.
     template <typename Depth>
     void open(Depth depth, Interrupter& progress)
     {
@@ -115,8 +116,8 @@ public:
         forEach(mGaps, [&](VoxelId v) { turn(mSet, v); });
     }
 
-    /// Connected parts of the gaps that take handles away where they are closed.
-    std::vector<std::vector<VoxelId>> plugs()
+    /// Connected parts of the gaps whose closing removes handles.
+    std::vector<std::vector<VoxelId>> cuts()
     {
         std::vector<std::vector<VoxelId>> found;
         const std::vector<SignWords> all = mGaps;
@@ -165,7 +166,7 @@ std::vector<VoxelId> sidesOf(const BlockMosaic& mosaic, const std::vector<SignWo
     return sides;
 }
 
-/// Whether a few steps through faces lead from @a start to a deep voxel of @a set.
+/// Whether kBridgeSteps steps through faces lead from @a start to a deep voxel of @a set.
 template <typename IsDeep>
 bool reachesDeep(const BlockMosaic& mosaic, const std::vector<SignWords>& set, VoxelId start,
                  IsDeep isDeep)
@@ -183,67 +184,67 @@ bool reachesDeep(const BlockMosaic& mosaic, const std::vector<SignWords>& set, V
     return false;
 }
 
-/// The plugs of the narrow gaps between @a inside, and of those between what is not in it.
-/// @param depth  of a voxel in its side, world units.
+/// The cuts of the narrow gaps of @a inside and of its complement, cheapest first.
+/// @param depth  depth(voxel) in its side, world units.
 template <typename Depth>
-std::vector<Plug> findPlugs(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
-                            double voxelSize, Depth depth, Interrupter& progress)
+std::vector<Cut> findCuts(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
+                          double voxelSize, Depth depth, Interrupter& progress)
 {
-    const auto isDeep = [&](VoxelId v) { return double(depth(v)) >= kDeep * voxelSize; };
+    const auto isDeep = [&](VoxelId v) { return double(depth(v)) >= kMinPartDepth * voxelSize; };
     std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());
     tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
         if (n % 1024 == 0) progress.check();
-        mosaic.findNarrow(inside, n, kReach, tunnels[n], bridges[n]);
+        mosaic.findNarrow(inside, n, kHalfHandle, tunnels[n], bridges[n]);
     });
-    const auto plugsOf = [&](std::vector<SignWords> set, std::vector<SignWords> narrow, bool sign) {
+    const auto cutsOf = [&](std::vector<SignWords> set, std::vector<SignWords> narrow, bool sign) {
         Gaps gaps(mosaic, std::move(set), std::move(narrow));
         gaps.open(depth, progress);
-        std::vector<Plug> plugs;
-        for (std::vector<VoxelId>& voxels : gaps.plugs()) {
-            Plug plug{std::move(voxels), sign};
-            for (const VoxelId v : plug.voxels) {
-                plug.cost += double(depth(v));
-                plug.deepest = std::max(plug.deepest, double(depth(v)));
+        std::vector<Cut> cuts;
+        for (std::vector<VoxelId>& voxels : gaps.cuts()) {
+            Cut cut{std::move(voxels), sign};
+            for (const VoxelId v : cut.voxels) {
+                cut.cost += double(depth(v));
+                cut.deepest = std::max(cut.deepest, double(depth(v)));
             }
-            plugs.push_back(std::move(plug));
+            cuts.push_back(std::move(cut));
         }
-        return plugs;
+        return cuts;
     };
-    std::vector<Plug> plugs, ofBridges;
-    tbb::parallel_invoke([&] { plugs = plugsOf(inside, std::move(tunnels), false); },
-                         [&] { ofBridges = plugsOf(inverse(inside), std::move(bridges), true); });
+    std::vector<Cut> cuts, ofBridges;
+    tbb::parallel_invoke([&] { cuts = cutsOf(inside, std::move(tunnels), false); },
+                         [&] { ofBridges = cutsOf(inverse(inside), std::move(bridges), true); });
     std::vector<SignWords> rest = inside;
-    for (Plug& plug : ofBridges) {
-        for (const VoxelId v : plug.voxels) turn(rest, v);
-        const std::vector<VoxelId> sides = sidesOf(mosaic, rest, plug.voxels);
-        plug.wire = !std::all_of(sides.begin(), sides.end(),
-                                 [&](VoxelId v) { return reachesDeep(mosaic, rest, v, isDeep); });
-        for (const VoxelId v : plug.voxels) turn(rest, v);
+    for (Cut& cut : ofBridges) {
+        for (const VoxelId v : cut.voxels) turn(rest, v);
+        const std::vector<VoxelId> sides = sidesOf(mosaic, rest, cut.voxels);
+        cut.isThinPart = !std::all_of(sides.begin(), sides.end(), [&](VoxelId v) {
+            return reachesDeep(mosaic, rest, v, isDeep);
+        });
+        for (const VoxelId v : cut.voxels) turn(rest, v);
     }
-    plugs.insert(plugs.end(), ofBridges.begin(), ofBridges.end());
-    // What changes least comes first: of a handle's tunnel and its bridge one is enough.
-    std::sort(plugs.begin(), plugs.end(), [](const Plug& a, const Plug& b) {
+    cuts.insert(cuts.end(), ofBridges.begin(), ofBridges.end());
+    // The cheapest comes first: of a handle's tunnel and its bridge one is enough.
+    std::sort(cuts.begin(), cuts.end(), [](const Cut& a, const Cut& b) {
         return std::make_tuple(a.cost, a.voxels.front()) <
                std::make_tuple(b.cost, b.voxels.front());
     });
-    return plugs;
+    return cuts;
 }
 
 } // namespace
 
-/// Whether data hold up the sign of @a voxels, the deepest of them @a deepest (world units) in
-/// their side. What is shallow, a tunnel and a bridge need points for that, a deep wire only fits
-/// that points support.
-bool Band::isHeldUp(const std::vector<VoxelId>& voxels, double deepest, bool wire) const
+/// Whether data support the sign of @a voxels, the deepest of them @a deepest (world units) in its
+/// side. Shallow cuts, tunnels and bridges need points; a deep thin part needs only supported fits.
+bool Band::isSupported(const std::vector<VoxelId>& voxels, double deepest, bool isThinPart) const
 {
     const double h = mLattice.voxelSize;
-    if (deepest < kHair * h) return false;
+    if (deepest < kMinFeatureDepth * h) return false;
     std::size_t points = 0;
     for (const auto& [block, words] : byBlock(voxels))
         points += countData(mBlocks[block].at, words);
-    if (deepest <= kShallow * h) return points >= (wire ? voxels.size() : kManyPoints);
+    if (deepest <= kShallow * h) return points >= (isThinPart ? voxels.size() : kMinPoints);
     if (points * kVoxelsPerPoint > voxels.size()) return true;
-    return wire && std::any_of(voxels.begin(), voxels.end(), [&](VoxelId v) {
+    return isThinPart && std::any_of(voxels.begin(), voxels.end(), [&](VoxelId v) {
                const Vec3i local(int(v >> 6 & 7), int(v >> 3 & 7), int(v & 7));
                const Vec3i at = mBlocks[v / kBlockVoxels].at * kBlockDim + local;
                return mField.evaluate(mLattice.origin + h * at.cast<double>()).supported;
@@ -267,7 +268,6 @@ BlockMosaic Band::mosaic() const
 
 std::size_t Band::removeHandles()
 {
-    // A field that is not made from data holds up all that it has.
     if (!isFromData()) return 0;
     const BlockMosaic blocks = mosaic();
     std::vector<SignWords> inside(mBlocks.size());
@@ -276,31 +276,31 @@ std::size_t Band::removeHandles()
         const Block& block = mBlocks[v / kBlockVoxels];
         return block.leaf ? std::abs(block.leaf->buffer().data()[v % kBlockVoxels]) : mBackground;
     };
-    const std::vector<Plug> plugs = findPlugs(blocks, inside, mLattice.voxelSize, depth, mProgress);
+    const std::vector<Cut> cuts = findCuts(blocks, inside, mLattice.voxelSize, depth, mProgress);
     std::vector<SignWords> outside = inverse(inside), settled(inside.size());
-    const auto turnAll = [&](const Plug& plug) {
-        for (const VoxelId v : plug.voxels)
+    const auto turnAll = [&](const Cut& cut) {
+        for (const VoxelId v : cut.voxels)
             for (auto* set : {&inside, &outside, &settled}) mpuvdb::turn(*set, v);
     };
-    // Of a handle's tunnel and its bridge, which meet, one is enough.
+    // A handle's tunnel and its bridge touch: one of the two cuts is enough.
     const auto isSettled = [&](VoxelId v) { return blocks.neighborhood(settled, v) != 0; };
-    std::vector<const Plug*> taken;
-    for (const Plug& plug : plugs) {
+    std::vector<const Cut*> taken;
+    for (const Cut& cut : cuts) {
         mProgress.check();
-        if (std::any_of(plug.voxels.begin(), plug.voxels.end(), isSettled)) continue;
-        if (isHeldUp(plug.voxels, plug.deepest, plug.wire)) continue;
-        turnAll(plug);
-        taken.push_back(&plug);
+        if (std::any_of(cut.voxels.begin(), cut.voxels.end(), isSettled)) continue;
+        if (isSupported(cut.voxels, cut.deepest, cut.isThinPart)) continue;
+        turnAll(cut);
+        taken.push_back(&cut);
     }
     if (taken.empty()) return 0;
-    const auto turnVoxels = [&](const Plug& plug) {
-        for (const auto& [block, voxels] : byBlock(plug.voxels)) turn(mBlocks[block], voxels);
+    const auto turnVoxels = [&](const Cut& cut) {
+        for (const auto& [block, voxels] : byBlock(cut.voxels)) turn(mBlocks[block], voxels);
     };
-    for (const Plug* plug : taken) turnVoxels(*plug);
-    // One that shuts off a part of its side has made no handle less, but a bubble more.
+    for (const Cut* cut : taken) turnVoxels(*cut);
+    // A cut that separates a part of its side has removed no handle, but made a bubble.
     const Regions regions = labelRegions();
-    const auto shutsOff = [&](const Plug* plug) {
-        const auto sides = sidesOf(blocks, plug->inside ? inside : outside, plug->voxels);
+    const auto separates = [&](const Cut* cut) {
+        const auto sides = sidesOf(blocks, cut->inside ? inside : outside, cut->voxels);
         const auto rootOf = [&](VoxelId v) {
             return regions.rootOf(v / kBlockVoxels, int(v % kBlockVoxels));
         };
@@ -309,8 +309,8 @@ std::size_t Band::removeHandles()
                });
     };
     const auto bad = std::stable_partition(taken.begin(), taken.end(),
-                                           [&](const Plug* plug) { return !shutsOff(plug); });
-    std::for_each(bad, taken.end(), [&](const Plug* plug) { turnVoxels(*plug); });
+                                           [&](const Cut* cut) { return !separates(cut); });
+    std::for_each(bad, taken.end(), [&](const Cut* cut) { turnVoxels(*cut); });
     return std::size_t(bad - taken.begin());
 }
 

@@ -1,6 +1,6 @@
-// Islands: small components of one sign, shut in by the other, that no data hold up.
+// Removal of islands: small components of one sign, enclosed by the other, that data do not
+// support.
 #include "band.h"
-
 #include "core/union_find.h"
 #include <mpuvdb/interrupter.h>
 
@@ -16,11 +16,13 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::uint64_t kIslandVoxels = 1 << 18; ///< a larger component stays
-/// One with as many data points in its voxels is an object. An object of a hundred points has about
-/// half of them there, the others in the voxels beyond its surface. Of few points in all, a quarter
-/// is enough.
-constexpr std::size_t kIslandPoints = 30, kIslandShare = 4;
+constexpr std::uint64_t kMaxIslandVoxels = 1
+                                           << 18; ///< of a removed component [tuned: unseen_bench]
+/// Number of data points in its voxels from which on a component is an object: about half of the
+/// points of an object lie there, the others outside. [tuned: noise_bench]
+constexpr std::size_t kMinObjectPoints = 30;
+/// Divisor of the number of all points that gives that number, if lower. [tuned: handles_test]
+constexpr std::size_t kObjectShare = 4;
 
 using Part = Band::Regions::Part;
 
@@ -62,8 +64,9 @@ Band::Regions Band::labelRegions() const
 
     UnionFind components(first.back());
     voxels.resize(first.back());
-    constexpr std::uint64_t kDeep = std::uint64_t(1) << 40; // beyond every limit
-    // Beyond a zone parts of one sign are taken to meet.
+    /// Voxels of an unbounded part. [derived: above kMaxIslandVoxels, with room for sums]
+    constexpr std::uint64_t kUnbounded = std::uint64_t(1) << 40;
+    // Beyond a zone parts of one sign are assumed to be connected.
     std::array<std::optional<std::uint32_t>, 2> beyond;
     for (std::size_t n = 0; n < mBlocks.size(); ++n) {
         const Vec3i at = mBlocks[n].at;
@@ -76,7 +79,7 @@ Band::Regions Band::labelRegions() const
                     const auto next =
                         mIndex.find(packed(at + (upper ? 1 : -1) * Vec3i::Unit(axis)));
                     if (next == mIndex.end()) {
-                        voxels[first[n] + p] = kDeep;
+                        voxels[first[n] + p] = kUnbounded;
                         if (!isKnown(at + (upper ? 1 : -1) * Vec3i::Unit(axis))) {
                             auto& other = beyond[part.inside];
                             components.join(first[n] + p, other.value_or(first[n] + p));
@@ -102,7 +105,7 @@ Band::Regions Band::labelRegions() const
 std::size_t Band::removeIslands()
 {
     std::size_t removed = 0;
-    // One within another has changed sides with it, and is an island of the other sign now.
+    // An island within another now has the sign of its surroundings, and those inside it are left.
     while (const std::size_t turned = turnIslands()) removed += turned;
     return removed;
 }
@@ -114,10 +117,10 @@ std::size_t Band::turnIslands()
     const std::vector<std::uint32_t>&first = regions.first, &roots = regions.roots;
     const std::vector<std::uint64_t>& voxels = regions.voxels;
     const Vec3d everywhere = Vec3d::Constant(std::numeric_limits<double>::max());
-    const std::size_t all =
-                          mField.countData({-everywhere, everywhere}, kIslandShare * kIslandPoints),
+    const std::size_t all = mField.countData({-everywhere, everywhere},
+                                             kObjectShare * kMinObjectPoints),
                       enough =
-                          std::min(kIslandPoints, std::max<std::size_t>(all / kIslandShare, 1));
+                          std::min(kMinObjectPoints, std::max<std::size_t>(all / kObjectShare, 1));
     struct Small {
         std::size_t points = 0;
         float deepest = 0;
@@ -126,7 +129,7 @@ std::size_t Band::turnIslands()
     const auto forEachSmall = [&](auto f) {
         for (std::size_t n = 0; n < mBlocks.size(); ++n)
             for (std::uint32_t p = 0; p < parts[n].size(); ++p)
-                if (const std::uint32_t root = roots[first[n] + p]; voxels[root] < kIslandVoxels)
+                if (const std::uint32_t root = roots[first[n] + p]; voxels[root] < kMaxIslandVoxels)
                     f(mBlocks[n], parts[n][p].voxels, root);
     };
     forEachSmall([&](const Block& block, const SignWords& part, std::uint32_t root) {
@@ -134,9 +137,9 @@ std::size_t Band::turnIslands()
         component.deepest = std::max(component.deepest, deepestOf(block, part));
         if (component.points < enough) component.points += countData(block.at, part);
     });
-    const float hair = isFromData() ? float(kHair * mLattice.voxelSize) : 0.0f;
+    const float minDepth = isFromData() ? float(kMinFeatureDepth * mLattice.voxelSize) : 0.0f;
     const auto isIsland = [&](const Small& component) {
-        return component.points < enough || component.deepest < hair;
+        return component.points < enough || component.deepest < minDepth;
     };
     forEachSmall([&](Block& block, const SignWords& part, std::uint32_t root) {
         if (isIsland(small[root])) turn(block, part);
@@ -145,8 +148,8 @@ std::size_t Band::turnIslands()
                                      [&](const auto& c) { return isIsland(c.second); }));
 }
 
-/// Data points in the cubes of the voxels of a block, or up to half a voxel beside them: points in
-/// a plane of voxels, all of one sign, lie as near to the other side.
+/// Number of data points in the cubes of a block's voxels and up to half a voxel beside them:
+/// points in a plane of voxels, all of one sign, are as near to the other side.
 std::size_t Band::countData(const Vec3i& block, const SignWords& voxels) const
 {
     const double h = mLattice.voxelSize;
@@ -162,18 +165,19 @@ std::size_t Band::countData(const Vec3i& block, const SignWords& voxels) const
             const int first = z;
             while (z < kBlockDim && (bits >> z & 1u)) ++z;
             const Vec3i at = block * kBlockDim + Vec3i(row / kBlockDim, row % kBlockDim, first);
-            constexpr double kReach = 1.01; // of a voxel's cube, from its center
+            /// Voxels from a center. [derived: half a voxel, half a voxel beside, and rounding]
+            constexpr double kReach = 1.01;
             const Vec3d center = at.cast<double>(), last = center + Vec3d(0, 0, z - 1 - first);
             const Box3d around(center - Vec3d::Constant(kReach), last + Vec3d::Constant(kReach));
             count += mField.countData(
                 {mLattice.origin + h * around.min(), mLattice.origin + h * around.max()},
-                kIslandPoints);
+                kMinObjectPoints);
         }
     }
     return count;
 }
 
-/// How deep the deepest of @a voxels lies in its side, world units.
+/// Largest depth of @a voxels in their side, world units.
 float Band::deepestOf(const Block& block, const SignWords& voxels) const
 {
     if (!block.leaf) return mBackground;
@@ -198,7 +202,7 @@ void Band::turn(Block& block, const SignWords& voxels)
     for (std::size_t x = 0; x < kBlockDim; ++x) {
         for (std::uint64_t rest = voxels[x]; rest; rest &= rest - 1) {
             float& v = block.leaf->buffer().data()[x * 64 + std::size_t(__builtin_ctzll(rest))];
-            v = v != 0 ? -v : -kRounding * mBackground; // zero is outside, whatever its sign
+            v = v != 0 ? -v : -kRounding * mBackground; // -0 would be outside
         }
         block.inside[x] ^= voxels[x];
     }

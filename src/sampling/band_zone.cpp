@@ -1,6 +1,5 @@
-// Bands of which only a part is looked at.
+// Bands of which only a zone is sampled.
 #include "band.h"
-
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -15,10 +14,10 @@ namespace mpuvdb
 
 void Band::searchUnsupported()
 {
-    // Where data support the surface they are in the zone, and the band has been found from them.
+    // Where data support the surface, the band has been found from the data in the zone.
     const Vec3i size = mZone->last - mZone->first + Vec3i::Ones();
     const double h = mLattice.voxelSize;
-    // Half a block's diagonal from its center; values are distances only about.
+    // Half a block's diagonal from its center; values are approximate distances.
     const double near = 1.5 * (double(mBackground) + 0.5 * std::sqrt(3.0) * (kBlockDim - 1) * h);
     tbb::enumerable_thread_specific<std::unique_ptr<BlockSampler>> samplers(
         [&] { return mField.sampler(mLattice, double(mBackground)); });
@@ -43,8 +42,8 @@ void Band::searchUnsupported()
     dropUncrossed(known);
 }
 
-/// Drop blocks from number @a known on whose active voxels lead to no change of sign: where the
-/// field comes near to zero and turns away again, no band of the whole leads.
+/// Drop blocks from number @a known on whose active voxels are not connected to a change of sign:
+/// where the field comes near to zero without crossing it, the whole's band has no blocks.
 void Band::dropUncrossed(std::size_t known)
 {
     std::vector<char> kept(mBlocks.size(), 0);
@@ -61,7 +60,7 @@ void Band::dropUncrossed(std::size_t known)
         const std::size_t n = front.back();
         front.pop_back();
         beside.clear();
-        goOn(mBlocks[n], beside);
+        addNeighbors(mBlocks[n], beside);
         for (const Vec3i& next : beside)
             if (const auto found = mIndex.find(packed(next)); found != mIndex.end())
                 keep(found->second);

@@ -9,7 +9,9 @@ namespace mpuvdb
 namespace
 {
 
-constexpr int kMargin = 4; ///< voxels around a block that its gaps depend on
+/// Margin around a block on which its gaps depend, and edge of both, voxels. [derived: two voxels
+/// to grow, and two to shrink]
+constexpr int kMargin = 4;
 constexpr int kSide = kBlockDim + 2 * kMargin;
 
 /// A block and its margin: a row of z for each x and y.
@@ -20,7 +22,7 @@ void invert(Rows& rows)
     for (std::uint16_t& r : rows) r = std::uint16_t(~r);
 }
 
-/// By one voxel on each side. Past the margin nothing is in the set.
+/// Dilate by one voxel on each side. Nothing beyond the margin is in the set.
 inline void grow(Rows& rows)
 {
     for (std::uint16_t& r : rows) r = std::uint16_t(r | r << 1 | r >> 1);
@@ -31,7 +33,7 @@ inline void grow(Rows& rows)
     }
 }
 
-/// Grow, and shrink again.
+/// Morphological closing by a cube of @a reach voxels to each side.
 MPUVDB_CLONES
 void closeGaps(Rows& rows, int reach)
 {
@@ -58,7 +60,7 @@ bool bitOf(const SignWords& words, int x, int y, int z)
     return words[std::size_t(x)] >> (8 * y + z) & 1u;
 }
 
-/// The coordinate of the voxel in a block that is nearest to the next block on one side.
+/// The coordinate of the voxels in a block that are nearest to the next block on one side.
 int edgeOf(int side)
 {
     return side > 0 ? kBlockDim - 1 : 0;

@@ -10,23 +10,24 @@
 namespace mpuvdb
 {
 
-/// Which blocks lie around each. Beyond them voxels are like the nearest of the block that asks.
+/// The blocks around each block. Voxels beyond all blocks are like the nearest of the block at
+/// hand.
 class BlockMosaic
 {
 public:
-    static constexpr std::uint32_t kNoBlock = ~0u;
-    using Around = std::array<std::uint32_t, 27>; ///< 9 (dx + 1) + 3 (dy + 1) + (dz + 1)
+    static constexpr std::uint32_t kNoBlock = ~0u; ///< number of none [derived: type's largest]
+    using Around = std::array<std::uint32_t, 27>;  ///< 9 (dx + 1) + 3 (dy + 1) + (dz + 1)
 
     explicit BlockMosaic(std::vector<Around> around) : mAround(std::move(around)) {}
 
     std::size_t size() const { return mAround.size(); }
     Neighborhood neighborhood(const std::vector<SignWords>& set, VoxelId voxel) const;
-    /// Narrow gaps: of the voxels of @a block those that are not in @a set, but in what is left of
-    /// it when it has been grown by cubes of @a reach voxels on each side (at most 2), and shrunk
-    /// again. The same with the set's complement: narrow parts.
+    /// Narrow gaps: voxels of @a block that are not in @a set, but in its morphological closing by
+    /// a cube of @a reach voxels to each side (at most 2). Narrow parts: the gaps of the
+    /// complement.
     void findNarrow(const std::vector<SignWords>& set, std::size_t block, int reach,
                     SignWords& gaps, SignWords& parts) const;
-    /// Call f(neighbor) for the voxels around one that lie in blocks. @a around says which.
+    /// Call f(neighbor) for the voxels around one that lie in blocks. @param which  mask of them.
     template <typename F>
     void forEachAround(VoxelId voxel, Neighborhood which, F f) const
     {

@@ -15,7 +15,7 @@ double cross(const Vec2d& a, const Vec2d& b)
     return a[0] * b[1] - a[1] * b[0];
 }
 
-/// A directed line: heights are above 0 to its left.
+/// A directed line: heights are positive to its left.
 struct Line {
     Vec2d origin, along; ///< along has length 1
 
@@ -23,8 +23,8 @@ struct Line {
     double height(const Vec2d& p) const { return cross(along, p - origin); }
 };
 
-/// The part of @a segment that is inside a convex polygon, deeper than @a point; none if that is no
-/// longer than @a point.
+/// The part of @a segment inside a convex polygon, deeper than @a point; none unless it is longer
+/// than @a point.
 std::optional<PlaneSegment> clipped(const PlaneSegment& segment, const PlanePolygon& polygon,
                                     double point)
 {
@@ -43,8 +43,8 @@ std::optional<PlaneSegment> clipped(const PlaneSegment& segment, const PlanePoly
     return PlaneSegment{segment[0] + first * along, segment[0] + last * along};
 }
 
-/// What of @a polygon is to the left of a line, and what to the right. Corners no farther from the
-/// line than @a point are on it.
+/// The parts of @a polygon to the left and to the right of a line. Corners within @a point of the
+/// line are on it.
 std::array<PlanePolygon, 2> split(const PlanePolygon& polygon, const Line& line, double point)
 {
     const auto heightOf = [&](const Vec2d& p) {
@@ -66,7 +66,7 @@ std::array<PlanePolygon, 2> split(const PlanePolygon& polygon, const Line& line,
     return sides;
 }
 
-/// The longest of the segments: lines along short ones cut what lies far from them.
+/// The longest of the segments: lines along short ones would cut distant parts.
 std::size_t longestOf(const std::vector<PlaneSegment>& segments)
 {
     const auto squaredLength = [](const PlaneSegment& s) { return (s[1] - s[0]).squaredNorm(); };
@@ -84,7 +84,7 @@ std::vector<PlanePolygon> cutAlong(PlanePolygon polygon, std::vector<PlaneSegmen
 {
     struct Work {
         PlanePolygon polygon;
-        std::vector<PlaneSegment> segments; ///< those that may run through it
+        std::vector<PlaneSegment> segments; ///< that may cross it
     };
     std::vector<PlanePolygon> pieces;
     std::vector<Work> stack;

@@ -1,4 +1,4 @@
-// A triangle cut along segments.
+// Subdivision of a triangle along segments.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -12,8 +12,8 @@ using Vec2d = Eigen::Vector2d;
 using PlanePolygon = std::vector<Vec2d>; ///< convex, counter-clockwise
 using PlaneSegment = std::array<Vec2d, 2>;
 
-/// Convex pieces of @a polygon that no segment runs through; of what is shorter or thinner than
-/// @a point, nothing is cut. By binary space partition.
+/// Convex pieces of @a polygon that no segment crosses, by binary space partition. Segments and
+/// parts shorter or thinner than @a point (length) are not cut.
 std::vector<PlanePolygon> cutAlong(PlanePolygon polygon, std::vector<PlaneSegment> segments,
                                    double point);
 

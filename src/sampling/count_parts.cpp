@@ -1,13 +1,11 @@
 #include "count_parts.h"
 
-#include "solid_blocks.h"
-
 #include "core/union_find.h"
+#include "solid_blocks.h"
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
@@ -19,16 +17,16 @@ using Place = SolidBlocks::Place;
 using Lower = SolidBlocks::Lower;
 using Slots = SolidBlocks::Slots;
 
-/// Bits of a slot's number for each axis; of a word's bits, those whose slots are first along z.
-constexpr openvdb::Index kSlotBits = Lower::LOG2DIM;
-constexpr std::uint64_t kFirstZ = 0x0001000100010001u, kLastZ = kFirstZ << 15;
+constexpr openvdb::Index kSlotBits = Lower::LOG2DIM; ///< bits per axis [derived: the node's edge]
+/// Masks of a word's slots that are first and last along z. [derived: 16 slots in a row]
+constexpr std::uint64_t kFirstSlots = 0x0001000100010001u, kLastSlots = kFirstSlots << 15;
 
-/// Word @a w of those slots whose upper neighbors on @a axis are in the node and among @a slots.
+/// Word @a w of the slots whose upper neighbors on @a axis are in the node and among @a slots.
 std::uint64_t below(const Slots& slots, int axis, std::size_t w)
 {
     if (axis == 0) return w + 4 < slots.size() ? slots[w + 4] : 0;
     if (axis == 1) return slots[w] >> 16 | (w % 4 < 3 ? slots[w + 1] << 48 : 0);
-    return slots[w] >> 1 & ~kLastZ;
+    return slots[w] >> 1 & ~kLastSlots;
 }
 
 /// Call @a f(slot) for each bit of word @a w.
@@ -39,12 +37,12 @@ void forEachBit(std::uint64_t word, std::size_t w, const F& f)
         f(openvdb::Index(64 * w) + openvdb::Index(__builtin_ctzll(word)));
 }
 
-/// Call @a f(low, high) for each slot at a lower node's lower face across @a axis and for that
-/// opposite it.
+/// Call @a f(low, high) for each slot at a lower node's lower face across @a axis and the opposite
+/// slot.
 template <class F>
 void forEachSlotOfFace(int axis, const F& f)
 {
-    constexpr openvdb::Index kSide = 1u << kSlotBits;
+    constexpr openvdb::Index kSide = 1u << kSlotBits; ///< slots per axis [derived: kSlotBits]
     const auto shiftOf = [](int a) { return kSlotBits * openvdb::Index(2 - a); };
     const int u = axis == 0 ? 1 : 0, v = axis == 2 ? 1 : 2;
     for (openvdb::Index i = 0; i < kSide; ++i)
@@ -54,13 +52,13 @@ void forEachSlotOfFace(int axis, const F& f)
         }
 }
 
-/// The connected pieces of all leaves, those outside and those inside of one after the other.
+/// The connected pieces of all leaves: those outside, then those inside, leaf by leaf.
 class LeafPieces
 {
 public:
     LeafPieces(const SolidBlocks& blocks, Interrupter& progress)
     {
-        constexpr std::size_t kTogether = 256; // leaves
+        constexpr std::size_t kTogether = 256; ///< leaves of a task [free: time]
         const std::size_t leaves = blocks.leaves().size();
         mFirst.resize(2 * leaves + 1);
         std::vector<std::vector<SignWords>> chunks((leaves + kTogether - 1) / kTogether);
@@ -86,7 +84,7 @@ public:
 
     std::uint32_t count() const { return std::uint32_t(mPieces.size()); }
     const SignWords& operator[](std::uint32_t n) const { return mPieces[n]; }
-    /// The pieces of one side of a leaf are from first() to end().
+    /// Range of the pieces of one side of a leaf: [first(), end()).
     std::uint32_t first(std::uint32_t leaf, bool inside) const { return mFirst[2 * leaf + inside]; }
     std::uint32_t end(std::uint32_t leaf, bool inside) const
     {
@@ -98,7 +96,7 @@ private:
     std::vector<std::uint32_t> mFirst; ///< by leaf and side
 };
 
-/// The connected parts of a solid and of what is around it. All space beyond the tree is one place.
+/// The connected parts of a solid and of its complement. All space beyond the tree is one node.
 class SolidForest
 {
 public:
@@ -110,8 +108,8 @@ public:
         joinAll(progress);
     }
 
-    /// Those of at least @a speck voxels, but for what is all around.
-    PartCounts count(std::uint64_t speck)
+    /// Count the parts of at least @a least voxels, without the surrounding space.
+    PartCounts count(std::uint64_t least)
     {
         std::vector<std::uint64_t> voxels(mPieces.count()); // by root: pieces come before tiles
         for (std::uint32_t n = 0; n < mPieces.count(); ++n)
@@ -122,7 +120,7 @@ public:
             for (const bool inside : {false, true})
                 for (std::uint32_t n = mPieces.first(leaf, inside); n < mPieces.end(leaf, inside);
                      ++n)
-                    if (n != around && voxels[n] >= speck)
+                    if (n != around && voxels[n] >= least)
                         ++(inside ? counts.parts : counts.cavities);
         return counts;
     }
@@ -135,7 +133,8 @@ private:
                                                : mRoot;
     }
 
-    /// Join what meets across the face between @a a and its upper neighbor @a b on @a axis.
+    /// Join the parts that touch across the face between @a a and its upper neighbor @a b on @a
+    /// axis.
     void join(const Place& a, const Place& b, int axis)
     {
         const bool leafA = a.kind == Place::InLeaf, leafB = b.kind == Place::InLeaf;
@@ -158,7 +157,7 @@ private:
                 if (meet(mPieces[p], mPieces[q], axis)) mNodes.join(p, q);
     }
 
-    /// Join what is in one lower node; other threads may do so in others.
+    /// Join the parts in one lower node; for different nodes from different threads.
     void joinWithin(std::uint32_t node)
     {
         const Slots &leaves = mBlocks.lowers()[node].leaves,
@@ -172,8 +171,8 @@ private:
             for (std::size_t w = 0; w < all.size(); ++w) {
                 for (const Slots* const tiles : {&inside, static_cast<const Slots*>(&outside)}) {
                     std::uint64_t meeting = (*tiles)[w] & below(*tiles, axis, w);
-                    // Along z rows are joined before: the first pair of two rows joins all.
-                    if (axis < 2) meeting &= ~(meeting << 1 & ~kFirstZ);
+                    // Rows along z are joined before: the first pair of two rows joins all.
+                    if (axis < 2) meeting &= ~(meeting << 1 & ~kFirstSlots);
                     forEachBit(meeting, w, [&](openvdb::Index slot) {
                         mNodes.join(firstTile + slot, firstTile + slot + up);
                     });
@@ -187,7 +186,7 @@ private:
         }
     }
 
-    /// Join a lower node's slots with what is beyond its upper faces, and with what is wider
+    /// Join a lower node's slots with their neighbors beyond its upper faces, and with larger tiles
     /// beyond its lower ones.
     void joinFaces(std::uint32_t node)
     {
@@ -201,7 +200,7 @@ private:
             forEachSlotOfFace(axis, [&](openvdb::Index low, openvdb::Index high) {
                 join(mBlocks.inLower(node, high), next ? mBlocks.inLower(*next, low) : wide, axis);
             });
-            if (mBlocks.lowerAt(below)) continue; // that does it
+            if (mBlocks.lowerAt(below)) continue; // that node joins them
             const Place wideBelow = mBlocks.at(below);
             forEachSlotOfFace(axis, [&](openvdb::Index low, openvdb::Index) {
                 join(wideBelow, mBlocks.inLower(node, low), axis);
@@ -209,7 +208,7 @@ private:
         }
     }
 
-    /// Join an upper node's tiles with those above them, and with what is wider below them.
+    /// Join an upper node's tiles with those above them, and with larger tiles below them.
     void joinTiles(std::uint32_t node)
     {
         mBlocks.forEachTile(node, [&](const Place& tile, const Coord& origin) {
@@ -248,8 +247,9 @@ private:
 
 PartCounts countParts(const SolidBlocks& blocks, Interrupter& progress)
 {
-    constexpr std::uint64_t kSpeck = 8; // voxels
-    return SolidForest(blocks, progress).count(kSpeck);
+    /// Voxels of a part or cavity. [derived: two along each axis]
+    constexpr std::uint64_t kMinVoxels = 8;
+    return SolidForest(blocks, progress).count(kMinVoxels);
 }
 
 } // namespace mpuvdb

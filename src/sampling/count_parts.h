@@ -1,4 +1,4 @@
-// How many parts a level set's solid has, and how many cavities.
+// Counts of connected parts and cavities of a level set's solid.
 #pragma once
 #include <cstdint>
 
@@ -9,12 +9,12 @@ class Interrupter;
 class SolidBlocks;
 
 struct PartCounts {
-    std::uint64_t parts = 0;    ///< of the solid, connected by faces of voxels
-    std::uint64_t cavities = 0; ///< connected parts of what it encloses
+    std::uint64_t parts = 0;    ///< face-connected parts of the solid
+    std::uint64_t cavities = 0; ///< face-connected parts of the enclosed outside
 };
 
-/// Parts and cavities of at least eight voxels, two along each axis: a corner of something larger
-/// may hold fewer that are alone. @throws Interrupted.
+/// Parts and cavities of at least eight voxels: fewer may be the isolated corner of a larger one.
+/// @throws Interrupted.
 PartCounts countParts(const SolidBlocks& blocks, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -1,13 +1,11 @@
 #include "surface/surface_places.h"
-
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
-#include <fmt/format.h>
-#include <openvdb/tree/LeafManager.h>
-
 #include <charconv>
 #include <cmath>
+#include <fmt/format.h>
+#include <openvdb/tree/LeafManager.h>
 
 namespace mpuvdb
 {
@@ -17,7 +15,7 @@ namespace
 using openvdb::FloatGrid;
 using openvdb::FloatTree;
 
-constexpr int kProjections = 3; ///< that draw places outside of edges to them
+constexpr int kProjections = 3; ///< steps of SurfacePlaces::append() [tuned: coverage_test]
 constexpr const char* kSpacingKey = "mpuvdb:spacing";
 
 } // namespace

@@ -1,7 +1,6 @@
-// What a reconstruction takes, told by a small one.
+// Estimate of a reconstruction's memory and size, from a coarse trial.
 #include "resolve.h"
 #include "surface/surface_integrals.h"
-
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/memory.h>
@@ -17,20 +16,21 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kTrialPoints = 1e5;
-constexpr double kTrialVoxels = 96; ///< along the longest side
+constexpr double kTrialPoints = 1e5; ///< points of the trial [tuned: estimate_test]
+constexpr double kTrialVoxels = 96;  ///< along the longest side [tuned: estimate_test]
 
-/// While the band is searched and closed: samples beyond it, their order, what surrounds each.
+/// Memory while the band is searched and closed, relative to that of its tree: blocks beyond it,
+/// and the index. [tuned: estimate_test]
 constexpr double kBandShare = 1.5;
 
-/// Nodes of edge @a dim that a band of @a thickness about a surface of area 1 meets, if it looks in
-/// all directions: lengths in voxels. A node meets it from dim - 1 on, between voxels' centers.
+/// Number of nodes of edge @a dim that a band of @a thickness meets per area of a surface with
+/// evenly distributed normals; lengths in voxels. A node is dim - 1 wide between voxels' centers.
 double nodesPerArea(double dim, double thickness)
 {
     return (1.5 * (dim - 1) + thickness) / (dim * dim * dim);
 }
 
-/// Memory of the tree whose band is of @a thickness about a surface of @a area: lengths in voxels.
+/// Memory, bytes, of a tree with a band of @a thickness about a surface of @a area; in voxels.
 double treeBytes(double area, double thickness)
 {
     using Tree = openvdb::FloatTree;
@@ -42,15 +42,15 @@ double treeBytes(double area, double thickness)
            nodes(Lower::DIM) * sizeof(Lower) + std::ceil(nodes(Upper::DIM)) * sizeof(Upper);
 }
 
-/// The surface as larger voxels show it.
+/// Result of a reconstruction with larger voxels.
 struct Trial {
-    double voxelSize = 0;
+    double voxelSize = 0;  ///< world units
     double area = 0;       ///< world units squared
-    double voxelShare = 1; ///< active voxels, of those of a flat band of the same area
+    double voxelShare = 1; ///< active voxels, relative to those of a flat band of the same area
 };
 
-/// About kTrialPoints of the points, whatever pattern their order has.
-PointCloud everySoManyth(const PointCloud& cloud)
+/// About kTrialPoints of the points, independent of patterns in their order.
+PointCloud subsample(const PointCloud& cloud)
 {
     const double share = std::min(1.0, kTrialPoints / double(cloud.size()));
     const double golden = 0.5 * (std::sqrt(5.0) - 1);
@@ -66,10 +66,9 @@ PointCloud everySoManyth(const PointCloud& cloud)
     return some;
 }
 
-Trial tryWithLargerVoxels(const PointCloud& cloud, const ResolvedSettings& resolved,
-                          Interrupter& progress)
+Trial coarseTrial(const PointCloud& cloud, const ResolvedSettings& resolved, Interrupter& progress)
 {
-    PointCloud some = everySoManyth(cloud);
+    PointCloud some = subsample(cloud);
     const double sparser = std::sqrt(double(cloud.size()) / double(some.size()));
     const double fine = resolved.grid.lattice.voxelSize;
     Trial trial;
@@ -90,7 +89,7 @@ Trial tryWithLargerVoxels(const PointCloud& cloud, const ResolvedSettings& resol
     const MpuField field(std::move(some), fit, &progress);
     const LevelSet levelSet = sampleField(field, grid, &progress);
     const double area = integrateSurface(levelSet, progress).area;
-    if (!(area > 0)) return trial; // too thin for such voxels: what the points say has to do
+    if (!(area > 0)) return trial; // too thin for such voxels: the area is that of the points
     trial.area = area;
     const double voxels = area / (trial.voxelSize * trial.voxelSize);
     trial.voxelShare =
@@ -98,7 +97,8 @@ Trial tryWithLargerVoxels(const PointCloud& cloud, const ResolvedSettings& resol
     return trial;
 }
 
-/// Share of the points that lie in @a region, grown by @a margin: about that of the surface.
+/// Share of the points in @a region grown by @a margin (world units), which approximates that of
+/// the surface.
 double shareIn(const Box3d& region, double margin, const PointCloud& cloud)
 {
     const Vec3d grown = Vec3d::Constant(margin);
@@ -125,11 +125,11 @@ ReconstructionEstimate estimateLevelSet(const PointCloud& cloud, const ResolvedS
     ReconstructionEstimate estimate;
     estimate.settings = resolved;
     estimate.fit = estimateFit(cloud, resolved.fit, &progress);
-    const Trial trial = tryWithLargerVoxels(cloud, resolved, progress);
+    const Trial trial = coarseTrial(cloud, resolved, progress);
     estimate.area = trial.area;
     const double h = resolved.grid.lattice.voxelSize, width = resolved.grid.halfWidth;
     const double voxels = trial.area / (h * h);
-    // What bends, and what is near to itself, has fewer voxels in its band, the thinner the more.
+    // Curvature and nearby sheets change the number of voxels, in proportion to the band's width.
     const double bent = (trial.voxelShare - 1) * (width / kMeasuredHalfWidth) * h / trial.voxelSize;
     double share = 1, sampledShare = 1;
     if (const auto& region = resolved.grid.region) {

@@ -1,42 +1,37 @@
 #include "explain_mesh.h"
 
+#include "core/even_places.h"
 #include "count_parts.h"
 #include "solid_blocks.h"
-
-#include "core/even_places.h"
 #include <mpuvdb/interrupter.h>
-
-#include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
 namespace
 {
 
-/// Places at which the boundary is looked at. [derived: a share of one in a hundred is then known
-/// to a seventh of itself]
+/// Number of sampled places on the boundary. [derived: a share of 1 % has a standard error of a
+/// seventh]
 constexpr std::size_t kPlaces = 4096;
-/// Share of the boundary that may be missed: edges and corners between voxels. [derived: below what
-/// a part of the boundary that somebody would look for has]
-constexpr double kMissed = 0.01;
-/// Voxels: whose distance is less are on the surface. [derived: what triangles are apart that
-/// touch]
-constexpr double kOn = 1e-3;
+/// Largest share of the boundary that may be missed: edges and corners between voxels.
+/// [tuned: explained_test]
+constexpr double kMaxMissed = 0.01;
 
-/// The part of a ball's volume that linear values between voxels may take, four voxels across.
+/// Share of the volume of a ball four voxels across that linear interpolation may remove.
 /// [derived: (|k| + |l|) h^2 / 8 over its surface, by its volume, at a radius of 2 h]
-constexpr double kOfSmallBall = 3.0 / 16;
+constexpr double kSmallBallShare = 3.0 / 16;
 
-/// Those of @a places around which all voxels are on one side; voxels on the surface are on both.
-std::vector<TrianglePlace> missed(const std::vector<TrianglePlace>& places,
-                                  const PlacedTriangles& triangles, const LevelSet& levelSet,
-                                  Interrupter& progress)
+/// The places around which all voxels are on one side; voxels on the surface are on both.
+std::vector<TrianglePlace> missedPlaces(const std::vector<TrianglePlace>& places,
+                                        const PlacedTriangles& triangles, const LevelSet& levelSet,
+                                        Interrupter& progress)
 {
-    const auto on = float(kOn * levelSet.voxelSize());
+    const auto on = float(kTouch * levelSet.voxelSize());
     std::vector<std::uint8_t> isMissed(places.size());
     tbb::parallel_for(
         tbb::blocked_range<std::size_t>(0, places.size(), 256), [&](const auto& range) {
@@ -61,15 +56,15 @@ std::vector<TrianglePlace> missed(const std::vector<TrianglePlace>& places,
     return result;
 }
 
-/// World units: the thickness of the wall that most of @a places are on, to a factor of two; up to
-/// two voxels.
+/// Lower quartile of the thickness of the walls at @a places, world units, to a factor of two; at
+/// most two voxels.
 double thicknessAt(const std::vector<TrianglePlace>& places, const SolidBoundary& solid,
                    double voxelSize)
 {
-    constexpr std::size_t kAsked = 32;
-    constexpr int kHalvings = 8;
+    constexpr std::size_t kMaxPlaces = 32; ///< [tuned: explained_test]
+    constexpr int kHalvings = 8;           ///< of a voxel at most [tuned: explained_test]
     std::vector<double> found;
-    const std::size_t stride = places.size() / kAsked + 1;
+    const std::size_t stride = places.size() / kMaxPlaces + 1;
     for (std::size_t n = 0; n < places.size(); n += stride) {
         double depth = voxelSize;
         for (int k = 0; k < kHalvings; ++k, depth /= 2)
@@ -82,21 +77,21 @@ double thicknessAt(const std::vector<TrianglePlace>& places, const SolidBoundary
     return *middle;
 }
 
-/// @param lost  those of @a places that are missed.
-void judge(MeshExplained& e, const std::vector<TrianglePlace>& places,
-           const std::vector<TrianglePlace>& lost, const SolidBoundary& solid, double h)
+/// Add findings to @a e. @param missed  the places that are missed.
+void addFindings(MeshExplained& e, const std::vector<TrianglePlace>& places,
+                 const std::vector<TrianglePlace>& missed, const SolidBoundary& solid, double h)
 {
     const bool volumeDiffers = std::abs(e.volumeOut - e.volumeIn) > e.volumeExplained;
-    // How many parts those that meet make depends on how they do.
+    // The number of parts is undefined where parts meet.
     const bool isSplintered = !solid.report().isCut && e.partsOut > e.partsIn;
-    if (volumeDiffers || isSplintered || e.missed > kMissed)
+    if (volumeDiffers || isSplintered || e.missed > kMaxMissed)
         e.findings.push_back(fmt::format(
             "walls, gaps or details of the mesh are too thin for voxels of {:.4g}: its volume of "
             "{:.6g} in {} parts became {:.6g} in {}, and {:.1f} % of its surface is missed. Voxels "
             "of {:.3g} would show them",
             h, e.volumeIn, e.partsIn, e.volumeOut, e.partsOut, 100 * e.missed,
-            thicknessAt(lost.empty() ? places : lost, solid, h) / 2));
-    if (e.areaOfNothing > kMissed * e.areaIn)
+            thicknessAt(missed.empty() ? places : missed, solid, h) / 2));
+    if (e.areaOfNothing > kMaxMissed * e.areaIn)
         e.findings.push_back(fmt::format(
             "parts of the mesh with an area of {:.4g} ({:.0f} % of its surface) enclose nothing: "
             "they face inward and lie in no other part, or have no inside. Turn or close them",
@@ -126,15 +121,15 @@ MeshExplained explainMesh(const SolidBoundary& solid, const PlacedTriangles& tri
     const PartCounts counts = countParts(blocks, progress);
     e.partsOut = counts.parts;
     e.cavitiesOut = counts.cavities;
-    e.volumeExplained = std::min(h * h / 4 * in.bending, kOfSmallBall * in.volume);
+    e.volumeExplained = std::min(h * h / 4 * in.bending, kSmallBallShare * in.volume);
     const auto corners = [&](std::size_t slot) {
         const TriangleTree::Corners& t = solid.tree().corners(slot);
         return std::array<Vec3d, 3>{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>()};
     };
     const std::vector<TrianglePlace> places = placesOn(solid.tree().size(), kPlaces, corners),
-                                     lost = missed(places, triangles, levelSet, progress);
-    e.missed = double(lost.size()) / double(kPlaces);
-    judge(e, places, lost, solid, h);
+                                     missed = missedPlaces(places, triangles, levelSet, progress);
+    e.missed = double(missed.size()) / double(kPlaces);
+    addFindings(e, places, missed, solid, h);
     return e;
 }
 

@@ -1,16 +1,14 @@
-// A level set held against the points that it was made of.
+// Comparison of a level set with the points that it was made from.
 #include "count_parts.h"
 #include "solid_blocks.h"
-
 #include <mpuvdb/explained.h>
 #include <mpuvdb/interrupter.h>
 
+#include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/parallel_for.h>
-
-#include <algorithm>
-#include <cmath>
 
 namespace mpuvdb
 {
@@ -21,18 +19,18 @@ using Tree = openvdb::FloatTree;
 using Leaf = Tree::LeafNodeType;
 using Accessor = openvdb::tree::ValueAccessor<const Tree, /*IsSafe=*/false>;
 
-/// Standard deviations of noise that a point may be off. [derived: 0.3 % of normal noise is beyond]
-constexpr double kDeviations = 3;
-/// Voxels: a surface is shown no farther off, even beside edges. [derived: half the edge between
-/// two]
-constexpr double kShown = 0.5;
-/// Share of the points that may be farther off. [derived: erfc(1.5 / sqrt 2), what is beyond three
-/// deviations if they are twice as large as measured]
-constexpr double kUnexplained = 0.1336;
-/// Spacings from which on points support nothing, as MpuField::coverage() has it.
-constexpr double kSupport = 5;
+/// Largest deviation of a point, standard deviations of the noise. [derived: 0.3 % of normal noise
+/// is beyond]
+constexpr double kMaxDeviations = 3;
+/// Largest error of a surface in voxels, even beside edges. [derived: half the edge between two]
+constexpr double kMaxVoxelError = 0.5;
+/// Largest share of the points beyond the limit. [derived: erfc(1.5 / sqrt 2): beyond three
+/// deviations of noise twice as large as measured]
+constexpr double kMaxUnexplained = 0.1336;
+/// Distance up to which points support the surface, spacings. [derived: MpuField::coverage()]
+constexpr double kSupportReach = 5;
 
-/// The value between eight voxels, and the direction in which it grows.
+/// The value between eight voxels, and its gradient per voxel.
 struct Sample {
     double value = 0;
     Vec3d gradient = Vec3d::Zero();
@@ -84,7 +82,7 @@ struct Counts {
 Counts countPoints(const LevelSet& levelSet, const FieldPoints& points, double limit,
                    const std::optional<Box3d>& region, Interrupter& progress)
 {
-    constexpr std::size_t kTogether = 4096;
+    constexpr std::size_t kTogether = 4096; ///< points of a task [free: time]
     const Lattice lattice = levelSet.lattice();
     const Vec3d shift = points.frame - lattice.origin;
     std::vector<Counts> counts((points.count + kTogether - 1) / kTogether);
@@ -114,7 +112,7 @@ double unsupportedShare(const LevelSet& levelSet, const MpuField& field, Interru
 {
     const Lattice lattice = levelSet.lattice();
     openvdb::tree::LeafManager<const Tree> leaves(levelSet.grid().tree());
-    const double reach = kSupport * field.settings().points.spacing;
+    const double reach = kSupportReach * field.settings().points.spacing;
     std::vector<std::array<std::uint64_t, 2>> voxels(leaves.leafCount()); // of all, unsupported
     leaves.foreach (
         [&](const Leaf& leaf, std::size_t n) {
@@ -147,8 +145,8 @@ double shareWithin(const LevelSet& levelSet, const std::vector<Vec3d>& places, d
     return double(within) / double(places.size());
 }
 
-/// Hold the surface against the mesh whose vertices the points are, if they are. @param limit
-/// world units: how far off places between the points may be.
+/// Compare the surface with the mesh whose vertices the points are. @param limit  largest distance
+/// of places between the points, world units.
 void compareWithMesh(PointsExplained& e, const LevelSet& levelSet, const VertexMesh& mesh,
                      double limit)
 {
@@ -158,7 +156,7 @@ void compareWithMesh(PointsExplained& e, const LevelSet& levelSet, const VertexM
     e.meshWithin = isKnown ? shareWithin(levelSet, mesh.places, limit) : 1;
     const bool volumeDiffers =
         mesh.isClosed && std::abs(e.volume - mesh.volume) > limit * std::max(mesh.area, e.area);
-    if (1 - e.meshWithin <= kUnexplained && !volumeDiffers) return;
+    if (1 - e.meshWithin <= kMaxUnexplained && !volumeDiffers) return;
     e.findings.push_back(fmt::format(
         "the surface through the mesh's vertices is not the mesh: {:.1f} % of its area is farther "
         "than {:.3g} from it, and its volume{} of {:.6g} became {:.6g}. Make a level set of its "
@@ -166,13 +164,14 @@ void compareWithMesh(PointsExplained& e, const LevelSet& levelSet, const VertexM
         100 * (1 - e.meshWithin), limit, mesh.isClosed ? "" : " (open)", mesh.volume, e.volume));
 }
 
-void judgePoints(PointsExplained& e, const LevelSet& levelSet, const PointStatistics& points)
+/// Add findings to @a e.
+void addFindings(PointsExplained& e, const LevelSet& levelSet, const PointStatistics& points)
 {
     if (points.fillSolid)
         e.findings.push_back(
             "the points fill a solid: there is no surface that they lie about, at any scale, and "
             "the one that was made runs through their midst. Give points on the solid's surface");
-    else if (1 - e.within > kUnexplained)
+    else if (1 - e.within > kMaxUnexplained)
         e.findings.push_back(fmt::format(
             "{:.1f} % of the points are farther than {:.3g} from the surface (half a voxel, the "
             "tolerance, and three times the noise of {:.2g}): it does not show what they do. Look "
@@ -189,7 +188,8 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     const MpuSettings& fit = field.settings();
     const FieldPoints points = field.points();
     PointsExplained e;
-    e.limit = kShown * levelSet.voxelSize() + fit.tolerance + kDeviations * fit.points.noise;
+    e.limit =
+        kMaxVoxelError * levelSet.voxelSize() + fit.tolerance + kMaxDeviations * fit.points.noise;
     const Counts counts = countPoints(levelSet, points, e.limit, region, progress);
     e.points = counts.points;
     const double each = 1 / double(std::max<std::uint64_t>(counts.points, 1));
@@ -197,8 +197,8 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     e.against = double(counts.against) * each;
     e.largest = counts.largest;
     e.unsupported = unsupportedShare(levelSet, field, progress);
-    judgePoints(e, levelSet, fit.points);
-    if (region) return e; // the rest is of the whole
+    addFindings(e, levelSet, fit.points);
+    if (region) return e; // the rest applies to the whole
     const SolidBlocks blocks(levelSet, progress);
     const PartCounts parts = countParts(blocks, progress);
     e.volume = blocks.sums().volume;

@@ -1,17 +1,15 @@
-// Where the values of any grid pass one of them, as a level set.
+// Isosurfaces of grids of any class as level sets.
 #include "grid/transform_lattice.h"
-
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
+#include <cmath>
 #include <fmt/format.h>
+#include <memory>
 #include <openvdb/tools/Count.h>
 #include <openvdb/tools/Morphology.h>
-
-#include <cmath>
-#include <memory>
 #include <vector>
 
 namespace mpuvdb
@@ -24,38 +22,37 @@ using openvdb::FloatGrid;
 using openvdb::FloatTree;
 using Leaf = FloatTree::LeafNodeType;
 
-constexpr int kLeaf = int(Leaf::DIM);
-/// What a block's face of a tile takes, with all that is made on the way: measured.
+/// Peak memory for a tile's face of 8 x 8 voxels, bytes. [tuned: measured on cubes of tiles]
 constexpr std::uint64_t kBytesPerFace = 28000;
 
-/// What becomes of a value: how far outside it is.
+/// Maps a value to its excess outside: positive outside, negative inside.
 struct Outside {
     float value, sign;
     float operator()(float v) const { return sign * (v - value); }
 };
 
-/// Where a block of the tile in @a box, which is inside, meets outside by a face and neither is a
-/// leaf: tell of a voxel of either.
+/// Call visit(in, out) with a voxel of each side for every face of 8 x 8 voxels between the tile in
+/// @a box, which is inside, and an outside tile.
 template <typename F>
-void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& tell)
+void forEachOpenFace(const openvdb::CoordBBox& box, const FloatTree& tree, F&& visit)
 {
     for (int face = 0; face < 6; ++face) {
         const int axis = face / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
         Coord in, out;
         in[axis] = face % 2 ? box.max()[axis] : box.min()[axis];
         out[axis] = in[axis] + (face % 2 ? 1 : -1);
-        for (in[u] = box.min()[u]; in[u] <= box.max()[u]; in[u] += kLeaf)
-            for (in[v] = box.min()[v]; in[v] <= box.max()[v]; in[v] += kLeaf) {
+        for (in[u] = box.min()[u]; in[u] <= box.max()[u]; in[u] += kBlockDim)
+            for (in[v] = box.min()[v]; in[v] <= box.max()[v]; in[v] += kBlockDim) {
                 out[u] = in[u];
                 out[v] = in[v];
-                if (!tree.probeConstLeaf(out) && !(tree.getValue(out) < 0)) tell(in, out);
+                if (!tree.probeConstLeaf(out) && !(tree.getValue(out) < 0)) visit(in, out);
             }
     }
 }
 
-/// @throws LimitError where the tiles' surface takes more than @a maxBytes.
-void demandMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree& tree,
-                  std::uint64_t maxBytes, Interrupter& progress)
+/// @throws LimitError if the tiles' surface needs more than @a maxBytes.
+void requireMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree& tree,
+                   std::uint64_t maxBytes, Interrupter& progress)
 {
     std::uint64_t faces = 0;
     for (const openvdb::CoordBBox& box : tiles) {
@@ -67,10 +64,11 @@ void demandMemory(const std::vector<openvdb::CoordBBox>& tiles, const FloatTree&
     throw LimitError(fmt::format("the surface of the grid's tiles, {} faces of {} x {} voxels, "
                                  "needs about {:.0f} MB, more than the {:.0f} MB that are left: "
                                  "raise --max-memory, or use larger voxels",
-                                 faces, kLeaf, kLeaf, double(bytes) / 1e6, double(maxBytes) / 1e6));
+                                 faces, kBlockDim, kBlockDim, double(bytes) / 1e6,
+                                 double(maxBytes) / 1e6));
 }
 
-/// The values of @a grid outward, with voxels beside its leaves active and all else inactive.
+/// The values of @a grid mapped by @a outside; voxels of and beside leaves are active.
 FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint64_t maxBytes,
                        Interrupter& progress)
 {
@@ -89,10 +87,10 @@ FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint6
             leaf->setValueOnly(n, outside(from->getValue(n)));
         tree->addLeaf(leaf.release());
     }
-    demandMemory(inside, *tree, maxBytes, progress);
+    requireMemory(inside, *tree, maxBytes, progress);
     for (const openvdb::CoordBBox& box : inside) {
         progress.check();
-        // Zero is to be crossed between active voxels.
+        // The zero crossing has to lie between active voxels.
         forEachOpenFace(box, *tree, [&](const Coord& in, const Coord& out) {
             tree->touchLeaf(in)->setValuesOn();
             tree->touchLeaf(out)->setValuesOn();
@@ -103,12 +101,7 @@ FloatTree::Ptr outward(const FloatGrid& grid, const Outside& outside, std::uint6
     return tree;
 }
 
-} // namespace
-
-namespace
-{
-
-/// How distances are meant, for who asks for what is above a value of them.
+/// A hint for level sets, whose inside is below: text to append to an error, or none.
 std::string hintFor(const FloatGrid& grid, Inside inside)
 {
     const bool isSigned = openvdb::tools::minMax(grid.tree()).min() < 0;
@@ -123,8 +116,8 @@ LevelSet isosurface(const FloatGrid& grid, double value, Inside inside, double h
                     std::uint64_t maxBytes, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandUniformVoxels(grid);
-    demandFinite(grid);
+    requireUniformVoxels(grid);
+    requireFinite(grid);
     const bool above = inside == Inside::Above;
     const Outside outside{float(value), above ? -1.0f : 1.0f};
     if (!(outside(grid.background()) > 0))

@@ -1,13 +1,13 @@
 #include "mesh_signs.h"
 
 #include <mpuvdb/error.h>
+#include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>
-
-#include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <array>
 #include <cmath>
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -19,56 +19,55 @@ using Tree = openvdb::FloatTree;
 using Leaf = Tree::LeafNodeType;
 using LeafManager = openvdb::tree::LeafManager<Tree>;
 
-/// Voxels that two neighbors can be from a surface together that passes between them, and from the
+/// Largest sum of the distances of two neighbors, voxels, from a surface between them, and from the
 /// rim of a hole as wide as a voxel. [derived: the first is the length of the edge between them; a
 /// hole's rim is half a voxel from where the edge passes through it, as seen from either end]
 constexpr double kAcross = 1, kThroughHole = 2;
-constexpr double kRoundings = 1 + 1e-4; // of the distances
+constexpr double kRoundings = 1 + 1e-4; ///< factor [derived: a thousand roundings of a float]
 
-/// A voxel of the band, and the next one along an axis, of which only one is inside though they are
-/// farther from the surface than neighbors of two sides are.
-struct Dispute {
+/// A voxel of the band and the next one along an axis whose signs contradict their distances.
+struct Conflict {
     std::size_t leaf;
     openvdb::Coord voxel;
     int axis;
-    double apart; ///< voxels: their distances together
+    double apart; ///< sum of their distances, voxels
 };
 
-/// Finds disputes, and has them settled by winding numbers.
-class Settlement
+/// Finds conflicts, and resolves them by winding numbers.
+class SignRepair
 {
 public:
-    Settlement(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid)
-        : mBand(tree), mTriangles(triangles), mSolid(solid), mAsked(mBand.leafCount())
+    SignRepair(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid)
+        : mBand(tree), mTriangles(triangles), mSolid(solid), mResolved(mBand.leafCount())
     {
         for (std::size_t n = 0; n < mBand.leafCount(); ++n) mNumbers[mBand.leaf(n).origin()] = n;
     }
 
     void run(Interrupter& progress)
     {
-        std::vector<Dispute> disputes = find();
-        while (askAbout(disputes, progress)) disputes = find();
-        demandNoHole(disputes);
+        std::vector<Conflict> conflicts = find();
+        while (resolve(conflicts, progress)) conflicts = find();
+        requireNoHole(conflicts);
     }
 
 private:
-    std::vector<Dispute> find() const
+    std::vector<Conflict> find() const
     {
-        std::vector<std::vector<Dispute>> found(mBand.leafCount());
+        std::vector<std::vector<Conflict>> found(mBand.leafCount());
         tbb::parallel_for(std::size_t(0), mBand.leafCount(),
                           [&](std::size_t n) { look(n, found[n]); });
-        std::vector<Dispute> all;
+        std::vector<Conflict> all;
         for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());
         return all;
     }
 
-    void look(std::size_t n, std::vector<Dispute>& found) const
+    void look(std::size_t n, std::vector<Conflict>& found) const
     {
         const Leaf& leaf = mBand.leaf(n);
         std::array<const Leaf*, 3> beside;
         for (int axis = 0; axis < 3; ++axis) {
             openvdb::Coord origin = leaf.origin();
-            origin[axis] += kDim;
+            origin[axis] += kBlockDim;
             const auto at = mNumbers.find(origin);
             beside[std::size_t(axis)] = at != mNumbers.end() ? &mBand.leaf(at->second) : nullptr;
         }
@@ -77,7 +76,7 @@ private:
             for (int axis = 0; axis < 3; ++axis) {
                 openvdb::Coord next = at;
                 ++next[axis];
-                const bool isHere = next[axis] & (kDim - 1);
+                const bool isHere = next[axis] & (kBlockDim - 1);
                 const Leaf* const other = isHere ? &leaf : beside[std::size_t(axis)];
                 float there = 0;
                 if (!other || !other->probeValue(next, there) || (*on < 0) == (there < 0)) continue;
@@ -87,19 +86,19 @@ private:
         }
     }
 
-    /// Give the voxels of disputes the signs that winding numbers tell, each once. @return whether
-    /// there were any that had not been asked about.
-    bool askAbout(const std::vector<Dispute>& disputes, Interrupter& progress)
+    /// Set the voxels of conflicts to the signs of their winding numbers, each once. @return
+    /// whether there were any new voxels.
+    bool resolve(const std::vector<Conflict>& conflicts, Interrupter& progress)
     {
         std::vector<openvdb::Coord> voxels;
-        for (const Dispute& d : disputes)
+        for (const Conflict& d : conflicts)
             for (const int step : {0, 1}) {
                 openvdb::Coord voxel = d.voxel;
                 voxel[d.axis] += step;
-                auto& asked = mAsked[mNumbers.at(voxel & ~(kDim - 1))];
+                auto& resolved = mResolved[mNumbers.at(voxel & ~(kBlockDim - 1))];
                 const auto offset = Leaf::coordToOffset(voxel);
-                if (asked.isOn(offset)) continue;
-                asked.setOn(offset);
+                if (resolved.isOn(offset)) continue;
+                resolved.setOn(offset);
                 voxels.push_back(voxel);
             }
         std::vector<std::uint8_t> inside(voxels.size());
@@ -109,17 +108,17 @@ private:
                 mTriangles.place(Vec3d(voxels[n].x(), voxels[n].y(), voxels[n].z())));
         });
         for (std::size_t n = 0; n < voxels.size(); ++n) {
-            Leaf& leaf = mBand.leaf(mNumbers.at(voxels[n] & ~(kDim - 1)));
+            Leaf& leaf = mBand.leaf(mNumbers.at(voxels[n] & ~(kBlockDim - 1)));
             const float distance = std::abs(leaf.getValue(voxels[n]));
             leaf.setValueOnly(voxels[n], inside[n] ? -distance : distance);
         }
         return !voxels.empty();
     }
 
-    void demandNoHole(const std::vector<Dispute>& disputes) const
+    void requireNoHole(const std::vector<Conflict>& conflicts) const
     {
-        const Dispute* widest = nullptr;
-        for (const Dispute& d : disputes)
+        const Conflict* widest = nullptr;
+        for (const Conflict& d : conflicts)
             if (d.apart > kThroughHole * kRoundings && (!widest || d.apart > widest->apart))
                 widest = &d;
         if (!widest) return;
@@ -132,20 +131,19 @@ private:
             at[0], at[1], at[2], mSolid.report().openEdges));
     }
 
-    static constexpr int kDim = Leaf::DIM;
     LeafManager mBand;
     const PlacedTriangles& mTriangles;
     const SolidBoundary& mSolid;
     std::unordered_map<openvdb::Coord, std::size_t> mNumbers; ///< of leaves, by origin
-    std::vector<Leaf::NodeMaskType> mAsked;                   ///< of each leaf, voxels
+    std::vector<Leaf::NodeMaskType> mResolved; ///< voxels that were resolved, by leaf
 };
 
 } // namespace
 
-void settleSigns(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid,
+void repairSigns(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid,
                  Interrupter& progress)
 {
-    Settlement(tree, triangles, solid).run(progress);
+    SignRepair(tree, triangles, solid).run(progress);
 }
 
 } // namespace mpuvdb

@@ -1,4 +1,4 @@
-// Which voxels near a mesh are inside.
+// Signs of the voxels near a mesh.
 #pragma once
 #include "distance/triangle_band.h"
 #include "solid_boundary.h"
@@ -6,12 +6,11 @@
 namespace mpuvdb
 {
 
-/// Puts signs right that contradict each other: no triangle of the boundary passes between two
-/// neighbors whose distances are more than a voxel together, and of a mesh with holes none that is
-/// seen from both sides. Winding numbers decide.
-/// @param band  active: the distances, signed.
-/// @throws InputError where a hole wider than a voxel leaves no inside to tell, Interrupted.
-void settleSigns(openvdb::FloatTree& band, const PlacedTriangles& triangles,
+/// Correct contradicting signs by winding numbers: neighbors whose distances sum to more than a
+/// voxel have no triangle between them, and so the same sign.
+/// @param band  its active values are signed distances.
+/// @throws InputError if a hole is wider than a voxel, Interrupted.
+void repairSigns(openvdb::FloatTree& band, const PlacedTriangles& triangles,
                  const SolidBoundary& solid, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -2,30 +2,27 @@
 
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <numeric>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 namespace mpuvdb
 {
 namespace
 {
 
-constexpr std::uint32_t kNone = OrientedTriangles::kNone;
-
-/// An edge of a triangle, as the corner that it starts at.
+/// An edge of a triangle, by the corner that it starts at.
 struct HalfEdge {
-    std::uint32_t high; ///< its end of the higher number
+    std::uint32_t high; ///< end with the higher number
     std::uint32_t triangle;
     std::uint8_t corner;
     bool upward; ///< runs from the lower to the higher end
 };
 
-/// The edges of all triangles, by their ends of the lower number.
+/// The edges of all triangles, by their ends with the lower number.
 class EdgeTable
 {
 public:
@@ -71,25 +68,25 @@ private:
     std::vector<HalfEdge> mEdges;
 };
 
-/// Of each vertex the first of those at its position.
+/// For each vertex the first one at its position.
 std::vector<std::uint32_t> firstAtPosition(const std::vector<Vec3f>& positions)
 {
     const auto bitsOf = [&](std::size_t i) {
-        const Vec3f p = positions[i] + Vec3f::Zero(); // of two zeros the positive one
+        const Vec3f p = positions[i] + Vec3f::Zero(); // -0 becomes 0
         std::array<std::uint32_t, 3> bits;
         std::memcpy(bits.data(), p.data(), sizeof bits);
         return bits;
     };
     std::size_t buckets = 16;
     while (buckets < 2 * positions.size()) buckets *= 2;
-    std::vector<std::uint32_t> table(buckets, kNone), first(positions.size());
+    std::vector<std::uint32_t> table(buckets, kNoTriangle), first(positions.size());
     for (std::uint32_t i = 0; i < positions.size(); ++i) {
         const auto bits = bitsOf(i);
         std::uint64_t hash = 0;
         for (const std::uint32_t b : bits) hash = (hash ^ b) * 0x9e3779b97f4a7c15u;
         std::size_t at = (hash >> 20) & (buckets - 1);
-        while (table[at] != kNone && bitsOf(table[at]) != bits) at = (at + 1) & (buckets - 1);
-        if (table[at] == kNone) table[at] = i;
+        while (table[at] != kNoTriangle && bitsOf(table[at]) != bits) at = (at + 1) & (buckets - 1);
+        if (table[at] == kNoTriangle) table[at] = i;
         first[i] = table[at];
     }
     return first;
@@ -103,16 +100,16 @@ bool runAlike(const Mesh::Triangle& t, std::size_t k, const Mesh::Triangle& u)
     return false;
 }
 
-/// Makes one of the copies of each triangle.
-class Folding
+/// Merges copies of triangles.
+class CopyMerger
 {
 public:
-    explicit Folding(OrientedTriangles& of) : mOf(of) {}
+    explicit CopyMerger(OrientedTriangles& of) : mOf(of) {}
 
     void run()
     {
         const std::vector<Mesh::Triangle>& triangles = mOf.mesh.triangles;
-        // By their corners in ascending order; of equals in theirs.
+        // By their corners in ascending order, then by number.
         std::vector<std::pair<Mesh::Triangle, std::uint32_t>> sorted(triangles.size());
         tbb::parallel_for(std::size_t(0), triangles.size(), [&](std::size_t n) {
             Mesh::Triangle t = triangles[n];
@@ -133,7 +130,7 @@ public:
     }
 
 private:
-    /// Whether its corners ascend, but for where it starts.
+    /// Whether its corners are a cyclic shift of ascending ones.
     static bool runsUpward(const Mesh::Triangle& t)
     {
         return (t[0] < t[1]) + (t[1] < t[2]) + (t[2] < t[0]) == 2;
@@ -158,20 +155,20 @@ private:
     OrientedTriangles& mOf;
 };
 
-/// What lies at the edges of a mesh.
+/// Numbers of edges by kind.
 struct EdgeKinds {
     std::uint64_t open = 0;          ///< triangles do not cancel
-    std::uint64_t contradicting = 0; ///< two triangles that run the same way
+    std::uint64_t contradicting = 0; ///< two triangles with the same direction
     std::uint64_t crowded = 0;       ///< more than two triangles
 };
 
-/// Fill the neighbors, contradicting ones too, and count.
+/// Find the neighbors, contradicting ones too, and count edges by kind.
 EdgeKinds findNeighbors(OrientedTriangles& of)
 {
     const auto timesOf = [&](const HalfEdge& e) {
         return of.multiplicity.empty() ? 1 : of.multiplicity[e.triangle];
     };
-    of.neighbors.assign(of.mesh.triangles.size(), {kNone, kNone, kNone});
+    of.neighbors.assign(of.mesh.triangles.size(), {kNoTriangle, kNoTriangle, kNoTriangle});
     std::atomic<std::uint64_t> open{0}, contradicting{0}, crowded{0};
     EdgeTable(of.mesh.triangles, of.mesh.positions.size())
         .forEachEdge([&](const HalfEdge* first, const HalfEdge* last) {
@@ -189,10 +186,13 @@ EdgeKinds findNeighbors(OrientedTriangles& of)
 }
 
 /// Turns triangles until neighbors agree.
-class Turning
+class Reorientation
 {
 public:
-    explicit Turning(OrientedTriangles& of) : mOf(of), mState(of.mesh.triangles.size(), kUnseen) {}
+    explicit Reorientation(OrientedTriangles& of)
+        : mOf(of), mState(of.mesh.triangles.size(), kUnseen)
+    {
+    }
 
     void run()
     {
@@ -213,7 +213,7 @@ private:
             balance += mState[n] == kKept ? areaOf(n) : -areaOf(n);
             for (std::size_t k = 0; k < 3; ++k) {
                 const std::uint32_t m = mOf.neighbors[n][k];
-                if (m == kNone || mState[m] != kUnseen) continue;
+                if (m == kNoTriangle || mState[m] != kUnseen) continue;
                 const auto& triangles = mOf.mesh.triangles;
                 const bool contradict = runAlike(triangles[n], k, triangles[m]);
                 mState[m] = (mState[n] == kTurned) != contradict ? kTurned : kKept;
@@ -241,17 +241,17 @@ private:
     std::vector<State> mState;
 };
 
-/// Neighbors that contradict each other are none: on a strip that is twisted once some are left.
+/// Disconnect neighbors that contradict each other, as some on a Moebius strip do.
 void dropContradicting(OrientedTriangles& of)
 {
     for (std::uint32_t n = 0; n < of.neighbors.size(); ++n)
         for (std::size_t k = 0; k < 3; ++k) {
             const std::uint32_t m = of.neighbors[n][k];
-            if (m == kNone) continue;
+            if (m == kNoTriangle) continue;
             if (!runAlike(of.mesh.triangles[n], k, of.mesh.triangles[m])) continue;
             for (std::uint32_t& back : of.neighbors[m])
-                if (back == n) back = kNone;
-            of.neighbors[n][k] = kNone;
+                if (back == n) back = kNoTriangle;
+            of.neighbors[n][k] = kNoTriangle;
         }
 }
 
@@ -271,12 +271,12 @@ OrientedTriangles orientTriangles(const Mesh& mesh, Interrupter& progress)
     }
     EdgeKinds kinds = findNeighbors(of);
     if (kinds.crowded > 0) {
-        Folding(of).run();
+        CopyMerger(of).run();
         kinds = findNeighbors(of);
     }
     progress.check();
     if (kinds.contradicting > 0) {
-        Turning(of).run();
+        Reorientation(of).run();
         kinds = findNeighbors(of);
         if (kinds.contradicting > 0) dropContradicting(of);
     }

@@ -1,5 +1,4 @@
-// The triangles of a mesh as what bounds a solid: which of them are neighbors, and which way they
-// face.
+// The triangles of a mesh as the boundary of a solid, with neighbors and consistent orientation.
 #pragma once
 #include <mpuvdb/triangle_mesh.h>
 
@@ -11,15 +10,15 @@ namespace mpuvdb
 
 class Interrupter;
 
+constexpr std::uint32_t kNoTriangle = 0xffffffffu; ///< number of none [derived: type's largest]
+
 /// A mesh with its neighborhoods. Vertices at the same position are one.
 struct OrientedTriangles {
-    static constexpr std::uint32_t kNone = 0xffffffffu;
-
     Mesh mesh; ///< vertices at the same position have one number; no attributes
-    /// Of each triangle, how often it counts in the winding number; empty: once.
+    /// Multiplicity of each triangle in the winding number; empty: all 1.
     std::vector<std::int32_t> multiplicity;
-    /// Of each triangle the neighbors across its edges, where two triangles of equal multiplicity
-    /// meet that run along the edge in opposite directions; else kNone.
+    /// Neighbors of each triangle across its edges, where exactly two triangles of equal
+    /// multiplicity and opposite directions meet; else kNoTriangle.
     std::vector<std::array<std::uint32_t, 3>> neighbors;
     /// Edges whose triangles do not cancel along them: the boundary of holes, and T-junctions.
     std::uint64_t openEdges = 0;
@@ -28,9 +27,9 @@ struct OrientedTriangles {
     bool isClosed() const { return openEdges == 0; }
 };
 
-/// Copies of a triangle become one with their number, those of opposite directions cancel;
-/// triangles without three different corners go. Where neighbors contradict each other, all of
-/// their part are turned to face as most of its area does. @throws Interrupted.
+/// Orient a mesh. Copies of a triangle become one with a multiplicity, those of opposite directions
+/// cancel; triangles without three different corners are dropped. Where neighbors contradict each
+/// other, all triangles of their part face as most of its area did. @throws Interrupted.
 OrientedTriangles orientTriangles(const Mesh& mesh, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -2,7 +2,6 @@
 #include "distance/restore_distance.h"
 #include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
-
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -19,8 +18,8 @@ namespace mpuvdb
 namespace
 {
 
-/// How far from the zero set, in voxels, values of a field that is no distance are needed to find
-/// the surface: all corners of a cell that it crosses.
+/// Half-width of the band, voxels, in which values that are not distances define the surface.
+/// [derived: above sqrt(3), the distance of a crossed cell's corners]
 constexpr double kCrossingWidth = 2;
 
 /// Half-widths up to which distances are taken from the field, voxels: of fields that are distances
@@ -31,20 +30,21 @@ constexpr double kSampledBand = 20, kNearBand = 3;
 /// Voxels beyond a band that distances at its end still depend on. [derived: a leaf]
 constexpr int kStencil = 8;
 
-void demandSettings(const Field& field, const SampleSettings& settings)
+void requireValidSettings(const Field& field, const SampleSettings& settings)
 {
-    demandVoxelSize(settings.lattice.voxelSize);
-    demandHalfWidth(settings.halfWidth);
+    requireVoxelSize(settings.lattice.voxelSize);
+    requireHalfWidth(settings.halfWidth);
     const Box3d box = field.bounds();
     if (!box.isEmpty() && !(box.min().allFinite() && box.max().allFinite()))
-        throw UsageError("the solid goes on without end, which no grid can hold: intersect it with "
-                         "a box, or with a solid that ends");
+        throw UsageError("the solid is unbounded, which no grid can hold: intersect it with a box, "
+                         "or with a bounded solid");
     if (settings.region && (settings.region->isEmpty() || !settings.region->min().allFinite() ||
                             !settings.region->max().allFinite()))
-        throw UsageError("the region's corners are not finite, or not in order");
+        throw UsageError("the region's corners are not finite, or not in order: give the lower "
+                         "corner first");
 }
 
-/// Whether there is no surface. @throws InputError where there has to be one.
+/// Whether there is no surface. @throws InputError if there has to be one.
 bool isEmpty(const Band& band, const SampleSettings& settings)
 {
     if (band.hasZeroCrossing()) return false;
@@ -54,7 +54,7 @@ bool isEmpty(const Band& band, const SampleSettings& settings)
     return true;
 }
 
-/// The blocks that are looked at for @a region.
+/// The blocks to be sampled for @a region.
 BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
 {
     const int margin = kRegionMargin + int(std::ceil(halfWidth));
@@ -67,17 +67,17 @@ BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
     return zone;
 }
 
-/// Whether values are distances, as check() asks, after @a restored of them were made anew: noise
-/// as thick as what was scanned can leave few that are, and then all are made anew. A region cannot
-/// know that of the whole: its values stay.
+/// Whether values are distances in the sense of check(), after @a restored of them were repaired:
+/// strong noise can leave few that are, and then all are computed anew.
 bool areDistances(const openvdb::FloatGrid& grid, std::uint64_t restored, Interrupter& progress)
 {
-    constexpr double kMuch = 0.05; // share of the band; with less of it nobody need ask
-    return double(restored) < kMuch * double(grid.activeVoxelCount()) ||
+    /// Share of repaired voxels below which the check is skipped. [tuned: noise_bench]
+    constexpr double kMaxRepaired = 0.05;
+    return double(restored) < kMaxRepaired * double(grid.activeVoxelCount()) ||
            check(grid, kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound();
 }
 
-/// Only what is in @a region; the rest is outside.
+/// The part of @a whole in @a region; the rest is outside.
 LevelSet cropped(const LevelSet& whole, const openvdb::CoordBBox& region)
 {
     const openvdb::FloatGrid::Ptr grid = whole.grid().deepCopy();
@@ -146,11 +146,11 @@ LevelSet sampleWide(const Field& field, const SampleSettings& settings, double s
 
 openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
 {
-    constexpr double kMost = 1 << 23; // beyond the index range of blocks
+    constexpr double kMaxIndex = 1 << 23; ///< index of a voxel [derived: 2^20 blocks of 8]
     openvdb::CoordBBox voxels;
     for (int axis = 0; axis < 3; ++axis) {
         const auto index = [&](double x) {
-            return std::clamp((x - lattice.origin[axis]) / lattice.voxelSize, -kMost, kMost);
+            return std::clamp((x - lattice.origin[axis]) / lattice.voxelSize, -kMaxIndex, kMaxIndex);
         };
         voxels.min()[axis] = int(std::ceil(index(region.min()[axis])));
         voxels.max()[axis] = int(std::floor(index(region.max()[axis])));
@@ -161,7 +161,7 @@ openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
 LevelSet sampleField(const Field& field, const SampleSettings& settings, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    demandSettings(field, settings);
+    requireValidSettings(field, settings);
     openvdb::CoordBBox region;
     if (settings.region) {
         region = voxelsIn(*settings.region, settings.lattice);

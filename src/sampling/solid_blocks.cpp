@@ -55,7 +55,7 @@ SolidBlocks::LowerNode SolidBlocks::readLower(const Lower& lower)
     for (openvdb::Index slot = 0; slot < Lower::NUM_VALUES; ++slot) {
         const std::uint64_t bit = std::uint64_t(1) << slot % 64;
         const auto& entry = lower.getTable()[slot];
-        mLeafOf.push_back(std::uint32_t(mLeaves.size())); // which tiles do not use
+        mLeafOf.push_back(std::uint32_t(mLeaves.size())); // unused for tiles
         if (lower.isChildMaskOn(slot)) {
             node.leaves[slot / 64] |= bit;
             mLeaves.push_back(entry.getChild());
@@ -66,7 +66,7 @@ SolidBlocks::LowerNode SolidBlocks::readLower(const Lower& lower)
     return node;
 }
 
-/// The volume of what tiles have inside, in voxels.
+/// Add the volume of inside tiles, in voxels.
 void SolidBlocks::sumTiles()
 {
     std::uint64_t lower = 0, upper = 0;

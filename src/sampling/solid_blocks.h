@@ -1,8 +1,7 @@
-// A level set's solid by the blocks of its tree.
+// A level set's solid, by the leaves and tiles of its tree.
 #pragma once
 #include "grid/block_parts.h"
 #include "solid_sums.h"
-
 #include <mpuvdb/level_set.h>
 
 #include <array>
@@ -16,8 +15,8 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// Where the leaves and tiles of a tree are, and what one pass over their values tells of the
-/// solid. The tree outlives it.
+/// The leaves and tiles of a tree, with the signs and the sums of one pass over their values. The
+/// tree has to outlive it.
 class SolidBlocks
 {
 public:
@@ -27,12 +26,12 @@ public:
     using Upper = Tree::RootNodeType::ChildNodeType;
     using Lower = Upper::ChildNodeType;
 
-    /// Where a block of a leaf's size, or a tile, is in the tree.
+    /// A leaf or tile of the tree.
     struct Place {
         enum Kind { Root, UpperTile, LowerTile, InLeaf };
         Kind kind = Root;
-        std::uint32_t index = 0; ///< of a leaf, or of a tile among all that there may be
-        bool isInside = false;   ///< a tile
+        std::uint32_t index = 0; ///< number of a leaf, or of a tile among all possible ones
+        bool isInside = false;   ///< for a tile
     };
 
     /// The slots of a lower node, as bits: slot s is bit s % 64 of word s / 64.
@@ -50,7 +49,7 @@ public:
     const SignWords& insideOf(std::size_t leaf) const { return mInside[leaf]; }
     const std::vector<LowerNode>& lowers() const { return mLowers; }
     std::uint32_t uppers() const { return std::uint32_t(mUppers.size()); }
-    /// Number of places in upper nodes, of which lower nodes take some.
+    /// Number of slots in upper nodes, including those of lower nodes.
     std::uint32_t upperTiles() const { return mUpperTiles; }
     /// Volume and area, world units cubed and squared. The same for any number of threads.
     const SolidSums& sums() const { return mSums; }
@@ -70,7 +69,7 @@ public:
     void forEachTile(std::uint32_t node, const F& f) const
     {
         const UpperNode& upper = mUppers[node];
-        constexpr int kStep = int(Lower::DIM);
+        constexpr int kStep = int(Lower::DIM); ///< edge of a tile, voxels [derived: the tree]
         const openvdb::CoordBBox& box = upper.box;
         for (int x = box.min().x(); x <= box.max().x(); x += kStep)
             for (int y = box.min().y(); y <= box.max().y(); y += kStep)
@@ -80,8 +79,7 @@ public:
     }
 
 private:
-    /// An upper node, with the part of it that is in the box of all lower nodes: beyond this
-    /// nothing is enclosed.
+    /// An upper node and its part in the box of all lower nodes, beyond which nothing is enclosed.
     struct UpperNode {
         const Upper* node;
         openvdb::CoordBBox box;

@@ -1,16 +1,14 @@
 #include "solid_boundary.h"
 
 #include "convex_pieces.h"
-#include "triangle_contacts.h"
-
 #include "core/union_find.h"
+#include "triangle_contacts.h"
 #include <mpuvdb/interrupter.h>
-
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <tbb/parallel_for.h>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -18,16 +16,12 @@ namespace mpuvdb
 namespace
 {
 
-/// Voxels: gaps and walls up to this one are none. [derived: a tenth of what values may err by]
-constexpr double kTouch = 1e-3;
-/// Voxels: places nearer than this are one. [derived: a thousandth of the touch, and far above the
-/// rounding of doubles for a mesh of 2^23 voxels, the index range]
+/// Distance, voxels, below which places are one. [derived: a thousandth of kTouch, and far above
+/// the rounding of doubles for a mesh of 2^23 voxels, the index range]
 constexpr double kPoint = 1e-6;
-/// Roundings of single precision, of a mesh's largest coordinate, that two faces meant to touch may
-/// be apart. [derived: each of the two is rounded along three axes]
+/// Distance of two faces meant to touch, roundings of a mesh's largest coordinate as a float.
+/// [derived: each of the two is rounded along three axes]
 constexpr double kRoundings = 4;
-
-constexpr std::uint32_t kNone = OrientedTriangles::kNone;
 
 ContactLengths lengthsFor(const Mesh& mesh, double voxelSize)
 {
@@ -39,7 +33,7 @@ ContactLengths lengthsFor(const Mesh& mesh, double voxelSize)
 
 /// Winding numbers on the two sides of a face.
 struct Sides {
-    double front = 0, back = 0; ///< where its normal points to; behind it
+    double front = 0, back = 0; ///< the side that the normal points to, and the other
 
     bool bounds(double sign) const { return (sign * front > 0.5) != (sign * back > 0.5); }
     bool facesInward(double sign) const { return sign * front > 0.5; }
@@ -48,14 +42,14 @@ struct Sides {
 
 using Corners = TriangleTree::Corners;
 
-/// A part of a triangle that meets others.
+/// A piece of a triangle that meets others.
 struct Piece {
     Corners corners;
     std::uint32_t triangle; ///< of the mesh
     Sides sides;
 };
 
-/// Goes from face to face, and tells the winding numbers on their sides.
+/// Computes the winding numbers on the sides of faces, each from the last one.
 class Walk
 {
 public:
@@ -64,7 +58,7 @@ public:
     {
     }
 
-    /// @param area  along the face's normal; of length 0 there is no face.
+    /// The sides of a face at @a place. @param area  along its normal; 0: no sides.
     Sides sidesAt(const Vec3d& place, const Vec3d& area)
     {
         const double size = area.norm();
@@ -85,12 +79,12 @@ private:
     }
 
     const WindingNumber& mWinding;
-    double mStep; ///< world units: beyond what touches
+    double mStep; ///< distance from the face, world units: beyond faces that touch
     std::optional<Vec3d> mLast;
     double mNumber = 0; ///< there
 };
 
-/// Tells the sides of triangles and of their pieces.
+/// Finds the sides of triangles and of their pieces.
 class Faces
 {
 public:
@@ -105,7 +99,7 @@ public:
         findFirst(contacts);
         joinRegions();
         progress.check();
-        lookAtRegions();
+        findRegionSides();
         progress.check();
         cut(contacts, progress);
     }
@@ -160,14 +154,14 @@ private:
         for (std::uint32_t n = 0; n < count; ++n) {
             if (isTouched(n)) continue;
             for (const std::uint32_t m : mTriangles.neighbors[n])
-                if (m != kNone && m < n && !isTouched(m)) regions.join(n, m);
+                if (m != kNoTriangle && m < n && !isTouched(m)) regions.join(n, m);
         }
-        mRegion.assign(count, kNone);
-        std::vector<std::uint32_t> faceOf(count, kNone);
+        mRegion.assign(count, kNoTriangle);
+        std::vector<std::uint32_t> faceOf(count, kNoTriangle);
         for (std::uint32_t n = 0; n < count; ++n) {
             if (isTouched(n)) continue;
             std::uint32_t& face = faceOf[regions.find(n)];
-            if (face == kNone) {
+            if (face == kNoTriangle) {
                 face = std::uint32_t(mLargest.size());
                 mLargest.push_back(n);
             }
@@ -177,7 +171,7 @@ private:
         }
     }
 
-    void lookAtRegions()
+    void findRegionSides()
     {
         mSides.resize(mLargest.size());
         tbb::parallel_for(std::size_t(0), mSides.size(), [&](std::size_t f) {
@@ -190,7 +184,8 @@ private:
 
     void cut(const std::vector<Contact>& contacts, Interrupter& progress)
     {
-        constexpr std::size_t kTogether = 64; // triangles, near each other as a rule
+        /// Triangles of a task, mostly near each other. [free: time]
+        constexpr std::size_t kTogether = 64;
         std::vector<std::uint32_t> touched;
         for (std::size_t slot = 0; slot < mTree.size(); ++slot)
             if (isTouched(mTree.triangle(slot))) touched.push_back(mTree.triangle(slot));
@@ -250,10 +245,10 @@ private:
     const TriangleTree& mTree;
     const WindingNumber& mWinding;
     const ContactLengths& mLengths;
-    std::vector<std::uint32_t> mFirst;   ///< of each triangle its first contact
-    std::vector<std::uint32_t> mRegion;  ///< of each triangle that meets no other
-    std::vector<std::uint32_t> mLargest; ///< of each region its largest triangle
-    std::vector<Sides> mSides;           ///< of each region
+    std::vector<std::uint32_t> mFirst;   ///< first contact, by triangle
+    std::vector<std::uint32_t> mRegion;  ///< region, by triangle that meets no other
+    std::vector<std::uint32_t> mLargest; ///< largest triangle, by region
+    std::vector<Sides> mSides;           ///< by region
     std::vector<Piece> mPieces;          ///< of the triangles that meet others
 };
 
@@ -274,12 +269,12 @@ UnionFind surfacesOf(const OrientedTriangles& triangles, const std::vector<Conta
     UnionFind surfaces(triangles.mesh.triangles.size());
     for (std::uint32_t n = 0; n < triangles.neighbors.size(); ++n)
         for (const std::uint32_t m : triangles.neighbors[n])
-            if (m != kNone) surfaces.join(n, m);
+            if (m != kNoTriangle) surfaces.join(n, m);
     for (const Contact& c : contacts) surfaces.join(c.triangle, c.other);
     return surfaces;
 }
 
-/// Adds up what the pieces are to the solid.
+/// Add the areas and volumes of the pieces to @a report, and count parts and cavities.
 void measure(const OrientedTriangles& triangles, const Faces& faces, double sign,
              UnionFind surfaces, SolidBoundary::Report& report)
 {
@@ -290,7 +285,7 @@ void measure(const OrientedTriangles& triangles, const Faces& faces, double sign
             (sides.isWithin(sign) ? report.areaWithin : report.areaOfNothing) += area;
             return;
         }
-        // Faces that lie on each other bound it together.
+        // Coincident faces share the boundary.
         const double layers = sign * (sides.back - sides.front);
         const double times = triangles.multiplicity.empty() ? 1 : triangles.multiplicity[triangle];
         const double share = times * layers / std::max(1.0, layers * layers);
@@ -302,7 +297,7 @@ void measure(const OrientedTriangles& triangles, const Faces& faces, double sign
     for (const auto& [surface, volume] : volumes) ++(volume > 0 ? report.parts : report.cavities);
 }
 
-/// SolidBoundary::Report::bending of @a triangles.
+/// The value of SolidBoundary::Report::bending.
 double bendingOf(const OrientedTriangles& triangles, const std::vector<Contact>& contacts)
 {
     const auto at = [&](std::uint32_t vertex) {
@@ -317,7 +312,7 @@ double bendingOf(const OrientedTriangles& triangles, const std::vector<Contact>&
         const Vec3d normal = normalOf(t);
         for (std::size_t k = 0; k < 3; ++k) {
             const std::uint32_t m = triangles.neighbors[n][k];
-            if (m == kNone || m < n) continue;
+            if (m == kNoTriangle || m < n) continue;
             const Vec3d other = normalOf(triangles.mesh.triangles[m]);
             const double angle = std::atan2(normal.cross(other).norm(), normal.dot(other));
             sum += angle * (at(t[(k + 1) % 3]) - at(t[k])).norm();

@@ -1,9 +1,8 @@
-// The boundary of the solid that the closed parts of a mesh make together.
+// The boundary of the solid that a mesh's closed parts make together.
 #pragma once
 #include "oriented_triangles.h"
-#include "winding_number.h"
-
 #include "spatial/triangle_tree.h"
+#include "winding_number.h"
 
 #include <memory>
 #include <vector>
@@ -13,20 +12,23 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// The solid of all places around which a mesh winds at least once: the union of its parts that
-/// face outward, less what those that face inward take away. Places are relative to the mesh's
-/// frame.
+/// Largest width of gaps and walls that are ignored, voxels. [derived: a tenth of the error allowed
+/// for values]
+constexpr double kTouch = 1e-3;
+
+/// The solid of all places with a winding number of at least one: the union of the parts that face
+/// outward, less those that face inward. Places are relative to the mesh's frame.
 class SolidBoundary
 {
 public:
-    /// What the mesh came to.
+    /// Measures of the solid and of the mesh's defects.
     struct Report {
         double volume = 0, area = 0; ///< of the solid, world units cubed, squared
-        std::uint64_t parts = 0;     ///< surfaces of the boundary that enclose some of the solid
-        std::uint64_t cavities = 0;  ///< surfaces that enclose what is none of it
+        std::uint64_t parts = 0;     ///< surfaces of the boundary that enclose parts of the solid
+        std::uint64_t cavities = 0;  ///< surfaces that enclose cavities
         bool isCut = false;          ///< triangles of the mesh meet that are no neighbors
         std::uint64_t openEdges = 0; ///< edges of the mesh whose triangles do not cancel
-        std::uint64_t turned = 0;    ///< triangles whose neighbors contradicted them
+        std::uint64_t turned = 0;    ///< triangles turned to face as their neighbors do
         bool insideOut = false;      ///< all parts faced inward, and were turned
         /// Over the mesh's edges the sum of length times the angle between normals, and where its
         /// parts cross at most pi / 2: the integral of the principal curvatures' magnitudes, world
@@ -36,14 +38,13 @@ public:
         double areaOfNothing = 0; ///< of parts that face inward and lie in no other
     };
 
-    /// @param mesh  has triangles whose indices are valid. @param voxelSize  world units: gaps and
-    /// walls of a thousandth of it are none. @throws Interrupted.
+    /// @param mesh  with valid indices. @param voxelSize  world units. @throws Interrupted.
     SolidBoundary(const Mesh& mesh, double voxelSize, Interrupter& progress);
 
     const Report& report() const { return mReport; }
     bool isEmpty() const { return !mTree; }
-    /// The triangles that bound the solid, which face outward; those that meet others are cut where
-    /// they do. Not if it is empty.
+    /// The triangles that bound the solid, facing outward; those that meet others are cut there.
+    /// Undefined if it is empty.
     const TriangleTree& tree() const { return *mTree; }
     bool isInside(const Vec3d& place) const;
 

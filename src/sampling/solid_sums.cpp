@@ -14,9 +14,7 @@ using Tree = openvdb::FloatTree;
 using Leaf = Tree::LeafNodeType;
 using Neighbors = openvdb::tree::ValueAccessor<const Tree, /*IsSafe=*/false>;
 
-constexpr std::uint64_t kFirstZ = 0x0101010101010101u, kLastZ = kFirstZ << 7;
-
-/// Those voxels of a leaf beside which another of the leaf is on the other side.
+/// Voxels with a face neighbor of the other sign in the leaf.
 SignWords crossedWithin(const SignWords& inside)
 {
     SignWords crossed{};
@@ -32,7 +30,7 @@ SignWords crossedWithin(const SignWords& inside)
     return crossed;
 }
 
-/// Whether a neighbor beyond the leaf's faces is on the other side of a voxel.
+/// Whether a face neighbor of a voxel beyond the leaf has the other sign.
 bool isCrossedBeyond(const Neighbors& at, const openvdb::Coord& voxel, bool inside)
 {
     for (int axis = 0; axis < 3; ++axis) {
@@ -45,12 +43,13 @@ bool isCrossedBeyond(const Neighbors& at, const openvdb::Coord& voxel, bool insi
     return false;
 }
 
-/// Of a leaf's voxels, as if a plane passed each at its distance: the sums of the shares of a slab
-/// a voxel wide that are inside, and of the areas in one two voxels wide. In voxels.
+/// Sums over a leaf's voxels as if a plane passed each at its distance: of the inside share of a
+/// slab a voxel wide, and of the area in a tent two voxels wide. In voxels.
 MPUVDB_WIDE_CLONES
 SolidSums sumPlanes(const float* values, float perVoxel)
 {
-    constexpr std::size_t kLanes = 8; // sums of their own, as compilers make loops wide
+    constexpr std::size_t kLanes =
+        8; ///< independent sums, for vector units [derived: a leaf's row]
     float volume[kLanes] = {}, area[kLanes] = {};
     for (std::size_t n = 0; n < std::size_t(kBlockVoxels); n += kLanes)
         for (std::size_t k = 0; k < kLanes; ++k) {

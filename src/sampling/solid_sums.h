@@ -1,4 +1,4 @@
-// The volume and the area of a level set's solid, in one quick pass.
+// Volume and area of a level set's solid, in one pass.
 #pragma once
 #include "grid/block_parts.h"
 
@@ -11,10 +11,10 @@ struct SolidSums {
     double volume = 0, area = 0; ///< cubed and squared: voxels of a leaf, world units of a solid
 };
 
-/// Of one leaf, in voxels: the sums of what each voxel has of them, of which the surface's place
-/// between voxels is taken from their distances; second order where these are true, and blind to
-/// what passes between voxels. Beside edges and in gaps voxels may be near a surface that does not
-/// reach them: these are inside as a whole, or not at all. @param inside  its voxels that are.
+/// Volume and area in one leaf, voxels: sums over voxels as if a plane passed each at its distance.
+/// Second order where values are distances; parts between voxels are missed. Voxels without a face
+/// neighbor of the other sign, as beside edges and in gaps, count as a whole or not at all.
+/// @param inside  the leaf's inside voxels.
 SolidSums sumLeaf(const openvdb::FloatTree::LeafNodeType& leaf, const SignWords& inside,
                   const openvdb::FloatTree& tree, float voxelSize);
 

@@ -2,13 +2,12 @@
 
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 #include <tuple>
 
 namespace mpuvdb
@@ -18,7 +17,7 @@ namespace
 
 using Segment = std::array<Vec3d, 2>;
 
-/// Nodes of the tree this many levels below the root are work for one thread at a time.
+/// Level below the root whose nodes are tasks. [free: time]
 constexpr std::size_t kTaskLevels = 12;
 
 /// A triangle with its plane.
@@ -41,9 +40,9 @@ bool isWithin(const Heights& heights, double distance)
 
 /// Heights of the corners of a triangle above the plane of another.
 struct Above {
-    Heights heights; ///< 0 of corners that the two share
+    Heights heights; ///< 0 for corners that the two share
     int shared = 0;
-    bool isBeside = false; ///< the other corners are on one side, farther than what touches
+    bool isBeside = false; ///< the other corners are on one side, beyond touch
 
     Above(const Facet& of, const Facet& plane, double touch)
     {
@@ -62,8 +61,8 @@ struct Above {
     }
 };
 
-/// Whether a line along an edge of @a t parts the two in its plane, but for @a overlap.
-bool isPartedBy(const Facet& t, const Facet& u, double overlap)
+/// Whether a line along an edge of @a t separates the two in its plane, but for @a overlap.
+bool isSeparatedBy(const Facet& t, const Facet& u, double overlap)
 {
     for (std::size_t k = 0; k < 3; ++k) {
         const Vec3d& a = t.corners[k];
@@ -75,8 +74,8 @@ bool isPartedBy(const Facet& t, const Facet& u, double overlap)
     return false;
 }
 
-/// The part of a triangle's plane-crossing line that is in the triangle: from the corners' heights
-/// above the other's plane, of which those below @a zero are none.
+/// The intersection of a triangle with another's plane, from the corners' heights above that plane;
+/// heights up to @a zero are 0.
 std::optional<Segment> crossing(const Facet& of, const Heights& heights, double zero)
 {
     std::array<Vec3d, 6> places;
@@ -91,7 +90,7 @@ std::optional<Segment> crossing(const Facet& of, const Heights& heights, double 
         }
     }
     if (count == 0) return std::nullopt;
-    return Segment{places[0], places[count - 1]}; // of two at most that differ
+    return Segment{places[0], places[count - 1]}; // at most two differ
 }
 
 /// Finds the contacts of two triangles.
@@ -116,15 +115,15 @@ public:
     }
 
 private:
-    /// Both lie in one plane.
+    /// Contacts of two triangles in one plane.
     void lookInPlane(const Facet& t, const Facet& u)
     {
-        if (isPartedBy(t, u, mLengths.point) || isPartedBy(u, t, mLengths.point)) return;
+        if (isSeparatedBy(t, u, mLengths.point) || isSeparatedBy(u, t, mLengths.point)) return;
         addEdges(t, u);
         addEdges(u, t);
     }
 
-    /// @a of is cut along the edges of @a by.
+    /// Add the contacts that cut @a of along the edges of @a by.
     void addEdges(const Facet& of, const Facet& by)
     {
         for (std::size_t k = 0; k < 3; ++k) {
@@ -161,7 +160,7 @@ private:
     std::vector<Contact>& mContacts;
 };
 
-/// Looks at the triangles of two leaves of the tree.
+/// Finds the contacts between the triangles of two leaves of the tree.
 class LeafContacts
 {
 public:
@@ -204,7 +203,7 @@ private:
         return {c[0].cwiseMin(c[1]).cwiseMin(c[2]), c[0].cwiseMax(c[1]).cwiseMax(c[2])};
     }
 
-    /// None for a triangle without an area.
+    /// The facet of a triangle; none without an area.
     std::optional<Facet> facet(std::size_t slot) const
     {
         Facet f;
@@ -223,7 +222,7 @@ private:
     const ContactLengths& mLengths;
 };
 
-/// The order of contacts, which does not depend on threads.
+/// A total order of contacts: independent of threads.
 bool isBefore(const Contact& a, const Contact& b)
 {
     const auto key = [](const Contact& c) {

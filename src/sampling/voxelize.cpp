@@ -3,17 +3,15 @@
 #include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
 #include "mesh_signs.h"
-
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
+#include <cmath>
 #include <fmt/format.h>
 #include <openvdb/tools/SignedFloodFill.h>
-
-#include <cmath>
 
 namespace mpuvdb
 {
@@ -40,7 +38,7 @@ private:
     double mScale;
 };
 
-void demandMesh(const Mesh& mesh)
+void requireValidMesh(const Mesh& mesh)
 {
     if (mesh.triangles.empty())
         throw InputError("mesh: has no triangles, so that nothing is inside. Export its faces too, "
@@ -58,15 +56,15 @@ void demandMesh(const Mesh& mesh)
                                              t, corner, mesh.positions.size()));
 }
 
-/// Voxels squared, of all triangles. @throws LimitError beyond the index range.
+/// Area of all triangles, voxels squared. @throws LimitError beyond the index range.
 double areaOf(const IndexMesh& mesh, const Mesh& triangles, double voxelSize)
 {
-    constexpr double kFar = 1 << 23; // steps along edges are floats
+    constexpr double kMaxIndex = 1 << 23; ///< of a voxel [derived: 24 significant bits of floats]
     double area = 0;
     for (const Mesh::Triangle& t : triangles.triangles) {
         const Vec3d a = mesh.at(t[0]), b = mesh.at(t[1]), c = mesh.at(t[2]);
         for (const Vec3d& p : {a, b, c})
-            if (!(p.cwiseAbs().maxCoeff() < kFar))
+            if (!(p.cwiseAbs().maxCoeff() < kMaxIndex))
                 throw LimitError(fmt::format("mesh: reaches to voxel ({:.0f}, {:.0f}, {:.0f}) of "
                                              "size {}, beyond the index range. Use larger voxels",
                                              p[0], p[1], p[2], voxelSize));
@@ -75,11 +73,12 @@ double areaOf(const IndexMesh& mesh, const Mesh& triangles, double voxelSize)
     return area;
 }
 
-void demandMemory(double area, std::size_t triangles, const SampleSettings& settings)
+void requireMemory(double area, std::size_t triangles, const SampleSettings& settings)
 {
-    // Of the blocks that the bands meet; of the trees, neighbors and windings of the triangles.
-    // [measured: 20 thousand to 1.1 million triangles, 100 to 800 voxels, bands of 3 to 30; within
-    // a quarter]
+    // Memory of the band's blocks, bytes per voxel; their excess over the band's width, voxels; and
+    // memory of the trees, neighbors and winding numbers, bytes per triangle. [tuned:
+    // estimate_test, and meshes of 20 thousand to 1.1 million triangles at 100 to 800 voxels, to a
+    // quarter]
     constexpr double kBytesPerVoxel = 4.8, kBlocksReach = 12, kBytesPerTriangle = 185;
     const double bytes = area * (2 * settings.halfWidth + kBlocksReach) * kBytesPerVoxel +
                          double(triangles) * kBytesPerTriangle;
@@ -99,8 +98,7 @@ std::string emptyText(const SolidBoundary::Report& report)
             "its holes, or reconstruct a surface from its points",
             report.openEdges);
     return "mesh: encloses nothing: its faces cancel, since each is there for both sides, or lie "
-           "in "
-           "one plane. Export one side of each face, turned outward, or thicken it";
+           "in one plane. Export one side of each face, turned outward, or thicken it";
 }
 
 } // namespace
@@ -109,12 +107,12 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Interrupter*
 {
     Interrupter& progress = orSilent(interrupter);
     const Lattice& lattice = settings.lattice;
-    demandVoxelSize(lattice.voxelSize);
-    demandHalfWidth(settings.halfWidth);
+    requireVoxelSize(lattice.voxelSize);
+    requireHalfWidth(settings.halfWidth);
     progress.beginStage("voxelize");
-    demandMesh(mesh);
+    requireValidMesh(mesh);
     const IndexMesh indexMesh(mesh, lattice);
-    demandMemory(areaOf(indexMesh, mesh, lattice.voxelSize), mesh.triangles.size(), settings);
+    requireMemory(areaOf(indexMesh, mesh, lattice.voxelSize), mesh.triangles.size(), settings);
     progress.check();
     const double h = lattice.voxelSize;
     const SolidBoundary solid(mesh, h, progress);
@@ -123,7 +121,7 @@ LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, Interrupter*
     const auto grid = openvdb::FloatGrid::create(float(settings.halfWidth * h));
     for (auto& leaf : leavesNear(triangles, settings.halfWidth, progress))
         grid->tree().addLeaf(leaf.release());
-    settleSigns(grid->tree(), triangles, solid, progress);
+    repairSigns(grid->tree(), triangles, solid, progress);
     progress.check();
     openvdb::tools::signedFloodFill(grid->tree());
     setLattice(*grid, lattice);

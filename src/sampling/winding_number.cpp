@@ -1,21 +1,20 @@
 #include "winding_number.h"
 
-#include <tbb/parallel_for.h>
-
 #include <cmath>
+#include <tbb/parallel_for.h>
 
 namespace mpuvdb
 {
 namespace
 {
 
-/// Distances of a place from a node's center, in radii, from which on two terms stand for the node.
-/// [Barill18] takes 2.
+/// Distance from a node's center, radii, from which on two terms stand for the node.
+/// [paper: Barill18]
 constexpr double kOpenness = 2;
 
-/// The most that the number of a closed mesh may be off a whole one. [derived: half of what lets it
-/// round to another]
-constexpr double kOffWhole = 0.25;
+/// Largest difference of a closed mesh's number from an integer. [derived: half of the rounding
+/// limit]
+constexpr double kMaxFraction = 0.25;
 
 Vec3d areaVector(const TriangleTree::Corners& t)
 {
@@ -140,18 +139,19 @@ double WindingNumber::at(const Vec3d& p) const
 {
     double openness = kOpenness;
     double number = sum(p, openness);
-    while (mClosed && std::abs(number - std::round(number)) > kOffWhole && openness < 1e3) {
+    while (mClosed && std::abs(number - std::round(number)) > kMaxFraction && openness < 1e3) {
         openness *= 4;
         number = sum(p, openness);
     }
     return mClosed ? std::round(number) : number;
 }
 
-/// How the number changes where the segment from @a a to @a b passes through a triangle: by +1 from
-/// its front to its back; nothing where rounding leaves that open.
+/// The change of the number along the segment from @a a to @a b by one triangle: +1 from its front
+/// to its back, -1 the other way, 0 without a crossing; none where rounding leaves it open.
 std::optional<int> WindingNumber::crossing(std::size_t slot, const Vec3d& a, const Vec3d& b) const
 {
-    constexpr double kRounding = 1e-12; // [derived: of products of three lengths, thousandfold]
+    /// Relative error of volumes. [derived: roundings of products of three lengths, thousandfold]
+    constexpr double kRounding = 1e-12;
     const TriangleTree::Corners& t = mTree.corners(slot);
     const std::array<Vec3d, 3> toCorner = {t[0].cast<double>() - a, t[1].cast<double>() - a,
                                            t[2].cast<double>() - a};
@@ -162,7 +162,7 @@ std::optional<int> WindingNumber::crossing(std::size_t slot, const Vec3d& a, con
     const double sure = kRounding * reach * reach * reach;
     const double heightA = -normal.dot(toCorner[0]), heightB = heightA + normal.dot(along);
     if ((heightA > sure && heightB > sure) || (heightA < -sure && heightB < -sure)) return 0;
-    int left = 0, right = 0; // edges that it passes on this side
+    int left = 0, right = 0; // number of edges that it passes on each side
     for (std::size_t k = 0; k < 3; ++k) {
         const double volume = along.dot(toCorner[k].cross(toCorner[(k + 1) % 3]));
         left += volume > sure;

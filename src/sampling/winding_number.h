@@ -1,4 +1,4 @@
-// How often a mesh winds around a place.
+// The generalized winding number of a mesh.
 #pragma once
 #include "spatial/triangle_tree.h"
 
@@ -9,24 +9,23 @@
 namespace mpuvdb
 {
 
-/// The generalized winding number of oriented triangles: the solid angle that they fill as seen
-/// from a place, over 4 pi. Inside a closed mesh whose triangles face outward it is 1, outside 0.
-/// Nodes of the tree that are far away count with two terms of their expansion [Barill18].
+/// The generalized winding number of oriented triangles: their solid angle seen from a place, over
+/// 4 pi. Inside a closed mesh whose triangles face outward it is 1, outside 0. Distant nodes of the
+/// tree count by two terms of their expansion [Barill18].
 class WindingNumber
 {
 public:
-    /// @param tree  has to outlive this. @param multiplicity  of each of the mesh's triangles, how
-    /// often it counts; empty: once.
+    /// @param tree  has to outlive this, as @a multiplicity. @param multiplicity  of each of the
+    /// mesh's triangles; empty: all 1.
     WindingNumber(const TriangleTree& tree, const std::vector<std::int32_t>& multiplicity,
                   bool closed);
 
-    /// At @a p, relative to the mesh's frame. Exact to rounding where the mesh is closed and @a p
-    /// is on no triangle: then the number is whole, and is computed with more of the nodes opened
-    /// until it is near to one.
+    /// The number at @a p, relative to the mesh's frame. For a closed mesh it is an integer: more
+    /// nodes are opened until the sum is near to one.
     double at(const Vec3d& p) const;
-    /// At @a p, from the @a number at @a known: of a closed mesh it differs by what the segment
-    /// between them crosses, which is looked up faster where they are near each other. What passes
-    /// too near to an edge to be told is not relied upon.
+    /// The number at @a p from the @a number at @a known: for a closed mesh they differ by the
+    /// triangles that the segment between them crosses, which is fast for near places. Where a
+    /// crossing is ambiguous, as at().
     double from(const Vec3d& known, double number, const Vec3d& p) const;
 
 private:

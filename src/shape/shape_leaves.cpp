@@ -141,7 +141,7 @@ public:
         if (isThere(own.lattice))
             return own.halfWidth > mLevelSet.halfWidth() ? widerBytes(surface, own.halfWidth) : 0;
         const double needed = widthToResample(mLattice, own.lattice, own.halfWidth);
-        if (needed > kWidestBand) return 0; // is refused
+        if (needed > kMaxHalfWidth) return 0; // is refused
         double bytes = kResamplingGrids * gridBytes(surface, own.lattice.voxelSize, own.halfWidth);
         if (needed > mLevelSet.halfWidth())
             bytes += widerBytes(surface, needed) + gridBytes(surface, h, needed);

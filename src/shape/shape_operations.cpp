@@ -50,9 +50,9 @@ public:
 
     Request requestOf(std::size_t, const Request& own) const override
     {
-        demandBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
+        requireBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
         if (mBlendRadius > 0)
-            demandBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
+            requireBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
         Request request = own;
         request.halfWidth += mBlendRadius / own.lattice.voxelSize;
         return request;
@@ -125,7 +125,7 @@ private:
     static Box3d boundsOf(Boolean kind, const std::vector<Ptr>& inputs, double blendRadius)
     {
         if (inputs.empty()) throw UsageError("Boolean: there is no shape. Give at least one");
-        demandBlendRadius(blendRadius);
+        requireBlendRadius(blendRadius);
         Box3d box = inputs.front()->bounds();
         for (const Ptr& input : inputs) {
             if (kind == Boolean::Union) box.extend(input->bounds());

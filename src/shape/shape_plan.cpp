@@ -17,7 +17,7 @@ namespace
 
 void requireSettings(const Shape::Node& root, const ShapeSettings& settings)
 {
-    demandHalfWidth(settings.halfWidth);
+    requireHalfWidth(settings.halfWidth);
     if (!root.bounds().isEmpty() && !isFinite(root.bounds()))
         throw UsageError(fmt::format("the shape ({}) is unbounded, and a grid is not: intersect it "
                                      "with a box or another solid",

@@ -7,11 +7,10 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::uint8_t kNone = CellSheets::kNone;
-
+/// The bit of an axis in a corner's number.
 constexpr int bitOf(int axis)
 {
-    return 4 >> axis; // of an axis in a corner's number
+    return 4 >> axis;
 }
 
 int edgeOf(int corner, int axis)
@@ -36,7 +35,7 @@ Face faceOf(int face)
     return result;
 }
 
-/// Union of edges that a segment across a face links.
+/// Disjoint sets of edges; those linked by a segment across a face are one set.
 class Links
 {
 public:
@@ -79,20 +78,20 @@ CellSheets makeSheets(std::uint8_t inside, int turnedFace)
         for (const auto& [a, b] : segments(face, inside, face == turnedFace)) links.join(a, b);
     CellSheets sheets;
     std::array<std::uint8_t, 12> ofRoot;
-    ofRoot.fill(kNone);
+    ofRoot.fill(CellSheets::kNone);
     for (int e = 0; e < 12; ++e) {
         const CellEdge ends = cellEdge(e);
-        sheets.sheet[std::size_t(e)] = kNone;
+        sheets.sheet[std::size_t(e)] = CellSheets::kNone;
         if ((inside >> ends.low & 1) == (inside >> ends.high & 1)) continue;
         std::uint8_t& sheet = ofRoot[links.find(e)];
-        if (sheet == kNone) sheet = sheets.count++;
+        if (sheet == CellSheets::kNone) sheet = sheets.count++;
         sheets.sheet[std::size_t(e)] = sheet;
         sheets.edges[sheet] = std::uint16_t(sheets.edges[sheet] | 1 << e);
     }
     return sheets;
 }
 
-int findDoubtfulFace(std::uint8_t inside)
+int findAmbiguousFace(std::uint8_t inside)
 {
     const CellSheets sheets = makeSheets(inside, -1);
     for (int face = 0; face < 6; ++face) {
@@ -104,10 +103,10 @@ int findDoubtfulFace(std::uint8_t inside)
     return -1;
 }
 
-/// For each configuration of corners.
-const std::array<int, 256> kDoubtfulFaces = [] {
+/// ambiguousFace() for each configuration of corners.
+const std::array<int, 256> kAmbiguousFaces = [] {
     std::array<int, 256> faces;
-    for (std::size_t n = 0; n < 256; ++n) faces[n] = findDoubtfulFace(std::uint8_t(n));
+    for (std::size_t n = 0; n < 256; ++n) faces[n] = findAmbiguousFace(std::uint8_t(n));
     return faces;
 }();
 
@@ -117,14 +116,14 @@ const std::array<CellSheets, 512> kCellSheets = [] {
     std::array<CellSheets, 512> sheets;
     for (std::size_t n = 0; n < 256; ++n) {
         sheets[n] = makeSheets(std::uint8_t(n), -1);
-        sheets[256 + n] = makeSheets(std::uint8_t(n), kDoubtfulFaces[n]);
+        sheets[256 + n] = makeSheets(std::uint8_t(n), kAmbiguousFaces[n]);
     }
     return sheets;
 }();
 
-int doubtfulFace(std::uint8_t inside)
+int ambiguousFace(std::uint8_t inside)
 {
-    return kDoubtfulFaces[inside];
+    return kAmbiguousFaces[inside];
 }
 
 } // namespace mpuvdb

@@ -1,6 +1,5 @@
-// How the surface passes through a cell of eight corners, by the corners' signs: which of its
-// edges belong to one sheet. Neighboring cells agree on their common face, so that the sheets of
-// all cells make up a manifold.
+// The sheets of the surface in a cell of eight corners, by the corners' signs. Neighboring cells
+// agree on their common face, so that the sheets of all cells make up a manifold.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -19,33 +18,32 @@ struct CellEdge {
 
 /// The sheets of a cell.
 struct CellSheets {
-    static constexpr std::uint8_t kNone = 0xff;
-    std::uint8_t count = 0;               ///< of sheets, at most 4
-    std::array<std::uint8_t, 12> sheet{}; ///< of each edge; kNone where there is no crossing
-    std::array<std::uint16_t, 4> edges{}; ///< of each sheet, by bits
+    static constexpr std::uint8_t kNone = 0xff; ///< no sheet [derived: the type's largest]
+    std::uint8_t count = 0;                     ///< of sheets, at most 4
+    std::array<std::uint8_t, 12> sheet{};       ///< of each edge; kNone where there is no crossing
+    std::array<std::uint16_t, 4> edges{};       ///< of each sheet, by bits
 };
 
 /// The ends of an edge.
 constexpr CellEdge cellEdge(int edge)
 {
-    // Of an axis in a corner's number.
+    /// Bits of the axes x, y, z, x, y in a corner's number. [derived: numbering of corners]
     constexpr std::array<int, 5> kBits = {4, 2, 1, 4, 2};
     const auto axis = std::size_t(edge / 4);
     const int low = (edge & 2 ? kBits[axis + 1] : 0) | (edge & 1 ? kBits[axis + 2] : 0);
     return {std::uint8_t(low), std::uint8_t(low | kBits[axis])};
 }
 
-/// The sheets for corners that are inside where @a inside has a bit. A face whose inside corners
-/// lie across each other is passed so that these are apart; where the cell is @a turned, so that
-/// they are together on its doubtful face.
+/// The sheets for corners that are inside where @a inside has a bit. Diagonal inside corners of a
+/// face are separated, but joined on the ambiguous face of a cell that is @a turned.
 inline const CellSheets& cellSheets(std::uint8_t inside, bool turned);
 
-/// The face that would be passed twice by one sheet, or -1: the only face of this cell with inside
-/// corners across each other. Where that holds on both sides of a face, the mesh would have an edge
-/// with four faces; turning the face in both cells [Wenger13 §3.3] mends that.
-int doubtfulFace(std::uint8_t inside);
+/// The ambiguous face that one sheet would pass twice, or -1. Where both cells at a face have it as
+/// theirs, the mesh would have an edge with four faces; turning it in both avoids that
+/// [Wenger13 §3.3].
+int ambiguousFace(std::uint8_t inside);
 
-/// What cellSheets() looks up: for cells as they are, then for turned ones.
+/// The table of cellSheets(): plain cells first, then turned ones.
 extern const std::array<CellSheets, 512> kCellSheets;
 
 const CellSheets& cellSheets(std::uint8_t inside, bool turned)

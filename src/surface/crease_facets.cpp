@@ -1,12 +1,11 @@
-// Dual contouring [Ju02] of the cells beside creases: each gets a vertex at the place that is
-// nearest to the planes of the faces which cross its edges, and each crossed edge a facet between
-// the vertices of the four cells about it. Two faces that meet in a cell leave its vertex on their
-// crease, three at their corner; the facets between such vertices lie on the faces.
+// Dual contouring [Ju02] of the cells beside creases: each cell gets a vertex at the place nearest
+// to the planes of the faces that cross its edges, and each crossed edge a facet between the
+// vertices of the four cells about it. Where two faces meet in a cell its vertex lies on their
+// crease, where three meet at their corner.
 #include "crease_facets.h"
 
 #include "face_crossings.h"
 #include "face_patches.h"
-
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
@@ -24,14 +23,17 @@ namespace
 using openvdb::Coord;
 using Facet = std::array<std::uint32_t, 4>; ///< numbers of cells, in a row
 
-/// Of the planes' normals, squared and summed: what decides a direction, relative to the largest.
-constexpr float kLeastSpread = 0.01f;
-/// Of a vertex outside its cell, voxels: the tip of an edge crosses none between voxels.
-constexpr float kBeyond = 3;
-constexpr float kMostTooNear = 0.1f; ///< of a vertex, voxels
-constexpr std::size_t kOften = 1 << 12;
+/// Smallest eigenvalue of the sum of n n^T, relative to the largest, whose direction the planes
+/// determine. [tuned: offset_bench]
+constexpr float kMinSpread = 0.01f;
+/// Largest distance of a vertex from its cell, voxels: the tip of an edge crosses no edge between
+/// voxels. [tuned: offset_bench]
+constexpr float kMaxOutside = 3;
+constexpr float kBallAllowance = 0.1f; ///< reduction of EmptyBalls, voxels [tuned: offset_bench]
+/// Items between two looks at the interrupter. [free: response time]
+constexpr std::size_t kCheckInterval = 1 << 12;
 
-/// Corner n of a cell, or the first of those of its edges along an axis: bits 4, 2, 1 are x, y, z.
+/// Corner n of a cell: bits 4, 2, 1 are x, y, z.
 Coord cornerOf(int n)
 {
     return {n >> 2 & 1, n >> 1 & 1, n & 1};
@@ -47,7 +49,7 @@ Vec3f toVec(const Coord& c)
     return {float(c[0]), float(c[1]), float(c[2])};
 }
 
-/// The first voxels of a cell's edges.
+/// Call f(first voxel, axis) for the edges of a cell.
 template <typename F>
 void forEachEdge(const Coord& cell, F f)
 {
@@ -56,7 +58,7 @@ void forEachEdge(const Coord& cell, F f)
             if (!(n & 4 >> axis)) f(cell + cornerOf(n), axis);
 }
 
-/// The cells about an edge, in a row around it.
+/// The cells about an edge, in cyclic order.
 std::array<Coord, 4> cellsAbout(const Coord& voxel, int axis)
 {
     const Coord u = unit((axis + 1) % 3), v = unit((axis + 2) % 3);
@@ -91,14 +93,14 @@ public:
     }
 
 private:
-    /// The cells about edges that cross the surface from voxels beside creases; the patches of
-    /// those voxels are superseded.
+    /// Collect the cells about crossed edges at voxels beside creases; the patches of those voxels
+    /// are superseded.
     void collectCells()
     {
         const CreaseValues values(mZone);
         mPatches.superseded.assign(mPatches.patches.size(), false);
         for (std::uint32_t n = 0; n < mPatches.patches.size(); ++n) {
-            if (n % kOften == 0) mProgress.check();
+            if (n % kCheckInterval == 0) mProgress.check();
             if (!mZone.isBeside(n)) continue;
             const Coord voxel = mPatches.patches[n].voxel;
             for (int axis = 0; axis < 3; ++axis)
@@ -110,30 +112,30 @@ private:
         }
         mCells.number();
         supersedeZeros();
-        demandNumbers(std::uint64_t(mCells.count()) + mPatches.patches.size());
+        requireIndexable(std::uint64_t(mCells.count()) + mPatches.patches.size());
         mCellAt = mCells.voxels();
     }
 
-    /// A voxel of value 0 may lie on the surface without an edge that crosses it: at a crease, what
-    /// its patch covers beyond that is none of the surface.
+    /// Supersede the patches of voxels of value 0 at creases: no edge may cross the surface there,
+    /// and such a patch extends beyond the crease.
     void supersedeZeros()
     {
         VoxelNumbers cells(mCells);
         for (std::uint32_t n = 0; n < mPatches.patches.size(); ++n) {
-            if (n % kOften == 0) mProgress.check();
+            if (n % kCheckInterval == 0) mProgress.check();
             if (!mZone.isBeside(n) || mPatches.superseded[n]) continue;
             for (int corner = 0; corner < 8 && !mPatches.superseded[n]; ++corner)
                 mPatches.superseded[n] =
-                    cells[mPatches.patches[n].voxel - cornerOf(corner)] != VoxelNumbers::kNone;
+                    cells[mPatches.patches[n].voxel - cornerOf(corner)] != VoxelIndex::kNone;
         }
     }
 
-    /// Where the surface crosses the edges of the cells.
+    /// Find where the surface crosses the edges of the cells.
     void collectCrossings()
     {
         const CreaseValues values(mZone);
         for (std::size_t n = 0; n < mCellAt.size(); ++n) {
-            if (n % kOften == 0) mProgress.check();
+            if (n % kCheckInterval == 0) mProgress.check();
             forEachEdge(mCellAt[n], [&](const Coord& first, int axis) {
                 if (values.crosses(first, first + unit(axis))) mEdges[axis].add(first);
             });
@@ -172,7 +174,7 @@ private:
         Vec3f mean = Vec3f::Zero();
         forEachEdge(cell, [&](const Coord& first, int axis) {
             const std::uint32_t n = edges[std::size_t(axis)][first];
-            if (n == VoxelNumbers::kNone) return;
+            if (n == VoxelIndex::kNone) return;
             FaceCrossing& crossing = found[std::size_t(count++)];
             crossing = mCrossings[axis][n];
             crossing.point += toVec(first - cell);
@@ -192,7 +194,7 @@ private:
         std::array<Vec3f, 4> places; // by the number of directions that the planes decide
         places[0] = mean;
         int rank = 0;
-        for (; rank < 3 && size[2 - rank] > kLeastSpread * std::max(size[2], 0.1f); ++rank) {
+        for (; rank < 3 && size[2 - rank] > kMinSpread * std::max(size[2], 0.1f); ++rank) {
             const Vec3f direction = solver.eigenvectors().col(2 - rank);
             places[std::size_t(rank + 1)] =
                 places[std::size_t(rank)] + direction * (direction.dot(pull) / size[2 - rank]);
@@ -201,12 +203,12 @@ private:
         return places[std::size_t(rank)];
     }
 
-    /// Whether the surface may be at a place, by the values at the corners of a vertex's cell and
-    /// of the cell that the place is in.
+    /// Whether the surface may pass a place, by the values at the corners of the vertex's cell and
+    /// of the cell that holds the place.
     static bool isAllowed(const Coord& cell, const Vec3f& place, const CreaseValues& values)
     {
         const Vec3f middle = Vec3f::Constant(0.5f);
-        if (!((place - middle).cwiseAbs().maxCoeff() <= 0.5f + kBeyond)) return false;
+        if (!((place - middle).cwiseAbs().maxCoeff() <= 0.5f + kMaxOutside)) return false;
         const Vec3f low = place.array().floor();
         const Coord other(int(low.x()), int(low.y()), int(low.z()));
         std::array<Coord, 16> corners;
@@ -216,22 +218,22 @@ private:
             corners[n] = cornerOf(int(n) & 7) + (n < 8 ? Coord(0, 0, 0) : other);
             slope = std::max(slope, values.slopeAt(cell + corners[n]));
         }
-        EmptyBalls empty(slope, kMostTooNear);
+        EmptyBalls empty(slope, kBallAllowance);
         for (std::size_t n = 0; n < count; ++n) empty.add(corners[n], values.at(cell + corners[n]));
         return !empty.contain(place);
     }
 
-    /// A facet for each edge all about which there are vertices.
+    /// Make a facet for each crossed edge whose four cells have vertices.
     void makeFacets()
     {
         VoxelNumbers cells(mCells);
         for (int axis = 0; axis < 3; ++axis)
             for (std::size_t n = 0; n < mEdgeAt[axis].size(); ++n) {
-                if (n % kOften == 0) mProgress.check();
+                if (n % kCheckInterval == 0) mProgress.check();
                 Facet facet;
                 const auto about = cellsAbout(mEdgeAt[axis][n], axis);
                 for (std::size_t c = 0; c < 4; ++c) facet[c] = cells[about[c]];
-                if (std::find(facet.begin(), facet.end(), VoxelNumbers::kNone) == facet.end())
+                if (std::find(facet.begin(), facet.end(), VoxelIndex::kNone) == facet.end())
                     mFacets.push_back(facet);
             }
         mPatches.facets.resize(mFacets.size());
@@ -266,7 +268,7 @@ private:
         mPatches.fans.resize(end.back());
         for (std::uint32_t n = 0; n < mFacets.size(); ++n)
             for (const std::uint32_t cell : mFacets[n]) mPatches.fans[end[cell]++] = n;
-        end.pop_back(); // each entry has moved on to where its fan ends
+        end.pop_back(); // each entry is now the end of its fan
     }
 
     SurfacePatches& mPatches;

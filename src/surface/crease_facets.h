@@ -1,12 +1,12 @@
-// The zero set beside creases as facets, the vertices of which lie on creases where these pass.
+// Facets of the zero set beside creases, with vertices on the creases.
 #pragma once
 #include "crease_zone.h"
 
 namespace mpuvdb
 {
 
-/// Add vertices and facets to @a patches, the zone's, for the cells between voxels beside creases,
-/// and mark the patches superseded by them. @throws LimitError, Interrupted.
+/// Add vertices and facets to @a patches, those of @a zone, for the cells between voxels beside
+/// creases, and mark the patches that they supersede. @throws LimitError, Interrupted.
 void addCreaseFacets(SurfacePatches& patches, CreaseZone& zone, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -12,20 +12,21 @@ CreaseZone::CreaseZone(const SurfacePatches& patches, const openvdb::FloatTree& 
     : mPatches(patches), mTree(tree), mScale(scale), mValues(values),
       mBeside(patches.patches.size())
 {
-    constexpr std::size_t kOften = 1 << 14;
+    /// Items between two looks at the interrupter. [free: response time]
+    constexpr std::size_t kCheckInterval = 1 << 14;
     for (std::size_t n = 0; n < patches.patches.size(); ++n) {
-        if (n % kOften == 0) progress.check();
+        if (n % kCheckInterval == 0) progress.check();
         mIndex.add(patches.patches[n].voxel);
     }
     mIndex.number();
     VoxelNumbers numbers(mIndex);
     for (std::size_t n = 0; n < patches.kinds.size(); ++n) {
-        if (n % kOften == 0) progress.check();
+        if (n % kCheckInterval == 0) progress.check();
         if (patches.kinds[n] == PatchKind::Smooth) continue;
         for (int k = 0; k < 27; ++k) {
             const std::uint32_t near =
                 numbers[patches.patches[n].voxel.offsetBy(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1)];
-            if (near != VoxelNumbers::kNone) mBeside[near] = true;
+            if (near != VoxelIndex::kNone) mBeside[near] = true;
         }
     }
 }

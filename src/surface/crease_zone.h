@@ -1,4 +1,4 @@
-// The patches beside creases, and the values that they were made from.
+// The patches beside creases, and the values from which they were made.
 #pragma once
 #include "grid/voxel_index.h"
 #include "surface_patches.h"
@@ -8,8 +8,8 @@
 namespace mpuvdb
 {
 
-/// The voxels' patches of a level set, by place, and which of them are beside a crease: not smooth,
-/// or next to one that is not.
+/// The patches of a level set's voxels, by voxel, with a flag for those beside a crease: not
+/// smooth, or 26-neighbors of one that is not.
 class CreaseZone
 {
 public:
@@ -20,13 +20,13 @@ public:
     const SurfacePatches& patches() const { return mPatches; }
     const VoxelIndex& index() const { return mIndex; }
     bool isBeside(std::uint32_t patch) const { return mBeside[patch]; }
-    /// Of the patches [from, to).
+    /// Count of the patches in [from, to) beside a crease.
     std::size_t countBeside(std::uint32_t from, std::uint32_t to) const
     {
         return std::size_t(std::count(mBeside.begin() + from, mBeside.begin() + to, true));
     }
-    /// Let the patches [from, to) be beside no crease.
-    void leaveOut(std::uint32_t from, std::uint32_t to)
+    /// Remove the patches in [from, to) from the zone.
+    void exclude(std::uint32_t from, std::uint32_t to)
     {
         std::fill(mBeside.begin() + from, mBeside.begin() + to, false);
     }
@@ -47,16 +47,16 @@ class CreaseValues
 public:
     explicit CreaseValues(const CreaseZone& zone) : mZone(zone), mAccess(zone.mTree) {}
 
-    /// In voxels, if they are distances.
+    /// The value of @a voxel; in voxels, if values are distances.
     float at(const openvdb::Coord& voxel) const { return mZone.mScale * mAccess.getValue(voxel); }
     bool crosses(const openvdb::Coord& a, const openvdb::Coord& b) const
     {
         return (mAccess.getValue(a) < 0) != (mAccess.getValue(b) < 0);
     }
-    /// How much the values rise per voxel about @a voxel, at most; 1 for distances.
+    /// Largest slope of the values about @a voxel, per voxel; 1 for distances.
     float slopeAt(const openvdb::Coord& voxel) const;
 
-    /// By central differences.
+    /// Gradient by central differences, per voxel.
     Vec3f gradientAt(const openvdb::Coord& voxel) const;
 
 private:

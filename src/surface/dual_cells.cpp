@@ -16,7 +16,7 @@ namespace
 
 using openvdb::Coord;
 using Leaf = openvdb::FloatTree::LeafNodeType;
-/// One that the tree does not know of: it costs nothing to make, and the tree does not change.
+/// An accessor that is not registered with the tree: cheap to make.
 using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
 
 /// Signs of a block's voxels and of those one step above, in rows along z.
@@ -35,7 +35,7 @@ public:
     /// The row's voxels that are inside, bit z.
     std::uint32_t row(int x, int y) const { return mRows[std::size_t(x)][std::size_t(y)]; }
 
-    /// The cells of a layer that the surface passes, bit z + 8 y: not all corners are alike.
+    /// The cells of a layer that the surface crosses, bit z + 8 y: their corners differ in sign.
     std::uint64_t passed(int x) const
     {
         std::uint64_t bits = 0;
@@ -58,7 +58,7 @@ public:
     }
 
 private:
-    /// What the block so many steps above knows of the rows.
+    /// Add the signs of the block bx, by, bz blocks above.
     void addRows(const Access& access, const Coord& origin, int bx, int by, int bz)
     {
         using Lanes = float __attribute__((vector_size(32)));
@@ -92,14 +92,14 @@ std::uint8_t cornersAt(const Access& access, const Coord& at)
     return inside;
 }
 
-/// Whether the cell at @a at has to turn its doubtful face: the other cell there doubts it too.
+/// Whether the cell at @a at is turned: its ambiguous face is that of the neighboring cell too.
 bool isTurned(const Access& access, const Coord& at, std::uint8_t inside)
 {
-    const int face = doubtfulFace(inside);
+    const int face = ambiguousFace(inside);
     if (face < 0) return false;
     Coord next = at;
     next[face / 2] += face % 2 ? 1 : -1;
-    return doubtfulFace(cornersAt(access, next)) == (face ^ 1);
+    return ambiguousFace(cornersAt(access, next)) == (face ^ 1);
 }
 
 /// Find the cells of @a block.
@@ -134,7 +134,7 @@ struct Rows {
     int countX, countY;
 };
 
-/// How many values a row has is known beforehand: each is copied by one instruction or two.
+/// Copy rows of kCount values; as a constant, a row takes one or two instructions.
 template <int kCount>
 void copyRows(const Rows& rows, float* to)
 {
@@ -158,12 +158,12 @@ Origins leafOrigins(const openvdb::FloatTree& tree)
     return origins;
 }
 
-/// Which blocks around a block: so many steps on each axis.
+/// Range of steps to blocks around a block, on each axis.
 struct Steps {
     int low, high;
 };
 
-/// Adds the blocks around @a block that are no leaves and not in @a known, which is sorted.
+/// Add the blocks around @a block that are not leaves and not in @a known, which is sorted.
 void addAround(const Coord& block, Steps steps, const Access& access, const Origins& known,
                Origins& found)
 {
@@ -177,7 +177,7 @@ void addAround(const Coord& block, Steps steps, const Access& access, const Orig
             }
 }
 
-/// Those around @a blocks, sorted.
+/// The blocks around @a blocks that are not leaves and not in @a known, sorted.
 Origins around(const Origins& blocks, Steps steps, const openvdb::FloatTree& tree,
                const Origins& known)
 {
@@ -207,7 +207,8 @@ const std::array<std::uint8_t, 256> kBitCounts = [] {
 void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
 {
     const Access access(tree);
-    // Per axis: from the block below two voxels, from the block all eight, from the next three.
+    // Per axis: two voxels of the block below, all eight of the block, three of the next.
+    // [derived: BlockHalo's layout]
     constexpr std::array<int, 3> kFrom = {6, 0, 0}, kTo = {-2, 0, 8}, kCount = {2, 8, 3};
     for (std::size_t bx = 0; bx < 3; ++bx)
         for (std::size_t by = 0; by < 3; ++by)
@@ -231,8 +232,8 @@ DualCells::DualCells(const openvdb::FloatTree& tree, Interrupter& progress)
 {
     const Origins leaves = leafOrigins(tree);
     add(tree, leaves, progress);
-    // A cell belongs to its lowest voxel, which may lie below the leaves. Where it has no leaf
-    // about it at all (two tiles of different sign meet), the surface is followed on.
+    // A cell belongs to its lowest voxel, which may lie below the leaves. Where tiles of different
+    // sign meet, cells without any leaf follow.
     Origins known;
     for (Origins next = around(leaves, {-1, 0}, tree, known); !next.empty();) {
         const std::size_t before = mBlocks.size();
@@ -246,7 +247,7 @@ DualCells::DualCells(const openvdb::FloatTree& tree, Interrupter& progress)
     number();
 }
 
-/// Those of the blocks at @a origins that the surface passes.
+/// Add those of the blocks at @a origins that the surface crosses.
 void DualCells::add(const openvdb::FloatTree& tree, const std::vector<Coord>& origins,
                     Interrupter& progress)
 {

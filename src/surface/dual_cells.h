@@ -1,13 +1,11 @@
-// The cells that the surface passes, block by block, and the numbers of the vertices in them.
+// The cells that the surface crosses, block by block, and the numbers of their vertices.
 #pragma once
 #include "cell_sheets.h"
-
 #include <mpuvdb/vec.h>
-
-#include <openvdb/openvdb.h>
 
 #include <array>
 #include <cstdint>
+#include <openvdb/openvdb.h>
 #include <vector>
 
 namespace mpuvdb
@@ -15,13 +13,12 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// Values of a block's voxels and those around: from two below the block on each axis to three
-/// above.
+/// Values of a block's voxels and those around it: two layers below and three above on each axis.
 class BlockHalo
 {
 public:
-    static constexpr int kDim = 13;
-    /// Steps to the next voxel along x, y, z.
+    static constexpr int kDim = 13; ///< edge, voxels [derived: 2 + 8 + 3]
+    /// Steps to the next voxel along x, y, z. [derived: kDim]
     static constexpr std::array<int, 3> kStride = {kDim * kDim, kDim, 1};
 
     void load(const openvdb::FloatTree& tree, const openvdb::Coord& origin);
@@ -36,25 +33,25 @@ private:
     std::array<float, kDim * kDim * kDim> mValues;
 };
 
-/// A cell that the surface passes; its corners are the voxels from its own on, one step on each
-/// axis.
+/// A cell that the surface crosses; its corners are its voxel and those one step up the axes.
 struct DualCell {
-    std::uint16_t vertex; ///< its first, from the block's first on
+    std::uint16_t vertex; ///< its first vertex, counted from the block's first
     std::uint8_t inside;  ///< corners inside
     std::uint8_t turned;  ///< see cellSheets()
 
     const CellSheets& sheets() const { return cellSheets(inside, turned != 0); }
 };
 
-/// The bits of each byte: processors that count bits cannot be taken for granted.
+/// Number of bits in each byte; a table, as not all processors have an instruction for it.
 extern const std::array<std::uint8_t, 256> kBitCounts;
 
 /// The cells whose voxels lie in one block of 8 x 8 x 8.
 struct DualBlock {
-    static constexpr std::uint32_t kNone = ~std::uint32_t(0);
+    static constexpr std::uint32_t kNone =
+        ~std::uint32_t(0); ///< no block [derived: type's largest]
 
     openvdb::Coord origin;
-    /// Itself and those before it, by number: bit 4 stands for a step down x, 2 for y, 1 for z.
+    /// Numbers of this block and its lower neighbors: bits 4, 2, 1 are steps down x, y, z.
     std::array<std::uint32_t, 8> near{};
     std::array<std::uint64_t, 8> passed{}; ///< bit z + 8 y of word x
     std::array<std::uint16_t, 64> rank{};  ///< passed cells before row y + 8 x along z
@@ -83,7 +80,7 @@ struct DualBlock {
     }
 };
 
-/// All blocks that the surface passes.
+/// All blocks that the surface crosses.
 class DualCells
 {
 public:

@@ -1,6 +1,6 @@
-// A crossing lies on the face of a patch near by. Where several faces cross an edge, the nearest is
-// right unless another cuts it off before: the one met first from inside where the two meet in a
-// ridge, and the last where they meet in a groove.
+// A crossing lies on the face of a nearby patch. Where several faces cross an edge, the one with
+// the nearest foot is chosen unless another cuts it off: in a ridge the face that is met first from
+// inside, in a groove the last.
 #include "face_crossings.h"
 
 #include <algorithm>
@@ -12,14 +12,20 @@ namespace
 
 using openvdb::Coord;
 
-constexpr float kBeyond = 0.02f;      ///< of an edge's ends, voxels
-constexpr float kLeastSlope = 0.05f;  ///< of a face against an edge: cosine to its normal
-constexpr float kMostAside = 2.5f;    ///< of a crossing from a patch's foot, voxels
-constexpr float kMostTooNear = 0.2f;  ///< of a crossing, voxels
-constexpr float kSameFace = 0.995f;   ///< cosine of normals
-constexpr float kLeastHeight = 0.02f; ///< of one foot above the other's plane, to tell the side
+/// Largest distance of a crossing beyond the edge's ends, voxels. [tuned: offset_bench]
+constexpr float kMaxBeyondEdge = 0.02f;
+/// Smallest cosine between the edge and a face's normal. [tuned: offset_bench]
+constexpr float kMinCosine = 0.05f;
+/// Largest distance of a crossing from a patch's foot, voxels. [tuned: offset_bench]
+constexpr float kMaxFootDistance = 2.5f;
+constexpr float kBallAllowance = 0.2f; ///< reduction of EmptyBalls, voxels [tuned: offset_bench]
+/// Cosine above which normals belong to one face. [tuned: offset_bench]
+constexpr float kSameFaceCosine = 0.995f;
+/// Smallest height of one foot over the other's plane, voxels, by which a ridge differs from a
+/// groove. [tuned: offset_bench]
+constexpr float kMinHeight = 0.02f;
 
-/// Corners of the cells about an edge along z, in the order of x, y, z.
+/// Corner n of the four cells about an edge along @a axis, relative to its first voxel.
 Coord aroundEdge(int n, int axis)
 {
     Coord c;
@@ -48,43 +54,43 @@ std::array<Coord, 36> nearestFirst()
 
 } // namespace
 
-/// Where the face of a patch crosses an edge.
+/// The crossing of a patch's face with an edge, if there is one.
 std::optional<FaceCrossings::Candidate>
 FaceCrossings::candidate(const Coord& voxel, int axis, bool rising, const SurfacePatch& patch) const
 {
-    constexpr int kSteps = 2;
-    constexpr float kMostTurn = 0.3f; // of a face, by its bend
+    constexpr int kNewtonSteps = 2;  ///< number of steps after the first [tuned: offset_bench]
+    constexpr float kMaxTurn = 0.3f; ///< change of the cosine by curvature [tuned: offset_bench]
     const float steep = rising ? patch.normal[axis] : -patch.normal[axis];
-    if (!(steep >= kLeastSlope - kMostTurn)) return std::nullopt;
+    if (!(steep >= kMinCosine - kMaxTurn)) return std::nullopt;
     const Vec3f start = patch.to(voxel), across = patch.normal.cross(patch.tangent);
     float at = 0;
     Vec3f to, normal;
-    for (int step = 0; step <= kSteps; ++step) {
+    for (int step = 0; step <= kNewtonSteps; ++step) {
         to = start;
         to[axis] += at;
         const float u = patch.tangent.dot(to), v = across.dot(to);
         const float bendU = patch.curvature[0] * u, bendV = patch.curvature[1] * v;
         normal = patch.normal + bendU * patch.tangent + bendV * across;
-        if (!((rising ? normal[axis] : -normal[axis]) >= kLeastSlope)) return std::nullopt;
+        if (!((rising ? normal[axis] : -normal[axis]) >= kMinCosine)) return std::nullopt;
         at -= (patch.normal.dot(to) + 0.5f * (bendU * u + bendV * v)) / normal[axis];
         if (!(at >= -1 && at <= 2)) return std::nullopt;
     }
-    if (!(at >= -kBeyond && at <= 1 + kBeyond)) return std::nullopt;
+    if (!(at >= -kMaxBeyondEdge && at <= 1 + kMaxBeyondEdge)) return std::nullopt;
     to = start;
     to[axis] += at;
     const float aside = (to - patch.normal.dot(to) * patch.normal).norm();
-    if (!(aside <= kMostAside)) return std::nullopt;
+    if (!(aside <= kMaxFootDistance)) return std::nullopt;
     return Candidate{rising ? at : 1 - at, aside, Vec3f(-start), at * Vec3f::Unit(axis),
                      normal.normalized()};
 }
 
-/// One candidate for each face near by, from the patch whose voxel is nearest to the edge.
+/// Collect one candidate for each nearby face, from the patch whose voxel is nearest to the edge.
 void FaceCrossings::collect(const Coord& voxel, int axis, bool rising)
 {
     Coord next = voxel;
     next[axis] += 1;
     const float slope = std::max(mValues.slopeAt(voxel), mValues.slopeAt(next));
-    EmptyBalls empty(slope, kMostTooNear);
+    EmptyBalls empty(slope, kBallAllowance);
     for (int n = 0; n < 18; ++n) {
         const Coord around = aroundEdge(n, axis);
         empty.add(around, mValues.at(voxel + around));
@@ -95,10 +101,10 @@ void FaceCrossings::collect(const Coord& voxel, int axis, bool rising)
         Coord at = voxel;
         for (int k = 0; k < 3; ++k) at[(axis + k) % 3] += step[k];
         const std::uint32_t n = mNumbers[at];
-        if (n == VoxelNumbers::kNone || mPatches.kinds[n] == PatchKind::Rough) continue;
+        if (n == VoxelIndex::kNone || mPatches.kinds[n] == PatchKind::Rough) continue;
         const Vec3f& normal = mPatches.patches[n].normal;
         if (std::any_of(mCandidates.begin(), mCandidates.end(),
-                        [&](const Candidate& c) { return c.normal.dot(normal) > kSameFace; }))
+                        [&](const Candidate& c) { return c.normal.dot(normal) > kSameFaceCosine; }))
             continue;
         const auto found = candidate(voxel, axis, rising, mPatches.patches[n]);
         if (found && !empty.contain(found->point)) mCandidates.push_back(*found);
@@ -116,22 +122,23 @@ FaceCrossing FaceCrossings::find(const Coord& voxel, int axis)
         const float here = taken->normal.dot(c.foot - taken->foot),
                     there = c.normal.dot(taken->foot - c.foot);
         const float height = std::abs(here) > std::abs(there) ? here : there;
-        if (std::abs(height) > kLeastHeight && (c.at < taken->at) == (height < 0)) taken = &c;
+        if (std::abs(height) > kMinHeight && (c.at < taken->at) == (height < 0)) taken = &c;
     }
     return {taken->point, taken->normal};
 }
 
-/// What the values on the edge tell, and the gradient at that of its ends where it is more like a
-/// distance's.
+/// The crossing by linear interpolation, with the gradient at the end where its length is nearer to
+/// the slope.
 FaceCrossing FaceCrossings::interpolated(const Coord& voxel, int axis) const
 {
-    constexpr float kMostOff = 0.3f; // of a gradient's length, relative to the slope
+    /// Error of a gradient's length, relative to the slope. [tuned: offset_bench]
+    constexpr float kMaxGradientError = 0.3f;
     Coord next = voxel;
     next[axis] += 1;
     const float low = mValues.at(voxel), high = mValues.at(next);
     FaceCrossing crossing;
     crossing.point[axis] = low / (low - high);
-    float least = kMostOff;
+    float least = kMaxGradientError;
     for (const Coord& end : {voxel, next}) {
         const Vec3f gradient = mValues.gradientAt(end);
         const float length = gradient.norm(), off = std::abs(length / mValues.slopeAt(end) - 1);

@@ -1,4 +1,4 @@
-// Where faces of a surface cross the edges between voxels beside creases.
+// Crossings of a surface's faces with the edges between voxels beside creases.
 #pragma once
 #include "crease_zone.h"
 
@@ -9,18 +9,18 @@
 namespace mpuvdb
 {
 
-/// Relative to the edge's first voxel.
+/// A crossing relative to the edge's first voxel, voxels.
 struct FaceCrossing {
     Vec3f point = Vec3f::Zero();
-    Vec3f normal = Vec3f::Zero(); ///< unit, outward; 0: not known
+    Vec3f normal = Vec3f::Zero(); ///< unit, outward; 0: unknown
 };
 
-/// Balls about voxels that the surface cannot reach into, by their values.
+/// Balls about voxels that by the voxels' values hold no surface.
 class EmptyBalls
 {
 public:
-    /// @param slope  by which the values rise, at most. @param allowance  by which the balls are
-    /// smaller than the values say, voxels.
+    /// @param slope  upper bound of the values' slope, per voxel. @param allowance  reduction of
+    /// the radii, voxels.
     EmptyBalls(float slope, float allowance)
         : mScale(1 / std::max(slope, 1e-6f)), mAllowance(allowance)
     {
@@ -50,7 +50,7 @@ private:
     float mScale, mAllowance;
 };
 
-/// For one thread.
+/// Finds crossings. For one thread.
 class FaceCrossings
 {
 public:
@@ -59,13 +59,13 @@ public:
     {
     }
 
-    /// Where the edge from @a voxel along @a axis, which crosses the surface, does so.
+    /// The crossing of the edge from @a voxel along @a axis, whose ends differ in sign.
     FaceCrossing find(const openvdb::Coord& voxel, int axis);
 
 private:
     struct Candidate {
-        float at;    ///< from inside to outside
-        float aside; ///< of the patch's foot
+        float at;    ///< place along the edge, from inside to outside
+        float aside; ///< distance from the patch's foot along its plane, voxels
         Vec3f foot, point, normal;
     };
     std::optional<Candidate> candidate(const openvdb::Coord& voxel, int axis, bool rising,

@@ -15,19 +15,22 @@ namespace
 
 using openvdb::Coord;
 
-constexpr int kAround = 2; ///< voxels about one whose patches are looked at
-/// Places of one face: the cosine of their normals, and the height of one over the other's plane.
-constexpr float kSameFace = 0.9f, kOffFace = 0.5f;
-/// And of one plane, on which there are to be so many others.
-constexpr float kSamePlane = 0.97f, kOffPlane = 0.15f;
-constexpr int kLeastSupport = 3;
-constexpr float kMostBend = 0.3f; ///< per voxel
+constexpr int kNeighborRadius = 2; ///< neighborhood of a fit, voxels [tuned: offset_bench]
+/// Smallest cosine of normals and largest height over the plane, voxels, for feet of one face.
+/// [tuned: offset_bench]
+constexpr float kFaceCosine = 0.9f, kFaceHeight = 0.5f;
+/// Smallest cosine of normals and largest height over the plane, voxels, for feet of one plane.
+/// [tuned: offset_bench]
+constexpr float kPlaneCosine = 0.97f, kPlaneHeight = 0.15f;
+/// Smallest number of other feet on a patch's plane. [tuned: offset_bench]
+constexpr int kMinSupport = 3;
+constexpr float kMaxCurvature = 0.3f; ///< largest curvature, per voxel [tuned: offset_bench]
 
-/// Heights of places above a plane, as a quadratic function.
+/// Least-squares fit of a quadratic function to heights over a plane.
 class Heights
 {
 public:
-    using Coefficients = Eigen::Matrix<float, 6, 1>; ///< of 1, u, v, u^2/2, uv, v^2/2
+    using Coefficients = Eigen::Matrix<float, 6, 1>; ///< factors of 1, u, v, u^2/2, uv, v^2/2
 
     void add(float u, float v, float height)
     {
@@ -39,17 +42,20 @@ public:
         ++mCount;
     }
 
-    /// False where there are too few, or they are no smooth surface.
+    /// False where heights are too few, or not those of a smooth surface.
     bool fit(Coefficients& h) const
     {
-        constexpr int kLeast = 9;
-        constexpr float kDamping = 1e-3f, kMostTilt = 0.2f;
-        constexpr float kRoughness = 0.02f; // voxels
-        if (mCount < kLeast) return false;
+        /// Smallest number of heights, for six coefficients. [tuned: offset_bench]
+        constexpr int kMinHeights = 9;
+        constexpr float kDamping = 1e-3f; ///< ridge of the normal equations [tuned: offset_bench]
+        constexpr float kMaxTilt = 0.2f;  ///< largest slope of the fit [tuned: offset_bench]
+        /// Largest root mean square of the residuals, voxels. [tuned: offset_bench]
+        constexpr float kMaxResidual = 0.02f;
+        if (mCount < kMinHeights) return false;
         h = (mSquares + kDamping * Squares::Identity()).ldlt().solve(mPull);
         const float left = mSum - 2 * h.dot(mPull) + h.dot(mSquares * h);
-        return left <= kRoughness * kRoughness * float(mCount) && std::abs(h[0]) <= kOffFace &&
-               std::hypot(h[1], h[2]) <= kMostTilt;
+        return left <= kMaxResidual * kMaxResidual * float(mCount) &&
+               std::abs(h[0]) <= kFaceHeight && std::hypot(h[1], h[2]) <= kMaxTilt;
     }
 
 private:
@@ -60,19 +66,19 @@ private:
     int mCount = 0;
 };
 
-/// A patch as its face has it.
+/// A patch fitted to its face.
 struct Fitted {
     SurfacePatch patch;
     int support = 0;       ///< other patches on its plane
-    bool isSmooth = false; ///< all about it on its face lie on a quadric
+    bool isSmooth = false; ///< the feet of its face around it lie on a quadric
 
-    bool hasSupport() const { return support >= kLeastSupport; }
+    bool hasSupport() const { return support >= kMinSupport; }
     bool isOnFace() const { return isSmooth && hasSupport(); }
 };
 
-SurfacePatch notTooBent(SurfacePatch patch)
+SurfacePatch withLimitedCurvature(SurfacePatch patch)
 {
-    for (float& k : patch.curvature) k = std::clamp(k, -kMostBend, kMostBend);
+    for (float& k : patch.curvature) k = std::clamp(k, -kMaxCurvature, kMaxCurvature);
     return patch;
 }
 
@@ -83,25 +89,24 @@ Fitted fitted(const CreaseZone& zone, VoxelNumbers& numbers, std::uint32_t numbe
     patch = zone.patches().patches[number];
     const Vec3f across = patch.normal.cross(patch.tangent);
     Heights heights;
-    for (int x = -kAround; x <= kAround; ++x)
-        for (int y = -kAround; y <= kAround; ++y)
-            for (int z = -kAround; z <= kAround; ++z) {
+    for (int x = -kNeighborRadius; x <= kNeighborRadius; ++x)
+        for (int y = -kNeighborRadius; y <= kNeighborRadius; ++y)
+            for (int z = -kNeighborRadius; z <= kNeighborRadius; ++z) {
                 const std::uint32_t n = numbers[patch.voxel.offsetBy(x, y, z)];
-                if (n == VoxelNumbers::kNone || zone.patches().kinds[n] == PatchKind::Rough)
-                    continue;
+                if (n == VoxelIndex::kNone || zone.patches().kinds[n] == PatchKind::Rough) continue;
                 const SurfacePatch& other = zone.patches().patches[n];
                 const float cosine = patch.normal.dot(other.normal);
-                if (!(cosine >= kSameFace)) continue;
+                if (!(cosine >= kFaceCosine)) continue;
                 const Vec3f to = -other.to(patch.voxel) - patch.foot;
                 const float height = patch.normal.dot(to);
                 made.support +=
-                    n != number && cosine >= kSamePlane && std::abs(height) <= kOffPlane;
-                if (std::abs(height) <= kOffFace)
+                    n != number && cosine >= kPlaneCosine && std::abs(height) <= kPlaneHeight;
+                if (std::abs(height) <= kFaceHeight)
                     heights.add(patch.tangent.dot(to), across.dot(to), height);
             }
     Heights::Coefficients h;
     if (!heights.fit(h)) {
-        patch = notTooBent(patch);
+        patch = withLimitedCurvature(patch);
         return made;
     }
     const Vec3f t = patch.tangent;
@@ -111,13 +116,13 @@ Fitted fitted(const CreaseZone& zone, VoxelNumbers& numbers, std::uint32_t numbe
     patch.bend(-(h[3] * t * t.transpose() + h[4] * (twist + twist.transpose()) +
                  h[5] * across * across.transpose()),
                0);
-    patch = notTooBent(patch);
+    patch = withLimitedCurvature(patch);
     made.isSmooth = true;
     return made;
 }
 
-/// In which leaves there are faces. Where there are few, details as fine as voxels pass for
-/// creases, and faces would be made up.
+/// Leaves with enough patches on faces. Elsewhere details as fine as voxels look like creases, and
+/// there are no faces to fit.
 class LeafFaces
 {
 public:
@@ -134,12 +139,13 @@ public:
         }
     }
 
-    bool areFoundAbout(const Coord& voxel) const
+    bool areEnoughAt(const Coord& voxel) const
     {
-        constexpr float kLeastFaces = 0.4f; // of all that are beside creases
+        /// Share of the patches beside creases that lie on faces. [tuned: offset_bench]
+        constexpr float kMinFaceShare = 0.4f;
         const auto found = mCounts.find(originOf(voxel));
         return found != mCounts.end() &&
-               float(found->second.onFaces) >= kLeastFaces * float(found->second.beside);
+               float(found->second.onFaces) >= kMinFaceShare * float(found->second.beside);
     }
 
 private:
@@ -148,7 +154,7 @@ private:
     };
     static Coord originOf(const Coord& voxel) { return voxel & ~7; }
 
-    /// To a leaf and those around it: a corner may have most of its faces there.
+    /// Add counts to a leaf and those around it, where a corner may have most of its faces.
     void addAbout(const Coord& origin, const Counts& more)
     {
         for (int n = 0; n < 27; ++n) {
@@ -179,13 +185,13 @@ void fitToFaces(SurfacePatches& patches, CreaseZone& zone, Interrupter& progress
                       });
     const LeafFaces faces(patches, zone, numbers, made);
     for (std::size_t n = 0; n < numbers.size(); ++n) {
-        if (!faces.areFoundAbout(patches.patches[numbers[n]].voxel)) continue;
+        if (!faces.areEnoughAt(patches.patches[numbers[n]].voxel)) continue;
         patches.patches[numbers[n]] = made[n].patch;
         if (!made[n].hasSupport()) patches.kinds[numbers[n]] = PatchKind::Rough;
     }
     for (std::size_t leaf = 0; leaf < patches.leaves.size(); ++leaf)
-        if (!faces.areFoundAbout(patches.leaves[leaf]->origin()))
-            zone.leaveOut(patches.first[leaf], patches.first[leaf + 1]);
+        if (!faces.areEnoughAt(patches.leaves[leaf]->origin()))
+            zone.exclude(patches.first[leaf], patches.first[leaf + 1]);
 }
 
 } // namespace mpuvdb

@@ -1,8 +1,9 @@
-// Which edges are crossed is told by the signs of a leaf's voxels as bits, eight rows to a word.
+// Crossed edges are found by the signs of a leaf's voxels as bits, eight rows to a word.
 #include "leaf_crossings.h"
 
 #include "core/clones.h"
 #include "core/lanes.h"
+#include "grid/block_parts.h"
 
 #include <array>
 #include <cstdint>
@@ -17,21 +18,17 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree>;
 using openvdb::Coord;
 
-constexpr int kDim = Leaf::DIM;
-using Lanes = float __attribute__((vector_size(4 * kDim)));
+using Lanes = float __attribute__((vector_size(4 * kBlockDim)));
+using Words = SignWords;
 
-/// Voxels of a leaf as its mask has them: word x, bit 8 y + z.
-using Words = std::array<std::uint64_t, kDim>;
-
-/// A leaf's values, and those of the upper neighbors across x, y and z: null, and one value, where
-/// there are only tiles.
+/// Values of a leaf and of its upper neighbors across x, y and z: null, and one value, for tiles.
 struct UpperRim {
     const float* own;
     std::array<const float*, 3> beyond{};
     std::array<float, 3> tile{};
 };
 
-/// Inner and zero voxels, and those whose upper neighbor along each axis is on the other side.
+/// Inside voxels, zero voxels, and those whose upper neighbor along each axis has the other sign.
 struct LeafSigns {
     Words inside{}, zero{};
     std::array<Words, 3> change;
@@ -40,18 +37,17 @@ struct LeafSigns {
 MPUVDB_CLONES
 LeafSigns signsOf(const UpperRim& values)
 {
-    constexpr std::uint64_t kFirstZ = 0x0101010101010101u;
     LeafSigns signs;
     decltype(Lanes{} < 0) anyZero{};
-    for (std::size_t row = 0; row < kDim * kDim; ++row) {
-        const Lanes v = lanesAt<Lanes>(values.own + row * kDim);
-        signs.inside[row / kDim] |= bitsOf(v < 0) << (row % kDim * kDim);
+    for (std::size_t row = 0; row < kBlockDim * kBlockDim; ++row) {
+        const Lanes v = lanesAt<Lanes>(values.own + row * kBlockDim);
+        signs.inside[row / kBlockDim] |= bitsOf(v < 0) << (row % kBlockDim * kBlockDim);
         anyZero |= v == 0;
     }
     if (bitsOf(anyZero))
-        for (std::size_t row = 0; row < kDim * kDim; ++row)
-            signs.zero[row / kDim] |= bitsOf(lanesAt<Lanes>(values.own + row * kDim) == 0)
-                                      << (row % kDim * kDim);
+        for (std::size_t row = 0; row < kBlockDim * kBlockDim; ++row)
+            signs.zero[row / kBlockDim] |= bitsOf(lanesAt<Lanes>(values.own + row * kBlockDim) == 0)
+                                           << (row % kBlockDim * kBlockDim);
     // The neighbors' layers that touch this leaf.
     std::array<std::uint64_t, 3> tile;
     for (std::size_t axis = 0; axis < 3; ++axis)
@@ -62,26 +58,29 @@ LeafSigns signsOf(const UpperRim& values)
     firstZ.fill(tile[2] & kFirstZ);
     if (values.beyond[0]) {
         layerX = 0;
-        for (std::size_t y = 0; y < kDim; ++y)
-            layerX |= bitsOf(lanesAt<Lanes>(values.beyond[0] + y * kDim) < 0) << (y * kDim);
+        for (std::size_t y = 0; y < kBlockDim; ++y)
+            layerX |= bitsOf(lanesAt<Lanes>(values.beyond[0] + y * kBlockDim) < 0)
+                      << (y * kBlockDim);
     }
-    for (std::size_t x = 0; values.beyond[1] && x < kDim; ++x)
-        firstY[x] = bitsOf(lanesAt<Lanes>(values.beyond[1] + x * kDim * kDim) < 0);
-    for (std::size_t x = 0; values.beyond[2] && x < kDim; ++x) {
+    for (std::size_t x = 0; values.beyond[1] && x < kBlockDim; ++x)
+        firstY[x] = bitsOf(lanesAt<Lanes>(values.beyond[1] + x * kBlockDim * kBlockDim) < 0);
+    for (std::size_t x = 0; values.beyond[2] && x < kBlockDim; ++x) {
         firstZ[x] = 0;
-        for (std::size_t y = 0; y < kDim; ++y)
-            firstZ[x] |= std::uint64_t(values.beyond[2][(x * kDim + y) * kDim] < 0) << (y * kDim);
+        for (std::size_t y = 0; y < kBlockDim; ++y)
+            firstZ[x] |= std::uint64_t(values.beyond[2][(x * kBlockDim + y) * kBlockDim] < 0)
+                         << (y * kBlockDim);
     }
-    for (std::size_t x = 0; x < kDim; ++x) {
+    for (std::size_t x = 0; x < kBlockDim; ++x) {
         const std::uint64_t m = signs.inside[x];
-        signs.change[0][x] = m ^ (x + 1 < kDim ? signs.inside[x + 1] : layerX);
-        signs.change[1][x] = m ^ (m >> kDim | firstY[x] << (kDim * (kDim - 1)));
-        signs.change[2][x] = m ^ ((m >> 1 & ~(kFirstZ << (kDim - 1))) | firstZ[x] << (kDim - 1));
+        signs.change[0][x] = m ^ (x + 1 < kBlockDim ? signs.inside[x + 1] : layerX);
+        signs.change[1][x] = m ^ (m >> kBlockDim | firstY[x] << (kBlockDim * (kBlockDim - 1)));
+        signs.change[2][x] =
+            m ^ ((m >> 1 & ~(kFirstZ << (kBlockDim - 1))) | firstZ[x] << (kBlockDim - 1));
     }
     return signs;
 }
 
-/// Whether a voxel of value 0 has both sides about it; it may only lie where two inside touch.
+/// Whether a voxel of value 0 has inside and outside among its 26 neighbors.
 bool isOnSurface(const Coord& at, Access& access)
 {
     bool inside = false, outside = false;
@@ -101,7 +100,7 @@ Crossings crossingsOf(const openvdb::FloatTree& tree, const Leaf& leaf)
     UpperRim values{leaf.buffer().data()};
     for (std::size_t axis = 0; axis < 3; ++axis) {
         Coord at = leaf.origin();
-        at[int(axis)] += kDim;
+        at[int(axis)] += kBlockDim;
         const Leaf* const next = access.probeConstLeaf(at);
         if (next)
             values.beyond[axis] = next->buffer().data();
@@ -110,22 +109,22 @@ Crossings crossingsOf(const openvdb::FloatTree& tree, const Leaf& leaf)
     }
     const LeafSigns signs = signsOf(values);
     Crossings found;
-    for (std::size_t x = 0; x < kDim; ++x) {
+    for (std::size_t x = 0; x < kBlockDim; ++x) {
         std::uint64_t left =
             signs.change[0][x] | signs.change[1][x] | signs.change[2][x] | signs.zero[x];
         left &= leaf.getValueMask().getWord<std::uint64_t>(openvdb::Index(x));
         for (; left; left &= left - 1) {
-            const int bit = __builtin_ctzll(left), at = int(x) * kDim * kDim + bit;
-            const Coord local(int(x), bit / kDim, bit % kDim);
+            const int bit = __builtin_ctzll(left), at = int(x) * kBlockDim * kBlockDim + bit;
+            const Coord local(int(x), bit / kBlockDim, bit % kBlockDim);
             const float v = values.own[at];
             if (v == 0 && isOnSurface(leaf.origin() + local, access)) found.push_back(toVec(local));
             for (std::size_t axis = 0; axis < 3; ++axis) {
                 if (!(signs.change[axis][x] >> bit & 1u)) continue;
-                const int stride = kDim * kDim >> (3 * axis);
+                const int stride = kBlockDim * kBlockDim >> (3 * axis);
                 const float* const next = values.beyond[axis];
-                const float u = local[int(axis)] + 1 < kDim ? values.own[at + stride]
-                                : next                      ? next[at - (kDim - 1) * stride]
-                                                            : values.tile[axis];
+                const float u = local[int(axis)] + 1 < kBlockDim ? values.own[at + stride]
+                                : next ? next[at - (kBlockDim - 1) * stride]
+                                       : values.tile[axis];
                 Vec3f p = toVec(local);
                 p[int(axis)] += v / (v - u);
                 found.push_back(p);

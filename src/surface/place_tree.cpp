@@ -8,7 +8,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::ptrdiff_t kLeafPlaces = 8;
+constexpr std::ptrdiff_t kLeafPlaces = 8; ///< most places of a leaf [free: time]
 
 template <class T>
 std::vector<T> inOrder(const std::vector<T>& values, const std::vector<std::uint32_t>& order)

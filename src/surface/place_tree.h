@@ -1,4 +1,5 @@
-// Places on a surface under a tree of boxes and slabs, for searches along balls that touch it.
+// A bounding volume hierarchy of boxes and slabs over places on a surface, for searches of balls
+// that touch it.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -19,20 +20,20 @@ struct Places {
 class PlaceTree
 {
 public:
+    /// Order of nodes that are not searched. [derived: infinity]
     static constexpr float kNever = std::numeric_limits<float>::infinity();
 
-    /// What is known of a run of places. Where a ball touches much of a surface, a box tells that
-    /// from it only once it is as small as the gap between them; a slab across the mean normal,
-    /// once the places are as flat as that.
+    /// Bounds of a run of places: a box, and a slab across the mean normal, which excludes a ball
+    /// that touches much of a surface long before a box does.
     struct Node {
         Vec3f middle, half;       ///< of the box
         Vec3f axis;               ///< mean normal
-        float low, high;          ///< of the places along it
+        float low, high;          ///< range of the places along it
         std::uint32_t begin, end; ///< in the tree's order
         std::uint32_t second = 0; ///< second child, 0 for a leaf; the first is the next node
 
-        /// No more than the squared distance from @a p to any of the places; never where none is
-        /// within @a reach.
+        /// Lower bound of the squared distance from @a p to the places; kNever if none is within
+        /// @a reach.
         float squaredDistance(const Vec3f& p, float reach) const
         {
             const float along = axis.dot(p);
@@ -44,18 +45,18 @@ public:
         {
             return ((p - middle).cwiseAbs() - half).cwiseMax(0.0f).squaredNorm();
         }
-        /// No less than that of any of the places along @a direction.
+        /// Upper bound of the places' coordinates along @a direction.
         float farthest(const Vec3f& direction) const
         {
             return direction.dot(middle) + direction.cwiseAbs().dot(half);
         }
     };
 
-    /// Brings @a places into the tree's order. They have to outlive it.
+    /// Sorts @a places into the tree's order. They have to outlive it.
     explicit PlaceTree(Places& places);
 
-    /// Call atPlace(n) for the places of all leaves with order(node) < kNever, those of lower order
-    /// first. What it finds may raise the order of others.
+    /// Call atPlace(n) for the places of all leaves with order(node) < kNever, lower orders first.
+    /// A call may raise the order of nodes to come.
     template <typename Order, typename AtPlace>
     void search(Order order, AtPlace atPlace) const
     {

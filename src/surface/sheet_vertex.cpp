@@ -1,7 +1,6 @@
 #include "sheet_vertex.h"
 
 #include <Eigen/Eigenvalues>
-
 #include <algorithm>
 #include <cmath>
 
@@ -10,39 +9,43 @@ namespace mpuvdb
 namespace
 {
 
-/// Normals of a sheet that differ by less than this (cosine to their mean) are those of a smooth
-/// surface, bent; and so are gradients of about this length.
-constexpr float kSmooth = 0.985f;
-constexpr float kSteepness = 0.05f;
+/// Smallest cosine between a smooth sheet's normals and their mean. [tuned: sharp_mesh_test]
+constexpr float kSmoothCosine = 0.985f;
+/// Largest | |grad| - 1 | of a smooth sheet's crossings. [tuned: sharp_mesh_test]
+constexpr float kSteepnessTolerance = 0.05f;
 
-/// Two planes of equal weight and angle t between their normals have eigenvalues in the ratio
-/// tan^2(t/2): folds of less than about 20 degrees are smoothed over.
-constexpr double kLeastEigenvalue = 0.03;
+/// Smallest eigenvalue, relative to the largest, of a direction that planes determine. Two planes
+/// with angle t between their normals have the ratio tan^2(t/2): folds below 20 degrees are
+/// smoothed. [tuned: sharp_mesh_test]
+constexpr double kMinEigenvalue = 0.03;
 
-/// Folds of flat faces are kept down to this: less turns the normals of a sheet by half a degree
-/// (cosine to their mean) at most.
-constexpr double kLeastOfFaces = 1e-4; // eigenvalue
-constexpr float kUnturned = 0.99996f;
+/// Smallest relative eigenvalue for folds of flat faces, which are kept from one degree on.
+/// [tuned: sharp_mesh_test]
+constexpr double kMinFaceEigenvalue = 1e-4;
+/// Cosine to their mean of normals without such a fold. [derived: half a degree]
+constexpr float kUnfoldedCosine = 0.99996f;
 
-/// Faces are flat where their values bend by no more than this share of the normals' turn.
-constexpr float kStraight = 0.125f;
+/// Largest bend of a flat face's values, relative to the normals' angle to their mean.
+/// [tuned: sharp_mesh_test]
+constexpr float kMaxBendShare = 0.125f;
 
-/// Steeper than this along an axis, values say nothing of bends: those of a surface lie across.
-constexpr float kAcross = 0.9f;
+/// Largest slope along an axis on which bends are tested: a surface bends across its normal.
+/// [tuned: sharp_mesh_test]
+constexpr float kMaxAxisSlope = 0.9f;
 
-/// Where an edge crosses a plane that it misses.
-constexpr float kNowhere = 1e6f;
+/// Crossing of an edge with a plane that it misses. [derived: far from the edge]
+constexpr float kNoCrossing = 1e6f;
 
-/// How far beyond its cell a vertex on a crease may lie, voxels: a crease that passes a cell
-/// closely is followed, where a vertex held at the wall would fold its triangles over.
-constexpr double kBeyond = 0.5;
+/// Largest distance of a crease vertex outside its cell, voxels: held at the wall, a vertex beside
+/// a crease that just misses its cell would fold its triangles over. [tuned: sharp_mesh_test]
+constexpr double kMaxOutside = 0.5;
 
-/// Vertices keep this distance from the walls of their cell where the surface lets them move along
-/// it, voxels: no two coincide where the surface passes through a voxel.
+/// Distance of vertices from the walls of their cell where the surface leaves them free, voxels: no
+/// two coincide where the surface passes through a voxel. [tuned: mesh_test]
 constexpr float kInset = 0.05f;
 
-/// From which error of prediction on (voxels) the plane at a voxel says nothing.
-constexpr float kWorstPlane = 0.4f;
+/// Error of prediction, voxels, from which on a plane has no weight. [tuned: sharp_mesh_test]
+constexpr float kMaxPlaneError = 0.4f;
 
 Vec3f cornerOf(int c)
 {
@@ -60,15 +63,15 @@ int stepTo(int c)
            (c & 1) * BlockHalo::kStride[2];
 }
 
-/// The place of least weighted squared distance from planes, in or near the unit cube, as near to
-/// the mean as the planes leave it free.
+/// Quadratic error function [Ju02]: its minimum is the place of least weighted squared distance
+/// from planes, in or near the unit cube, and of such places the nearest to the mean.
 class Quadric
 {
 public:
     struct Minimum {
         Vec3d place;
-        Eigen::Matrix3d free; ///< projects onto the directions that the planes leave open
-        int rank;             ///< of those that they decide
+        Eigen::Matrix3d free; ///< projects onto the directions that the planes leave free
+        int rank;             ///< number of directions that they determine
     };
 
     explicit Quadric(const Vec3d& mean) : mMean(mean) {}
@@ -79,8 +82,8 @@ public:
         mRight += weight * normal * normal.dot(point - mMean);
     }
 
-    /// @param beyond  how far outside the cube it may lie. @param least  eigenvalue, by the
-    /// largest, of a direction that the planes decide.
+    /// @param beyond  largest distance outside the cube. @param least  smallest eigenvalue,
+    /// relative to the largest, of a direction that the planes determine.
     Minimum minimum(double beyond, double least) const
     {
         const auto nearest = [&](const Vec3d& place) -> Vec3d {
@@ -88,7 +91,7 @@ public:
         };
         Eigen::Array3i open = Eigen::Array3i::Ones();
         Minimum found = solve(open, mMean, least);
-        // A minimum outside is held at the wall it passes farthest, and sought along it.
+        // A minimum outside is moved to the wall that it exceeds most, and found again along it.
         for (int round = 0; round < 2; ++round) {
             const Vec3d held = nearest(found.place);
             Eigen::Index axis = 0;
@@ -101,7 +104,7 @@ public:
     }
 
 private:
-    /// The minimum over the open coordinates, the others held where @a at has them.
+    /// The minimum over the open coordinates; the others are those of @a at.
     Minimum solve(const Eigen::Array3i& open, const Vec3d& at, double least) const
     {
         const Vec3d mask = open.cast<double>().matrix();
@@ -109,7 +112,7 @@ private:
         const Eigen::Matrix3d squares = mask.asDiagonal() * mSquares * mask.asDiagonal();
         const Vec3d right = mask.asDiagonal() * (mRight - mSquares * held);
         Minimum found{mMean + held, Eigen::Matrix3d::Zero(), 0};
-        if (Vec3d only; decidesOne(squares, least, only)) {
+        if (Vec3d only; determinesOne(squares, least, only)) {
             const double value = only.dot(squares * only);
             found.place += mask.asDiagonal() * only * (only.dot(right) / value);
             found.free = Eigen::Matrix3d::Identity() - only * only.transpose();
@@ -131,19 +134,19 @@ private:
         return found;
     }
 
-    /// Whether planes decide one @a direction alone, as most do: the eigenvector that powers of
-    /// their squares lead to, if what else they hold is too little to count.
-    static bool decidesOne(const Eigen::Matrix3d& squares, double least, Vec3d& direction)
+    /// Whether planes determine one @a direction alone, as most do: the dominant eigenvector by
+    /// power iteration, if the other eigenvalues are negligible.
+    static bool determinesOne(const Eigen::Matrix3d& squares, double least, Vec3d& direction)
     {
-        // Each step leaves of what is off no more than the other eigenvalues' share.
-        constexpr int kSteps = 4;
+        /// Power iterations. [derived: kMinEigenvalue^(1 + steps) is below a float's rounding]
+        constexpr int kPowerSteps = 4;
         Eigen::Index most = 0;
         if (!(squares.diagonal().maxCoeff(&most) > 0)) return false;
         Vec3d at = squares.col(most);
-        for (int step = 0; step < kSteps; ++step) at = squares * at;
+        for (int step = 0; step < kPowerSteps; ++step) at = squares * at;
         direction = at.normalized();
         const double value = direction.dot(squares * direction);
-        // The squares of all eigenvalues but this.
+        // The sum of the squares of the other eigenvalues.
         return squares.squaredNorm() - value * value <= least * least * value * value;
     }
 
@@ -154,16 +157,16 @@ private:
 
 } // namespace
 
-/// Where a sheet crosses the edges of its cell; in the cell's coordinates.
+/// Crossings of a sheet with the edges of its cell, in the cell's coordinates.
 struct SheetPlacer::Crossings {
     int count = 0;
     std::array<int, 12> edge;
     std::array<Vec3f, 12> point;
     Vec3f mean = Vec3f::Zero();
-    bool areSteep = true; ///< as distances
-    float cosine = 1;     ///< least, of their normals to the mean of these
+    bool areSteep = true; ///< all slopes are those of a distance
+    float cosine = 1;     ///< smallest, between their normals and the mean of these
 
-    bool areSmooth() const { return areSteep && cosine > kSmooth; }
+    bool areSmooth() const { return areSteep && cosine > kSmoothCosine; }
 };
 
 Vec3f SheetPlacer::centralGradient(int index) const
@@ -189,7 +192,7 @@ const SheetPlacer::ValueCrossing& SheetPlacer::valueCrossing(const Vec3i& low, i
     const float length = gradient.norm();
     found.at = t;
     found.normal = gradient * (1 / std::max(length, 1e-6f));
-    found.isSteep = std::abs(length - 1) < kSteepness;
+    found.isSteep = std::abs(length - 1) < kSteepnessTolerance;
     return found;
 }
 
@@ -217,15 +220,15 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
     return found;
 }
 
-/// Of the eight octants about a voxel, the one in which the values are most nearly those of a
-/// distance to a plane: creases lie elsewhere.
+/// The plane of the octant about a voxel whose values are nearest to the distance to a plane:
+/// creases lie in others.
 SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
 {
     const auto scale = float(1 / mLattice.voxelSize);
     const auto [sx, sy, sz] = BlockHalo::kStride;
     const float here = scale * mValues[index];
-    // Octant o lies up the axes of its bits: 1 is x, 2 y, 4 z. Its corners but the voxel itself, by
-    // the axes on which they are beside it.
+    // Octant o lies up the axes of its bits: 1 is x, 2 y, 4 z; likewise for its corners but the
+    // voxel.
     std::array<std::array<float, 8>, 8> corner;
     for (int o = 0; o < 8; ++o) {
         const int x = o & 1 ? sx : -sx, y = o & 2 ? sy : -sy, z = o & 4 ? sz : -sz;
@@ -238,7 +241,7 @@ SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
     for (std::size_t o = 0; o < 8; ++o) {
         const float a = scale * corner[1][o] - here, b = scale * corner[2][o] - here,
                     c = scale * corner[4][o] - here;
-        // How far off the plane through these three the octant's other corners are.
+        // Errors of the plane through these three at the octant's other corners.
         const float ab = scale * corner[3][o] - here - a - b,
                     ac = scale * corner[5][o] - here - a - c,
                     bc = scale * corner[6][o] - here - b - c,
@@ -252,8 +255,8 @@ SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
     for (std::size_t o = 0; o < 8; ++o) {
         const float slope =
             std::sqrt(rise[0][o] * rise[0][o] + rise[1][o] * rise[1][o] + rise[2][o] * rise[2][o]);
-        // Values that rise faster are a multiple of distances, or of different sides of a crease:
-        // then the other corners are far off the plane.
+        // Steeper values are a multiple of distances, or mix two sides of a crease; then the errors
+        // at the other corners are large.
         error[o] = slope > 1 ? error[o] / slope : std::max(error[o], 1 - slope);
     }
     const auto best = std::size_t(std::min_element(error.begin(), error.end()) - error.begin());
@@ -268,7 +271,8 @@ SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
     return plane;
 }
 
-/// The same, found once for the eight cells about a voxel of the block or one beyond.
+/// planeThrough() for a voxel of the block or the layers above, cached for the eight cells about
+/// it.
 const SheetPlacer::Plane& SheetPlacer::planeAt(const Vec3i& voxel)
 {
     if (mPlanes.empty()) mPlanes.resize(kVoxels);
@@ -298,8 +302,8 @@ private:
     int mCount = 0;
 };
 
-/// The plane in which each edge crosses, from those at its ends: where these meet between the ends,
-/// the first that is met from inside if the surface is convex there, and else the last.
+/// Add for each edge the plane of one of its ends: the one that is met first from inside if the
+/// surface is convex there, else the last.
 void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes)
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
@@ -309,40 +313,44 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
         const Vec3f from = cornerOf(ends.low), along = cornerOf(ends.high) - from;
         const Plane& inner = planeAt(at + from.cast<int>());
         const Plane& outer = planeAt(at + cornerOf(ends.high).cast<int>());
-        // Beside a crease one of them may look steep, of values that are a multiple all.
+        // Beside a crease one end alone may look steep; a multiple of distances is steep at both.
         const float steepness = std::min(inner.steepness, outer.steepness);
-        // Where along the edge the plane of one of its ends is crossed, from inside to outside.
+        // Place along the edge, from inside to outside, where it crosses the plane of one end.
         const auto crossing = [&](const Plane& plane, const Vec3f& end) {
             const float slope = plane.normal.dot(along);
-            if (plane.error >= kWorstPlane || slope <= 0) return kNowhere;
+            if (plane.error >= kMaxPlaneError || slope <= 0) return kNoCrossing;
             const float start = plane.distance / steepness + plane.normal.dot(from - end);
             return -start / slope;
         };
         const float t = crossing(inner, from), u = crossing(outer, from + along);
         bool takesOuter = false;
-        if (t != kNowhere && u != kNowhere) {
+        if (t != kNoCrossing && u != kNoCrossing) {
             const float rise = (outer.distance - inner.distance) / steepness;
             const bool convex = rise > inner.normal.dot(along);
             takesOuter = (t < u) != convex;
-        } else if (u != kNowhere) {
+        } else if (u != kNoCrossing) {
             takesOuter = true;
-        } else if (t == kNowhere) {
+        } else if (t == kNoCrossing) {
             continue;
         }
         const Plane& plane = takesOuter ? outer : inner;
-        const float weight = 1 - plane.error / kWorstPlane;
+        const float weight = 1 - plane.error / kMaxPlaneError;
         planes.add(plane.normal, from + (takesOuter ? u : t) * along, weight * weight);
     }
 }
 
-/// Where the field itself crosses an edge of a cell, and its direction there; found once for the
-/// four cells that share the edge. @param start  where the values cross it, 0 to 1.
+/// The crossing of the field with an edge of a cell, and its gradient's direction there; cached for
+/// the four cells that share the edge. @param start  crossing of the values, 0 to 1.
 const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, int edge, float start)
 {
-    constexpr int kSteps = 6;
-    // A last step by the slope, from so near, leaves less than a thousandth of a voxel; where the
-    // values face the same way, as they do off creases, it may be longer.
-    constexpr double kNear = 0.02, kNearInSmooth = 0.06, kDisagrees = 0.06; // voxels
+    constexpr int kNewtonSteps = 6; ///< largest number of steps [tuned: sharp_mesh_test]
+    /// Length of the last Newton step, voxels, that leaves an error below a thousandth of a voxel;
+    /// and the same where the values have the same direction, as off creases.
+    /// [tuned: sharp_mesh_test]
+    constexpr double kLastStep = 0.02, kLastSmoothStep = 0.06;
+    /// Distance from the zero set, voxels, above which there is no crossing. [tuned:
+    /// sharp_mesh_test]
+    constexpr double kMaxDisagreement = 0.06;
     const CellEdge ends = cellEdge(edge);
     const Vec3i low = at + cornerOf(ends.low).cast<int>();
     if (mFieldCrossings.empty()) mFieldCrossings.resize(3 * kVoxels);
@@ -358,10 +366,10 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     const Vec3d facing = valueCrossing(low, edge / 4).normal.cast<double>();
     const auto isNear = [&] {
         const double length = sample.gradient.norm();
-        const bool isSmooth = sample.gradient.dot(facing) > double(kSmooth) * length;
-        return std::abs(sample.value) <= (isSmooth ? kNearInSmooth : kNear) * h * length;
+        const bool isSmooth = sample.gradient.dot(facing) > double(kSmoothCosine) * length;
+        return std::abs(sample.value) <= (isSmooth ? kLastSmoothStep : kLastStep) * h * length;
     };
-    for (int step = 0; step < kSteps && !isNear(); ++step) {
+    for (int step = 0; step < kNewtonSteps && !isNear(); ++step) {
         ((sample.value < 0) == lowInside ? least : most) = t;
         const double slope = sample.gradient.dot(along);
         const double next = slope != 0 ? t - sample.value / slope : 0.5 * (least + most);
@@ -369,7 +377,7 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
         sample = mField->evaluate(from + t * along);
     }
     const double length = sample.gradient.norm();
-    found.isFound = std::abs(sample.value) <= kDisagrees * h * length && length > 0;
+    found.isFound = std::abs(sample.value) <= kMaxDisagreement * h * length && length > 0;
     if (found.isFound) {
         const double slope = sample.gradient.dot(along);
         const double last = slope != 0 ? t - sample.value / slope : t;
@@ -379,7 +387,7 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     return found;
 }
 
-/// Planes where the field itself crosses the edges; nothing where field and grid disagree.
+/// Add planes where the field crosses the edges; none where field and grid disagree.
 void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes)
 {
     for (std::size_t n = 0; n < std::size_t(crossings.count); ++n) {
@@ -390,12 +398,12 @@ void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Pl
     }
 }
 
-/// One step to the zero of the values' trilinear interpolation, and away from the walls.
+/// One Newton step to the zero of the trilinear interpolation, and away from the walls.
 Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
     const auto between = [](float low, float high, float t) { return low + t * (high - low); };
-    // By corners of the face across x: bit 1 is y; the values there at p's height, and their rise.
+    // For the corners of the face across x (bit 1 is y): the values at p's height, and their rise.
     std::array<float, 4> column, rise;
     for (int c = 0; c < 4; ++c) {
         const float low = mValues[home + stepTo(2 * c)], high = mValues[home + stepTo(2 * c + 1)];
@@ -416,15 +424,15 @@ Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
     return p.cwiseMax(-kInset).cwiseMin(1 + kInset);
 }
 
-/// Whether the values go on straight from a voxel along each axis, one way or the other: along it
-/// is at most one fold of flat faces. @param most  bend, as a part of the voxel size.
+/// Whether the values are linear from a voxel along each axis, up or down: there is at most one
+/// fold of flat faces. @param most  largest bend, voxels.
 bool SheetPlacer::isStraight(int index, float most) const
 {
     const auto h = float(mLattice.voxelSize);
     const float here = mValues[index];
     for (const int step : BlockHalo::kStride) {
         const float up = mValues[index + step], down = mValues[index - step];
-        if (std::abs(up - down) > 2 * kAcross * h) continue;
+        if (std::abs(up - down) > 2 * kMaxAxisSlope * h) continue;
         const float bendUp = mValues[index + 2 * step] - 2 * up + here;
         const float bendDown = mValues[index - 2 * step] - 2 * down + here;
         if (std::min(std::abs(bendUp), std::abs(bendDown)) > most * h) return false;
@@ -432,13 +440,13 @@ bool SheetPlacer::isStraight(int index, float most) const
     return true;
 }
 
-/// Whether a dull fold of flat faces passes through the cell of a smooth sheet: each crossed edge
-/// has an end from which the values are flat, and the planes of these meet in the cell.
+/// Whether an obtuse fold of flat faces passes through the cell of a smooth sheet: each crossed
+/// edge has an end with linear values, and the planes of these meet in the cell.
 bool SheetPlacer::liesOnFold(const Vec3i& at, const Crossings& crossings)
 {
-    if (crossings.cosine > kUnturned) return false;
-    // The angle to the mean, radians.
-    const float most = kStraight * std::sqrt(2 * (1 - crossings.cosine));
+    if (crossings.cosine > kUnfoldedCosine) return false;
+    // In proportion to the angle to the mean, radians.
+    const float most = kMaxBendShare * std::sqrt(2 * (1 - crossings.cosine));
     const auto isFlat = [&](const Vec3f& corner) {
         const Vec3i voxel = at + corner.cast<int>();
         return isStraight(BlockHalo::index(voxel.x(), voxel.y(), voxel.z()), most) &&
@@ -450,7 +458,7 @@ bool SheetPlacer::liesOnFold(const Vec3i& at, const Crossings& crossings)
     }
     Planes planes(crossings.mean);
     addGridPlanes(at, crossings, planes);
-    const Quadric::Minimum fold = planes.quadric().minimum(kBeyond, kLeastOfFaces);
+    const Quadric::Minimum fold = planes.quadric().minimum(kMaxOutside, kMinFaceEigenvalue);
     const Vec3d middle = Vec3d::Constant(0.5);
     const Vec3d nearest = fold.place + fold.free * (middle - fold.place);
     return fold.rank > 1 && (nearest - middle).cwiseAbs().maxCoeff() <= 0.5;
@@ -463,7 +471,6 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
     Vec3f inCell = crossings.mean;
     const bool areSmooth = crossings.areSmooth();
     if (freedom == Freedom::None) {
-        // Whatever the planes say, this is inside.
         inCell = inset(inCell);
     } else if (areSmooth && !liesOnFold(at, crossings)) {
         if (cell.sheets().count == 1) inCell = ontoSurface(at, inCell);
@@ -472,11 +479,11 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
         if (mField) addFieldPlanes(at, crossings, planes);
         if (planes.count() < crossings.count) addGridPlanes(at, crossings, planes);
         if (planes.count() > 0) {
-            // Folds may wait for the cell that they pass through: triangles stay well shaped.
+            // Obtuse folds move vertices of their own cells alone: triangles stay well shaped.
             const double beyond =
-                areSmooth ? -double(kInset) : (freedom == Freedom::Near ? kBeyond : 0);
+                areSmooth ? -double(kInset) : (freedom == Freedom::Near ? kMaxOutside : 0);
             const Quadric::Minimum minimum =
-                planes.quadric().minimum(beyond, areSmooth ? kLeastOfFaces : kLeastEigenvalue);
+                planes.quadric().minimum(beyond, areSmooth ? kMinFaceEigenvalue : kMinEigenvalue);
             inCell = minimum.place.cast<float>();
             inCell += minimum.free.cast<float>() * (inset(inCell) - inCell);
             if (freedom == Freedom::Half) inCell = 0.5f * (inCell + crossings.mean);

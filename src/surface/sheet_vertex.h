@@ -1,7 +1,6 @@
-// Where the vertex of a sheet lies in its cell.
+// Placement of a sheet's vertex in its cell.
 #pragma once
 #include "dual_cells.h"
-
 #include <mpuvdb/field.h>
 
 namespace mpuvdb
@@ -11,19 +10,19 @@ namespace mpuvdb
 struct SheetVertex {
     Vec3f position;
     bool feature = false; ///< on a crease or corner of the surface
-    float reach = 0;      ///< how far from the mean of its crossings
+    float reach = 0;      ///< distance from the mean of its crossings, voxels
 };
 
-/// How far a vertex on a crease may go to lie on it.
+/// Limit of a crease vertex's displacement.
 enum class Freedom : std::uint8_t {
-    Near, ///< half a voxel out of its cell
-    Cell, ///< not out of its cell
-    Half, ///< halfway there from the mean of the crossings
-    None  ///< not at all: the mean of the crossings, away from the walls of the cell
+    Near, ///< up to half a voxel outside its cell
+    Cell, ///< within its cell
+    Half, ///< halfway from the mean of the crossings
+    None  ///< none: the mean of the crossings, inset from the walls of the cell
 };
 
-/// Places the vertices of one block after the other, from the values around and, where there is
-/// one, the field that the values were sampled from. For one thread.
+/// Places the vertices of one block after the other, from the values and, if given, the field that
+/// they were sampled from. For one thread.
 class SheetPlacer
 {
 public:
@@ -45,20 +44,19 @@ public:
 private:
     struct Crossings;
     class Planes;
-    /// Where the values, linear between voxels, cross an edge, and the gradient there.
+    /// The crossing of an edge by values that are linear between voxels, and the gradient there.
     struct ValueCrossing {
         Vec3f normal;            ///< unit
         float at;                ///< along the edge, 0 to 1
-        bool isSteep;            ///< as steep as a distance
+        bool isSteep;            ///< the slope is that of a distance
         std::uint32_t block = 0; ///< for which it was found
     };
-    /// A plane through a voxel's nearest place on the surface, as the values on one side of the
-    /// voxel tell it.
+    /// The plane through a voxel's nearest place on the surface, from the values in one octant.
     struct Plane {
         Vec3f normal = Vec3f::Zero();
-        float distance = 0;      ///< of the voxel, signed, voxels, or a multiple of it:
-        float steepness = 1;     ///< of the values
-        float error = 0;         ///< of what it predicts there
+        float distance = 0;      ///< signed, from the voxel, voxels times the steepness
+        float steepness = 1;     ///< slope of the values, at least 1
+        float error = 0;         ///< largest error of the values it predicts, voxels
         std::uint32_t block = 0; ///< for which it was found
     };
     struct FieldCrossing {
@@ -68,8 +66,9 @@ private:
         std::uint32_t block = 0; ///< for which it was looked for
     };
 
+    /// Voxels of the block and the layers above. [derived: (8 + 1)^3]
     static constexpr std::size_t kVoxels = 9 * 9 * 9;
-    /// Of a voxel of the block or one beyond, each in [0,8].
+    /// Index of a voxel of the block or the layers above, each coordinate in [0,8].
     static std::size_t voxelIndex(const Vec3i& voxel)
     {
         const auto x = std::size_t(voxel.x()), y = std::size_t(voxel.y());
@@ -95,12 +94,12 @@ private:
     Lattice mLattice;
     BlockHalo mValues;
     Vec3d mOrigin = Vec3d::Zero(); ///< of the block, voxels
-    /// @{ What cells have in common with those beside them, found for the first that asks: by
-    /// voxel, or by axis and the voxel at the edge's low end.
+    /// @{ Caches shared by neighboring cells: by voxel, or by axis and the voxel at the edge's low
+    /// end.
     std::uint32_t mBlock = 0; ///< number of the block, from 1 on
     std::vector<ValueCrossing> mValueCrossings = std::vector<ValueCrossing>(3 * kVoxels);
-    std::vector<FieldCrossing> mFieldCrossings; ///< empty until one is asked for
-    std::vector<Plane> mPlanes;                 ///< empty until one is asked for
+    std::vector<FieldCrossing> mFieldCrossings; ///< empty before the first use
+    std::vector<Plane> mPlanes;                 ///< empty before the first use
     /// @}
 };
 

@@ -7,8 +7,10 @@ namespace mpuvdb
 namespace
 {
 
-/// Radii of curvature below two voxels are creases: no second derivative describes those.
-constexpr double kCrease = 0.5;
+/// Largest norm of the second derivatives, per voxel, and smallest of the gradient, beyond which a
+/// cell holds a crease. [derived: radii of curvature of two voxels, the smallest that a band
+/// resolves]
+constexpr double kMaxBend = 0.5;
 
 Vec3i corner(int bits)
 {
@@ -19,12 +21,14 @@ Vec3i corner(int bits)
 
 void LeafWindow::load(const Leaf& leaf)
 {
-    constexpr int kLeaf = int(Leaf::DIM);
-    const auto first = [](int side) { return side < 0 ? -kBelow : side > 0 ? kLeaf : 0; };
-    const auto last = [](int side) { return side < 0 ? 0 : side > 0 ? kLeaf + kAbove : kLeaf; };
+    const auto first = [](int side) { return side < 0 ? -kBelow : side > 0 ? kBlockDim : 0; };
+    const auto last = [](int side) {
+        return side < 0 ? 0 : side > 0 ? kBlockDim + kAbove : kBlockDim;
+    };
     for (int n = 0; n < 27; ++n) {
         const int sx = n / 9 - 1, sy = n / 3 % 3 - 1, sz = n % 3 - 1;
-        const openvdb::Coord from = leaf.origin().offsetBy(sx * kLeaf, sy * kLeaf, sz * kLeaf);
+        const openvdb::Coord from =
+            leaf.origin().offsetBy(sx * kBlockDim, sy * kBlockDim, sz * kBlockDim);
         const Leaf* const near = n == 13 ? &leaf : mAccess.probeConstLeaf(from);
         const float* const data = near ? near->buffer().data() : nullptr;
         const float tile = near ? 0 : mAccess.getValue(from) * mPerVoxel;
@@ -32,7 +36,8 @@ void LeafWindow::load(const Leaf& leaf)
             for (int y = first(sy); y < last(sy); ++y)
                 for (int z = first(sz); z < last(sz); ++z)
                     mValues[((x + kBelow) * kDim + y + kBelow) * kDim + z + kBelow] =
-                        data ? data[((x & 7) * kLeaf + (y & 7)) * kLeaf + (z & 7)] * mPerVoxel
+                        data ? data[((x & 7) * kBlockDim + (y & 7)) * kBlockDim + (z & 7)] *
+                                   mPerVoxel
                              : tile;
     }
 }
@@ -48,13 +53,13 @@ bool isCrossed(const LeafWindow& window, const Vec3i& base)
 CellTriangles::CellTriangles(const LeafWindow& window, const Vec3i& base) : mBase(base)
 {
     for (int n = 0; n < 8; ++n) mValues[std::size_t(n)] = double(window(base + corner(n)));
-    // All tetrahedra share the diagonal from corner 0 to 7; each goes there axis by axis. Faces of
-    // neighboring cells are split alike.
+    // Second and third corners of the six tetrahedra, which share the diagonal from corner 0 to 7
+    // and split the faces of neighboring cells alike. [derived: the orders of the axes]
     constexpr int kFirst[6] = {1, 1, 2, 2, 4, 4}, kSecond[6] = {3, 5, 3, 6, 5, 6};
     for (int n = 0; n < 6; ++n) addTetrahedron({0, kFirst[n], kSecond[n], 7});
 }
 
-/// Corners are given so that the bits of each are among those of the next.
+/// @param corners  in an order in which the bits of each are among those of the next.
 void CellTriangles::addTetrahedron(const std::array<int, 4>& corners)
 {
     std::array<int, 4> in, out;
@@ -124,7 +129,7 @@ CellQuadric::CellQuadric(const LeafWindow& window, const Vec3i& base)
         bend(axis, axis) = second;
     }
     value = (sum - bend.trace()) / 8;
-    smooth = known && bend.norm() < kCrease && gradient.norm() > kCrease;
+    smooth = known && bend.norm() < kMaxBend && gradient.norm() > kMaxBend;
 }
 
 } // namespace mpuvdb

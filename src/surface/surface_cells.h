@@ -1,21 +1,22 @@
 // The surface of a level set, cell by cell: triangles of the piecewise linear distance on
-// tetrahedra, closed and without ambiguity; and how far the curved surface lies from them.
+// tetrahedra, closed and without ambiguity, and the distance's quadric around them.
 #pragma once
-#include <mpuvdb/vec.h>
-
-#include <openvdb/openvdb.h>
+#include <mpuvdb/field.h>
 
 #include <array>
+#include <openvdb/openvdb.h>
 
 namespace mpuvdb
 {
 
-/// A leaf's values and those around it that cells based in the leaf read, in voxels.
+/// Values in voxels, of a leaf and of the voxels around it that cells based in the leaf use.
 class LeafWindow
 {
 public:
     using Leaf = openvdb::FloatTree::LeafNodeType;
-    static constexpr int kBelow = 1, kAbove = 2, kDim = int(Leaf::DIM) + kBelow + kAbove;
+    /// Layers below and above the leaf, and the edge of all, voxels. [derived: a cell's corners and
+    /// their neighbors]
+    static constexpr int kBelow = 1, kAbove = 2, kDim = kBlockDim + kBelow + kAbove;
 
     /// @param halfWidth  of the band, voxels.
     LeafWindow(const openvdb::FloatTree& tree, double voxelSize, double halfWidth)
@@ -24,13 +25,13 @@ public:
     }
 
     void load(const Leaf& leaf);
-    /// Of a voxel relative to the leaf, each in [-1, 9].
+    /// Value of a voxel relative to the leaf, each coordinate in [-1, 9].
     float operator()(int x, int y, int z) const
     {
         return mValues[((x + kBelow) * kDim + y + kBelow) * kDim + z + kBelow];
     }
     float operator()(const Vec3i& p) const { return (*this)(p[0], p[1], p[2]); }
-    /// Whether a value lies in the band, not beyond.
+    /// Whether a value lies in the band.
     bool isKnown(float value) const { return value < mRim && value > -mRim; }
 
 private:
@@ -39,21 +40,21 @@ private:
     std::array<float, kDim * kDim * kDim> mValues;
 };
 
-/// A vertex of the surface: on the edge that starts at a voxel towards another of its cell.
+/// A vertex of the surface, on the edge from a voxel to another of its cell.
 struct SurfaceVertex {
     Vec3i from;     ///< voxel, relative to the leaf
     int to = 0;     ///< bits x, y, z of the step
     Vec3d position; ///< voxels, relative to the leaf
 };
 
-/// Counter-clockwise seen from outside.
+/// A triangle, counter-clockwise seen from outside.
 using SurfaceTriangle = std::array<SurfaceVertex, 3>;
 
 /// The triangles of one cell.
 class CellTriangles
 {
 public:
-    /// Of the cell from voxel @a base to base + (1,1,1).
+    /// The triangles of the cell from voxel @a base to base + (1,1,1).
     CellTriangles(const LeafWindow& window, const Vec3i& base);
     const SurfaceTriangle* begin() const { return mTriangles.data(); }
     const SurfaceTriangle* end() const { return begin() + mCount; }
@@ -69,12 +70,12 @@ private:
     int mCount = 0;
 };
 
-/// Whether the surface passes through the cell at @a base.
+/// Whether the surface crosses the cell at @a base.
 bool isCrossed(const LeafWindow& window, const Vec3i& base);
 
-/// The distance about a cell's middle up to second order.
+/// The distance around a cell's middle, up to second order.
 struct CellQuadric {
-    bool smooth = false; ///< else there is a crease, or the band ends nearby
+    bool smooth = false; ///< false beside a crease or the band's rim
     Vec3d middle = Vec3d::Zero();
     double value = 0;
     Vec3d gradient = Vec3d::Zero();

@@ -1,13 +1,11 @@
 #include "surface_integrals.h"
 
-#include "surface_cells.h"
-
 #include "core/union_find.h"
+#include "surface_cells.h"
 #include <mpuvdb/interrupter.h>
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
+#include <tbb/parallel_for.h>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -18,20 +16,20 @@ namespace
 using openvdb::Coord;
 using Leaf = LeafWindow::Leaf;
 
-constexpr int kLeaf = int(Leaf::DIM);
-constexpr int kSteps = 7; ///< from a voxel to the others of its cell
+constexpr int kSteps = 7; ///< edges from a voxel to the others of its cell [derived: 2^3 - 1]
 
-/// A vertex by the voxel that its edge starts at and its step: voxels of a leaf and of the first
-/// layer beyond.
-constexpr int kReach = kLeaf + 1;
-constexpr std::size_t kVertices = std::size_t(kReach * kReach * kReach * kSteps);
+/// Edge of a leaf and the first layer beyond, voxels, and number of possible vertices: one for each
+/// voxel and step. [derived: kBlockDim, kSteps]
+constexpr int kExtent = kBlockDim + 1;
+constexpr std::size_t kVertices = std::size_t(kExtent * kExtent * kExtent * kSteps);
 
+/// Index of a vertex by the voxel that its edge starts at, and its step.
 std::uint32_t vertexIndex(const Vec3i& from, int step)
 {
-    return std::uint32_t(((from[0] * kReach + from[1]) * kReach + from[2]) * kSteps + step - 1);
+    return std::uint32_t(((from[0] * kExtent + from[1]) * kExtent + from[2]) * kSteps + step - 1);
 }
 
-/// A vertex on the border between leaves, and the connected piece of its leaf's surface.
+/// A vertex on the border between leaves, and its component of its leaf's surface.
 struct BorderVertex {
     std::uint32_t vertex; ///< in the leaf that its edge starts in
     std::uint32_t piece;
@@ -48,7 +46,7 @@ struct LeafSurface {
     std::array<std::vector<BorderVertex>, 8> beyond; ///< by the leaf above: bits x, y, z
 };
 
-/// Sums up one leaf after another.
+/// Integrates over one leaf after another.
 class LeafIntegrator
 {
 public:
@@ -57,14 +55,14 @@ public:
     {
     }
 
-    /// @param origin  of the leaf relative to the place that volumes are measured from, voxels.
+    /// @param origin  of the leaf relative to the apex of volumes, voxels.
     LeafSurface integrate(const Leaf& leaf, const Vec3d& origin)
     {
         mWindow.load(leaf);
         mCrossed.clear();
-        for (int x = 0; x < kLeaf; ++x)
-            for (int y = 0; y < kLeaf; ++y)
-                for (int z = 0; z < kLeaf; ++z)
+        for (int x = 0; x < kBlockDim; ++x)
+            for (int y = 0; y < kBlockDim; ++y)
+                for (int z = 0; z < kBlockDim; ++z)
                     if (isCrossed(mWindow, {x, y, z})) mCrossed.emplace_back(x, y, z);
         LeafSurface sums;
         if (mCrossed.empty()) return sums;
@@ -128,7 +126,7 @@ private:
             int side = 0;
             Vec3i from = v.from;
             for (int axis = 0; axis < 3; ++axis)
-                if (from[axis] == kLeaf) {
+                if (from[axis] == kBlockDim) {
                     from[axis] = 0;
                     side |= 1 << axis;
                 }
@@ -148,7 +146,7 @@ private:
     std::vector<SurfaceVertex> mSeen;
 };
 
-/// The number of connected surfaces, of pieces that meet in vertices.
+/// The number of connected surfaces; pieces that share vertices are one.
 std::uint64_t countSurfaces(const std::vector<const Leaf*>& leaves,
                             const std::vector<LeafSurface>& surfaces, Interrupter& progress)
 {
@@ -166,7 +164,7 @@ std::uint64_t countSurfaces(const std::vector<const Leaf*>& leaves,
             const std::vector<BorderVertex>& beyond = surfaces[n].beyond[std::size_t(side)];
             if (beyond.empty()) continue;
             const auto next = at.find(leaves[n]->origin().offsetBy(
-                kLeaf * (side & 1), kLeaf * (side >> 1 & 1), kLeaf * (side >> 2)));
+                kBlockDim * (side & 1), kBlockDim * (side >> 1 & 1), kBlockDim * (side >> 2)));
             if (next == at.end()) continue;
             const std::size_t m = next->second;
             const std::vector<BorderVertex>& own = surfaces[m].own;

@@ -2,7 +2,6 @@
 
 #include "crease_facets.h"
 #include "grid/leaf_halo.h"
-
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
@@ -18,26 +17,27 @@ namespace
 
 using Leaf = SurfacePatches::Leaf;
 
-constexpr int kDim = LeafHalo::kDim, kHalo = LeafHalo::kHalo;
-constexpr int kStride[3] = {kHalo * kHalo, kHalo, 1};
-/// Values so near to the background, relative to it, come from beyond the band.
-constexpr float kBeyond = 1e-3f;
-constexpr float kLeastSlope = 0.3f; ///< below, a distance's gradient tells no direction
-constexpr float kLeastImplicit = 1e-6f;
-/// Where the slope changes by more from voxel to voxel, relative to itself, there may be a crease.
-constexpr float kCrease = 0.22f;
-/// Beside a crease one octant's values are a plane's, to so much of that change, and so much of the
-/// slope (other values than distances may bend more); a distance's slope is 1 to so much there.
-constexpr float kPlane = 0.25f, kPlaneSlope = 0.03f, kPlaneImplicit = 0.06f;
-/// A patch's radius, voxels: where the next begins. Planes beside creases too blunt for facets end
-/// at these, and what they add beyond counts most from far off.
-constexpr float kExtent = 0.9f, kPlaneExtent = 0.2f;
-/// How far, in voxels, the interpolated zero set may be from a place that the model says is on it.
-constexpr float kOffSurface = 0.2f;
-
-/// How much farther off than the nearest crossing, in voxels, a foot may be: crossings err by a
-/// bend of the values between two voxels.
-constexpr float kBeyondCrossing = 0.1f;
+constexpr const auto& kStride = LeafHalo::kStride;
+/// Smallest slope of a distance with a meaningful direction. [tuned: redistance_test]
+constexpr float kMinSlope = 0.3f;
+/// Smallest slope of values that are not distances, per voxel. [tuned: redistance_test]
+constexpr float kMinImplicitSlope = 1e-6f;
+/// Change of the gradient from voxel to voxel, relative to the slope, beyond which there may be a
+/// crease. [tuned: offset_bench]
+constexpr float kCreaseChange = 0.22f;
+/// Largest error of one octant's plane beside a crease, relative to that change. [tuned:
+/// offset_bench]
+constexpr float kPlaneChange = 0.25f;
+/// Largest error of such a plane relative to the slope, and largest difference of a distance's
+/// slope from 1; and the error of values that are not distances, which may bend more. [tuned:
+/// offset_bench]
+constexpr float kPlaneError = 0.03f, kImplicitPlaneError = 0.06f;
+/// Largest distance of the interpolated zero set from a foot on the model's, voxels.
+/// [tuned: redistance_test]
+constexpr float kMaxFootError = 0.2f;
+/// Largest distance of a foot beyond the nearest crossing, voxels: linear crossings err by the bend
+/// of the values between two voxels. [tuned: redistance_test]
+constexpr float kMaxPastCrossing = 0.1f;
 
 /// The values around one voxel as a quadratic function.
 struct Quadratic {
@@ -49,52 +49,53 @@ struct Quadratic {
     Vec3f gradientAt(const Vec3f& d) const { return gradient + hessian * d; }
 };
 
-/// Patches of one leaf's voxels.
+/// Makes the patches of a leaf's voxels.
 class PatchMaker
 {
 public:
     PatchMaker(const openvdb::FloatTree& tree, double voxelSize, Values values)
         : mAccess(tree), mScale(float(1 / voxelSize)),
-          mBeyond(tree.background() * mScale * (1 - kBeyond)), mValues(values),
-          mMostOff(values == Values::Distances ? kPlaneSlope : kPlaneImplicit)
+          mBeyond(tree.background() * mScale * (1 - kRimTolerance)), mValues(values),
+          mMaxPlaneError(values == Values::Distances ? kPlaneError : kImplicitPlaneError)
     {
     }
 
-    /// Call f(voxel's number in the leaf) for all active voxels with a face neighbor of the other
-    /// sign, or of value 0.
+    /// Call f(offset in the leaf) for all active voxels with a face neighbor of the other sign, or
+    /// of value 0.
     template <typename F>
     void forEachCrossing(const Leaf& leaf, F f)
     {
         mHalo.load(mAccess, leaf, mScale);
-        for (int row = 0; row < kDim * kDim; ++row) {
+        for (int row = 0; row < kBlockDim * kBlockDim; ++row) {
             unsigned active = leaf.getValueMask().getWord<std::uint8_t>(openvdb::Index(row));
             if (active == 0) continue;
-            const int in = LeafHalo::index(row / kDim + 1, row % kDim + 1, 1);
+            const int in = LeafHalo::index(row / kBlockDim + 1, row % kBlockDim + 1, 1);
             const unsigned own = signs(in);
             unsigned crosses = 0;
             for (const int stride : kStride)
                 crosses |= (own ^ signs(in - stride)) | (own ^ signs(in + stride));
             crosses |= zeros(in);
             for (unsigned bits = crosses & active; bits; bits &= bits - 1)
-                f(row * kDim + __builtin_ctz(bits));
+                f(row * kBlockDim + __builtin_ctz(bits));
         }
     }
 
-    /// The patch of a voxel of the leaf that forEachCrossing() is at. @param besideCrease  whether
-    /// a neighbor's is not smooth.
+    /// The patch of a voxel of the leaf that forEachCrossing() visits. @param besideCrease  whether
+    /// a neighbor's patch is not smooth.
     SurfacePatch make(const Leaf& leaf, int voxel, bool besideCrease, PatchKind& kind) const
     {
-        const int x = voxel / (kDim * kDim), y = voxel / kDim % kDim, z = voxel % kDim;
+        const int x = voxel / (kBlockDim * kBlockDim), y = voxel / kBlockDim % kBlockDim,
+                  z = voxel % kBlockDim;
         const int in = LeafHalo::index(x + 1, y + 1, z + 1);
         SurfacePatch patch;
         patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
-        patch.extent = kExtent;
+        patch.extent = kPatchRadius;
         Quadratic model = modelAt(in);
         kind = PatchKind::Smooth;
         const float slope = model.gradient.norm(), change = model.hessian.cwiseAbs().maxCoeff();
-        const bool isBent = model.hessian.diagonal().cwiseAbs().maxCoeff() > kCrease * slope;
-        if (besideCrease || change > kCrease * slope) {
-            if (flatten(in, besideCrease ? slope : kPlane * change, model))
+        const bool isBent = model.hessian.diagonal().cwiseAbs().maxCoeff() > kCreaseChange * slope;
+        if (besideCrease || change > kCreaseChange * slope) {
+            if (flatten(in, besideCrease ? slope : kPlaneChange * change, model))
                 kind = PatchKind::Plane;
             else if (isBent)
                 kind = PatchKind::Rough;
@@ -102,8 +103,8 @@ public:
         const bool found =
             mValues == Values::Distances ? touch(model, patch) : intersect(model, in, patch);
         SurfacePatch crossing = nearestCrossing(patch.voxel, in);
-        // No place on the surface is nearer than the nearest: a foot beyond a crossing is none.
-        if (found && patch.foot.norm() <= crossing.foot.norm() + kBeyondCrossing) return patch;
+        // A foot farther away than a crossing is not the nearest place.
+        if (found && patch.foot.norm() <= crossing.foot.norm() + kMaxPastCrossing) return patch;
         kind = PatchKind::Rough;
         return crossing;
     }
@@ -113,16 +114,15 @@ private:
     unsigned signs(int in) const
     {
         unsigned bits = 0;
-        for (int z = 0; z < kDim; ++z) bits |= unsigned(mHalo.value[in + z] < 0) << z;
+        for (int z = 0; z < kBlockDim; ++z) bits |= unsigned(mHalo.value[in + z] < 0) << z;
         return bits;
     }
 
-    /// Which of eight voxels in a row are on the surface themselves: of value 0, with both sides
-    /// about them.
+    /// Which of eight voxels in a row lie on the surface: value 0 between inside and outside.
     unsigned zeros(int in) const
     {
         unsigned bits = 0;
-        for (int z = 0; z < kDim; ++z)
+        for (int z = 0; z < kBlockDim; ++z)
             if (mHalo.value[in + z] == 0) bits |= unsigned(isBetween(in + z)) << z;
         return bits;
     }
@@ -141,7 +141,7 @@ private:
 
     bool known(int in) const { return std::abs(mHalo.value[in]) < mBeyond; }
 
-    /// By central differences; one-sided beside the band's rim.
+    /// The model by central differences; one-sided beside the band's rim.
     Quadratic modelAt(int in) const
     {
         const auto& v = mHalo.value;
@@ -162,8 +162,8 @@ private:
         return q;
     }
 
-    /// If the values in one octant are a plane's, let the model be that plane. @param most  by
-    /// which they may be off.
+    /// Replace the model by a plane if the values in one octant are linear. @param most  largest
+    /// error.
     bool flatten(int in, float most, Quadratic& model) const
     {
         struct Fit {
@@ -177,15 +177,15 @@ private:
             if (!planeOf(in, octant, fit.gradient, fit.off)) continue;
             fit.slope = fit.gradient.norm();
             const bool isSlope =
-                mValues == Values::Implicit || std::abs(fit.slope - 1) < kPlaneSlope;
-            if (!isSlope || !(fit.off < most) || !(fit.off < mMostOff * fit.slope)) continue;
+                mValues == Values::Implicit || std::abs(fit.slope - 1) < kPlaneError;
+            if (!isSlope || !(fit.off < most) || !(fit.off < mMaxPlaneError * fit.slope)) continue;
             fits[std::size_t(octant)] = fit;
             steepest = std::max(steepest, fit.slope);
         }
-        // An octant across a crease may look like a plane that is less steep than either side's.
+        // An octant across a crease may look like a plane less steep than those of both sides.
         const Fit* best = nullptr;
         for (const Fit& fit : fits)
-            if (fit.slope > (1 - kPlaneSlope) * steepest && (!best || fit.off < best->off))
+            if (fit.slope > (1 - kPlaneError) * steepest && (!best || fit.off < best->off))
                 best = &fit;
         if (!best) return false;
         model.gradient = best->gradient;
@@ -193,8 +193,8 @@ private:
         return true;
     }
 
-    /// The gradient that an octant's values have along its axes, and how far @a off these lead at
-    /// its other corners; false beside the band's rim.
+    /// The gradient along an octant's axes, and the largest error @a off of its plane at the other
+    /// corners; false beside the band's rim.
     bool planeOf(int in, int octant, Vec3f& gradient, float& off) const
     {
         const auto& v = mHalo.value;
@@ -217,31 +217,31 @@ private:
         return true;
     }
 
-    /// Where the ball of the voxel's distance touches the surface.
+    /// The place where the ball of the voxel's distance touches the surface.
     static bool touch(const Quadratic& model, SurfacePatch& patch)
     {
         const float slope = model.gradient.norm();
-        if (!(slope >= kLeastSlope)) return false;
+        if (!(slope >= kMinSlope)) return false;
         patch.normal = model.gradient / slope;
         patch.foot = -model.value * patch.normal;
         patch.bend(model.hessian / slope, model.value);
         return true;
     }
 
-    /// Where the model's gradient meets its zero set, if the interpolated values are zero there.
+    /// The zero of the model along its gradient, if the interpolated values are zero there too.
     bool intersect(const Quadratic& model, int in, SurfacePatch& patch) const
     {
-        constexpr int kSteps = 4;
+        constexpr int kNewtonSteps = 4; ///< number of steps [tuned: redistance_test]
         Vec3f d = Vec3f::Zero(), g = model.gradient;
-        for (int step = 0; step < kSteps; ++step) {
+        for (int step = 0; step < kNewtonSteps; ++step) {
             const float g2 = g.squaredNorm();
-            if (!(g2 > kLeastImplicit * kLeastImplicit)) return false;
+            if (!(g2 > kMinImplicitSlope * kMinImplicitSlope)) return false;
             d -= model.at(d) / g2 * g;
             if (!(d.cwiseAbs().maxCoeff() <= 1)) return false;
             g = model.gradientAt(d);
         }
         const float slope = g.norm();
-        if (!(std::abs(interpolated(in, d)) <= kOffSurface * slope)) return false;
+        if (!(std::abs(interpolated(in, d)) <= kMaxFootError * slope)) return false;
         patch.normal = g / slope;
         patch.foot = d;
         patch.bend(model.hessian / slope, -d.dot(patch.normal));
@@ -268,12 +268,11 @@ private:
         return sum;
     }
 
-    /// A point where the values, linear between voxels, cross zero: what is left where they tell no
-    /// direction.
+    /// The nearest zero crossing of the values, linear between voxels: the patch of last resort.
     SurfacePatch nearestCrossing(const openvdb::Coord& voxel, int in) const
     {
         const auto& v = mHalo.value;
-        // On the surface itself, unless a neighbor has the other sign.
+        // The voxel itself, unless a neighbor has the other sign.
         SurfacePatch patch = SurfacePatch::point(voxel, Vec3f::Zero());
         float best = std::numeric_limits<float>::infinity();
         for (int axis = 0; axis < 3; ++axis) {
@@ -295,23 +294,24 @@ private:
     LeafHalo mHalo;
     float mScale, mBeyond;
     Values mValues;
-    float mMostOff; ///< an octant's values from a plane, relative to the slope
+    float mMaxPlaneError; ///< of an octant's values, relative to the slope
 };
 
 /// Distance to a curve of curvature @a k, in its plane, from @a height above a place on it and
 /// @a along beside: exact for lines, circles and points.
 float bent(float height, float along, float k)
 {
-    // Beyond half the way to a hollow's center other places are nearer.
-    constexpr float kDeepest = -0.5f;
-    if (k * height < kDeepest) k = kDeepest / height;
+    /// Smallest product of curvature and height. [derived: beyond half the way to a hollow's center
+    /// another place is nearer]
+    constexpr float kMinHollow = -0.5f;
+    if (k * height < kMinHollow) k = kMinHollow / height;
     const float a = 1 + k * height, b = k * along;
     return (height * (1 + a) + b * along) / (std::sqrt(a * a + b * b) + 1);
 }
 
 } // namespace
 
-void demandNumbers(std::uint64_t patches)
+void requireIndexable(std::uint64_t patches)
 {
     if (patches >= std::numeric_limits<std::uint32_t>::max())
         throw LimitError("the surface crosses more voxels than can be numbered (4e9): use larger "
@@ -348,7 +348,7 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
     const float height = side * normal.dot(from);
     const float along[2] = {tangent.dot(from), across.dot(from)};
     const float length = from.norm();
-    if (height < 0) return length; // behind it: the patch faces another part of the surface's side
+    if (height < 0) return length; // behind it: another part of the surface is nearer
     float shift[2];                // of the nearest place on the patch
     for (int n = 0; n < 2; ++n)
         shift[n] = along[n] / std::max(1 + side * curvature[n] * height, 0.5f);
@@ -356,7 +356,7 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
     if (reached <= extent)
         return std::min(length, bent(bent(height, along[1], side * curvature[1]), along[0],
                                      side * curvature[0]));
-    // From the place nearest to where it should be, as far as the patch goes.
+    // From the place on the patch's rim in that direction.
     const float share = extent / reached;
     float square = 0, drop = 0; // of the place below the foot's plane
     for (int n = 0; n < 2; ++n) {
@@ -399,7 +399,7 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, std::vector<const 
         sum += count;
         count = std::uint32_t(sum);
     }
-    demandNumbers(sum);
+    requireIndexable(sum);
     result.patches.resize(sum);
     result.kinds.resize(sum);
     forEachLeaf([&](PatchMaker& maker, std::size_t n) {
@@ -427,7 +427,7 @@ SurfacePatches surfacePatches(const openvdb::FloatTree& tree, std::vector<const 
     addCreaseFacets(result, zone, progress);
     for (std::uint32_t n = 0; n < result.voxelPatches(); ++n)
         if (result.kinds[n] == PatchKind::Plane && !zone.isBeside(n))
-            result.patches[n].extent = kPlaneExtent;
+            result.patches[n].extent = kCreasePatchRadius;
     return result;
 }
 

@@ -1,9 +1,8 @@
 #include "surface_places.h"
 
-#include "grid/leaf_halo.h"
-
 #include "core/clones.h"
 #include "core/lanes.h"
+#include "grid/leaf_halo.h"
 
 #include <algorithm>
 #include <array>
@@ -21,17 +20,18 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using Lanes = float __attribute__((vector_size(32)));
 using Flags = std::int32_t __attribute__((vector_size(32)));
 
-constexpr float kShortest = 0.5f;   ///< of a gradient, whose length should be one
-constexpr float kNearEnough = 0.2f; ///< voxels off the surface
+/// Smallest length of a gradient, which is 1 for distances. [tuned: coverage_test]
+constexpr float kMinGradient = 0.5f;
+/// Distance from the surface, voxels, at which projection ends. [tuned: coverage_test]
+constexpr float kMaxResidual = 0.2f;
 
 /// Unit gradients of the distance at the voxels of a leaf; zero where an axis has no neighbor in
-/// the band, or they contradict each other.
+/// the band, or the gradient is too short.
 struct Gradients {
     std::array<float, Leaf::SIZE> x, y, z;
 };
 
-/// Of the eight voxels in a row from @a at on, along an axis: from those neighbors that are in the
-/// band.
+/// Slopes of the eight voxels in a row from @a at on along an axis, from neighbors in the band.
 [[gnu::always_inline]] inline Lanes slopeAlong(const float* at, std::ptrdiff_t next,
                                                float background, Flags& known)
 {
@@ -43,7 +43,7 @@ struct Gradients {
     return (isAbove & isBelow) != 0 ? 0.5f * rise : rise;
 }
 
-/// @param values  of the leaf's first voxel, among rows of @a row and slabs of @a slab values.
+/// @param values  at the leaf's first voxel, in rows of @a row and slabs of @a slab values.
 MPUVDB_CLONES
 void findGradients(const float* values, std::ptrdiff_t slab, std::ptrdiff_t row, float background,
                    float shortest, Gradients& gradients)
@@ -71,7 +71,7 @@ void findGradients(const float* values, std::ptrdiff_t slab, std::ptrdiff_t row,
 
 } // namespace
 
-/// A leaf of the band, and what is around it.
+/// A leaf of the band with its surroundings.
 class SurfacePlaces::Band
 {
 public:
@@ -90,7 +90,7 @@ public:
         mLow = origin;
         mHalo.load(mAccess, *leaf, float(1 / lattice.voxelSize));
         findGradients(&mHalo.value[LeafHalo::index(1, 1, 1)], LeafHalo::index(1, 0, 0),
-                      LeafHalo::index(0, 1, 0), mBackground, kShortest, mGradients);
+                      LeafHalo::index(0, 1, 0), mBackground, kMinGradient, mGradients);
         const Vec3d low =
             lattice.origin + lattice.voxelSize * Vec3d(origin[0], origin[1], origin[2]);
         for (auto voxel = voxels.beginOn(); voxel; ++voxel) {
@@ -107,9 +107,9 @@ public:
     }
 
 private:
-    /// The place on the zero set that is nearest to a voxel: value times gradient away. Again from
-    /// there, because outside an edge the band's values fall short of the distance. Local to the
-    /// leaf, as all coordinates here.
+    /// The nearest place on the zero set, value times gradient away from a voxel; repeated from
+    /// there, as outside an edge values may be less than the distance. Coordinates are local to the
+    /// leaf.
     Vec3f nearestTo(Coord at, int projections, Vec3f& gradient) const
     {
         gradient = gradientAt(at);
@@ -121,7 +121,7 @@ private:
         }
         Vec3f x = Vec3i(at[0], at[1], at[2]).cast<float>();
         float value = valueAt(at);
-        for (int n = 1; std::abs(value) > kNearEnough; ++n) {
+        for (int n = 1; std::abs(value) > kMaxResidual; ++n) {
             x -= value * gradient;
             if (n == projections) break;
             value = sample(x, gradient);
@@ -131,7 +131,7 @@ private:
     }
     float valueAt(const Coord& at) const
     {
-        const auto isNear = [&](int k) { return at[k] >= -1 && at[k] <= LeafHalo::kDim; };
+        const auto isNear = [&](int k) { return at[k] >= -1 && at[k] <= kBlockDim; };
         return isNear(0) && isNear(1) && isNear(2)
                    ? mHalo.value[LeafHalo::index(at[0] + 1, at[1] + 1, at[2] + 1)]
                    : mAccess.getValue(mLow + at) / mVoxelSize;
@@ -145,7 +145,7 @@ private:
         const std::size_t n = Leaf::coordToOffset(at);
         return {mGradients.x[n], mGradients.y[n], mGradients.z[n]};
     }
-    /// Beyond the leaf: found as those in it.
+    /// The gradient at a voxel outside the leaf.
     Vec3f gradientBeside(const Coord& at) const
     {
         Vec3f gradient;
@@ -160,9 +160,9 @@ private:
             gradient[axis] =
                 ((isBand(up) ? up : here) - (isBand(down) ? down : here)) / float(steps);
         }
-        return gradient.norm() < kShortest ? Vec3f::Zero() : gradient.normalized();
+        return gradient.norm() < kMinGradient ? Vec3f::Zero() : gradient.normalized();
     }
-    /// Of a voxel and the 26 around it the one in the band that is nearest to the surface.
+    /// The voxel of the band that is nearest to the surface, of @a at and its 26 neighbors.
     Coord nearestToSurface(const Coord& at) const
     {
         Coord best = at;
@@ -176,7 +176,7 @@ private:
         }
         return best;
     }
-    /// Value and gradient, trilinear.
+    /// Value and gradient by trilinear interpolation.
     float sample(const Vec3f& x, Vec3f& gradient) const
     {
         const auto floorOf = [](float v) { return int(v) - int(float(int(v)) > v); };
@@ -198,8 +198,8 @@ private:
     }
 
     LeafHalo::Accessor mAccess;
-    float mVoxelSize, mBackground; ///< of the latter, voxels
-    Coord mLow;                    ///< of the leaf
+    float mVoxelSize, mBackground; ///< world units; voxels
+    Coord mLow;                    ///< the leaf's origin
     LeafHalo mHalo;                ///< voxels
     Gradients mGradients;
 };

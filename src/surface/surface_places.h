@@ -1,4 +1,4 @@
-// Where on the zero set the voxels of a band belong.
+// Projection of a band's voxels to the zero set.
 #pragma once
 #include <mpuvdb/level_set.h>
 
@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-/// Finds them, leaf by leaf; scratch memory of one thread.
+/// Projects voxels leaf by leaf. For one thread.
 class SurfacePlaces
 {
 public:
@@ -16,10 +16,10 @@ public:
     SurfacePlaces(const openvdb::FloatGrid& surface, const Lattice& lattice);
     ~SurfacePlaces();
 
-    /// For each active voxel of @a leaf, in order, append the place on the zero set that is nearest
-    /// to it. @a leaf is one of the band's, or of a tree of the same voxels.
-    /// @param projections  at most so many times a place is drawn to the zero set. Once is enough
-    /// for what does not change within a voxel; outside of an edge the place may lie as far off it.
+    /// For each active voxel of @a leaf, in order, append its nearest place on the zero set.
+    /// @a leaf belongs to the band, or to a tree of the same voxels.
+    /// @param projections  largest number of steps to the zero set. After one, a place outside an
+    /// edge may lie up to a voxel off it.
     void append(const openvdb::FloatTree::LeafNodeType& leaf, int projections,
                 std::vector<SurfacePlace>& places);
 

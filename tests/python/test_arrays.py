@@ -231,7 +231,7 @@ class Dense(ShapeTest):
     def test_what_is_no_distance_is_refused(self):
         i, j, k = np.indices((41, 41, 41)) - 20
         voxels = np.sqrt(i**2 + j**2 + k**2) - 10
-        with self.assertRaisesRegex(mv.InputError, "no distances .*isosurface"):
+        with self.assertRaisesRegex(mv.InputError, "not distances .*isosurface"):
             mv.LevelSet.from_numpy(voxels, (0, 0, 0), 0.05, half_width=60)
         mended = mv.LevelSet.isosurface(voxels, 0, inside="below", voxel_size=0.05)
         self.assert_sound(mended)

@@ -165,13 +165,14 @@ LevelSet toLevelSet(const fs::path& file, const GridBase::Ptr& grid, Validation 
 {
     try {
         std::vector<std::string> said;
-        LevelSet levelSet = takeLevelSet(openvdb::gridPtrCast<FloatGrid>(grid), said, interrupter);
+        LevelSet levelSet =
+            levelSetFromGrid(openvdb::gridPtrCast<FloatGrid>(grid), said, interrupter);
         if (validation == Validation::Distances)
-            demandDistances(levelSet,
-                            fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
-                                        "--value 0 --inside below -o surface.vdb",
-                                        file.string(), grid->getName()),
-                            interrupter);
+            requireDistances(levelSet,
+                             fmt::format("Make distances: mpuvdb isosurface {} --grid '{}' "
+                                         "--value 0 --inside below -o surface.vdb",
+                                         file.string(), grid->getName()),
+                             interrupter);
         for (const std::string& note : said) notes.push_back(file.string() + ": " + note);
         return levelSet;
     } catch (const InputError& e) {
