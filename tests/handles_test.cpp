@@ -5,6 +5,7 @@
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/sampling.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>

@@ -4,6 +4,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/sampling.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <gtest/gtest.h>

@@ -150,7 +150,8 @@ openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice)
     openvdb::CoordBBox voxels;
     for (int axis = 0; axis < 3; ++axis) {
         const auto index = [&](double x) {
-            return std::clamp((x - lattice.origin[axis]) / lattice.voxelSize, -kMaxIndex, kMaxIndex);
+            return std::clamp((x - lattice.origin[axis]) / lattice.voxelSize, -kMaxIndex,
+                              kMaxIndex);
         };
         voxels.min()[axis] = int(std::ceil(index(region.min()[axis])));
         voxels.max()[axis] = int(std::floor(index(region.max()[axis])));

@@ -89,7 +89,8 @@ public:
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
         const LevelSet made = sampleField(*field, settings, &progress);
-        return withExplained(made, field == mField ? explainedOf(made, progress) : nullptr, progress);
+        return withExplained(made, field == mField ? explainedOf(made, progress) : nullptr,
+                             progress);
     }
 
 protected:

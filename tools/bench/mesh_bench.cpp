@@ -7,6 +7,7 @@
 #include <mpuvdb/fields.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/sampling.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>

@@ -3,8 +3,8 @@
 #include "io/points/surplus.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/io.h>
 #include <mpuvdb/interrupter.h>
+#include <mpuvdb/io.h>
 
 #include <fmt/format.h>
 

@@ -1,13 +1,13 @@
 // Reads files by the reader for each, and joins them to one cloud.
 #include "files/text_scan.h"
 #include "mesh_points.h"
-#include "readers.h"
 #include "points/import/rounded_positions.h"
+#include "readers.h"
 #include "stand_ins.h"
 
 #include <mpuvdb/error.h>
-#include <mpuvdb/io.h>
 #include <mpuvdb/interrupter.h>
+#include <mpuvdb/io.h>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
