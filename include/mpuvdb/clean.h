@@ -33,13 +33,13 @@ struct CleanReport {
                               ///< turned
     bool inward = false;      ///< normals point inward, so that inside and outside are exchanged
 
-    /// Whether so many normals have no plane to go by that surfaces will be wrong: more than wires
-    /// and twigs beside a surface have. [tuned: none of ten real files has so many, lines too far
-    /// apart (LinesTooFarApartAreSaid) nearly all]
+    /// Whether so many normals have no plane to go by that surfaces will be wrong.
     bool guessesNormals() const
     {
-        constexpr double kMany = 0.05;
-        return onLines > kMany;
+        /// Share of all points that wires and twigs beside a surface do not reach. [tuned: none of
+        /// ten real files has so many, lines too far apart (LinesTooFarApartAreSaid) nearly all]
+        constexpr double kMaxOnLines = 0.05;
+        return onLines > kMaxOnLines;
     }
 };
 

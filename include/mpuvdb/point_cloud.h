@@ -49,6 +49,7 @@ struct PointCloud {
     std::vector<Rgb> colors;       ///< sRGB; or empty
     std::vector<NamedScalars> scalars; ///< of different names, whatever was asked for
 
+    /// Index of no viewpoint. [derived: beyond all indices]
     static constexpr std::uint32_t kUnseen = 0xffffffffu;
     std::vector<Viewpoint> viewpoints;
     std::vector<std::uint32_t> seenFrom;    ///< index into viewpoints, or kUnseen; or empty

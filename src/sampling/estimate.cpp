@@ -109,16 +109,17 @@ double shareIn(const Box3d& region, double margin, const PointCloud& cloud)
     return double(inside) / double(cloud.size());
 }
 
-/// What the work holds of itself, and threads of their scratch, bytes.
+/// Memory of the libraries and of the threads' scratch, bytes. [tuned: estimate_test]
 constexpr std::uint64_t kWorkingBytes = 12 << 20;
-/// Of the .vdb file, per active voxel, and of the grid of coverage in it, bytes.
+/// Size of the .vdb file per active voxel, and of the coverage in it, bytes. [tuned: estimate_test]
 constexpr double kFileBytes = 4.6, kCoverageFileBytes = 1.15;
-/// Per square of a voxel's edge on the surface: triangles, and bytes while they are made.
+/// Triangles per square of a voxel's edge on the surface, and bytes while they are made.
+/// [tuned: estimate_test]
 constexpr double kTriangles = 2.96, kMeshBytes = 218;
-/// Per point: bytes while coverage learns what is around it, and of what it keeps.
+/// Bytes per point while coverage is prepared, and after. [tuned: estimate_test]
 constexpr std::uint64_t kCoveragePointBytes = 56, kCoverageKeptBytes = 12;
 
-/// What is made of the level set itself. @param resolved  of @a cloud, for the voxels in question.
+/// The estimate of field and level set. @param resolved  settings with the voxels in question.
 ReconstructionEstimate estimateLevelSet(const PointCloud& cloud, const ResolvedSettings& resolved,
                                         Interrupter& progress)
 {
@@ -145,7 +146,7 @@ ReconstructionEstimate estimateLevelSet(const PointCloud& cloud, const ResolvedS
     return estimate;
 }
 
-/// Add what else is made: coverage, a mesh, the file.
+/// Adds coverage, a mesh, and the file.
 void addExtras(ReconstructionEstimate& estimate, std::uint64_t points, bool withCoverage,
                bool withMesh)
 {
@@ -174,10 +175,10 @@ ReconstructionEstimate estimateWith(const PreparedPoints& points, const Resolved
     return estimate;
 }
 
-/// Bytes that the number of points and their spacing alone say; holes and uneven sampling make it
-/// more.
+/// Bytes by the number of points and their spacing alone; holes and uneven sampling make it more.
 double roughBytes(const PreparedPoints& points)
 {
+    /// Bytes per point, and per square of a voxel's edge. [tuned: estimate_test]
     constexpr double kPointBytes = 200, kSquareBytes = 400;
     const ResolvedSettings& resolved = points.report.settings;
     const double count = double(points.cloud.size());
@@ -192,8 +193,11 @@ std::optional<double> fittingVoxelSize(const PreparedPoints& points,
                                        const ReconstructionEstimate& tooLarge, bool withMesh,
                                        double maxBytes, Interrupter& progress)
 {
-    constexpr double kRoom = 0.95; // left for what estimates do not know
-    constexpr double kLeastVoxels = 8;
+    /// Share of the limit that an estimate may come to. [tuned: estimate_test]
+    constexpr double kRoom = 0.95;
+    /// Voxels along the longest side below which no size is proposed. [derived: twice the smallest
+    /// number that --voxels takes]
+    constexpr double kMinVoxels = 8;
     ReconstructOptions options = points.options;
     options.voxels.reset();
     double h = tooLarge.settings.grid.lattice.voxelSize;
@@ -201,7 +205,7 @@ std::optional<double> fittingVoxelSize(const PreparedPoints& points,
         h *= std::clamp(std::sqrt(need / (kRoom * maxBytes)), 1.05, 4.0);
         const double digit = std::pow(10, std::floor(std::log10(h)) - 2);
         h = std::ceil(h / digit) * digit; // as it will be written
-        if (h * kLeastVoxels > tooLarge.settings.boxSize.maxCoeff()) return {};
+        if (h * kMinVoxels > tooLarge.settings.boxSize.maxCoeff()) return {};
         options.voxelSize = Length{h, Length::Unit::World};
         const ResolvedSettings resolved =
             resolve(points.cloud, points.report.cleaned.statistics, options);
@@ -222,7 +226,8 @@ void requireMemory(const PreparedPoints& points, bool withMesh, std::uint64_t he
                    Interrupter* interrupter)
 {
     if (!points.options.maxBytes) return;
-    constexpr double kSafety = 6; // between a rough guess and what may come
+    /// Factor from a rough guess to what may come. [tuned: estimate_test]
+    constexpr double kSafety = 6;
     const std::uint64_t maxBytes = *points.options.maxBytes;
     if (double(heldBytes + kWorkingBytes) + kSafety * roughBytes(points) < double(maxBytes)) return;
     Interrupter& progress = orSilent(interrupter);

@@ -14,7 +14,7 @@ namespace mpuvdb
 namespace
 {
 
-/// Without other word a fit may err by a tenth of a voxel, and by the noise.
+/// The default tolerance of fits, voxels, beside the noise. [tuned: noise_bench]
 constexpr double kToleranceVoxels = 0.1;
 
 /// The median spacing, where points are about even: six voxels of a band three voxels to either
