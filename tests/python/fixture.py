@@ -8,7 +8,7 @@ import numpy as np
 
 import mpuvdb as mv
 
-CENTRE = np.array([0.3, -0.2, 0.1])
+CENTER = np.array([0.3, -0.2, 0.1])
 
 
 def sphere_points(count, radius=1.0, center=(0.0, 0.0, 0.0)):

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 import mpuvdb as mv
-from fixture import CENTRE, FolderTest, ShapeTest, octahedron, radii, sphere_points
+from fixture import CENTER, FolderTest, ShapeTest, octahedron, radii, sphere_points
 
 try:
     import openvdb as vdb
@@ -83,13 +83,13 @@ class Meshes(unittest.TestCase):
 
 class Points(ShapeTest):
     def test_arrays(self):
-        points, normals = sphere_points(20000, 1, CENTRE)
+        points, normals = sphere_points(20000, 1, CENTER)
         for kind in (np.float32, np.float64):
             with self.subTest(kind):
                 shape = mv.points(points.astype(kind), normals.astype(kind), tolerance="0.1%")
                 level_set = shape.level_set(0.05)
                 self.assert_sound(level_set)
-                np.testing.assert_allclose(radii(level_set.to_mesh(), CENTRE), 1, atol=5e-3)
+                np.testing.assert_allclose(radii(level_set.to_mesh(), CENTER), 1, atol=5e-3)
 
     def test_arrays_are_read_in_place(self):
         # Rows of a record array, as PLY libraries have them: no numpy copy has these strides.
@@ -168,24 +168,24 @@ class Points(ShapeTest):
 class Files(FolderTest):
     def test_vdb(self):
         file = self.folder / "ball.vdb"
-        mv.sphere(CENTRE, 0.5).write(file, voxel_size=0.05, metadata={"maker": "test"})
+        mv.sphere(CENTER, 0.5).write(file, voxel_size=0.05, metadata={"maker": "test"})
         level_set = mv.LevelSet.read(file)
         self.assertAlmostEqual(level_set.voxel_size, 0.05)
-        np.testing.assert_allclose(radii(mv.load(file).to_mesh(0.05), CENTRE), 0.5, atol=5e-3)
+        np.testing.assert_allclose(radii(mv.load(file).to_mesh(0.05), CENTER), 0.5, atol=5e-3)
         level_set.write(str(file), metadata={"other": "text"})
         with self.assertRaisesRegex(mv.InputError, "surface"):
             mv.load(file, grid="density")
 
     def test_mesh_files(self):
-        ball = mv.sphere(CENTRE, 0.5)
+        ball = mv.sphere(CENTER, 0.5)
         for name in ("ball.ply", "ball.obj", "ball.stl"):
             with self.subTest(name):
                 file = self.folder / name
                 ball.write(file, voxel_size=0.05)
                 again = mv.mesh(file).to_mesh(0.05)
-                np.testing.assert_allclose(radii(again, CENTRE), 0.5, atol=5e-3)
+                np.testing.assert_allclose(radii(again, CENTER), 0.5, atol=5e-3)
                 shape = mv.points([file])
-                np.testing.assert_allclose(radii(shape.to_mesh(0.05), CENTRE), 0.5, atol=0.01)
+                np.testing.assert_allclose(radii(shape.to_mesh(0.05), CENTER), 0.5, atol=0.01)
 
     def test_refused(self):
         with self.assertRaisesRegex(mv.UsageError, ".txt: of no kind"):
@@ -199,16 +199,16 @@ class Files(FolderTest):
 
 class Dense(ShapeTest):
     def test_values_are_distances(self):
-        level_set = mv.sphere(CENTRE, 0.5).level_set(0.05)
+        level_set = mv.sphere(CENTER, 0.5).level_set(0.05)
         values, origin = level_set.to_numpy()
         self.assertEqual(values.dtype, np.float32)
         index = np.moveaxis(np.indices(values.shape), 0, -1)
-        distance = np.linalg.norm(origin + 0.05 * index - CENTRE, axis=-1) - 0.5
+        distance = np.linalg.norm(origin + 0.05 * index - CENTER, axis=-1) - 0.5
         # Active voxels lie within the band, and may reach a little beyond their own distance.
         np.testing.assert_allclose(values, np.clip(distance, -0.15, 0.15), atol=1e-3)
 
     def test_there_and_back(self):
-        for shape in (mv.sphere(CENTRE, 0.5), mv.box(size=(1, 1, 1)).shell(0.2)):
+        for shape in (mv.sphere(CENTER, 0.5), mv.box(size=(1, 1, 1)).shell(0.2)):
             level_set = shape.level_set(0.05)
             values, origin = level_set.to_numpy()
             padded = np.pad(values, 1, constant_values=1)
@@ -320,18 +320,18 @@ class LevelSets(ShapeTest):
 @unittest.skipIf(vdb is None, "OpenVDB's Python module is not installed")
 class PyOpenVdb(ShapeTest):
     def test_there(self):
-        level_set = (mv.box(size=(1, 1, 1)).translate(CENTRE)).level_set(0.05)
+        level_set = (mv.box(size=(1, 1, 1)).translate(CENTER)).level_set(0.05)
         grid = level_set.to_pyopenvdb()
         self.assertIsInstance(grid, vdb.FloatGrid)
         self.assertEqual(grid.activeVoxelCount(), level_set.active_voxels)
         self.assertAlmostEqual(grid.background, 0.15, places=6)
-        voxel = grid.transform.worldToIndex(tuple(CENTRE))
+        voxel = grid.transform.worldToIndex(tuple(CENTER))
         values = grid.getConstAccessor()
         deep = values.probeValue(tuple(round(v) for v in voxel))
         self.assertEqual(deep, (-grid.background, False))
 
     def test_and_back(self):
-        level_set = mv.sphere(CENTRE, 0.5).level_set(0.04, half_width=4)
+        level_set = mv.sphere(CENTER, 0.5).level_set(0.04, half_width=4)
         again = mv.LevelSet.from_pyopenvdb(level_set.to_pyopenvdb())
         np.testing.assert_array_equal(again.to_numpy()[0], level_set.to_numpy()[0])
         np.testing.assert_allclose(again.origin, level_set.origin)
@@ -339,9 +339,9 @@ class PyOpenVdb(ShapeTest):
         self.assert_sound(again)
 
     def test_their_sphere(self):
-        grid = vdb.createLevelSetSphere(radius=0.5, center=tuple(CENTRE), voxelSize=0.05)
+        grid = vdb.createLevelSetSphere(radius=0.5, center=tuple(CENTER), voxelSize=0.05)
         shape = mv.LevelSet.from_pyopenvdb(grid).shape()
-        np.testing.assert_allclose(radii(shape.to_mesh(0.05), CENTRE), 0.5, atol=5e-3)
+        np.testing.assert_allclose(radii(shape.to_mesh(0.05), CENTER), 0.5, atol=5e-3)
 
     def test_refused(self):
         with self.assertRaisesRegex(mv.InputError, "not a level set"):

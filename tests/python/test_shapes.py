@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 import mpuvdb as mv
-from fixture import CENTRE, ShapeTest, octahedron, radii, sphere_points
+from fixture import CENTER, ShapeTest, octahedron, radii, sphere_points
 
 PI = math.pi
 
@@ -17,7 +17,7 @@ class Primitives(ShapeTest):
         cases = {
             "sphere": (mv.sphere((1, 2, 3), 0.5), 4 / 3 * PI * 0.5**3),
             "box": (mv.box((0, 0, 0), (1, 0.8, 0.6)), 0.48),
-            "box by size": (mv.box(size=(1, 0.8, 0.6), center=CENTRE), 0.48),
+            "box by size": (mv.box(size=(1, 0.8, 0.6), center=CENTER), 0.48),
             "rounded box": (mv.rounded_box((0, 0, 0), (1, 1, 1), 0.5), 4 / 3 * PI * 0.5**3),
             "ellipsoid": (mv.ellipsoid((0, 0, 0), (0.7, 0.5, 0.4)), 4 / 3 * PI * 0.14),
             "capsule": (mv.capsule((0, 0, 0), (1, 1, 1), 0.3), PI * 0.09 * (math.sqrt(3) + 0.4)),
@@ -37,8 +37,8 @@ class Primitives(ShapeTest):
         self.assertTrue(0.3 < share < 0.9, share)
 
     def test_places(self):
-        low, high = mv.sphere(CENTRE, 0.5).bounds
-        np.testing.assert_allclose((low + high) / 2, CENTRE)
+        low, high = mv.sphere(CENTER, 0.5).bounds
+        np.testing.assert_allclose((low + high) / 2, CENTER)
         np.testing.assert_allclose(high - low, 1)
         low, high = mv.cone((0, 0, 0), (0, 0, 2), 1).translate((0, 0, 1)).bounds
         self.assertAlmostEqual(low[2], 1, delta=0.01)
@@ -167,12 +167,12 @@ class Primitives(ShapeTest):
 
         def ball(points):
             sizes.append(points.shape)
-            return np.linalg.norm(points - CENTRE, axis=1) - 0.5
+            return np.linalg.norm(points - CENTER, axis=1) - 0.5
 
-        shape = mv.function(ball, (CENTRE - 0.6, CENTRE + 0.6), 1)
+        shape = mv.function(ball, (CENTER - 0.6, CENTER + 0.6), 1)
         level_set = shape.level_set(0.03)
         self.assert_sound(level_set)
-        np.testing.assert_allclose(radii(level_set.to_mesh(), CENTRE), 0.5, atol=2e-3)
+        np.testing.assert_allclose(radii(level_set.to_mesh(), CENTER), 0.5, atol=2e-3)
         self.assertTrue(all(s[1] == 3 for s in sizes))
         self.assertEqual(max(s[0] for s in sizes), 512)
 

@@ -91,9 +91,9 @@ void requireRows(const PointView& points, const std::string& name)
     require(points.normals, "normals");
     require(points.confidences, "confidences");
     require(points.colors, "colors");
-    if (points.scalars.size() > kMostScalars)
+    if (points.scalars.size() > kMaxScalars)
         throw UsageError(fmt::format("{}: {} scalars are more than {}. Leave some out", name,
-                                     points.scalars.size(), kMostScalars));
+                                     points.scalars.size(), kMaxScalars));
     for (const auto& [scalar, view] : points.scalars) {
         if (scalar.empty() || view.empty())
             throw UsageError(name + ": a scalar has no name, or no values. Give both");
