@@ -69,6 +69,7 @@ private:
     /// Six tetrahedra about the diagonal: those of neighboring cells meet.
     void cell(const Corner& c)
     {
+        if (!isPassed(c)) return;
         static constexpr int kOrders[6][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2},
                                               {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
         for (const auto& order : kOrders) {
@@ -79,6 +80,14 @@ private:
             }
             tetrahedron(corners);
         }
+    }
+
+    bool isPassed(const Corner& c) const
+    {
+        int inside = 0;
+        for (int n = 0; n < 8; ++n)
+            inside += mValues[index({c[0] + n % 2, c[1] + n / 2 % 2, c[2] + n / 4})] < 0;
+        return inside > 0 && inside < 8;
     }
 
     void tetrahedron(const std::array<Corner, 4>& corners)

@@ -21,6 +21,12 @@ const Eigen::Matrix3d& standing()
     return turned;
 }
 
+Box turnedBox(const Vec3& half)
+{
+    const Vec3 turned = standing().cwiseAbs() * half;
+    return Box(-turned, turned);
+}
+
 /// A function in axes of its own, turned.
 class Turned final : public Implicit
 {
@@ -29,10 +35,8 @@ public:
 
     /// @param half  of the box about the origin that holds the solid as it was.
     Turned(Function function, bool isDistance, const Vec3& half)
-        : mFunction(std::move(function)), mIsDistance(isDistance)
+        : mFunction(std::move(function)), mIsDistance(isDistance), mBox(turnedBox(half))
     {
-        const Vec3 turned = standing().cwiseAbs() * half;
-        mBox = Box(-turned, turned);
     }
     double value(const Vec3& p) const override { return mFunction(standing().transpose() * p); }
     bool isDistance() const override { return mIsDistance; }
@@ -44,8 +48,8 @@ private:
     Box mBox;
 };
 
-/// Distance to a curve. With few samples to start from, Newton's method ends at the nearest place
-/// for all points near a tube that does not touch itself.
+/// A curve, and how far it is. With few samples to start from, Newton's method ends at the nearest
+/// place for all points near a tube that does not touch itself.
 class Curve
 {
 public:
@@ -62,7 +66,8 @@ public:
         }
     }
 
-    double distance(const Vec3& p) const
+    /// The place of the curve that is nearest to @a p.
+    Vec3 nearest(const Vec3& p) const
     {
         std::size_t best = 0;
         for (std::size_t n = 1; n < mSamples.size(); ++n)
@@ -77,7 +82,7 @@ public:
             if (!mIsClosed) t = std::clamp(t, mBegin, mEnd);
             if (std::abs(change) < 1e-12) break;
         }
-        return (mFunction(t)[0] - p).norm();
+        return mFunction(t)[0];
     }
 
 private:
@@ -86,6 +91,32 @@ private:
     bool mIsClosed;
     std::vector<double> mTimes;
     std::vector<Vec3> mSamples;
+};
+
+/// What is within a distance of a curve.
+class Tube final : public Implicit
+{
+public:
+    Tube(Curve curve, double radius, const Vec3& half)
+        : mCurve(std::move(curve)), mRadius(radius), mBox(turnedBox(half))
+    {
+    }
+    double value(const Vec3& p) const override { return across(p).norm() - mRadius; }
+    Vec3 gradient(const Vec3& p) const override { return standing() * across(p).normalized(); }
+    bool isDistance() const override { return true; }
+    Box bounds() const override { return mBox; }
+
+private:
+    /// From the curve to @a p, in the curve's axes.
+    Vec3 across(const Vec3& p) const
+    {
+        const Vec3 q = standing().transpose() * p;
+        return q - mCurve.nearest(q);
+    }
+
+    Curve mCurve;
+    double mRadius;
+    Box mBox;
 };
 
 /// A tube along a trefoil knot.
@@ -98,9 +129,7 @@ std::shared_ptr<const Implicit> makeKnot()
         return {Vec3(s1 + 2 * s2, c1 - 2 * c2, -s3), Vec3(c1 + 4 * c2, -s1 + 4 * s2, -3 * c3),
                 Vec3(-s1 - 8 * s2, -c1 + 8 * c2, 9 * s3)};
     };
-    const Curve curve(jet, 0, 2 * kPi, 120, true);
-    return std::make_shared<Turned>([curve](const Vec3& p) { return curve.distance(p) - kRadius; },
-                                    true, Vec3(3.5, 3.5, 1.5));
+    return std::make_shared<Tube>(Curve(jet, 0, 2 * kPi, 120, true), kRadius, Vec3(3.5, 3.5, 1.5));
 }
 
 /// Four turns with round ends; the gap between two is half as wide as the wire.
@@ -112,9 +141,8 @@ std::shared_ptr<const Implicit> makeSpring()
         const double s = std::sin(t), c = std::cos(t);
         return {Vec3(c, s, climb * t), Vec3(-s, c, climb), Vec3(-c, -s, 0)};
     };
-    const Curve curve(jet, -kTurns * kPi, kTurns * kPi, 160, false);
-    return std::make_shared<Turned>([curve](const Vec3& p) { return curve.distance(p) - kRadius; },
-                                    true, Vec3(1.2, 1.2, kTurns * kPitch / 2 + 0.2));
+    return std::make_shared<Tube>(Curve(jet, -kTurns * kPi, kTurns * kPi, 160, false), kRadius,
+                                  Vec3(1.2, 1.2, kTurns * kPitch / 2 + 0.2));
 }
 
 /// A box-like superellipsoid, twisted by half a turn.
@@ -151,11 +179,11 @@ std::shared_ptr<const Implicit> makeBowl()
     return std::make_shared<Turned>(value, true, Vec3(1, 1, 1.04));
 }
 
-/// The part of a gyroid's one labyrinth that is within a ball, blended into it.
+/// The part of a gyroid's one labyrinth that is within a ball, blended into it: genus 5.
 std::shared_ptr<const Implicit> makeGyroid()
 {
     const auto value = [](const Vec3& p) {
-        constexpr double kWave = 6, kBlend = 0.05;
+        constexpr double kWave = 5.6, kBlend = 0.2;
         const Eigen::Array3d s = (kWave * p.array()).sin(), c = (kWave * p.array()).cos();
         const double gyroid = (s[0] * c[1] + s[1] * c[2] + s[2] * c[0]) / (1.5 * kWave),
                      ball = p.norm() - 1;
@@ -286,7 +314,7 @@ Vec3 Implicit::project(const Vec3& p) const
 Vec3 Implicit::foot(const Vec3& p) const
 {
     Vec3 q = project(p);
-    for (int n = 0; n < 10; ++n) {
+    for (int n = 0; n < 10 && !isDistance(); ++n) {
         const Vec3 normal = gradient(q).normalized(), away = p - q;
         const Vec3 slide = away - away.dot(normal) * normal;
         // The distance errs by the square of it.
@@ -317,7 +345,8 @@ Truth makeTruth(const std::string& name, int resolution)
 {
     Truth truth{makeImplicit(name), {}};
     if (truth.implicit) {
-        truth.mesh = marchTetrahedra(*truth.implicit, resolution);
+        const int finer = name == "bowl" ? 2 : 1; // its rim is round within a few cells
+        truth.mesh = marchTetrahedra(*truth.implicit, finer * resolution);
     } else {
         truth.mesh = kEdged.at(name)();
         for (Vec3& p : truth.mesh.vertices) p = standing() * p;

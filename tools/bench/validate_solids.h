@@ -46,8 +46,8 @@ public:
     /// Holds the solid.
     virtual Box bounds() const = 0;
 
-    /// By differences of value(): exact to 1e-9 or so.
-    Vec3 gradient(const Vec3& p) const;
+    /// If not known better, by differences of value(): exact to 1e-9 or so.
+    virtual Vec3 gradient(const Vec3& p) const;
     /// The point of the surface that going along the gradient comes to, from a @a p near it.
     Vec3 project(const Vec3& p) const;
     /// The point of the surface that is nearest to @a p, for a @a p within a radius of curvature.
