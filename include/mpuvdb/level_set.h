@@ -53,7 +53,8 @@ void requireFinite(const openvdb::FloatGrid& grid);
 
 /// The empty level set: outside everywhere. @param halfWidth  voxels.
 /// @throws UsageError and LimitError for the voxel size, as latticeFor().
-LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth);
+LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth,
+                       const std::string& name = "surface");
 
 /// The lattice for voxels of @a voxelSize (world units) about @a bounds: aligned to the world's
 /// multiples of the voxel size, so that grids of one voxel size combine without resampling. Beyond

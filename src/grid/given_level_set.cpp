@@ -3,6 +3,7 @@
 #include "band_limits.h"
 #include "block_parts.h"
 #include "core/lanes.h"
+#include "core/quantile.h"
 #include "prune.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -114,14 +115,6 @@ std::vector<float> joined(const std::vector<std::vector<float>>& parts)
     std::vector<float> all;
     for (const std::vector<float>& part : parts) all.insert(all.end(), part.begin(), part.end());
     return all;
-}
-
-/// The @a part quantile of @a values, which are not empty.
-float quantile(std::vector<float>& values, double part)
-{
-    const auto n = std::ptrdiff_t(part * double(values.size() - 1));
-    std::nth_element(values.begin(), values.begin() + n, values.end());
-    return values[std::size_t(n)];
 }
 
 /// Counts that show how wide a band is.

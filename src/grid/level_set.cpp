@@ -65,13 +65,13 @@ void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
     if (o != Vec3d::Zero()) grid.transform().postTranslate({o[0], o[1], o[2]});
 }
 
-LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth)
+LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth, const std::string& name)
 {
     requireVoxelSize(lattice.voxelSize);
     const auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
     setLattice(*grid, lattice);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
-    grid->setName("surface");
+    grid->setName(name);
     return LevelSet(grid);
 }
 

@@ -45,15 +45,6 @@ double beyond(const Lattice& from, const Lattice& to)
     return isPartOf(to, from) ? 0 : kStencil;
 }
 
-LevelSet emptyOn(const Lattice& lattice, double halfWidth, const std::string& name)
-{
-    auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
-    setLattice(*grid, lattice);
-    grid->setGridClass(openvdb::GRID_LEVEL_SET);
-    grid->setName(name);
-    return LevelSet(grid);
-}
-
 } // namespace
 
 double widthToResample(const Lattice& from, const Lattice& to, double halfWidth)
@@ -77,7 +68,8 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
         return same ? levelSet : withHalfWidth(levelSet, halfWidth, &progress);
     }
     const std::string name = levelSet.grid().getName();
-    if (levelSet.grid().tree().activeVoxelCount() == 0) return emptyOn(lattice, halfWidth, name);
+    if (levelSet.grid().tree().activeVoxelCount() == 0)
+        return emptyLevelSet(lattice, halfWidth, name);
 
     const double ratio = lattice.voxelSize / from.voxelSize, outer = beyond(from, lattice);
     const double crossing = std::min(kCrossingWidth, halfWidth);

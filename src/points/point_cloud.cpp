@@ -1,3 +1,4 @@
+#include "core/compact.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/point_cloud.h>
 
@@ -5,21 +6,6 @@
 
 namespace mpuvdb
 {
-namespace
-{
-
-template <class T>
-void keepMarked(std::vector<T>& values, const std::vector<std::uint8_t>& keep)
-{
-    if (values.empty()) return;
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < keep.size(); ++i)
-        if (keep[i]) values[kept++] = values[i];
-    values.resize(kept);
-}
-
-} // namespace
-
 void PointCloud::demandWhole() const
 {
     const auto demand = [&](std::size_t count, const std::string& what) {
@@ -36,12 +22,12 @@ void PointCloud::demandWhole() const
 
 void PointCloud::compact(const std::vector<std::uint8_t>& keep)
 {
-    keepMarked(positions, keep);
-    keepMarked(normals, keep);
-    keepMarked(confidence, keep);
-    keepMarked(colors, keep);
-    for (NamedScalars& s : scalars) keepMarked(s.values, keep);
-    keepMarked(seenFrom, keep);
+    compactVector(positions, keep);
+    compactVector(normals, keep);
+    compactVector(confidence, keep);
+    compactVector(colors, keep);
+    for (NamedScalars& s : scalars) compactVector(s.values, keep);
+    compactVector(seenFrom, keep);
 }
 
 Box3d PointCloud::localBounds() const

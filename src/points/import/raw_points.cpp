@@ -1,5 +1,6 @@
 #include "raw_points.h"
 
+#include "core/compact.h"
 #include "files/text_scan.h"
 
 #include <fmt/format.h>
