@@ -2,8 +2,10 @@
 // to its neighbors. Leaves exchange updates in waves: a wave reads only what the wave before has
 // sent, so that nothing depends on the order of threads. Waves continue until the front has passed
 // a bound; then all nearer voxels are settled, and the bound moves on.
+#include "distance_front.h"
 #include "core/lanes.h"
 #include "core/release.h"
+
 #include "known_distances.h"
 #include <mpuvdb/interrupter.h>
 

@@ -1,6 +1,7 @@
 // The closest patches of a leaf's voxels, and the distances to them.
 #pragma once
-#include "distance_front.h"
+#include "leaf_distances.h"
+#include "surface/surface_patch.h"
 #include <mpuvdb/field.h>
 
 #include <array>

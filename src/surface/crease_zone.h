@@ -1,7 +1,7 @@
 // The patches beside creases, and the values from which they were made.
 #pragma once
 #include "grid/voxel_index.h"
-#include "surface_patches.h"
+#include "surface_patch.h"
 
 #include <algorithm>
 
