@@ -156,7 +156,7 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     const Answer unknown{Place::Unknown, 0, false};
     const float u = mRadius - a.value, v = mRadius - b.value;
     if ((a.gradient + b.gradient).squaredNorm() < kOpposed * kOpposed)
-        return {u + v > -kTouching ? Place::Buried : Place::Surface, 0, false};
+        return {u + v > -kTouchingGap ? Place::Buried : Place::Surface, 0, false};
     const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
     if (!readerB->isInBand(at)) { // b may yet block a ball that touches a
         if (lengthA < kMinGradient) return unknown;
