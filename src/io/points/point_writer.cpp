@@ -63,8 +63,12 @@ void writePoints(const std::filesystem::path& file, const PointCloud& cloud,
         throw UsageError(fmt::format("{}: points are written as .ply or .xyz, not '{}'",
                                      file.string(), extension));
     progress.beginStage("write points", double(cloud.size()));
-    writeStream(file,
-                [&](OutputBuffer& out) { (text ? writeText : writePly)(cloud, out, progress); });
+    writeStream(file, [&](OutputBuffer& out) {
+        if (text)
+            writeText(cloud, out, progress);
+        else
+            writePly(cloud, out, progress);
+    });
     progress.endStage();
 }
 
