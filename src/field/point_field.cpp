@@ -13,7 +13,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kMaxBlockIndex = 1 << 26; ///< [derived: indices of voxels are ints]
+constexpr double kMaxBlockIndex = 1 << 26; ///< largest index [derived: those of voxels are ints]
 /// Most blocks of a field. [free: a limit of memory]
 constexpr std::size_t kMaxBlocks = std::size_t(1) << 26;
 const double kSqrt3 = std::sqrt(3.0);

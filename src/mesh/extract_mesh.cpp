@@ -150,7 +150,7 @@ private:
     openvdb::tree::ValueAccessor<const openvdb::FloatTree, false> mAccess;
     openvdb::Coord mFrame;
     float mScale;                               ///< from the sum of three corners to voxels
-    openvdb::Coord mAt = openvdb::Coord::max(); ///< the last voxel asked for
+    openvdb::Coord mAt = openvdb::Coord::max(); ///< the last voxel
     Vec3f mGradient = Vec3f::Zero();            ///< there, of any length
 };
 

@@ -80,7 +80,7 @@ void requireFewVoxels(const std::vector<Resampled>& grids)
     throw LimitError(fmt::format(
         "the grids' voxels are of {:g} to {:g}: on the finest lattice their {:.3g} million voxels "
         "become {:.3g} million, {:.0f} times as many, and about {:.3g} GB; more than {:g} times as "
-        "many are made only if asked for. Choose the result's voxels (--voxel-size, in Python "
+        "many need a chosen voxel size. Choose the result's voxels (--voxel-size, in Python "
         "voxel_size): {:.2g} stays within that, {:g} makes them all",
         finest, coarsest, now / 1e6, then / 1e6, then / now, bytes / 1e9, kMaxGrowth,
         1.05 * fitting, finest));

@@ -127,7 +127,7 @@ RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_
                            Interrupter& progress)
 {
     // The chunks in the first and in the largest round. [tuned: time]
-    constexpr std::uint64_t kFirstRound = 16, kLargestRound = 4096;
+    constexpr std::uint64_t kFirstRound = 16, kMaxRound = 4096;
     // The chunks without a crossing after which there is no surface. [tuned: scan_sampler_test]
     constexpr std::uint64_t kMaxEmptyChunks = 16384;
     const LineThrower thrower(solid, seed);
@@ -153,7 +153,7 @@ RandomSurface sampleRandom(const Solid& solid, std::uint64_t count, std::uint64_
                 "or its walls are thinner than 1e-5 of its size. Give another solid");
         const double yield = std::max(double(found), 1.0) / double(chunks);
         const double missing = double(count - std::min(count, found)) / yield;
-        round = std::clamp(std::uint64_t(1.01 * missing) + 1, kFirstRound, kLargestRound);
+        round = std::clamp(std::uint64_t(1.01 * missing) + 1, kFirstRound, kMaxRound);
     }
     // Each crossing is kept with probability 1/2; lines meet twice the share of the balls' area.
     const double lines = double(std::max<std::uint64_t>(chunks * kChunkLines, 1));

@@ -152,9 +152,9 @@ Node::Ptr motionNode(const Node::Ptr& input, const Eigen::Affine3d& motion)
 
 Box3d movedBox(const Box3d& box, const Eigen::Affine3d& motion)
 {
-    constexpr double kFar = std::numeric_limits<double>::infinity(); // [derived: unbounded]
+    constexpr double kInfinity = std::numeric_limits<double>::infinity(); // [derived: unbounded]
     if (box.isEmpty()) return box;
-    if (!isFinite(box)) return {Vec3d::Constant(-kFar), Vec3d::Constant(kFar)};
+    if (!isFinite(box)) return {Vec3d::Constant(-kInfinity), Vec3d::Constant(kInfinity)};
     Box3d image;
     for (int corner = 0; corner < 8; ++corner)
         image.extend(motion * box.corner(Box3d::CornerType(corner)));

@@ -2,7 +2,7 @@
 // first byte.
 #pragma once
 #include "files/output_stream.h"
-
+#include "io/for_each_item.h"
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
 
@@ -25,20 +25,6 @@ void writeOff(const MeshJob& job, OutputBuffer& out);
 void writeStl(const MeshJob& job, OutputBuffer& out);
 void writeGlb(const MeshJob& job, OutputBuffer& out);
 void writeUsda(const MeshJob& job, OutputBuffer& out);
-
-/// Calls f(i) for i < count, and reports progress.
-template <class F>
-void forEachItem(std::size_t count, OutputBuffer& out, Interrupter& progress, const F& f)
-{
-    constexpr std::size_t kItemsAtOnce = 1 << 12; // between two reports [free: latency]
-    for (std::size_t i = 0; i < count; ++i) {
-        f(i);
-        if (i % kItemsAtOnce == kItemsAtOnce - 1) {
-            out.flushIfFull();
-            progress.advance(kItemsAtOnce);
-        }
-    }
-}
 
 /// Whether floats of world coordinates have more than three bits less than the mesh's own.
 bool needsDoubles(const Mesh& mesh);

@@ -34,7 +34,7 @@ void writePly(const MeshJob& job, OutputBuffer& out)
     const Mesh& mesh = job.mesh;
     if (mesh.positions.size() > std::size_t(std::numeric_limits<std::int32_t>::max()))
         throw LimitError(fmt::format("{}: {} vertices are more than the indices of PLY files can "
-                                     "tell apart. Use larger voxels, or write parts.",
+                                     "number. Use larger voxels, or write parts.",
                                      job.name, mesh.positions.size()));
     const bool doubles = needsDoubles(mesh);
     out.text(header(mesh, doubles ? "double" : "float"));

@@ -1,7 +1,7 @@
 // Points to binary PLY or XYZ text.
 #include "files/output_stream.h"
 #include "files/text_scan.h"
-#include "io/meshes/mesh_formats.h"
+#include "io/for_each_item.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>

@@ -141,7 +141,7 @@ void DataCoverage::gather(Neighbors& neighbors) const
 
 DataCoverage::Support DataCoverage::bestSupport(const Vec3f& p, const Vec3f& normal) const
 {
-    constexpr float kStop = -1; ///< ends the search [derived: below all squares]
+    constexpr float kStop = -1; ///< reach that ends a search [derived: below all squares]
     Support best{kMaxRatio};
     mTree.search(
         [&](std::uint32_t node) { // squared ratio

@@ -10,7 +10,8 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kLanes = MomentTree::kLanes; ///< [derived: those of the sums]
+constexpr std::size_t kLanes =
+    MomentTree::kLanes; ///< lanes of a vector [derived: those of the sums]
 using Lanes = float __attribute__((vector_size(4 * kLanes)));
 
 /// The weights of the eight nodes about a place.

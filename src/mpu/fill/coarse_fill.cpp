@@ -83,7 +83,7 @@ std::array<std::vector<float>, 3> spreadNormals(const NodeGrid& grid, const Node
 /// across a gap: between two walls differences of normals are no curvature.
 bool isOnOneSheet(const NodeData& data, std::size_t n, std::size_t other)
 {
-    constexpr float kMinSheetCosine = -0.3f; ///< of normals of one sheet [tuned: unseen_bench]
+    constexpr float kMinSheetCosine = -0.3f; ///< least cosine in one sheet [tuned: unseen_bench]
     float cosine = 0;
     for (const auto& normal : data.normal) cosine += normal[n] * normal[other];
     return data.weight[other] > 0 && cosine >= kMinSheetCosine;

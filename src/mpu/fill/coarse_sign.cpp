@@ -164,8 +164,9 @@ public:
     }
 
 private:
-    static constexpr int kLanes = 4;        ///< [derived: doubles of a Group; a kernel's nodes]
-    static constexpr std::size_t kSums = 9; ///< [derived: numbers of NodeSums, in their order]
+    static constexpr int kLanes = 4; ///< nodes across a kernel [derived: doubles of a Group]
+    static constexpr std::size_t kSums =
+        9; ///< sums of a node [derived: numbers of NodeSums, in order]
 
     NodeGrid mGrid;
     Vec3d mCorner;
@@ -257,7 +258,7 @@ MPUVDB_WIDE_CLONES
 float nearestSquared(const Places& places, float x, float y, float z)
 {
     using Lanes = float __attribute__((vector_size(32)));
-    constexpr std::size_t kLanes = 8; ///< [derived: floats of 256 bits]
+    constexpr std::size_t kLanes = 8; ///< lanes of a vector [derived: floats of 256 bits]
     float least[kLanes];
     std::fill_n(least, kLanes, std::numeric_limits<float>::max());
     const std::size_t whole = places.x.size() / kLanes * kLanes;
@@ -414,7 +415,7 @@ template <typename T>
 CoarseSign::sample(const std::array<T, 3>& p) const
 {
     // Quadratic B-splines: value and gradient are smooth across the nodes' cells.
-    constexpr std::size_t kLanes = std::is_same_v<T, Group> ? 4 : 1; ///< [derived: those of T]
+    constexpr std::size_t kLanes = std::is_same_v<T, Group> ? 4 : 1; ///< lanes [derived: of T]
     T w[3][3], dw[3][3], beyond2{};
     int base[kLanes][3];
     for (int k = 0; k < 3; ++k) {

@@ -13,7 +13,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr float kOverRelaxation = 1.15f; ///< of a sweep [tuned: coarse_sign_test]
+constexpr float kOverRelaxation = 1.15f; ///< factor of a step [tuned: coarse_sign_test]
 constexpr int kCoarsestSweeps = 40;      ///< sweeps on the coarsest level [tuned: coarse_sign_test]
 
 /// Most nodes of a grid that one thread loops over. [free: grain]

@@ -100,7 +100,7 @@ double nearestFrom(const CellPoints& points, const Vec3d& y, double enough, std:
 
 /// Probes: 15 points of the unit ball, and its center once more.
 struct Probes {
-    static constexpr std::size_t kCount = 16; ///< [derived: 15 points filled up to groups]
+    static constexpr std::size_t kCount = 16; ///< probes [derived: 15 filled up to groups]
     double x[kCount], y[kCount], z[kCount];
 
     Vec3d at(std::size_t n) const { return {x[n], y[n], z[n]}; }
@@ -174,7 +174,8 @@ namespace
 /// noise. Points weigh alike: by confidence, shapes seen only by points of low confidence would
 /// pass for noise.
 struct ResidualSums {
-    static constexpr std::size_t kParts = 16; ///< [derived: eight sectors, two rings]
+    static constexpr std::size_t kParts =
+        16; ///< parts of a disc [derived: eight sectors, two rings]
 
     std::array<double, kParts> sums{};
     std::array<std::uint32_t, kParts> counts{};

@@ -274,7 +274,7 @@ Quadric fitBivariateThroughOrigin(const CellPoints& points, const Vec3d& normal)
 namespace
 {
 
-constexpr std::size_t kTerms = 10; ///< [derived: x^2 y^2 z^2 xy yz zx x y z 1]
+constexpr std::size_t kTerms = 10; ///< coefficients [derived: x^2 y^2 z^2 xy yz zx x y z 1]
 
 template <typename T>
 std::array<T, kTerms> quadraticTerms(const T& x, const T& y, const T& z)
@@ -406,7 +406,7 @@ double lowestCosine(const CellPoints& points, const Vec3d& normal)
 /// outliers.
 bool areOpposed(const CellPoints& points, const Vec3d& normal, double lowest, double noise)
 {
-    constexpr double kMaxStrayShare = 0.05; ///< share of outliers [tuned: noise_bench]
+    constexpr double kMaxStrayShare = 0.05; ///< largest share of outliers [tuned: noise_bench]
     if (!(noise > 0) || lowest > 0) return lowest <= 0;
     std::size_t opposed = 0;
     for (std::size_t i = 0; i < points.count; ++i) opposed += points.normal(i).dot(normal) <= 0;

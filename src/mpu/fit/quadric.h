@@ -48,7 +48,7 @@ int rulingPiece(int count, unsigned maxBits, const ValueOf& valueOf)
 
 /// A quadric, or an edge or corner of up to four [Ohtake03 §4c], about one origin.
 struct LocalFit {
-    static constexpr int kMaxPieces = 4; ///< [paper: Ohtake03 §4c]
+    static constexpr int kMaxPieces = 4; ///< pieces of a corner, at most [paper: Ohtake03 §4c]
 
     std::array<Quadric, kMaxPieces> pieces;
     int count = 1;

@@ -31,7 +31,8 @@ struct WidestPair {
 MPUVDB_WIDE_CLONES
 WidestPair widestNormals(const CellPoints& points)
 {
-    constexpr std::size_t kGroup = CellPoints::kGroup; ///< [derived: that of the points]
+    constexpr std::size_t kGroup =
+        CellPoints::kGroup; ///< points of a group [derived: as CellPoints]
     WidestPair widest;
     for (std::size_t a = 0; a + 1 < points.count; ++a) {
         const Vec3d normal = points.normal(a);
@@ -59,7 +60,7 @@ constexpr double kMaxFoldCosine = 0.9994;
 /// Largest 1 - cosine within its faces, in that across it: the square of an eighth of the angle.
 /// [tuned: local_fit_test]
 constexpr double kFlatnessRatio = 1.0 / 64;
-constexpr double kRounding = 1e-12; ///< of cosines [derived: rounding of doubles]
+constexpr double kRounding = 1e-12; ///< rounding of cosines [derived: of doubles]
 /// Least points of a curved face: with fewer a quadric oscillates between them.
 /// [tuned: local_fit_test]
 constexpr std::size_t kMinQuadraticFacePoints = 12;

@@ -22,7 +22,7 @@ __attribute__((target("avx512f"))) std::size_t compressWide(const Sources& from,
                                                             std::size_t n, std::uint32_t bits,
                                                             const Targets& to)
 {
-    constexpr std::size_t kLanes = kCompressSlack; ///< [derived: floats of a vector]
+    constexpr std::size_t kLanes = kCompressSlack; ///< lanes of a vector [derived: 512 bits]
     const __m512i wanted = _mm512_set1_epi32(int(bits));
     std::size_t count = 0;
     for (std::size_t begin = 0; begin < n; begin += kLanes) {
@@ -49,7 +49,7 @@ std::size_t compressByIndex(const Sources& from, const std::uint32_t* marks, std
                             std::uint32_t bits, const Targets& to)
 {
     // Chunk by chunk: first the indices, then array by array.
-    constexpr std::size_t kChunk = 256; ///< elements [free: time]
+    constexpr std::size_t kChunk = 256; ///< elements at once [free: time]
     std::array<std::uint32_t, kChunk> picked;
     std::size_t count = 0;
     for (std::size_t begin = 0; begin < n; begin += kChunk) {

@@ -92,7 +92,7 @@ struct Octree {
     template <typename F>
     void forEachLeafAt(const Vec3d& p, const F& f, OctreeNode node, const OctreeCell& cell) const
     {
-        constexpr double kRoundingMargin = 1 + 1e-6; ///< [derived: roundings in the smallest cells]
+        constexpr double kRoundingMargin = 1 + 1e-6; ///< factor [derived: roundings in small cells]
         if (node.isLeaf()) {
             f(node, cell);
             return;

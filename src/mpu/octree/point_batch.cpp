@@ -83,7 +83,7 @@ void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, 
 MPUVDB_WIDE_CLONES
 void findLeastAndMost(const Floats& values, float& least, float& most)
 {
-    constexpr std::size_t kLanes = 8; ///< [derived: floats of 256 bits]
+    constexpr std::size_t kLanes = 8; ///< lanes of a vector [derived: floats of 256 bits]
     using Lanes = float __attribute__((vector_size(4 * kLanes)));
     const std::size_t n = values.size(), whole = n / kLanes * kLanes;
     Lanes low = Lanes{} + values[0], high = low;
@@ -281,7 +281,7 @@ void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::siz
 
 double BatchFilter::spacing(const PointBatch& ball, const Vec3d& center, double radius)
 {
-    constexpr std::size_t kProbes = 3; ///< points measured at [tuned: unseen_bench]
+    constexpr std::size_t kProbes = 3; ///< points whose spacing is measured [tuned: unseen_bench]
     const std::size_t n = ball.size();
     if (n <= kSpacingNeighbors) return 0;
     squaredDistances(ball, center.cast<float>(), mDistance2);

@@ -20,9 +20,9 @@ constexpr int kRegionVoxels = kBlockDim << kRegionShift;
 /// of cubes remembered along each axis. [free: time]
 constexpr double kCubeSpacings = 4;
 constexpr std::uint32_t kCubesAlong = 4;
-constexpr std::uint32_t kNoCube = ~std::uint32_t(0); ///< [derived: no cube has this index]
+constexpr std::uint32_t kNoCube = ~std::uint32_t(0); ///< no cube [derived: none has this index]
 
-constexpr std::size_t kLanes = 8; ///< [derived: floats of 256 bits]
+constexpr std::size_t kLanes = 8; ///< lanes of a vector [derived: floats of 256 bits]
 using Lanes = float __attribute__((vector_size(4 * kLanes)));
 
 [[gnu::always_inline]] inline Lanes load(const float* from)
@@ -60,7 +60,7 @@ MPUVDB_WIDE_CLONES
 std::size_t reaching(const float* x, const float* y, const float* z, const float* reach2,
                      std::size_t count, const std::array<float, 3>& first, std::uint32_t* found)
 {
-    constexpr float kExtent = kBlockDim - 1; ///< voxels [derived: from first to last]
+    constexpr float kExtent = kBlockDim - 1; ///< of a block, voxels [derived: first to last]
     std::size_t n = 0;
     for (std::size_t group = 0; group < count; group += kLanes) {
         const Lanes distance2 =
@@ -114,7 +114,7 @@ void LeafFinder::addBelow(OctreeNode inner, const OctreeCell& cell, float x, flo
 {
     const Lanes sideX = {-1, 1, -1, 1, -1, 1, -1, 1}, sideY = {-1, -1, 1, 1, -1, -1, 1, 1},
                 sideZ = {-1, -1, -1, -1, 1, 1, 1, 1};
-    constexpr float kExtent = kRegionVoxels - 1; ///< voxels [derived: from first to last]
+    constexpr float kExtent = kRegionVoxels - 1; ///< of a region, voxels [derived: first to last]
     const auto level = std::size_t(cell.level);
     const float quarter = mQuarter[level];
     const Lanes allX = x + quarter * sideX, allY = y + quarter * sideY, allZ = z + quarter * sideZ;
@@ -152,7 +152,7 @@ void LeafFinder::enterRegion(const Vec3i& region)
 
 const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
 {
-    constexpr int kInRegion = (1 << kRegionShift) - 1; ///< mask [derived: of kRegionShift bits]
+    constexpr int kInRegion = (1 << kRegionShift) - 1; ///< mask of an index [derived: kRegionShift]
     enterRegion({block[0] >> kRegionShift, block[1] >> kRegionShift, block[2] >> kRegionShift});
     std::array<float, 3> first;
     for (int axis = 0; axis < 3; ++axis)
@@ -166,7 +166,7 @@ const std::vector<LeafAt>& LeafFinder::find(const Vec3i& block)
 
 PointLeafFinder::PointLeafFinder(const Octree& tree, double spacing) : mTree(tree)
 {
-    constexpr double kRoundingMargin = 2e-7; ///< [derived: rounding of places to floats]
+    constexpr double kRoundingMargin = 2e-7; ///< of a reach [derived: rounding to floats]
     for (std::size_t level = 0; level < mReach2.size(); ++level) {
         const double reach = tree.reach(int(level)) / tree.root.side * (1 + 1e-6) + kRoundingMargin;
         mReach2[level] = float(reach * reach);

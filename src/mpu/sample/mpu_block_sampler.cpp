@@ -85,7 +85,7 @@ void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float
                                   BlockValues& values) const
 {
     constexpr int kGroup = 4;                ///< places at once [derived: those of evaluateFour()]
-    constexpr float kRoundingMargin = 1e-3f; ///< voxels [derived: rounding of values to floats]
+    constexpr float kRoundingMargin = 1e-3f; ///< of a value, voxels [derived: float's rounding]
     // Full support, or a value that stays beyond the limit in the blend.
     const auto isSettled = [&](float value, float support) {
         return support >= 1 ||
