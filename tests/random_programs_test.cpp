@@ -163,9 +163,9 @@ private:
     {
         switch (mRandom.below(5)) {
         case 0:
-            return offset(&p);
+            return offset(p);
         case 1:
-            return shell(&p);
+            return shell(p);
         case 2:
             return twist(p);
         case 3: {
