@@ -153,11 +153,10 @@ TEST_F(RoundedPositions, OfFloatsAreSaidOnFlatSurfaces)
 
 TEST_F(RoundedPositions, OfArraysAreSaid)
 {
-    Interrupter progress;
-    PointArrays arrays;
+    std::vector<Vec3f> positions;
     for (const Vec3d& p : ball(4, 20000, {412345.678, 5412345.678, 210.5}))
-        arrays.positions.push_back(p.cast<float>().cast<double>());
-    const PointInput input = importPoints(std::move(arrays), "points", BadPoints::Drop, &progress);
+        positions.push_back(p.cast<float>());
+    const PointInput input = importPoints(positions);
     ASSERT_EQ(input.warnings.size(), 1u);
     EXPECT_NE(input.warnings[0].find("0.5 in y"), std::string::npos) << input.warnings[0];
 }

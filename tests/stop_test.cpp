@@ -199,8 +199,7 @@ INSTANTIATE_TEST_SUITE_P(
                   }},
         std::pair{"voxelize",
                   []() -> Work {
-                      Interrupter whole;
-                      const Mesh mesh = extractMesh(ball(), whole);
+                      const Mesh mesh = extractMesh(ball());
                       SampleSettings settings;
                       settings.lattice = {Vec3d::Zero(), 1 / radius()};
                       return [=](Interrupter& progress) { voxelize(mesh, settings, &progress); };

@@ -53,10 +53,10 @@ void write(const fs::path& file, const std::string& bytes)
     std::ofstream(file, std::ios::binary) << bytes;
 }
 
-/// Grids read with a Progress, which takes another way, have to be those read without.
+/// Grids read with an interrupter have to be those read without.
 void expectSameWithProgress(const fs::path& file)
 {
-    const Interrupter progress;
+    Interrupter progress;
     const openvdb::GridPtrVec usual = readGrids(file), other = readGrids(file, 0, &progress);
     ASSERT_EQ(usual.size(), other.size()) << file;
     for (std::size_t n = 0; n < usual.size(); ++n) {
