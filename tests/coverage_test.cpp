@@ -315,7 +315,7 @@ TEST(Trim, Stops)
     EXPECT_THROW(model.made.field->coverage(&progress), Interrupted);
     const auto coverage = [&] {
         Interrupter fresh;
-        return model.made.field->coverage(fresh);
+        return model.made.field->coverage(&fresh);
     }();
     EXPECT_THROW(sampleCoverage(model.made.levelSet(), *coverage, &progress), Interrupted);
 }

@@ -196,7 +196,9 @@ TEST(Reconstruct, UnevenPointsHaveLargerVoxels)
     // The area that the points say is the disc's, to the deviation that some 1000 samples leave.
     EXPECT_NEAR(kPoints * uneven.points.areaPerPoint(), M_PI * 100 * 100, 0.15 * M_PI * 100 * 100);
     // Noise of spacings alone changes nothing.
-    const ResolvedSettings even = resolve(test::randomScan("sphere(1)", 5000), {}, &progress);
+    const ResolvedSettings even =
+        preparePoints(test::randomScan("sphere(1)", 5000), test::Uncleaned(), &progress)
+            .report.settings;
     EXPECT_EQ(even.grid.lattice.voxelSize, even.points.spacing);
     EXPECT_NEAR(5000 * even.points.areaPerPoint(), 4 * M_PI, 0.3 * 4 * M_PI);
 }
