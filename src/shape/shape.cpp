@@ -139,10 +139,9 @@ void Shape::demandMemory(const ShapeSettings& settings) const
 
 LevelSet Shape::evaluate(const ShapeSettings& settings, Interrupter* interrupter) const
 {
-    Interrupter& progress = orSilent(interrupter);
     const ShapePlan plan(*mNode, settings);
     plan.demandMemory();
-    return plan.evaluate(&progress);
+    return plan.evaluate(orSilent(interrupter));
 }
 
 } // namespace mpuvdb

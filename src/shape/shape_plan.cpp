@@ -183,9 +183,8 @@ void ShapePlan::demandFewVoxels() const
     mpuvdb::demandFewVoxels(grids);
 }
 
-LevelSet ShapePlan::evaluate(Interrupter* interrupter) const
+LevelSet ShapePlan::evaluate(Interrupter& progress) const
 {
-    Interrupter& progress = orSilent(interrupter);
     std::vector<std::optional<LevelSet>> grids(mTasks.size());
     std::vector<std::size_t> left(mTasks.size());
     for (std::size_t n = 0; n < mTasks.size(); ++n) {
