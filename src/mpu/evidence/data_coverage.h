@@ -1,6 +1,6 @@
 // Where data support a surface: distances to the points, measured in the points' own spacing.
 #pragma once
-#include "mpu/octree/bucket_tree.h"
+#include "mpu/octree/sorted_points.h"
 
 #include <mpuvdb/field.h>
 

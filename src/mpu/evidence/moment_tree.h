@@ -1,7 +1,7 @@
 // What points have beside their places, as sums that tell the sides of a surface apart; one by one,
 // or many in one.
 #pragma once
-#include "mpu/octree/bucket_tree.h"
+#include "mpu/octree/sorted_points.h"
 
 #include <algorithm>
 #include <cmath>
