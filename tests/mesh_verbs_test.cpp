@@ -97,7 +97,7 @@ TEST_F(MeshVerbs, ColorsCanBeLeftOutAndWhatIsMissingIsToldFirst)
     command({"reconstruct", "ball.ply", "-o", "no.vdb", "--attributes", "depth"}, 3);
     command({"reconstruct", "ball.ply", "-o", "no.vdb", "--attributes", "Cd,Cd"}, 2);
     const Ended missing = command({"mesh", "bare.vdb", "-o", "no.ply", "--attributes", "Cd"}, 3);
-    EXPECT_NE(missing.err.find("has no grid 'Cd'"), std::string::npos) << missing.err;
+    EXPECT_NE(missing.err.find("grid 'Cd'"), std::string::npos) << missing.err;
     const auto names = folder.names();
     EXPECT_EQ(std::count_if(names.begin(), names.end(),
                             [](const std::string& name) { return name.rfind("no.", 0) == 0; }),

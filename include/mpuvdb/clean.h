@@ -43,10 +43,10 @@ struct CleanReport {
     }
 };
 
-/// Leave out outliers, and see to the normals. Fewer than 1000 points say little of each other:
-/// they all stay, and so do their normals, but for those of closed parts that look inward: turned
-/// are all of these together, see findInwardSolids(), unless flipNormals decides. Normals of points
-/// whose viewpoints are known stay, too.
+/// Leave out outliers, and see to the normals; the points come out in Morton order. Fewer than 1000
+/// points say little of each other: they all stay, and so do their normals, but for those of closed
+/// parts that look inward: turned are all of these together, see findInwardSolids(), unless
+/// flipNormals decides. Normals of points whose viewpoints are known stay, too.
 /// @throws InputError for too few points, Interrupted.
 CleanReport clean(PointCloud& cloud, const CleanSettings& settings,
                   Interrupter* interrupter = nullptr);

@@ -1,6 +1,7 @@
 // Spacing and noise of a cloud.
 #include "chosen_neighbors.h"
 #include "core/parallel_each.h"
+#include "indexed.h"
 #include "spatial/position_order.h"
 
 #include <mpuvdb/error.h>
@@ -17,9 +18,11 @@ namespace mpuvdb
 namespace
 {
 
+/// The number of points that are compared with their neighbors. [derived: it knows a median to a
+/// twentieth of the values' standard deviation]
 constexpr std::size_t kSamples = 1000;
-constexpr std::size_t kSpacingNeighbors = 12;
-constexpr std::size_t kUnknowns = 6; // of a bivariate quadratic
+constexpr std::size_t kSpacingNeighbors = 12; // [tuned: noise_test]
+constexpr std::size_t kUnknowns = 6;          // [derived: of a bivariate quadratic]
 
 double quantile(std::vector<double> values, double share)
 {
@@ -83,7 +86,8 @@ Eigen::Matrix3Xd alongAxes(const Sheet& sheet)
 /// along the first axis; all if they are few.
 Eigen::Matrix3Xd withinCylinder(const Eigen::Matrix3Xd& p)
 {
-    constexpr double kAcross = 0.8; // of the radius
+    constexpr double kAcross = 0.8; // of the radius; [tuned: noise_test]
+    // The fewest points of which a part is enough. [tuned: noise_test]
     constexpr Eigen::Index kFew = 60;
     if (p.cols() < kFew) return p;
     Eigen::Matrix3Xd within(3, p.cols());
@@ -110,7 +114,7 @@ Residual heightResidual(const Sheet& sheet)
 /// Standard deviation, radians, of the normals about ones that change linearly over the plane.
 Residual normalResidual(const Sheet& sheet)
 {
-    constexpr Eigen::Index kOfLine = 3;
+    constexpr Eigen::Index kOfLine = 3; // [derived: coefficients of a linear function of two]
     const Eigen::Matrix3Xd p = alongAxes(sheet);
     Eigen::Matrix<double, Eigen::Dynamic, kOfLine> a(p.cols(), kOfLine);
     a << Eigen::VectorXd::Ones(p.cols()), p.row(1).transpose(), p.row(2).transpose();
@@ -154,7 +158,7 @@ double residualAmong(const std::vector<Neighborhood>& neighborhoods, std::size_t
 }
 
 /// Residuals are noise and what the fit lacks of the shape. The latter grows with a power of the
-/// radius, and so of k: two sizes tell them apart.
+/// radius, and so of k: two sizes separate them.
 /// @param growth  of its square where k doubles.
 double robustNoise(const std::vector<Neighborhood>& neighborhoods, std::size_t k,
                    Residual (*residualOf)(const Sheet&), double growth, Interrupter& progress)
@@ -185,22 +189,19 @@ bool fillBalls(const std::vector<Neighborhood>& neighborhoods, std::size_t k, In
            kFilled * medianReach(neighborhoods);
 }
 
-/// About @a count points of a cloud, positions and normals alone, for balls that reach far with few
-/// neighbors; a smaller choice of points is among them.
-PointCloud thinned(const PointCloud& cloud, std::size_t count, Interrupter& progress)
+/// About @a count points, for balls that reach far with few neighbors; a smaller choice of points
+/// is among them.
+std::shared_ptr<const PointIndex> thinned(const PointIndex& index, std::size_t count,
+                                          Interrupter& progress)
 {
-    constexpr std::size_t kGrain = 1 << 14; // points
-    const std::vector<Vec3f> chosen = choosePositions(cloud.positions, count, progress);
-    const auto keep = [&](std::size_t i, std::vector<std::size_t>& kept) {
-        if (std::binary_search(chosen.begin(), chosen.end(), cloud.positions[i], positionBefore))
-            kept.push_back(i);
-    };
-    PointCloud result;
-    for (const std::size_t i : gatherParallel<std::size_t>(cloud.size(), kGrain, progress, keep)) {
-        result.positions.push_back(cloud.positions[i]);
-        if (cloud.hasNormals()) result.normals.push_back(cloud.normals[i]);
-    }
-    return result;
+    constexpr std::size_t kGrain = 1 << 14; // points; [free: the same choice]
+    const std::vector<Vec3f> chosen = choosePositions(index, count, progress);
+    std::vector<std::uint8_t> keep(index.size());
+    forEachParallel(index.size(), kGrain, progress, [&](std::size_t n) {
+        keep[index.order()[n]] =
+            std::binary_search(chosen.begin(), chosen.end(), index[n], positionBefore);
+    });
+    return index.kept(keep, progress);
 }
 
 } // namespace
@@ -209,21 +210,28 @@ PointStatistics measure(const PointCloud& cloud, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
     cloud.demandWhole();
-    const std::vector<Vec3f> chosen = choosePositions(cloud.positions, kSamples, progress);
+    return measure(cloud, *indexOf(cloud, progress), progress);
+}
+
+PointStatistics measure(const PointCloud& cloud, const PointIndex& index, Interrupter& progress)
+{
+    const std::vector<Vec3f> chosen = choosePositions(index, kSamples, progress);
     if (chosen.size() < 2)
         throw InputError("the points have fewer than two distinct positions: nothing can be "
                          "measured. Give points on a surface");
     // More neighbors, then fewer points, until the noise is thin against the ball that they fill:
-    // a ball that lies within the noise shows its own size instead.
+    // a ball that lies within the noise shows its own size instead. [tuned: noise_test]
     constexpr std::size_t kFewest = 40, kMost = 640, kFactor = 4;
+    // The noise in the radii of the balls. [tuned: noise_test]
     constexpr double kThin = 0.22;
-    // Larger parts of the points are thick for the solid's own shape.
+    // The part of the points in a ball up to which it says whether they fill a solid. [tuned:
+    // explained_test; larger parts are thick for the solid's own shape]
     constexpr std::size_t kOfWhole = 16;
     PointStatistics result;
-    const PointCloud* among = &cloud;
-    PointCloud sparse;
+    const PointIndex* among = &index;
+    std::shared_ptr<const PointIndex> sparse;
     for (std::size_t k = kFewest;;) {
-        const auto neighborhoods = nearestOfChosen(*among, chosen, k, progress);
+        const auto neighborhoods = nearestOfChosen(cloud, *among, chosen, k, progress);
         const std::size_t found = neighborhoods.front().neighbors.size();
         if (k == kFewest) {
             std::vector<double> spacings;
@@ -234,7 +242,7 @@ PointStatistics measure(const PointCloud& cloud, Interrupter* interrupter)
             result.evenSpacing = std::sqrt(area / double(spacings.size()));
             result.spacing = quantile(std::move(spacings), 0.5);
         }
-        if (found < 2 * kUnknowns) break; // too few to tell noise from shape
+        if (found < 2 * kUnknowns) break; // too few to separate noise from shape
         // What a quadratic lacks is cubic, what a line lacks quadratic.
         const std::size_t used = std::min(k, found);
         result.noise = robustNoise(neighborhoods, used, heightResidual, 8, progress);
@@ -249,8 +257,8 @@ PointStatistics measure(const PointCloud& cloud, Interrupter* interrupter)
         } else {
             if (among->size() < kFactor * kFactor * kMost) break;
             // Of the whole: among those chosen already a choice of fewer would be all of them.
-            sparse = thinned(cloud, among->size() / kFactor, progress);
-            among = &sparse;
+            sparse = thinned(index, among->size() / kFactor, progress);
+            among = sparse.get();
         }
     }
     return result;

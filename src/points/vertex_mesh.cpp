@@ -42,7 +42,7 @@ std::uint64_t numberOf(const Vec3d& p)
 /// Of each vertex the first at the same position; of those that are not finite, themselves.
 std::vector<std::uint32_t> firstVertices(const std::vector<Vec3d>& positions)
 {
-    constexpr std::uint32_t kFree = 0xffffffffu;
+    constexpr std::uint32_t kFree = 0xffffffffu; // [derived: no vertex has this number]
     std::size_t slots = 16;
     while (slots < 2 * positions.size()) slots *= 2;
     std::vector<std::uint32_t> table(slots, kFree), first(positions.size());

@@ -50,7 +50,7 @@ public:
     }
 
 private:
-    static constexpr std::size_t kLeafSize = 16;
+    static constexpr std::size_t kLeafSize = 16; ///< [free: the same distances]
     using Metric = nanoflann::L2_Simple_Adaptor<float, PositionSet>;
     PositionSet mSet;
     nanoflann::KDTreeSingleIndexAdaptor<Metric, PositionSet, 3, std::uint32_t> mTree;

@@ -14,7 +14,7 @@ namespace
 /// reach lines 64 times as far apart at least, in 60 us.
 constexpr std::size_t kMostNeighbors = 400;
 
-/// Make the first @a few of @a members every g-th of them; the order of the rest is lost.
+/// Make the first @a few of @a members every g-th of them; the rest have no order.
 void spreadFirst(std::vector<std::uint32_t>& members, std::size_t few)
 {
     const std::size_t step = (members.size() - 1) / (few - 1);

@@ -16,9 +16,9 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kLeafTriangles = 4;
-constexpr int kCurveBits = 21; ///< per axis
-constexpr std::size_t kMostLevels = 64;
+constexpr std::size_t kLeafTriangles = 4; ///< of a leaf; [free: the same distances]
+constexpr int kCurveBits = 21;            ///< per axis; [derived: what mortonKey() takes]
+constexpr std::size_t kMostLevels = 64;   ///< [derived: of a tree of halves of 2^64]
 
 double squaredDistanceTo(const TriangleTree::Corners& corners, const Vec3d& p)
 {

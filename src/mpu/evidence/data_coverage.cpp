@@ -76,7 +76,7 @@ private:
 };
 
 DataCoverage::DataCoverage(const SortedPoints& points, const Vec3d& frame, Interrupter& progress)
-    : mPoints(points.points()), mFrame(frame), mTree(points, kBucketPoints)
+    : mPoints(points.points()), mFrame(frame), mTree(points.tree(kBucketPoints))
 {
     progress.check();
     measureSpacings(progress);

@@ -1,6 +1,7 @@
 // Support of a surface by points: distances to them in units of their own spacing.
 #pragma once
-#include "mpu/octree/bucket_tree.h"
+#include "mpu/octree/sorted_points.h"
+
 #include <mpuvdb/field.h>
 
 namespace mpuvdb

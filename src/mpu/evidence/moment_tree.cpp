@@ -29,7 +29,7 @@ constexpr int kMinLevel = -3;
 } // namespace
 
 MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
-    : mPoints(points.points()), mChannels(channels), mTree(points, kBucketPoints),
+    : mPoints(points.points()), mChannels(channels), mTree(points.tree(kBucketPoints)),
       mLength((channels.size() + 4) / 4 * kLanes)
 {
     for (const float* const channel : mChannels)

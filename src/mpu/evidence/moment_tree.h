@@ -1,7 +1,7 @@
 // Weighted sums of points' attributes and of their products with the normals, which separate the
 // sides of a surface; of single points and of groups.
 #pragma once
-#include "mpu/octree/bucket_tree.h"
+#include "mpu/octree/sorted_points.h"
 
 #include <algorithm>
 #include <cmath>

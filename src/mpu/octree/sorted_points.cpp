@@ -2,6 +2,7 @@
 
 #include "core/morton.h"
 #include "core/release.h"
+#include "spatial/radix_sort.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -15,47 +16,7 @@ namespace mpuvdb
 namespace
 {
 
-struct KeyedIndex {
-    std::uint64_t key;
-    std::uint32_t index;
-};
-
-/// Stable sort by key: least significant digit first, each pass over equal chunks in parallel.
-void radixSort(std::vector<KeyedIndex>& items, Interrupter& progress)
-{
-    constexpr int kDigitBits = 11; ///< bits of a digit [free: time]
-    /// Bits of a key, and values of a digit. [derived: three bits per level; 2^kDigitBits]
-    constexpr int kKeyBits = 3 * SortedPoints::kMaxLevel;
-    constexpr std::size_t kDigits = std::size_t(1) << kDigitBits;
-    constexpr std::size_t kChunk = std::size_t(1) << 16; ///< items of a task [free: grain]
-    const std::size_t chunks = (items.size() + kChunk - 1) / kChunk;
-    std::vector<KeyedIndex> other(items.size());
-    std::vector<std::array<std::uint32_t, kDigits>> starts(chunks);
-    const auto forEachChunk = [&](auto f) {
-        tbb::parallel_for(std::size_t(0), chunks, [&](std::size_t chunk) {
-            f(chunk, chunk * kChunk, std::min((chunk + 1) * kChunk, items.size()));
-        });
-    };
-    for (int shift = 0; shift < kKeyBits; shift += kDigitBits) {
-        progress.check();
-        const auto digit = [shift](const KeyedIndex& k) { return k.key >> shift & (kDigits - 1); };
-        forEachChunk([&](std::size_t chunk, std::size_t begin, std::size_t end) {
-            starts[chunk].fill(0);
-            for (std::size_t n = begin; n < end; ++n) ++starts[chunk][digit(items[n])];
-        });
-        std::uint32_t next = 0;
-        for (std::size_t d = 0; d < kDigits; ++d)
-            for (std::size_t chunk = 0; chunk < chunks; ++chunk)
-                next += std::exchange(starts[chunk][d], next);
-        forEachChunk([&](std::size_t chunk, std::size_t begin, std::size_t end) {
-            for (std::size_t n = begin; n < end; ++n)
-                other[starts[chunk][digit(items[n])]++] = items[n];
-        });
-        items.swap(other);
-    }
-}
-
-/// Whether a point's color and scalars come before another's, where all else is equal.
+/// How a point's color and scalars are ordered before another's, where all else is equal.
 bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
 {
     if (!cloud.colors.empty() && cloud.colors[a] != cloud.colors[b])
@@ -89,7 +50,7 @@ std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& roo
         return std::make_tuple(p[0], p[1], p[2], v[0], v[1], v[2],
                                confident ? cloud.confidence[n] : 1.0f);
     };
-    radixSort(order, progress);
+    radixSort(order, 3 * SortedPoints::kMaxLevel, progress);
     for (std::size_t n = 0, end = 0; n < order.size(); n = end) {
         while (end < order.size() && order[end].key == order[n].key) ++end;
         if (end - n < 2) continue;

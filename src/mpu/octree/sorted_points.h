@@ -1,6 +1,8 @@
 // Points in Morton order, one array per coordinate, and ball queries on them.
 #pragma once
 #include "point_batch.h"
+#include "spatial/bucket_tree.h"
+
 #include <mpuvdb/point_cloud.h>
 
 #include <algorithm>
@@ -114,12 +116,14 @@ public:
         forEachCell(level, {0, size()}, f);
     }
 
-    /// Call f(begin, end), in Morton order, for the largest cells of at most @a most points each
-    /// (more only where they coincide) that together hold all points.
-    template <typename F>
-    void forEachBucket(std::size_t most, F f) const
+    Coordinates positions() const { return {mPoints.x.data(), mPoints.y.data(), mPoints.z.data()}; }
+    /// A tree over the largest cells of at most @a most points each (more only where they coincide)
+    /// that together hold all points.
+    BucketTree tree(std::size_t most) const
     {
-        forEachBucketIn(0, 0, mKeys.size(), most, f);
+        std::vector<BucketTree::Bucket> buckets;
+        addBuckets(0, 0, mKeys.size(), most, buckets);
+        return {positions(), std::move(buckets)};
     }
 
     /// The points in @a cell.
@@ -131,12 +135,11 @@ private:
 
     void mergeCopies();
     void makeTop();
-    template <typename F>
-    void forEachBucketIn(int level, std::size_t begin, std::size_t end, std::size_t most,
-                         F& f) const
+    void addBuckets(int level, std::size_t begin, std::size_t end, std::size_t most,
+                    std::vector<BucketTree::Bucket>& buckets) const
     {
         if (end - begin <= most || level == kMaxLevel) {
-            if (begin < end) f(begin, end);
+            if (begin < end) buckets.push_back({std::uint32_t(begin), std::uint32_t(end)});
             return;
         }
         const int below = 3 * (kMaxLevel - level - 1);
@@ -145,7 +148,7 @@ private:
             const auto at = mKeys.begin();
             past = std::size_t(
                 std::lower_bound(at + std::ptrdiff_t(first), at + std::ptrdiff_t(end), next) - at);
-            forEachBucketIn(level + 1, first, past, most, f);
+            addBuckets(level + 1, first, past, most, buckets);
         }
     }
 

@@ -1,7 +1,7 @@
-#include <mpuvdb/clean.h>
+#include "points/indexed.h"
 
+#include <mpuvdb/clean.h>
 #include <mpuvdb/interrupter.h>
-#include <mpuvdb/normals.h>
 #include <mpuvdb/outliers.h>
 
 namespace mpuvdb
@@ -9,37 +9,94 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kJudgedFrom = 1000; ///< fewer points say little of each other
-/// Spacings: noise of sheets that normals tell apart is less. [derived: what measure() takes for
-/// thin, 0.22 of the radius of a disc with its fewest neighbors, 40]
+/// The number of points from which outliers and flipped normals are looked for. [tuned:
+/// clean_points_test; fewer points leave too few neighbors to compare a point with]
+constexpr std::size_t kJudgedFrom = 1000;
+/// The noise of sheets that normals distinguish, spacings, is less. [derived: what measure() takes
+/// for thin, 0.22 of the radius of a disc with its fewest neighbors, 40]
 constexpr double kOfSheet = 0.8;
 
-/// Estimate normals, or turn those that are flipped if they can be @a judged, and those of solids
-/// that are inside out. @return whether so much changed that it had spoilt what was measured.
-bool seeToNormals(PointCloud& cloud, bool judged, const CleanSettings& settings,
-                  CleanReport& report, Interrupter& progress)
+/// The steps of clean(), on one index of the points.
+class Cleaner
 {
-    const NormalsFrom from = settings.normals;
-    if (from == NormalsFrom::Estimate || !cloud.hasNormals()) {
-        const EstimatedNormals estimated = estimateNormals(cloud, {}, &progress);
-        report.estimateNeighbors = estimated.neighbors;
-        report.onLines = double(estimated.onLines) / double(cloud.size());
-        return true;
+public:
+    Cleaner(PointCloud& cloud, const CleanSettings& settings, Interrupter& progress)
+        : mCloud(cloud), mSettings(settings), mProgress(progress),
+          mIndex(sortPoints(cloud, progress)), mIsJudged(cloud.size() >= kJudgedFrom)
+    {
     }
-    // A range image knows its outside.
-    if (from == NormalsFrom::Keep || !cloud.seenFrom.empty()) return false;
-    if (judged) {
-        const auto flipped = findFlippedNormals(cloud, report.statistics, &progress);
-        flipNormals(cloud, flipped);
-        report.flipped = flipped.size();
+
+    CleanReport run()
+    {
+        mReport.hadNormals = mCloud.hasNormals();
+        mReport.statistics = measure(mCloud, *mIndex, mProgress);
+        const bool fillSolid = mReport.statistics.fillSolid;
+        if (mIsJudged && mSettings.dropOutliers) leaveOutOutliers();
+        if (seeToNormals())
+            mReport.statistics = measure(mCloud, *mIndex, mProgress); // noise is known by normals
+        if (mReport.estimateNeighbors) {
+            // Normals that come from the positions know nothing that these do not say; but two
+            // sheets that they are of are no solid.
+            PointStatistics& s = mReport.statistics;
+            s.normalNoise = 0;
+            s.fillSolid = fillSolid && s.noise > kOfSheet * s.spacing;
+        }
+        if (mSettings.flipNormals) flipNormals(mCloud);
+        mReport.inward = pointsInward(mCloud);
+        return mReport;
     }
-    if (!settings.flipNormals) { // who turns all knows which way they look
-        const auto inward = findInwardSolids(cloud, report.statistics, &progress);
-        flipNormals(cloud, inward);
-        report.turned = inward.size();
+
+private:
+    void leaveOutOutliers()
+    {
+        mCells.emplace(*mIndex, sideForOutliers(mReport.statistics), mProgress);
+        const auto outliers = findOutliers(mCloud, *mCells, mReport.statistics, mProgress);
+        mReport.outliers = outliers.size();
+        if (outliers.empty()) return;
+        mCells.reset();
+        mIndex = mIndex->without(outliers, mProgress);
+        dropPoints(mCloud, outliers);
     }
-    return report.flipped > cloud.size() / 100;
-}
+
+    /// Estimate normals, or turn those that are flipped, and those of solids that are inside out.
+    /// @return whether so much changed that it had spoilt what was measured.
+    bool seeToNormals()
+    {
+        const NormalsFrom from = mSettings.normals;
+        if (from == NormalsFrom::Estimate || !mCloud.hasNormals()) {
+            const EstimatedNormals estimated = estimateNormals(mCloud, *mIndex, {}, mProgress);
+            mReport.estimateNeighbors = estimated.neighbors;
+            mReport.onLines = double(estimated.onLines) / double(mCloud.size());
+            return true;
+        }
+        // A range image knows its outside.
+        if (from == NormalsFrom::Keep || !mCloud.seenFrom.empty()) return false;
+        if (mIsJudged) turnFlipped();
+        if (!mSettings.flipNormals) { // who turns all knows which way they look
+            const auto inward = findInwardSolids(mCloud, *mIndex, mReport.statistics, mProgress);
+            flipNormals(mCloud, inward);
+            mReport.turned = inward.size();
+        }
+        return mReport.flipped > mCloud.size() / 100;
+    }
+
+    void turnFlipped()
+    {
+        const double side = sideForFlipped(mReport.statistics);
+        if (!mCells || mCells->side() != side) mCells.emplace(*mIndex, side, mProgress);
+        const auto flipped = findFlippedNormals(mCloud, *mCells, mReport.statistics, mProgress);
+        flipNormals(mCloud, flipped);
+        mReport.flipped = flipped.size();
+    }
+
+    PointCloud& mCloud;
+    const CleanSettings& mSettings;
+    Interrupter& mProgress;
+    std::shared_ptr<const PointIndex> mIndex;
+    std::optional<PointCells> mCells; ///< of mIndex, as far as they are known
+    bool mIsJudged;
+    CleanReport mReport;
+};
 
 } // namespace
 
@@ -47,28 +104,8 @@ CleanReport clean(PointCloud& cloud, const CleanSettings& settings, Interrupter*
 {
     Interrupter& progress = orSilent(interrupter);
     progress.beginStage("clean");
-    CleanReport report;
-    report.hadNormals = cloud.hasNormals();
-    report.statistics = measure(cloud, &progress);
-    const bool fillSolid = report.statistics.fillSolid;
-    const bool judged = cloud.size() >= kJudgedFrom;
-    if (judged && settings.dropOutliers) {
-        const auto outliers = findOutliers(cloud, report.statistics, &progress);
-        dropPoints(cloud, outliers);
-        report.outliers = outliers.size();
-    }
-    if (seeToNormals(cloud, judged, settings, report, progress))
-        report.statistics = measure(cloud, &progress); // noise is told by normals
-    if (report.estimateNeighbors) {
-        // Normals that come from the positions know nothing that these do not say; but two sheets
-        // that they are of are no solid.
-        PointStatistics& s = report.statistics;
-        s.normalNoise = 0;
-        s.fillSolid = fillSolid && s.noise > kOfSheet * s.spacing;
-    }
-    if (settings.flipNormals) flipNormals(cloud);
-    report.inward = pointsInward(cloud);
-    return report;
+    cloud.demandWhole();
+    return Cleaner(cloud, settings, progress).run();
 }
 
 } // namespace mpuvdb

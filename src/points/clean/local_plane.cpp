@@ -64,8 +64,10 @@ struct TriplePlane {
 /// members are nearest [least median of squares, Rousseeuw84]; zero if none is a plane.
 TriplePlane bestTriple(Heights& heights)
 {
-    constexpr Eigen::Index kNearest = 9;
-    constexpr float kFlat = 0.2f; // sine
+    constexpr Eigen::Index kNearest =
+        9; // members; [tuned: clean_points_test, estimate_normals_test]
+    // The least sine between two directions that make a plane. [tuned: estimate_normals_test]
+    constexpr float kFlat = 0.2f;
     const Eigen::Index count = std::min(kNearest, heights.size());
     TriplePlane best;
     for (Eigen::Index j = 1; j < count; ++j)
@@ -108,8 +110,12 @@ LocalPlane planeOf(const std::vector<Vec3f>& positions, const std::vector<std::u
 bool liesFlat(const std::vector<Vec3f>& positions, std::size_t point,
               const std::vector<std::uint32_t>& neighbors, double reach)
 {
-    // Of ten points at random in a ball, one in a few hundred sets is as flat as this.
-    constexpr double kFlat = 0.3, kOffScatter = 3, kOffReach = 0.25;
+    // The ratio of the standard deviations across and along. [derived: of ten points at random in a
+    // ball, one in a few hundred sets is as flat]
+    constexpr double kFlat = 0.3;
+    // Heights over the plane, in standard deviations of it, and in parts of the reach. [tuned:
+    // clean_points_test]
+    constexpr double kOffScatter = 3, kOffReach = 0.25;
     const LocalPlane plane = planeOf(positions, neighbors);
     const double height = std::abs(plane.height(positions[point]));
     const double scatter = std::sqrt(plane.variances[0]);
@@ -121,13 +127,17 @@ LocalPlane sheetPlaneOf(const std::vector<Vec3f>& positions,
                         const std::vector<std::uint32_t>& members, const LocalPlane& whole,
                         double noise)
 {
-    constexpr double kThick = 0.05, kThinner = 0.05, kNoises = 16; // ratios of squares
+    // Ratios of variances: of a thick plane, of the sheet's plane to that of all, and to that of
+    // the noise. [tuned: estimate_normals_test]
+    constexpr double kThick = 0.05, kThinner = 0.05, kNoises = 16;
     if (whole.variances[0] < kThick * whole.variances[1]) return whole;
     if (whole.variances[0] < kNoises * noise * noise) return whole;
     Heights heights(positions, members);
     const TriplePlane half = bestTriple(heights);
     if (half.normal == Vec3f::Zero()) return whole;
-    constexpr float kFarther = 2; // a sheet's members lie not much farther off than half of all
+    // The height of a sheet's members, in that of the nearer half of all. [tuned:
+    // estimate_normals_test]
+    constexpr float kFarther = 2;
     const LocalPlane sheet =
         planeOf(positions, heights.within(half.normal, kFarther * half.height, members));
     const bool flat = sheet.variances[0] < kThick * sheet.variances[1];

@@ -4,7 +4,7 @@
 
 #include "core/parallel_each.h"
 #include "local_plane.h"
-#include "spatial/cell_grid.h"
+#include "spatial/point_cells.h"
 #include "surroundings.h"
 
 #include <algorithm>
@@ -16,7 +16,9 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kNoises = 5; // standard deviations that noise strews points
+/// The standard deviations by which noise moves a point at most. [derived: one point in two million
+/// of a normal distribution is farther off]
+constexpr double kNoises = 5;
 
 /// Whether a point is off the plane of its neighbors, which themselves are on it.
 class OffPlane
@@ -29,14 +31,17 @@ public:
 
     bool isOff(std::uint32_t point, Surroundings& surroundings)
     {
+        // Neighbors that are asked, and those of them that make the plane. [tuned:
+        // clean_points_test]
         constexpr std::size_t kNeighbors = 12, kOnPlane = 9;
+        // Heights over the plane, in spacings and in standard deviations. [tuned:
+        // clean_points_test]
         constexpr double kOffSpacings = 2, kOffScatter = 5;
-        while (surroundings.about().size() < kNeighbors && surroundings.isWithinCells())
+        while (surroundings.count() < kNeighbors && surroundings.isWithinCells())
             surroundings.lookFarther();
-        if (surroundings.about().size() < kNeighbors) return false;
+        if (surroundings.count() < kNeighbors) return false;
         mMembers.clear();
-        for (std::size_t k = 0; k < kNeighbors; ++k)
-            mMembers.push_back(surroundings.about()[k].point);
+        for (std::size_t k = 0; k < kNeighbors; ++k) mMembers.push_back(surroundings.near(k).point);
         // Some of them may be outliers too.
         const LocalPlane first = planeOf(mPositions, mMembers);
         std::sort(mMembers.begin(), mMembers.end(), [&](std::uint32_t a, std::uint32_t b) {
@@ -58,7 +63,7 @@ private:
     std::vector<std::uint32_t> mMembers;
 };
 
-constexpr std::size_t kReach = 6; // neighbors within a point's reach
+constexpr std::size_t kReach = 6; // neighbors within a point's reach; [tuned: clean_points_test]
 
 double reachIn(const Surroundings& surroundings)
 {
@@ -76,21 +81,21 @@ public:
 
     bool isSparser(std::uint32_t point)
     {
-        const auto& about = mSurroundings.about();
-        while (about.size() < kNeighbors ||
+        while (mSurroundings.count() < kNeighbors ||
                mSurroundings.completeTo() <
                    mSurroundings.distance(kNeighbors - 1) + reachIn(mSurroundings) / kSparser)
             if (!mSurroundings.lookFarther()) break;
-        if (about.size() < kReach) return true;
+        if (mSurroundings.count() < kReach) return true;
         if (reachIn(mSurroundings) < kNoises * mNoise) return false;
         mMembers.clear(); // those that are like it: what it would be a surface with
         std::size_t closer = 0;
-        for (std::size_t k = 0; k < std::min(kNeighbors, about.size()); ++k)
-            if (isCloser(about[k]))
+        for (std::size_t k = 0; k < std::min(kNeighbors, mSurroundings.count()); ++k)
+            if (isCloser(mSurroundings.near(k)))
                 ++closer;
             else
-                mMembers.push_back(about[k].point);
+                mMembers.push_back(mSurroundings.near(k).point);
         if (closer <= kNeighbors / 4) return false;
+        // Neighbors with which no plane is judged. [tuned: clean_points_test]
         constexpr std::size_t kFew = 5;
         return mMembers.size() < kFew ||
                !liesFlat(mPositions, point, mMembers, reachIn(mSurroundings));
@@ -100,8 +105,10 @@ public:
     /// as sparsely as the sheet would be that it belongs to.
     bool isOnSheet(std::uint32_t point)
     {
+        // Spacings, each twice as large, at which a sheet is looked for. [tuned:
+        // clean_points_test]
         constexpr int kScales = 4;
-        if (mSurroundings.about().size() < kReach) return false;
+        if (mSurroundings.count() < kReach) return false;
         double apart = reachIn(mSurroundings) / 2;
         for (int scale = 0; scale < kScales; ++scale, apart *= 2) {
             thin(apart);
@@ -116,7 +123,10 @@ public:
     }
 
 private:
+    /// Neighbors that are compared, and those of a sheet at one scale. [tuned: clean_points_test]
     static constexpr std::size_t kNeighbors = 16, kThinned = 12;
+    /// The ratio of a point's reach to that of its neighbors from which it is sparser. [tuned:
+    /// clean_points_test]
     static constexpr double kSparser = 2.5;
 
     /// Whether a neighbor has its own several times closer.
@@ -126,7 +136,8 @@ private:
         const double close = reachIn(mSurroundings) / kSparser;
         const double farthest = std::sqrt(double(neighbor.squared)) + close;
         std::size_t near = 0;
-        for (const Surroundings::Near& n : mSurroundings.about()) {
+        for (std::size_t k = 0; k < mSurroundings.count(); ++k) {
+            const Surroundings::Near& n = mSurroundings.near(k);
             if (n.squared > farthest * farthest) break;
             near += n.point != neighbor.point &&
                     (mPositions[n.point] - p).squaredNorm() <= close * close;
@@ -140,15 +151,14 @@ private:
     {
         mMembers.clear();
         mFarthest = 0;
-        const auto& about = mSurroundings.about();
-        for (std::size_t k = 0; k < about.size() && mMembers.size() < kThinned; ++k) {
-            const Vec3f& p = mPositions[about[k].point];
+        for (std::size_t k = 0; k < mSurroundings.count() && mMembers.size() < kThinned; ++k) {
+            const Vec3f& p = mPositions[mSurroundings.near(k).point];
             const bool isApart =
                 std::all_of(mMembers.begin(), mMembers.end(), [&](std::uint32_t m) {
                     return (mPositions[m] - p).squaredNorm() >= apart * apart;
                 });
             if (!isApart) continue;
-            mMembers.push_back(about[k].point);
+            mMembers.push_back(mSurroundings.near(k).point);
             mFarthest = mSurroundings.distance(k);
         }
     }
@@ -157,6 +167,8 @@ private:
     /// of a face nothing is.
     bool isSurrounded(std::uint32_t point)
     {
+        // The widest angle without a member, radians. [tuned: clean_points_test; at the edge of a
+        // face it is 180 degrees]
         constexpr double kWidestGap = 150 * M_PI / 180;
         const Vec3d normal = planeOf(mPositions, mMembers).normal;
         const Vec3d u = normal.unitOrthogonal(), v = normal.cross(u);
@@ -199,14 +211,15 @@ public:
 private:
     bool isOnItsSide(std::uint32_t point, std::uint32_t other) const
     {
-        constexpr float kSameSide = 0.3f; // cosine of the normals
+        // The cosine between normals of one side. [tuned: clean_points_test]
+        constexpr float kSameSide = 0.3f;
         return mNormals[other].dot(mNormals[point]) > kSameSide;
     }
 
     /// The way from one point of an arc to another is perpendicular to the mean of the normals.
     bool agree(std::uint32_t point, std::uint32_t other) const
     {
-        const float kOff = std::sin(0.262f); // 15 degrees
+        const float kOff = std::sin(0.262f); // 15 degrees [tuned: clean_points_test]
         const Vec3f way = mPositions[other] - mPositions[point];
         const Vec3f sum = mNormals[other] + mNormals[point];
         return std::abs(way.dot(sum)) < kOff * way.norm() * sum.norm();
@@ -215,37 +228,39 @@ private:
     /// Most of those around, as those do that see the bottom of a fold from its walls.
     bool agreeAround(std::uint32_t point)
     {
+        // Neighbors that are asked, and those that have to agree. [tuned: clean_points_test]
         constexpr std::size_t kAsked = 12, kAgreeing = 9;
-        const auto& about = mSurroundings.about();
-        while (about.size() < kAsked)
+        while (mSurroundings.count() < kAsked)
             if (!mSurroundings.lookFarther()) return false;
-        return kAgreeing <= std::size_t(std::count_if(about.begin(), about.begin() + kAsked,
-                                                      [&](const auto& near) {
-                                                          return isOnItsSide(point, near.point) &&
-                                                                 agree(point, near.point);
-                                                      }));
+        std::size_t agreeing = 0;
+        for (std::size_t k = 0; k < kAsked; ++k) {
+            const std::uint32_t other = mSurroundings.near(k).point;
+            agreeing += isOnItsSide(point, other) && agree(point, other);
+        }
+        return agreeing >= kAgreeing;
     }
 
     /// Those that look to its side, about as far apart as it is from them: a face with few points
     /// beside one with many, which look elsewhere and have nothing to say.
     bool agreeOnItsSide(std::uint32_t point)
     {
+        // Those of kReach neighbors that have to agree, and the distance of the first of them in
+        // reaches. [tuned: clean_points_test]
         constexpr std::size_t kAgreeing = 5;
-        constexpr double kFar = 1.5; // reaches
-        // Within twice the distance of the farthest asked: of an even face it is four times as
-        // many.
+        constexpr double kFar = 1.5;
+        // Neighbors within twice the distance of the farthest asked. [derived: of an even face
+        // they are four times as many; half as many again where points lie at random]
         constexpr std::size_t kMost = 6 * kReach;
-        const auto& about = mSurroundings.about();
-        while (about.size() < kReach ||
+        while (mSurroundings.count() < kReach ||
                mSurroundings.completeTo() < 2 * kFar * reachIn(mSurroundings))
             if (!mSurroundings.lookFarther()) return false;
         double far = kFar * reachIn(mSurroundings);
         std::size_t asked = 0, agreeing = 0;
-        for (std::size_t k = 0; k < about.size() && mSurroundings.distance(k) < far; ++k) {
-            if (!isOnItsSide(point, about[k].point)) continue;
+        for (std::size_t k = 0; k < mSurroundings.count() && mSurroundings.distance(k) < far; ++k) {
+            if (!isOnItsSide(point, mSurroundings.near(k).point)) continue;
             if (++asked > kMost) return false;
             if (asked > kReach) continue;
-            agreeing += agree(point, about[k].point);
+            agreeing += agree(point, mSurroundings.near(k).point);
             if (asked == kReach) far = 2 * mSurroundings.distance(k);
         }
         return agreeing >= kAgreeing;
@@ -261,9 +276,9 @@ class LonePoints
 {
 public:
     LonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
-               const CellGrid& grid, const PointStatistics& statistics,
+               const PointCells& cells, const PointStatistics& statistics,
                const std::vector<char>& flags)
-        : mGrid(grid), mStatistics(statistics), mSurroundings(positions, grid, flags),
+        : mCells(cells), mStatistics(statistics), mSurroundings(positions, cells, flags),
           mOffPlane(positions, statistics.noise),
           mSparser(positions, statistics.noise, mSurroundings),
           mNormals(positions, normals, mSurroundings)
@@ -272,15 +287,16 @@ public:
 
     void judge(std::uint32_t cell, std::vector<PointInCell>& found)
     {
-        // A disc of the larger radius holds thirty points of a surface, one of the smaller seven.
+        // Radii within which a point has neighbors, spacings. [tuned: clean_points_test; a disc of
+        // the larger one holds thirty points of a surface, one of the smaller seven]
         constexpr double kFar = 3, kClose = 1.5;
-        mSurroundings.enter(mGrid.cells()[cell]);
+        mSurroundings.enter(mCells.cells()[cell]);
         const double noise = kNoises * mStatistics.noise;
-        const double far = std::min(std::max(kFar * mSurroundings.spacing(), noise), mGrid.side());
-        // What is off the plane by more than noise strews has nobody at half of that either.
+        const double far = std::min(std::max(kFar * mSurroundings.spacing(), noise), mCells.side());
+        // What is off the plane by more than the noise has no neighbor at half of that either.
         const double close = std::max(kClose * mStatistics.spacing, noise / 2);
         for (std::size_t i = 0; i < mSurroundings.points().size(); ++i) {
-            if (mSurroundings.hasCompany(i, int(kReach), far, close)) continue;
+            if (mSurroundings.hasNeighbors(i, int(kReach), far, close)) continue;
             const std::uint32_t p = mSurroundings.points()[i];
             if (!standsAlone(p, far, close)) continue;
             if (!mNormals.leadTo(p)) found.push_back({p, cell});
@@ -293,14 +309,14 @@ private:
     {
         mSurroundings.lookAbout(point, far);
         const auto isNoneWithin = [&](std::size_t k, double radius) {
-            return mSurroundings.about().size() <= k || mSurroundings.distance(k) >= radius;
+            return mSurroundings.count() <= k || mSurroundings.distance(k) >= radius;
         };
         if (isNoneWithin(0, close) && mOffPlane.isOff(point, mSurroundings)) return true;
         if (!isNoneWithin(kReach - 1, far)) return false;
         return mSparser.isSparser(point) && !mSparser.isOnSheet(point);
     }
 
-    const CellGrid& mGrid;
+    const PointCells& mCells;
     const PointStatistics& mStatistics;
     Surroundings mSurroundings;
     OffPlane mOffPlane;
@@ -311,25 +327,26 @@ private:
 } // namespace
 
 void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
-                    const CellGrid& grid, const std::vector<std::uint32_t>& asked,
+                    const PointCells& cells, const std::vector<std::uint32_t>& asked,
                     const PointStatistics& statistics, std::vector<char>& flags,
                     Interrupter& progress)
 {
-    constexpr int kPasses = 3; // an outlier may hide another
-    constexpr std::size_t kGrain = 64;
-    std::vector<std::uint32_t> cells = asked;
-    for (int pass = 0; pass < kPasses && !cells.empty(); ++pass) {
+    // Passes, since an outlier may hide another. [tuned: clean_points_test]
+    constexpr int kPasses = 3;
+    constexpr std::size_t kGrain = 64; // cells; [free: the same points are flagged]
+    std::vector<std::uint32_t> left = asked;
+    for (int pass = 0; pass < kPasses && !left.empty(); ++pass) {
         const auto judge = [&](std::size_t chunk, std::vector<PointInCell>& found) {
-            LonePoints points(positions, normals, grid, statistics, flags);
-            const std::size_t end = std::min((chunk + 1) * kGrain, cells.size());
-            for (std::size_t n = chunk * kGrain; n < end; ++n) points.judge(cells[n], found);
+            LonePoints points(positions, normals, cells, statistics, flags);
+            const std::size_t end = std::min((chunk + 1) * kGrain, left.size());
+            for (std::size_t n = chunk * kGrain; n < end; ++n) points.judge(left[n], found);
         };
         const auto found =
-            gatherParallel<PointInCell>((cells.size() + kGrain - 1) / kGrain, 1, progress, judge);
+            gatherParallel<PointInCell>((left.size() + kGrain - 1) / kGrain, 1, progress, judge);
         for (const PointInCell& lone : found) flags[lone.point] = 1;
-        const std::vector<char> isAbout = cellsAbout(grid, found);
-        cells.clear();
-        std::copy_if(asked.begin(), asked.end(), std::back_inserter(cells),
+        const std::vector<char> isAbout = cellsAbout(cells, found);
+        left.clear();
+        std::copy_if(asked.begin(), asked.end(), std::back_inserter(left),
                      [&](std::uint32_t c) { return isAbout[c]; });
     }
 }

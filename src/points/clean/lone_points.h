@@ -1,4 +1,4 @@
-// Points that have less company than those about them, as outliers beside surfaces do.
+// Points that have fewer neighbors than those about them, as outliers beside surfaces do.
 #pragma once
 #include <mpuvdb/normals.h>
 #include <mpuvdb/vec.h>
@@ -8,7 +8,7 @@
 namespace mpuvdb
 {
 
-class CellGrid;
+class PointCells;
 class Interrupter;
 
 /// Flag points that have no other near and are off the plane of their neighbors by many times
@@ -19,12 +19,12 @@ class Interrupter;
 /// The same for any order of the positions and number of threads, where no two distances are equal.
 /// About 0.05 us of processor time per point, 10 to 30 us for each that has few others near.
 /// @param normals  of @a positions, unit length; or none.
-/// @param grid     of @a positions, its cells a few spacings wide.
-/// @param asked    cells whose points are judged.
-/// @param flags    of outliers: those known already are nobody's neighbors.
+/// @param cells    of points of @a positions, a few spacings wide.
+/// @param asked    those of the cells whose points are judged.
+/// @param flags    of outliers: those known already are no neighbors.
 /// @throws Interrupted.
 void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
-                    const CellGrid& grid, const std::vector<std::uint32_t>& asked,
+                    const PointCells& cells, const std::vector<std::uint32_t>& asked,
                     const PointStatistics& statistics, std::vector<char>& flags,
                     Interrupter& progress);
 

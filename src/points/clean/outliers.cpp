@@ -1,11 +1,13 @@
 // Outliers. A screen on a grid of cells a few spacings wide settles nearly all points; what is left
-// in small groups of cells, or has little company, is compared with its neighbors. What is sparser
+// in small groups of cells, or has few neighbors, is compared with its neighbors. What is sparser
 // than the cells are wide is screened again, by its own spacing.
 #include "core/parallel_each.h"
 #include "local_plane.h"
 #include "lone_points.h"
-#include "spatial/cell_grid.h"
+#include "points/indexed.h"
 #include "spatial/kd_tree.h"
+#include "spatial/point_cells.h"
+#include "spatial/position_order.h"
 
 #include "core/union_find.h"
 #include <mpuvdb/interrupter.h>
@@ -15,6 +17,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 namespace mpuvdb
@@ -22,19 +25,21 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kFewestPoints = 200; // of a cloud that outliers are looked for in
-constexpr std::uint32_t kObject = 100;     // points of a group that is a surface without a look
-constexpr std::uint32_t kClump = 24;       // points below which a group is no surface
-constexpr std::uint32_t kSparse = 4;       // points of a cell up to which it joins no group
-constexpr double kCellSpacings = 5;        // a gap that a surface may have
-constexpr double kCellNoises = 4;          // standard deviations that a cell's width is at least
-constexpr std::size_t kGrain = 256;        // cells or points
-
-/// Edge of the cells in which points of this spacing and noise are looked at, world units.
-double cellSide(const PointStatistics& statistics)
-{
-    return std::max(kCellSpacings * statistics.spacing, kCellNoises * statistics.noise);
-}
+/// The fewest points of a cloud in which outliers are looked for. [tuned: clean_points_test]
+constexpr std::size_t kFewestPoints = 200;
+/// The points of a group of cells that is a surface without a look at its neighbors. [tuned:
+/// clean_points_test]
+constexpr std::uint32_t kObject = 100;
+/// The points below which a group is no surface. [tuned: clean_points_test]
+constexpr std::uint32_t kClump = 24;
+/// The points of a cell up to which it joins no group. [tuned: clean_points_test]
+constexpr std::uint32_t kSparse = 4;
+/// The width of a gap that a surface may have, spacings. [tuned: clean_points_test]
+constexpr double kCellSpacings = 5;
+/// The least width of a cell in standard deviations of the noise. [derived: points of a plane lie
+/// within two to either side, all but one in twenty]
+constexpr double kCellNoises = 4;
+constexpr std::size_t kGrain = 256; // cells or points; [free: the same outliers]
 
 /// The grid's cells, joined where they share a face. A nearly empty cell joins no others: outliers
 /// would hang together, and on surfaces.
@@ -42,21 +47,21 @@ class CellGroups
 {
 public:
     /// @param weights  of the cells: how many points count in each.
-    CellGroups(const CellGrid& grid, std::vector<std::uint32_t>&& weights, Interrupter& progress)
-        : mGrid(grid), mWeights(std::move(weights)), mGroups(grid.cells().size())
+    CellGroups(const PointCells& cells, std::vector<std::uint32_t>&& weights, Interrupter& progress)
+        : mCells(cells), mWeights(std::move(weights)), mGroups(cells.cells().size())
     {
-        const auto& cells = grid.cells();
         using Pair = std::pair<std::uint32_t, std::uint32_t>;
         const auto findPairs = [&](std::size_t c, std::vector<Pair>& pairs) {
             if (mWeights[c] <= kSparse) return;
-            grid.forFacesAfter(cells[c], [&](std::uint32_t other) {
+            cells.forFacesAfter(cells.cells()[c], [&](std::uint32_t other) {
                 if (mWeights[other] > kSparse) pairs.push_back({std::uint32_t(c), other});
             });
         };
-        for (const auto& [a, b] : gatherParallel<Pair>(cells.size(), kGrain, progress, findPairs))
+        for (const auto& [a, b] :
+             gatherParallel<Pair>(mWeights.size(), kGrain, progress, findPairs))
             mGroups.join(a, b);
-        mPoints.assign(cells.size(), 0);
-        for (std::uint32_t c = 0; c < cells.size(); ++c) mPoints[mGroups.find(c)] += mWeights[c];
+        mPoints.assign(mWeights.size(), 0);
+        for (std::uint32_t c = 0; c < mWeights.size(); ++c) mPoints[mGroups.find(c)] += mWeights[c];
     }
 
     /// Whether it is neither part of a surface nor, being nearly empty, beside one.
@@ -65,14 +70,14 @@ public:
         if (isSurface(c)) return false;
         bool beside = false;
         if (mWeights[c] <= kSparse)
-            mGrid.forEachAround(mGrid.cells()[c],
-                                [&](std::uint32_t n) { beside = beside || isSurface(n); });
+            mCells.forEachAround(mCells.cells()[c],
+                                 [&](std::uint32_t n) { beside = beside || isSurface(n); });
         return !beside;
     }
     bool isSurface(std::uint32_t cell) { return mPoints[mGroups.find(cell)] >= kObject; }
 
 private:
-    const CellGrid& mGrid;
+    const PointCells& mCells;
     const std::vector<std::uint32_t> mWeights;
     UnionFind mGroups;
     std::vector<std::uint32_t> mPoints; // by root
@@ -113,7 +118,7 @@ public:
     }
 
 private:
-    static constexpr std::size_t kNeighbors = 10;
+    static constexpr std::size_t kNeighbors = 10; ///< of a point; [tuned: clean_points_test]
 
     std::size_t reachable() const { return std::min(kNeighbors, mPositions.size() - 1); }
     const std::uint32_t* neighbors(std::size_t i) const { return &mNeighbors[i * reachable()]; }
@@ -171,6 +176,7 @@ private:
     /// Whether its neighbors are about as far from theirs as it is from them.
     bool isAmongLike(std::size_t i) const
     {
+        // The ratio of its reach to the median of theirs. [tuned: clean_points_test]
         constexpr float kSparser = 2;
         std::vector<float> reaches;
         for (std::size_t k = 0; k < reachable(); ++k) reaches.push_back(reach(neighbors(i)[k]));
@@ -182,6 +188,8 @@ private:
     /// Planar, or, as on an edge of a sparse solid, close to others that are.
     bool isSupported(std::size_t i) const
     {
+        // The nearest neighbors that are asked, and those that have to lie on planes. [tuned:
+        // clean_points_test]
         constexpr std::size_t kClosest = 6, kNeeded = 3;
         if (mPlanar[i]) return true;
         std::size_t planar = 0;
@@ -195,8 +203,10 @@ private:
     /// Groups of few points that touch no surface are none.
     void dropClumps(std::vector<char>& outlier) const
     {
-        constexpr float kTouch = 3; // distances to the third neighbor
-        constexpr std::size_t kThird = 2;
+        // The distance of points that hang together, in those to their third neighbors. [tuned:
+        // clean_points_test]
+        constexpr float kTouch = 3;
+        constexpr std::size_t kThird = 2; // [derived: counted from 0]
         UnionFind groups(mPositions.size());
         for (std::uint32_t i = 0; i < mDoubtful; ++i) {
             if (i % 4096 == 0) mProgress.check();
@@ -225,18 +235,19 @@ private:
 };
 
 /// The cell's point nearest to its center.
-std::uint32_t representative(const CellGrid& grid, const CellGrid::Cell& cell)
+std::uint32_t representative(const PointCells& cells, const PointCells::Cell& cell)
 {
-    const Vec3f center = grid.center(cell).cast<float>();
-    std::uint32_t best = cell.begin; // the first of those equally near: they are sorted
+    const PointIndex& index = cells.index();
+    const Vec3f center = cells.center(cell).cast<float>();
+    std::uint32_t best = cells.begin(cell)->begin;
     float least = std::numeric_limits<float>::max();
-    for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
-        const float squared = (grid.positions()[k] - center).squaredNorm();
-        if (!(squared < least)) continue;
+    cells.forEachPoint(cell, [&](std::uint32_t n) {
+        const float squared = (index[n] - center).squaredNorm();
+        if (squared > least || (squared == least && !positionBefore(index[n], index[best]))) return;
         least = squared;
-        best = k;
-    }
-    return grid.order()[best];
+        best = n;
+    });
+    return index.order()[best];
 }
 
 /// Points too sparse for a grid, judged on coarser ones: a part of any spacing meets one whose
@@ -248,7 +259,8 @@ public:
     /// @param cloud  the sparse points, then those that stand for denser surfaces.
     SparseParts(const PointCloud& cloud, const std::vector<SparsePoint>& points,
                 Interrupter& progress)
-        : mCloud(cloud), mPoints(points), mProgress(progress), mVerdicts(points.size(), kNone)
+        : mCloud(cloud), mIndex(cloud.positions, progress), mPoints(points), mProgress(progress),
+          mVerdicts(points.size(), kNone)
     {
     }
 
@@ -257,7 +269,7 @@ public:
     /// @param statistics  of the grid that they were too sparse for.
     const std::vector<char>& judge(PointStatistics statistics)
     {
-        const double size = mCloud.localBounds().sizes().maxCoeff();
+        const double size = double(mIndex.bounds().sizes().maxCoeff());
         // What is left beside a part belongs to it by the next grid.
         for (bool again = false; statistics.spacing < size;) {
             statistics.spacing *= 2; // [derived: cells are then 2.5 to 5 spacings of some part]
@@ -291,11 +303,11 @@ private:
     /// @return how many that lie on planes were judged.
     std::size_t judgeAt(const PointStatistics& statistics)
     {
-        const CellGrid grid(mCloud.positions, cellSide(statistics), mProgress);
-        const std::vector<Tally> tallies = tally(grid, statistics.spacing);
+        const PointCells cells(mIndex, sideForOutliers(statistics), mProgress);
+        const std::vector<Tally> tallies = tally(cells, statistics.spacing);
         std::vector<std::uint32_t> weights;
         for (const Tally& t : tallies) weights.push_back(t.weight());
-        CellGroups groups(grid, std::move(weights), mProgress);
+        CellGroups groups(cells, std::move(weights), mProgress);
         std::vector<std::uint32_t> asked;
         for (std::uint32_t c = 0; c < tallies.size(); ++c) {
             const bool isCrowd = !groups.isSurface(c) && tallies[c].waiting() > kSparse;
@@ -304,15 +316,16 @@ private:
         if (asked.empty()) return 0;
         std::vector<char> flags(mCloud.size(), 0);
         std::size_t judged = 0;
-        flagLonePoints(mCloud.positions, mCloud.normals, grid, asked, statistics, flags, mProgress);
+        flagLonePoints(mCloud.positions, mCloud.normals, cells, asked, statistics, flags,
+                       mProgress);
         for (const std::uint32_t c : asked)
-            for (std::uint32_t k = grid.cells()[c].begin; k < grid.cells()[c].end; ++k) {
-                const std::uint32_t i = grid.order()[k];
+            cells.forEachPoint(cells.cells()[c], [&](std::uint32_t n) {
+                const std::uint32_t i = mIndex.order()[n];
                 const bool inSurface = groups.isSurface(c);
-                if (!waits(i, statistics.spacing) || (mPoints[i].outlying && !inSurface)) continue;
+                if (!waits(i, statistics.spacing) || (mPoints[i].outlying && !inSurface)) return;
                 judged += !mPoints[i].outlying;
                 mVerdicts[i] = flags[i] ? kGoes : kStays;
-            }
+            });
         return judged;
     }
 
@@ -332,21 +345,22 @@ private:
         }
     };
 
-    std::vector<Tally> tally(const CellGrid& grid, double spacing) const
+    std::vector<Tally> tally(const PointCells& cells, double spacing) const
     {
-        std::vector<Tally> tallies(grid.cells().size());
+        std::vector<Tally> tallies(cells.cells().size());
         for (std::size_t c = 0; c < tallies.size(); ++c)
-            for (std::uint32_t k = grid.cells()[c].begin; k < grid.cells()[c].end; ++k) {
-                const std::uint32_t i = grid.order()[k];
+            cells.forEachPoint(cells.cells()[c], [&](std::uint32_t n) {
+                const std::uint32_t i = mIndex.order()[n];
                 if (waits(i, spacing))
                     ++(mPoints[i].outlying ? tallies[c].outlying : tallies[c].planar);
                 else if (i < mVerdicts.size() && mVerdicts[i] == kStays)
                     ++tallies[c].stays;
-            }
+            });
         return tallies;
     }
 
     const PointCloud& mCloud;
+    const PointIndex mIndex;
     const std::vector<SparsePoint>& mPoints;
     Interrupter& mProgress;
     std::vector<char> mVerdicts;
@@ -356,21 +370,21 @@ private:
 class Screen
 {
 public:
-    /// @param normals  of the positions; or none.
-    Screen(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
-           const PointStatistics& statistics, Interrupter& progress)
-        : mPositions(positions), mNormals(normals), mStatistics(statistics), mProgress(progress),
-          mGrid(positions, cellSide(statistics), progress), mOutlier(positions.size(), 0)
+    /// @param cells  of the points of @a cloud that are looked at.
+    Screen(const PointCloud& cloud, const PointCells& cells, const PointStatistics& statistics,
+           Interrupter& progress)
+        : mPositions(cloud.positions), mNormals(cloud.normals), mStatistics(statistics),
+          mProgress(progress), mCells(cells), mOutlier(cloud.size(), 0)
     {
         std::vector<std::uint32_t> sizes;
-        for (const CellGrid::Cell& cell : mGrid.cells()) sizes.push_back(cell.size());
-        CellGroups groups(mGrid, std::move(sizes), progress);
-        for (std::uint32_t c = 0; c < mGrid.cells().size(); ++c) {
+        for (const PointCells::Cell& cell : mCells.cells()) sizes.push_back(cell.size());
+        CellGroups groups(mCells, std::move(sizes), progress);
+        for (std::uint32_t c = 0; c < mCells.cells().size(); ++c) {
             if (groups.isSurface(c)) mSurface.push_back(c);
             if (!groups.isApart(c)) continue;
-            const CellGrid::Cell& cell = mGrid.cells()[c];
-            mApart.insert(mApart.end(), mGrid.order().begin() + cell.begin,
-                          mGrid.order().begin() + cell.end);
+            mCells.forEachPoint(mCells.cells()[c], [&](std::uint32_t n) {
+                mApart.push_back(mCells.index().order()[n]);
+            });
         }
     }
 
@@ -382,9 +396,9 @@ public:
         if (!mApart.empty())
             alone = SparsePoints(sparse.positions, mApart.size(), mProgress).judge();
         for (std::size_t n = 0; n < mApart.size(); ++n) mOutlier[mApart[n]] = alone[n].outlying;
-        std::vector<std::uint32_t> all(mGrid.cells().size());
+        std::vector<std::uint32_t> all(mCells.cells().size());
         std::iota(all.begin(), all.end(), 0u);
-        flagLonePoints(mPositions, mNormals, mGrid, all, mStatistics, mOutlier, mProgress);
+        flagLonePoints(mPositions, mNormals, mCells, all, mStatistics, mOutlier, mProgress);
         const std::vector<char> verdicts = SparseParts(sparse, alone, mProgress).judge(mStatistics);
         for (std::size_t n = 0; n < mApart.size(); ++n)
             if (verdicts[n] != SparseParts::kNone)
@@ -399,7 +413,7 @@ private:
         std::vector<std::uint32_t> chosen(mApart.empty() ? 0 : mApart.size() + mSurface.size());
         std::copy(mApart.begin(), mApart.end(), chosen.begin());
         forEachParallel(chosen.size() - mApart.size(), kGrain, mProgress, [&](std::size_t n) {
-            chosen[mApart.size() + n] = representative(mGrid, mGrid.cells()[mSurface[n]]);
+            chosen[mApart.size() + n] = representative(mCells, mCells.cells()[mSurface[n]]);
         });
         PointCloud sparse;
         for (const std::uint32_t i : chosen) sparse.positions.push_back(mPositions[i]);
@@ -412,7 +426,7 @@ private:
     const std::vector<Vec3f>& mNormals;
     const PointStatistics& mStatistics;
     Interrupter& mProgress;
-    CellGrid mGrid;
+    const PointCells& mCells;
     std::vector<std::uint32_t> mApart;   // points
     std::vector<std::uint32_t> mSurface; // cells
     std::vector<char> mOutlier;
@@ -420,33 +434,49 @@ private:
 
 } // namespace
 
+double sideForOutliers(const PointStatistics& statistics)
+{
+    return std::max(kCellSpacings * statistics.spacing, kCellNoises * statistics.noise);
+}
+
+std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointCells& all,
+                                        const PointStatistics& statistics, Interrupter& progress)
+{
+    // The share of outliers from which on others may pass for surfaces. [tuned: clean_points_test]
+    constexpr double kMany = 0.02;
+    constexpr int kRounds = 3; // [tuned: clean_points_test]
+    std::vector<std::uint8_t> keep(cloud.size(), 1);
+    std::shared_ptr<const PointIndex> index; // of those that are left
+    std::optional<PointCells> cells;
+    const PointCells* left = &all;
+    for (int round = 0; round < kRounds && left->index().size() >= kFewestPoints; ++round) {
+        Screen screen(cloud, *left, statistics, progress);
+        const std::vector<char>& outlier = screen.judge();
+        std::size_t found = 0;
+        for (std::size_t i = 0; i < cloud.size(); ++i) {
+            found += outlier[i] ? 1 : 0;
+            if (outlier[i]) keep[i] = 0;
+        }
+        const bool more = double(found) > kMany * double(left->index().size());
+        if (!more || round + 1 == kRounds) break;
+        const auto rest = left->index().kept(keep, progress);
+        left = &cells.emplace(*rest, sideForOutliers(statistics), progress);
+        index = rest;
+    }
+    std::vector<std::uint32_t> result;
+    for (std::uint32_t i = 0; i < cloud.size(); ++i)
+        if (!keep[i]) result.push_back(i);
+    return result;
+}
+
 std::vector<std::uint32_t> findOutliers(const PointCloud& cloud, const PointStatistics& statistics,
                                         Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    constexpr double kMany = 0.02; // share of outliers that may have passed for surfaces
-    constexpr int kRounds = 3;
-    std::vector<std::uint32_t> result, left(cloud.size());
-    std::iota(left.begin(), left.end(), 0u);
-    std::vector<Vec3f> positions, normals; // of those left, from the second round on
-    for (int round = 0; round < kRounds && left.size() >= kFewestPoints; ++round) {
-        Screen screen(round == 0 ? cloud.positions : positions,
-                      round == 0 ? cloud.normals : normals, statistics, progress);
-        const std::vector<char>& outlier = screen.judge();
-        std::vector<std::uint32_t> staying;
-        for (std::size_t n = 0; n < left.size(); ++n)
-            (outlier[n] ? result : staying).push_back(left[n]);
-        const bool more = double(left.size() - staying.size()) > kMany * double(left.size());
-        left = std::move(staying);
-        if (!more) break;
-        positions.clear();
-        normals.clear();
-        for (const std::uint32_t i : left) positions.push_back(cloud.positions[i]);
-        if (cloud.hasNormals())
-            for (const std::uint32_t i : left) normals.push_back(cloud.normals[i]);
-    }
-    std::sort(result.begin(), result.end());
-    return result;
+    if (cloud.size() < kFewestPoints) return {};
+    const std::shared_ptr<const PointIndex> index = indexOf(cloud, progress);
+    const PointCells cells(*index, sideForOutliers(statistics), progress);
+    return findOutliers(cloud, cells, statistics, progress);
 }
 
 void dropPoints(PointCloud& cloud, const std::vector<std::uint32_t>& indices)

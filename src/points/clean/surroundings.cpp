@@ -7,123 +7,124 @@
 namespace mpuvdb
 {
 
-void Surroundings::enter(const CellGrid::Cell& cell)
+void Surroundings::enter(const PointCells::Cell& cell)
 {
-    mCell = &cell;
     mAround.clear();
-    mGrid.forEachAround(cell, [&](std::uint32_t c) { mAround.push_back(&mGrid.cells()[c]); });
+    mCells.forEachAround(cell, [&](std::uint32_t c) { mAround.push_back(&mCells.cells()[c]); });
     // Of the cells in which the points are, the mean over these: few points beside many count
     // little. A surface that crosses a cell has about the area of its face.
     double points = cell.size(), squares = points * points;
-    for (const CellGrid::Cell* c : mAround) {
+    for (const PointCells::Cell* c : mAround) {
         points += c->size();
         squares += double(c->size()) * c->size();
     }
-    mSpacing = mGrid.side() * std::sqrt(points / squares);
+    mSpacing = mCells.side() * std::sqrt(points / squares);
     mPoints.clear();
     mX.clear();
     mY.clear();
     mZ.clear();
-    for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
-        const std::uint32_t p = mGrid.order()[k];
-        if (mFlags[p]) continue;
-        const Vec3f& position = mGrid.positions()[k];
+    const Coordinates positions = mIndex.positions();
+    mCells.forEachPoint(cell, [&](std::uint32_t n) {
+        const std::uint32_t p = mIndex.order()[n];
+        if (mFlags[p]) return;
         mPoints.push_back(p);
-        mX.push_back(position.x());
-        mY.push_back(position.y());
-        mZ.push_back(position.z());
-    }
+        mX.push_back(positions.x[n]);
+        mY.push_back(positions.y[n]);
+        mZ.push_back(positions.z[n]);
+    });
 }
 
-Surroundings::Company Surroundings::companyInCell(std::size_t i, int few, float far,
-                                                  float close) const
+Surroundings::Count Surroundings::countInCell(std::size_t i, int few, float far, float close) const
 {
-    constexpr std::size_t kChunk = 32; // counted without a branch
+    constexpr std::size_t kChunk = 32; // counted without a branch; [free: as many are enough]
     const float x = mX[i], y = mY[i], z = mZ[i];
     const std::size_t chunks = (mPoints.size() + kChunk - 1) / kChunk;
-    Company company{-1, -1}; // it is found itself
-    for (std::size_t n = 0; n < chunks && !company.isEnough(few); ++n) {
-        // From its own place on: the points of a cell are sorted.
+    Count count{-1, -1}; // it is found itself
+    for (std::size_t n = 0; n < chunks && !count.isEnough(few); ++n) {
+        // From its own place on: the points of a cell are in Morton order.
         const std::size_t begin = (i / kChunk + n) % chunks * kChunk;
         const std::size_t end = std::min(begin + kChunk, mPoints.size());
         for (std::size_t k = begin; k < end; ++k) {
             const float dx = mX[k] - x, dy = mY[k] - y, dz = mZ[k] - z;
             const float squared = dx * dx + dy * dy + dz * dz;
-            company.far += squared < far ? 1 : 0;
-            company.close += squared < close ? 1 : 0;
+            count.far += squared < far ? 1 : 0;
+            count.close += squared < close ? 1 : 0;
         }
     }
-    return company;
+    return count;
 }
 
-bool Surroundings::hasCompany(std::size_t i, int few, double far, double close) const
+bool Surroundings::hasNeighbors(std::size_t i, int few, double far, double close) const
 {
     const auto squaredFar = float(far * far), squaredClose = float(close * close);
-    Company company = companyInCell(i, few, squaredFar, squaredClose);
-    if (company.isEnough(few)) return true;
+    Count count = countInCell(i, few, squaredFar, squaredClose);
+    if (count.isEnough(few)) return true;
     const Vec3f p(mX[i], mY[i], mZ[i]);
-    for (const CellGrid::Cell* cell : mAround)
-        for (std::uint32_t k = cell->begin; k < cell->end; ++k) {
-            const float squared = (mGrid.positions()[k] - p).squaredNorm();
-            if (squared >= squaredFar && squared >= squaredClose) continue;
-            if (mFlags[mGrid.order()[k]]) continue;
-            company.far += squared < squaredFar;
-            company.close += squared < squaredClose;
-            if (company.isEnough(few)) return true;
-        }
+    for (const PointCells::Cell* cell : mAround) {
+        mCells.forEachPoint(*cell, [&](std::uint32_t n) {
+            const float squared = (mIndex[n] - p).squaredNorm();
+            if (squared >= squaredFar && squared >= squaredClose) return;
+            if (mFlags[mIndex.order()[n]]) return;
+            count.far += squared < squaredFar;
+            count.close += squared < squaredClose;
+        });
+        if (count.isEnough(few)) return true;
+    }
     return false;
 }
 
 void Surroundings::lookAbout(std::uint32_t point, double far)
 {
-    constexpr double kSpacings = 4; // within which are fifty points of a surface
+    // Spacings. [free: where more is asked for it is looked farther; fifty points of a surface are
+    // within]
+    constexpr double kSpacings = 4;
     mMiddlePoint = point;
     mMiddle = mPositions[point];
-    mRadius = std::max(far, std::min(kSpacings * mSpacing, mGrid.side()));
-    gather();
+    mRadius = 0;
+    mAbout.clear();
+    mSorted = 0;
+    lookTo(std::max(far, std::min(kSpacings * mSpacing, mCells.side())));
 }
 
 bool Surroundings::lookFarther()
 {
-    constexpr double kMostSides = 8; // two spacings of what is 16 times sparser
-    const double farthest = kMostSides * mGrid.side();
+    // Sides of a cell. [derived: two spacings of what is 16 times sparser]
+    constexpr double kMostSides = 8;
+    const double farthest = kMostSides * mCells.side();
     if (mRadius >= farthest) return false;
     // Nothing is gained within the cells that are at hand.
-    mRadius = std::min(2 * mRadius, mRadius < mGrid.side() ? mGrid.side() : farthest);
-    gather();
+    lookTo(std::min(2 * mRadius, mRadius < mCells.side() ? mCells.side() : farthest));
     return true;
 }
 
-void Surroundings::gather()
+void Surroundings::lookTo(double radius)
 {
-    mAbout.clear();
-    take(*mCell);
-    for (const CellGrid::Cell* cell : mAround) take(*cell);
-    const int rings = int(std::ceil(mRadius / mGrid.side()));
-    for (int ring = 2; ring <= rings; ++ring)
-        mGrid.forEachOfRing(*mCell, ring, [&](std::uint32_t c) { take(mGrid.cells()[c]); });
-    std::sort(mAbout.begin(), mAbout.end(), [&](const Near& a, const Near& b) {
-        return a.squared != b.squared ? a.squared < b.squared
-                                      : positionBefore(mPositions[a.point], mPositions[b.point]);
-    });
+    constexpr double kRounded = 1 + 1e-6; // [derived: what rounding to floats may make nearer]
+    const auto within = float(mRadius * mRadius), squaredRadius = float(radius * radius);
+    const auto take = [&](std::uint32_t begin, std::uint32_t end) {
+        for (std::uint32_t n = begin; n < end; ++n) {
+            const float squared = (mIndex[n] - mMiddle).squaredNorm();
+            if (!(squared < squaredRadius) || squared < within) continue;
+            const std::uint32_t q = mIndex.order()[n];
+            if (q != mMiddlePoint && !mFlags[q]) mAbout.push_back({squared, q});
+        }
+    };
+    mIndex.forEachRunNear(mMiddle, kRounded * radius, take);
+    mRadius = radius;
 }
 
-void Surroundings::take(const CellGrid::Cell& cell)
+void Surroundings::sortBeyond(std::size_t k) const
 {
-    const auto squaredRadius = float(mRadius * mRadius);
-    const auto radius = float(mRadius);
-    const Vec3f* const positions = mGrid.positions().data();
-    // The points of a cell are sorted by x.
-    const Vec3f* const from =
-        std::partition_point(positions + cell.begin, positions + cell.end,
-                             [&](const Vec3f& q) { return q.x() < mMiddle.x() - radius; });
-    for (auto k = std::size_t(from - positions);
-         k < cell.end && positions[k].x() <= mMiddle.x() + radius; ++k) {
-        const float squared = (positions[k] - mMiddle).squaredNorm();
-        const std::uint32_t q = mGrid.order()[k];
-        if (squared < squaredRadius && q != mMiddlePoint && !mFlags[q])
-            mAbout.push_back({squared, q});
-    }
+    constexpr std::size_t kFew = 16; // [free: the same order]
+    const auto before = [&](const Near& a, const Near& b) {
+        return a.squared != b.squared ? a.squared < b.squared
+                                      : positionBefore(mPositions[a.point], mPositions[b.point]);
+    };
+    const auto begin = mAbout.begin() + std::ptrdiff_t(mSorted);
+    mSorted = std::min(mAbout.size(), 2 * k + kFew);
+    const auto end = mAbout.begin() + std::ptrdiff_t(mSorted);
+    if (end != mAbout.end()) std::nth_element(begin, end, mAbout.end(), before);
+    std::sort(begin, end, before);
 }
 
 } // namespace mpuvdb

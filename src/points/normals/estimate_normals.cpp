@@ -4,7 +4,7 @@
 #include "outward.h"
 #include "points/chosen_neighbors.h"
 #include "points/clean/local_plane.h"
-#include "spatial/distinct_positions.h"
+#include "points/indexed.h"
 #include "spatial/spanning_neighbors.h"
 
 #include <mpuvdb/error.h>
@@ -26,8 +26,9 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 1024; // points
-constexpr double kFewestChosen = 12; // neighbors per plane where there is no noise
+constexpr std::size_t kGrain = 1024; // points; [free: the same normals]
+/// The neighbors per plane where there is no noise. [tuned: estimate_normals_test]
+constexpr double kFewestChosen = 12;
 
 /// Planes and links of distinct positions.
 struct PlaneGraph {
@@ -42,7 +43,9 @@ struct PlaneGraph {
 Vec3f sharpened(const std::vector<Vec3f>& positions, const std::vector<LocalPlane>& planes,
                 std::uint32_t i, const std::uint32_t* linked, std::size_t links, double noise)
 {
-    constexpr double kThinner = 0.1, kNoises = 9; // ratios of squares
+    // Ratios of variances: of another plane to the own one, and of that to the noise. [tuned:
+    // estimate_normals_test]
+    constexpr double kThinner = 0.1, kNoises = 9;
     const double own = planes[i].variances[0];
     if (own < kNoises * noise * noise) return planes[i].normal.cast<float>();
     const LocalPlane* best = &planes[i];
@@ -63,6 +66,8 @@ Vec3f sharpened(const std::vector<Vec3f>& positions, const std::vector<LocalPlan
 /// neighbors: they then are the two sides of a wall or a gap.
 bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, double noise)
 {
+    // The cosine of the normals, the height in distances, and the height in standard deviations.
+    // [tuned: estimate_normals_test]
     constexpr double kParallel = 0.8, kSlope = 0.4, kThick = 3;
     const double cosine = a.normal.dot(b.normal);
     if (std::abs(cosine) < kParallel) return false;
@@ -77,7 +82,8 @@ bool areTwoSheets(const LocalPlane& a, const LocalPlane& b, const Vec3f& apart, 
 PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors, double noise,
                      Interrupter& progress)
 {
-    constexpr std::size_t kLinks = 12; // nearest neighbors that are linked
+    // The nearest neighbors that are linked. [tuned: estimate_normals_test]
+    constexpr std::size_t kLinks = 12;
     const std::size_t count = positions.size();
     const std::size_t links = std::min({kLinks, neighbors, count - 1});
     std::vector<std::uint32_t> linked(count * links);
@@ -124,16 +130,16 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
 }
 
 /// Turn the normals of each part to one side: towards the scanners, or else outward.
-/// @param sight  of each position the unit direction to its scanner, zero without; or empty.
-void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight, PlaneGraph& graph,
-            Interrupter& progress)
+/// @param toScanner  of each position the unit direction to its scanner, zero without; or empty.
+void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toScanner,
+            PlaneGraph& graph, Interrupter& progress)
 {
     // The scanners are one node more, which is never turned.
     const auto scanners = std::uint32_t(positions.size());
-    for (std::uint32_t i = 0; i < sight.size(); ++i) {
-        if (sight[i] == Vec3f::Zero()) continue;
+    for (std::uint32_t i = 0; i < toScanner.size(); ++i) {
+        if (toScanner[i] == Vec3f::Zero()) continue;
         OrientationLink seen;
-        seen.vote = sight[i].dot(graph.normals[i]);
+        seen.vote = toScanner[i].dot(graph.normals[i]);
         seen.a = i;
         seen.b = scanners;
         graph.links.push_back(seen);
@@ -150,21 +156,23 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& sight
     });
 }
 
-/// For each of the @a distinct positions the direction in which the first of the viewpoints that it
-/// was seen from lies; empty where no point was seen from a known one.
-std::vector<Vec3f> sights(const PointCloud& cloud, const DistinctPositions& distinct)
+/// For each of the @a distinct positions, which those of the cloud are at @a placeOf, the direction
+/// in which the first of the viewpoints that it was seen from lies; empty where no point was seen
+/// from a known one.
+std::vector<Vec3f> directionsToScanners(const PointCloud& cloud, const std::vector<Vec3f>& distinct,
+                                        const std::vector<std::uint32_t>& placeOf)
 {
     std::vector<Vec3f> result;
     if (cloud.seenFrom.empty()) return result;
-    std::vector<std::uint32_t> from(distinct.positions.size(), PointCloud::kUnseen);
+    std::vector<std::uint32_t> from(distinct.size(), PointCloud::kUnseen);
     for (std::size_t i = 0; i < cloud.size(); ++i) {
-        std::uint32_t& first = from[distinct.placeOf[i]];
+        std::uint32_t& first = from[placeOf[i]];
         first = std::min(first, cloud.seenFrom[i]);
     }
     result.assign(from.size(), Vec3f::Zero());
     for (std::size_t i = 0; i < from.size(); ++i)
         if (from[i] != PointCloud::kUnseen) {
-            const Vec3d p = cloud.frame + distinct.positions[i].cast<double>();
+            const Vec3d p = cloud.frame + distinct[i].cast<double>();
             result[i] = cloud.viewpoints[from[i]].towards(p).normalized().cast<float>();
         }
     return result;
@@ -173,7 +181,7 @@ std::vector<Vec3f> sights(const PointCloud& cloud, const DistinctPositions& dist
 /// Whether all points lie within rounding of a line.
 bool areOnOneLine(const std::vector<Vec3f>& positions)
 {
-    constexpr double kRounding = 1e-6; // of the length
+    constexpr double kRounding = 1e-6; // of the length; [derived: floats are rounded by 6e-8]
     const auto farthestFrom = [&](const Vec3f& place) {
         return *std::max_element(positions.begin(), positions.end(),
                                  [&](const Vec3f& a, const Vec3f& b) {
@@ -208,15 +216,21 @@ double explainedBySlope(const Neighborhood& n)
 /// Whether what passes for sheets that look opposite ways are the steps of a single one, as depth
 /// cameras make them: nearly everywhere, and not over each other, as the sides of a wall are, but
 /// beside, so that a slope explains a good part of their heights.
-bool areSteps(const PointCloud& cloud, Interrupter& progress)
+bool areSteps(const PointCloud& cloud, const PointIndex& index, Interrupter& progress)
 {
+    // Points that are looked at, their neighbors, and those of these that look the opposite way.
+    // [tuned: estimate_normals_test]
     constexpr std::size_t kSamples = 1000, kNeighbors = 40, kOpposite = 5;
-    constexpr std::size_t kFewest = 1000; // points: with fewer, forty are a good part of the shape
-    constexpr double kExplained = 0.12;   // by chance it is .05 of what has no slope
+    // The fewest points of a cloud. [tuned: estimate_normals_test; of fewer, forty are a good part
+    // of the shape]
+    constexpr std::size_t kFewest = 1000;
+    // The share of the heights' variance. [tuned: estimate_normals_test; by chance a slope explains
+    // 0.05]
+    constexpr double kExplained = 0.12;
     if (cloud.size() < kFewest) return false;
-    const std::vector<Vec3f> chosen = choosePositions(cloud.positions, kSamples, progress);
+    const std::vector<Vec3f> chosen = choosePositions(index, kSamples, progress);
     std::size_t layered = 0, steps = 0;
-    for (const Neighborhood& n : nearestOfChosen(cloud, chosen, kNeighbors, progress)) {
+    for (const Neighborhood& n : nearestOfChosen(cloud, index, chosen, kNeighbors, progress)) {
         const auto isOpposite = [&](const Neighbor& other) {
             return other.normal.dot(n.normal) < 0;
         };
@@ -231,6 +245,8 @@ bool areSteps(const PointCloud& cloud, Interrupter& progress)
 /// A ball of k neighbors is sqrt(k/pi) spacings wide: three times the noise and more.
 int neighborsFor(const PointStatistics& statistics)
 {
+    // Neighbors: at most, and by the ratio of noise to spacing and its square. [tuned:
+    // estimate_normals_test, noise_test]
     constexpr double kMost = 200, kPerSlope = 24, kPerNoise = 40;
     const double ratio = statistics.spacing > 0 ? statistics.noise / statistics.spacing : 0;
     return int(std::min(kFewestChosen + kPerSlope * ratio + kPerNoise * ratio * ratio, kMost));
@@ -238,27 +254,29 @@ int neighborsFor(const PointStatistics& statistics)
 
 } // namespace
 
-EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors,
-                                 Interrupter* interrupter)
+EstimatedNormals estimateNormals(PointCloud& cloud, const PointIndex& index,
+                                 std::optional<int> neighbors, Interrupter& progress)
 {
-    Interrupter& progress = orSilent(interrupter);
+    // Neighbors. [derived: a plane and one more; a thousand take a millisecond]
     constexpr int kFewest = 4, kMost = 1000;
     if (neighbors && (*neighbors < kFewest || *neighbors > kMost))
         throw UsageError(fmt::format("normals from {} neighbors: out of range. Give {} to {}",
                                      *neighbors, kFewest, kMost));
-    DistinctPositions sorted(cloud.positions);
+    std::vector<std::uint32_t> placeOf;
+    const std::shared_ptr<const PointIndex> sorted = index.distinct(placeOf, progress);
     progress.check();
-    if (sorted.positions.size() < kFewest)
+    PointCloud distinct;
+    for (std::size_t n = 0; n < sorted->size(); ++n) distinct.positions.push_back((*sorted)[n]);
+    if (distinct.size() < kFewest)
         throw InputError(fmt::format("normals need at least {} distinct points, there are {}. Give "
                                      "more points, or points with normals",
-                                     kFewest, sorted.positions.size()));
-    if (areOnOneLine(sorted.positions))
+                                     kFewest, distinct.size()));
+    if (areOnOneLine(distinct.positions))
         throw InputError(fmt::format("the {} points lie on a line, which has no surface: give "
                                      "points of one, or points with normals",
                                      cloud.size()));
-    const std::vector<Vec3f> towardsScanner = sights(cloud, sorted);
-    PointCloud distinct;
-    distinct.positions = std::move(sorted.positions);
+    const std::vector<Vec3f> towardsScanner =
+        directionsToScanners(cloud, distinct.positions, placeOf);
     EstimatedNormals used;
     const auto pass = [&](int count, double noise) {
         PlaneGraph graph = fitPlanes(distinct.positions, std::size_t(count), noise, progress);
@@ -266,22 +284,26 @@ EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors
         distinct.normals = std::move(graph.normals);
         used = {count, graph.onLines};
     };
-    // Without normals, two close sheets are one noisy one. With some, they are told apart; where it
+    // Without normals, two close sheets are one noisy one. With some, they differ; where it
     // then is noise, a second round knows how much.
-    constexpr double kLittle = 0.1; // spacings
+    constexpr double kLittle = 0.1; // spacings; [tuned: estimate_normals_test]
     pass(neighbors.value_or(int(kFewestChosen)), 0);
-    PointStatistics statistics = measure(distinct, &progress);
-    if (statistics.noise <= kLittle * statistics.spacing && areSteps(distinct, progress)) {
-        PointCloud bare;
-        bare.positions = distinct.positions;
-        statistics = measure(bare, &progress);
-    }
+    PointStatistics statistics = measure(distinct, *sorted, progress);
+    if (statistics.noise <= kLittle * statistics.spacing && areSteps(distinct, *sorted, progress))
+        statistics = measure(PointCloud(), *sorted, progress);
     if (statistics.noise > kLittle * statistics.spacing)
         pass(neighbors.value_or(neighborsFor(statistics)), statistics.noise);
     cloud.normals.resize(cloud.size());
     forEachParallel(cloud.size(), kGrain, progress,
-                    [&](std::size_t i) { cloud.normals[i] = distinct.normals[sorted.placeOf[i]]; });
+                    [&](std::size_t i) { cloud.normals[i] = distinct.normals[placeOf[i]]; });
     return used;
+}
+
+EstimatedNormals estimateNormals(PointCloud& cloud, std::optional<int> neighbors,
+                                 Interrupter* interrupter)
+{
+    Interrupter& progress = orSilent(interrupter);
+    return estimateNormals(cloud, *indexOf(cloud, progress), neighbors, progress);
 }
 
 } // namespace mpuvdb

@@ -3,7 +3,8 @@
 #include "core/parallel_each.h"
 #include "orientation.h"
 #include "outward.h"
-#include "spatial/cell_grid.h"
+#include "points/indexed.h"
+#include "spatial/point_cells.h"
 
 #include "core/union_find.h"
 #include <mpuvdb/interrupter.h>
@@ -19,11 +20,14 @@ namespace mpuvdb
 namespace
 {
 
-constexpr double kCellSpacings = 5;
-constexpr double kReachSpacings = 3; // of a vote; no more than a cell
-constexpr double kNoises = 2;        // deviations that points of a plane may be off it
-constexpr std::size_t kGrain = 256;  // cells
-constexpr double kMany = 0.015;      // of all points
+constexpr double kCellSpacings = 5; // [tuned: clean_points_test]
+/// The distance of voters, spacings; no more than a cell. [tuned: clean_points_test]
+constexpr double kReachSpacings = 3;
+/// The standard deviations by which points of a plane may be off it. [derived: 19 of 20 lie within]
+constexpr double kNoises = 2;
+constexpr std::size_t kGrain = 256; // cells; [free: the same normals]
+/// The share of flipped normals from which on voters may be wrong. [tuned: clean_points_test]
+constexpr double kMany = 0.015;
 
 /// The cloud's normals, some of them turned.
 class TurnedNormals
@@ -47,8 +51,8 @@ private:
 class Vote
 {
 public:
-    Vote(const CellGrid& grid, const PointStatistics& statistics, TurnedNormals& normals)
-        : mGrid(grid), mNormals(normals), mReach(float(kReachSpacings * statistics.spacing)),
+    Vote(const PointCells& cells, const PointStatistics& statistics, TurnedNormals& normals)
+        : mCells(cells), mNormals(normals), mReach(float(kReachSpacings * statistics.spacing)),
           mScatter(float(std::pow(kNoises * statistics.noise, 2)))
     {
     }
@@ -59,21 +63,22 @@ public:
         const std::vector<std::uint32_t> mixed = mixedCells(progress);
         std::size_t turned = turnOutvoted(mixed, kClear, progress);
         // Where many are flipped, fewer voters are right.
-        if (double(turned) > kMany * double(mGrid.order().size()))
+        if (double(turned) > kMany * double(mCells.index().size()))
             turned += turnOutvoted(mixed, kHardly, progress);
         return turned;
     }
 
 private:
-    /// The balance of votes, as a part of them, from which on a normal is turned. On a thin part
-    /// voters of the other side are in the majority now and then, but not clearly.
+    /// The balance of votes, as a part of them, from which on a normal is turned. [tuned:
+    /// clean_points_test; on a thin part voters of the other side are in the majority now and then,
+    /// but not clearly]
     static constexpr float kClear = -0.5f, kHardly = -0.35f;
 
     /// Rounds until none is turned: where every fifth is flipped, some are not outvoted at first.
     std::size_t turnOutvoted(const std::vector<std::uint32_t>& cells, float against,
                              Interrupter& progress)
     {
-        constexpr int kRounds = 8;
+        constexpr int kRounds = 8; // [tuned: clean_points_test]
         std::size_t turned = 0;
         std::vector<std::uint32_t> asked = cells;
         for (int round = 0; round < kRounds && !asked.empty(); ++round) {
@@ -82,7 +87,7 @@ private:
                 [&](std::size_t n, auto& found) { ask(asked[n], against, found); });
             turned += outvoted.size();
             for (const PointInCell& found : outvoted) mNormals.turn(found.point);
-            const std::vector<char> isAbout = cellsAbout(mGrid, outvoted);
+            const std::vector<char> isAbout = cellsAbout(mCells, outvoted);
             asked.clear();
             std::copy_if(cells.begin(), cells.end(), std::back_inserter(asked),
                          [&](std::uint32_t c) { return isAbout[c]; });
@@ -94,19 +99,29 @@ private:
     std::vector<std::uint32_t> mixedCells(Interrupter& progress) const
     {
         const auto findMixed = [&](std::size_t c, std::vector<std::uint32_t>& mixed) {
-            if (isMixed(mGrid.cells()[c])) mixed.push_back(std::uint32_t(c));
+            if (isMixed(mCells.cells()[c])) mixed.push_back(std::uint32_t(c));
         };
-        return gatherParallel<std::uint32_t>(mGrid.cells().size(), kGrain, progress, findMixed);
+        return gatherParallel<std::uint32_t>(mCells.cells().size(), kGrain, progress, findMixed);
     }
 
-    bool isMixed(const CellGrid::Cell& cell) const
+    bool isMixed(const PointCells::Cell& cell) const
     {
-        constexpr float kAlong = 0.5f; // cosine; others are across
-        constexpr std::size_t kFaces = 3;
-        std::array<Vec3f, kFaces> faces; // normals across each other, as at a corner
+        // The cosine from which on normals are along each other; others are across. [tuned:
+        // clean_points_test]
+        constexpr float kAlong = 0.5f;
+        // [derived: no two are 120 degrees apart where all are within 60 of one, less rounding]
+        constexpr float kAlike = 0.5001f;
+        const std::vector<std::uint32_t>& order = mCells.index().order();
+        const Vec3f one = mNormals.normal(order[mCells.begin(cell)->begin]);
+        bool alike = true;
+        mCells.forEachPoint(
+            cell, [&](std::uint32_t n) { alike &= one.dot(mNormals.normal(order[n])) > kAlike; });
+        if (alike) return false;
+        constexpr std::size_t kFaces = 3; // [derived: of a corner]
+        std::array<Vec3f, kFaces> faces;  // normals across each other, as at a corner
         std::size_t known = 0;
-        for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
-            const Vec3f normal = mNormals.normal(mGrid.order()[k]);
+        for (const std::uint32_t n : mCells.byPosition(cell)) {
+            const Vec3f normal = mNormals.normal(order[n]);
             std::size_t f = 0;
             for (; f < known; ++f) {
                 const float cosine = faces[f].dot(normal);
@@ -125,23 +140,25 @@ private:
 
     void ask(std::uint32_t c, float against, std::vector<PointInCell>& outvoted) const
     {
-        const CellGrid::Cell& cell = mGrid.cells()[c];
+        const PointCells::Cell& cell = mCells.cells()[c];
         std::vector<Voter> around;
-        const auto add = [&](const CellGrid::Cell& from) {
-            for (std::uint32_t k = from.begin; k < from.end; ++k)
-                around.push_back({mGrid.positions()[k], mGrid.order()[k]});
+        const auto add = [&](const PointCells::Cell& from) {
+            mCells.forEachPoint(from, [&](std::uint32_t n) {
+                around.push_back({mCells.index()[n], mCells.index().order()[n]});
+            });
         };
         add(cell);
-        mGrid.forEachAround(cell, [&](std::uint32_t n) { add(mGrid.cells()[n]); });
+        mCells.forEachAround(cell, [&](std::uint32_t n) { add(mCells.cells()[n]); });
         for (std::size_t n = 0; n < cell.size(); ++n)
             if (isOutvoted(around[n], around, against)) outvoted.push_back({around[n].point, c});
     }
 
     bool isOutvoted(const Voter& judged, const std::vector<Voter>& around, float against) const
     {
-        // Other sheets lie above and below a cone about the point's plane.
+        // Other sheets lie above and below a cone about the point's plane. [tuned:
+        // clean_points_test]
         constexpr float kSlope = 0.3f;
-        constexpr float kFewest = 5;
+        constexpr float kFewest = 5; // votes; [tuned: clean_points_test]
         const Vec3f normal = mNormals.normal(judged.point);
         float votes = 0, voters = 0;
         for (const auto& [position, q] : around) {
@@ -159,7 +176,7 @@ private:
         return voters >= kFewest && votes < against * voters;
     }
 
-    const CellGrid& mGrid;
+    const PointCells& mCells;
     TurnedNormals& mNormals;
     float mReach;
     float mScatter; ///< squared height that noise gives points of a plane
@@ -177,59 +194,65 @@ class Patches
 {
 public:
     /// @param voted  how many were turned before.
-    Patches(const CellGrid& grid, const PointStatistics& statistics, std::size_t voted,
+    Patches(const PointCells& cells, const PointStatistics& statistics, std::size_t voted,
             TurnedNormals& normals, Interrupter& progress)
-        : mGrid(grid), mNoise(float(statistics.noise)),
+        : mCells(cells), mNoise(float(statistics.noise)),
           mSheet(float(statistics.spacing / 5 + statistics.noise)), mVoted(double(voted)),
           mNormals(normals), mProgress(progress)
     {
-        mPatchlets.resize(2 * grid.cells().size());
-        forEachParallel(grid.cells().size(), kGrain, progress, [&](std::size_t c) { average(c); });
+        mPatchlets.resize(2 * cells.cells().size());
+        forEachParallel(cells.cells().size(), kGrain, progress, [&](std::size_t c) { average(c); });
     }
 
     void run()
     {
         const std::vector<OrientationLink> links = findLinks();
         // Where no two disagree there is nothing to solve.
-        constexpr float kClearly = -0.3f;
+        constexpr float kClearly = -0.3f; // vote; [tuned: clean_points_test]
         if (std::none_of(links.begin(), links.end(),
                          [](const OrientationLink& l) { return l.vote < kClearly; }))
             return;
         std::vector<char> turn = solve(links);
         confirm(links, turn);
-        std::vector<std::uint32_t> turning; // at the end: a cell's first normal tells its sides
+        std::vector<std::uint32_t> turning; // at the end: a cell's first normal decides its sides
         for (std::uint32_t n = 0; n < mPatchlets.size(); ++n)
             if (turn[n]) forEachPoint(n, [&](std::uint32_t point) { turning.push_back(point); });
         for (const std::uint32_t point : turning) mNormals.turn(point);
     }
 
 private:
-    /// Whether a point looks elsewhere than its cell's first: its patchlet is the odd one.
-    std::uint32_t sideOf(const CellGrid::Cell& cell, std::uint32_t point) const
+    /// Call f(place, side) for the points of a cell: side is 1 where a normal looks elsewhere than
+    /// that of the cell's first point, whose patchlet is the even one.
+    template <class F>
+    void forEachOfCell(const PointCells::Cell& cell, F&& f) const
     {
-        return mNormals.normal(mGrid.order()[cell.begin]).dot(mNormals.normal(point)) < kAlike;
+        const std::vector<std::uint32_t>& order = mCells.index().order();
+        const Vec3f first = mNormals.normal(order[mCells.firstOf(cell)]);
+        mCells.forEachPoint(cell, [&](std::uint32_t n) {
+            f(n, std::uint32_t(first.dot(mNormals.normal(order[n])) < kAlike));
+        });
     }
 
     template <class F>
     void forEachPoint(std::uint32_t patchlet, F&& f) const
     {
-        const CellGrid::Cell& cell = mGrid.cells()[patchlet / 2];
-        for (std::uint32_t k = cell.begin; k < cell.end; ++k)
-            if (sideOf(cell, mGrid.order()[k]) == patchlet % 2) f(mGrid.order()[k]);
+        forEachOfCell(mCells.cells()[patchlet / 2], [&](std::uint32_t n, std::uint32_t side) {
+            if (side == patchlet % 2) f(mCells.index().order()[n]);
+        });
     }
 
     void average(std::size_t c)
     {
+        // The length of the mean normal. [tuned: clean_points_test]
         constexpr float kPure = 0.8f;
-        const CellGrid::Cell& cell = mGrid.cells()[c];
-        const Vec3f base = mGrid.center(cell).cast<float>();
-        for (std::uint32_t k = cell.begin; k < cell.end; ++k) {
-            const std::uint32_t point = mGrid.order()[k];
-            Patchlet& patchlet = mPatchlets[2 * c + sideOf(cell, point)];
-            patchlet.position += mGrid.positions()[k] - base;
-            patchlet.normal += mNormals.normal(point);
+        const PointCells::Cell& cell = mCells.cells()[c];
+        const Vec3f base = mCells.center(cell).cast<float>();
+        forEachOfCell(cell, [&](std::uint32_t n, std::uint32_t side) {
+            Patchlet& patchlet = mPatchlets[2 * c + side];
+            patchlet.position += mCells.index()[n] - base;
+            patchlet.normal += mNormals.normal(mCells.index().order()[n]);
             ++patchlet.points;
-        }
+        });
         for (std::size_t side = 0; side < 2; ++side) {
             Patchlet& patchlet = mPatchlets[2 * c + side];
             if (patchlet.points == 0) continue;
@@ -247,11 +270,11 @@ private:
         const auto linkCell = [&](std::size_t c, std::vector<OrientationLink>& links) {
             const auto first = std::uint32_t(2 * c), second = first + 1;
             link(first, second, links);
-            mGrid.forFacesAfter(mGrid.cells()[c], [&](std::uint32_t other) {
+            mCells.forFacesAfter(mCells.cells()[c], [&](std::uint32_t other) {
                 for (const std::uint32_t side : {first, second}) linkToSheet(side, other, links);
             });
         };
-        return gatherParallel<OrientationLink>(mGrid.cells().size(), kGrain, mProgress, linkCell);
+        return gatherParallel<OrientationLink>(mCells.cells().size(), kGrain, mProgress, linkCell);
     }
 
     /// Heights of two patchlets over each other's planes.
@@ -266,7 +289,7 @@ private:
     /// it. On one curved sheet, one lies before and one behind.
     bool areTwoSheets(const Patchlet& from, const Patchlet& to) const
     {
-        constexpr float kOpposite = -0.5f;
+        constexpr float kOpposite = -0.5f; // cosine; [tuned: clean_points_test]
         const Vec3f apart = to.position - from.position;
         return from.normal.dot(to.normal) < kOpposite &&
                std::abs((to.normal - from.normal).dot(apart)) > 2 * mSheet;
@@ -297,7 +320,7 @@ private:
     /// those that then look inward.
     std::vector<char> solve(const std::vector<OrientationLink>& links) const
     {
-        constexpr std::uint64_t kClearly = 4; // to one
+        constexpr std::uint64_t kClearly = 4; // to one; [tuned: clean_points_test]
         const Orientation found = solveOrientation(mPatchlets.size(), links, mProgress);
         struct Part {
             std::uint64_t points = 0, turned = 0;
@@ -345,13 +368,16 @@ private:
         /// a few places. A disc of n points has some 8 sqrt(n) points in the cells of its border.
         bool isFlipped() const
         {
+            // The share of the links, the votes for each point of the border, and points. [tuned:
+            // clean_points_test]
             constexpr double kDisagree = 0.6, kBorder = 2, kFewest = 20;
             return points >= kFewest && against >= kDisagree * all &&
                    against >= kBorder * std::sqrt(points);
         }
-        /// What remains where many were flipped.
-        bool isCrumb() const
+        /// Whether it is a small rest, as remains where many were flipped.
+        bool isRest() const
         {
+            // The share of the links, and points. [tuned: clean_points_test]
             constexpr double kDisagree = 0.3, kMost = 200;
             return points <= kMost && against > kDisagree * all;
         }
@@ -376,15 +402,15 @@ private:
         double flipped = mVoted;
         for (const Group& group : groups)
             if (group.isFlipped()) flipped += group.points;
-        const bool many = flipped > kMany * double(mGrid.order().size());
+        const bool many = flipped > kMany * double(mCells.index().size());
         for (std::uint32_t n = 0; n < turn.size(); ++n) {
             const Group& group = groups[sets.find(n)];
-            turn[n] = turn[n] && (group.isFlipped() || (many && group.isCrumb()));
+            turn[n] = turn[n] && (group.isFlipped() || (many && group.isRest()));
         }
     }
 
-    const CellGrid& mGrid;
-    static constexpr float kAlike = 0.5f; // cosine
+    const PointCells& mCells;
+    static constexpr float kAlike = 0.5f; ///< cosine; [tuned: clean_points_test]
 
     const float mNoise;
     const float mSheet; // height that one sheet may have over a cell
@@ -396,20 +422,33 @@ private:
 
 } // namespace
 
+double sideForFlipped(const PointStatistics& statistics)
+{
+    return kCellSpacings * statistics.spacing;
+}
+
+std::vector<std::uint32_t> findFlippedNormals(const PointCloud& cloud, const PointCells& cells,
+                                              const PointStatistics& statistics,
+                                              Interrupter& progress)
+{
+    std::vector<std::uint32_t> flipped;
+    TurnedNormals normals(cloud);
+    const std::size_t voted = Vote(cells, statistics, normals).run(progress);
+    Patches(cells, statistics, voted, normals, progress).run();
+    for (std::uint32_t i = 0; i < cloud.size(); ++i)
+        if (normals.turned(i)) flipped.push_back(i);
+    return flipped;
+}
+
 std::vector<std::uint32_t> findFlippedNormals(const PointCloud& cloud,
                                               const PointStatistics& statistics,
                                               Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    std::vector<std::uint32_t> flipped;
-    if (cloud.empty() || !cloud.hasNormals()) return flipped;
-    const CellGrid grid(cloud.positions, kCellSpacings * statistics.spacing, progress);
-    TurnedNormals normals(cloud);
-    const std::size_t voted = Vote(grid, statistics, normals).run(progress);
-    Patches(grid, statistics, voted, normals, progress).run();
-    for (std::uint32_t i = 0; i < cloud.size(); ++i)
-        if (normals.turned(i)) flipped.push_back(i);
-    return flipped;
+    if (cloud.empty() || !cloud.hasNormals()) return {};
+    const std::shared_ptr<const PointIndex> index = indexOf(cloud, progress);
+    const PointCells cells(*index, sideForFlipped(statistics), progress);
+    return findFlippedNormals(cloud, cells, statistics, progress);
 }
 
 void flipNormals(PointCloud& cloud, const std::vector<std::uint32_t>& indices)

@@ -1,8 +1,9 @@
 // Solids that are inside out: their points close a surface, and all its normals look into it.
 #include "core/parallel_each.h"
 #include "oriented_parts.h"
-#include "spatial/cell_grid.h"
+#include "points/indexed.h"
 #include "spatial/kd_tree.h"
+#include "spatial/point_cells.h"
 
 #include "core/union_find.h"
 #include <mpuvdb/interrupter.h>
@@ -17,18 +18,21 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 256; // cells
-constexpr double kPerPixel = 48;    // points; none is empty by chance
+constexpr std::size_t kGrain = 256; // cells; [free: the same parts]
+/// The mean number of points in a pixel. [derived: none is empty by chance where points lie at
+/// random]
+constexpr double kPerPixel = 48;
 
 /// The middles of the points in each cell.
-std::vector<Vec3f> middlesOf(const CellGrid& grid, Interrupter& progress)
+std::vector<Vec3f> middlesOf(const PointCells& cells, Interrupter& progress)
 {
-    std::vector<Vec3f> middles(grid.cells().size());
+    const PointIndex& index = cells.index();
+    std::vector<Vec3f> middles(cells.cells().size());
     forEachParallel(middles.size(), kGrain, progress, [&](std::size_t c) {
-        const CellGrid::Cell& cell = grid.cells()[c];
-        const Vec3f base = grid.positions()[cell.begin];
+        const PointCells::Cell& cell = cells.cells()[c];
+        const Vec3f base = index[cells.begin(cell)->begin];
         Vec3f sum = Vec3f::Zero();
-        for (std::uint32_t k = cell.begin; k < cell.end; ++k) sum += grid.positions()[k] - base;
+        cells.forEachPoint(cell, [&](std::uint32_t n) { sum += index[n] - base; });
         middles[c] = base + sum / float(cell.size());
     });
     return middles;
@@ -36,10 +40,10 @@ std::vector<Vec3f> middlesOf(const CellGrid& grid, Interrupter& progress)
 
 /// Of each point the part that it belongs to. Cells hang together that are among each other's
 /// nearest, however far apart: of parts of any spacing, a coarse one beside a fine one too.
-std::vector<std::uint32_t> partsOf(const CellGrid& grid, Interrupter& progress)
+std::vector<std::uint32_t> partsOf(const PointCells& cells, Interrupter& progress)
 {
-    constexpr std::size_t kNearest = 8; // those around a cell on a surface
-    const std::vector<Vec3f> middles = middlesOf(grid, progress);
+    constexpr std::size_t kNearest = 8; // [derived: those around a cell on a surface]
+    const std::vector<Vec3f> middles = middlesOf(cells, progress);
     const std::size_t nearest = std::min(kNearest, middles.size() - 1);
     std::vector<std::uint32_t> near(middles.size() * nearest);
     const KdTree tree(middles);
@@ -61,10 +65,12 @@ std::vector<std::uint32_t> partsOf(const CellGrid& grid, Interrupter& progress)
             const std::uint32_t other = near[c * nearest + k];
             if (k == 0 || isNear(other, c)) sets.join(c, other); // none stays alone
         }
-    std::vector<std::uint32_t> parts(grid.order().size());
-    for (std::uint32_t c = 0; c < middles.size(); ++c)
-        for (std::uint32_t k = grid.cells()[c].begin; k < grid.cells()[c].end; ++k)
-            parts[grid.order()[k]] = sets.find(c);
+    const std::vector<std::uint32_t>& order = cells.index().order();
+    std::vector<std::uint32_t> parts(order.size());
+    for (std::uint32_t c = 0; c < middles.size(); ++c) {
+        const std::uint32_t part = sets.find(c);
+        cells.forEachPoint(cells.cells()[c], [&](std::uint32_t n) { parts[order[n]] = part; });
+    }
     return parts;
 }
 
@@ -105,7 +111,8 @@ private:
 
     Side sideOf(const Part& part) const
     {
-        constexpr std::size_t kFewest = 400; // that make pixels enough to tell of openings
+        // The fewest points of a closed part, which make eight pixels. [tuned: inward_solids_test]
+        constexpr std::size_t kFewest = 400;
         // [derived: half of what a door of 0.9 x 2 opens of the walls of a room of 5 x 4 x 2.7;
         // InwardSolids comes out the same from 0.007 to 0.014]
         constexpr double kOpen = 0.01;
@@ -113,9 +120,9 @@ private:
         // 0.95]
         constexpr double kAllAround = 0.9;
         if (part.points.size() < kFewest) return Side::Open;
-        const Sight sight = sightOf(part, mPoints, kPerPixel);
-        if (std::abs(sight.facing) < kAllAround || sight.through > kOpen) return Side::Open;
-        return sight.facing < 0 ? Side::Inward : Side::Outward;
+        const Visibility seen = visibilityOf(part, mPoints, kPerPixel);
+        if (std::abs(seen.facing) < kAllAround || seen.through > kOpen) return Side::Open;
+        return seen.facing < 0 ? Side::Inward : Side::Outward;
     }
     bool isClosed(std::size_t part) const { return mSides[part] != Side::Open; }
 
@@ -146,7 +153,7 @@ private:
         return things > kFew * double(mParts[c.part].points.size());
     }
 
-    /// Scraps go with the rest.
+    /// Turn the open parts, where they are few, as most of the others.
     void turnRest(std::vector<char>& turn) const
     {
         // Share of all points. [tuned: InwardSolids; the same at 0.1]
@@ -164,35 +171,36 @@ private:
     std::vector<Closed> mWindings;
 };
 
-/// How much of what is seen of a whole cloud faces the viewers, see Sight.
-double facingOfAll(const PointCloud& cloud)
+/// How much of what is seen of a whole cloud faces the viewers, see Visibility.
+double facingOfAll(const PointCloud& cloud, const PointIndex& index)
 {
-    const std::vector<std::uint32_t> one(cloud.size(), 0);
-    const OrientedParts points{cloud.positions, cloud.normals, one};
-    return sightOf(collectParts(points).front(), points, kPerPixel).facing;
+    const std::vector<std::uint32_t> parts; // they are one
+    return visibilityOf({index.order(), index.bounds()}, {cloud.positions, cloud.normals, parts},
+                        kPerPixel)
+        .facing;
 }
 
 } // namespace
 
-std::vector<std::uint32_t> findInwardSolids(const PointCloud& cloud,
+std::vector<std::uint32_t> findInwardSolids(const PointCloud& cloud, const PointIndex& index,
                                             const PointStatistics& statistics,
-                                            Interrupter* interrupter)
+                                            Interrupter& progress)
 {
-    Interrupter& progress = orSilent(interrupter);
     std::vector<std::uint32_t> found;
-    if (cloud.size() < 2 || !cloud.hasNormals()) return found;
-    const double facing = facingOfAll(cloud);
+    if (cloud.size() < 2) return found;
+    const double facing = facingOfAll(cloud, index);
     if (cloud.mesh && cloud.mesh->insideOut && facing < 0) { // triangles know it best
         found.resize(cloud.size());
         std::iota(found.begin(), found.end(), 0u);
         return found;
     }
-    constexpr double kNoBack = 0.999; // as of the many clouds that are right
+    // The facing of clouds that have no part to turn, as most are. [tuned: inward_solids_test]
+    constexpr double kNoBack = 0.999;
     if (facing > kNoBack) return found;
-    constexpr double kCellSpacings = 4;
-    const CellGrid grid(cloud.positions, kCellSpacings * statistics.spacing, progress);
-    if (grid.cells().size() < 2) return found;
-    const std::vector<std::uint32_t> parts = partsOf(grid, progress);
+    constexpr double kCellSpacings = 4; // [tuned: inward_solids_test]
+    const PointCells cells(index, kCellSpacings * statistics.spacing, progress);
+    if (cells.cells().size() < 2) return found;
+    const std::vector<std::uint32_t> parts = partsOf(cells, progress);
     progress.check();
     Solids solids({cloud.positions, cloud.normals, parts});
     const std::vector<char> turn = solids.insideOut();
@@ -202,6 +210,15 @@ std::vector<std::uint32_t> findInwardSolids(const PointCloud& cloud,
                          solids.parts()[p].points.end());
     std::sort(found.begin(), found.end());
     return found;
+}
+
+std::vector<std::uint32_t> findInwardSolids(const PointCloud& cloud,
+                                            const PointStatistics& statistics,
+                                            Interrupter* interrupter)
+{
+    Interrupter& progress = orSilent(interrupter);
+    if (cloud.empty() || !cloud.hasNormals()) return {};
+    return findInwardSolids(cloud, *indexOf(cloud, progress), statistics, progress);
 }
 
 } // namespace mpuvdb

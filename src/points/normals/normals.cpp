@@ -41,7 +41,7 @@ struct CellSum {
 /// therefore weighs by area, however unevenly the points lie.
 std::vector<CellSum> sumCells(const PointCloud& cloud)
 {
-    constexpr int kCells = 32;
+    constexpr int kCells = 32; // along an edge; [tuned: points_test]
     const Box3d box = cloud.localBounds();
     const double cell = std::max(box.sizes().maxCoeff() / kCells, 1e-300);
     std::vector<CellSum> cells(kCells * kCells * kCells);
@@ -81,6 +81,7 @@ bool pointsInward(const PointCloud& cloud)
     }
     // The vector area of a closed surface is zero, and only then is the volume one whatever the
     // middle: a bowl or a room's corner seen from inside is open, and its normals are right.
+    // [tuned: points_test]
     constexpr double kOpen = 0.25, kClearly = 0.2;
     const bool closed = openness.norm() < kOpen * double(cells.size());
     return closed && flux < -kClearly * absoluteFlux;

@@ -16,8 +16,9 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kCheckEvery = 65536; // links
-constexpr float kAcrossSheets = 0.25f;     // what two sheets say against what one says
+constexpr std::size_t kCheckEvery = 65536; // links; [free: the same orientation]
+/// The weight of a link across sheets. [tuned: estimate_normals_test]
+constexpr float kAcrossSheets = 0.25f;
 
 /// Trees of nodes that share an orientation; each knows whether it is turned against its parent.
 class Forest
@@ -68,6 +69,7 @@ private:
 /// Join nodes by sure links one by one, the surest first: in classes, which is as good as sorted.
 void joinSure(const std::vector<OrientationLink>& links, Forest& forest, Interrupter& progress)
 {
+    // Bounds of the links' votes. [tuned: estimate_normals_test]
     constexpr float kClasses[] = {2, 0.99f, 0.97f, 0.94f, 0.9f};
     for (std::size_t c = 1; c < std::size(kClasses); ++c)
         for (std::size_t k = 0; k < links.size(); ++k) {
@@ -139,6 +141,7 @@ private:
     /// some sqrt(n) nodes.
     bool isFirm(const PatchLink& l) const
     {
+        // Nodes, and votes for each node of the border. [tuned: estimate_normals_test]
         constexpr std::uint32_t kLarge = 100;
         constexpr double kFirm = 0.25;
         const std::uint32_t smaller = std::min(mSizes[l.a], mSizes[l.b]);
@@ -185,7 +188,9 @@ private:
 OrientationLink orientationLink(std::uint32_t a, std::uint32_t b, const Vec3f& apart,
                                 const Vec3f& normalA, const Vec3f& normalB, float noise)
 {
-    constexpr float kParallel = 0.97f; // planes that are not may be edges, or no planes
+    // The cosine of parallel planes; others may be edges, or no planes. [tuned:
+    // estimate_normals_test]
+    constexpr float kParallel = 0.97f;
     OrientationLink link;
     link.a = std::min(a, b);
     link.b = std::max(a, b);

@@ -1,4 +1,4 @@
-// Which of a surface's normals look to the same side, told from pairs of neighbors.
+// Which of a surface's normals look to the same side, by pairs of neighbors.
 #pragma once
 #include <mpuvdb/vec.h>
 

@@ -19,10 +19,15 @@ public:
         mForemost.resize(std::size_t(mWidth) * std::size_t(mHeight));
     }
 
-    void add(const Vec3f& position, const Vec3f& normal)
+    /// The pixel of a position, in the views from both sides.
+    std::size_t pixelAt(const Vec3f& position) const
+    {
+        return place(column(position, 1), column(position, 2));
+    }
+    void add(std::size_t pixel, const Vec3f& position, const Vec3f& normal)
     {
         const float depth = mSide * position[mAxis];
-        Seen& seen = mForemost[place(column(position, 1), column(position, 2))];
+        Seen& seen = mForemost[pixel];
         if (!(depth > seen.depth)) return;
         seen.depth = depth;
         seen.facing = mSide * normal[mAxis];
@@ -61,7 +66,7 @@ private:
     /// pixels each counts.
     bool isInSpot(int x, int y) const
     {
-        constexpr int kFew = 256;
+        constexpr int kFew = 256; // pixels; [tuned: inward_solids_test]
         if (mWidth * mHeight < kFew) return true;
         for (const int dx : {-1, 1})
             for (const int dy : {-1, 1}) {
@@ -98,7 +103,7 @@ private:
 /// The side of a pixel over which @a perPixel points lie, if they lie evenly on the part's box.
 float pixelOf(const Part& part, double perPixel)
 {
-    constexpr float kMost = 32; // along the longest side
+    constexpr float kMost = 32; // along the longest side; [tuned: inward_solids_test]
     const Vec3f size = part.box.sizes();
     const float face = (size.x() * size.y() + size.y() * size.z() + size.z() * size.x()) / 3;
     const float even = std::sqrt(float(perPixel / double(part.points.size())) * face);
@@ -129,17 +134,20 @@ std::vector<Part> collectParts(const OrientedParts& points)
     return parts;
 }
 
-Sight sightOf(const Part& part, const OrientedParts& points, double perPixel)
+Visibility visibilityOf(const Part& part, const OrientedParts& points, double perPixel)
 {
     View::Sums sums;
     const float pixel = pixelOf(part, perPixel);
-    for (int axis = 0; axis < 3; ++axis)
-        for (const float side : {-1.f, 1.f}) {
-            View view(part.box, pixel, axis, side);
-            for (const std::uint32_t i : part.points)
-                view.add(points.positions[i], points.normals[i]);
-            view.sumUp(sums);
+    for (int axis = 0; axis < 3; ++axis) {
+        View low(part.box, pixel, axis, -1), high(part.box, pixel, axis, 1);
+        for (const std::uint32_t i : part.points) {
+            const std::size_t at = low.pixelAt(points.positions[i]);
+            low.add(at, points.positions[i], points.normals[i]);
+            high.add(at, points.positions[i], points.normals[i]);
         }
+        low.sumUp(sums);
+        high.sumUp(sums);
+    }
     const double all = sums.front + sums.back;
     if (!(all > 0)) return {};
     return {(sums.front - sums.back) / all,
@@ -148,9 +156,11 @@ Sight sightOf(const Part& part, const OrientedParts& points, double perPixel)
 
 PartWinding::PartWinding(const Part& part, const OrientedParts& points, bool turned)
 {
-    // Cells of ten points where they lie on a ball, so that none is missed.
+    // Along the longest side. [tuned: contour_normals_test; time grows with their squares]
     constexpr int kFewestCells = 4, kMostCells = 24;
-    constexpr double kPointsPerCell = 32; // of a square of the box
+    // Points for a square of the box. [derived: a cell of a ball has ten then, so that none is
+    // missed]
+    constexpr double kPointsPerCell = 32;
     const int cells = std::clamp(int(std::sqrt(double(part.points.size()) / kPointsPerCell)),
                                  kFewestCells, kMostCells);
     const float cell =

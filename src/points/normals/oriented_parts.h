@@ -1,4 +1,4 @@
-// The parts of a surface that points lie on, and what tells their insides.
+// The connected parts of a surface that points lie on, and which side of each is its outside.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -30,7 +30,7 @@ std::size_t partEnd(const OrientedParts& points);
 std::vector<Part> collectParts(const OrientedParts& points);
 
 /// What is seen of a part from six sides, along the axes.
-struct Sight {
+struct Visibility {
     double facing = 0; ///< how much of it faces the viewers: from -1, where all looks inward, to 1
     /// Share that shows the other side than the rest, and not in single pixels: the inner side of
     /// a solid, through its openings.
@@ -39,13 +39,13 @@ struct Sight {
 
 /// @param perPixel  mean number of points in a pixel: the more, the less one sees between points
 /// that lie unevenly, and of small openings.
-Sight sightOf(const Part& part, const OrientedParts& points, double perPixel);
+Visibility visibilityOf(const Part& part, const OrientedParts& points, double perPixel);
 
 /// Calls f(position, normal) for a few points of a part.
 template <class F>
 void forAFew(const Part& part, const OrientedParts& points, F&& f)
 {
-    constexpr std::size_t kAsked = 64;
+    constexpr std::size_t kAsked = 64; // [derived: a share is known to a sixteenth]
     const std::size_t asked = std::min(kAsked, part.points.size());
     for (std::size_t k = 0; k < asked; ++k) {
         const std::uint32_t i = part.points[k * part.points.size() / asked];

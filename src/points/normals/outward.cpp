@@ -24,7 +24,7 @@ public:
     bool isInward(std::size_t part)
     {
         const bool inward = looksInward(part);
-        constexpr std::size_t kMost = 64; // are soon asked
+        constexpr std::size_t kMost = 64; // parts; [tuned: contour_normals_test]
         if (mParts[part].points.size() >= kFewestPoints && mDecided.size() < kMost)
             decide(part, inward);
         return inward;
@@ -48,7 +48,8 @@ private:
                       liesWithin(mParts[part], d.winding, mPoints);
             drop += dropAcross(part, d.winding);
         }
-        constexpr double kClearly = 0.25; // of the 1 that a closed surface's number drops by
+        // Of the 1 that a closed surface's number drops by. [tuned: estimate_normals_test]
+        constexpr double kClearly = 0.25;
         if (std::abs(drop) > kClearly) return drop < 0;
         // A twentieth of what a closed part does. [tuned: ContourNormals; the same from 0.005 to
         // 0.02]
@@ -59,7 +60,7 @@ private:
         // [tuned: ContourNormals; the same from 0.01 to 0.04]
         constexpr double kFlat = 0.02;
         constexpr double kPerPixel = 12; // points
-        const double facing = sightOf(mParts[part], mPoints, kPerPixel).facing;
+        const double facing = visibilityOf(mParts[part], mPoints, kPerPixel).facing;
         return std::abs(facing) > kFlat ? (facing < 0) != nested : drop < 0;
     }
 
@@ -82,7 +83,7 @@ private:
                 gain += share * (0.5 - numbers[i]) * own[i];
             }
         }
-        /// Whether the parts then enclose something: sheets do not tell of each other.
+        /// Whether the parts then enclose something: of sheets nothing follows for each other.
         bool encloses() const
         {
             // A scan from one side comes to a sixth, a ball to 0.4. [tuned: ContourNormals,
@@ -92,8 +93,9 @@ private:
         }
     };
 
-    /// The walls of a bore are told so from a part of their own, though of the faces between them
-    /// and the outer ones nothing is there. @return 0 if nothing is told, else below 0 for inward.
+    /// The walls of a bore differ so from a part of their own, though of the faces between them
+    /// and the outer ones nothing is there. @return 0 if the part encloses nothing, else below 0
+    /// for inward.
     double closingOf(std::size_t part) const
     {
         if (mParts[part].points.size() < kFewestPoints) return 0;
@@ -127,11 +129,11 @@ private:
         mDecided.push_back(std::move(decided));
     }
 
-    /// Whether what is decided and a part may tell of each other: they meet, or nearly.
+    /// Whether the boxes of a decided part and another one meet, or nearly.
     bool meet(const Decided& d, std::size_t part) const
     {
         Eigen::AlignedBox3f box = mParts[d.part].box;
-        constexpr double kNear = 2; // cells, a twelfth of its size
+        constexpr double kNear = 2; // cells, a twelfth of its size; [tuned: contour_normals_test]
         box.min().array() -= float(kNear * d.winding.cell());
         box.max().array() += float(kNear * d.winding.cell());
         return box.intersects(mParts[part].box);
@@ -150,6 +152,7 @@ private:
         return drop / count;
     }
 
+    /// Of a part that others ask. [tuned: contour_normals_test]
     static constexpr std::size_t kFewestPoints = 100;
 
     const std::vector<Part>& mParts;

@@ -3,16 +3,14 @@
 namespace mpuvdb
 {
 
-BucketTree::BucketTree(const SortedPoints& points, std::size_t most)
+BucketTree::BucketTree(const Coordinates& points, std::vector<Bucket>&& buckets)
+    : mBuckets(std::move(buckets))
 {
-    points.forEachBucket(most, [&](std::size_t begin, std::size_t end) {
-        mBuckets.push_back({std::uint32_t(begin), std::uint32_t(end)});
-    });
     mNodes.reserve(2 * mBuckets.size());
-    if (!mBuckets.empty()) build(points.points(), 0, mBuckets.size());
+    if (!mBuckets.empty()) build(points, 0, mBuckets.size());
 }
 
-std::uint32_t BucketTree::build(const PointBatch& points, std::size_t begin, std::size_t end)
+std::uint32_t BucketTree::build(const Coordinates& points, std::size_t begin, std::size_t end)
 {
     const auto at = std::uint32_t(mNodes.size());
     mNodes.push_back({});
@@ -21,7 +19,7 @@ std::uint32_t BucketTree::build(const PointBatch& points, std::size_t begin, std
     if (node.leaf) {
         node.second = std::uint32_t(begin);
         for (std::size_t n = mBuckets[begin].begin; n < mBuckets[begin].end; ++n)
-            node.box.extend(Vec3f(points.x[n], points.y[n], points.z[n]));
+            node.box.extend(points[n]);
     } else {
         const std::size_t middle = (begin + end) / 2;
         const std::uint32_t first = build(points, begin, middle);

@@ -1,13 +1,21 @@
 // A tree of boxes over small buckets of points, for searches among all points.
 #pragma once
-#include "sorted_points.h"
+#include <mpuvdb/vec.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
 namespace mpuvdb
 {
+
+/// Positions as one array per coordinate, which somebody else owns.
+struct Coordinates {
+    const float *x, *y, *z;
+
+    Vec3f operator[](std::size_t n) const { return {x[n], y[n], z[n]}; }
+};
 
 class BucketTree
 {
@@ -23,8 +31,9 @@ public:
         bool leaf;
     };
 
-    /// @param most  largest number of points in a bucket, but for copies of one.
-    BucketTree(const SortedPoints& points, std::size_t most);
+    BucketTree() = default;
+    /// @param buckets  that hold all the points, one after the other.
+    BucketTree(const Coordinates& points, std::vector<Bucket>&& buckets);
 
     const std::vector<Bucket>& buckets() const { return mBuckets; }
     /// The nodes, children after their parents.
@@ -55,7 +64,7 @@ public:
     }
 
 private:
-    std::uint32_t build(const PointBatch& points, std::size_t begin, std::size_t end);
+    std::uint32_t build(const Coordinates& points, std::size_t begin, std::size_t end);
 
     template <typename Distance, typename Reach, typename AtLeaf>
     void searchBelow(std::uint32_t at, Distance& distance, Reach& reach, AtLeaf& atLeaf) const
@@ -65,7 +74,8 @@ private:
             atLeaf(at);
             return;
         }
-        std::pair<float, std::uint32_t> nearer{distance(at + 1), at + 1},
+        using Value = decltype(distance(at));
+        std::pair<Value, std::uint32_t> nearer{distance(at + 1), at + 1},
             farther{distance(node.second), node.second};
         if (farther.first < nearer.first) std::swap(nearer, farther);
         if (nearer.first <= reach()) searchBelow(nearer.second, distance, reach, atLeaf);

@@ -1,0 +1,44 @@
+#include "indexed.h"
+
+#include "core/parallel_each.h"
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kGrain = 1 << 14; // points; [free: the same order]
+
+template <class T>
+void permute(std::vector<T>& values, const std::vector<std::uint32_t>& order)
+{
+    if (values.empty()) return;
+    std::vector<T> permuted(values.size());
+    forEachParallel(order.size(), kGrain, Interrupter::silent(),
+                    [&](std::size_t n) { permuted[n] = values[order[n]]; });
+    values.swap(permuted);
+}
+
+} // namespace
+
+std::shared_ptr<const PointIndex> indexOf(const PointCloud& cloud, Interrupter& progress)
+{
+    return std::make_shared<const PointIndex>(cloud.positions, progress);
+}
+
+std::shared_ptr<const PointIndex> sortPoints(PointCloud& cloud, Interrupter& progress)
+{
+    const auto index = std::make_shared<PointIndex>(cloud.positions, progress);
+    const std::vector<std::uint32_t>& order = index->order();
+    forEachParallel(cloud.size(), kGrain, Interrupter::silent(),
+                    [&](std::size_t n) { cloud.positions[n] = (*index)[n]; });
+    permute(cloud.normals, order);
+    permute(cloud.confidence, order);
+    permute(cloud.colors, order);
+    for (NamedScalars& s : cloud.scalars) permute(s.values, order);
+    permute(cloud.seenFrom, order);
+    index->followOrder();
+    return index;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,240 @@
+#include "point_index.h"
+
+#include "position_order.h"
+#include "radix_sort.h"
+
+#include "core/morton.h"
+#include "core/parallel_each.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr std::size_t kGrain = 1 << 14;   // points; [free: the same results]
+constexpr std::size_t kBucketPoints = 16; // of a leaf; [free: the same results]
+constexpr int kAxisBits = 21;             // [derived: three of them fill a key of 64 bits]
+
+/// The cube about positions, in steps of a Morton key.
+class KeyLattice
+{
+public:
+    explicit KeyLattice(const std::vector<Vec3f>& positions)
+    {
+        Eigen::AlignedBox3f box;
+        for (const Vec3f& p : positions) box.extend(p);
+        if (positions.empty()) return;
+        mCorner = box.min().cast<double>();
+        const double side = (box.max().cast<double>() - mCorner).maxCoeff();
+        mStepsPerUnit = (std::ldexp(1.0, kAxisBits) - 1) /
+                        std::max(side, double(std::numeric_limits<float>::min()));
+    }
+
+    std::uint64_t keyOf(const Vec3f& p) const
+    {
+        const auto at = ((p.cast<double>() - mCorner) * mStepsPerUnit).cast<std::uint32_t>().eval();
+        return mortonKey(at[0], at[1], at[2]);
+    }
+
+private:
+    Vec3d mCorner = Vec3d::Zero();
+    double mStepsPerUnit = 1;
+};
+
+/// Sorts positions by key; where keys are equal by x, y, z, then by index.
+class PositionSorter
+{
+public:
+    PositionSorter(const std::vector<Vec3f>& positions, Interrupter& progress)
+        : mPositions(positions), mLattice(positions), mProgress(progress)
+    {
+    }
+
+    std::vector<std::uint32_t> sorted() const
+    {
+        std::vector<std::uint32_t> order(mPositions.size());
+        // Mostly two or three are equal in the upper bits. Where points crowd about a place it is
+        // worse.
+        if (!sortByUpperBits(order)) sortByAllBits(order);
+        return order;
+    }
+
+private:
+    std::uint64_t keyOf(std::uint32_t i) const { return mLattice.keyOf(mPositions[i]); }
+
+    /// @return false where too many points are equal in them.
+    bool sortByUpperBits(std::vector<std::uint32_t>& order) const
+    {
+        // [derived: the upper half of a key and an index make one word of 64 bits]
+        constexpr int kLowBits = 3 * kAxisBits - 32;
+        constexpr std::size_t kFew = 64; // points; [free: the same order]
+        std::vector<std::uint64_t> items(mPositions.size());
+        forEachParallel(items.size(), kGrain, mProgress, [&](std::size_t i) {
+            items[i] = keyOf(std::uint32_t(i)) >> kLowBits << 32 | i;
+        });
+        const auto all = [](std::uint64_t item) { return item; };
+        if (!std::is_sorted(items.begin(), items.end())) radixSort(items, 32, 64, all, mProgress);
+        return settle(
+            items, [](std::uint64_t item) { return item >> 32; },
+            [](std::uint64_t item) { return std::uint32_t(item); }, kFew, order);
+    }
+
+    void sortByAllBits(std::vector<std::uint32_t>& order) const
+    {
+        std::vector<KeyedIndex> items(mPositions.size());
+        forEachParallel(items.size(), kGrain, mProgress, [&](std::size_t i) {
+            items[i] = {keyOf(std::uint32_t(i)), std::uint32_t(i)};
+        });
+        radixSort(items, 3 * kAxisBits, mProgress);
+        settle(
+            items, [](const KeyedIndex& item) { return item.key; },
+            [](const KeyedIndex& item) { return item.index; }, items.size(), order);
+    }
+
+    bool isBefore(std::uint32_t i, std::uint32_t j) const
+    {
+        const std::uint64_t a = keyOf(i), b = keyOf(j);
+        if (a != b) return a < b;
+        const Vec3f &p = mPositions[i], &q = mPositions[j];
+        return p != q ? positionBefore(p, q) : i < j;
+    }
+
+    /// Fill @a order with the indices of sorted items, and sort those of equal keys.
+    /// @return false where more than @a most are equal.
+    template <class Item, class Key, class Index>
+    bool settle(const std::vector<Item>& items, Key key, Index index, std::size_t most,
+                std::vector<std::uint32_t>& order) const
+    {
+        const auto before = [this](std::uint32_t i, std::uint32_t j) { return isBefore(i, j); };
+        for (std::size_t n = 0, end = 0; n < items.size(); n = end) {
+            for (end = n; end < items.size() && key(items[end]) == key(items[n]); ++end)
+                order[end] = index(items[end]);
+            if (end - n < 2) continue;
+            if (end - n > most) return false;
+            mProgress.check();
+            const auto first = order.begin() + std::ptrdiff_t(n);
+            const auto last = order.begin() + std::ptrdiff_t(end);
+            if (!std::is_sorted(first, last, before)) std::sort(first, last, before);
+        }
+        return true;
+    }
+
+    const std::vector<Vec3f>& mPositions;
+    const KeyLattice mLattice;
+    Interrupter& mProgress;
+};
+
+} // namespace
+
+PointIndex::PointIndex(const std::vector<Vec3f>& positions, Interrupter& progress)
+    : mOrder(PositionSorter(positions, progress).sorted()), mX(size()), mY(size()), mZ(size())
+{
+    forEachParallel(size(), kGrain, progress, [&](std::size_t n) {
+        const Vec3f& p = positions[mOrder[n]];
+        mX[n] = p.x();
+        mY[n] = p.y();
+        mZ[n] = p.z();
+    });
+    makeTree();
+}
+
+void PointIndex::makeTree()
+{
+    std::vector<BucketTree::Bucket> buckets;
+    buckets.reserve(size() / kBucketPoints + 1);
+    for (std::size_t n = 0; n < size(); n += kBucketPoints)
+        buckets.push_back({std::uint32_t(n), std::uint32_t(std::min(n + kBucketPoints, size()))});
+    mTree = BucketTree(positions(), std::move(buckets));
+}
+
+bool PointIndex::isOf(const std::vector<Vec3f>& positions) const
+{
+    if (positions.size() != size()) return false;
+    for (std::size_t n = 0; n < size(); ++n)
+        if ((*this)[n] != positions[mOrder[n]]) return false;
+    return true;
+}
+
+void PointIndex::followOrder()
+{
+    std::iota(mOrder.begin(), mOrder.end(), 0u);
+}
+
+std::shared_ptr<const PointIndex> PointIndex::kept(const std::vector<std::uint8_t>& keep,
+                                                   Interrupter& progress) const
+{
+    const auto result = std::shared_ptr<PointIndex>(new PointIndex);
+    for (std::size_t n = 0; n < size(); ++n) {
+        if (n % kGrain == 0) progress.check();
+        if (!keep[mOrder[n]]) continue;
+        result->mOrder.push_back(mOrder[n]);
+        result->mX.push_back(mX[n]);
+        result->mY.push_back(mY[n]);
+        result->mZ.push_back(mZ[n]);
+    }
+    result->makeTree();
+    return result;
+}
+
+std::shared_ptr<const PointIndex> PointIndex::without(const std::vector<std::uint32_t>& indices,
+                                                      Interrupter& progress) const
+{
+    std::vector<std::uint8_t> keep(size(), 1);
+    for (const std::uint32_t i : indices) keep[i] = 0;
+    std::vector<std::uint32_t> moved(keep.size());
+    std::exclusive_scan(keep.begin(), keep.end(), moved.begin(), 0u);
+    const auto result = std::const_pointer_cast<PointIndex>(kept(keep, progress));
+    for (std::uint32_t& i : result->mOrder) i = moved[i];
+    return result;
+}
+
+std::shared_ptr<const PointIndex> PointIndex::distinct(std::vector<std::uint32_t>& placeOf,
+                                                       Interrupter& progress) const
+{
+    std::vector<std::uint8_t> isFirst(size());
+    placeOf.resize(size());
+    std::uint32_t places = 0;
+    for (std::size_t n = 0; n < size(); ++n) {
+        isFirst[mOrder[n]] = !isCopy(n);
+        places += isCopy(n) ? 0 : 1;
+        placeOf[mOrder[n]] = places - 1;
+    }
+    const auto result = std::const_pointer_cast<PointIndex>(kept(isFirst, progress));
+    result->followOrder();
+    return result;
+}
+
+void PointIndex::nearest(const Vec3f& center, std::size_t count, std::vector<Near>& found) const
+{
+    found.clear();
+    if (count == 0) return;
+    const auto before = [this](const Near& a, const Near& b) {
+        return a.squared != b.squared ? a.squared < b.squared
+                                      : positionBefore((*this)[a.place], (*this)[b.place]);
+    };
+    const auto isFull = [&] { return found.size() == count; };
+    mTree.search(
+        [&](std::uint32_t node) { return squaredDistanceOfNode(node, center); },
+        [&] { return isFull() ? found.front().squared : std::numeric_limits<double>::infinity(); },
+        [&](std::uint32_t leaf) {
+            const BucketTree::Bucket& bucket = mTree.bucketOf(leaf);
+            for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
+                const Near near{squaredDistance(n, center), n};
+                if ((isFull() && !before(near, found.front())) || isCopy(n)) continue;
+                if (isFull()) {
+                    std::pop_heap(found.begin(), found.end(), before);
+                    found.pop_back();
+                }
+                found.push_back(near);
+                std::push_heap(found.begin(), found.end(), before);
+            }
+        });
+    std::sort_heap(found.begin(), found.end(), before);
+}
+
+} // namespace mpuvdb
