@@ -25,8 +25,9 @@ struct NumberView {
     std::size_t stride = 0; ///< bytes from a row to the next one
 
     NumberView() = default;
-    /// @param columns  numbers of a row, which lie side by side. @param stride  bytes; 0: the rows
-    /// follow each other.
+    /// @param numbers  the first row's first one. @param count  of rows.
+    /// @param columns  numbers of a row, which lie side by side.
+    /// @param bytes  from a row to the next one; 0: the rows follow each other.
     template <class Number>
     NumberView(const Number* numbers, std::size_t count, std::size_t columns, std::size_t bytes = 0)
         : first(numbers), type(typeOf<Number>()), rows(count),

@@ -26,17 +26,14 @@ namespace
 using Leaf = openvdb::FloatTree::LeafNodeType;
 using Halo = LeafHalo; ///< in voxels
 using openvdb::Coord;
-
 /// Distances between neighbors by face, edge, corner, voxels. [derived: square roots of 1, 2, 3]
 constexpr float kDiagonal = 1.7320508f;
 constexpr float kLength[4] = {0, 1, 1.4142135f, kDiagonal};
-/// Smallest upwind gradient of a distance d, and the same per voxel of d; lower values are
-/// examined. [derived: at a corner a true distance has 0.55, and below sqrt(3) voxels 0.318 d;
-/// rounded down]
+/// Smallest upwind gradient of a distance d, and per voxel of d; lower values are examined.
+/// [derived: at a corner 0.55, and below sqrt(3) voxels 0.318 d; rounded down]
 constexpr float kMinSlope = 0.5f, kMinSlopePerVoxel = 0.3f;
 constexpr float kMaxSlope = 1.3f; ///< largest slope not examined [tuned: sample_field_test]
-/// Largest difference of neighbors that is not examined, voxels. [tuned: sample_field_test]
-constexpr float kMaxStep = 1.3f;
+constexpr float kMaxStep = 1.3f;  ///< largest step not examined, voxels [tuned: sample_field_test]
 /// Largest excess of the distance to the nearest crossing over the distance, voxels, between
 /// crossings. [tuned: sample_field_test]
 constexpr float kMaxExcess = 0.5f;
@@ -46,8 +43,7 @@ constexpr float kAbove = 0.2f, kBelow = 0.35f;
 /// Values, voxels, at which the tip of an edge or corner may pass between voxels without a
 /// crossing: they are raised no higher than their neighbors allow. [tuned: sharp_mesh_test]
 constexpr float kTip = 0.5f;
-/// Slopes on both sides from which on values are scaled down in part, and in full.
-/// [tuned: noise_bench]
+/// Slopes on both sides from which values are scaled down, and fully. [tuned: noise_bench]
 constexpr float kScaleFrom = 1.05f, kScaleFully = 1.15f;
 
 /// Properties of eight voxels in a row: one bit each.

@@ -31,18 +31,14 @@ constexpr Index kNone = std::numeric_limits<Index>::max(); ///< no index [derive
 /// The part of the tolerance for the vertices: triangles may deviate by the rest between them.
 /// [tuned: simplify_mesh_test]
 constexpr double kVertexShare = 0.7;
-
 /// The eigenvalue, in parts of the largest, below which the planes leave a direction free.
 /// [tuned: simplify_mesh_test]
 constexpr double kMinEigenvalue = 1e-3;
-
 /// The least shape of a triangle (see shapeOf) that a collapse may make, unless it replaces a worse
 /// one. [tuned: simplify_mesh_test]
 constexpr double kMinShape = 0.02;
-
 /// The triangles of the original in a part, which fits into the caches. [tuned: time]
 constexpr std::size_t kPartTriangles = 1 << 16;
-
 /// The least cosine between a triangle's normals before and after a collapse.
 /// [tuned: simplify_mesh_test]
 constexpr double kMinTurnCosine = 0.3;

@@ -40,9 +40,10 @@ void tell(const ReconstructReport& made)
     const py::object log = py::module_::import("logging").attr("getLogger")("mpuvdb");
     const auto note = [&](const std::string& text) { log.attr("info")("%s", text); };
     for (const std::string& text : made.notes) note(text);
-    for (const auto& [reason, count] : made.dropped)
-        note(fmt::format("{} points left out: {}", count, reason));
     const CleanReport& cleaned = made.cleaned;
+    for (const auto& [reason, count] : made.dropped)
+        if (reason != "outlier") note(fmt::format("{} points left out: {}", count, reason));
+    if (cleaned.outliers > 0) note(fmt::format("{} outliers left out", cleaned.outliers));
     if (cleaned.estimateNeighbors)
         note(fmt::format("normals estimated from {} neighbors each", *cleaned.estimateNeighbors));
     if (cleaned.flipped > 0)
