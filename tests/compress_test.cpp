@@ -1,6 +1,6 @@
 // Picking points of batches: what a plain loop picks, by every way of doing it.
 #include "field_fixture.h"
-#include "mpu/octree/compress.h"
+#include "spatial/compress.h"
 
 #include <gtest/gtest.h>
 

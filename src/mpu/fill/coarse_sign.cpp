@@ -2,7 +2,7 @@
 
 #include "coarse_fill.h"
 #include "core/clones.h"
-#include "mpu/octree/point_group.h"
+#include "spatial/point_group.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 #include "bivariate_system.h"
 
 #include "core/clones.h"
-#include "mpu/octree/point_group.h"
+#include "spatial/point_group.h"
 
 #include <cmath>
 

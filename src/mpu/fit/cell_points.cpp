@@ -1,8 +1,8 @@
 #include "cell_points.h"
 
 #include "core/clones.h"
-#include "mpu/octree/point_group.h"
 #include "quadric.h"
+#include "spatial/point_group.h"
 
 #include <algorithm>
 #include <cmath>

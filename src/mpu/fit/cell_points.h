@@ -1,7 +1,7 @@
 // The points of one cell, in double precision about its center, for local fits.
 #pragma once
-#include "mpu/octree/point_batch.h"
 #include "quadric.h"
+#include "spatial/point_batch.h"
 #include <mpuvdb/vec.h>
 
 #include <cstdint>

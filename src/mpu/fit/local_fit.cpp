@@ -3,8 +3,8 @@
 #include "bivariate_system.h"
 #include "core/clones.h"
 #include "fit_quality.h"
-#include "mpu/octree/point_group.h"
 #include "ridged_solver.h"
+#include "spatial/point_group.h"
 
 #include <algorithm>
 #include <array>

@@ -2,8 +2,8 @@
 #include "core/clones.h"
 #include "fit_quality.h"
 #include "local_fit.h"
-#include "mpu/octree/point_group.h"
 #include "sharp_faces.h"
+#include "spatial/point_group.h"
 
 #include <algorithm>
 #include <numeric>

@@ -1,7 +1,7 @@
 // Points in Morton order, one array per coordinate, and ball queries on them.
 #pragma once
-#include "point_batch.h"
 #include "spatial/bucket_tree.h"
+#include "spatial/point_batch.h"
 
 #include <mpuvdb/point_cloud.h>
 
