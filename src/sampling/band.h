@@ -14,6 +14,11 @@
 namespace mpuvdb
 {
 
+/// Half-widths, voxels, up to which distances are sampled from fields that are distances everywhere
+/// [tuned: csg_bench], and from those that are so near their zero set only [derived: the default
+/// half-width]. What lies farther off is measured from the zero set.
+constexpr double kMaxFarBand = 20, kMaxNearBand = 3;
+
 class BlockMosaic;
 class Interrupter;
 

@@ -1,4 +1,6 @@
 // Estimate of a reconstruction's memory and size, from a coarse trial.
+#include "band.h"
+#include "grid/band_bytes.h"
 #include "resolve.h"
 #include "surface/surface_integrals.h"
 #include <mpuvdb/error.h>
@@ -139,9 +141,13 @@ ReconstructionEstimate estimateLevelSet(const PointCloud& cloud, const ResolvedS
     }
     estimate.activeVoxels = std::uint64_t(2 * width * voxels * share * std::max(1 + bent, 0.1));
     estimate.gridBytes = std::uint64_t(treeBytes(share * voxels, 2 * width));
-    const double sampled = treeBytes(sampledShare * voxels, 2 * width);
-    estimate.peakBytes =
-        std::max(estimate.fit.peakBytes, estimate.fit.bytes + std::uint64_t(kBandShare * sampled));
+    const double sampledWidth = std::min(width, kMaxNearBand);
+    const double sampled = treeBytes(sampledShare * voxels, 2 * sampledWidth);
+    double work = kBandShare * sampled;
+    if (width > sampledWidth) // what is sampled, the way to the distances, and the band
+        work = std::max(work, sampled + distanceBytes(sampledShare * trial.area, h) +
+                                  double(estimate.gridBytes));
+    estimate.peakBytes = std::max(estimate.fit.peakBytes, estimate.fit.bytes + std::uint64_t(work));
     progress.endStage();
     return estimate;
 }

@@ -22,11 +22,6 @@ namespace
 /// [derived: above sqrt(3), the distance of a crossed cell's corners]
 constexpr double kCrossingWidth = 2;
 
-/// Half-widths up to which distances are taken from the field, voxels: of fields that are distances
-/// everywhere [tuned: csg_bench], and of those that are near their zero set only [derived: the
-/// default half-width]. What lies farther off is measured from the zero set.
-constexpr double kSampledBand = 20, kNearBand = 3;
-
 /// Voxels beyond a band that distances at its end still depend on. [derived: a leaf]
 constexpr int kStencil = 8;
 
@@ -169,7 +164,7 @@ LevelSet sampleField(const Field& field, const SampleSettings& settings, Interru
         if (region.empty()) return emptyLevelSet(settings.lattice, settings.halfWidth);
     }
     const openvdb::CoordBBox* const part = settings.region ? &region : nullptr;
-    const double sampledBand = field.isDistanceFar() ? kSampledBand : kNearBand;
+    const double sampledBand = field.isDistanceFar() ? kMaxFarBand : kMaxNearBand;
     return field.isDistance() && settings.halfWidth > sampledBand
                ? sampleWide(field, settings, sampledBand, part, progress)
                : sampleNarrow(field, settings, part, progress);

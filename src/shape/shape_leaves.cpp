@@ -2,6 +2,7 @@
 #include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
 #include "modelling/resample.h"
+#include "sampling/band.h"
 #include "shape_node.h"
 
 #include "field/point_field.h"
@@ -16,10 +17,6 @@ namespace mpuvdb
 {
 namespace
 {
-
-/// The half-width up to which no field is measured from its zero set, voxels. [derived:
-/// sampleField()]
-constexpr double kMaxNearBand = 3;
 
 /// The number of seed blocks of a surface of random orientation, times their face, by its area:
 /// 1.5 where it meets their cubes, more as seeds are found by the balls around them.
