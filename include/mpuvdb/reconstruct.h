@@ -97,8 +97,7 @@ FittedPoints fitPoints(PreparedPoints&& points, Interrupter* interrupter = nullp
 struct ReconstructResult {
     openvdb::FloatGrid::Ptr grid;     ///< the level set; the caller's, nobody else holds it
     openvdb::FloatGrid::Ptr coverage; ///< null unless asked for
-    std::vector<openvdb::GridBase::Ptr> attributes; ///< those asked for that are not colors alone:
-                                                    ///< see sampleAttributes()
+    std::vector<openvdb::GridBase::Ptr> attributes; ///< grids as sampleAttributes() makes them
     std::shared_ptr<const MpuField> field;
     ReconstructReport report;
 
@@ -109,8 +108,8 @@ struct ReconstructResult {
 /// Sample the field, and hold the level set against its points. @throws as sampleField().
 ReconstructResult sampleFit(const FittedPoints& fitted, Interrupter* interrupter = nullptr);
 
-/// Points in memory to a level set. Equal points and options give equal bytes, for any number of
-/// threads and any order of the points.
+/// Points in memory to a level set. Equal points in one order and equal options give equal bytes,
+/// for any number of threads.
 /// @throws UsageError (options out of range, attributes of another number than the points),
 /// InputError (nothing to use), LimitError (maxBytes, index range), Interrupted.
 ReconstructResult reconstruct(const PointView& points, const ReconstructOptions& options = {},

@@ -13,8 +13,8 @@ namespace mpuvdb
 namespace
 {
 
-/// Give use(pointer to the numbers of a row) the rows of @a view, whatever type they have, in
-/// slices: use(row type's pointer of row i, place n) for n counting @a rows, or all.
+/// Calls @a use(numbers, n) for the n-th of @a rows of @a view, or of all, where numbers points to
+/// the row's numbers in their own type; in parallel.
 template <class Use>
 void forEachRow(const NumberView& view, const std::vector<std::uint32_t>* rows, const Use& use)
 {
