@@ -1,7 +1,7 @@
 // Points with noise: what it does to fits, to fields and to grids, and what takes it out again.
-#include "field_fixture.h"
 #include "mpu/fit/fit_quality.h"
 #include "mpu/fit/local_fit.h"
+#include "noisy_points.h"
 #include "uncleaned.h"
 
 #include <mpuvdb/mesh.h>
@@ -17,26 +17,11 @@ namespace mpuvdb
 namespace
 {
 
+using test::append;
+using test::normalDraw;
 using test::Random;
 
 constexpr std::uint64_t kSeed = 20030727;
-
-/// Of unit deviation: the sum of twelve, near enough.
-double normalDraw(Random& random)
-{
-    double sum = -6;
-    for (int i = 0; i < 12; ++i) sum += random.uniform();
-    return sum;
-}
-
-void append(PointBatch& batch, const Vec3d& p, const Vec3d& n)
-{
-    const std::size_t i = batch.size();
-    batch.resize(i + 1);
-    batch.x[i] = float(p[0]), batch.y[i] = float(p[1]), batch.z[i] = float(p[2]);
-    batch.nx[i] = float(n[0]), batch.ny[i] = float(n[1]), batch.nz[i] = float(n[2]);
-    batch.confidence[i] = 1;
-}
 
 /// Points of the ball of radius 1 about the origin, on z = height + bend (x^2 - y^2 / 2) with
 /// noise along z and the surface's own normals.
@@ -145,51 +130,6 @@ void addWaves(CellPoints& points, double height)
         points.z[i] += height * std::sin(4 * points.x[i]);
 }
 
-TEST(Noise, PatternOfResidualsIsTheShapeThatAFitMisses)
-{
-    Random random(kSeed);
-    constexpr double kNoise = 0.05;
-    for (const double bend : {0.0, 0.2, 0.4}) {
-        const CellPoints points = sheetOf(2000, 0, bend, kNoise, random);
-        LocalFit plane;
-        plane.pieces[0] = fitBivariate(points, Vec3d::UnitZ(), points.count + 1);
-        double missed = 0, sum = 0;
-        for (std::size_t i = 0; i < points.count; ++i) {
-            const double z = bend * (points.x[i] * points.x[i] - points.y[i] * points.y[i] / 2);
-            sum += z;
-            missed += z * z;
-        }
-        const auto n = double(points.count);
-        missed = std::sqrt(missed / n - sum / n * sum / n);
-        const double pattern = residualPattern(plane, points, 1, kNoise);
-        // Parts are coarse: they show most of it, not all; noise alone shows next to none.
-        EXPECT_LT(pattern, missed + 0.3 * kNoise) << bend << ", seed " << kSeed;
-        EXPECT_GE(pattern, 0.6 * missed) << bend << ", seed " << kSeed;
-    }
-}
-
-TEST(Noise, OfFewPointsIsToldFromShape)
-{
-    Random random(kSeed);
-    constexpr double kNoise = 0.05;
-    constexpr int kTrials = 200;
-    FitSettings settings;
-    settings.tolerance = 1e-3;
-    settings.noise = kNoise;
-    settings.maxSharpPoints = 0;
-    settings.fewPoints = 50;
-    int noise = 0, shape = 0;
-    CellPoints scratch;
-    for (int trial = 0; trial < kTrials; ++trial) {
-        CellPoints points = sheetOf(60, 0, 0, kNoise, random);
-        noise += fitCell(points, 1, 0.9, settings, scratch).accepted;
-        addWaves(points, 0.2); // few are as far off as noise may be
-        shape += !fitCell(points, 1, 0.9, settings, scratch).accepted;
-    }
-    EXPECT_GT(noise, 0.9 * kTrials) << "seed " << kSeed;
-    EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
-}
-
 TEST(Noise, ShapeThatOnlyPointsOfLowConfidenceShowIsNone)
 {
     Random random(kSeed);
@@ -209,43 +149,6 @@ TEST(Noise, ShapeThatOnlyPointsOfLowConfidenceShowIsNone)
     EXPECT_GT(shape, 0.9 * kTrials) << "seed " << kSeed;
 }
 
-/// Points about the top of the sphere of radius 1, relative to it, thrown along the normals.
-CellPoints thrownOffSphere(std::size_t count, double noise, double reach, Random& random)
-{
-    PointBatch batch;
-    while (batch.size() < count) {
-        const Vec3d n = random.direction();
-        const Vec3d p = (1 + noise * normalDraw(random)) * n - Vec3d::UnitZ();
-        if (n[2] < 0 || p.norm() >= reach + 3 * noise) continue;
-        append(batch, p, n);
-    }
-    CellPoints points;
-    points.assign(batch, Vec3d::Zero(), reach + 3 * noise);
-    points.weightLaterally(Vec3d::UnitZ(), reach);
-    return points;
-}
-
-TEST(Noise, PointsOverTheirFeetMoveNoCurvedSheet)
-{
-    Random random(kSeed);
-    constexpr double kNoise = 0.1, kReach = 0.4, kShift = 2 * kNoise * kNoise;
-    constexpr int kTrials = 100;
-    FitSettings settings;
-    settings.tolerance = 0.01;
-    settings.noise = kNoise;
-    double across = 0, overFeet = 0;
-    CellPoints scratch;
-    for (int trial = 0; trial < kTrials; ++trial) {
-        const CellPoints points = thrownOffSphere(400, kNoise, kReach, random);
-        settings.reach = 0;
-        across += heightOf(fitCell(points, 0.3, kReach, settings, scratch).fit.pieces[0], 0, 0);
-        settings.reach = kReach;
-        overFeet += heightOf(fitCell(points, 0.3, kReach, settings, scratch).fit.pieces[0], 0, 0);
-    }
-    EXPECT_LT(across / kTrials, -0.7 * kShift) << "seed " << kSeed;
-    EXPECT_LT(std::abs(overFeet / kTrials), 0.4 * kShift) << "seed " << kSeed;
-}
-
 TEST(Noise, StraysAmongNormalsAreNoSecondSheet)
 {
     Random random(kSeed);
@@ -257,104 +160,6 @@ TEST(Noise, StraysAmongNormalsAreNoSecondSheet)
     EXPECT_TRUE(fitCell(points, 1, 1, settings, scratch).opposedNormals);
     settings.noise = 0.05;
     EXPECT_FALSE(fitCell(points, 1, 1, settings, scratch).opposedNormals);
-}
-
-/// A ball's points on planes through the origin with these normals, where they are convex: noise
-/// any way, on positions and normals.
-CellPoints facesOf(const std::vector<Vec3d>& normals, std::size_t count, double noise,
-                   double normalNoise, Random& random)
-{
-    PointBatch batch;
-    const auto drawn = [&] {
-        return Vec3d(normalDraw(random), normalDraw(random), normalDraw(random));
-    };
-    while (batch.size() < count) {
-        const Vec3d& face = normals[batch.size() % normals.size()];
-        Vec3d p(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
-        p -= face.dot(p) * face;
-        if (std::any_of(normals.begin(), normals.end(),
-                        [&](const Vec3d& n) { return n.dot(p) > 1e-9; }))
-            continue;
-        p += noise * drawn();
-        if (p.norm() >= 1) continue;
-        const Vec3d n = (face + normalNoise * drawn()).normalized();
-        append(batch, p, n);
-    }
-    CellPoints points;
-    points.assign(batch, Vec3d::Zero(), 1);
-    return points;
-}
-
-FitSettings noisySettings()
-{
-    FitSettings settings;
-    settings.tolerance = 0.001;
-    settings.noise = 0.2;
-    settings.normalNoise = 0.15;
-    settings.lever = settings.noise / settings.normalNoise;
-    return settings;
-}
-
-// A third of a ball's radius is noise: a smooth fit is as near to the points as it tells, and off
-// the edge by half of that.
-TEST(Noise, LeavesEdgesThatNormalsTell)
-{
-    Random random(kSeed);
-    const FitSettings settings = noisySettings();
-    CellPoints scratch;
-    for (const double degrees : {50.0, 70.0, 90.0, 110.0}) {
-        const double turn = degrees * 3.14159265358979 / 180;
-        const CellPoints points =
-            facesOf({Vec3d::UnitX(), Vec3d(std::cos(turn), 0, std::sin(turn))}, 120, settings.noise,
-                    settings.normalNoise, random);
-        const Vec3d normal = meanNormal(points);
-        LocalFit smooth;
-        smooth.pieces[0] = fitBivariate(points, normal, 6, settings.lever);
-        const auto edge = fitNoisyEdge(points, smooth, settings, scratch);
-        ASSERT_TRUE(edge) << degrees;
-        EXPECT_EQ(edge->count, 2) << degrees;
-        // The edge passes through the origin.
-        const auto offAt = [](const LocalFit& fit) {
-            const Quadric& q = fit.ruling(Vec3d::Zero());
-            return std::abs(q.c) / q.b.norm();
-        };
-        EXPECT_LT(offAt(*edge), 0.3 * settings.noise) << degrees;
-    }
-}
-
-TEST(Noise, MakesNoEdgesOfBends)
-{
-    Random random(kSeed);
-    FitSettings settings = noisySettings();
-    settings.noise = 0.05;
-    CellPoints scratch;
-    for (const double bend : {0.0, 0.2, 0.4}) {
-        CellPoints points = sheetOf(200, 0, bend, settings.noise, random);
-        for (std::size_t i = 0; i < points.count; ++i) {
-            const Vec3d n = (points.normal(i) + settings.normalNoise * Vec3d(normalDraw(random),
-                                                                             normalDraw(random),
-                                                                             normalDraw(random)))
-                                .normalized();
-            points.nx[i] = n[0], points.ny[i] = n[1], points.nz[i] = n[2];
-        }
-        LocalFit smooth;
-        smooth.pieces[0] = fitBivariate(points, meanNormal(points), 6, settings.lever);
-        EXPECT_FALSE(fitNoisyEdge(points, smooth, settings, scratch)) << bend;
-    }
-}
-
-// Of a face beside, noise alone tells which way along the axis its normals look.
-TEST(Noise, AFaceBesideIsNoSecondSheet)
-{
-    Random random(kSeed);
-    const FitSettings settings = noisySettings();
-    CellPoints scratch;
-    for (int n = 0; n < 20; ++n) {
-        const CellPoints points = facesOf({Vec3d::UnitX(), Vec3d::UnitX(), Vec3d::UnitX(),
-                                           Vec3d::UnitX(), Vec3d::UnitX(), Vec3d::UnitY()},
-                                          300, settings.noise, settings.normalNoise, random);
-        EXPECT_FALSE(fitOpposedSheets(points, 1, settings, scratch)) << n;
-    }
 }
 
 PointCloud noisyScan(const std::string& solid, double points, double noise, double degrees,

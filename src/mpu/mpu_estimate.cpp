@@ -134,7 +134,7 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
         if (!parts.isIn(root.center(cell))) return;
         ++leaves;
-        complete &= node.support >= 1 && !tree.fits[node.index].unresolved;
+        complete &= node.support >= 1;
     });
     progress.endStage();
 

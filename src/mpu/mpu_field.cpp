@@ -3,7 +3,6 @@
 #include "mpu/evidence/data_coverage.h"
 #include "mpu/evidence/point_attributes.h"
 #include "mpu/fill/coarse_sign.h"
-#include "mpu/fit/noise_bias.h"
 #include "mpu/octree/octree.h"
 #include "mpu/octree/sorted_points.h"
 #include "mpu/sample/leaf_finder.h"
@@ -49,10 +48,6 @@ double disagreement(double value, double other, const CoarseSign& coarse)
     return (own + believed) / step - kMaxSignDisagreement;
 }
 
-/// Radii of unresolved leaves, in steps of the coarse field, over which it takes over: it averages
-/// the noise, but is too coarse for smaller leaves. [tuned: noise_bench]
-constexpr double kUnresolvedMinRadius = 1, kUnresolvedMaxRadius = 1.5;
-
 /// A smooth step: 1 up to t = 0, 0 from t = 1 on.
 double smoothFall(double t)
 {
@@ -60,8 +55,7 @@ double smoothFall(double t)
     return 1 - x * x * (3 - 2 * x);
 }
 
-/// Reduce the support of unresolved leaves, and of those whose distance at the center is
-/// inconsistent with the coarse field.
+/// Reduce the support of leaves whose distance at the center is inconsistent with the coarse field.
 void vetoLeaves(Octree& tree, const CoarseSign& coarse)
 {
     tree.forEachLeafParallel([&](OctreeNode& node, const OctreeCell& cell) {
@@ -69,12 +63,6 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         const Vec3d center = tree.root.center(cell);
         const StoredFit& stored = tree.fits[node.index];
         if (tree.holdsItsPoint(cell, stored)) return;
-        if (stored.unresolved) {
-            const double steps = tree.supportRadius(cell.level) / coarse.step();
-            node.support *= float(smoothFall((steps - kUnresolvedMinRadius) /
-                                             (kUnresolvedMaxRadius - kUnresolvedMinRadius)));
-            if (node.support <= 0) return;
-        }
         const Vec3d y = center - stored.origin.cast<double>();
         const Quadric q = tree.rulingAt(stored, y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
@@ -123,8 +111,6 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Interrupter* in
     impl->points = std::make_unique<SortedPoints>(std::move(cloud), root, progress, copies);
     progress.beginStage("fit");
     impl->tree = buildOctree(*impl->points, root, settings, progress);
-    if (settings.noise > kMinBiasNoise * settings.tolerance)
-        removeNoiseBias(impl->tree, *impl->points, settings.noise);
     if (!impl->tree.complete) {
         progress.beginStage("sign");
         impl->coarse = std::make_unique<CoarseSign>(*impl->points, impl->localBounds, root,

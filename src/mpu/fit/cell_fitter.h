@@ -4,10 +4,11 @@
 #include "local_fit.h"
 #include "mpu/octree/octree.h"
 #include "mpu/octree/sorted_points.h"
-#include "noise_bias.h"
+#include "noisy_cell_fitter.h"
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -24,49 +25,12 @@ constexpr double kGrowth = 0.1;
 /// [tuned: unseen_bench]
 constexpr double kMinRimRadius = 6;
 
-/// Least radius of a ball, in standard deviations of the noise: a smaller ball cuts off points that
-/// are far from the surface. [tuned: noise_bench]
-constexpr double kMinNoiseRadius = 3;
-
-/// Least radius of a ball among dense points, in standard deviations of the noise and in spacings.
-/// [tuned: noise_bench]
-constexpr double kMinDenseNoiseRadius = 2, kMinDenseRadius = 2.5;
-
-/// Noise, in voxels, from which on cells below two voxels resolve edges no better.
-/// [tuned: noise_bench]
-constexpr double kMinBlurringNoise = 0.05;
-
 /// Least edge of a cell, voxels, where the surface has no edge. [tuned: suite, time]
 constexpr double kMinCell = 2;
 
 /// Least edge of a cell, voxels, between walls so close that no fit represents both within the
 /// tolerance. [tuned: reconstruct_test]
 constexpr double kMinCellBetweenWalls = 0.5;
-
-/// Least edge of a cell, voxels, among noise, where a ball holds both sides of a thin part.
-/// [tuned: noise_bench]
-constexpr double kMinCellThinNoisy = 1;
-
-/// Fine detail: with noise from the tolerance up to a largest, in voxels, points show details of
-/// about a voxel. Cells have a smaller least edge there, voxels, and fewer points separate a shape
-/// from noise. [tuned: noise_bench]
-constexpr double kFineDetailMaxNoise = 0.35, kFineDetailMinCell = 1.4;
-constexpr std::size_t kFineDetailMinPoints = 50;
-
-/// Largest radius of a ball, in standard deviations of the noise, that is enlarged, because it cuts
-/// through the noise. [tuned: noise_bench]
-constexpr double kMaxEnlargedRadius = 8;
-
-/// Least noise of normals that weighs them, radians: a quadratic cannot follow all slopes of a
-/// shape. [tuned: noise_bench]
-constexpr double kMinNormalNoise = 0.04;
-
-/// Largest noise of normals that separate the faces of an edge, radians. [tuned: noise_bench]
-constexpr double kMaxEdgeNormalNoise = 0.3;
-
-/// Pattern of the residuals from which on a fit is unresolved, in standard deviations of the noise.
-/// [tuned: noise_bench]
-constexpr double kMinPattern = 0.4;
 
 /// Range over which support falls from 1 to 0, in gaps of full support. [tuned: unseen_bench]
 constexpr double kSupportFade = 0.3;
@@ -87,8 +51,7 @@ struct Decision {
     bool fitted = true; ///< false: split without a fit
     FitResult result;   ///< accepted, or rejected and split
     double gap = 0;     ///< zeroSetGap of the fit, world units
-    /// At this noise the points do not determine the shape, and do not follow the fit.
-    bool unresolved = false;
+    double support = 1; ///< of the fit by data in the cell's ball, in [0, 1]
 };
 
 /// Largest gap of full support: two spacings, as random samples have gaps, or a part of the size of
@@ -111,16 +74,18 @@ inline double supportOf(double gap, double spacing, double radius)
 class CellFitter
 {
 public:
-    CellFitter(const SortedPoints& points, const RootCube& root, const MpuSettings& settings)
+    /// @param scan  null: the points are exact.
+    CellFitter(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
+               const NoisyScan* scan)
         : mPoints(points), mRoot(root), mSettings(settings)
     {
+        if (scan) mNoisy.emplace(*scan, root, settings.sharp);
         mFit.tolerance = settings.tolerance;
         mFit.noise = settings.noise;
         mFit.normalNoise = settings.normalNoise;
         if (settings.normalNoise > 0)
             mFit.lever = settings.noise / std::max(settings.normalNoise, kMinNormalNoise);
         mFit.minPoints = settings.minPoints;
-        if (showsFineDetail()) mFit.fewPoints = kFineDetailMinPoints;
     }
 
     /// Forget points gathered for other cells: their order, and with it the last bit of a fit, must
@@ -136,11 +101,21 @@ public:
     Decision decide(const OctreeCell& cell, const PointBatch& ball, const std::vector<Ball>& path,
                     double spacing)
     {
+        if (mNoisy) return decideNoisy(cell, ball, path, spacing);
+        Decision decision = decideExact(cell, ball, path, spacing);
+        decision.support = supportOf(decision.gap, spacing, supportRadius(cell.level));
+        return decision;
+    }
+
+private:
+    Decision decideExact(const OctreeCell& cell, const PointBatch& ball,
+                         const std::vector<Ball>& path, double spacing)
+    {
         const double radius = supportRadius(cell.level), size = mRoot.size(cell.level);
         Decision decision;
         if (ball.size() > kMinSampledPoints) {
             mFilter.strided(ball, ball.size() / kSamplePoints, mGrown);
-            decision = decideOn(mGrown, cell, radius, radius, spacing);
+            decision = decideOn(mGrown, cell, radius, spacing);
             if (decision.split) return decision;
         }
         if (ball.size() < std::size_t(mFit.minPoints) && radius > kMinRimRadius * spacing &&
@@ -150,12 +125,8 @@ public:
             decision.fitted = false;
             return decision;
         }
-        if (gatherEnlarged(cell, path)) {
-            decision = decideOn(mGrown, cell, enlargedRadius(radius), radius, spacing);
-        } else {
-            const double grown = grow(ball, cell, path);
-            decision = decideOn(grown > radius ? mGrown : ball, cell, grown, grown, spacing);
-        }
+        const double grown = grow(ball, cell, path);
+        decision = decideOn(grown > radius ? mGrown : ball, cell, grown, spacing);
         const bool isPoor = !decision.result.accepted || decision.result.turnsAway;
         if (!decision.split && isPoor && mSettings.sharp &&
             mCell.count <= 8 * std::size_t(mFit.minPoints)) {
@@ -167,20 +138,22 @@ public:
                 decision.result = sharp;
                 decision.gap = zeroSetGap(sharp.fit, mCell, Vec3d::Zero(), radius,
                                           fullSupportGap(spacing, radius));
-                decision.unresolved = isUnresolved(sharp, cell, spacing);
-            }
-        }
-        if (!decision.split && radius >= kMinNoiseRadius * mSettings.noise &&
-            mayHaveNoisyEdge(decision.result)) {
-            if (const auto edge = fitNoisyEdge(mCell, decision.result.fit, mFit, mScratch)) {
-                decision.result.fit = *edge;
-                decision.result.error = taubinError(*edge, mCell, radius);
-                decision.result.accepted = true;
-                decision.gap = zeroSetGap(*edge, mCell, Vec3d::Zero(), radius,
-                                          fullSupportGap(spacing, radius));
             }
         }
         return decision;
+    }
+
+public:
+    /// Fit a cell that is split without a fit, for its children without points.
+    void fitForChildren(Decision& decision, const OctreeCell& cell, const PointBatch& ball,
+                        const std::vector<Ball>& path)
+    {
+        // A fit of a much larger radius than the points allow means nothing.
+        if (!mNoisy || decision.fitted ||
+            mNoisy->isTooLarge(mRoot.center(cell), supportRadius(cell.level + 1)))
+            return;
+        decision = fitNoisy(cell, ball, path);
+        decision.split = true;
     }
 
     /// Whether empty children may inherit the rejected fit of the last decide().
@@ -188,6 +161,7 @@ public:
     {
         const double radius = supportRadius(cell.level);
         // The fit of an edge or of two surfaces means little away from its points.
+        if (mNoisy) return !decision.result.fit.isSharp();
         if (decision.result.error > kMaxInheritedError * radius) return false;
         const double gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
                                       maxSupportedGap(radius, mCell.radius, spacing));
@@ -198,8 +172,10 @@ public:
     double inheritedSupport(const Decision& decision, const OctreeCell& cell,
                             const OctreeCell& child, double spacing) const
     {
-        return supportInEmpty(decision.result.fit, mRoot.center(child) - mRoot.center(cell),
-                              supportRadius(child.level), spacing);
+        const Vec3d center = mRoot.center(child) - mRoot.center(cell);
+        const double radius = supportRadius(child.level);
+        return mNoisy ? mNoisy->support(decision.result.fit, center, radius)
+                      : supportInEmpty(decision.result.fit, center, radius, spacing);
     }
 
     /// A fit for a cell with no points in its ball: the plane of the N_min points nearest to it
@@ -244,105 +220,75 @@ private:
         return supportOf(gap, spacing, radius);
     }
 
-    /// Whether noise may hide an edge that normals show.
-    bool mayHaveNoisyEdge(const FitResult& result) const
+    /// decide() among noise: cells are split until the fits' radii hold for them.
+    Decision decideNoisy(const OctreeCell& cell, const PointBatch& ball,
+                         const std::vector<Ball>& path, double spacing)
     {
-        return mSettings.sharp && mSettings.noise >= kMinBlurringNoise * mSettings.voxelSize &&
-               mSettings.normalNoise > 0 && mSettings.normalNoise < kMaxEdgeNormalNoise &&
-               result.spreadNormals && !result.fit.isSharp();
+        const double radius = supportRadius(cell.level), half = mRoot.size(cell.level + 1);
+        const bool mayBe = cell.level < SortedPoints::kMaxLevel && half >= mSettings.voxelSize,
+                   mayBeRim = mayBe && half >= kMinCell * mSettings.voxelSize;
+        const bool isRim =
+            ball.size() < std::size_t(mFit.minPoints) && radius > kMinRimRadius * spacing;
+        if ((mayBe && mNoisy->isTooLarge(mRoot.center(cell), radius)) || (mayBeRim && isRim)) {
+            Decision unfitted;
+            unfitted.split = true;
+            unfitted.fitted = false;
+            return unfitted;
+        }
+        Decision decision = fitNoisy(cell, ball, path);
+        decision.split = (mayBeRim && decision.support < 1 &&
+                          (mCell.radius <= 1.5 * radius || radius > 3 * spacing)) ||
+                         (mayBe && decision.result.accepted &&
+                          mNoisy->leavesSheets(decision.result.fit, radius));
+        return decision;
     }
 
-    /// Whether a ball of @a radius is too small for this noise.
-    bool isTooSmallForNoise(double radius, double spacing) const
+    /// Fit the sheets of a cell.
+    Decision fitNoisy(const OctreeCell& cell, const PointBatch& ball, const std::vector<Ball>& path)
     {
-        if (radius >= kMinNoiseRadius * mSettings.noise) return false;
-        if (!(mSettings.normalNoise > 0)) return true;
-        return radius < kMinDenseNoiseRadius * mSettings.noise ||
-               radius < kMinDenseRadius * spacing;
+        const double radius = supportRadius(cell.level), grown = grow(ball, cell, path);
+        mCell.assign(grown > radius ? mGrown : ball, mRoot.center(cell), grown);
+        Decision decision;
+        decision.result.accepted =
+            mNoisy->fit(mCell, mRoot.center(cell), grown, decision.result.fit);
+        if (!decision.result.accepted)
+            decision.result.fit.pieces[0] = fitBivariate(mCell, meanNormal(mCell), mCell.count + 1);
+        decision.result.error = taubinError(decision.result.fit, mCell, radius);
+        decision.support = mNoisy->support(decision.result.fit, Vec3d::Zero(), radius);
+        return decision;
     }
 
-    /// Whether @a result, of the smallest ball for this noise, does not represent the points:
-    /// normals are opposed, or residuals have a pattern.
-    bool isUnresolved(const FitResult& result, const OctreeCell& cell, double spacing) const
+    bool mayBeSplit(const OctreeCell& cell, const FitResult& result) const
     {
-        if (!(mSettings.noise > 0) || !isTooSmallForNoise(supportRadius(cell.level + 1), spacing))
-            return false;
-        if (result.opposedNormals && !result.fit.isSharp()) return true;
-        if (result.accepted) return false;
-        return residualPattern(result.fit, mCell, supportRadius(cell.level), mSettings.noise) >
-               kMinPattern * mSettings.noise;
-    }
-
-    /// Whether points show details of about a voxel.
-    bool showsFineDetail() const
-    {
-        return mSettings.noise >= mSettings.tolerance &&
-               mSettings.noise <= kFineDetailMaxNoise * mSettings.voxelSize;
-    }
-
-    bool mayBeSplit(const OctreeCell& cell, const FitResult& result, double spacing) const
-    {
-        const bool fine = mSettings.noise < kMinBlurringNoise * mSettings.voxelSize &&
-                          (result.fit.isSharp() || result.opposedNormals ||
-                           (mSettings.sharp && result.spreadNormals && !result.accepted));
-        if (isTooSmallForNoise(supportRadius(cell.level + 1), spacing)) return false;
         const bool isBetweenWalls = result.opposedNormals && !result.accepted;
-        const double least = fine ? (isBetweenWalls ? kMinCellBetweenWalls : 1)
-                                  : (isBetweenWalls      ? kMinCellThinNoisy
-                                     : showsFineDetail() ? kFineDetailMinCell
-                                                         : kMinCell);
+        const bool fine = result.fit.isSharp() || result.opposedNormals ||
+                          (mSettings.sharp && result.spreadNormals && !result.accepted);
+        const double least = isBetweenWalls ? kMinCellBetweenWalls : fine ? 1 : kMinCell;
         return cell.level < SortedPoints::kMaxLevel &&
                mRoot.size(cell.level + 1) >= least * mSettings.voxelSize;
     }
 
-    /// @param reach  largest lateral distance of points with a weight.
     Decision decideOn(const PointBatch& batch, const OctreeCell& cell, double ballRadius,
-                      double reach, double spacing)
+                      double spacing)
     {
         const double radius = supportRadius(cell.level);
         mCell.assign(batch, mRoot.center(cell), ballRadius);
-        if (mSettings.noise > 0) mCell.weightLaterally(meanNormal(mCell), reach);
+        if (mSettings.noise > 0) mCell.weightLaterally(meanNormal(mCell), ballRadius);
         FitSettings fit = mFit;
-        if (mSettings.noise > kMinBiasNoise * mSettings.tolerance) fit.reach = reach;
         fit.maxSharpPoints = mSettings.sharp ? 2 * std::size_t(mFit.minPoints) : 0;
         Decision decision;
         decision.result = fitCell(mCell, mRoot.size(cell.level), radius, fit, mScratch);
-        const bool mayBe = mayBeSplit(cell, decision.result, spacing);
+        const bool mayBe = mayBeSplit(cell, decision.result);
         if (decision.result.needsSplit || decision.result.turnsAway || !decision.result.accepted) {
             decision.split = mayBe;
             if (mayBe) return decision;
         }
         decision.gap = zeroSetGap(decision.result.fit, mCell, Vec3d::Zero(), radius,
                                   fullSupportGap(spacing, radius));
-        decision.unresolved = isUnresolved(decision.result, cell, spacing);
         // A fit of few points at the data's rim is within tolerance, but not supported in the ball.
         decision.split = mayBe && decision.gap > maxSupportedGap(radius, ballRadius, spacing) &&
                          (ballRadius <= 1.5 * radius || radius > 3 * spacing);
         return decision;
-    }
-
-    /// Radius of a ball enlarged by the noise.
-    double enlargedRadius(double radius) const { return radius + 3 * mSettings.noise; }
-
-    /// Gather the points of an enlarged ball in mGrown where the ball cuts through the noise.
-    /// @return whether it does, and they are enough.
-    bool gatherEnlarged(const OctreeCell& cell, const std::vector<Ball>& path)
-    {
-        const Vec3d center = mRoot.center(cell);
-        const double radius = supportRadius(cell.level), wanted = enlargedRadius(radius);
-        if (!(radius < kMaxEnlargedRadius * mSettings.noise)) return false;
-        for (std::size_t up = path.size(); up-- > 0;) {
-            if (path[up].radius - (path[up].center - center).norm() < wanted) continue;
-            mFilter.ball(*path[up].batch, center, wanted, mGrown);
-            return isEnough(mGrown);
-        }
-        if (mWideRadius - (mWideCenter - center).norm() < wanted) {
-            mWideRadius = 1.5 * wanted;
-            mWideCenter = center;
-            mPoints.gather(mPoints.around(cell, mWideRadius), 1, mFilter, mWide);
-        }
-        mFilter.ball(mWide, center, wanted, mGrown);
-        return isEnough(mGrown);
     }
 
     bool isEnough(const PointBatch& batch) const
@@ -402,6 +348,7 @@ private:
     const SortedPoints& mPoints;
     const RootCube& mRoot;
     const MpuSettings& mSettings;
+    std::optional<NoisyCellFitter> mNoisy;
     FitSettings mFit;
     CellPoints mCell, mScratch;
     BatchFilter mFilter;

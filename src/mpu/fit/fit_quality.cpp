@@ -254,36 +254,57 @@ bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double tes
     return between <= std::max(within, least) * expected;
 }
 
-double residualPattern(const LocalFit& fit, const CellPoints& points, double testRadius,
-                       double noise)
+namespace
 {
-    const auto [within, between, parts, count] = shareResiduals(fit, points, testRadius);
-    if (count == 0) return 0;
-    const double excess = std::max(within - kMaxScatter * kMaxScatter * noise * noise, 0.0);
-    return std::sqrt(excess + std::max(between - double(parts) * within, 0.0) / double(count));
+
+/// Squares of the residuals and of the turns of normals of four points, in standard deviations.
+struct NoisyDeviation {
+    Group off, turn;
+};
+
+[[gnu::always_inline]] inline NoisyDeviation noisyDeviation(const LocalFit& fit,
+                                                            const CellPoints& points, std::size_t i,
+                                                            double noise2, double normalNoise2)
+{
+    const Samples s = sampleFit(fit, load(points.x, i), load(points.y, i), load(points.z, i));
+    const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz, flat = Group{} + kMinGradient2;
+    const Group steep2 = slope2 > flat ? slope2 : flat;
+    const Group along =
+        (load(points.nx, i) * s.gx + load(points.ny, i) * s.gy + load(points.nz, i) * s.gz) /
+        squareRoot(steep2);
+    return {s.value * s.value / (noise2 * steep2), 2 * (1 - along) / normalNoise2};
 }
+
+} // namespace
 
 MPUVDB_WIDE_CLONES
 double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise)
 {
-    const Group most = Group{} + 9, flat = Group{} + kMinGradient2;
+    const Group most = Group{} + 9;
     const double noise2 = noise * noise, normalNoise2 = normalNoise * normalNoise;
     Group misfit{}, total{};
     for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
-        const Samples s = sampleFit(fit, load(points.x, i), load(points.y, i), load(points.z, i));
-        const Group slope2 = s.gx * s.gx + s.gy * s.gy + s.gz * s.gz;
-        const Group steep2 = slope2 > flat ? slope2 : flat;
-        const Group along =
-            (load(points.nx, i) * s.gx + load(points.ny, i) * s.gy + load(points.nz, i) * s.gz) /
-            squareRoot(steep2);
-        const Group off = s.value * s.value / (noise2 * steep2);
-        const Group turn = 2 * (1 - along) / normalNoise2;
+        const auto [off, turn] = noisyDeviation(fit, points, i, noise2, normalNoise2);
         const Group weight = load(points.weight, i);
         misfit += weight * ((off < most ? off : most) + (turn < most ? turn : most));
         total += weight;
     }
     const double weight = sum(total);
     return weight > 0 ? sum(misfit) / weight : 0;
+}
+
+MPUVDB_WIDE_CLONES
+std::size_t countUnlikely(const LocalFit& fit, const CellPoints& points, double noise,
+                          double normalNoise, double limit)
+{
+    const double noise2 = noise * noise, normalNoise2 = normalNoise * normalNoise;
+    Group count{};
+    for (std::size_t i = 0; i < points.paddedCount(); i += CellPoints::kGroup) {
+        const auto [off, turn] = noisyDeviation(fit, points, i, noise2, normalNoise2);
+        const auto is = (off + turn > limit) & (load(points.weight, i) > 0);
+        count += is ? Group{} + 1 : Group{};
+    }
+    return std::size_t(sum(count));
 }
 
 namespace
@@ -339,6 +360,19 @@ double largestGap(const LocalFit& fit, const Vec3d& center, double radius, doubl
 }
 
 } // namespace
+
+double largestOnZeroSet(const LocalFit& fit, const Vec3d& center, double radius,
+                        const std::function<double(const Vec3d&)>& of)
+{
+    static const Probes unit;
+    Probes probes;
+    const unsigned landed = stepOntoZeroSet(fit, center, radius, unit, probes);
+    if (landed == 0) return of(probes.at(0));
+    double largest = 0;
+    for (std::size_t n = 0; n + 1 < Probes::kCount; ++n) // the last repeats the first
+        if (landed >> n & 1u) largest = std::max(largest, of(probes.at(n)));
+    return largest;
+}
 
 double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& center, double radius,
                   double enough)

@@ -3,6 +3,8 @@
 #include "cell_points.h"
 #include "quadric.h"
 
+#include <functional>
+
 namespace mpuvdb
 {
 
@@ -19,15 +21,15 @@ double taubinError(const LocalFit& fit, const CellPoints& points, double testRad
 bool residualsAreNoise(const LocalFit& fit, const CellPoints& points, double testRadius,
                        double noise);
 
-/// Root mean square of the residuals without noise: of their means over parts of the ball, and of
-/// scatter far above the noise.
-double residualPattern(const LocalFit& fit, const CellPoints& points, double testRadius,
-                       double noise);
-
 /// Weighted mean over the points of the squares of residuals and of turns of normals, both in
 /// standard deviations and at most 9 each (for outliers): about 3 for a right fit.
 /// @param normalNoise  radians, about each of two axes; above 0, as @a noise.
 double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, double normalNoise);
+
+/// Number of points with a weight whose squares of residual and turn of the normal, in standard
+/// deviations, together are above @a limit. Noises as in noisyMisfit().
+std::size_t countUnlikely(const LocalFit& fit, const CellPoints& points, double noise,
+                          double normalNoise, double limit);
 
 /// Largest distance between the points and the zero set of @a fit in the ball of @a radius about
 /// @a center (relative to the points' center): of 15 probes, moved onto it by two Newton steps,
@@ -36,6 +38,10 @@ double noisyMisfit(const LocalFit& fit, const CellPoints& points, double noise, 
 /// be returned as any smaller one.
 double zeroSetGap(const LocalFit& fit, const CellPoints& points, const Vec3d& center, double radius,
                   double enough);
+
+/// Largest @a of(foot) over the places on the zero set of @a fit at which zeroSetGap() measures.
+double largestOnZeroSet(const LocalFit& fit, const Vec3d& center, double radius,
+                        const std::function<double(const Vec3d&)>& of);
 
 /// zeroSetGap() for a ball without points, in which a fit is extrapolated. The distance of a foot
 /// past the rim of the points is added four times: a gap between random samples has points all

@@ -254,13 +254,15 @@ void trySharp(FitResult& result, const CellPoints& points, double cellSize, doub
 /// [tuned: edge_bench]
 constexpr double kMinSharpError = 0.125;
 
+/// Points that are too few to show a pattern among noise. [tuned: noise_bench]
+constexpr std::size_t kFewPoints = 120;
+
 bool isAccepted(const FitResult& result, const CellPoints& points, double testRadius,
                 const FitSettings& settings)
 {
     if (result.error <= settings.tolerance) return true;
     if (!(settings.noise > 0)) return false;
-    if (points.count <= settings.fewPoints)
-        return result.error <= kMaxNoiseDistance * settings.noise;
+    if (points.count <= kFewPoints) return result.error <= kMaxNoiseDistance * settings.noise;
     return residualsAreNoise(result.fit, points, testRadius, settings.noise);
 }
 
@@ -327,29 +329,6 @@ bool normalsTurnAway(const Quadric& q, const CellPoints& points, const FitSettin
            2 * meanTurn(q, points) > kMaxExactTurn * kMaxExactTurn;
 }
 
-/// Fit again to the points projected laterally by @a result, if they are on one smooth sheet:
-/// beside an edge points have no right feet.
-void refitProjected(FitResult& result, const CellPoints& points, const Vec3d& normal,
-                    double testRadius, const FitSettings& settings, CellPoints& scratch)
-{
-    /// Largest distance of points from their feet, in standard deviations. [tuned: noise_bench]
-    constexpr double kMaxFootDistance = 5;
-    /// Largest mean of 1 - cosine of the turns of normals from the fit: without noise of normals,
-    /// and per its square. [tuned: noise_bench]
-    constexpr double kMaxMeanTurn = 0.04, kTurnPerNoise = 1.2;
-    FitResult again = result;
-    Quadric& q = again.fit.pieces[0];
-    scratch = points;
-    scratch.projectLaterally(q, normal, kMaxFootDistance * settings.noise);
-    scratch.weightLaterally(normal, settings.reach);
-    q = fitBivariate(scratch, normal, kMinQuadraticPoints, settings.lever);
-    const double noise2 = settings.normalNoise * settings.normalNoise;
-    if (meanTurn(q, scratch) > kMaxMeanTurn + kTurnPerNoise * noise2) return;
-    again.error = taubinError(again.fit, scratch, testRadius);
-    again.accepted = isAccepted(again, scratch, testRadius, settings);
-    result = again;
-}
-
 } // namespace
 
 FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
@@ -361,14 +340,6 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     result.opposedNormals = areOpposed(points, normal, lowest, settings.noise);
     result.spreadNormals = lowest < kSpreadCosine;
 
-    if (result.opposedNormals && settings.noise > 0) {
-        if (const auto sheets = fitOpposedSheets(points, testRadius, settings, scratch)) {
-            result.fit = *sheets;
-            result.error = taubinError(result.fit, points, testRadius);
-            result.accepted = true;
-            return result;
-        }
-    }
     const bool general =
         result.opposedNormals && points.count > 2 * std::size_t(settings.minPoints);
     if (general) {
@@ -380,8 +351,6 @@ FitResult fitCell(const CellPoints& points, double cellSize, double testRadius,
     }
     result.error = taubinError(result.fit, points, testRadius);
     result.accepted = isAccepted(result, points, testRadius, settings);
-    if (settings.reach > 0 && !general)
-        refitProjected(result, points, normal, testRadius, settings, scratch);
     const bool turnsAway =
         !general && result.accepted && normalsTurnAway(result.fit.pieces[0], points, settings);
     const bool isSmall = points.count <= settings.maxSharpPoints;

@@ -16,12 +16,8 @@ struct FitSettings {
     /// Distance, world units, at which the noise of a normal's tilt moves a height by the noise of
     /// positions; 0: normals only orient.
     double lever = 0;
-    double normalNoise = 0; ///< standard deviation of the normals, radians; 0: unknown
-    /// Largest lateral distance of points with a weight, world units; above 0: fits are made again
-    /// of the points projected laterally.
-    double reach = 0;
+    double normalNoise = 0;          ///< standard deviation of the normals, radians; 0: unknown
     int minPoints = 15;              ///< N_min
-    std::size_t fewPoints = 120;     ///< with noise: so few points cannot show a pattern
     std::size_t maxSharpPoints = 30; ///< most points of an edge or a corner
 };
 
@@ -58,16 +54,5 @@ Quadric fitGeneral(const CellPoints& points, const std::vector<Vec3d>& auxPoints
 
 /// (c) Edge or corner of up to four faces [Ohtake03 §4c]; nothing if the normals show none.
 std::optional<LocalFit> fitSharp(const CellPoints& points, CellPoints& scratch);
-
-/// Edge or corner among noise, with faces separated by normals, that is much nearer to the points
-/// and normals than @a smooth; else nothing.
-std::optional<LocalFit> fitNoisyEdge(const CellPoints& points, const LocalFit& smooth,
-                                     const FitSettings& settings, CellPoints& scratch);
-
-/// The two sides of a wall or gap so thin that noise mixes their points: a sheet (b) between them,
-/// shifted to either side. Nothing if the normals are not about one axis, if residuals are more
-/// than noise, or if noise hides which side is above.
-std::optional<LocalFit> fitOpposedSheets(const CellPoints& points, double testRadius,
-                                         const FitSettings& settings, CellPoints& scratch);
 
 } // namespace mpuvdb

@@ -60,7 +60,7 @@ RootCube rootCube(const Box3d& bounds, double voxelSize)
 void Octree::setLeaf(std::uint32_t node, std::uint32_t fit, double support)
 {
     nodes[node] = {fit, float(support)};
-    complete &= support >= 1 && !fits[fit].unresolved;
+    complete &= support >= 1;
 }
 
 std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin)

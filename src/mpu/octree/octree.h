@@ -24,7 +24,6 @@ struct StoredFit {
     std::uint8_t count = 1; ///< pieces, as in LocalFit
     std::uint8_t maxBits = 0;
     bool throughOrigin = false; ///< the origin is an input point, and the fit is zero there
-    bool unresolved = false;    ///< as in Decision
 };
 
 struct OctreeNode {

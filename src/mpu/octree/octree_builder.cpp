@@ -46,12 +46,10 @@ void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision
 }
 
 /// Make @a node a leaf with the fit decided for @a cell.
-void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const Decision& decision,
-               double spacing)
+void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const Decision& decision)
 {
     const std::uint32_t fit = tree.addFit(decision.result.fit, tree.root.center(cell));
-    tree.fits[fit].unresolved = decision.unresolved;
-    tree.setLeaf(node, fit, supportOf(decision.gap, spacing, tree.supportRadius(cell.level)));
+    tree.setLeaf(node, fit, decision.support);
     countLeaf(tree.statistics, cell, decision);
 }
 
@@ -60,9 +58,9 @@ class SubtreeBuilder
 {
 public:
     SubtreeBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
-                   Interrupter& progress)
+                   const NoisyScan* scan, Interrupter& progress)
         : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress),
-          mFitter(points, root, settings), mPointFitter(points, root, settings),
+          mFitter(points, root, settings, scan), mPointFitter(points, root, settings),
           mTree(emptyTree(root, settings))
     {
     }
@@ -142,7 +140,7 @@ private:
             split(node, cell, ball, decision, spacing, depth);
             return;
         }
-        storeLeaf(mTree, node, cell, decision, spacing);
+        storeLeaf(mTree, node, cell, decision);
     }
 
     /// decide() for interpolation: a leaf holds one point at most, through which its fit goes.
@@ -181,20 +179,20 @@ private:
             const PointBatch& around = mPath.empty() ? ball : *mPath.back().batch;
             mTree.setLeaf(node, mPointFitter.fitWithin(ball, point, radius, around, mTree), 1);
         } else {
-            mTree.setLeaf(node, mTree.addFit(decision.result.fit, center),
-                          supportOf(decision.gap, spacing, radius));
+            mTree.setLeaf(node, mTree.addFit(decision.result.fit, center), decision.support);
         }
         countLeaf(mTree.statistics, cell, decision);
     }
 
     void split(std::uint32_t node, const OctreeCell& cell, const PointBatch& ball,
-               const Decision& decision, double spacing, std::size_t depth)
+               Decision decision, double spacing, std::size_t depth)
     {
         const double childRadius = mFitter.supportRadius(cell.level + 1);
         Octants& octants = batches(depth + 1);
         bool someEmpty = false;
         mFilter.octants(ball, mRoot.center(cell), mRoot.size(cell.level + 2), childRadius, octants);
         for (const PointBatch& child : octants) someEmpty |= child.size() == 0;
+        if (someEmpty) mFitter.fitForChildren(decision, cell, ball, mPath);
         // Before the descendants are built the scratch memory still has the parent.
         const bool inherit =
             someEmpty && decision.fitted && mFitter.lastMayBeInherited(decision, cell, spacing);
@@ -252,8 +250,8 @@ class UpperBuilder
 {
 public:
     UpperBuilder(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
-                 Interrupter& progress)
-        : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress)
+                 const NoisyScan* scan, Interrupter& progress)
+        : mPoints(points), mRoot(root), mSettings(settings), mScan(scan), mProgress(progress)
     {
     }
 
@@ -277,7 +275,7 @@ private:
     void decideUpper(UpperCell& upper) const
     {
         const OctreeCell& cell = upper.cell;
-        CellFitter fitter(mPoints, mRoot, mSettings);
+        CellFitter fitter(mPoints, mRoot, mSettings, mScan);
         const double radius = fitter.supportRadius(cell.level);
         const SortedPoints::Around around = mPoints.around(cell, radius);
         if (around.points <= kMaxSubtreePoints) {
@@ -316,7 +314,7 @@ private:
             if (upper.subtree) {
                 subtrees.push_back(std::move(upper));
             } else if (!upper.decision.split) {
-                storeLeaf(tree, upper.node, upper.cell, upper.decision, upper.spacing);
+                storeLeaf(tree, upper.node, upper.cell, upper.decision);
             } else {
                 const auto first = std::uint32_t(tree.nodes.size());
                 tree.nodes.resize(first + 8);
@@ -338,7 +336,7 @@ private:
     {
         std::vector<Octree> built(subtrees.size());
         tbb::enumerable_thread_specific<SubtreeBuilder> builders(
-            [&] { return SubtreeBuilder(mPoints, mRoot, mSettings, mProgress); });
+            [&] { return SubtreeBuilder(mPoints, mRoot, mSettings, mScan, mProgress); });
         const double share = subtrees.empty() ? 0 : 1.0 / double(subtrees.size());
         tbb::parallel_for(std::size_t(0), subtrees.size(), [&](std::size_t n) {
             built[n] = builders.local().build(subtrees[n].cell, subtrees[n].spacing);
@@ -363,6 +361,7 @@ private:
     const SortedPoints& mPoints;
     const RootCube& mRoot;
     const MpuSettings& mSettings;
+    const NoisyScan* mScan;
     Interrupter& mProgress;
 };
 
@@ -371,7 +370,8 @@ private:
 Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
                    Interrupter& progress)
 {
-    return UpperBuilder(points, root, settings, progress).build();
+    const auto scan = NoisyScan::of(points, root, settings, progress);
+    return UpperBuilder(points, root, settings, scan.get(), progress).build();
 }
 
 } // namespace mpuvdb

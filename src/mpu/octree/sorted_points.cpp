@@ -111,6 +111,13 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter
     makeTop();
 }
 
+SortedPoints::SortedPoints(PointBatch&& points, std::vector<std::uint64_t>&& keys,
+                           const RootCube& root)
+    : mRoot(root), mPoints(std::move(points)), mKeys(std::move(keys))
+{
+    makeTop();
+}
+
 /// Make the table of first points, of about an entry per point; below its level cells are searched.
 void SortedPoints::makeTop()
 {
@@ -218,6 +225,18 @@ void SortedPoints::gather(const Around& around, std::size_t stride, BatchFilter&
         const std::size_t past = range.end + stride - 1 - first; // first may be beyond the end
         skip = first + past / stride * stride - range.end;
     }
+}
+
+int SortedPoints::levelOfCells(double count) const
+{
+    const auto isAbove = [&](int level) {
+        std::size_t cells = 0;
+        forEachCell(level, [&](std::size_t, std::size_t) { ++cells; });
+        return double(cells) * count <= double(size());
+    };
+    int level = 0;
+    while (level < kMaxLevel && isAbove(level + 1)) ++level;
+    return level;
 }
 
 std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell) const

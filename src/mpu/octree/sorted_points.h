@@ -34,6 +34,14 @@ struct RootCube {
 
     Box3d box() const { return {corner, corner + Vec3d::Constant(side)}; }
     double size(int level) const { return side / double(std::uint64_t(1) << level); }
+    /// The cell of @a level that holds @a p, or the nearest one.
+    OctreeCell cellAt(const Vec3d& p, int level) const
+    {
+        const Vec3d at = (p - corner) / size(level);
+        const double last = double((std::uint64_t(1) << level) - 1);
+        const auto q = at.cwiseMax(0).cwiseMin(last).cast<std::uint32_t>();
+        return {level, q[0], q[1], q[2]};
+    }
     Vec3d center(const OctreeCell& cell) const
     {
         const double s = size(cell.level);
@@ -66,9 +74,13 @@ public:
     /// Consume positions, normals, confidences, colors and scalars of @a cloud.
     SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter& progress,
                  Copies copies = Copies::Keep);
+    /// Points that are in the order of their @a keys, those of cells of an octree.
+    SortedPoints(PointBatch&& points, std::vector<std::uint64_t>&& keys, const RootCube& root);
 
     std::size_t size() const { return mPoints.size(); }
     const PointBatch& points() const { return mPoints; }
+    /// Morton key of the cell of kMaxLevel that holds point @a n.
+    std::uint64_t keyOf(std::size_t n) const { return mKeys[n]; }
     /// One array each for linear red, green and blue, if there are colors, and for the scalars.
     const std::vector<PointBatch::Floats>& channels() const { return mChannels; }
     bool hasColors() const { return mChannels.size() > mScalarNames.size(); }
@@ -115,6 +127,9 @@ public:
     {
         forEachCell(level, {0, size()}, f);
     }
+
+    /// The finest level whose occupied cells hold @a count points or more on average.
+    int levelOfCells(double count) const;
 
     Coordinates positions() const { return {mPoints.x.data(), mPoints.y.data(), mPoints.z.data()}; }
     /// A tree over the largest cells of at most @a most points each (more only where they coincide)
