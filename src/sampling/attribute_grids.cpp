@@ -81,13 +81,16 @@ public:
         openvdb::Vec3s* const color = mHasColors ? mColors.addLike(leaf) : nullptr;
         std::vector<float*> into;
         for (Made<FloatTree>& scalar : mScalars) into.push_back(scalar.addLike(leaf));
-        for (auto voxel = leaf.valueMask().beginOn(); voxel; ++voxel) {
-            if (color) {
-                color[voxel.pos()] = openvdb::Vec3s(next);
-                next += 3;
+        for (openvdb::Index word = 0; word < kBlockDim; ++word)
+            for (auto left = leaf.valueMask().getWord<std::uint64_t>(word); left;
+                 left &= left - 1) {
+                const auto n = 64 * word + openvdb::Index(__builtin_ctzll(left));
+                if (color) {
+                    color[n] = openvdb::Vec3s(next);
+                    next += 3;
+                }
+                for (float* const scalar : into) scalar[n] = *next++;
             }
-            for (float* const scalar : into) scalar[voxel.pos()] = *next++;
-        }
         return next;
     }
     void moveTo(Vec3STree& colors, const std::vector<FloatTree::Ptr>& scalars)

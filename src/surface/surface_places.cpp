@@ -25,11 +25,8 @@ constexpr float kMinGradient = 0.5f;
 /// Distance from the surface, voxels, at which projection ends. [tuned: coverage_test]
 constexpr float kMaxResidual = 0.2f;
 
-/// Unit gradients of the distance at the voxels of a leaf; zero where an axis has no neighbor in
-/// the band, or the gradient is too short.
-struct Gradients {
-    std::array<float, Leaf::SIZE> x, y, z;
-};
+/// One number for each voxel of a leaf and each axis.
+using Vectors = std::array<std::array<float, Leaf::SIZE>, 3>;
 
 /// Slopes of the eight voxels in a row from @a at on along an axis, from neighbors in the band.
 [[gnu::always_inline]] inline Lanes slopeAlong(const float* at, std::ptrdiff_t next,
@@ -43,10 +40,13 @@ struct Gradients {
     return (isAbove & isBelow) != 0 ? 0.5f * rise : rise;
 }
 
+/// Unit gradients of the distance at the voxels of a leaf, zero where an axis has no neighbor in
+/// the band, or the gradient is too short; and the places on the zero set along them, in voxels
+/// from the leaf's first.
 /// @param values  at the leaf's first voxel, in rows of @a row and slabs of @a slab values.
 MPUVDB_CLONES
 void findGradients(const float* values, std::ptrdiff_t slab, std::ptrdiff_t row, float background,
-                   float shortest, Gradients& gradients)
+                   float shortest, Vectors& gradients, Vectors& feet)
 {
     for (int n = 0; n < 64; ++n) {
         const float* const at = values + (n >> 3) * slab + (n & 7) * row;
@@ -59,13 +59,15 @@ void findGradients(const float* values, std::ptrdiff_t slab, std::ptrdiff_t row,
         Lanes length;
         for (int k = 0; k < 8; ++k) length[k] = std::sqrt(squared[k]);
         const Lanes scale = 1 / length;
-        const auto put = [&](std::array<float, Leaf::SIZE>& into, const Lanes& slope) {
-            const Lanes kept = known ? scale * slope : Lanes{};
-            std::memcpy(into.data() + 8 * n, &kept, sizeof kept);
+        const auto put = [&](std::size_t axis, const Lanes& slope, const Lanes& from) {
+            const Lanes kept = known ? scale * slope : Lanes{},
+                        foot = from - lanesAt<Lanes>(at) * kept;
+            std::memcpy(gradients[axis].data() + 8 * n, &kept, sizeof kept);
+            std::memcpy(feet[axis].data() + 8 * n, &foot, sizeof foot);
         };
-        put(gradients.x, x);
-        put(gradients.y, y);
-        put(gradients.z, z);
+        put(0, x, Lanes{} + float(n >> 3));
+        put(1, y, Lanes{} + float(n & 7));
+        put(2, z, Lanes{0, 1, 2, 3, 4, 5, 6, 7});
     }
 }
 
@@ -90,23 +92,26 @@ public:
         mLow = origin;
         mHalo.load(mAccess, *leaf, float(1 / lattice.voxelSize));
         findGradients(&mHalo.value[LeafHalo::index(1, 1, 1)], LeafHalo::index(1, 0, 0),
-                      LeafHalo::index(0, 1, 0), mBackground, kMinGradient, mGradients);
+                      LeafHalo::index(0, 1, 0), mBackground, kMinGradient, mGradients, mFeet);
         const Vec3d low =
             lattice.origin + lattice.voxelSize * Vec3d(origin[0], origin[1], origin[2]);
-        for (auto voxel = voxels.beginOn(); voxel; ++voxel) {
-            const Index n = voxel.pos();
-            const Vec3i at(int(n >> 6), int(n >> 3 & 7), int(n & 7));
-            Vec3f gradient(mGradients.x[n], mGradients.y[n], mGradients.z[n]);
-            Vec3f x = at.cast<float>();
-            if (projections > 1 || gradient == Vec3f::Zero())
-                x = nearestTo({at[0], at[1], at[2]}, projections, gradient);
-            else
-                x -= mHalo.value[LeafHalo::index(at[0] + 1, at[1] + 1, at[2] + 1)] * gradient;
-            places.push_back({low + lattice.voxelSize * x.cast<double>(), gradient.cast<double>()});
-        }
+        for (Index word = 0; word < kBlockDim; ++word)
+            for (auto left = voxels.getWord<std::uint64_t>(word); left; left &= left - 1) {
+                const Index n = 64 * word + Index(__builtin_ctzll(left));
+                Vec3f gradient = at(mGradients, n), x = at(mFeet, n);
+                if (projections > 1 || gradient == Vec3f::Zero())
+                    x = nearestTo(Leaf::offsetToLocalCoord(n), projections, gradient);
+                SurfacePlace& place = places.emplace_back();
+                place.position = low + lattice.voxelSize * x.cast<double>();
+                place.normal = gradient.cast<double>();
+            }
     }
 
 private:
+    static Vec3f at(const Vectors& vectors, std::size_t n)
+    {
+        return {vectors[0][n], vectors[1][n], vectors[2][n]};
+    }
     /// The nearest place on the zero set, value times gradient away from a voxel; repeated from
     /// there, as outside an edge values may be less than the distance. Coordinates are local to the
     /// leaf.
@@ -141,9 +146,7 @@ private:
     Vec3f gradientAt(const Coord& at) const
     {
         const bool inLeaf = ((at[0] | at[1] | at[2]) & ~7) == 0;
-        if (!inLeaf) return gradientBeside(at);
-        const std::size_t n = Leaf::coordToOffset(at);
-        return {mGradients.x[n], mGradients.y[n], mGradients.z[n]};
+        return inLeaf ? Band::at(mGradients, Leaf::coordToOffset(at)) : gradientBeside(at);
     }
     /// The gradient at a voxel outside the leaf.
     Vec3f gradientBeside(const Coord& at) const
@@ -201,7 +204,7 @@ private:
     float mVoxelSize, mBackground; ///< world units; voxels
     Coord mLow;                    ///< the leaf's origin
     LeafHalo mHalo;                ///< voxels
-    Gradients mGradients;
+    Vectors mGradients, mFeet;
 };
 
 SurfacePlaces::SurfacePlaces(const FloatGrid& surface, const Lattice& lattice)

@@ -3,7 +3,7 @@
 #include "core/clones.h"
 #include "core/lanes.h"
 
-#include <cstring>
+#include <array>
 
 namespace mpuvdb
 {
@@ -37,10 +37,10 @@ slotsAt(const std::int32_t* at, std::ptrdiff_t slab, std::ptrdiff_t row)
 
 /// Add the sums of points to the nodes less than @a fine steps away, by linear weights.
 /// @param points  in the cell in the middle of those nodes; the first node's offset.
-MPUVDB_WIDE_CLONES
-void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* given, int fine,
-               const std::int32_t* slots, std::ptrdiff_t slab, std::ptrdiff_t row,
-               std::size_t length, float* sums)
+[[gnu::always_inline]] inline void scatterBy(const std::vector<LatticeWindow::Spot>& points,
+                                             const float* given, int fine,
+                                             const std::int32_t* slots, std::ptrdiff_t slab,
+                                             std::ptrdiff_t row, std::size_t length, float* sums)
 {
     for (const LatticeWindow::Spot& p : points) {
         float weights[3][4];
@@ -73,33 +73,84 @@ void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* give
     }
 }
 
-/// Trilinear means of the sums of the eight nodes about places, weighted by the normals' sides.
 MPUVDB_WIDE_CLONES
-void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const LatticeWindow::Tilt* tilt,
-                 float opposedWeight, const std::int32_t* slots, std::ptrdiff_t slab,
-                 std::ptrdiff_t row, std::size_t length, const float* sums, float* means)
+void scatterTo(const std::vector<LatticeWindow::Spot>& points, const float* given, int fine,
+               const std::int32_t* slots, std::ptrdiff_t slab, std::ptrdiff_t row,
+               std::size_t length, float* sums)
+{
+    if (fine == 1 && length == kLanes) // the most frequent, with loops of known lengths
+        scatterBy(points, given, 1, slots, slab, row, kLanes, sums);
+    else
+        scatterBy(points, given, fine, slots, slab, row, length, sums);
+}
+
+/// Trilinear means of the sums of the eight nodes about places, weighted by the normals' sides.
+[[gnu::always_inline]] inline void collectBy(const std::vector<LatticeWindow::Spot>& spots,
+                                             const Quad* tilts, const std::uint32_t* place,
+                                             float opposedWeight, const std::int32_t* slots,
+                                             std::ptrdiff_t slab, std::ptrdiff_t row,
+                                             std::size_t length, const float* sums, float* means)
 {
     const float along = 0.5f * (1 + opposedWeight), across = 0.5f * (1 - opposedWeight);
     for (const LatticeWindow::Spot& p : spots) {
         const std::array<float, 8> weights = weightsAt(p);
         const std::array<std::int32_t, 8> nodes = slotsAt(slots + p.offset, slab, row);
-        const LatticeWindow::Tilt& t = *tilt++;
-        const float tilts[4] = {along * t[0], across * t[1], across * t[2], across * t[3]};
+        const auto tilt = Quad::Lanes{along, across, across, across} * tilts[*place++].lanes;
         for (std::size_t n = 0; n < length; n += kLanes) {
             Lanes sum{};
             for (std::size_t k = 0; k < 8; ++k)
                 sum += weights[k] * lanesAt<Lanes>(sums + nodes[k] + n);
-            const auto tilted = tilts[0] * __builtin_shufflevector(sum, sum, 0, 1, 2, 3) +
-                                tilts[1] * __builtin_shufflevector(sum, sum, 4, 5, 6, 7) +
-                                tilts[2] * __builtin_shufflevector(sum, sum, 8, 9, 10, 11) +
-                                tilts[3] * __builtin_shufflevector(sum, sum, 12, 13, 14, 15);
+            const auto tilted = tilt[0] * __builtin_shufflevector(sum, sum, 0, 1, 2, 3) +
+                                tilt[1] * __builtin_shufflevector(sum, sum, 4, 5, 6, 7) +
+                                tilt[2] * __builtin_shufflevector(sum, sum, 8, 9, 10, 11) +
+                                tilt[3] * __builtin_shufflevector(sum, sum, 12, 13, 14, 15);
             std::memcpy(means, &tilted, sizeof tilted);
             means += kLanes / 4;
         }
     }
 }
 
+MPUVDB_WIDE_CLONES
+void collectFrom(const std::vector<LatticeWindow::Spot>& spots, const Quad* tilts,
+                 const std::uint32_t* place, float opposedWeight, const std::int32_t* slots,
+                 std::ptrdiff_t slab, std::ptrdiff_t row, std::size_t length, const float* sums,
+                 float* means)
+{
+    if (length == kLanes)
+        collectBy(spots, tilts, place, opposedWeight, slots, slab, row, kLanes, sums, means);
+    else
+        collectBy(spots, tilts, place, opposedWeight, slots, slab, row, length, sums, means);
+}
+
 } // namespace
+
+void LatticeWindow::request(const std::vector<Quad>& positions,
+                            const std::vector<std::uint32_t>& places, std::vector<Spot>& spots)
+{
+    spots.resize(places.size());
+    mWanted.resize(places.size());
+    std::size_t wanted = 0;
+    // Without branches: none could be predicted.
+    for (std::size_t n = 0; n < places.size(); ++n) {
+        const Quad::Lanes at = mPerStep * positions[places[n]].lanes, cell = floorOf(at);
+        spots[n] = spotOf(at - cell, cell - mOrigin);
+        std::uint8_t& isWanted = mIsWanted[std::size_t(spots[n].offset)];
+        mWanted[wanted] = spots[n].offset;
+        wanted += std::size_t(!isWanted);
+        isWanted = 1;
+    }
+    const std::int32_t row = mSize[2], slab = mSize[1] * row;
+    for (std::size_t n = 0; n < wanted; ++n)
+        for (const std::int32_t above : {0, row, slab, slab + row})
+            for (const std::int32_t side : {0, 1}) {
+                std::int32_t& slot = mSlots[std::size_t(mWanted[n] + above + side)];
+                const bool isNew = !slot;
+                slot = isNew ? mUsed : slot;
+                mUsed += isNew ? std::int32_t(mLength) : 0;
+            }
+    mSums.assign(std::size_t(mUsed), 0);
+    mPoints.clear();
+}
 
 void LatticeWindow::scatter()
 {
@@ -108,12 +159,13 @@ void LatticeWindow::scatter()
     mPoints.clear();
 }
 
-void LatticeWindow::read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts,
-                         float opposedWeight, std::vector<float>& means) const
+void LatticeWindow::read(const std::vector<Spot>& spots, const std::vector<Quad>& tilts,
+                         const std::vector<std::uint32_t>& places, float opposedWeight,
+                         std::vector<float>& means) const
 {
     means.resize(spots.size() * mLength / 4);
-    collectFrom(spots, tilts.data(), opposedWeight, mSlots.data(), mSize[1] * mSize[2], mSize[2],
-                mLength, mSums.data(), means.data());
+    collectFrom(spots, tilts.data(), places.data(), opposedWeight, mSlots.data(),
+                mSize[1] * mSize[2], mSize[2], mLength, mSums.data(), means.data());
 }
 
 } // namespace mpuvdb

@@ -2,31 +2,31 @@
 #pragma once
 #include "moment_tree.h"
 
-#include <array>
+#include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 namespace mpuvdb
 {
 
-/// The floor of a number in the range of int.
-inline int floorOf(float x)
-{
-    const int cut = int(x);
-    return cut - int(float(cut) > x);
-}
+/// Four numbers of a register: a position and 0, or 1 and a normal.
+struct alignas(16) Quad {
+    using Lanes = float __attribute__((vector_size(16)));
+    Lanes lanes{};
+
+    Vec3f head() const { return {lanes[0], lanes[1], lanes[2]}; }
+};
 
 /// The nodes of a lattice around places, and the sums of points there.
 class LatticeWindow
 {
 public:
     /// Position of a place among the nodes.
-    struct Spot {
-        std::int32_t offset; ///< index of the first of the eight nodes about it
-        float x, y, z;       ///< from that node, in steps
+    struct alignas(16) Spot {
+        float x, y, z;       ///< from the first of the eight nodes about it, in steps
+        std::int32_t offset; ///< index of that node
     };
-    /// 1, and the normal of a place.
-    using Tilt = std::array<float, 4>;
 
     /// Start a window around the places in @a box, without nodes.
     /// @param reach  distance up to which points add to nodes. @param fine  nodes in it: 1 or 2.
@@ -39,9 +39,12 @@ public:
         mLength = length;
         const int margin = 2 * fine - 1; // nodes that points add to beside those requested
         for (int k = 0; k < 3; ++k) {
-            mFirst[k] = floorOf(mPerStep * box.min()[k]) - margin;
-            mSize[k] = floorOf(mPerStep * box.max()[k]) + 2 + margin - mFirst[k];
+            mFirst[k] = int(std::floor(mPerStep * box.min()[k])) - margin;
+            mSize[k] = int(std::floor(mPerStep * box.max()[k])) + 2 + margin - mFirst[k];
         }
+        mOrigin = Quad::Lanes{float(mFirst[0]), float(mFirst[1]), float(mFirst[2]), 0};
+        mStrides = Quad::Lanes{float(mSize[1] * mSize[2]), float(mSize[2]), 1, 0};
+        mGiven.resize(kBatchPoints * mLength);
         mSlots.assign(mSize.cast<std::size_t>().prod(), 0);
         mIsWanted.assign(mSlots.size(), 0);
         mUsed = std::int32_t(mLength); // the first sums are of nodes that are not requested
@@ -51,67 +54,57 @@ public:
     {
         return ((box.sizes() / step).array() + 8).cast<double>().prod();
     }
-    /// Request the nodes about @a p.
-    Spot request(const Vec3f& p)
-    {
-        const Vec3f at = mPerStep * p;
-        const Spot spot = spotOf({floorOf(at[0]), floorOf(at[1]), floorOf(at[2])}, at);
-        if (mIsWanted[std::size_t(spot.offset)]) return spot;
-        mIsWanted[std::size_t(spot.offset)] = 1;
-        const auto across = std::size_t(mSize[2]), slab = std::size_t(mSize[1]) * across;
-        for (const std::size_t row : {std::size_t(0), across, slab, slab + across})
-            for (const std::size_t side : {0, 1}) {
-                std::int32_t& slot = mSlots[std::size_t(spot.offset) + row + side];
-                if (slot) continue;
-                slot = mUsed;
-                mUsed += std::int32_t(mLength);
-            }
-        return spot;
-    }
-    /// Clear the sums, after all requests.
-    void clear()
-    {
-        mSums.assign(std::size_t(mUsed), 0);
-        mPoints.clear();
-    }
+    /// Request the nodes about @a places, given as indices of @a positions, and clear all sums.
+    /// @param spots  set to those of the places.
+    void request(const std::vector<Quad>& positions, const std::vector<std::uint32_t>& places,
+                 std::vector<Spot>& spots);
     /// The box in which points reach nodes.
     Eigen::AlignedBox3f reach() const
     {
         const auto edge = [this](const Vec3i& node) { return Vec3f(mStep * node.cast<float>()); };
         return {edge(mFirst.array() + (mFine - 1)), edge((mFirst + mSize).array() - mFine)};
     }
-    /// The memory for the sums of a point at @a p, to be set by the caller.
+    /// The memory for the sums of a point at @a p, to be set by the caller; null for one that
+    /// reaches no node.
     float* add(const Vec3f& p)
     {
+        const Quad::Lanes at = mPerStep * Quad::Lanes{p[0], p[1], p[2], 0}, cell = floorOf(at),
+                          first = cell - mOrigin - float(mFine - 1);
+        for (int k = 0; k < 3; ++k)
+            if (first[k] < 0 || first[k] + float(2 * mFine) > float(mSize[k])) return nullptr;
         if (mPoints.size() == kBatchPoints) scatter();
-        if (mGiven.size() < kBatchPoints * mLength) mGiven.resize(kBatchPoints * mLength);
-        float* const room = mGiven.data() + mPoints.size() * mLength;
-        const Vec3f at = mPerStep * p;
-        const Vec3i cell(floorOf(at[0]), floorOf(at[1]), floorOf(at[2]));
-        const Vec3i first = cell.array() - (mFine - 1);
-        const bool inside = (first.array() >= mFirst.array()).all() &&
-                            ((first - mFirst).array() + 2 * mFine <= mSize.array()).all();
-        if (inside) {
-            mPoints.push_back(spotOf(cell, at));
-            mPoints.back().offset = spotOf(first, at).offset;
-        }
-        return room;
+        mPoints.push_back(spotOf(at - cell, first));
+        return mGiven.data() + (mPoints.size() - 1) * mLength;
     }
     /// Add the last points.
     void flush() { scatter(); }
     /// Set @a means to the sums interpolated at @a spots, one number for each quantity. Points of
     /// opposite normals weigh @a opposedWeight.
-    void read(const std::vector<Spot>& spots, const std::vector<Tilt>& tilts, float opposedWeight,
+    /// @param tilts  1 and the normal of each place. @param places  those of the spots.
+    void read(const std::vector<Spot>& spots, const std::vector<Quad>& tilts,
+              const std::vector<std::uint32_t>& places, float opposedWeight,
               std::vector<float>& means) const;
 
 private:
     static constexpr std::size_t kBatchPoints = 256; ///< points added at once [free: time]
 
-    Spot spotOf(const Vec3i& cell, const Vec3f& at) const
+    static Quad::Lanes floorOf(const Quad::Lanes& at)
     {
-        const Vec3i node = cell - mFirst;
-        return {(node[0] * mSize[1] + node[1]) * mSize[2] + node[2], at[0] - float(cell[0]),
-                at[1] - float(cell[1]), at[2] - float(cell[2])};
+        using Whole = std::int32_t __attribute__((vector_size(16)));
+        Whole cut = __builtin_convertvector(at, Whole);
+        cut += __builtin_convertvector(cut, Quad::Lanes) > at; // -1 where it was rounded up
+        return __builtin_convertvector(cut, Quad::Lanes);
+    }
+    /// @param apart  from a cell's first node, steps. @param node  from the window's first, in it.
+    Spot spotOf(const Quad::Lanes& apart, const Quad::Lanes& node) const
+    {
+        const Quad::Lanes steps = node * mStrides; // exact: windows are small
+        Spot spot;
+        std::int32_t __attribute__((vector_size(16))) bits;
+        std::memcpy(&bits, &apart, sizeof bits);
+        bits[3] = std::int32_t(steps[0] + steps[1] + steps[2]);
+        std::memcpy(&spot, &bits, sizeof spot); // at once: reading the whole waits for parts
+        return spot;
     }
     void scatter();
 
@@ -119,8 +112,10 @@ private:
     float mStep = 1, mPerStep = 1;
     std::size_t mLength = 0;
     Vec3i mFirst, mSize;
+    Quad::Lanes mOrigin, mStrides;       ///< mFirst; from a node to the next one, in mSlots
     std::vector<std::int32_t> mSlots;    ///< of the nodes, their indices in mSums; 0: none
     std::vector<std::uint8_t> mIsWanted; ///< by the first of eight nodes: all are requested
+    std::vector<std::int32_t> mWanted;   ///< those first nodes
     std::int32_t mUsed = 0;              ///< size of mSums
     std::vector<float> mSums;
     std::vector<Spot> mPoints;

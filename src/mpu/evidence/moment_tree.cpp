@@ -41,11 +41,11 @@ MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
     sumUp();
 }
 
-/// @param level  finest of the point.
-void MomentTree::sumsOf(std::uint32_t point, int level, float* sums) const
+/// @param area  that is the point's, in those of points with the median spacing.
+void MomentTree::sumsOf(std::uint32_t point, float area, float* sums) const
 {
     const float confidence = std::max(mPoints.confidence[point] * mPerConfidence, kMinConfidence);
-    const float weight = std::ldexp(confidence, 2 * level);
+    const float weight = confidence * area;
     const auto set = [&](std::size_t quantity, float value) {
         float* const s = sums + quantity / 4 * kLanes + quantity % 4;
         s[0] = value;
@@ -74,8 +74,9 @@ void MomentTree::sumUp()
         for (std::size_t at = range.begin(); at < range.end(); ++at) {
             if (!nodes[at].leaf) continue;
             const BucketTree::Bucket& bucket = mTree.bucketOf(std::uint32_t(at));
+            const float area = areaAt(at);
             for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
-                sumsOf(n, mFinest[at], sums.data());
+                sumsOf(n, area, sums.data());
                 add(at, sums.data(), position(n));
             }
         }

@@ -49,8 +49,8 @@ public:
         return step > 2 * mTree.nodes()[0].box.sizes().maxCoeff();
     }
     /// Store the sums of the points in @a box, and perhaps more, in the memory that add(position)
-    /// returns: of each point, or of a node no larger than a step of @a level, at its center of
-    /// weight. Which of both, and the order, does not depend on the box.
+    /// returns, if any: of each point, or of a node no larger than a step of @a level, at its
+    /// center of weight. Which of both, and the order, does not depend on the box.
     template <typename F>
     void forEach(const Eigen::AlignedBox3f& box, int level, F add) const
     {
@@ -69,21 +69,22 @@ private:
         const BucketTree::Node& node = mTree.nodes()[at];
         if (mFinest[at] > level || !node.box.intersects(box)) return;
         if (node.box.diagonal().squaredNorm() <= whole) {
-            std::copy_n(mSums.data() + at * mLength, mLength, add(mMiddles[at]));
+            if (float* const sums = add(mMiddles[at]))
+                std::copy_n(mSums.data() + at * mLength, mLength, sums);
         } else if (!node.leaf) {
             visit(at + 1, box, level, whole, add);
             visit(node.second, box, level, whole, add);
         } else {
             const BucketTree::Bucket& bucket = mTree.bucketOf(at);
-            for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
-                const Vec3f p = position(n);
-                if (box.contains(p)) sumsOf(n, mFinest[at], add(p));
-            }
+            const float area = areaAt(at);
+            for (std::uint32_t n = bucket.begin; n < bucket.end; ++n)
+                if (float* const sums = add(position(n))) sumsOf(n, area, sums);
         }
     }
 
     Vec3f position(std::uint32_t n) const { return {mPoints.x[n], mPoints.y[n], mPoints.z[n]}; }
-    void sumsOf(std::uint32_t point, int level, float* sums) const;
+    float areaAt(std::size_t leaf) const { return std::ldexp(1.0f, 2 * mFinest[leaf]); }
+    void sumsOf(std::uint32_t point, float area, float* sums) const;
     void sumUp();
     void findLevels();
     float spacingIn(const BucketTree::Bucket& bucket) const;

@@ -1,5 +1,7 @@
 #include "point_attributes.h"
 
+#include "core/clones.h"
+#include "core/lanes.h"
 #include "lattice_window.h"
 #include <mpuvdb/error.h>
 
@@ -8,6 +10,7 @@
 #include <cmath>
 #include <fmt/format.h>
 #include <limits>
+#include <numeric>
 
 namespace mpuvdb
 {
@@ -18,8 +21,6 @@ using Box = Eigen::AlignedBox3f;
 
 /// Most nodes of a window of more than one place. [free: a cache's size]
 constexpr std::size_t kMaxWindowNodes = 1 << 17;
-/// Places that share a first level. [free: time]
-constexpr std::size_t kRunPlaces = 512;
 /// Weight of points of opposite normals at level 0; it grows with the square of the step, to 1 from
 /// four times the step on. [tuned: attributes_test]
 constexpr float kOpposedWeight = 1.0f / 16;
@@ -36,6 +37,22 @@ float shareOf(float points)
     return t * t * (3 - 2 * t);
 }
 
+/// Split places into positions from @a frame, and 1 and their normals.
+MPUVDB_CLONES
+void split(const std::vector<SurfacePlace>& places, const Vec3d& frame, Quad* positions,
+           Quad* tilts)
+{
+    using Four = double __attribute__((vector_size(32)));
+    const Four origin{frame[0], frame[1], frame[2], 0};
+    for (const SurfacePlace& place : places) {
+        const double* const numbers = place.position.data(); // and after it the normal
+        positions->lanes = __builtin_convertvector(lanesAt<Four>(numbers) - origin, Quad::Lanes);
+        (positions++)->lanes[3] = 0;
+        tilts->lanes = __builtin_convertvector(lanesAt<Four>(numbers + 2), Quad::Lanes);
+        (tilts++)->lanes[0] = 1;
+    }
+}
+
 } // namespace
 
 /// Blends at places, with the scratch memory of one thread.
@@ -50,10 +67,9 @@ public:
         values.resize(places.size() * channels);
         for (std::size_t n = 0; n < values.size(); n += channels)
             for (std::size_t c = 0; c < channels; ++c) values[n + c] = mOf.mPoints.reference(c);
-        mPositions.reserve(places.size());
-        for (const SurfacePlace& place : places)
-            mPositions.push_back((place.position - mOf.mFrame).cast<float>());
-        mPlaces = places.data();
+        mPositions.resize(places.size());
+        mTilts.resize(places.size());
+        split(places, mOf.mFrame, mPositions.data(), mTilts.data());
         mValues = values.data();
         blendRange(0, places.size());
     }
@@ -63,67 +79,43 @@ private:
     void blendRange(std::size_t begin, std::size_t end)
     {
         if (begin == end) return;
-        Box box;
-        std::vector<Run> waiting;
-        for (std::size_t n = begin; n < end; n += kRunPlaces) {
-            waiting.push_back(runOf(n, std::min(n + kRunPlaces, end)));
-            box.extend(waiting.back().box);
-        }
-        std::stable_sort(waiting.begin(), waiting.end(),
-                         [](const Run& a, const Run& b) { return a.level > b.level; });
-        int level = waiting.back().level;
+        mBox = boxOf(end - begin, [&](std::size_t n) { return begin + n; });
+        int level = mOf.mPoints.finestLevel(mBox);
         if (end - begin > 1 &&
-            LatticeWindow::nodesOf(box, mOf.mPoints.step(level)) > double(kMaxWindowNodes)) {
+            LatticeWindow::nodesOf(mBox, mOf.mPoints.step(level)) > double(kMaxWindowNodes)) {
             const std::size_t middle = begin + (end - begin) / 2;
             blendRange(begin, middle);
             blendRange(middle, end);
             return;
         }
-        for (; !mOpen.empty() || !waiting.empty(); ++level) {
-            for (; !waiting.empty() && waiting.back().level <= level; waiting.pop_back())
-                open(waiting.back());
-            if (!mOpen.empty()) blendAt(level);
-        }
+        mOpen.resize(end - begin);
+        std::iota(mOpen.begin(), mOpen.end(), std::uint32_t(begin));
+        mShares.assign(mOpen.size(), 1);
+        for (; !mOpen.empty(); ++level) blendAt(level);
     }
-
-    /// Places one after the other, and the finest level with points about them.
-    struct Run {
-        std::size_t begin, end;
-        Box box;
-        int level;
-    };
-    Run runOf(std::size_t begin, std::size_t end) const
+    template <typename F>
+    Box boxOf(std::size_t count, F placeAt) const
     {
-        Box box;
-        for (std::size_t n = begin; n < end; ++n) box.extend(mPositions[n]);
-        return {begin, end, box, mOf.mPoints.finestLevel(box)};
-    }
-    void open(const Run& run)
-    {
-        for (std::size_t n = run.begin; n < run.end; ++n) {
-            const Vec3f normal = mPlaces[n].normal.cast<float>();
-            mOpen.push_back(std::uint32_t(n));
-            mTilts.push_back({1, normal[0], normal[1], normal[2]});
-            mShares.push_back(1);
+        Quad low = mPositions[placeAt(0)], high = low;
+        for (std::size_t n = 1; n < count; ++n) {
+            const Quad::Lanes& p = mPositions[placeAt(n)].lanes;
+            low.lanes = p < low.lanes ? p : low.lanes;
+            high.lanes = p > high.lanes ? p : high.lanes;
         }
-        mBox.extend(run.box);
+        return {low.head(), high.head()};
     }
-
     /// Blend a level into the open places, and keep those that are still open.
     void blendAt(int level)
     {
         const MomentTree& points = mOf.mPoints;
         const float step = points.step(level);
         mLatticeWindow.open(mBox, step, MomentTree::nodesPerStep(level), points.length());
-        mSpots.resize(mOpen.size());
-        for (std::size_t n = 0; n < mOpen.size(); ++n)
-            mSpots[n] = mLatticeWindow.request(mPositions[mOpen[n]]);
-        mLatticeWindow.clear();
+        mLatticeWindow.request(mPositions, mOpen, mSpots);
         points.forEach(mLatticeWindow.reach(), level,
                        [this](const Vec3f& p) { return mLatticeWindow.add(p); });
         mLatticeWindow.flush();
-        mLatticeWindow.read(mSpots, mTilts, std::min(std::ldexp(kOpposedWeight, 2 * level), 1.0f),
-                            mMeans);
+        mLatticeWindow.read(mSpots, mTilts, mOpen,
+                            std::min(std::ldexp(kOpposedWeight, 2 * level), 1.0f), mMeans);
         applyMeans(level);
     }
 
@@ -135,37 +127,32 @@ private:
         const float step = points.step(level);
         const float perStep = std::ldexp(1.0f, -2 * level); // the area of a step squared
         const bool mayBeLast = points.mayCoverAll(step);
-        mBox.setEmpty();
         std::size_t kept = 0;
         for (std::size_t n = 0; n < mOpen.size();
              ++n) { // without branches: none could be predicted
             const float* const means = mMeans.data() + n * stride;
-            const bool last = mayBeLast && points.coversAll(mPositions[mOpen[n]], step);
+            const bool last = mayBeLast && points.coversAll(mPositions[mOpen[n]].head(), step);
             const float share = mShares[n] * (last ? 1 : shareOf(perStep * means[0]));
             float* const values = mValues + mOpen[n] * channels;
             const float scale = share / std::max(means[0], std::numeric_limits<float>::min());
             for (std::size_t c = 0; c < channels; ++c) values[c] += scale * means[c + 1];
             const bool open = mShares[n] > share;
-            if (open) mBox.extend(mPositions[mOpen[n]]);
             mShares[kept] = mShares[n] - share;
-            mTilts[kept] = mTilts[n];
             mOpen[kept] = mOpen[n];
             kept += std::size_t(open);
         }
         mOpen.resize(kept);
-        mTilts.resize(kept);
         mShares.resize(kept);
+        mBox = kept > 0 ? boxOf(kept, [this](std::size_t n) { return mOpen[n]; }) : Box();
     }
 
     const PointAttributes& mOf;
-    const SurfacePlace* mPlaces = nullptr;
     float* mValues = nullptr;
-    std::vector<Vec3f> mPositions;
+    std::vector<Quad> mPositions, mTilts; ///< of the places
     LatticeWindow mLatticeWindow;
-    std::vector<std::uint32_t> mOpen;        ///< places whose weights do not add up to 1 yet
-    std::vector<LatticeWindow::Tilt> mTilts; ///< theirs
-    Box mBox;                                ///< around their positions, or somewhat larger
-    std::vector<float> mShares;              ///< the weights left to coarser levels
+    std::vector<std::uint32_t> mOpen; ///< places whose weights do not add up to 1 yet
+    Box mBox;                         ///< around their positions
+    std::vector<float> mShares;       ///< the weights left to coarser levels
     std::vector<LatticeWindow::Spot> mSpots;
     std::vector<float> mMeans;
 };
@@ -207,7 +194,11 @@ PointAttributes::PointAttributes(const SortedPoints& points, const Vec3d& frame,
 void PointAttributes::evaluate(const std::vector<SurfacePlace>& places,
                                std::vector<float>& values) const
 {
-    Blender(*this).blend(places, values);
+    std::unique_ptr<Blender>& blender = mBlenders.local();
+    if (!blender) blender = std::make_unique<Blender>(*this);
+    blender->blend(places, values);
 }
+
+PointAttributes::~PointAttributes() = default;
 
 } // namespace mpuvdb

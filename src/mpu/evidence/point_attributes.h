@@ -3,6 +3,9 @@
 #include "moment_tree.h"
 #include <mpuvdb/surface_attributes.h>
 
+#include <memory>
+#include <tbb/enumerable_thread_specific.h>
+
 namespace mpuvdb
 {
 
@@ -14,6 +17,7 @@ public:
     /// @throws UsageError for names that the points do not have.
     PointAttributes(const SortedPoints& points, const Vec3d& frame,
                     const std::vector<std::string>& names);
+    ~PointAttributes() override;
 
     bool hasColors() const override { return mNamed.hasColors; }
     const std::vector<std::string>& scalarNames() const override { return mNamed.scalarNames; }
@@ -28,11 +32,12 @@ private:
         MomentTree::Channels channels;
     };
     static Named find(const SortedPoints& points, const std::vector<std::string>& names);
-    Vec3f local(const Vec3d& position) const { return (position - mFrame).cast<float>(); }
 
     Vec3d mFrame;
     Named mNamed;
     MomentTree mPoints;
+    /// One for each thread that has evaluated, to keep its memory.
+    mutable tbb::enumerable_thread_specific<std::unique_ptr<Blender>> mBlenders;
 };
 
 } // namespace mpuvdb
