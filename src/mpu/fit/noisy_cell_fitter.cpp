@@ -14,9 +14,9 @@ namespace mpuvdb
 namespace
 {
 
-/// Least noise, in tolerances, for which points are averaged. [tuned: noise_bench; below, fits to
+/// Least noise, in tolerances, for which points are averaged. [tuned: fidelity; below, fits to
 /// the tolerance follow the points as well]
-constexpr double kLeastNoise = 0.3;
+constexpr double kLeastNoise = 0.7;
 
 /// Noise of normals that were estimated from the positions, radians: they only tell sides apart.
 /// [tuned: noise_bench]
