@@ -1,5 +1,6 @@
 // Estimates of a fit, from fits of the points of a few cells.
 #include "mpu/fill/coarse_sign.h"
+#include "mpu/fit/noisy_cell_fitter.h"
 #include "mpu/octree/octree.h"
 #include <mpuvdb/interrupter.h>
 
@@ -146,12 +147,14 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
         cloud.size() * (2 * sizeof(Vec3f) + (cloud.confidence.empty() ? 0 : sizeof(float)));
     const std::uint64_t pointBytes = kPointBytes * cloud.size(),
                         unused = std::min(kUnusedBytes * cloud.size(), kMaxUnusedBytes);
+    const std::uint64_t meanBytes =
+        NoisyScan::isFor(settings) ? NoisyScan::kMeanBytes * cloud.size() : 0;
     const std::uint64_t coarseBytes =
         complete ? 0 : CoarseSign::makingPeakBytes(points, bounds, root);
     estimate.bytes = pointBytes + treeBytes + coarseBytes / 16;
-    estimate.peakBytes =
-        std::max({cloudBytes + kSortBytes * cloud.size(), pointBytes + 2 * treeBytes + unused,
-                  pointBytes + treeBytes + coarseBytes});
+    estimate.peakBytes = std::max({cloudBytes + kSortBytes * cloud.size(),
+                                   pointBytes + 2 * treeBytes + meanBytes + unused,
+                                   pointBytes + treeBytes + coarseBytes});
     return estimate;
 }
 

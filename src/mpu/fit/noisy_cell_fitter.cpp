@@ -71,11 +71,15 @@ double medianSpacing(const SortedPoints& points, const RootCube& root)
 
 } // namespace
 
+bool NoisyScan::isFor(const MpuSettings& settings)
+{
+    return !settings.interpolate && settings.noise > kLeastNoise * settings.tolerance;
+}
+
 std::unique_ptr<const NoisyScan> NoisyScan::of(const SortedPoints& points, const RootCube& root,
                                                const MpuSettings& settings, Interrupter& progress)
 {
-    if (settings.interpolate || !(settings.noise > kLeastNoise * settings.tolerance))
-        return nullptr;
+    if (!isFor(settings)) return nullptr;
     const double spacing = medianSpacing(points, root);
     if (!(spacing > 0)) return nullptr;
     auto scan = std::make_unique<NoisyScan>();

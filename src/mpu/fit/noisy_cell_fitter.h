@@ -15,6 +15,12 @@ struct NoisyScan {
     std::unique_ptr<const MeanPyramid> pyramid;
     std::unique_ptr<const RadiusMap> radii;
 
+    /// Memory of the means, bytes per point. [derived: cells of the finest level are up to a
+    /// spacing wide, and those above add a third: about a mean per point, of eight floats, key and
+    /// table]
+    static constexpr std::uint64_t kMeanBytes = 48;
+    /// Whether fits by @a settings average their points.
+    static bool isFor(const MpuSettings& settings);
     /// @return null where the noise is below what a fit to the tolerance resolves anyway.
     static std::unique_ptr<const NoisyScan> of(const SortedPoints& points, const RootCube& root,
                                                const MpuSettings& settings, Interrupter& progress);
