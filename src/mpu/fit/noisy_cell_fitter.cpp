@@ -83,7 +83,7 @@ std::unique_ptr<const NoisyScan> NoisyScan::of(const SortedPoints& points, const
     const double spacing = medianSpacing(points, root);
     if (!(spacing > 0)) return nullptr;
     auto scan = std::make_unique<NoisyScan>();
-    PointNoise& noise = scan->noise;
+    PointNoise noise;
     noise.sigma = settings.noise;
     noise.tolerance = settings.tolerance;
     noise.tau = settings.normalNoise > 0 ? std::max(settings.normalNoise, kMinNormalNoise)
@@ -139,10 +139,9 @@ bool NoisyCellFitter::fit(const CellPoints& ball, const Vec3d& center, double ra
     bool opposed = false;
     for (std::size_t m = 0; m < mSheets.size(); ++m) {
         for (std::size_t k = 0; k < m; ++k) opposed |= mSheets[k].axis.dot(mSheets[m].axis) < 0;
-        const bool showsEdges = mSharp;
         sheets.pieces[m] = mSheets[m].q;
         sheets.count = int(m) + 1;
-        if (m > 0 && !showsEdges && !opposed) continue;
+        if (m > 0 && !mSharp && !opposed) continue;
         LocalFit candidate = sheets;
         const auto errorOf = [&](const LocalFit& fit) {
             return noisyMisfit(fit, mEvidence, mNoise.spread(), mNoise.tau);

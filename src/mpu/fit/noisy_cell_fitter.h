@@ -10,7 +10,6 @@ struct MpuSettings;
 
 /// What fits of noisy points need of the whole cloud.
 struct NoisyScan {
-    PointNoise noise;
     std::size_t minPoints = 0; ///< least points of a sheet
     std::unique_ptr<const MeanPyramid> pyramid;
     std::unique_ptr<const RadiusMap> radii;

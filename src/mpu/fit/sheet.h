@@ -55,10 +55,10 @@ struct Sheet {
 
     /// Variance of the height at @a y, in sigma squared.
     double variance(const Vec3d& y) const;
-    /// variance() at @a y by the mean variance at the points: about 1 among them, growing with a
-    /// power of the distance beyond.
     /// The same sheet about the place @a y.
     Sheet about(const Vec3d& y) const;
+    /// variance() at @a y by the mean variance at the points: about 1 among them, growing with a
+    /// power of the distance beyond.
     double extrapolation(const Vec3d& y) const { return variance(y) * count / unknowns; }
 
     Vec3d origin = Vec3d::Zero(); ///< of the normal equations

@@ -130,11 +130,4 @@ const SortedPoints& MeanPyramid::of(double size) const
     return coarser == 0 ? mPoints : mMeans[coarser - 1];
 }
 
-std::size_t MeanPyramid::bytes() const
-{
-    std::size_t bytes = 0;
-    for (const SortedPoints& means : mMeans) bytes += means.bytes();
-    return bytes;
-}
-
 } // namespace mpuvdb

@@ -24,7 +24,6 @@ public:
     /// themselves where there are none.
     const SortedPoints& of(double size) const;
     const SortedPoints& points() const { return mPoints; }
-    std::size_t bytes() const;
 
 private:
     const SortedPoints& mPoints;
