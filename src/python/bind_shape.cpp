@@ -1,12 +1,12 @@
 // Shapes: what is asked of them, and operations that need no deformation of space.
 #include "arguments.h"
 #include "bindings.h"
+#include "evaluation.h"
 #include "modelling_arguments.h"
 #include "run.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
-#include <mpuvdb/memory.h>
 
 #include <fmt/format.h>
 
@@ -21,47 +21,6 @@ namespace py = pybind11;
 using namespace py::literals;
 namespace
 {
-
-#define MPUVDB_SAMPLING_DOC                                                                        \
-    " voxel_size: world units, or '1%' of the diagonal of the bounds; None: that of the finest "   \
-    "level set it is made of, where that makes at most 64 times the voxels of all (else a "        \
-    "LimitError names one that does). half_width: voxels, in "                                     \
-    "[1.5, 1000]. max_bytes: memory that all grids together may take, 0 for any; None: "           \
-    "nine tenths of the machine's, or of the control group's. More is a LimitError before it is "  \
-    "taken. A level set without any voxels is a UserWarning."
-
-using VoxelSize = std::optional<LengthArgument>;
-using MaxBytes = std::optional<std::uint64_t>;
-
-ShapeSettings settingsFor(const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
-                          const MaxBytes& maxBytes)
-{
-    ShapeSettings settings;
-    settings.voxelSize = voxelSize ? worldLength(*voxelSize, {shape.bounds()}) : shape.voxelSize();
-    if (!voxelSize && !(settings.voxelSize > 0))
-        throw UsageError("a shape without level sets has no voxel size of its own: give "
-                         "voxel_size, in world units or as '1%' of the diagonal");
-    settings.halfWidth = halfWidth;
-    settings.maxBytes = maxBytes ? *maxBytes : defaultMemoryLimit();
-    return settings;
-}
-
-/// To evaluate @a shape: the finest grid's voxels are not taken where that multiplies the others'.
-ShapeSettings settingsToWork(const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
-                             const MaxBytes& maxBytes)
-{
-    const ShapeSettings settings = settingsFor(shape, voxelSize, halfWidth, maxBytes);
-    if (!voxelSize) shape.requireFewVoxels(settings);
-    return settings;
-}
-
-/// As Shape::evaluate(), with a note where nothing is left of a solid.
-LevelSet evaluated(const Shape& shape, const ShapeSettings& settings, Interrupter& progress)
-{
-    LevelSet made = shape.evaluate(settings, &progress);
-    if (!shape.bounds().isEmpty()) noteIfEmpty(made, progress);
-    return made;
-}
 
 void bindEvaluation(ShapeClass& shapes)
 {

@@ -24,6 +24,8 @@ void bindLevelSet(LevelSetClass& levelSets);
 void bindLevelSetOperations(LevelSetClass& levelSets);
 void bindShape(ShapeClass& shapes, LevelSetClass& levelSets);
 void bindDeformations(ShapeClass& shapes);
+/// Questions to level sets and shapes; adds the class that keeps what they need.
+void bindQueries(pybind11::module_& module, LevelSetClass& levelSets, ShapeClass& shapes);
 void bindBooleans(pybind11::module_& module);
 void bindPrimitives(pybind11::module_& module);
 void bindReconstruction(pybind11::module_& module);

@@ -28,16 +28,19 @@ PYBIND11_MODULE(mpuvdb, module)
                      "outside. Vertices are floats about a double frame.");
     LevelSetClass levelSets(module, "LevelSet",
                             "A solid as a narrow band of signed distances on voxels, immutable. "
-                            "Made by Shape.level_set(), read(), from_numpy(), from_pyopenvdb().");
+                            "Made by Shape.level_set(), read(), from_numpy(), from_pyopenvdb().",
+                            py::dynamic_attr());
     ShapeClass shapes(module, "Shape",
                       "An immutable solid as an expression: combined by | & - and the functions of "
-                      "this module, sampled when a level set, a mesh or a file is asked for.");
+                      "this module, sampled when a level set, a mesh or a file is asked for.",
+                      py::dynamic_attr());
     bindMesh(meshes);
     bindLevelSet(levelSets);
     bindLevelSetOperations(levelSets);
     bindShape(shapes, levelSets);
     bindDeformations(shapes);
     py::implicitly_convertible<LevelSet, Shape>();
+    bindQueries(module, levelSets, shapes);
     bindBooleans(module);
     bindPrimitives(module);
     bindReconstruction(module);

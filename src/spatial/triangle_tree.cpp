@@ -9,6 +9,8 @@
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <utility>
 
 namespace mpuvdb
@@ -17,8 +19,10 @@ namespace
 {
 
 constexpr std::size_t kLeafTriangles = 4; ///< of a leaf; [free: the same distances]
-constexpr int kCurveBits = 21;            ///< per axis; [derived: what mortonKey() takes]
-constexpr std::size_t kMostLevels = 64;   ///< [derived: of a tree of halves of 2^64]
+/// Levels above the leaves whose nodes have cylinders. [free: time]
+constexpr int kCylinderLevels = 6;
+constexpr int kCurveBits = 21;          ///< per axis; [derived: what mortonKey() takes]
+constexpr std::size_t kMostLevels = 64; ///< [derived: of a tree of halves of 2^64]
 
 double squaredDistanceTo(const TriangleTree::Corners& corners, const Vec3d& p)
 {
@@ -26,11 +30,70 @@ double squaredDistanceTo(const TriangleTree::Corners& corners, const Vec3d& p)
         p, {corners[0].cast<double>(), corners[1].cast<double>(), corners[2].cast<double>()});
 }
 
-double squaredDistanceTo(const TriangleTree::Box& box, const Vec3d& p)
+/// A ray, and its intersections. The axes are permuted and sheared so that the ray runs along z:
+/// then triangles on both sides of an edge compute the same product for it, and none lets a ray
+/// through that the other would have met [Woop13].
+class Ray
 {
-    const Vec3d lower = box.min().cast<double>() - p, upper = p - box.max().cast<double>();
-    return lower.cwiseMax(upper).cwiseMax(0).squaredNorm();
-}
+public:
+    Ray(const Vec3d& origin, const Vec3d& direction)
+        : mOrigin(origin), mInverse(direction.cwiseInverse())
+    {
+        Eigen::Index largest;
+        direction.cwiseAbs().maxCoeff(&largest);
+        mZ = int(largest);
+        mX = (mZ + 1) % 3;
+        mY = (mZ + 2) % 3;
+        mShear = Vec3d(direction[mX], direction[mY], 1) / direction[mZ];
+    }
+
+    /// Where the ray enters @a box, from 0 on; infinite if it misses it.
+    double enters(const TriangleTree::Box& box) const
+    {
+        double from = 0, to = kNone;
+        for (int axis = 0; axis < 3; ++axis) {
+            const double low = double(box.min()[axis]) - mOrigin[axis];
+            const double high = double(box.max()[axis]) - mOrigin[axis];
+            if (std::isinf(mInverse[axis])) { // along the box's sides
+                if (low > 0 || high < 0) return kNone;
+                continue;
+            }
+            const double a = low * mInverse[axis], b = high * mInverse[axis];
+            from = std::max(from, std::min(a, b));
+            to = std::min(to, std::max(a, b) * kRoundings);
+        }
+        return from <= to ? from : kNone;
+    }
+
+    /// Where the ray meets a triangle, from 0 on; infinite if it misses it.
+    double meets(const TriangleTree::Corners& corners) const
+    {
+        const Vec3d a = sheared(corners[0]), b = sheared(corners[1]), c = sheared(corners[2]);
+        const double u = c[0] * b[1] - c[1] * b[0], v = a[0] * c[1] - a[1] * c[0];
+        const double w = b[0] * a[1] - b[1] * a[0];
+        if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0)) return kNone;
+        const double sum = u + v + w;
+        if (sum == 0) return kNone;
+        const double t = (u * a[2] + v * b[2] + w * c[2]) / sum;
+        return t >= 0 ? t : kNone;
+    }
+
+    /// Of no hit. [derived: infinity]
+    static constexpr double kNone = std::numeric_limits<double>::infinity();
+
+private:
+    /// Factor on where a ray leaves a box. [derived: three roundings of a double, doubled]
+    static constexpr double kRoundings = 1 + 0x1p-50;
+
+    Vec3d sheared(const Vec3f& corner) const
+    {
+        const Vec3d to = corner.cast<double>() - mOrigin;
+        return Vec3d(to[mX] - mShear[0] * to[mZ], to[mY] - mShear[1] * to[mZ], mShear[2] * to[mZ]);
+    }
+
+    Vec3d mOrigin, mInverse, mShear;
+    int mX, mY, mZ;
+};
 
 } // namespace
 
@@ -45,6 +108,11 @@ TriangleTree::TriangleTree(const Mesh& mesh, Interrupter& progress)
                 mCorners[slot][k] = mesh.positions[mesh.triangles[mOrder[slot]][k]];
     });
     while (mLeaves * kLeafTriangles < size()) mLeaves *= 2;
+    boundNodes(progress);
+}
+
+void TriangleTree::boundNodes(Interrupter& progress)
+{
     mBoxes.resize(2 * mLeaves);
     tbb::parallel_for(std::size_t(0), mLeaves, [&](std::size_t leaf) {
         for (std::size_t slot = firstSlot(leaf); slot < firstSlot(leaf + 1); ++slot)
@@ -56,6 +124,51 @@ TriangleTree::TriangleTree(const Mesh& mesh, Interrupter& progress)
             mBoxes[node] = mBoxes[2 * node].merged(mBoxes[2 * node + 1]);
         });
     }
+    mFirstCylinder = std::max<std::size_t>(mLeaves >> kCylinderLevels, 1);
+    mCylinders.resize(2 * mLeaves - mFirstCylinder);
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(mFirstCylinder, 2 * mLeaves, 64),
+                      [&](const auto& range) {
+                          progress.check();
+                          for (std::size_t node = range.begin(); node < range.end(); ++node)
+                              mCylinders[node - mFirstCylinder] = cylinderOf(node);
+                      });
+}
+
+std::pair<std::size_t, std::size_t> TriangleTree::slotsBelow(std::size_t node) const
+{
+    std::size_t first = node, last = node + 1;
+    while (first < mLeaves) {
+        first *= 2;
+        last *= 2;
+    }
+    return {firstSlot(first - mLeaves), firstSlot(last - mLeaves)};
+}
+
+TriangleTree::Cylinder TriangleTree::cylinderOf(std::size_t node) const
+{
+    const auto [begin, end] = slotsBelow(node);
+    Vec3d sum = Vec3d::Zero();
+    for (std::size_t slot = begin; slot < end; ++slot) {
+        const auto& [a, b, c] = mCorners[slot];
+        sum += (b - a).cast<double>().cross((c - a).cast<double>());
+    }
+    Cylinder cylinder;
+    if (sum.squaredNorm() > 0) cylinder.axis = sum.normalized().cast<float>();
+    const Vec3d axis = cylinder.axis.cast<double>(), center = middle(node);
+    double low = std::numeric_limits<double>::infinity(), high = -low, radius = 0;
+    for (std::size_t slot = begin; slot < end; ++slot)
+        for (const Vec3f& corner : mCorners[slot]) {
+            const Vec3d from = corner.cast<double>() - center;
+            const double along = axis.dot(from);
+            low = std::min(low, along);
+            high = std::max(high, along);
+            radius = std::max(radius, from.squaredNorm() - along * along);
+        }
+    constexpr float kMost = std::numeric_limits<float>::max();
+    cylinder.low = std::nextafter(float(low), -kMost);
+    cylinder.high = std::nextafter(float(high), kMost);
+    cylinder.radius = std::nextafter(float(std::sqrt(radius)), kMost);
+    return cylinder;
 }
 
 void TriangleTree::sortTriangles(const Mesh& mesh)
@@ -88,7 +201,7 @@ double TriangleTree::squaredDistance(const Vec3d& p, std::size_t& slot) const
     double best = squaredDistanceTo(mCorners[slot], p);
     Entry stack[2 * kMostLevels];
     std::size_t height = 0;
-    stack[height++] = {1, squaredDistanceTo(mBoxes[1], p)};
+    stack[height++] = {1, squaredBound(1, p)};
     while (height > 0) {
         const Entry entry = stack[--height];
         if (!(entry.distance2 < best)) continue;
@@ -102,8 +215,8 @@ double TriangleTree::squaredDistance(const Vec3d& p, std::size_t& slot) const
             }
             continue;
         }
-        Entry near = {2 * entry.node, squaredDistanceTo(mBoxes[2 * entry.node], p)};
-        Entry far = {2 * entry.node + 1, squaredDistanceTo(mBoxes[2 * entry.node + 1], p)};
+        Entry near = {2 * entry.node, squaredBound(2 * entry.node, p)};
+        Entry far = {2 * entry.node + 1, squaredBound(2 * entry.node + 1, p)};
         if (far.distance2 < near.distance2) std::swap(near, far);
         stack[height++] = far;
         stack[height++] = near;
@@ -120,7 +233,7 @@ bool TriangleTree::isWithin(const Vec3d& p, double distance, std::size_t& slot) 
         stack[height++] = root;
         while (height > 0) {
             const std::size_t node = stack[--height];
-            if (squaredDistanceTo(mBoxes[node], p) > most) continue;
+            if (squaredBound(node, p) > most) continue;
             if (node < mLeaves) {
                 stack[height++] = 2 * node;
                 stack[height++] = 2 * node + 1;
@@ -141,6 +254,39 @@ bool TriangleTree::isWithin(const Vec3d& p, double distance, std::size_t& slot) 
     for (; node > 1; node /= 2)
         if (isBelow(node ^ 1)) return true;
     return false;
+}
+
+double TriangleTree::firstHit(const Vec3d& origin, const Vec3d& direction, std::size_t& slot) const
+{
+    struct Entry {
+        std::size_t node;
+        double from;
+    };
+    const Ray ray(origin, direction);
+    double first = Ray::kNone;
+    Entry stack[2 * kMostLevels];
+    std::size_t height = 0;
+    stack[height++] = {1, ray.enters(mBoxes[1])};
+    while (height > 0) {
+        const Entry entry = stack[--height];
+        if (!(entry.from < first)) continue;
+        if (entry.node >= mLeaves) {
+            const std::size_t leaf = entry.node - mLeaves;
+            for (std::size_t s = firstSlot(leaf); s < firstSlot(leaf + 1); ++s) {
+                const double t = ray.meets(mCorners[s]);
+                if (!(t < first)) continue;
+                first = t;
+                slot = s;
+            }
+            continue;
+        }
+        Entry near = {2 * entry.node, ray.enters(mBoxes[2 * entry.node])};
+        Entry far = {2 * entry.node + 1, ray.enters(mBoxes[2 * entry.node + 1])};
+        if (far.from < near.from) std::swap(near, far);
+        stack[height++] = far;
+        stack[height++] = near;
+    }
+    return first;
 }
 
 } // namespace mpuvdb

@@ -2,7 +2,10 @@
 #pragma once
 #include <mpuvdb/triangle_mesh.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <utility>
 #include <vector>
 
 namespace mpuvdb
@@ -44,6 +47,11 @@ public:
     /// Whether a triangle is at most @a distance from @a p, relative to the mesh's frame.
     /// @param slot  where to look first; becomes the slot of the triangle found, if there is one.
     bool isWithin(const Vec3d& p, double distance, std::size_t& slot) const;
+
+    /// Where the ray origin + t * @a direction, t >= 0, first meets a triangle, from either side;
+    /// without gaps between neighbors. @param origin  relative to the mesh's frame.
+    /// @param slot  becomes that of the triangle. @return t, infinite if there is none.
+    double firstHit(const Vec3d& origin, const Vec3d& direction, std::size_t& slot) const;
 
     /// Call f(slot) for all triangles that are at most @a distance from @a p, and for some that are
     /// a little farther.
@@ -99,12 +107,52 @@ private:
                (b.min().array() <= a.max().array() + apart).all();
     }
 
+    /// A cylinder about the middle of a node's box that holds its triangles: where these are
+    /// nearly in a plane, a much better bound than the box.
+    struct Cylinder {
+        Vec3f axis = Vec3f::Zero(); ///< unit, the triangles' mean normal; zero if there is none
+        float radius = 0;
+        float low = 0, high = 0; ///< along the axis, from the middle
+
+        /// A lower bound of the squared distance from @a p to what is in it. @param p  from the
+        /// middle.
+        double squaredDistance(const Vec3d& p) const
+        {
+            /// Factor for an axis that is a unit vector but for roundings. [derived: of floats]
+            constexpr double kRoundings = 1 - 0x1p-19;
+            const double along = axis.cast<double>().dot(p);
+            const double above = std::max({0.0, double(low) - along, along - double(high)});
+            const double across = std::sqrt(std::max(p.squaredNorm() - along * along, 0.0));
+            const double beside = std::max(0.0, across - double(radius));
+            return (above * above + beside * beside) * kRoundings;
+        }
+    };
+
     void sortTriangles(const Mesh& mesh);
+    void boundNodes(Interrupter& progress);
+    Cylinder cylinderOf(std::size_t node) const;
+    /// The slots below a node.
+    std::pair<std::size_t, std::size_t> slotsBelow(std::size_t node) const;
+    /// A lower bound of the squared distance from @a p to the triangles below a node.
+    double squaredBound(std::size_t node, const Vec3d& p) const
+    {
+        const Vec3d lower = mBoxes[node].min().cast<double>() - p;
+        const Vec3d upper = p - mBoxes[node].max().cast<double>();
+        const double box = lower.cwiseMax(upper).cwiseMax(0).squaredNorm();
+        if (node < mFirstCylinder) return box;
+        return std::max(box, mCylinders[node - mFirstCylinder].squaredDistance(p - middle(node)));
+    }
+    Vec3d middle(std::size_t node) const
+    {
+        return 0.5 * (mBoxes[node].min().cast<double>() + mBoxes[node].max().cast<double>());
+    }
 
     std::vector<std::uint32_t> mOrder;
     std::vector<Corners> mCorners;
     std::size_t mLeaves = 1; ///< a power of two
     std::vector<Box> mBoxes; ///< by node; the first is not used
+    std::size_t mFirstCylinder = 1;
+    std::vector<Cylinder> mCylinders; ///< of the nodes from mFirstCylinder on
 };
 
 } // namespace mpuvdb

@@ -1,0 +1,75 @@
+// The values of a block of voxels with those around it, and the distance at places in it by cubic
+// interpolation, where that is one.
+#pragma once
+#include <mpuvdb/field.h>
+
+#include <array>
+#include <cstdint>
+#include <openvdb/openvdb.h>
+
+namespace mpuvdb
+{
+
+/// A block of 8x8x8 cells of a level set, whose lower corners are the block's voxels. For one
+/// thread.
+///
+/// Cubic interpolation [Catmull74] needs the 64 voxels about a cell. Where the band ends, those
+/// that miss are extrapolated by parabolas along the axes. It is the distance where the values are
+/// smooth, and not where a ridge or a crease of the distance passes: there third differences of
+/// neighboring values are large, and the cell is not smooth().
+class LeafWindow
+{
+public:
+    using Leaf = openvdb::FloatTree::LeafNodeType;
+    using Accessor = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
+
+    /// @param voxelSize  world units.
+    LeafWindow(const openvdb::FloatTree& tree, double voxelSize);
+
+    /// Loads the block at @a origin, a multiple of 8 voxels.
+    void load(const openvdb::Coord& origin);
+    const openvdb::Coord& origin() const { return mOrigin; }
+
+    /// Whether interpolation is a distance in the cell at (x,y,z) of the block.
+    bool isSmooth(int x, int y, int z) const
+    {
+        return mSmooth[std::size_t(x)][std::size_t(y)] >> z & 1;
+    }
+    /// The value, world units, at @a place, voxels from the block's origin, in [0, 8).
+    float value(const Vec3f& place) const;
+    /// The same with its gradient, dimensionless.
+    float value(const Vec3f& place, Vec3f& gradient) const;
+
+private:
+    /// Voxels kept below and above the block: those that third differences across the cells beside
+    /// its border need. [derived: of four voxels]
+    static constexpr int kBelow = 2, kAbove = 3;
+    static constexpr int kEdge = kBelow + kBlockDim + kAbove; ///< voxels [derived: sum]
+    /// Floats of a row along z. [derived: two registers of eight]
+    static constexpr int kRow = 16;
+    /// Steps to the next voxel along x, y, z. [derived: kEdge, kRow]
+    static constexpr std::array<int, 3> kSteps = {kEdge * kRow, kRow, 1};
+    /// Bit z of row (x,y) is that of the voxel at (x,y,z).
+    using Bits = std::array<std::array<std::uint16_t, kEdge>, kEdge>;
+
+    static std::size_t index(int x, int y, int z)
+    {
+        return std::size_t((x * kEdge + y) * kRow + z);
+    }
+    void loadLeaf(const openvdb::Coord& side);
+    void extrapolate();
+    bool extrapolateRows(const Bits& known);
+    void keepWhole(const Bits& known);
+    void dropRough(const Bits& known);
+    unsigned roughBits(int x, int y, int axis, unsigned from) const;
+
+    Accessor mAccessor;
+    float mVoxelSize;
+    openvdb::Coord mOrigin;
+    alignas(64) std::array<float, kEdge * kEdge * kRow + kRow> mValues{}; ///< all finite
+    Bits mKnown{}; ///< in the band, or extrapolated
+    Bits mTorn{};  ///< extrapolated, and not the same from all sides
+    std::array<std::array<std::uint8_t, kBlockDim>, kBlockDim> mSmooth{};
+};
+
+} // namespace mpuvdb

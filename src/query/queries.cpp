@@ -1,0 +1,370 @@
+#include "core/parallel_each.h"
+#include "leaf_window.h"
+#include "sharp_surface.h"
+#include "spatial/radix_sort.h"
+#include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
+#include <mpuvdb/queries.h>
+
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <optional>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using openvdb::Coord;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// Places that are sorted at once. [free: memory]
+constexpr std::size_t kBatch = std::size_t(1) << 22;
+/// Places of a task, and rays and places far from the surface. [free: grain size]
+constexpr std::size_t kPlaces = 8192, kFarPlaces = 256;
+/// Runs of places in one block from which on places are taken as they come, in places: sorting one
+/// costs a hundredth of loading a block. [free: time]
+constexpr std::size_t kLongRun = 64;
+/// Key of a place beyond the band's blocks. [derived: the type's largest]
+constexpr std::uint64_t kFar = ~std::uint64_t(0);
+
+/// Three numbers of row @a i.
+Vec3d placeAt(const NumberView& places, std::size_t i)
+{
+    if (places.type == NumberView::Type::Double)
+        return Eigen::Map<const Vec3d>(places.row<double>(i));
+    return Eigen::Map<const Vec3f>(places.row<float>(i)).cast<double>();
+}
+
+void requireNumbers(const NumberView& places)
+{
+    if (places.type == NumberView::Type::Byte)
+        throw UsageError("places are floats or doubles, not bytes");
+}
+
+/// The blocks of a level set that may hold places in its band, numbered.
+class Blocks
+{
+public:
+    explicit Blocks(const openvdb::FloatTree& tree)
+    {
+        openvdb::CoordBBox box;
+        tree.evalLeafBoundingBox(box);
+        if (box.empty()) return;
+        // A cell's voxels may lie in the next block.
+        mFirst = (box.min() >> 3).offsetBy(-1);
+        const Coord last = box.max() >> 3;
+        for (int axis = 0; axis < 3; ++axis)
+            mCount[std::size_t(axis)] = std::uint64_t(last[axis] - mFirst[axis]) + 1;
+        const std::uint64_t all = mCount[0] * mCount[1] * mCount[2];
+        while (all >> mBits) ++mBits;
+    }
+
+    /// Bits of keys; kFar is larger in them than all others.
+    int bits() const { return mBits; }
+    /// The block that holds @a at, voxels; kFar if there is none. @param within  becomes the place
+    /// in it, voxels from its origin.
+    std::uint64_t find(const Vec3d& at, Vec3f& within) const
+    {
+        std::uint64_t key = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+            const double from = at[axis] / kBlockDim - mFirst[axis];
+            const std::uint64_t count = mCount[std::size_t(axis)];
+            if (!(from >= 0 && from < double(count))) return kFar;
+            const auto block = std::int64_t(from);
+            key = key * count + std::uint64_t(block);
+            within[axis] = std::min(float(kBlockDim * (from - double(block))), kLast);
+        }
+        return key;
+    }
+    Coord origin(std::uint64_t key) const
+    {
+        const std::uint64_t row = key / mCount[2];
+        const Coord block(int(row / mCount[1]), int(row % mCount[1]), int(key % mCount[2]));
+        return (mFirst + block) << 3;
+    }
+
+private:
+    /// The last place in a block, voxels from its origin. [derived: the float below 8]
+    static constexpr float kLast = 8 - 0x1p-21f;
+
+    Coord mFirst;
+    std::array<std::uint64_t, 3> mCount{};
+    int mBits = 1;
+};
+
+} // namespace
+
+/// What the questions share.
+class Queries::Answers
+{
+public:
+    Answers(LevelSet levelSet, FieldPtr field)
+        : mLevelSet(std::move(levelSet)), mField(std::move(field)), mLattice(mLevelSet.lattice()),
+          mBlocks(mLevelSet.grid().tree())
+    {
+    }
+
+    const LevelSet& levelSet() const { return mLevelSet; }
+    bool isEmpty() const { return mLevelSet.grid().empty(); }
+
+    /// Calls f(i, distance, gradient) for each place, of which the gradient is set if @a Sloped.
+    template <bool Sloped, class F>
+    void forEach(const NumberView& places, Interrupter& progress, const F& f) const
+    {
+        requireNumbers(places);
+        for (std::size_t begin = 0; begin < places.rows; begin += kBatch) {
+            const Batch batch{places, begin, std::min(begin + kBatch, places.rows)};
+            const std::vector<std::uint32_t> far = forEachInBand<Sloped>(batch, progress, f);
+            forEachFar(batch, far, progress, f);
+        }
+    }
+
+    /// @throws as Queries::raycast().
+    const SharpSurface& surface(Interrupter& progress) const
+    {
+        const std::scoped_lock lock(mMutex);
+        // While it waits, this thread must not take up work that asks for the surface, too.
+        tbb::this_task_arena::isolate([&] {
+            if (!mSurface) mSurface.emplace(mLevelSet, mField.get(), progress);
+        });
+        return *mSurface;
+    }
+
+    /// Whether a place is inside, where a voxel beside it tells. @param at  voxels.
+    static std::optional<bool> side(const LeafWindow::Accessor& accessor, const Vec3d& at,
+                                    double voxelSize)
+    {
+        /// Index from which on places are outside. [derived: half of the range of int]
+        constexpr double kFarVoxel = 1 << 30;
+        /// Largest distance of a place from the nearest voxel, voxels. [derived: sqrt(3) / 2,
+        /// rounded up for values that are rounded]
+        constexpr double kNearest = 0.87;
+        if (!(at.cwiseAbs().maxCoeff() < kFarVoxel)) return false;
+        const Coord voxel(int(std::lround(at[0])), int(std::lround(at[1])),
+                          int(std::lround(at[2])));
+        const double value = double(accessor.getValue(voxel));
+        if (std::abs(value) < kNearest * voxelSize) return {};
+        return value < 0;
+    }
+
+    Vec3d voxels(const Vec3d& place) const
+    {
+        return (place - mLattice.origin) / mLattice.voxelSize;
+    }
+
+private:
+    struct Batch {
+        const NumberView& places;
+        std::size_t begin, end;
+
+        std::size_t size() const { return end - begin; }
+        Vec3d place(std::size_t index) const { return placeAt(places, begin + index); }
+    };
+
+    /// A place in the band's blocks, or kFar.
+    struct Item {
+        std::uint64_t block; ///< key
+        std::uint32_t index; ///< in the batch
+        Vec3f at;            ///< voxels from the block's origin
+    };
+
+    Item itemOf(const Batch& batch, std::size_t index) const
+    {
+        Item item;
+        item.block = mBlocks.find(voxels(batch.place(index)), item.at);
+        item.index = std::uint32_t(index);
+        return item;
+    }
+
+    /// Whether few places of a batch follow one in the same block, by some stretches of it.
+    bool isScattered(const Batch& batch) const
+    {
+        // Looking at one place in 16 costs little beside what follows. [free: time]
+        constexpr std::size_t kStretch = 512, kOf = 16 * kStretch;
+        std::size_t runs = 0, seen = 0;
+        for (std::size_t begin = 0; begin < batch.size(); begin += kOf) {
+            std::uint64_t last = kFar;
+            for (std::size_t i = begin; i < std::min(begin + kStretch, batch.size()); ++i, ++seen) {
+                const std::uint64_t block = itemOf(batch, i).block;
+                runs += block != last;
+                last = block;
+            }
+        }
+        return runs * kLongRun > seen;
+    }
+
+    /// Answers what interpolation can. @return the places that are left.
+    template <bool Sloped, class F>
+    std::vector<std::uint32_t> forEachInBand(const Batch& batch, Interrupter& progress,
+                                             const F& f) const
+    {
+        const auto itemAt = [&](std::size_t n) { return itemOf(batch, n); };
+        if (!isScattered(batch)) return forEachItem<Sloped>(batch, itemAt, progress, f);
+        std::vector<Item> items(batch.size());
+        forEachParallel(items.size(), kPlaces, progress,
+                        [&](std::size_t n) { items[n] = itemAt(n); });
+        radixSort(
+            items, 0, mBlocks.bits(), [](const Item& item) { return item.block; }, progress);
+        return forEachItem<Sloped>(
+            batch, [&](std::size_t n) { return items[n]; }, progress, f);
+    }
+
+    /// The same for all items of a batch in the order of @a itemAt(n).
+    template <bool Sloped, class ItemAt, class F>
+    std::vector<std::uint32_t> forEachItem(const Batch& batch, const ItemAt& itemAt,
+                                           Interrupter& progress, const F& f) const
+    {
+        std::vector<std::vector<std::uint32_t>> far((batch.size() + kPlaces - 1) / kPlaces);
+        const auto band = float(mLevelSet.halfWidth() * mLattice.voxelSize);
+        forEachParallel(far.size(), 1, progress, [&](std::size_t task) {
+            LeafWindow window(mLevelSet.grid().tree(), mLattice.voxelSize);
+            std::uint64_t loaded = kFar;
+            const std::size_t end = std::min((task + 1) * kPlaces, batch.size());
+            for (std::size_t n = task * kPlaces; n < end; ++n) {
+                const auto [block, index, at] = itemAt(n);
+                if (block != loaded && block != kFar) window.load(mBlocks.origin(block));
+                loaded = block;
+                if (block == kFar || !window.isSmooth(int(at[0]), int(at[1]), int(at[2]))) {
+                    far[task].push_back(index);
+                    continue;
+                }
+                Vec3f gradient = Vec3f::Zero();
+                const float value = Sloped ? window.value(at, gradient) : window.value(at);
+                // Beyond the band values are extrapolated, too far.
+                if (std::abs(value) > band)
+                    far[task].push_back(index);
+                else
+                    f(batch.begin + index, double(value), gradient.cast<double>().normalized());
+            }
+        });
+        std::vector<std::uint32_t> all;
+        for (const auto& some : far) all.insert(all.end(), some.begin(), some.end());
+        return all;
+    }
+
+    template <class F>
+    void forEachFar(const Batch& batch, const std::vector<std::uint32_t>& far,
+                    Interrupter& progress, const F& f) const
+    {
+        if (far.empty()) return;
+        const SharpSurface* const sharp = isEmpty() ? nullptr : &surface(progress);
+        tbb::parallel_for(
+            tbb::blocked_range<std::size_t>(0, far.size(), kFarPlaces), [&](const auto& range) {
+                progress.check();
+                const LeafWindow::Accessor accessor(mLevelSet.grid().tree());
+                std::size_t slot = 0;
+                for (std::size_t n = range.begin(); n < range.end(); ++n) {
+                    const Vec3d place = batch.place(far[n]);
+                    const std::size_t i = batch.begin + far[n];
+                    if (!place.allFinite() || !sharp) {
+                        f(i, sharp || !place.allFinite() ? kNaN : HUGE_VAL, Vec3d::Constant(kNaN));
+                        continue;
+                    }
+                    const auto inside = side(accessor, voxels(place), mLattice.voxelSize);
+                    const SurfaceFoot foot = sharp->nearest(place, inside, slot);
+                    f(i, foot.distance, foot.direction);
+                }
+            });
+    }
+
+    LevelSet mLevelSet;
+    FieldPtr mField;
+    Lattice mLattice;
+    Blocks mBlocks;
+    mutable std::mutex mMutex;
+    mutable std::optional<SharpSurface> mSurface;
+};
+
+Queries::Queries(LevelSet levelSet, FieldPtr field)
+    : mAnswers(std::make_unique<Answers>(std::move(levelSet), std::move(field)))
+{
+}
+
+Queries::~Queries() = default;
+
+const LevelSet& Queries::levelSet() const
+{
+    return mAnswers->levelSet();
+}
+
+void Queries::distances(const NumberView& places, double* distances, Interrupter* interrupter) const
+{
+    mAnswers->forEach<false>(
+        places, orSilent(interrupter),
+        [&](std::size_t i, double distance, const Vec3d&) { distances[i] = distance; });
+}
+
+void Queries::distances(const NumberView& places, double* distances, Vec3d* gradients,
+                        Interrupter* interrupter) const
+{
+    mAnswers->forEach<true>(places, orSilent(interrupter),
+                            [&](std::size_t i, double distance, const Vec3d& gradient) {
+                                distances[i] = distance;
+                                gradients[i] = gradient;
+                            });
+}
+
+void Queries::closestPoints(const NumberView& places, Vec3d* closest,
+                            Interrupter* interrupter) const
+{
+    mAnswers->forEach<true>(places, orSilent(interrupter),
+                            [&](std::size_t i, double distance, const Vec3d& gradient) {
+                                closest[i] = placeAt(places, i) - distance * gradient;
+                            });
+}
+
+void Queries::contains(const NumberView& places, std::uint8_t* inside,
+                       Interrupter* interrupter) const
+{
+    requireNumbers(places);
+    // Voxels tell nearly all; what is beside the surface is left.
+    std::vector<std::vector<std::size_t>> unknown((places.rows + kPlaces - 1) / kPlaces);
+    forEachParallel(unknown.size(), 1, orSilent(interrupter), [&](std::size_t task) {
+        const LeafWindow::Accessor accessor(levelSet().grid().tree());
+        const std::size_t end = std::min((task + 1) * kPlaces, places.rows);
+        for (std::size_t i = task * kPlaces; i < end; ++i) {
+            const Vec3d at = mAnswers->voxels(placeAt(places, i));
+            const auto side = Answers::side(accessor, at, levelSet().voxelSize());
+            inside[i] = side.value_or(false);
+            if (!side) unknown[task].push_back(i);
+        }
+    });
+    std::vector<std::size_t> left;
+    for (const auto& some : unknown) left.insert(left.end(), some.begin(), some.end());
+    std::vector<Vec3d> near(left.size());
+    for (std::size_t n = 0; n < left.size(); ++n) near[n] = placeAt(places, left[n]);
+    std::vector<double> distances(left.size());
+    this->distances(near, distances.data(), interrupter);
+    for (std::size_t n = 0; n < left.size(); ++n) inside[left[n]] = distances[n] < 0;
+}
+
+void Queries::raycast(const NumberView& origins, const NumberView& directions, double* hits,
+                      Vec3d* normals, Interrupter* interrupter) const
+{
+    requireNumbers(origins);
+    requireNumbers(directions);
+    if (origins.rows != directions.rows)
+        throw UsageError(
+            fmt::format("{} origins of rays, but {} directions", origins.rows, directions.rows));
+    Interrupter& progress = orSilent(interrupter);
+    if (origins.empty()) return;
+    const SharpSurface* const sharp = mAnswers->isEmpty() ? nullptr : &mAnswers->surface(progress);
+    forEachParallel(origins.rows, kFarPlaces, progress, [&](std::size_t i) {
+        const Vec3d direction = placeAt(directions, i), origin = placeAt(origins, i);
+        if (!direction.allFinite() || direction.isZero(0))
+            throw UsageError(fmt::format("the direction of ray {} is zero or not finite", i));
+        Vec3d normal = Vec3d::Constant(kNaN);
+        hits[i] =
+            sharp && origin.allFinite() ? sharp->firstHit(origin, direction, normal) : HUGE_VAL;
+        if (normals) normals[i] = normal;
+    });
+}
+
+} // namespace mpuvdb
