@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -210,24 +211,76 @@ private:
     std::uint32_t mContact = kNone;
 };
 
+/// The balls at places on a surface.
+struct Balls {
+    openvdb::Coord home; ///< the voxel that places are relative to
+    Places places;       ///< in the tree's order
+    std::optional<PlaceTree> tree;
+    std::vector<Ball> balls; ///< of the places, voxels
+
+    Balls(const LevelSet& levelSet, std::uint64_t crossings, Interrupter& progress)
+    {
+        const std::uint64_t stride = crossings / kMaxPlaces + 1;
+        places = findPlaces(levelSet, stride, progress);
+        if (places.size() == 0) return;
+        home = levelSet.grid().tree().cbeginLeaf()->origin();
+        Eigen::AlignedBox3f bounds;
+        for (const Vec3f& p : places.positions) bounds.extend(p);
+        tree.emplace(places);
+        progress.check();
+        balls.resize(places.size());
+        tbb::parallel_for(std::size_t(0), (balls.size() + kRun - 1) / kRun, [&](std::size_t run) {
+            progress.check();
+            BallFinder finder(places, *tree, bounds.diagonal().norm(), std::sqrt(float(stride)));
+            const std::size_t end = std::min((run + 1) * kRun, balls.size());
+            for (std::size_t n = run * kRun; n < end; ++n) balls[n] = finder.find(std::uint32_t(n));
+        });
+    }
+
+    /// The place nearest to @a p, voxels from home. @param first  where to look first.
+    std::uint32_t nearest(const Vec3f& p, std::uint32_t first) const
+    {
+        std::uint32_t found = first;
+        float distance = (places.positions[first] - p).norm();
+        tree->search([&](const PlaceTree::Node& node) { return node.squaredDistance(p, distance); },
+                     [&](std::uint32_t other) {
+                         const float d = (places.positions[other] - p).norm();
+                         if (!(d < distance)) return;
+                         distance = d;
+                         found = other;
+                     });
+        return found;
+    }
+};
+
 } // namespace
+
+std::vector<float> thicknessAt(const LevelSet& levelSet, std::uint64_t crossings,
+                               const std::vector<Vec3d>& feet, Interrupter& progress)
+{
+    std::vector<float> diameters(feet.size());
+    const Balls found(levelSet, crossings, progress);
+    if (found.balls.empty()) return diameters;
+    const Lattice lattice = levelSet.lattice();
+    const Vec3d home(found.home[0], found.home[1], found.home[2]);
+    tbb::parallel_for(std::size_t(0), (feet.size() + kRun - 1) / kRun, [&](std::size_t run) {
+        progress.check();
+        std::uint32_t place = 0;
+        for (std::size_t n = run * kRun; n < std::min((run + 1) * kRun, feet.size()); ++n) {
+            const Vec3d at = (feet[n] - lattice.origin) / lattice.voxelSize - home;
+            place = found.nearest(at.cast<float>(), place);
+            diameters[n] = 2 * found.balls[place].radius * float(lattice.voxelSize);
+        }
+    });
+    return diameters;
+}
 
 Thickness measureThickness(const LevelSet& levelSet, std::uint64_t crossings, Interrupter& progress)
 {
-    const std::uint64_t stride = crossings / kMaxPlaces + 1;
-    Places places = findPlaces(levelSet, stride, progress);
-    if (places.size() == 0) return {};
-    Eigen::AlignedBox3f bounds;
-    for (const Vec3f& p : places.positions) bounds.extend(p);
-    const PlaceTree tree(places);
-    progress.check();
-    std::vector<Ball> balls(places.size());
-    tbb::parallel_for(std::size_t(0), (balls.size() + kRun - 1) / kRun, [&](std::size_t run) {
-        progress.check();
-        BallFinder finder(places, tree, bounds.diagonal().norm(), std::sqrt(float(stride)));
-        const std::size_t end = std::min((run + 1) * kRun, balls.size());
-        for (std::size_t n = run * kRun; n < end; ++n) balls[n] = finder.find(std::uint32_t(n));
-    });
+    const Balls found(levelSet, crossings, progress);
+    const Places& places = found.places;
+    const std::vector<Ball>& balls = found.balls;
+    if (balls.empty()) return {};
     const bool anyBetweenWalls =
         std::any_of(balls.begin(), balls.end(), [](const Ball& b) { return b.isBetweenWalls; });
     double sum = 0, weights = 0;

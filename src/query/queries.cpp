@@ -1,5 +1,5 @@
+#include "band_window.h"
 #include "core/parallel_each.h"
-#include "leaf_window.h"
 #include "sharp_surface.h"
 #include "spatial/radix_sort.h"
 #include <mpuvdb/error.h>
@@ -138,7 +138,7 @@ public:
     }
 
     /// Whether a place is inside, where a voxel beside it tells. @param at  voxels.
-    static std::optional<bool> side(const LeafWindow::Accessor& accessor, const Vec3d& at,
+    static std::optional<bool> side(const BandWindow::Accessor& accessor, const Vec3d& at,
                                     double voxelSize)
     {
         /// Index from which on places are outside. [derived: half of the range of int]
@@ -224,7 +224,7 @@ private:
         std::vector<std::vector<std::uint32_t>> far((batch.size() + kPlaces - 1) / kPlaces);
         const auto band = float(mLevelSet.halfWidth() * mLattice.voxelSize);
         forEachParallel(far.size(), 1, progress, [&](std::size_t task) {
-            LeafWindow window(mLevelSet.grid().tree(), mLattice.voxelSize);
+            BandWindow window(mLevelSet.grid().tree(), mLattice.voxelSize);
             std::uint64_t loaded = kFar;
             const std::size_t end = std::min((task + 1) * kPlaces, batch.size());
             for (std::size_t n = task * kPlaces; n < end; ++n) {
@@ -258,7 +258,7 @@ private:
         tbb::parallel_for(
             tbb::blocked_range<std::size_t>(0, far.size(), kFarPlaces), [&](const auto& range) {
                 progress.check();
-                const LeafWindow::Accessor accessor(mLevelSet.grid().tree());
+                const BandWindow::Accessor accessor(mLevelSet.grid().tree());
                 std::size_t slot = 0;
                 for (std::size_t n = range.begin(); n < range.end(); ++n) {
                     const Vec3d place = batch.place(far[n]);
@@ -327,7 +327,7 @@ void Queries::contains(const NumberView& places, std::uint8_t* inside,
     // Voxels tell nearly all; what is beside the surface is left.
     std::vector<std::vector<std::size_t>> unknown((places.rows + kPlaces - 1) / kPlaces);
     forEachParallel(unknown.size(), 1, orSilent(interrupter), [&](std::size_t task) {
-        const LeafWindow::Accessor accessor(levelSet().grid().tree());
+        const BandWindow::Accessor accessor(levelSet().grid().tree());
         const std::size_t end = std::min((task + 1) * kPlaces, places.rows);
         for (std::size_t i = task * kPlaces; i < end; ++i) {
             const Vec3d at = mAnswers->voxels(placeAt(places, i));

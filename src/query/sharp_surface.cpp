@@ -1,7 +1,6 @@
 #include "sharp_surface.h"
 
-#include "leaf_window.h"
-#include "spatial/point_triangle.h"
+#include "band_window.h"
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
 
@@ -19,20 +18,26 @@ namespace
 /// Distance, voxels, below which a place lies on the surface, and distances are equal. [derived:
 /// roundings of doubles at 2^31 voxels]
 constexpr double kOnSurface = 1e-6;
+/// Distance, voxels, from the triangles within which the zero set is. [derived: the sagitta of an
+/// edge of sqrt(3) voxels at a radius of four, below which it is not smooth]
+constexpr double kOffSurface = 0.1;
+/// Sine of the angle between rays and the surface below which they stop at the triangles. [derived:
+/// the zero set, that far off, may be a voxel farther]
+constexpr double kGrazing = kOffSurface;
 
 /// Of each vertex of @a mesh, whether the values about it are smooth.
 std::vector<bool> smoothVertices(const Mesh& mesh, const LevelSet& levelSet, Interrupter& progress)
 {
     const Lattice lattice = levelSet.lattice();
     std::vector<char> smooth(mesh.positions.size());
-    tbb::enumerable_thread_specific<LeafWindow> windows(
-        [&] { return LeafWindow(levelSet.grid().tree(), lattice.voxelSize); });
+    tbb::enumerable_thread_specific<BandWindow> windows(
+        [&] { return BandWindow(levelSet.grid().tree(), lattice.voxelSize); });
     // Vertices come leaf by leaf, so that a window serves many of them.
     constexpr std::size_t kVertices = 4096; // of a task [free: grain size]
     tbb::parallel_for(
         tbb::blocked_range<std::size_t>(0, smooth.size(), kVertices), [&](const auto& range) {
             progress.check();
-            LeafWindow& window = windows.local();
+            BandWindow& window = windows.local();
             bool loaded = false;
             for (std::size_t v = range.begin(); v < range.end(); ++v) {
                 const Vec3d at = (mesh.world(v) - lattice.origin) / lattice.voxelSize;
@@ -51,41 +56,16 @@ std::vector<bool> smoothVertices(const Mesh& mesh, const LevelSet& levelSet, Int
 
 SharpSurface::SharpSurface(const LevelSet& levelSet, const Field* field, Interrupter& progress)
     : mVoxelSize(levelSet.voxelSize()), mField(makeGridField(levelSet)),
-      mMesh(extractMesh(levelSet, {field}, &progress)),
-      mSmooth(smoothVertices(mMesh, levelSet, progress))
+      mTriangles(extractMesh(levelSet, {field}, &progress), kOnSurface * mVoxelSize, progress),
+      mSmooth(smoothVertices(mTriangles.mesh(), levelSet, progress))
 {
-    mTree.emplace(mMesh, progress);
 }
 
 bool SharpSurface::isSmooth(std::size_t slot) const
 {
-    const Mesh::Triangle& triangle = mMesh.triangles[mTree->triangle(slot)];
+    const std::uint32_t index = mTriangles.tree().triangle(slot);
+    const Mesh::Triangle& triangle = mTriangles.mesh().triangles[index];
     return std::all_of(triangle.begin(), triangle.end(), [&](auto v) { return mSmooth[v]; });
-}
-
-Vec3d SharpSurface::normalAt(std::size_t slot) const
-{
-    const auto& [a, b, c] = mTree->corners(slot);
-    return (b - a).cast<double>().cross((c - a).cast<double>()).normalized();
-}
-
-/// Whether @a p, whose distance from the triangles is @a distance, is behind those that are
-/// nearest: the one at @a slot where it lies straight below p, else by the normals of all weighted
-/// with angles [Baerentzen05]. @param p  relative to the mesh's frame.
-bool SharpSurface::isInside(const Vec3d& p, double distance, std::size_t slot) const
-{
-    const double farthest = distance + kOnSurface * mVoxelSize;
-    const double height = normalAt(slot).dot(p - mTree->corners(slot)[0].cast<double>());
-    if (std::abs(height) > distance - kOnSurface * mVoxelSize) return height < 0;
-    double sum = 0;
-    mTree->forEachNear(p, farthest, [&](std::size_t other) {
-        std::array<Vec3d, 3> corners;
-        for (std::size_t k = 0; k < 3; ++k) corners[k] = mTree->corners(other)[k].cast<double>();
-        const NearestPlace near(p, corners);
-        if ((p - near.place).squaredNorm() > farthest * farthest) return;
-        sum += near.angle * normalAt(other).dot(p - near.place);
-    });
-    return sum < 0;
 }
 
 /// The foot of @a p on the zero set of cubic interpolation beside @a place, a place on a smooth
@@ -125,34 +105,33 @@ std::optional<SurfaceFoot> SharpSurface::refined(const Vec3d& p, const Vec3d& pl
 SurfaceFoot SharpSurface::nearest(const Vec3d& p, std::optional<bool> inside,
                                   std::size_t& slot) const
 {
-    const Vec3d from = p - mMesh.frame;
-    const double apart = std::sqrt(mTree->squaredDistance(from, slot));
-    std::array<Vec3d, 3> corners;
-    for (std::size_t k = 0; k < 3; ++k) corners[k] = mTree->corners(slot)[k].cast<double>();
-    const Vec3d place = mMesh.frame + NearestPlace(from, corners).place;
+    const SignedTriangles::Near near = mTriangles.nearest(p, slot);
+    slot = near.slot;
     if (isSmooth(slot)) {
-        const std::optional<SurfaceFoot> foot = refined(p, place);
+        const std::optional<SurfaceFoot> foot = refined(p, near.place);
         // It may be farther than the triangle by as much as that lies off the zero set.
-        if (foot && std::abs(foot->distance) < apart + 0.1 * mVoxelSize &&
+        if (foot && std::abs(foot->distance) < near.distance + kOffSurface * mVoxelSize &&
             (!inside || *inside == (foot->distance < 0)))
             return *foot;
     }
-    const double sign = (inside ? *inside : isInside(from, apart, slot)) ? -1 : 1;
-    const bool on = apart < kOnSurface * mVoxelSize;
-    return {place, on ? normalAt(slot) : Vec3d(sign * (p - place) / apart), sign * apart};
+    const double sign = (inside ? *inside : mTriangles.isBehind(p, near)) ? -1 : 1;
+    const bool on = near.distance < kOnSurface * mVoxelSize;
+    return {near.place,
+            on ? mTriangles.normal(slot) : Vec3d(sign * (p - near.place) / near.distance),
+            sign * near.distance};
 }
 
 double SharpSurface::firstHit(const Vec3d& origin, const Vec3d& direction, Vec3d& normal) const
 {
     std::size_t slot = 0;
-    double t = mTree->firstHit(origin - mMesh.frame, direction, slot);
+    const double t = mTriangles.tree().firstHit(origin - mTriangles.mesh().frame, direction, slot);
     if (!std::isfinite(t)) return t;
-    normal = normalAt(slot);
+    normal = mTriangles.normal(slot);
     if (!isSmooth(slot)) return t;
     // A step of Newton's method to the zero set, unless the ray grazes it.
     const FieldSample sample = mField->evaluate(origin + t * direction);
     const double slope = sample.gradient.dot(direction);
-    if (!(std::abs(slope) > 0.1 * sample.gradient.norm() * direction.norm())) return t;
+    if (!(std::abs(slope) > kGrazing * sample.gradient.norm() * direction.norm())) return t;
     normal = sample.gradient.normalized();
     return std::max(0.0, t - sample.value / slope);
 }

@@ -1,6 +1,6 @@
 // The surface of a level set as triangles that keep its creases, for the nearest places and rays.
 #pragma once
-#include "spatial/triangle_tree.h"
+#include "signed_triangles.h"
 #include <mpuvdb/field.h>
 #include <mpuvdb/fields.h>
 #include <mpuvdb/level_set.h>
@@ -39,15 +39,12 @@ public:
 
 private:
     bool isSmooth(std::size_t slot) const;
-    bool isInside(const Vec3d& p, double distance, std::size_t slot) const;
     std::optional<SurfaceFoot> refined(const Vec3d& p, const Vec3d& place) const;
-    Vec3d normalAt(std::size_t slot) const;
 
     double mVoxelSize;
     FieldPtr mField; ///< cubic interpolation of the level set
-    Mesh mMesh;
+    SignedTriangles mTriangles;
     std::vector<bool> mSmooth; ///< by vertex
-    std::optional<TriangleTree> mTree;
 };
 
 } // namespace mpuvdb

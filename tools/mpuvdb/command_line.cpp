@@ -110,7 +110,8 @@ public:
              {makeReconstruct, makeVoxelize,  makeMesh,     makeUnion,  makeIntersection,
               makeDifference,  makeOffset,    makeShell,    makeSmooth, makeMorph,
               makeTwistVerb,   makeTransform, makeResample, makeFog,    makeIsosurface,
-              makeComponents,  makeSample,    makeInfo,     makeCheck,  makeRender})
+              makeComponents,  makeSample,    makeInfo,     makeCheck,  makeRender,
+              makeMeasure,     makeAnalyze})
             add(make());
     }
 

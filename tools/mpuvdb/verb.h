@@ -57,6 +57,8 @@ std::unique_ptr<Verb> makeFog();
 std::unique_ptr<Verb> makeIsosurface();
 std::unique_ptr<Verb> makeComponents();
 std::unique_ptr<Verb> makeVoxelize();
+std::unique_ptr<Verb> makeMeasure();
+std::unique_ptr<Verb> makeAnalyze();
 
 /// Declares an option whose value is a length with an optional unit.
 CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Length>& value,

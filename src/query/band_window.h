@@ -17,14 +17,14 @@ namespace mpuvdb
 /// that miss are extrapolated by parabolas along the axes. It is the distance where the values are
 /// smooth, and not where a ridge or a crease of the distance passes: there third differences of
 /// neighboring values are large, and the cell is not smooth().
-class LeafWindow
+class BandWindow
 {
 public:
     using Leaf = openvdb::FloatTree::LeafNodeType;
     using Accessor = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
 
     /// @param voxelSize  world units.
-    LeafWindow(const openvdb::FloatTree& tree, double voxelSize);
+    BandWindow(const openvdb::FloatTree& tree, double voxelSize);
 
     /// Loads the block at @a origin, a multiple of 8 voxels.
     void load(const openvdb::Coord& origin);

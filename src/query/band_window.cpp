@@ -1,4 +1,4 @@
-#include "leaf_window.h"
+#include "band_window.h"
 
 #include "core/clones.h"
 #include "core/lanes.h"
@@ -59,12 +59,12 @@ std::uint16_t fourFrom(std::uint16_t bits)
 
 } // namespace
 
-LeafWindow::LeafWindow(const openvdb::FloatTree& tree, double voxelSize)
+BandWindow::BandWindow(const openvdb::FloatTree& tree, double voxelSize)
     : mAccessor(tree), mVoxelSize(float(voxelSize))
 {
 }
 
-void LeafWindow::load(const openvdb::Coord& origin)
+void BandWindow::load(const openvdb::Coord& origin)
 {
     mOrigin = origin;
     mKnown = {};
@@ -76,7 +76,7 @@ void LeafWindow::load(const openvdb::Coord& origin)
     dropRough(known);
 }
 
-void LeafWindow::loadLeaf(const openvdb::Coord& side)
+void BandWindow::loadLeaf(const openvdb::Coord& side)
 {
     const Leaf* const leaf = mAccessor.probeConstLeaf(
         mOrigin.offsetBy(side[0] * kBlockDim, side[1] * kBlockDim, side[2] * kBlockDim));
@@ -103,7 +103,7 @@ void LeafWindow::loadLeaf(const openvdb::Coord& side)
     }
 }
 
-void LeafWindow::extrapolate()
+void BandWindow::extrapolate()
 {
     for (int pass = 0; pass < kPasses; ++pass) {
         const Bits known = mKnown;
@@ -113,7 +113,7 @@ void LeafWindow::extrapolate()
 
 /// Fills the voxels about the block's cells that have three known ones next to each other on some
 /// side: by the mean of the parabolas through those. @return whether there were some.
-MPUVDB_CLONES bool LeafWindow::extrapolateRows(const Bits& known)
+MPUVDB_CLONES bool BandWindow::extrapolateRows(const Bits& known)
 {
     constexpr int kFirst = kBelow - 1, kLast = kBelow + kBlockDim + 1; // of the cells' 64 voxels
     constexpr unsigned kNeeded = (2u << kLast) - (1u << kFirst);
@@ -164,7 +164,7 @@ MPUVDB_CLONES bool LeafWindow::extrapolateRows(const Bits& known)
 }
 
 /// Marks cells with a corner in the band whose 64 voxels are known, or filled.
-void LeafWindow::keepWhole(const Bits& known)
+void BandWindow::keepWhole(const Bits& known)
 {
     Bits along{}; // bit z: voxels y .. y + 3 and z .. z + 3 are there
     for (std::size_t x = kBelow - 1; x <= kBelow + kBlockDim + 1; ++x)
@@ -185,7 +185,7 @@ void LeafWindow::keepWhole(const Bits& known)
 
 /// Of the voxels @a from of row (x,y), those with a large third difference of the four values from
 /// there along @a axis.
-[[gnu::always_inline]] inline unsigned LeafWindow::roughBits(int x, int y, int axis,
+[[gnu::always_inline]] inline unsigned BandWindow::roughBits(int x, int y, int axis,
                                                              unsigned from) const
 {
     const int step = kSteps[std::size_t(axis)];
@@ -203,7 +203,7 @@ void LeafWindow::keepWhole(const Bits& known)
 
 /// Unmarks cells with a torn corner, or a large third difference beside or across them along the
 /// lines through their corners.
-MPUVDB_CLONES void LeafWindow::dropRough(const Bits& known)
+MPUVDB_CLONES void BandWindow::dropRough(const Bits& known)
 {
     constexpr int kFirst = kBelow, kLast = kBelow + kBlockDim; // corners of the block's cells
     Bits rough{}; // bit z of row (x,y): of the cell with this lower corner
@@ -242,7 +242,7 @@ MPUVDB_CLONES void LeafWindow::dropRough(const Bits& known)
             mSmooth[x][y] &= std::uint8_t(~(rough[x + kBelow][y + kBelow] >> kBelow));
 }
 
-float LeafWindow::value(const Vec3f& place) const
+float BandWindow::value(const Vec3f& place) const
 {
     const int x = int(place[0]), y = int(place[1]), z = int(place[2]);
     const Four alongX = weightsAt(place[0] - float(x)), alongY = weightsAt(place[1] - float(y));
@@ -258,7 +258,7 @@ float LeafWindow::value(const Vec3f& place) const
     return sum(rows * weightsAt(place[2] - float(z)));
 }
 
-float LeafWindow::value(const Vec3f& place, Vec3f& gradient) const
+float BandWindow::value(const Vec3f& place, Vec3f& gradient) const
 {
     const int x = int(place[0]), y = int(place[1]), z = int(place[2]);
     const float s = place[0] - float(x), t = place[1] - float(y), u = place[2] - float(z);

@@ -1,0 +1,51 @@
+#include "signed_triangles.h"
+
+#include "spatial/point_triangle.h"
+
+#include <cmath>
+
+namespace mpuvdb
+{
+
+SignedTriangles::SignedTriangles(Mesh mesh, double same, Interrupter& progress)
+    : mMesh(std::move(mesh)), mSame(same), mTree(mMesh, progress)
+{
+}
+
+std::array<Vec3d, 3> SignedTriangles::cornersOf(std::size_t slot) const
+{
+    const auto& [a, b, c] = mTree.corners(slot);
+    return {a.cast<double>(), b.cast<double>(), c.cast<double>()};
+}
+
+Vec3d SignedTriangles::normal(std::size_t slot) const
+{
+    const auto& [a, b, c] = cornersOf(slot);
+    return (b - a).cross(c - a).normalized();
+}
+
+SignedTriangles::Near SignedTriangles::nearest(const Vec3d& p, std::size_t slot) const
+{
+    const Vec3d from = p - mMesh.frame;
+    const double distance = std::sqrt(mTree.squaredDistance(from, slot));
+    return {mMesh.frame + NearestPlace(from, cornersOf(slot)).place, distance, slot};
+}
+
+/// By the nearest triangle where it lies straight below p, else by the normals of all that are
+/// nearest, weighted with angles [Baerentzen05].
+bool SignedTriangles::isBehind(const Vec3d& p, const Near& near) const
+{
+    const Vec3d from = p - mMesh.frame;
+    const double height = normal(near.slot).dot(p - near.place);
+    if (std::abs(height) > near.distance - mSame) return height < 0;
+    const double farthest = near.distance + mSame;
+    double sum = 0;
+    mTree.forEachNear(from, farthest, [&](std::size_t slot) {
+        const NearestPlace other(from, cornersOf(slot));
+        if ((from - other.place).squaredNorm() > farthest * farthest) return;
+        sum += other.angle * normal(slot).dot(from - other.place);
+    });
+    return sum < 0;
+}
+
+} // namespace mpuvdb
