@@ -141,10 +141,12 @@ public:
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
         for (auto make :
-             {makeReconstruct, makeVoxelize,  makeMesh,     makeUnion,  makeIntersection,
-              makeDifference,  makeOffset,    makeShell,    makeSmooth, makeMorph,
-              makeTwistVerb,   makeTransform, makeResample, makeFog,    makeIsosurface,
-              makeComponents,  makeSample,    makeInfo,     makeCheck,  makeRender})
+             {makeReconstruct, makeVoxelize,    makeMesh,      makeUnion,      makeIntersection,
+              makeDifference,  makeExclusiveOr, makeClip,      makeOffset,     makeShell,
+              makeSmooth,      makeMorph,       makeTwistVerb, makeBendVerb,   makeTaperVerb,
+              makeTransform,   makeResample,    makeFog,       makeIsosurface, makeComponents,
+              makeMerge,       makeSlice,       makeSample,    makeInfo,       makeCheck,
+              makeRender})
             add(make());
     }
 

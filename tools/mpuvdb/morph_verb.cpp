@@ -26,7 +26,9 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("from", mFiles[0], "A .vdb file with a level set")->required();
+        app.add_option("from", mFiles[0],
+                       "A .vdb file with a level set; FILE.vdb:NAME names its grid")
+            ->required();
         app.add_option("to", mFiles[1], "Another .vdb file with a level set")->required();
         app.add_option("-o,--output", mOutput, "The level set; - is standard output")
             ->required()
@@ -54,7 +56,8 @@ public:
         const std::optional<Frame>& frame = session.options().frame;
         const double t = mAt.value_or(frame ? frame->position() : 0.5);
         if (!(t >= 0 && t <= 1)) throw UsageError(fmt::format("--at {}: must be from 0 to 1", t));
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mFiles[0], mFiles[1]});
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}},
+                           {gridPlace(mFiles[0], mGrid).file, gridPlace(mFiles[1], mGrid).file});
         std::vector<GridInput> inputs;
         for (const std::string& file : mFiles)
             inputs.push_back(readGridInput(file, mGrid, session));
