@@ -118,47 +118,50 @@ std::vector<Square> squaresAt(const LevelSet& levelSet, const SlicePlane& plane)
     return squares;
 }
 
+/// Adds the parts of contours in the cell whose first node is (u,v).
+/// @param corner  the distances at its corners, counter-clockwise.
+void addSegments(PlaneField& field, int u, int v, const std::array<double, 4>& corner,
+                 std::vector<Segment>& segments)
+{
+    const auto isInside = [&](int n) { return corner[std::size_t(n % 4)] < 0; };
+    const auto leaves = [&](int n) { return isInside(n) && !isInside(n + 1); };
+    const int starts = leaves(0) + leaves(1) + leaves(2) + leaves(3);
+    if (starts == 0) return;
+    // The edges after the corners.
+    const std::array<Edge, 4> edges = {{{u, v, 0}, {u + 1, v, 1}, {u, v + 1, 0}, {u, v, 1}}};
+    // Where two corners across from each other are inside, the middle says whether they are joined.
+    const bool isJoined = starts == 2 && field.at(u + 0.5, v + 0.5) < 0;
+    for (int n = 0; n < 4; ++n) {
+        if (!leaves(n)) continue;
+        // With the solid to the left, a contour ends where the corners become inside again.
+        int end = n + 1;
+        if (starts == 2)
+            end = isJoined ? n + 1 : n + 3;
+        else
+            while (isInside(end) || !isInside(end + 1)) ++end;
+        const Edge& edge = edges[std::size_t(n)];
+        const double here = corner[std::size_t(n)], next = corner[std::size_t((n + 1) % 4)];
+        const bool isForward = n < 2; // the last two edges run against their axis
+        segments.push_back(
+            {edge, edges[std::size_t(end % 4)],
+             field.crossing(edge, isForward ? here : next, isForward ? next : here)});
+    }
+}
+
 /// Adds the parts of contours in the cells of @a square.
 void addSegments(PlaneField& field, const Square& square, std::vector<Segment>& segments)
 {
-    constexpr int kNodes = kBlockDim + 1;
+    constexpr std::size_t kNodes = kBlockDim + 1; // along a side [derived: one more than cells]
     std::array<std::array<double, kNodes>, kNodes> values{};
-    for (int i = 0; i < kNodes; ++i)
-        for (int j = 0; j < kNodes; ++j)
-            values[std::size_t(i)][std::size_t(j)] = field.at(square.first + i, square.second + j);
-    for (int i = 0; i < kBlockDim; ++i)
-        for (int j = 0; j < kBlockDim; ++j) {
-            const auto value = [&](int di, int dj) {
-                return values[std::size_t(i + di)][std::size_t(j + dj)];
-            };
-            const int u = square.first + i, v = square.second + j;
-            // Corners and the edges after them, counter-clockwise.
-            const std::array<double, 4> corner = {value(0, 0), value(1, 0), value(1, 1),
-                                                  value(0, 1)};
-            const std::array<Edge, 4> edges = {
-                {{u, v, 0}, {u + 1, v, 1}, {u, v + 1, 0}, {u, v, 1}}};
-            const auto isInside = [&](int n) { return corner[std::size_t(n % 4)] < 0; };
-            const auto leaves = [&](int n) { return isInside(n) && !isInside(n + 1); };
-            const int starts = leaves(0) + leaves(1) + leaves(2) + leaves(3);
-            // Where two corners across from each other are inside, the middle says whether they are
-            // joined.
-            const bool isJoined = starts == 2 && field.at(u + 0.5, v + 0.5) < 0;
-            for (int n = 0; n < 4; ++n) {
-                if (!leaves(n)) continue;
-                // With the solid to the left, a contour ends where the corners become inside again.
-                int end = n + 1;
-                if (starts == 2)
-                    end = isJoined ? n + 1 : n + 3;
-                else
-                    while (!(!isInside(end) && isInside(end + 1))) ++end;
-                const Edge& edge = edges[std::size_t(n)];
-                const bool isForward = n < 2; // the last two edges run against their axis
-                const double here = corner[std::size_t(n)], next = corner[std::size_t((n + 1) % 4)];
-                segments.push_back(
-                    {edge, edges[std::size_t(end % 4)],
-                     field.crossing(edge, isForward ? here : next, isForward ? next : here)});
-            }
-        }
+    const auto& [first, second] = square;
+    for (std::size_t i = 0; i < kNodes; ++i)
+        for (std::size_t j = 0; j < kNodes; ++j)
+            values[i][j] = field.at(first + int(i), second + int(j));
+    for (std::size_t i = 0; i + 1 < kNodes; ++i)
+        for (std::size_t j = 0; j + 1 < kNodes; ++j)
+            addSegments(field, first + int(i), second + int(j),
+                        {values[i][j], values[i + 1][j], values[i + 1][j + 1], values[i][j + 1]},
+                        segments);
 }
 
 double areaOf(const std::vector<Eigen::Vector2d>& points)

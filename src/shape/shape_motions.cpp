@@ -143,8 +143,9 @@ private:
     /// those of its parts do not.
     double stretchOver(const Box3d& box) const
     {
-        constexpr int kPartsPerSide = 16; // [derived: a bar as thick as a bend's radius has parts
-                                          // that end well before the center]
+        // Parts along a side of the box. [derived: those of a bar as thick as a bend's radius end
+        // well before the center]
+        constexpr int kPartsPerSide = 16;
         if (box.isEmpty()) return 1;
         const double whole = mWarp->stretch(bounds());
         if (std::isfinite(whole) || !isFinite(box)) return whole;

@@ -90,9 +90,9 @@ FrameProcess::FrameProcess(const Words& words, const sigset_t& signals)
     mOut = checked(memfd_create("mpuvdb-out", MFD_CLOEXEC));
     mReport = checked(memfd_create("mpuvdb-report", MFD_CLOEXEC));
     std::vector<std::string> texts = words(mReport);
-    std::vector<char*> arguments;
-    for (std::string& text : texts) arguments.push_back(text.data());
-    arguments.push_back(nullptr);
+    std::vector<char*> arguments(texts.size() + 1, nullptr);
+    std::transform(texts.begin(), texts.end(), arguments.begin(),
+                   [](std::string& text) { return text.data(); });
     const pid_t parent = getpid();
     mChild = fork();
     if (mChild == 0) becomeFrame(parent, {pipe[1], mOut, mReport}, arguments.data(), signals);
