@@ -89,9 +89,11 @@ class ExclusiveOrVerb final : public SolidsVerb
 public:
     VerbText text() const override
     {
-        return {"xor", "What lies in one of the solids, but not in both",
-                "  mpuvdb xor before.vdb after.vdb -o changed.vdb\n"
-                "      What was added and what was taken away.\n"};
+        return {
+            "xor", "What lies in one of the solids, but not in both",
+            "  mpuvdb xor before.vdb after.vdb -o changed.vdb\n"
+            "      What was added and what was taken away. Where the surfaces cross, four parts\n"
+            "      meet in a line, beside which distances are known to half a voxel.\n"};
     }
 
 protected:
