@@ -25,6 +25,7 @@ protected:
                                      Session& session) const override
     {
         std::vector<Operand> operands;
+        operands.reserve(inputs.size());
         for (const GridInput& input : inputs) operands.push_back({input.levelSet, input.others});
         const auto attributes = attributesOfOperands(operands);
         openvdb::GridCPtrVec grids;

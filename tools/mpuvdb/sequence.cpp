@@ -84,6 +84,14 @@ sigset_t stopSignals()
     return signals;
 }
 
+/// A frame of @a frames beside @a frame, or the one after it.
+int otherFrame(const std::vector<int>& frames, int frame)
+{
+    const auto other =
+        std::find_if(frames.begin(), frames.end(), [&](int n) { return n != frame; });
+    return other != frames.end() ? *other : frame + 1;
+}
+
 /// "scan.####.vdb" for "scan.vdb".
 std::string withPlace(const std::string& path)
 {
@@ -100,10 +108,10 @@ public:
     Places(const Words& words, const CommandLine& line, const NamedFiles& first, int frame)
         : mFirst(first)
     {
-        const int next = frame + 1;
-        const CommandLine nextLine = parseCommandLine(wordsOf(words, next));
+        const int other = otherFrame(line.options.frames, frame);
+        const CommandLine otherLine = parseCommandLine(wordsOf(words, other));
         // The same verb of the same line: it names its files again.
-        const NamedFiles second = namedFiles(*nextLine.verb, nextLine.options).value();
+        const NamedFiles second = namedFiles(*otherLine.verb, otherLine.options).value();
         for (std::size_t n = 0; n < first.outputs.size(); ++n)
             addOutput(first.outputs[n], second.outputs.at(n));
         requireInputs(words, frame, line.verb->movesByItself());
@@ -113,9 +121,9 @@ public:
     const Words& shared() const { return mShared; }
 
 private:
-    void addOutput(const Output& output, const Output& ofNext)
+    void addOutput(const Output& output, const Output& ofOther)
     {
-        if (output.path.empty() || output.path != ofNext.path) return;
+        if (output.path.empty() || output.path != ofOther.path) return;
         if (!output.joinsFrames)
             throw UsageError(fmt::format("{} {}: has no place for the frame's number, so that all "
                                          "frames would be written to it. Name {}",
@@ -163,10 +171,9 @@ public:
     int run()
     {
         for (const int frame : chosenFrames(mLine.options)) mFrames.emplace_back(frame);
-        const int first = mFrames.front().number;
         const std::optional<NamedFiles> files = namedFiles(*mLine.verb, mLine.options);
         if (!files) return 0;
-        mShared = Places(mWords, mLine, *files, first).shared();
+        mShared = Places(mWords, mLine, *files, mLine.options.frames.front()).shared();
         if (!mSession.options().report.empty()) mShared.emplace_back("--report");
         mSession.checkFiles({}, {});
         mJobs = int(std::min<std::size_t>(std::size_t(mLine.options.jobs), mFrames.size()));
@@ -442,8 +449,8 @@ int runSequence(const std::vector<std::string>& words, const CommandLine& line)
     CommonOptions own = line.options;
     own.threads.reset(); // frames have them, and the limit of memory, which they would inherit
     own.maxBytes = std::uint64_t(1) << 62;
-    const int next = line.options.frames.front() + 1;
-    if (parseCommandLine(wordsOf(words, next)).options.report != own.report)
+    const int other = otherFrame(own.frames, own.frames.front());
+    if (parseCommandLine(wordsOf(words, other)).options.report != own.report)
         own.report.clear(); // each frame has its own
     Session session(line.verb->text().name, own);
     Sequence sequence(words, line, session);
