@@ -70,6 +70,20 @@ const std::vector<std::string>& meshExtensions();
 void writeVolumeLayer(const std::filesystem::path& file, const std::filesystem::path& vdb,
                       const openvdb::GridCPtrVec& grids, const SceneSettings& scene = {});
 
+/// One frame of a volume that changes with time.
+struct VolumeFrame {
+    int number = 0; ///< its time code
+    std::filesystem::path vdb;
+};
+
+/// Writes a .usda layer with a volume whose file changes with time: the path of each frame is a
+/// time sample. Grids that a frame's file does not have are blocked there.
+/// @param frames  at least one, by ascending numbers; the heads of their files are read.
+/// @throws UsageError (settings out of range, no frames or not ascending), IoError, InputError (as
+/// readLevelSet()).
+void writeVolumeLayer(const std::filesystem::path& file, const std::vector<VolumeFrame>& frames,
+                      const SceneSettings& scene = {});
+
 /// The checks of a level set that is read.
 enum class Validation {
     Distances, ///< values have to be distances, see requireDistances()
@@ -125,6 +139,11 @@ std::vector<openvdb::GridBase::Ptr> readAttributeGrids(const std::filesystem::pa
 /// damage there may crash, so read untrusted files in a process of their own.
 openvdb::GridPtrVec readGrids(const std::filesystem::path& file, std::uint64_t maxBytes = 0,
                               Interrupter* interrupter = nullptr);
+
+/// Reads names, classes, transforms and metadata of all grids of a .vdb file; their trees are
+/// empty.
+/// @throws IoError, InputError (as readLevelSet()).
+openvdb::GridCPtrVec readGridHeads(const std::filesystem::path& file);
 
 /// Writes a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the
 /// grids of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.

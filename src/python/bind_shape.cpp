@@ -142,6 +142,8 @@ void bindOperators(Class& solids)
     operation("__or__", "The union.", [](const Shape& a, const Shape& b) { return a | b; });
     operation("__and__", "The intersection.", [](const Shape& a, const Shape& b) { return a & b; });
     operation("__sub__", "The difference.", [](const Shape& a, const Shape& b) { return a - b; });
+    operation("__xor__", "What lies in one of both only.",
+              [](const Shape& a, const Shape& b) { return (a - b) | (b - a); });
 }
 
 } // namespace

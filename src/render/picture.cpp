@@ -1,5 +1,5 @@
 #include "picture.h"
-#include "files/atomic_file.h"
+#include "png_image.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
@@ -10,10 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <csetjmp>
-#include <cstdio>
 #include <optional>
-#include <png.h>
 
 namespace mpuvdb
 {
@@ -27,11 +24,6 @@ namespace fs = std::filesystem;
 
 constexpr double kPi = 3.14159265358979323846; ///< [derived: pi]
 constexpr int kSamples = 2;                    ///< rays per pixel and axis [tuned: picture_test]
-
-struct Image {
-    int width, height;
-    std::vector<std::uint8_t> rgb;
-};
 
 openvdb::Vec3d toOpenVdb(const Vec3d& v)
 {
@@ -229,45 +221,6 @@ Image render(const LevelSet& levelSet, const PictureSettings& settings, Interrup
     return image;
 }
 
-/// Owns libpng's structures.
-struct PngWriter {
-    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
-    png_infop info = png ? png_create_info_struct(png) : nullptr;
-    ~PngWriter() { png_destroy_write_struct(&png, &info); }
-};
-
-/// Writes all rows. No object with a destructor may live here: libpng leaves by longjmp.
-/// @return false if writing failed or was stopped.
-bool writeRows(png_structp png, png_infop info, std::FILE* file, const Image& image,
-               const Interrupter& progress)
-{
-    if (setjmp(png_jmpbuf(png))) return false;
-    png_init_io(png, file);
-    png_set_IHDR(png, info, png_uint_32(image.width), png_uint_32(image.height), 8,
-                 PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-                 PNG_FILTER_TYPE_DEFAULT);
-    png_write_info(png, info);
-    for (int row = 0; row < image.height && !progress.stopped(); ++row)
-        png_write_row(png, &image.rgb[std::size_t(3) * image.width * row]);
-    if (progress.stopped()) return false;
-    png_write_end(png, info);
-    return true;
-}
-
-void writePng(const fs::path& file, const fs::path& temporary, const Image& image,
-              const Interrupter& progress)
-{
-    PngWriter writer;
-    std::FILE* stream = std::fopen(temporary.c_str(), "wb");
-    bool written =
-        stream && writer.info && writeRows(writer.png, writer.info, stream, image, progress);
-    if (stream && std::fclose(stream) != 0) written = false;
-    progress.check();
-    if (!written)
-        throw IoError(fmt::format(
-            "{}: cannot be written. Free some space, or write to another disk", file.string()));
-}
-
 void requireRange(const char* name, double value, double low, double high)
 {
     if (!(value >= low && value <= high))
@@ -288,8 +241,7 @@ void writePicture(const fs::path& file, const LevelSet& levelSet, const PictureS
     progress.beginStage("render", double(settings.width) * settings.height);
     const Image image = render(levelSet, settings, progress);
     progress.endStage();
-    writeAtomically(file,
-                    [&](const fs::path& temporary) { writePng(file, temporary, image, progress); });
+    writePng(file, image, progress);
 }
 
 } // namespace mpuvdb

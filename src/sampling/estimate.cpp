@@ -194,7 +194,8 @@ double roughBytes(const PreparedPoints& points)
     return count * kPointBytes + squares * kSquareBytes;
 }
 
-/// A voxel size with which the work takes no more than @a maxBytes, if there is one.
+/// A voxel size with which the work takes no more than @a maxBytes, which may be below 0, if there
+/// is one.
 std::optional<double> fittingVoxelSize(const PreparedPoints& points,
                                        const ReconstructionEstimate& tooLarge, bool withMesh,
                                        double maxBytes, Interrupter& progress)
@@ -204,6 +205,7 @@ std::optional<double> fittingVoxelSize(const PreparedPoints& points,
     /// Voxels along the longest side below which no size is proposed. [derived: twice the smallest
     /// number that --voxels takes]
     constexpr double kMinVoxels = 8;
+    if (!(maxBytes > 0)) return {};
     ReconstructOptions options = points.options;
     options.voxels.reset();
     double h = tooLarge.settings.grid.lattice.voxelSize;

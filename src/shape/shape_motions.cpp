@@ -52,18 +52,22 @@ protected:
         constexpr double kStencil = 2; // voxels that interpolation reads beyond [derived: cubic]
         const Box3d& box = inputs()[0]->bounds();
         if (box.isEmpty()) return {own.lattice, own.halfWidth, box};
+        // Where a part of the box, though perhaps none of the solid, is stretched without end.
+        if (!std::isfinite(stretch()))
+            return {latticeFor(box, voxelSize), kMaxInputBand + kStencil, box};
         const double band = sampledWidth(own) * own.lattice.voxelSize * stretch();
         return {latticeFor(box, voxelSize), band / voxelSize + kStencil, box};
     }
 
 private:
+    /// The widest band of the input, and the narrowest of this node, voxels.
+    /// [tuned: plan_bench; warp_test]
+    static constexpr double kMaxInputBand = 30, kMinBand = 2;
+
     /// The half-width that is sampled, voxels. Under much stretch a narrow band takes a wide one of
     /// the input: the rest is measured from the surface.
     double sampledWidth(const Request& own) const
     {
-        // The widest band of the input, and the narrowest of this node, voxels.
-        // [tuned: plan_bench; warp_test]
-        constexpr double kMaxInputBand = 30, kMinBand = 2;
         if (isRigid()) return own.halfWidth;
         return std::min(own.halfWidth, std::max(kMaxInputBand / stretch(), kMinBand));
     }
@@ -117,7 +121,7 @@ public:
     WarpNode(const Ptr& input, std::shared_ptr<const Warp> warp, std::string name)
         : ThroughNode(std::move(name), {input},
                       input->bounds().isEmpty() ? Box3d() : warp->image(input->bounds())),
-          mWarp(std::move(warp))
+          mWarp(std::move(warp)), mStretch(stretchOver(input->bounds()))
     {
     }
 
@@ -128,14 +132,36 @@ public:
     double area(const Box3d&) const override { return Node::area(inputs()[0]->bounds()); }
 
 protected:
-    double stretch() const override { return bounds().isEmpty() ? 1 : mWarp->stretch(bounds()); }
+    double stretch() const override { return mStretch; }
     FieldPtr through(FieldPtr field) const override
     {
         return makeWarpedField(std::move(field), mWarp);
     }
 
 private:
+    /// The stretch where @a box is moved to: the image of the whole may hold the center of a bend,
+    /// those of its parts do not.
+    double stretchOver(const Box3d& box) const
+    {
+        // Parts along a side of the box. [derived: those of a bar as thick as a bend's radius end
+        // well before the center]
+        constexpr int kPartsPerSide = 16;
+        if (box.isEmpty()) return 1;
+        const double whole = mWarp->stretch(bounds());
+        if (std::isfinite(whole) || !isFinite(box)) return whole;
+        const Vec3d size = box.sizes() / kPartsPerSide;
+        double most = 1;
+        for (int x = 0; x < kPartsPerSide; ++x)
+            for (int y = 0; y < kPartsPerSide; ++y)
+                for (int z = 0; z < kPartsPerSide; ++z) {
+                    const Vec3d low = box.min() + size.cwiseProduct(Vec3d(x, y, z));
+                    most = std::max(most, mWarp->stretch(mWarp->image(Box3d(low, low + size))));
+                }
+        return most;
+    }
+
     std::shared_ptr<const Warp> mWarp;
+    double mStretch;
 };
 
 } // namespace

@@ -238,6 +238,7 @@ class Operators(ShapeTest):
     def test_operators(self):
         self.assert_volume(self.a | self.b, 1.5)
         self.assert_volume(self.a & self.b, 0.5)
+        self.assert_volume(self.a ^ self.b, 1)
         self.assert_volume(self.a - self.b, 0.5)
 
     def test_functions(self):

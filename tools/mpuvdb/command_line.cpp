@@ -1,6 +1,7 @@
 #include "command_line.h"
 
 #include "memory_limit.h"
+#include "sequence.h"
 #include "standard_output.h"
 #include "suggest.h"
 
@@ -24,9 +25,41 @@ const char* const kConventions =
     "Exit status: 0 ok, 1 internal error, 2 wrong usage, 3 bad input, 4 check failed or the input\n"
     "             not explained, 5 out of memory or voxels, 130 interrupted.";
 
+const char* const kCommonGroup = "Options of every verb";
+
+void addSequenceOptions(CLI::App& app, CommonOptions& options)
+{
+    CLI::Option* const frames =
+        app.add_option_function<std::string>(
+               "--frames",
+               [&options](const std::string& text) { options.frames = parseFrames(text); },
+               "Run once for each of these frames: 7, 1-24, or 1-24x2 by steps. The frame's "
+               "number\n"
+               "takes the place of ####, %04d or $F4 wherever it stands: in inputs, outputs and\n"
+               "values, such as in.####.vdb -o out.####.vdb. A frame that fails does not stop the\n"
+               "others; the exit status is then the largest of theirs, and the report lists them")
+            ->type_name("RANGE")
+            ->group(kCommonGroup);
+    app.add_option("--only", options.only, "Only this frame of --frames: a task of a render farm")
+        ->type_name("N")
+        ->needs(frames)
+        ->group(kCommonGroup);
+    app.add_flag("--skip-existing", options.skipExisting, "Skip frames whose outputs are all there")
+        ->needs(frames)
+        ->group(kCommonGroup);
+    app.add_option("--jobs", options.jobs,
+                   "Frames at the same time, each in a process of its own; they share --threads\n"
+                   "and --max-memory evenly; default: 1")
+        ->type_name("N")
+        ->check(CLI::Range(1, 256).description(""))
+        ->needs(frames)
+        ->group(kCommonGroup);
+    app.add_option(kTaskOption, options.task)->group(""); // for sequence.cpp, not for people
+}
+
 void addCommonOptions(CLI::App& app, CommonOptions& options)
 {
-    const char* const group = "Options of every verb";
+    const char* const group = kCommonGroup;
     app.add_option("--threads", options.threads, "Threads to use; default: all")
         ->type_name("N")
         ->check(CLI::Range(1, 4096).description(""))
@@ -48,6 +81,7 @@ void addCommonOptions(CLI::App& app, CommonOptions& options)
         ->type_name("FILE.json")
         ->group(group);
     app.add_flag("-q,--quiet", options.quiet, "Print warnings and errors only")->group(group);
+    addSequenceOptions(app, options);
 }
 
 std::vector<std::string> optionNames(const CLI::App& app)
@@ -107,18 +141,20 @@ public:
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
         for (auto make :
-             {makeReconstruct, makeVoxelize,  makeMesh,     makeUnion,  makeIntersection,
-              makeDifference,  makeOffset,    makeShell,    makeSmooth, makeMorph,
-              makeTwistVerb,   makeTransform, makeResample, makeFog,    makeIsosurface,
-              makeComponents,  makeSample,    makeInfo,     makeCheck,  makeRender,
-              makeMeasure,     makeAnalyze})
+             {makeReconstruct, makeVoxelize,    makeMesh,      makeUnion,      makeIntersection,
+              makeDifference,  makeExclusiveOr, makeClip,      makeOffset,     makeShell,
+              makeSmooth,      makeMorph,       makeTwistVerb, makeBendVerb,   makeTaperVerb,
+              makeTransform,   makeResample,    makeFog,       makeIsosurface, makeComponents,
+              makeMerge,       makeSlice,       makeSample,    makeInfo,       makeCheck,
+              makeRender,      makeMeasure,     makeAnalyze})
             add(make());
     }
 
-    CommandLine parse(int argc, char** argv)
+    CommandLine parse(const std::vector<std::string>& words)
     {
         try {
-            mRoot.parse(argc, argv);
+            // CLI11 takes words without the program's name, the last one first.
+            mRoot.parse(std::vector<std::string>(words.rbegin(), words.rend() - 1));
         } catch (const CLI::CallForVersion& version) {
             printText(std::string(version.what()) + "\n");
             return {};
@@ -126,7 +162,7 @@ public:
             printText(mRoot.help());
             return {};
         } catch (const CLI::ParseError& error) {
-            throwUsage(mRoot, argc < 2 ? "the verb is missing. Give a verb" : error.what());
+            throwUsage(mRoot, words.size() < 2 ? "the verb is missing. Give a verb" : error.what());
         } catch (const UsageError& error) {
             throwUsage(mRoot, error.what());
         }
@@ -192,9 +228,9 @@ CLI::Option* addGridName(CLI::App& app, std::string& value)
         ->type_name("NAME");
 }
 
-CommandLine parseCommandLine(int argc, char** argv)
+CommandLine parseCommandLine(const std::vector<std::string>& words)
 {
-    return Parser().parse(argc, argv);
+    return Parser().parse(words);
 }
 
 } // namespace mpuvdb::command

@@ -11,7 +11,8 @@ struct CommandLine {
     CommonOptions options;
 };
 
+/// @param words  from the program's name on.
 /// @throws UsageError, with a suggestion for an unknown word; IoError.
-CommandLine parseCommandLine(int argc, char** argv);
+CommandLine parseCommandLine(const std::vector<std::string>& words);
 
 } // namespace mpuvdb::command

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <regex>
 
@@ -13,6 +14,7 @@ namespace
 {
 
 constexpr int kMaxFrames = 100000;
+constexpr int kMaxWidth = 100; // digits of a frame's number; file systems end names at 255 bytes
 
 const std::regex& token()
 {
@@ -47,14 +49,19 @@ bool hasFrame(const std::string& pattern)
 
 std::string frameFile(const std::string& pattern, int frame)
 {
-    std::smatch at;
-    if (!std::regex_search(pattern, at, token())) return pattern;
-    const int width = at[1].matched        ? int(at[1].length())
-                      : at[3].matched      ? std::atoi(at[3].str().c_str())
-                      : at[4].length() > 0 ? std::atoi(at[4].str().c_str())
-                                           : 1;
-    return fmt::format("{}{:0{}d}{}", at.prefix().str(), frame, std::max(width, 1),
-                       at.suffix().str());
+    std::string text;
+    std::string::const_iterator rest = pattern.begin();
+    for (std::sregex_iterator at(rest, pattern.end(), token()), end; at != end; ++at) {
+        const std::smatch& place = *at;
+        const int width = place[1].matched        ? int(place[1].length())
+                          : place[3].matched      ? std::atoi(place[3].str().c_str())
+                          : place[4].length() > 0 ? std::atoi(place[4].str().c_str())
+                                                  : 1;
+        text.append(rest, place[0].first);
+        text += fmt::format("{:0{}d}", frame, std::clamp(width, 1, kMaxWidth));
+        rest = place[0].second;
+    }
+    return text.append(rest, pattern.end());
 }
 
 } // namespace mpuvdb::command

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <locale>
 #include <optional>
 #include <sstream>
@@ -22,12 +23,26 @@ constexpr double kLeastHalfWidth = 1.5, kHalfWidth = 3;
 
 } // namespace
 
-GridInput readGridInput(const std::string& file, const std::string& name, Session& session)
+GridPlace gridPlace(const std::string& text, const std::string& grid)
 {
+    const std::size_t colon = text.rfind(':');
+    std::error_code ignored;
+    if (colon == std::string::npos || colon + 1 == text.size() ||
+        std::filesystem::exists(text, ignored))
+        return {text, grid};
+    const std::string file = text.substr(0, colon);
+    return file == "-" || extensionOf(file) == ".vdb" ? GridPlace{file, text.substr(colon + 1)}
+                                                      : GridPlace{text, grid};
+}
+
+GridInput readGridInput(const std::string& text, const std::string& grid, Session& session)
+{
+    const GridPlace place = gridPlace(text, grid);
+    const std::string& file = place.file;
     session.progress().beginStage("read");
     std::optional<LevelSetFile> there;
     readFile(file, ".vdb", [&](const std::filesystem::path& path) {
-        there = readLevelSetFile(path, name, session.bytesLeft());
+        there = readLevelSetFile(path, place.grid, session.bytesLeft());
     });
     for (const std::string& note : there->notes) session.warn(note);
     if (there->levelSet.halfWidth() < kLeastHalfWidth) {
@@ -87,7 +102,8 @@ void LevelSetVerb::addOptions(CLI::App& app)
     const Count count = inputCount();
     const char* const what = count.most == 1
                                  ? "A .vdb file with a level set; - is standard input"
-                                 : "Files (.vdb) with a level set each; - is standard input";
+                                 : "Files (.vdb) with a level set each; - is standard input;\n"
+                                   "FILE.vdb:NAME names its grid";
     app.add_option("input", mInputs, what)
         ->required()
         ->expected(count.least, count.most ? count.most : CLI::detail::expected_max_vector_size)
@@ -100,9 +116,17 @@ void LevelSetVerb::addOptions(CLI::App& app)
     addOwnOptions(app);
 }
 
+openvdb::GridCPtrVec LevelSetVerb::gridsBeside(const LevelSet&,
+                                               const std::vector<GridInput>& inputs, Session&) const
+{
+    return inputs.front().others;
+}
+
 ExitCode LevelSetVerb::run(Session& session)
 {
-    session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, mInputs);
+    std::vector<std::string> files = otherInputs();
+    for (const std::string& input : mInputs) files.push_back(gridPlace(input, mGrid).file);
+    session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, files);
     std::vector<GridInput> inputs;
     for (const std::string& file : mInputs) inputs.push_back(readGridInput(file, mGrid, session));
     session.progress().beginStage(text().name);
@@ -113,7 +137,8 @@ ExitCode LevelSetVerb::run(Session& session)
                                                    {"mpuvdb:operation", text().name}};
     for (const auto& [key, value] : mSettings.items())
         metadata["mpuvdb:" + key] = value.is_string() ? value.get<std::string>() : value.dump();
-    const ExitCode code = writeGridOutput(made, mOutput, metadata, inputs.front().others, session);
+    const ExitCode code =
+        writeGridOutput(made, mOutput, metadata, gridsBeside(made, inputs, session), session);
     session.progress().endStage();
     session.note("time        " + session.timesText());
     return code;

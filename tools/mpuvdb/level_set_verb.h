@@ -22,7 +22,16 @@ struct GridInput {
     }
 };
 
-/// Read the grid called @a name (empty: surface, or the only level set); "-" is standard input.
+/// A file, and the name of a grid in it.
+struct GridPlace {
+    std::string file, grid;
+};
+
+/// "file.vdb:NAME" as its two parts; other texts name a file alone, whose grid is @a grid.
+GridPlace gridPlace(const std::string& text, const std::string& grid);
+
+/// Read the grid called @a name (empty: surface, or the only level set) of @a file, which may name
+/// its grid itself, as in gridPlace(); "-" is standard input.
 GridInput readGridInput(const std::string& file, const std::string& name, Session& session);
 
 /// Check @a levelSet, write it with @a metadata and the grids of @a beside ("-": to standard
@@ -36,7 +45,7 @@ ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
 openvdb::GridCPtrVec besides(openvdb::GridCPtrVec others, const std::string& name,
                              Session& session);
 
-/// Level sets in, one level set out; the first file's other grids pass through.
+/// Level sets in, one level set out; grids beside them pass through.
 class LevelSetVerb : public Verb
 {
 public:
@@ -50,8 +59,13 @@ protected:
     };
     virtual Count inputCount() const { return {}; }
     virtual void addOwnOptions(CLI::App& app) = 0;
+    /// Files that own options name, which no output may replace.
+    virtual std::vector<std::string> otherInputs() const { return {}; }
     /// What it makes; settings() becomes what the options came to.
     virtual LevelSet make(const std::vector<GridInput>& inputs, Session& session) = 0;
+    /// The grids to write beside what was made: by default the first file's other grids.
+    virtual openvdb::GridCPtrVec
+    gridsBeside(const LevelSet& made, const std::vector<GridInput>& inputs, Session& session) const;
     /// Resolved settings, for the report and as metadata of the grid.
     Json& settings() { return mSettings; }
 

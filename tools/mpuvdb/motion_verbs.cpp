@@ -1,4 +1,4 @@
-// mpuvdb twist, transform, resample: a solid deformed, moved, or on other voxels.
+// mpuvdb twist, bend, taper, transform, resample: a solid deformed, moved, or on other voxels.
 #include "level_set_verb.h"
 
 #include <fmt/format.h>
@@ -95,6 +95,141 @@ protected:
 private:
     std::optional<double> mRate, mTurn;
     std::optional<Vec3d> mAxis, mCenter;
+};
+
+/// The part of an axis that a deformation covers, and what its verbs have in common.
+class AlongAxisVerb : public LevelSetVerb
+{
+protected:
+    void addAxisOptions(CLI::App& app)
+    {
+        addDirection(app, "--axis", mAxis, "Direction of the axis; default: z");
+        addTriple(app, "--center", mCenter, "A point on the axis; default: 0,0,0");
+        addLength(app, "--from", mFrom,
+                  "Where it begins, along the axis from the center; default: at the solid's end");
+        addLength(app, "--to", mTo, "Where it ends; default: at the solid's other end");
+    }
+
+    /// Where along an axis a deformation begins and ends, world units.
+    struct Part {
+        Axis axis;
+        double from = 0, to = 0;
+    };
+
+    /// The axis, and where it begins and ends. @throws UsageError.
+    Part partOf(const GridInput& input)
+    {
+        Part part{{mCenter.value_or(Vec3d::Zero()), mAxis.value_or(Vec3d::UnitZ())}, 0, 0};
+        if (!(part.axis.direction.norm() > 0)) throw UsageError("--axis 0,0,0: is not a direction");
+        const Vec3d along = part.axis.direction.normalized();
+        const Box3d box = Shape(input.levelSet).bounds();
+        if (!box.isEmpty()) {
+            const double middle = along.dot(box.center() - part.axis.origin);
+            const double half = along.cwiseAbs().dot(box.sizes()) / 2;
+            part.from = middle - half;
+            part.to = middle + half;
+        }
+        if (mFrom) part.from = input.resolve(*mFrom);
+        if (mTo) part.to = input.resolve(*mTo);
+        if (!(part.from < part.to))
+            throw UsageError(fmt::format("--from {:g} --to {:g}: the first must be smaller",
+                                         part.from, part.to));
+        settings()["axis"] = toJson(part.axis.direction);
+        settings()["center"] = toJson(part.axis.origin);
+        settings()["from"] = part.from;
+        settings()["to"] = part.to;
+        return part;
+    }
+
+private:
+    std::optional<Vec3d> mAxis, mCenter;
+    std::optional<Length> mFrom, mTo;
+};
+
+class BendVerb final : public AlongAxisVerb
+{
+public:
+    VerbText text() const override
+    {
+        return {"bend", "A solid bent about an axis across it",
+                "  mpuvdb bend bar.vdb -o arch.vdb --angle 180\n"
+                "      The bar along z becomes half a circle that opens towards x.\n"
+                "  mpuvdb bend bar.vdb -o hook.vdb --angle 90 --towards=-y --from 0.5\n"
+                "      Only what lies above z = 0.5 is bent.\n"};
+    }
+
+protected:
+    void addOwnOptions(CLI::App& app) override
+    {
+        app.add_option("--angle", mAngle, "Angle between the two ends of the bent part, up to 360")
+            ->type_name("DEGREES")
+            ->required();
+        addDirection(app, "--towards", mTowards, "Where it is bent to; default: x");
+        addAxisOptions(app);
+    }
+
+    LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
+    {
+        if (!(std::abs(mAngle) <= 360))
+            throw UsageError(fmt::format("--angle {}: must be from -360 to 360", mAngle));
+        const LevelSet& solid = inputs.front().levelSet;
+        const Part part = partOf(inputs.front());
+        const Vec3d side = mTowards.value_or(Vec3d::UnitX());
+        const double curvature = mAngle * kRadians / (part.to - part.from);
+        settings()["angle"] = mAngle;
+        settings()["towards"] = toJson(side);
+        if (curvature != 0)
+            session.note(fmt::format("bend        the axis becomes a circle of radius {:.4g}",
+                                     std::abs(1 / curvature)));
+        return Shape(solid)
+            .warped(makeBend(part.axis, side, curvature, part.from, part.to), "bend")
+            .evaluate(settingsLike(solid, session), &session.progress());
+    }
+
+private:
+    double mAngle = 0;
+    std::optional<Vec3d> mTowards;
+};
+
+class TaperVerb final : public AlongAxisVerb
+{
+public:
+    VerbText text() const override
+    {
+        return {"taper", "A solid made narrower, or wider, along an axis",
+                "  mpuvdb taper column.vdb -o spire.vdb --end-factor 0.3\n"
+                "  mpuvdb taper column.vdb -o vase.vdb --start-factor 0.5 --end-factor 1.5\n"};
+    }
+
+protected:
+    void addOwnOptions(CLI::App& app) override
+    {
+        app.add_option("--start-factor", mStart, "Scale across the axis where it begins; above 0")
+            ->type_name("FACTOR")
+            ->capture_default_str();
+        app.add_option("--end-factor", mEnd, "Scale across the axis where it ends; above 0")
+            ->type_name("FACTOR")
+            ->required();
+        addAxisOptions(app);
+    }
+
+    LevelSet make(const std::vector<GridInput>& inputs, Session& session) override
+    {
+        for (const auto& [name, factor] :
+             {std::pair{"--start-factor", mStart}, {"--end-factor", mEnd}})
+            if (!(factor > 0 && std::isfinite(factor)))
+                throw UsageError(fmt::format("{} {}: must be above 0", name, factor));
+        const LevelSet& solid = inputs.front().levelSet;
+        const Part part = partOf(inputs.front());
+        settings()["start_factor"] = mStart;
+        settings()["end_factor"] = mEnd;
+        return Shape(solid)
+            .warped(makeTaper(part.axis, part.from, part.to, mStart, mEnd), "taper")
+            .evaluate(settingsLike(solid, session), &session.progress());
+    }
+
+private:
+    double mStart = 1, mEnd = 1;
 };
 
 class TransformVerb final : public LevelSetVerb
@@ -206,6 +341,16 @@ private:
 std::unique_ptr<Verb> makeTwistVerb()
 {
     return std::make_unique<TwistVerb>();
+}
+
+std::unique_ptr<Verb> makeBendVerb()
+{
+    return std::make_unique<BendVerb>();
+}
+
+std::unique_ptr<Verb> makeTaperVerb()
+{
+    return std::make_unique<TaperVerb>();
 }
 
 std::unique_ptr<Verb> makeTransform()

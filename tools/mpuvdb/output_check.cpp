@@ -98,17 +98,22 @@ void checkDistinct(const std::vector<Output>& outputs, const std::vector<std::st
     }
 }
 
-void checkOutput(const Output& output)
+void checkForm(const Output& output)
 {
     if (output.path.empty()) return;
     if (output.path != "-") {
         checkExtension(output);
-        checkPlace(output);
     } else if (!output.printable) {
         throw UsageError(fmt::format("{} -: this format is not written to standard output; name a "
                                      "file ({})",
                                      output.option, fmt::join(output.extensions, ", ")));
     }
+}
+
+void checkOutput(const Output& output)
+{
+    checkForm(output);
+    if (!output.path.empty() && output.path != "-") checkPlace(output);
 }
 
 } // namespace mpuvdb::command

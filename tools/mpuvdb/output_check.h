@@ -12,6 +12,7 @@ struct Output {
     std::string path;                    ///< "-": standard output; empty: no output
     std::vector<std::string> extensions; ///< known ones, lower case; empty: any
     bool printable = false;              ///< whether "-" is allowed
+    bool joinsFrames = false;            ///< whether one file can hold all frames of a sequence
 };
 
 /// The extension of @a path in lower case, with its dot.
@@ -20,7 +21,10 @@ std::string extensionOf(const std::string& path);
 /// @throws UsageError if an output is also an input or another output.
 void checkDistinct(const std::vector<Output>& outputs, const std::vector<std::string>& inputs);
 
-/// @throws UsageError for an unknown extension, or "-" where it is not allowed; IoError where the
+/// @throws UsageError for an unknown extension, or "-" where it is not allowed.
+void checkForm(const Output& output);
+
+/// @throws as checkForm(); IoError where the
 /// folder is missing or not writable.
 void checkOutput(const Output& output);
 

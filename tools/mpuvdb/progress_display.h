@@ -15,6 +15,8 @@ class ProgressDisplay
 public:
     explicit ProgressDisplay(ProgressStyle style) : mStyle(style) {}
 
+    ProgressStyle style() const { return mStyle; }
+
     void show(const std::string& stage, double fraction);
     /// Prints a line on standard error, above the bar.
     void print(const std::string& line);

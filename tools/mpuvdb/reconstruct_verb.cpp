@@ -49,7 +49,8 @@ public:
                            "standard\noutput")
                 ->type_name("OUT.ply");
         app.add_option("--usd", mUsd,
-                       "Write a USD layer too, whose volume refers to the level set's file")
+                       "Write a USD layer too, whose volume refers to the level set's file; with\n"
+                       "--frames one layer with time samples, or one for each in name.####.usda")
             ->type_name("OUT.usda");
         addPreset(app, mPreset);
         app.add_flag("--dry-run", mDryRun,
@@ -83,7 +84,7 @@ public:
             session.note(fmt::format("preset      {}: {}", mPreset, mPresetOptions));
         const std::uint64_t bareBytes = residentBytes();
         std::vector<Output> outputs = filesOf(mMesh, "--mesh");
-        outputs.push_back({"--usd", mUsd, {".usda"}});
+        outputs.push_back({"--usd", mUsd, {".usda"}, false, /*joinsFrames=*/true});
         if (!mOutput.empty()) outputs.push_back({"-o", mOutput, {".vdb"}});
         session.checkFiles(outputs, mInputs);
         Interrupter* const interrupter = &session.progress();
@@ -111,6 +112,16 @@ public:
         for (const std::string& finding : explained.findings)
             session.warn(fmt::format("{}: {}", mOutput, finding));
         return checked.sound() && explained.findings.empty() ? meshCode : ExitCode::CheckFailed;
+    }
+
+    /// Writes the USD layer of a sequence.
+    void joinFrames(const std::vector<FrameFiles>& frames) const override
+    {
+        std::vector<VolumeFrame> volumes;
+        for (const FrameFiles& frame : frames)
+            for (const Output& output : frame.outputs)
+                if (output.option == "-o") volumes.push_back({frame.frame, output.path});
+        writeVolumeLayer(mUsd, volumes, mMesh.scene);
     }
 
 private:
@@ -141,7 +152,7 @@ private:
         openvdb::GridCPtrVec beside(made.attributes.begin(), made.attributes.end());
         if (made.coverage) beside.insert(beside.begin(), made.coverage);
         writeLevelSet(mOutput, made.levelSet(), metadata(made), beside, &session.progress());
-        if (mUsd.empty()) return;
+        if (mUsd.empty() || session.isShared("--usd")) return;
         beside.insert(beside.begin(), made.grid);
         writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene);
     }

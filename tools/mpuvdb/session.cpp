@@ -27,10 +27,11 @@ ProgressStyle styleOf(const CommonOptions& options)
 
 } // namespace
 
-Session::Session(std::string verb, const CommonOptions& options)
-    : mVerb(std::move(verb)), mOptions(options), mDisplay(styleOf(options)),
+Session::Session(std::string verb, const CommonOptions& options, Purpose purpose)
+    : mPurpose(purpose), mVerb(std::move(verb)), mOptions(options), mDisplay(styleOf(options)),
       mProgress([this](const std::string& stage, double f) { mDisplay.show(stage, f); })
 {
+    if (purpose == Purpose::NameFiles) return;
     limitMemory(options.maxBytes);
     if (options.threads) {
         mThreads = std::make_unique<tbb::global_control>(
@@ -43,12 +44,23 @@ std::uint64_t Session::bytesLeft() const
     return mOptions.maxBytes == 0 ? 0 : mOptions.maxBytes - std::min(mHeld, mOptions.maxBytes - 1);
 }
 
+bool Session::isShared(const std::string& option) const
+{
+    if (!mOptions.frame) return false;
+    const std::vector<std::string>& shared = mOptions.frame->shared;
+    return std::find(shared.begin(), shared.end(), option) != shared.end();
+}
+
 void Session::checkFiles(const std::vector<Output>& outputs, const std::vector<std::string>& inputs)
 {
     const Output report{"--report", mOptions.report, {}, true};
     std::vector<Output> all{report};
     all.insert(all.end(), outputs.begin(), outputs.end());
     checkDistinct(all, inputs);
+    if (mPurpose == Purpose::NameFiles) {
+        for (const Output& output : all) checkForm(output);
+        throw NamedFiles{outputs, inputs};
+    }
     checkOutput(report);
     mReportFile = mOptions.report; // errors are reported there from now on
     for (const Output& output : outputs) checkOutput(output);
@@ -88,7 +100,6 @@ void Session::writeReport()
 {
     mProgress.endStage();
     mDisplay.clear();
-    if (mReportFile.empty()) return;
     auto stages = nlohmann::ordered_json::array();
     for (const StageTime& stage : mProgress.stages()) {
         stages.push_back({{"name", stage.name},
@@ -97,9 +108,8 @@ void Session::writeReport()
                           {"peak_bytes", stage.peakBytes}});
     }
     mReport["stages"] = stages;
-    // File names need not be UTF-8; JSON has to be.
-    const std::string text =
-        mReport.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+    if (mReportFile.empty() || isShared("--report")) return;
+    const std::string text = reportText();
     if (mReportFile == "-") return printText(text);
     writeAtomically(mReportFile, [&](const std::filesystem::path& file) {
         std::ofstream out(file, std::ios::binary);
@@ -109,6 +119,11 @@ void Session::writeReport()
                 "{}: cannot be written. Free some space, or write to another disk", mReportFile));
         }
     });
+}
+
+std::string Session::reportText() const
+{
+    return mReport.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
 } // namespace mpuvdb::command

@@ -26,6 +26,12 @@ struct VerbText {
     const char* examples; ///< commands with a comment each, for the verb's own help
 };
 
+/// A frame of a sequence, and the files that its run names.
+struct FrameFiles {
+    int frame = 0;
+    std::vector<Output> outputs;
+};
+
 class Verb
 {
 public:
@@ -35,6 +41,11 @@ public:
     virtual void addOptions(CLI::App& app) = 0;
     /// Runs the verb. @throws the library's exceptions.
     virtual ExitCode run(Session& session) = 0;
+    /// Whether frames of a sequence differ though no input and no option has a place for their
+    /// number.
+    virtual bool movesByItself() const { return false; }
+    /// Writes what is one file for all frames, once they are made; those in @a frames are there.
+    virtual void joinFrames(const std::vector<FrameFiles>& /*frames*/) const {}
 };
 
 std::unique_ptr<Verb> makeReconstruct();
@@ -46,11 +57,17 @@ std::unique_ptr<Verb> makeRender();
 std::unique_ptr<Verb> makeUnion();
 std::unique_ptr<Verb> makeIntersection();
 std::unique_ptr<Verb> makeDifference();
+std::unique_ptr<Verb> makeExclusiveOr();
+std::unique_ptr<Verb> makeClip();
+std::unique_ptr<Verb> makeMerge();
+std::unique_ptr<Verb> makeSlice();
 std::unique_ptr<Verb> makeOffset();
 std::unique_ptr<Verb> makeShell();
 std::unique_ptr<Verb> makeSmooth();
 std::unique_ptr<Verb> makeMorph();
 std::unique_ptr<Verb> makeTwistVerb();
+std::unique_ptr<Verb> makeBendVerb();
+std::unique_ptr<Verb> makeTaperVerb();
 std::unique_ptr<Verb> makeTransform();
 std::unique_ptr<Verb> makeResample();
 std::unique_ptr<Verb> makeFog();

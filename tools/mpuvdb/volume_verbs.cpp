@@ -2,6 +2,8 @@
 #include "level_set_verb.h"
 #include "standard_output.h"
 
+#include <mpuvdb/attribute_grids.h>
+#include <mpuvdb/carried_attributes.h>
 #include <mpuvdb/io.h>
 
 #include <algorithm>
@@ -215,7 +217,7 @@ class VoxelizeVerb final : public Verb
 public:
     VerbText text() const override
     {
-        return {"voxelize", "A closed triangle mesh to a level set",
+        return {"voxelize", "A closed triangle mesh to a level set, with its colors beside it",
                 "  mpuvdb voxelize part.obj -o part.vdb --voxels 256\n"
                 "  mpuvdb voxelize part.stl -o part.vdb --voxel-size 0.5 --half-width 4\n"};
     }
@@ -258,11 +260,16 @@ public:
                                      {"triangles", mesh.triangles.size()}};
         session.note(fmt::format("mesh        {} vertices, {} triangles", mesh.positions.size(),
                                  mesh.triangles.size()));
+        openvdb::GridCPtrVec beside;
+        if (!mesh.colors.empty() || !mesh.scalars.empty())
+            for (const auto& grid : sampleAttributes(
+                     made, *attributesOfMesh(mesh, &session.progress()), &session.progress()))
+                beside.push_back(grid);
         const ExitCode code = writeGridOutput(made, mOutput,
                                               {{"mpuvdb:version", MPUVDB_VERSION},
                                                {"mpuvdb:operation", "voxelize"},
                                                {"mpuvdb:voxel_size", fmt::format("{}", h)}},
-                                              {}, session);
+                                              beside, session);
         session.report()["explained"] = toJson(explained);
         session.note("explained   " + explainedText(explained));
         if (explained.insideOut) session.note("mesh        all parts face inward, and were turned");

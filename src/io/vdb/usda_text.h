@@ -9,12 +9,13 @@
 namespace mpuvdb
 {
 
-/// The head of a layer whose one prim is @a prim.
-inline std::string usdaHead(const char* prim, const SceneSettings& scene)
+/// The head of a layer whose one prim is @a prim. @param time  lines of its time codes, or none.
+inline std::string usdaHead(const char* prim, const SceneSettings& scene,
+                            const std::string& time = {})
 {
-    return fmt::format("#usda 1.0\n(\n    defaultPrim = \"{}\"\n    metersPerUnit = {}\n"
+    return fmt::format("#usda 1.0\n(\n    defaultPrim = \"{}\"\n{}    metersPerUnit = {}\n"
                        "    upAxis = \"{}\"\n)\n\n",
-                       prim, scene.metersPerUnit, scene.up == UpAxis::Z ? "Z" : "Y");
+                       prim, time, scene.metersPerUnit, scene.up == UpAxis::Z ? "Z" : "Y");
 }
 
 } // namespace mpuvdb

@@ -396,6 +396,15 @@ openvdb::GridPtrVec readGrids(const fs::path& file, std::uint64_t maxBytes,
     });
 }
 
+openvdb::GridCPtrVec readGridHeads(const fs::path& file)
+{
+    return withVdbFile(file, nullptr, [&](VdbReader& archive) {
+        openvdb::GridCPtrVec grids;
+        for (const std::string& item : archive.names()) grids.push_back(archive.metadata(item));
+        return grids;
+    });
+}
+
 void writeLevelSet(const fs::path& file, const LevelSet& levelSet,
                    const std::map<std::string, std::string>& metadata,
                    const openvdb::GridCPtrVec& beside, Interrupter* interrupter)

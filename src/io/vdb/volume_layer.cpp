@@ -2,8 +2,10 @@
 #include "files/text_scan.h"
 #include "io/meshes/mesh_formats.h"
 #include "usda_text.h"
+#include <mpuvdb/error.h>
 
-#include <limits>
+#include <algorithm>
+#include <set>
 
 namespace mpuvdb
 {
@@ -22,17 +24,23 @@ std::string assetPath(const fs::path& to, const fs::path& folder)
     return quote + text + quote;
 }
 
+/// The world box of @a voxels of @a grid.
+Box3d worldBounds(const openvdb::GridBase& grid, const openvdb::CoordBBox& voxels)
+{
+    Box3d box;
+    if (voxels.empty()) return box;
+    const openvdb::BBoxd world = grid.transform().indexToWorld(voxels);
+    box.extend(Vec3d(world.min().x(), world.min().y(), world.min().z()));
+    box.extend(Vec3d(world.max().x(), world.max().y(), world.max().z()));
+    return box;
+}
+
 /// The world box of the active voxels of @a grids.
 Box3d worldBounds(const openvdb::GridCPtrVec& grids)
 {
     Box3d box;
-    for (const openvdb::GridBase::ConstPtr& grid : grids) {
-        const openvdb::CoordBBox voxels = grid->evalActiveVoxelBoundingBox();
-        if (voxels.empty()) continue;
-        const openvdb::BBoxd world = grid->transform().indexToWorld(voxels);
-        box.extend(Vec3d(world.min().x(), world.min().y(), world.min().z()));
-        box.extend(Vec3d(world.max().x(), world.max().y(), world.max().z()));
-    }
+    for (const openvdb::GridBase::ConstPtr& grid : grids)
+        box.extend(worldBounds(*grid, grid->evalActiveVoxelBoundingBox()));
     return box;
 }
 
@@ -65,6 +73,68 @@ std::string quoted(const std::string& name)
     return text + '"';
 }
 
+/// USD's array of a box's two corners.
+std::string extentText(const Box3d& box)
+{
+    return fmt::format("[({}, {}, {}), ({}, {}, {})]", box.min()[0], box.min()[1], box.min()[2],
+                       box.max()[0], box.max()[1], box.max()[2]);
+}
+
+/// A grid of the volume.
+struct GridText {
+    std::string name, type, path; ///< path: the attribute with the path of its file
+};
+
+/// Writes the layer. @param extent  the attribute with the volume's box, or nothing.
+void writeLayer(const fs::path& file, const std::string& head, const std::string& extent,
+                const std::vector<GridText>& grids)
+{
+    std::string text = head + "def Volume \"volume\"\n{\n" + extent;
+    for (const GridText& grid : grids)
+        text += fmt::format("    rel field:{0} = </volume/{0}>\n", identifier(grid.name));
+    for (const GridText& grid : grids)
+        text += fmt::format("\n    def OpenVDBAsset \"{}\"\n    {{\n        asset filePath{}\n"
+                            "        token fieldName = {}\n{}    }}\n",
+                            identifier(grid.name), grid.path, quoted(grid.name), grid.type);
+    text += "}\n";
+    writeStream(file, [&](OutputBuffer& out) { out.text(text); });
+}
+
+/// The values of an attribute by time code, as USD writes them.
+class TimeSamples
+{
+public:
+    void add(int time, const std::string& value)
+    {
+        mText += fmt::format("            {}: {},\n", time, value);
+    }
+    std::string text() const { return ".timeSamples = {\n" + mText + "        }"; }
+
+private:
+    std::string mText;
+};
+
+/// The world box of the active voxels of @a grid, whose metadata say it; empty without them.
+Box3d boundsByMetadata(const openvdb::GridBase& grid)
+{
+    const auto min =
+        grid.getMetadata<openvdb::Vec3IMetadata>(openvdb::GridBase::META_FILE_BBOX_MIN);
+    const auto max =
+        grid.getMetadata<openvdb::Vec3IMetadata>(openvdb::GridBase::META_FILE_BBOX_MAX);
+    if (!min || !max) return {};
+    return worldBounds(grid, {openvdb::Coord(min->value()), openvdb::Coord(max->value())});
+}
+
+/// @throws UsageError.
+void requireFrames(const std::vector<VolumeFrame>& frames)
+{
+    const auto falls = [](const VolumeFrame& a, const VolumeFrame& b) {
+        return a.number >= b.number;
+    };
+    if (frames.empty() || std::adjacent_find(frames.begin(), frames.end(), falls) != frames.end())
+        throw UsageError("a layer of a sequence needs frames with ascending numbers");
+}
+
 } // namespace
 
 void writeVolumeLayer(const fs::path& file, const fs::path& vdb, const openvdb::GridCPtrVec& grids,
@@ -72,22 +142,47 @@ void writeVolumeLayer(const fs::path& file, const fs::path& vdb, const openvdb::
 {
     requireScene(scene);
     const std::string asset = assetPath(vdb, fs::absolute(file).parent_path());
-    std::string text = usdaHead("volume", scene) + "def Volume \"volume\"\n{\n";
     const Box3d box = worldBounds(grids);
-    if (!box.isEmpty())
-        text += fmt::format("    float3[] extent = [({}, {}, {}), ({}, {}, {})]\n", box.min()[0],
-                            box.min()[1], box.min()[2], box.max()[0], box.max()[1], box.max()[2]);
-    for (const openvdb::GridBase::ConstPtr& grid : grids) {
-        const std::string prim = identifier(grid->getName());
-        text += fmt::format("    rel field:{0} = </volume/{0}>\n", prim);
-    }
+    std::vector<GridText> texts;
     for (const openvdb::GridBase::ConstPtr& grid : grids)
-        text += fmt::format("\n    def OpenVDBAsset \"{}\"\n    {{\n        asset filePath = {}\n"
-                            "        token fieldName = {}\n{}    }}\n",
-                            identifier(grid->getName()), asset, quoted(grid->getName()),
-                            typeText(*grid));
-    text += "}\n";
-    writeStream(file, [&](OutputBuffer& out) { out.text(text); });
+        texts.push_back({grid->getName(), typeText(*grid), " = " + asset});
+    writeLayer(file, usdaHead("volume", scene),
+               box.isEmpty() ? "" : "    float3[] extent = " + extentText(box) + "\n", texts);
+}
+
+void writeVolumeLayer(const fs::path& file, const std::vector<VolumeFrame>& frames,
+                      const SceneSettings& scene)
+{
+    requireScene(scene);
+    requireFrames(frames);
+    const fs::path folder = fs::absolute(file).parent_path();
+    std::vector<GridText> texts; // of all grids of all frames, by their first appearance
+    std::vector<std::set<std::string>> there;
+    TimeSamples extents;
+    for (const VolumeFrame& frame : frames) {
+        Box3d box;
+        there.emplace_back();
+        for (const openvdb::GridBase::ConstPtr& grid : readGridHeads(frame.vdb)) {
+            box.extend(boundsByMetadata(*grid));
+            const std::string name = grid->getName();
+            there.back().insert(name);
+            const auto isSame = [&](const GridText& text) { return text.name == name; };
+            if (std::none_of(texts.begin(), texts.end(), isSame))
+                texts.push_back({name, typeText(*grid), {}});
+        }
+        extents.add(frame.number, box.isEmpty() ? "None" : extentText(box));
+    }
+    for (GridText& text : texts) {
+        TimeSamples paths;
+        for (std::size_t n = 0; n < frames.size(); ++n)
+            paths.add(frames[n].number,
+                      there[n].count(text.name) ? assetPath(frames[n].vdb, folder) : "None");
+        text.path = paths.text();
+    }
+    const std::string time = fmt::format("    startTimeCode = {}\n    endTimeCode = {}\n",
+                                         frames.front().number, frames.back().number);
+    writeLayer(file, usdaHead("volume", scene, time), "    float3[] extent" + extents.text() + "\n",
+               texts);
 }
 
 } // namespace mpuvdb

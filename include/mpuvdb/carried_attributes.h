@@ -1,0 +1,32 @@
+// Attributes of the inputs of an operation, carried to its result.
+#pragma once
+#include <mpuvdb/level_set.h>
+#include <mpuvdb/surface_attributes.h>
+#include <mpuvdb/triangle_mesh.h>
+
+#include <memory>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Interrupter;
+
+/// The colors and scalars of a mesh, at each place those of the nearest point of its triangles,
+/// linear between their corners. @param mesh  has triangles and outlives what is returned.
+/// @throws Interrupted.
+std::unique_ptr<SurfaceAttributes> attributesOfMesh(const Mesh& mesh,
+                                                    Interrupter* interrupter = nullptr);
+
+/// An operand of a Boolean, and the grids of its file that hold attributes of its surface.
+struct Operand {
+    LevelSet levelSet;
+    openvdb::GridCPtrVec grids; ///< grids of another type than float and Vec3f are left out
+};
+
+/// The attributes of a Boolean's result: at each place those of the operand whose surface is
+/// nearest, of equals of the first. Colors are those of Vec3f grids called kColorName; an attribute
+/// that only other operands have is 0. Level sets among the grids, and the coverage, are left out.
+std::unique_ptr<SurfaceAttributes> attributesOfOperands(const std::vector<Operand>& operands);
+
+} // namespace mpuvdb

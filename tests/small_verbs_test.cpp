@@ -1,0 +1,335 @@
+// merge, clip, bend, taper, xor and slice, and attributes that operations carry: by the command.
+#include "command_process.h"
+#include "modelling_fixture.h"
+
+#include <mpuvdb/contours.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/scan_sampler.h>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+#include <regex>
+
+namespace mpuvdb::test
+{
+namespace
+{
+
+using nlohmann::json;
+using Words = std::vector<std::string>;
+
+LevelSet solid(const std::string& text, double voxelSize)
+{
+    return sampled(*makeSolidField(parseSolid(text)), voxelSize);
+}
+
+class SmallVerbs : public testing::Test
+{
+protected:
+    Ended mpuvdb(Words words, int status = 0) const
+    {
+        words.insert(words.begin(), "mpuvdb");
+        const Ended ended = run(folder, words);
+        EXPECT_EQ(ended.status, status) << words[1] << "\n" << ended.err;
+        return ended;
+    }
+    void write(const std::string& name, const LevelSet& levelSet,
+               const openvdb::GridCPtrVec& beside = {}) const
+    {
+        writeLevelSet(folder / name, levelSet, {}, beside);
+    }
+    LevelSet read(const std::string& name) const { return readLevelSet(folder / name); }
+    double volumeOf(const std::string& name) const { return measure(read(name)).volume; }
+    std::vector<std::string> gridsOf(const std::string& name) const
+    {
+        std::vector<std::string> names;
+        for (const auto& grid : readGrids(folder / name)) names.push_back(grid->getName());
+        std::sort(names.begin(), names.end());
+        return names;
+    }
+
+    TemporaryFolder folder;
+};
+
+/// Edge of the tests' voxels, world units.
+constexpr double h = 0.05;
+
+TEST_F(SmallVerbs, MergeKeepsGridsAndNamesThemByTheirFiles)
+{
+    const LevelSet ball = solid("sphere(0.5)", h);
+    auto heat = openvdb::FloatGrid::create(0);
+    heat->setName("heat");
+    heat->fill(openvdb::CoordBBox(openvdb::Coord(0), openvdb::Coord(3)), 7);
+    write("ball.vdb", ball, {heat});
+    write("box.vdb", solid("box(1,1,1)", h));
+    const Ended ended = mpuvdb({"merge", "ball.vdb", "box.vdb", "-o", "all.vdb"});
+    EXPECT_EQ(gridsOf("all.vdb"), (Words{"box", "heat", "surface"}));
+    EXPECT_NE(ended.err.find("'surface' of box.vdb: 'box'"), std::string::npos) << ended.err;
+    const LevelSet box = readLevelSet(folder / "all.vdb", "box");
+    EXPECT_TRUE(box.grid().tree().hasSameTopology(read("box.vdb").grid().tree()));
+    EXPECT_EQ(box.voxelSize(), h);
+
+    mpuvdb({"merge", "a=ball.vdb", "b=box.vdb", "-o", "named.vdb", "--report", "r.json"});
+    EXPECT_EQ(gridsOf("named.vdb"), (Words{"a_heat", "a_surface", "b"}));
+    EXPECT_EQ(json::parse(readFile(folder / "r.json"))["grids"].back()["was"], "surface");
+    // Equal names of equal files have no names of their own.
+    mpuvdb({"merge", "box.vdb", "box.vdb", "box.vdb", "-o", "x.vdb"}, 2);
+    mpuvdb({"merge", "box.vdb", "none.vdb", "-o", "x.vdb"}, 3);
+    mpuvdb({"merge", "box.vdb", "x=box.vdb", "-o", "box.vdb"}, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder / "x.vdb"));
+}
+
+// A box clipped by a box is a box: its distances are known, at edges and corners too.
+TEST_F(SmallVerbs, ClipIsClosedAndSharp)
+{
+    write("box.vdb", solid("box(2,2,2)", h));
+    mpuvdb({"clip", "box.vdb", "-o", "part.vdb", "--box", "0.1", "-0.5", "open", "open", "0.7",
+            "0.3"});
+    const LevelSet part = read("part.vdb");
+    expectSound(part);
+    const auto expected = parseSolid("translate(box(0.9,1.2,1.3),0.55,0.1,-0.35)");
+    const Deviation off = deviation(
+        part, [&](const Vec3d& p) { return expected->distance(p); }, 2);
+    EXPECT_LT(off.largest, 0.02) << "voxels";
+    EXPECT_EQ(off.wrongSigns, 0u);
+
+    write("ball.vdb", solid("sphere(0.8)", h));
+    mpuvdb({"clip", "box.vdb", "-o", "in.vdb", "--mask", "ball.vdb"});
+    mpuvdb({"clip", "box.vdb", "-o", "out.vdb", "--mask", "ball.vdb:surface", "--outside"});
+    const double ball = 4 * M_PI / 3 * std::pow(0.8, 3), second = 10 * h * h;
+    EXPECT_NEAR(volumeOf("in.vdb"), ball, second);
+    EXPECT_NEAR(volumeOf("out.vdb"), 8 - ball, second);
+
+    const Ended none = mpuvdb({"clip", "box.vdb", "-o", "none.vdb", "--box", "open", "open", "9",
+                               "open", "open", "open"});
+    EXPECT_NE(none.err.find("nothing is left"), std::string::npos) << none.err;
+    const Ended all =
+        mpuvdb({"clip", "box.vdb", "-o", "all.vdb", "--box", "-9", "-9", "-9", "9", "9", "9"});
+    EXPECT_NEAR(volumeOf("all.vdb"), 8, second);
+    mpuvdb({"clip", "box.vdb", "-o", "x.vdb"}, 2);
+    mpuvdb({"clip", "box.vdb", "-o", "x.vdb", "--box", "1", "0", "0", "0", "1", "1"}, 2);
+    mpuvdb({"clip", "box.vdb", "-o", "x.vdb", "--box", "1", "0", "0"}, 2);
+    mpuvdb({"clip", "box.vdb", "-o", "ball.vdb", "--mask", "ball.vdb"}, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder / "x.vdb"));
+}
+
+TEST_F(SmallVerbs, BendAndTaperHaveTheVolumesOfTheirFormulas)
+{
+    write("bar.vdb", solid("box(0.4,0.6,2)", h / 2));
+    const double second = 20 * h * h / 4; // of the voxel size, as areas are below 10
+    // By Pappus, a bar bent about its middle keeps its volume.
+    mpuvdb({"bend", "bar.vdb", "-o", "arch.vdb", "--angle", "180", "--from=-1", "--to", "1",
+            "--report", "r.json"});
+    expectSound(read("arch.vdb"));
+    EXPECT_NEAR(volumeOf("arch.vdb"), 0.4 * 0.6 * 2, second);
+    const Box3d arch = measure(read("arch.vdb")).bounds;
+    const double radius = 2 / M_PI;
+    EXPECT_NEAR(arch.sizes().x(), 2 * (radius + 0.2), h) << "its outer half circle";
+    EXPECT_NEAR(arch.sizes().z(), radius + 0.2, h);
+    EXPECT_EQ(json::parse(readFile(folder / "r.json"))["settings"]["angle"], 180);
+    mpuvdb({"bend", "bar.vdb", "-o", "other.vdb", "--angle", "180", "--towards=-x", "--from=-1",
+            "--to", "1"});
+    EXPECT_NEAR(measure(read("other.vdb")).bounds.max().x(), -arch.min().x(), h / 10);
+
+    mpuvdb(
+        {"taper", "bar.vdb", "-o", "spire.vdb", "--end-factor", "0.4", "--from=-1", "--to", "1"});
+    expectSound(read("spire.vdb"));
+    EXPECT_NEAR(volumeOf("spire.vdb"), 0.4 * 0.6 * 2 * (1 + 0.4 + 0.16) / 3, second);
+    mpuvdb({"taper", "bar.vdb", "-o", "wide.vdb", "--start-factor", "2", "--end-factor", "2"});
+    EXPECT_NEAR(volumeOf("wide.vdb"), 4 * 0.4 * 0.6 * 2, 4 * second);
+    mpuvdb({"taper", "bar.vdb", "-o", "x.vdb", "--end-factor", "0"}, 2);
+    mpuvdb({"taper", "bar.vdb", "-o", "x.vdb", "--end-factor", "1", "--from", "1", "--to", "0"}, 2);
+    mpuvdb({"bend", "bar.vdb", "-o", "x.vdb", "--angle", "400"}, 2);
+    mpuvdb({"bend", "bar.vdb", "-o", "x.vdb", "--angle", "10", "--towards", "z"}, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder / "x.vdb"));
+}
+
+// No surface of either solid goes away: the distance is the smaller one, inside where one is.
+TEST_F(SmallVerbs, ExclusiveOrHasTheDistancesOfBothSurfaces)
+{
+    const auto a = parseSolid("sphere(0.8)"), b = parseSolid("translate(box(1,1.1,1.2),0.6,0.1,0)");
+    write("a.vdb", sampled(*makeSolidField(a), h));
+    write("b.vdb", sampled(*makeSolidField(b), h));
+    mpuvdb({"xor", "a.vdb", "b.vdb", "-o", "x.vdb"});
+    const LevelSet made = read("x.vdb");
+    expectSound(made);
+    const auto exact = [&](const Vec3d& p) {
+        const double u = a->distance(p), v = b->distance(p);
+        const double least = std::min(std::abs(u), std::abs(v));
+        return (u < 0) != (v < 0) ? -least : least;
+    };
+    const Deviation all = deviation(made, exact, 2);
+    EXPECT_LT(all.mean, 0.01) << "voxels";
+    EXPECT_EQ(all.wrongSigns, 0u);
+    // Where the surfaces cross, four sheets meet in a voxel, which none of its values can tell.
+    EXPECT_LT(all.largest, 0.5) << "voxels";
+    const auto apart = [&](const Vec3d& p) {
+        const bool isCrossing =
+            std::abs(a->distance(p)) < 3 * h && std::abs(b->distance(p)) < 3 * h;
+        return isCrossing ? 100 : exact(p);
+    };
+    EXPECT_LT(deviation(made, apart, 2).largest, 0.05) << "voxels";
+    mpuvdb({"union", "a.vdb", "b.vdb", "-o", "u.vdb"});
+    mpuvdb({"intersection", "a.vdb", "b.vdb", "-o", "i.vdb"});
+    EXPECT_NEAR(volumeOf("x.vdb"), volumeOf("u.vdb") - volumeOf("i.vdb"), 10 * h * h);
+    mpuvdb({"xor", "a.vdb", "a.vdb", "-o", "none.vdb"});
+    EXPECT_EQ(read("none.vdb").grid().activeVoxelCount(), 0u) << "a solid without itself";
+}
+
+TEST_F(SmallVerbs, EachInputMayNameItsGrid)
+{
+    write("ball.vdb", solid("sphere(0.5)", h));
+    write("box.vdb", solid("box(1,1,1)", h));
+    mpuvdb({"merge", "ball=ball.vdb", "box=box.vdb", "-o", "all.vdb"});
+    mpuvdb({"intersection", "all.vdb:ball", "box.vdb", "-o", "one.vdb"});
+    mpuvdb({"intersection", "ball.vdb", "box.vdb", "-o", "two.vdb"});
+    const auto volume = [&](const std::string& name) {
+        return measure(readLevelSet(folder / name, "ball")).volume;
+    };
+    mpuvdb({"merge", "ball=two.vdb", "-o", "named.vdb"});
+    EXPECT_DOUBLE_EQ(volume("one.vdb"), volume("named.vdb"));
+    mpuvdb({"morph", "all.vdb:ball", "all.vdb:box", "-o", "half.vdb"});
+    const Ended missing = mpuvdb({"offset", "all.vdb:cone", "-o", "x.vdb", "--distance", "1vx"}, 3);
+    EXPECT_NE(missing.err.find("'cone'"), std::string::npos) << missing.err;
+    mpuvdb({"offset", "all.vdb:box", "-o", "all.vdb", "--distance", "1vx"}, 2);
+}
+
+/// The largest distance of a contour's points from a circle, voxels.
+double offCircle(const Contour& contour, const Eigen::Vector2d& center, double radius)
+{
+    double most = 0;
+    for (const Eigen::Vector2d& p : contour.points)
+        most = std::max(most, std::abs((p - center).norm() - radius) / h);
+    return most;
+}
+
+TEST_F(SmallVerbs, ContoursLieOnTheSurfaceAndRunRoundIt)
+{
+    const LevelSet torus =
+        sampled(*makeMovedField(makeSolidField(parseSolid("torus(1.5,0.6)")),
+                                Eigen::Affine3d(Eigen::Translation3d(3, 0.2, 1))),
+                h);
+    for (const double height : {1.0, 1.0 + 0.37, 1.0 - 0.411}) {
+        const std::vector<Contour> contours = contoursOf(torus, {2, height});
+        ASSERT_EQ(contours.size(), 2u);
+        const double half = std::sqrt(0.36 - (height - 1) * (height - 1));
+        const bool isFirstOuter = contours[0].area > 0;
+        const Contour &outer = contours[isFirstOuter ? 0 : 1], &inner = contours[isFirstOuter];
+        const Eigen::Vector2d center(3, 0.2);
+        EXPECT_LT(offCircle(outer, center, 1.5 + half), 0.01);
+        EXPECT_LT(offCircle(inner, center, 1.5 - half), 0.01);
+        // A chord of a voxel's diagonal lies below its arc by h^2 / (4 r).
+        const auto within = [](double r) { return 2 * M_PI * r * (h * h / (4 * r) + 0.01 * h); };
+        EXPECT_NEAR(outer.area, M_PI * std::pow(1.5 + half, 2), within(1.5 + half));
+        EXPECT_NEAR(inner.area, -M_PI * std::pow(1.5 - half, 2), within(1.5 - half));
+    }
+    // Across x, y points right and z up: two circles, both outer.
+    const std::vector<Contour> across = contoursOf(torus, {0, 3});
+    ASSERT_EQ(across.size(), 2u);
+    double sum = 0;
+    for (const Contour& contour : across) {
+        EXPECT_GT(contour.area, 0);
+        const double side = contour.points.front().x() > 0.2 ? 1.5 : -1.5;
+        EXPECT_LT(offCircle(contour, {0.2 + side, 1}, 0.6), 0.01);
+        sum += side;
+    }
+    EXPECT_EQ(sum, 0);
+    EXPECT_TRUE(contoursOf(torus, {2, 9}).empty());
+    EXPECT_THROW(contoursOf(torus, {3, 0}), UsageError);
+    EXPECT_THROW(contoursOf(torus, {2, std::nan("")}), UsageError);
+}
+
+TEST_F(SmallVerbs, SliceWritesSvgInMillimetersAndPictures)
+{
+    write("part.vdb", solid("difference(box(2,2,1),cylinder(0.4,3))", h));
+    mpuvdb({"slice", "part.vdb", "-o", "one.svg", "--height", "0.1", "--units", "cm"});
+    const std::string svg = readFile(folder / "one.svg");
+    const std::regex number(R"re(data-height="([^"]*)")re");
+    std::smatch height;
+    ASSERT_TRUE(std::regex_search(svg, height, number)) << svg.substr(0, 300);
+    EXPECT_NEAR(std::stod(height[1]), 1, 1e-9) << "0.1 cm";
+    EXPECT_EQ(std::count(svg.begin(), svg.end(), 'M'), 2) << "the side, and the hole";
+    EXPECT_EQ(std::count(svg.begin(), svg.end(), 'Z'), 2);
+    mpuvdb({"slice", "part.vdb", "-o", "layers.svg", "--every", "0.2", "--report", "r.json"});
+    const json slices = json::parse(readFile(folder / "r.json"))["slices"];
+    ASSERT_EQ(slices.size(), 5u) << "layers of a height of 1";
+    for (std::size_t n = 0; n < 5; ++n) {
+        EXPECT_NEAR(slices[n]["height"], -0.4 + 0.2 * double(n), h / 10);
+        EXPECT_NEAR(slices[n]["area"], 4 - M_PI * 0.16, 10 * h * h);
+        EXPECT_EQ(slices[n]["contours"], 2);
+    }
+    mpuvdb({"slice", "part.vdb", "-o", "x.png", "--axis", "y", "--pixels", "64"});
+    EXPECT_EQ(readFile(folder / "x.png").substr(1, 3), "PNG");
+    mpuvdb({"slice", "part.vdb", "-o", "p.##.png", "--height", "0.$F", "--frames", "1-3x2"});
+    EXPECT_NE(readFile(folder / "p.01.png"), "");
+    mpuvdb({"slice", "part.vdb", "-o", "y.png", "--every", "0.2"}, 2);
+    mpuvdb({"slice", "part.vdb", "-o", "y.svg", "--every", "0"}, 2);
+    const Ended beside = mpuvdb({"slice", "part.vdb", "-o", "z.svg", "--height", "7"});
+    EXPECT_NE(beside.err.find("no slice meets the solid"), std::string::npos) << beside.err;
+}
+
+/// A closed box of two colors, or one with a point each.
+std::string boxPly(double x, const std::string& left, const std::string& right)
+{
+    std::string text =
+        "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
+        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar "
+        "blue\nelement face 6\nproperty list uchar int vertex_indices\nend_header\n";
+    for (int v = 0; v < 8; ++v)
+        text += std::to_string(x + (v & 1)) + " " + std::to_string(v >> 1 & 1) + " " +
+                std::to_string(v >> 2) + " " + (v & 1 ? right : left) + "\n";
+    return text + "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n";
+}
+
+TEST_F(SmallVerbs, ColorsOfMeshesGoToTheGridAndThroughBooleans)
+{
+    writeFile(folder / "a.ply", boxPly(0, "255 0 0", "0 0 255"));
+    mpuvdb({"voxelize", "a.ply", "-o", "a.vdb", "--voxel-size", "0.05"});
+    EXPECT_EQ(gridsOf("a.vdb"), (Words{"Cd", "surface"}));
+    const auto colors = openvdb::gridPtrCast<openvdb::Vec3SGrid>(
+        readAttributeGrids(folder / "a.vdb", {"Cd"}).front());
+    ASSERT_TRUE(colors);
+    // Linear along x, in linear light.
+    for (auto on = colors->cbeginValueOn(); on; ++on) {
+        const openvdb::Vec3d at = colors->indexToWorld(on.getCoord());
+        if (at.x() < 0 || at.x() > 1) continue;
+        // Beside the ends the nearest place may lie on them, as far as the band goes.
+        ASSERT_NEAR((*on)[0], 1 - at.x(), 4 * h) << at;
+        ASSERT_EQ((*on)[1], 0);
+        const bool isByFace =
+            at.y() > 3 * h && at.y() < 1 - 3 * h && at.x() > 3 * h && at.x() < 1 - 3 * h;
+        ASSERT_NEAR((*on)[2], at.x(), isByFace ? 0.002 : 4 * h) << at << "; half floats";
+    }
+    writeFile(folder / "b.ply", boxPly(0.5, "0 255 0", "0 255 0"));
+    mpuvdb({"voxelize", "b.ply", "-o", "b.vdb", "--voxel-size", "0.05"});
+    for (const Words& verb :
+         {Words{"union", "a.vdb", "b.vdb"}, Words{"difference", "a.vdb", "b.vdb"},
+          Words{"xor", "a.vdb", "b.vdb"}}) {
+        Words words = verb;
+        words.insert(words.end(), {"-o", "c.vdb"});
+        mpuvdb(words);
+        mpuvdb({"mesh", "c.vdb", "-o", "c.ply"});
+        const Mesh mesh = readMesh(folder / "c.ply");
+        ASSERT_EQ(mesh.colors.size(), mesh.positions.size());
+        std::size_t green = 0, other = 0;
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n) {
+            const Vec3d p = mesh.world(n);
+            // Where one operand's surface is far nearer than the other's.
+            const double toB = std::abs(parseSolid("translate(box(1,1,1),1,0.5,0.5)")->distance(p));
+            const double toA =
+                std::abs(parseSolid("translate(box(1,1,1),0.5,0.5,0.5)")->distance(p));
+            if (std::abs(toA - toB) < 0.1) continue;
+            const bool isB = toB < toA;
+            ASSERT_NEAR(mesh.colors[n].y(), isB ? 1 : 0, 0.02) << verb[0] << " " << p.transpose();
+            (isB ? green : other) += 1;
+        }
+        EXPECT_GT(other, 100u) << verb[0];
+        EXPECT_GT(green, 50u) << verb[0];
+    }
+}
+
+} // namespace
+} // namespace mpuvdb::test

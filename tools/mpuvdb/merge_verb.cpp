@@ -1,0 +1,135 @@
+// mpuvdb merge: the grids of many files in one.
+#include "describe.h"
+#include "standard_output.h"
+#include "verb.h"
+
+#include <mpuvdb/io.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fmt/format.h>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+/// An input of merge: "FILE.vdb", or "NAME=FILE.vdb".
+struct NamedFile {
+    std::string file, name; ///< name: empty if there is none
+
+    static NamedFile parse(const std::string& text)
+    {
+        const std::size_t equals = text.find('=');
+        std::error_code ignored;
+        // A folder's name may have the sign too, and so may a file's.
+        const bool isName = equals != std::string::npos && equals > 0 && text.find('/') > equals &&
+                            !std::filesystem::exists(text, ignored);
+        return isName ? NamedFile{text.substr(equals + 1), text.substr(0, equals)}
+                      : NamedFile{text, {}};
+    }
+
+    /// What a grid called @a grid is named after this file, which has @a count of them.
+    std::string nameFor(const std::string& grid, std::size_t count) const
+    {
+        const std::string own = !name.empty() ? name
+                                : file == "-" ? "input"
+                                              : std::filesystem::path(file).stem().string();
+        return count == 1 ? own : own + "_" + grid;
+    }
+};
+
+class MergeVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"merge", "The grids of many .vdb files in one file",
+                "  mpuvdb merge surface.vdb density.vdb -o all.vdb\n"
+                "  mpuvdb merge body=a.vdb arm=b.vdb -o both.vdb\n"
+                "      The grid of a.vdb is called body, that of b.vdb arm.\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("input", mInputs,
+                       "Files (.vdb); NAME=FILE.vdb names the file's grid, or of several each\n"
+                       "NAME_GRID. Of grids with equal names the later ones are called as their\n"
+                       "file, or FILE_GRID. - is standard input")
+            ->required()
+            ->type_name("[NAME=]IN.vdb");
+        app.add_option("-o,--output", mOutput, "All grids; - is standard output")
+            ->required()
+            ->type_name("OUT.vdb");
+    }
+
+    ExitCode run(Session& session) override
+    {
+        std::vector<NamedFile> inputs;
+        std::vector<std::string> files;
+        for (const std::string& text : mInputs) {
+            inputs.push_back(NamedFile::parse(text));
+            files.push_back(inputs.back().file);
+        }
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, files);
+        for (const NamedFile& input : inputs) add(input, session);
+        openvdb::GridCPtrVec grids(mGrids.begin(), mGrids.end());
+        const auto write = [&](const std::filesystem::path& file) {
+            writeGrids(file, grids, &session.progress());
+        };
+        if (mOutput == "-")
+            printFile(".vdb", write);
+        else
+            write(mOutput);
+        session.report()["grids"] = mList;
+        session.progress().endStage();
+        session.note(fmt::format("grids       {}: {}", grids.size(), mOutput));
+        session.note("time        " + session.timesText());
+        return ExitCode::Ok;
+    }
+
+private:
+    void add(const NamedFile& input, Session& session)
+    {
+        session.progress().beginStage("read");
+        openvdb::GridPtrVec grids;
+        readFile(input.file, ".vdb", [&](const std::filesystem::path& path) {
+            grids = readGrids(path, session.bytesLeft(), &session.progress());
+        });
+        for (const openvdb::GridBase::Ptr& grid : grids) {
+            session.hold(grid->memUsage());
+            const std::string own = grid->getName();
+            std::string name = input.name.empty() ? own : input.nameFor(own, grids.size());
+            if (isTaken(name)) name = input.nameFor(own, grids.size());
+            if (name.empty() || isTaken(name))
+                throw UsageError(fmt::format("{}: its grid '{}' cannot be called '{}', as another "
+                                             "one is. Write NAME={}",
+                                             input.file, own, name, input.file));
+            if (name != own)
+                session.note(fmt::format("renamed     '{}' of {}: '{}'", own, input.file, name));
+            grid->setName(name);
+            mList.push_back({{"name", name}, {"file", input.file}, {"was", own}});
+            mGrids.push_back(grid);
+        }
+    }
+
+    bool isTaken(const std::string& name) const
+    {
+        return std::any_of(mGrids.begin(), mGrids.end(),
+                           [&](const auto& grid) { return grid->getName() == name; });
+    }
+
+    std::vector<std::string> mInputs;
+    std::string mOutput;
+    openvdb::GridPtrVec mGrids;
+    Json mList = Json::array();
+};
+
+} // namespace
+
+std::unique_ptr<Verb> makeMerge()
+{
+    return std::make_unique<MergeVerb>();
+}
+
+} // namespace mpuvdb::command
