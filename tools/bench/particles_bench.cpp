@@ -81,13 +81,13 @@ Scene sceneOf(const std::string& name, double count)
         const double side = std::cbrt(4 * count);
         scene.addPool(side, side / 4);
     } else if (name == "splash") {
-        const double side = std::cbrt(6 * count), depth = side / 8;
+        // Water a fifth as deep as it is wide, two crowns, and a fiftieth of the rest as droplets.
+        const double side = std::cbrt(4.5 * count), depth = side / 5;
         scene.addPool(side, depth);
         const Vec3d middle(side / 2, side / 2, depth + 1);
         scene.addCrown(middle, side / 6, side / 4);
         scene.addCrown(middle, side / 12, side / 6);
-        const double missing = std::max(0.0, count - double(scene.centers.size()));
-        scene.addSpray(std::size_t(missing), {0, 0, depth + 2}, {side, side, side});
+        scene.addSpray(scene.centers.size() / 50, {0, 0, depth + 2}, {side, side, side});
     } else {
         const double side = std::cbrt(20 * count);
         scene.addSpray(std::size_t(count), Vec3d::Zero(), Vec3d::Constant(side));

@@ -107,7 +107,7 @@ public:
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
         for (auto make :
-             {makeReconstruct, makeVoxelize,  makeMesh,     makeUnion,  makeIntersection,
+             {makeReconstruct, makeParticles, makeVoxelize,  makeMesh,     makeUnion,  makeIntersection,
               makeDifference,  makeOffset,    makeShell,    makeSmooth, makeMorph,
               makeTwistVerb,   makeTransform, makeResample, makeFog,    makeIsosurface,
               makeComponents,  makeSample,    makeInfo,     makeCheck,  makeRender})
