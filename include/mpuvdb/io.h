@@ -35,8 +35,8 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
                       Interrupter* interrupter = nullptr);
 
 /// Reads particles: every file that readPoints() reads, with radii and velocities by
-/// ParticleNames::among(), and the point grids of a .vdb file, whose attributes are "P", "pscale" or
-/// "radius", "v", "Cd" and scalars by name. Normals and confidences are left.
+/// ParticleNames::among(), and the point grids of a .vdb file, whose attributes are "P", "pscale"
+/// or "radius", "v", "Cd" and scalars by name. Normals and confidences are left.
 /// @param files  one .vdb file, or others, which are joined; no standard input.
 /// @param scalars  names of numbers to keep with the particles, at most 4.
 /// @param maxBytes  limit of the point grids' memory by their metadata; 0: none.

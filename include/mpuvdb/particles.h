@@ -22,11 +22,11 @@ class Interrupter;
 /// Balls about a frame: a particle's world position is frame + position. What is optional is empty,
 /// or has one value per particle.
 struct Particles {
-    Vec3d frame = Vec3d::Zero();   ///< world position of the local origin, near the middle
-    std::vector<Vec3f> positions;  ///< world units, relative to frame; finite
-    std::vector<float> radii;      ///< world units, above 0; or empty
-    std::vector<Vec3f> velocities; ///< world units per second; or empty
-    std::vector<Rgb> colors;       ///< sRGB; or empty
+    Vec3d frame = Vec3d::Zero();       ///< world position of the local origin, near the middle
+    std::vector<Vec3f> positions;      ///< world units, relative to frame; finite
+    std::vector<float> radii;          ///< world units, above 0; or empty
+    std::vector<Vec3f> velocities;     ///< world units per second; or empty
+    std::vector<Rgb> colors;           ///< sRGB; or empty
     std::vector<NamedScalars> scalars; ///< of different names, to become grids
     std::map<std::string, std::uint64_t> dropped; ///< particles left out, by reason
     std::vector<std::string> notes, warnings;     ///< of their reader, for the user
@@ -111,8 +111,10 @@ struct ParticleResult {
     LevelSet levelSet() const { return LevelSet(grid); }
 };
 
-/// The level set about @a particles, called "surface", with true distances in all its band. Equal
-/// particles in one order and equal options give equal bytes, for any number of threads.
+/// The level set about @a particles, called "surface", with true distances in all its band: sound
+/// by check(), but that balls (Spheres) which lie close leave creases all over, at which no
+/// gradient is 1: their mean may exceed the default tolerance. Equal particles in one order and
+/// equal options give equal bytes, for any number of threads.
 /// @throws UsageError (options out of range), InputError (no particles, radii that are not above 0
 /// and finite), LimitError (memory, index range), Interrupted.
 ParticleResult particlesToLevelSet(Particles&& particles, const ParticleOptions& options = {},

@@ -7,6 +7,32 @@
 namespace mpuvdb
 {
 
+/// The particles about a place, found again for the next one only where that lies among other bins.
+class ParticleAttributes::Window
+{
+public:
+    explicit Window(const ParticleBins& bins) : mBins(bins) {}
+
+    const ParticleBins& bins() const { return mBins; }
+    const std::vector<ParticleBins::Run>& runsIn(const Box3d& box)
+    {
+        const Vec3i first = mBins.binAt(box.min()), last = mBins.binAt(box.max());
+        if (mIsSet && first == mFirst && last == mLast) return mRuns;
+        mIsSet = true;
+        mFirst = first;
+        mLast = last;
+        mRuns.clear();
+        mBins.forEachRunIn(box, [&](const ParticleBins::Run& run) { mRuns.push_back(run); });
+        return mRuns;
+    }
+
+private:
+    const ParticleBins& mBins;
+    bool mIsSet = false;
+    Vec3i mFirst, mLast;
+    std::vector<ParticleBins::Run> mRuns;
+};
+
 ParticleAttributes::ParticleAttributes(const Particles& particles, const ParticleOctaves& octaves,
                                        bool velocities)
     : mParticles(particles), mOctaves(octaves),
@@ -47,39 +73,43 @@ std::uint32_t ParticleAttributes::nearestTo(const Vec3f& place) const
     return nearest;
 }
 
-void ParticleAttributes::evaluate(const Vec3f& place, float* values) const
+void ParticleAttributes::evaluate(const Vec3f& place, std::vector<Window>& windows,
+                                  std::vector<double>& sums) const
 {
-    std::vector<double> sums(channels(), 0.0);
+    std::fill(sums.begin(), sums.end(), 0.0);
     double all = 0;
-    for (const ParticleBins& bins : mOctaves) {
+    for (Window& window : windows) {
+        const ParticleBins& bins = window.bins();
         const Vec3d at = place.cast<double>(),
                     reach = Vec3d::Constant(kSupport * bins.largestRadius());
-        bins.forEachRunIn({at - reach, at + reach}, [&](const ParticleBins::Run& run) {
+        for (const ParticleBins::Run& run : window.runsIn({at - reach, at + reach}))
             for (std::uint32_t n = run.begin; n < run.end; ++n) {
                 const float support = float(kSupport) * bins.radius()[n];
                 const float t = 1 - (bins.center(n) - place).squaredNorm() / (support * support);
                 if (!(t > 0)) continue;
-                // A kernel of unit mass, times the volume: all particles weigh the same.
                 const double weight = double(t * t * t);
                 all += weight;
                 add(bins.order()[n], weight, sums);
             }
-        });
     }
     if (!(all > 0)) {
         all = 1;
         add(nearestTo(place), 1, sums);
     }
-    for (std::size_t c = 0; c < sums.size(); ++c) values[c] = float(sums[c] / all);
+    for (double& sum : sums) sum /= all;
 }
 
 void ParticleAttributes::evaluate(const std::vector<SurfacePlace>& places,
                                   std::vector<float>& values) const
 {
-    values.resize(places.size() * channels());
-    for (std::size_t n = 0; n < places.size(); ++n)
-        evaluate((places[n].position - mParticles.frame).cast<float>(),
-                 values.data() + n * channels());
+    std::vector<Window> windows(mOctaves.begin(), mOctaves.end());
+    std::vector<double> sums(channels());
+    values.clear();
+    values.reserve(places.size() * sums.size());
+    for (const SurfacePlace& place : places) {
+        evaluate((place.position - mParticles.frame).cast<float>(), windows, sums);
+        for (const double sum : sums) values.push_back(float(sum));
+    }
 }
 
 } // namespace mpuvdb

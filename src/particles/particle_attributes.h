@@ -24,7 +24,9 @@ public:
                   std::vector<float>& values) const override;
 
 private:
-    void evaluate(const Vec3f& place, float* values) const;
+    class Window;
+    void evaluate(const Vec3f& place, std::vector<Window>& windows,
+                  std::vector<double>& sums) const;
     /// Add @a weight times the channels of particle @a i to @a sums.
     void add(std::uint32_t i, double weight, std::vector<double>& sums) const;
     std::uint32_t nearestTo(const Vec3f& place) const;

@@ -33,8 +33,8 @@ Vec3i binOf(std::uint64_t key)
 } // namespace
 
 ParticleBins::ParticleBins(const std::vector<Vec3f>& positions, const std::vector<float>& radii,
-                           const std::vector<std::uint32_t>& of, const Box3d& bounds,
-                           double unit, Interrupter& progress)
+                           const std::vector<std::uint32_t>& of, const Box3d& bounds, double unit,
+                           Interrupter& progress)
     : mCorner(bounds.min())
 {
     for (const std::uint32_t i : of) mLargest = std::max(mLargest, double(radii[i]));

@@ -144,11 +144,10 @@ bool ParticleBlocks::isInside(const Vec3i& block) const
 }
 
 /// Append the blocks about the surface of a ball, those in its midst left out.
-void ParticleBlocks::addBlocks(const Vec3d& center, double radius,
-                               std::vector<Vec3i>& blocks) const
+void ParticleBlocks::addBlocks(const Vec3d& center, double radius, std::vector<Vec3i>& blocks) const
 {
-    const double h = mLattice.voxelSize, side = kBlockDim * h,
-                 outer = radius + kMargin * h, inner = radius - kMargin * h;
+    const double h = mLattice.voxelSize, side = kBlockDim * h, outer = radius + kMargin * h,
+                 inner = radius - kMargin * h;
     const Vec3d at = (center - mLattice.origin) / side;
     const auto blockAt = [&](double place) { return int(std::floor(place)); };
     /// A block's voxels reach from its lower corner to a voxel before its upper one.
@@ -227,8 +226,7 @@ std::vector<Vec3i> ParticleBlocks::nearSurface(std::uint64_t maxBytes, Interrupt
     }
     sortOnce(all);
     std::vector<char> keep(all.size());
-    forEachParallel(all.size(), 256, progress,
-                    [&](std::size_t n) { keep[n] = !isInside(all[n]); });
+    forEachParallel(all.size(), 256, progress, [&](std::size_t n) { keep[n] = !isInside(all[n]); });
     std::size_t kept = 0;
     for (std::size_t n = 0; n < all.size(); ++n)
         if (keep[n]) all[kept++] = all[n];

@@ -32,6 +32,9 @@ using Rows = std::array<Lanes, kBlockDim * kBlockDim>; ///< a block's rows of z,
 /// block, with the distances made of it, bytes. [tuned: particles_test]
 constexpr std::uint64_t kBytesPerParticle = 200, kBytesPerBlock = 16000;
 
+/// Kernels between two checks for a stop. [free: the same values]
+constexpr std::size_t kBetweenChecks = 1024;
+
 /// Voxels of a block along an axis.
 struct Range {
     int first, last;
@@ -105,9 +108,10 @@ public:
     /// The values far outside and far inside.
     virtual float outside() const = 0;
     virtual float inside() const = 0;
-    virtual void prepare(const std::vector<Box3d>& blocks, Interrupter& progress) = 0;
+    /// Get ready for blocks of these boxes. @param units  by which the running stage advances.
+    virtual void prepare(const std::vector<Box3d>& blocks, double units, Interrupter& progress) = 0;
     /// Add the particles in and about @a box, that of the voxel centers of a block, to its rows.
-    virtual void evaluate(const Box3d& box, Rows& rows) const = 0;
+    virtual void evaluate(const Box3d& box, Rows& rows, Interrupter& progress) const = 0;
 
 protected:
     const ParticleOctaves& mOctaves;
@@ -124,16 +128,18 @@ public:
     }
     float outside() const override { return float(kIsoValue); }
     float inside() const override { return float(kIsoValue - 1); }
-    void prepare(const std::vector<Box3d>& blocks, Interrupter& progress) override
+    void prepare(const std::vector<Box3d>& blocks, double units, Interrupter& progress) override
     {
-        mKernels.makeWithin(blocks, progress);
+        mKernels.makeWithin(blocks, units, progress);
     }
-    void evaluate(const Box3d& box, Rows& rows) const override
+    void evaluate(const Box3d& box, Rows& rows, Interrupter& progress) const override
     {
+        std::size_t count = 0;
         const double h = mLattice.voxelSize;
         const auto size = float(h), square = float(h * h);
         const Eigen::Array3f low = box.min().cast<float>(), high = box.max().cast<float>();
         mKernels.forEachNear(box, [&](const ParticleKernel& kernel) {
+            if (++count % kBetweenChecks == 0) progress.check();
             const Eigen::Array3f center = kernel.center, reach = kernel.reach;
             if ((center + reach < low).any() || (center - reach > high).any()) return;
             const Vec3f at = ((kernel.center.cast<double>() - box.min()) / h).cast<float>();
@@ -154,13 +160,17 @@ public:
     using BlockFunction::BlockFunction;
     float outside() const override { return kReach; }
     float inside() const override { return -kReach; }
-    void prepare(const std::vector<Box3d>&, Interrupter&) override {}
-    void evaluate(const Box3d& box, Rows& rows) const override
+    void prepare(const std::vector<Box3d>&, double units, Interrupter& progress) override
+    {
+        progress.advance(units);
+    }
+    void evaluate(const Box3d& box, Rows& rows, Interrupter& progress) const override
     {
         const double h = mLattice.voxelSize;
         for (const ParticleBins& bins : mOctaves) {
             const Vec3d reach = Vec3d::Constant(bins.largestRadius() + double(kReach) * h);
             const auto add = [&](const ParticleBins::Run& run) {
+                progress.check();
                 for (std::uint32_t n = run.begin; n < run.end; ++n)
                     addBall(bins.center(n).cast<double>(), double(bins.radius()[n]), box, rows);
             };
@@ -215,15 +225,16 @@ public:
     {
         std::vector<Box3d> boxes(blocks.size());
         for (std::size_t n = 0; n < blocks.size(); ++n) boxes[n] = mBlocks.boxOf(blocks[n]);
-        mFunction.prepare(boxes, mProgress);
+        mFunction.prepare(boxes, double(boxes.size()), mProgress);
         std::vector<std::unique_ptr<Leaf>> leaves(blocks.size());
         forEachParallel(blocks.size(), 1, mProgress, [&](std::size_t n) {
             Rows rows;
             rows.fill(Lanes{} + mFunction.outside());
-            mFunction.evaluate(boxes[n], rows);
+            mFunction.evaluate(boxes[n], rows, mProgress);
             for (Lanes& row : rows) row *= mScale;
             leaves[n] = std::make_unique<Leaf>(originOf(blocks[n]), 0.0f, true);
             std::memcpy(leaves[n]->buffer().data(), rows.data(), sizeof rows);
+            mProgress.advance();
         });
         for (std::unique_ptr<Leaf>& leaf : leaves) mTree->addLeaf(leaf.release());
         return beside(blocks);
@@ -255,19 +266,16 @@ private:
     std::vector<Vec3i> beside(const std::vector<Vec3i>& blocks) const
     {
         constexpr std::size_t kGrain = 64; // blocks; [free: the same blocks]
-        std::vector<Vec3i> next =
-            gatherParallel<Vec3i>(blocks.size(), kGrain, mProgress,
-                                  [&](std::size_t n, std::vector<Vec3i>& found) {
-                                      const Leaf& leaf =
-                                          *mTree->probeConstLeaf(originOf(blocks[n]));
-                                      for (int face = 0; face < 6; ++face) {
-                                          Vec3i at = blocks[n];
-                                          at[face / 2] += face % 2 ? 1 : -1;
-                                          if (mTree->probeConstLeaf(originOf(at))) continue;
-                                          if (differs(leaf, face, mBlocks.isInside(at)))
-                                              found.push_back(at);
-                                      }
-                                  });
+        std::vector<Vec3i> next = gatherParallel<Vec3i>(
+            blocks.size(), kGrain, mProgress, [&](std::size_t n, std::vector<Vec3i>& found) {
+                const Leaf& leaf = *mTree->probeConstLeaf(originOf(blocks[n]));
+                for (int face = 0; face < 6; ++face) {
+                    Vec3i at = blocks[n];
+                    at[face / 2] += face % 2 ? 1 : -1;
+                    if (mTree->probeConstLeaf(originOf(at))) continue;
+                    if (differs(leaf, face, mBlocks.isInside(at))) found.push_back(at);
+                }
+            });
         const auto before = [](const Vec3i& a, const Vec3i& b) {
             return std::make_tuple(a[0], a[1], a[2]) < std::make_tuple(b[0], b[1], b[2]);
         };
@@ -305,7 +313,7 @@ ParticleImplicit sampleParticles(const ParticleOctaves& octaves, const Lattice& 
         function = std::make_unique<KernelFunction>(octaves, lattice);
     else
         function = std::make_unique<BallFunction>(octaves, lattice);
-    progress.beginStage("sample");
+    progress.beginStage("sample", 2 * double(wave.size())); // later waves are few blocks
     Mosaic mosaic(*function, blocks, lattice.voxelSize, progress);
     ParticleImplicit made;
     while (!wave.empty()) {

@@ -24,8 +24,8 @@ const ParticleNames& namesInside()
 std::vector<float> take(PointInput& points, const std::string& name)
 {
     std::vector<NamedScalars>& all = points.cloud.scalars;
-    const auto found = std::find_if(all.begin(), all.end(),
-                                    [&](const NamedScalars& s) { return s.name == name; });
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const NamedScalars& s) { return s.name == name; });
     if (name.empty() || found == all.end()) return {};
     std::vector<float> values = std::move(found->values);
     all.erase(found);
@@ -66,7 +66,8 @@ Particles particlesOf(PointInput&& points, const ParticleNames& names)
         for (float& r : particles.radii) r = float(names.radiusScale * double(r));
     if (names.velocity.size() == 3) {
         std::array<std::vector<float>, 3> parts;
-        for (std::size_t axis = 0; axis < 3; ++axis) parts[axis] = take(points, names.velocity[axis]);
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            parts[axis] = take(points, names.velocity[axis]);
         const std::size_t size = parts[0].size();
         if (parts[1].size() == size && parts[2].size() == size) {
             particles.velocities.resize(size);

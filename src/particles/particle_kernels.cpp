@@ -198,12 +198,11 @@ ParticleKernels::ParticleKernels(const ParticleOctaves& octaves)
 
 Box3d ParticleKernels::grown(const Box3d& box, std::size_t o) const
 {
-    const Vec3d reach =
-        Vec3d::Constant(kLongestAxis * kSupport * mOctaves[o].largestRadius());
+    const Vec3d reach = Vec3d::Constant(kLongestAxis * kSupport * mOctaves[o].largestRadius());
     return {box.min() - reach, box.max() + reach};
 }
 
-void ParticleKernels::makeBin(std::size_t octave, std::size_t bin)
+void ParticleKernels::makeBin(std::size_t octave, std::size_t bin, Interrupter& progress)
 {
     const ParticleBins& bins = mOctaves[octave];
     const ParticleBins::Bin& own = bins.bins()[bin];
@@ -212,6 +211,7 @@ void ParticleKernels::makeBin(std::size_t octave, std::size_t bin)
     const Neighbors neighbors(mOctaves, octave,
                               {corner - reach, corner + Vec3d::Constant(bins.side()) + reach});
     for (std::uint32_t n = own.run.begin; n < own.run.end; ++n) {
+        progress.check();
         const double support = kSupport * double(bins.radius()[n]),
                      volume = double(bins.volume()[n]);
         const Axes axes = axesOf(neighbors.about(bins.center(n), support), support, volume);
@@ -221,23 +221,26 @@ void ParticleKernels::makeBin(std::size_t octave, std::size_t bin)
     }
 }
 
-void ParticleKernels::makeWithin(const std::vector<Box3d>& boxes, Interrupter& progress)
+void ParticleKernels::makeWithin(const std::vector<Box3d>& boxes, double units,
+                                 Interrupter& progress)
 {
     constexpr std::size_t kGrain = 64; // boxes; [free: the same kernels]
     for (std::size_t o = 0; o < mOctaves.size(); ++o) {
         std::vector<std::atomic<char>> wanted(mOctaves[o].bins().size());
         forEachParallel(boxes.size(), kGrain, progress, [&](std::size_t n) {
-            mOctaves[o].forEachColumnIn(grown(boxes[n], o), [&](std::size_t begin, std::size_t end) {
-                for (std::size_t bin = begin; bin < end; ++bin)
-                    wanted[bin].store(1, std::memory_order_relaxed);
-            });
+            mOctaves[o].forEachColumnIn(grown(boxes[n], o),
+                                        [&](std::size_t begin, std::size_t end) {
+                                            for (std::size_t bin = begin; bin < end; ++bin)
+                                                wanted[bin].store(1, std::memory_order_relaxed);
+                                        });
         });
         std::vector<std::size_t> bins;
         for (std::size_t bin = 0; bin < wanted.size(); ++bin)
             if (wanted[bin] && !mMade[o][bin]) bins.push_back(bin);
         forEachParallel(bins.size(), 1, progress, [&](std::size_t n) {
-            makeBin(o, bins[n]);
+            makeBin(o, bins[n], progress);
             mMade[o][bins[n]] = 1;
+            progress.advance(units / double(mOctaves.size() * bins.size()));
         });
     }
 }

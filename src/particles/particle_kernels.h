@@ -36,8 +36,9 @@ public:
     /// @param octaves  outlive this.
     explicit ParticleKernels(const ParticleOctaves& octaves);
 
-    /// Make the kernels of all particles that reach into one of @a boxes. @throws Interrupted.
-    void makeWithin(const std::vector<Box3d>& boxes, Interrupter& progress);
+    /// Make the kernels of all particles that reach into one of @a boxes.
+    /// @param units  by which the running stage advances, in all. @throws Interrupted.
+    void makeWithin(const std::vector<Box3d>& boxes, double units, Interrupter& progress);
 
     /// Call f(kernel) for kernels among which are all that reach into @a box, one of those above;
     /// in an order that depends on the box alone.
@@ -54,7 +55,7 @@ private:
     class Neighbors;
     /// @a box, and as far around as kernels of octave @a o reach.
     Box3d grown(const Box3d& box, std::size_t o) const;
-    void makeBin(std::size_t octave, std::size_t bin);
+    void makeBin(std::size_t octave, std::size_t bin, Interrupter& progress);
 
     const ParticleOctaves& mOctaves;
     std::vector<UnsetVector<ParticleKernel>> mKernels; ///< by octave and place

@@ -40,9 +40,6 @@ void requireOptions(const ParticleOptions& options)
         throw UsageError(fmt::format("particles: the scale of their radii is {}; it must be above "
                                      "0 and finite",
                                      options.radiusScale));
-    for (const auto& length : {options.radius, options.voxelSize})
-        if (length && length->unit == Length::Unit::Voxels && &length != &options.radius)
-            throw UsageError("a voxel size in voxels says nothing: give world units or %");
 }
 
 /// @throws InputError for radii that no ball has.
@@ -58,13 +55,16 @@ void requireRadii(const std::vector<float>& radii)
 }
 
 /// A positive length. @param what  its name. @param bounds  whose diagonal % is a part of.
-double resolved(const Length& length, const char* what, const Box3d& bounds)
+/// @param voxelSize  world units; empty: not known yet.
+double resolved(const Length& length, const char* what, const Box3d& bounds,
+                std::optional<double> voxelSize = {})
 {
-    if (length.unit == Length::Unit::Voxels)
-        throw UsageError(fmt::format("particles: the {} in voxels says nothing, as the voxels "
-                                     "follow from it: give world units or %",
-                                     what));
-    const double value = length.resolve(0, bounds.diagonal().norm());
+    if (length.unit == Length::Unit::Voxels && !voxelSize)
+        throw UsageError(fmt::format("particles: the {} is given in voxels, whose size is not: "
+                                     "give it in world units or %{}",
+                                     what,
+                                     what == std::string("radius") ? ", or a voxel size" : ""));
+    const double value = length.resolve(voxelSize.value_or(0), bounds.diagonal().norm());
     if (!(value > 0 && std::isfinite(value)))
         throw UsageError(fmt::format("particles: the {} is {:g}; it must be above 0", what, value));
     return value;
@@ -76,7 +76,10 @@ void chooseRadii(Particles& particles, const ParticleOptions& options, const Box
 {
     std::vector<float>& radii = particles.radii;
     if (options.radius) {
-        radii.assign(particles.size(), float(resolved(*options.radius, "radius", bounds)));
+        std::optional<double> voxelSize;
+        if (options.voxelSize) voxelSize = resolved(*options.voxelSize, "voxel size", bounds);
+        radii.assign(particles.size(),
+                     float(resolved(*options.radius, "radius", bounds, voxelSize)));
     } else if (radii.empty()) {
         progress.beginStage("measure");
         report.spacing = particleSpacing(particles.positions, progress);
@@ -135,7 +138,8 @@ openvdb::Vec3SGrid::Ptr velocityGrid(std::vector<openvdb::GridBase::Ptr>::const_
     grid->setTransform(parts[0]->transform().copy());
     grid->setName(kVelocityName);
     grid->setVectorType(openvdb::VEC_CONTRAVARIANT_RELATIVE);
-    grid->insertMeta("mpuvdb:quantity", openvdb::StringMetadata("velocity, world units per second"));
+    grid->insertMeta("mpuvdb:quantity",
+                     openvdb::StringMetadata("velocity, world units per second"));
     return grid;
 }
 

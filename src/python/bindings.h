@@ -26,6 +26,7 @@ void bindShape(ShapeClass& shapes, LevelSetClass& levelSets);
 void bindDeformations(ShapeClass& shapes);
 void bindBooleans(pybind11::module_& module);
 void bindPrimitives(pybind11::module_& module);
+void bindParticles(pybind11::module_& module);
 void bindReconstruction(pybind11::module_& module);
 void bindSources(pybind11::module_& module);
 

@@ -40,6 +40,7 @@ PYBIND11_MODULE(mpuvdb, module)
     py::implicitly_convertible<LevelSet, Shape>();
     bindBooleans(module);
     bindPrimitives(module);
+    bindParticles(module);
     bindReconstruction(module);
     bindSources(module);
 }

@@ -3,8 +3,8 @@
 // "recipe" is -points2ls -dilate -gauss -erode, "production" -dilate radius=2.5 -gauss iter=2
 // -erode radius=2.5; both with space=5 time=1.
 //     particles_bench [COUNT [pool|splash|spray [RADIUS_IN_VOXELS [PREFIX [RUNS [alone]]]]]]
-// "alone" leaves OpenVDB's out. Prints JSON: times, volumes, active voxels, topology. With PREFIX the level sets are written to
-// PREFIX-smooth.vdb, PREFIX-recipe.vdb and so on.
+// "alone" leaves OpenVDB's out. Prints JSON: times, volumes, active voxels, topology. With PREFIX
+// the level sets are written to PREFIX-smooth.vdb, PREFIX-recipe.vdb and so on.
 #include "timing.h"
 
 #include <mpuvdb/interrupter.h>
@@ -42,16 +42,16 @@ struct Scene {
     /// Add a particle off its place by up to a quarter of the spacing, as a simulation's are.
     void add(const Vec3d& place)
     {
-        centers.push_back(place + Vec3d(uniform(-0.25, 0.25), uniform(-0.25, 0.25),
-                                        uniform(-0.25, 0.25)));
+        centers.push_back(place +
+                          Vec3d(uniform(-0.25, 0.25), uniform(-0.25, 0.25), uniform(-0.25, 0.25)));
     }
     /// A box of water with a wave on it, @a side long and @a depth deep.
     void addPool(double side, double depth)
     {
         for (double x = 0.5; x < side; ++x)
             for (double y = 0.5; y < side; ++y)
-                for (double z = 0.5; z < depth + 2 * std::sin(8 * x / side) * std::sin(6 * y / side);
-                     ++z)
+                for (double z = 0.5;
+                     z < depth + 2 * std::sin(8 * x / side) * std::sin(6 * y / side); ++z)
                     add({x, y, z});
     }
     /// A crown: the wall of a cone, two particles thick.
@@ -62,15 +62,15 @@ struct Scene {
                 const double r = radius + layer + 0.4 * z;
                 const double n = std::round(2 * M_PI * r);
                 for (double k = 0; k < n; ++k)
-                    add(base + Vec3d(r * std::cos(2 * M_PI * k / n), r * std::sin(2 * M_PI * k / n),
-                                     z));
+                    add(base +
+                        Vec3d(r * std::cos(2 * M_PI * k / n), r * std::sin(2 * M_PI * k / n), z));
             }
     }
     void addSpray(std::size_t count, const Vec3d& low, const Vec3d& high)
     {
         for (std::size_t n = 0; n < count; ++n)
-            centers.push_back({uniform(low[0], high[0]), uniform(low[1], high[1]),
-                               uniform(low[2], high[2])});
+            centers.push_back(
+                {uniform(low[0], high[0]), uniform(low[1], high[1]), uniform(low[2], high[2])});
     }
 };
 

@@ -106,11 +106,11 @@ public:
         mRoot.require_subcommand(1);
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
-        for (auto make :
-             {makeReconstruct, makeParticles, makeVoxelize,  makeMesh,     makeUnion,  makeIntersection,
-              makeDifference,  makeOffset,    makeShell,    makeSmooth, makeMorph,
-              makeTwistVerb,   makeTransform, makeResample, makeFog,    makeIsosurface,
-              makeComponents,  makeSample,    makeInfo,     makeCheck,  makeRender})
+        for (auto make : {makeReconstruct,  makeParticles,  makeVoxelize,  makeMesh,     makeUnion,
+                          makeIntersection, makeDifference, makeOffset,    makeShell,    makeSmooth,
+                          makeMorph,        makeTwistVerb,  makeTransform, makeResample, makeFog,
+                          makeIsosurface,   makeComponents, makeSample,    makeInfo,     makeCheck,
+                          makeRender})
             add(make());
     }
 

@@ -1,6 +1,6 @@
 // Particles of files.
 #include "files/text_scan.h"
-#include "vdb/point_grids.h"
+#include "io/vdb/point_grids.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>

@@ -34,8 +34,7 @@ bool appendNumbers(const points::AttributeArray& array, std::vector<float>& to)
 {
     const auto convert = [](auto value) { return float(value); };
     return appendAs<float>(array, to, convert) || appendAs<double>(array, to, convert) ||
-           appendAs<std::int32_t>(array, to, convert) ||
-           appendAs<std::int64_t>(array, to, convert);
+           appendAs<std::int32_t>(array, to, convert) || appendAs<std::int64_t>(array, to, convert);
 }
 
 bool appendVectors(const points::AttributeArray& array, std::vector<Vec3f>& to)
@@ -61,8 +60,7 @@ public:
             addPositions(grid, *leaf);
             const points::AttributeSet& attributes = leaf->attributeSet();
             for (const auto& entry : attributes.descriptor().map()) mThere.insert(entry.first);
-            if (!addNumbers(attributes, "pscale", mRadii))
-                addNumbers(attributes, "radius", mRadii);
+            if (!addNumbers(attributes, "pscale", mRadii)) addNumbers(attributes, "radius", mRadii);
             if (const auto* v = attributes.get("v")) appendVectors(*v, mVelocities);
             if (const auto* c = attributes.get("Cd")) appendVectors(*c, mColors);
             for (std::size_t n = 0; n < mScalars.size(); ++n)
