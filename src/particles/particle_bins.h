@@ -12,9 +12,10 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// Support of a kernel, radii of its particle. [derived: a lone particle's kernel (1 - q^2)^3 has
-/// the iso value ln 2 at its radius: 1 / sqrt(1 - cbrt(ln 2))]
-constexpr double kSupport = 2.948801;
+/// Largest support of a kernel before it is flattened, radii of its particle: that among many
+/// others. [derived: as many particles as shape a kernel, 25, lie in the half of it beside a plane
+/// surface, each with its ball's volume: cbrt(50)]
+constexpr double kSupport = 3.684031;
 
 /// Particles whose radii are within a factor of two, sorted by bins.
 class ParticleBins
@@ -38,7 +39,7 @@ public:
     std::size_t size() const { return mOrder.size(); }
     /// The largest radius, world units.
     double largestRadius() const { return mLargest; }
-    /// The side of a bin, world units: the largest support of a kernel, or more where the bins
+    /// The side of a bin, world units: kSupport largest radii, or more where the bins
     /// would be too many.
     double side() const { return mSide; }
     const std::vector<Bin>& bins() const { return mBins; }

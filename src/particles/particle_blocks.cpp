@@ -21,21 +21,12 @@ namespace
 /// Voxels on either side of a surface on which its distances depend. [derived: those of a cell
 /// that it crosses, and their neighbors]
 constexpr double kMargin = 2;
-/// Share of a cell's volume that balls take where it is full. [derived: a plane through its middle
-/// leaves half of it]
+/// Share of a bin's volume that balls take where it is full. [derived: a plane through its middle
+/// leaves half of it; a grid of particles leaves 8 of 11.9]
 constexpr double kFull = 0.5;
-/// Side of a cell, bins. [derived: of a grid of particles at least three lie along it, which is
-/// more than half of the cell's volume]
-constexpr int kCellBins = 2;
-
 bool before(const Vec3i& a, const Vec3i& b)
 {
     return std::make_tuple(a[0], a[1], a[2]) < std::make_tuple(b[0], b[1], b[2]);
-}
-
-Vec3i cellOf(const Vec3i& bin)
-{
-    return {bin[0] / kCellBins, bin[1] / kCellBins, bin[2] / kCellBins};
 }
 
 void sortOnce(std::vector<Vec3i>& blocks)
@@ -72,14 +63,14 @@ ParticleBlocks::Cells ParticleBlocks::deepCells(const ParticleBins& bins,
                                                 Interrupter& progress) const
 {
     const auto volumeOf = [](double radius) { return 4 * M_PI / 3 * std::pow(radius, 3); };
-    const double full = kFull * std::pow(kCellBins * bins.side(), 3);
+    const double full = kFull * std::pow(bins.side(), 3);
     Fill fill;
     for (const ParticleBins::Bin& bin : bins.bins()) {
         progress.check();
         double volume = 0;
         for (std::uint32_t n = bin.run.begin; n < bin.run.end; ++n)
             volume += volumeOf(double(bins.radius()[n]));
-        fill[cellOf(bin.at)] += float(volume / full);
+        fill[bin.at] += float(volume / full);
     }
     const auto isFull = [&](const Vec3i& cell) {
         const auto found = fill.find(cell);
@@ -107,8 +98,7 @@ bool ParticleBlocks::isDeep(const Vec3i& block) const
     const Box3d box = boxOf(block);
     for (std::size_t o = 0; o < mOctaves.size(); ++o) {
         if (mDeep[o].empty()) continue;
-        const Vec3i first = cellOf(mOctaves[o].binAt(box.min())),
-                    last = cellOf(mOctaves[o].binAt(box.max()));
+        const Vec3i first = mOctaves[o].binAt(box.min()), last = mOctaves[o].binAt(box.max());
         bool isDeep = true;
         for (int i = first[0]; i <= last[0] && isDeep; ++i)
             for (int j = first[1]; j <= last[1] && isDeep; ++j)

@@ -34,7 +34,7 @@ private:
         std::size_t operator()(const Vec3i& at) const;
     };
     using Fill = std::unordered_map<Vec3i, float, ByPlace>;
-    /// Cells of an octave that are full, as are those around them.
+    /// Bins of an octave that are full, as are those around them.
     using Cells = std::unordered_map<Vec3i, char, ByPlace>;
 
     Cells deepCells(const ParticleBins& bins, Interrupter& progress) const;

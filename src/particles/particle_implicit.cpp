@@ -3,6 +3,8 @@
 #include "core/clones.h"
 #include "core/lanes.h"
 #include "core/parallel_each.h"
+#include "core/quantile.h"
+#include "fill_bubbles.h"
 #include "particle_blocks.h"
 #include "particle_kernels.h"
 
@@ -28,9 +30,14 @@ using Leaf = openvdb::FloatTree::LeafNodeType;
 using Lanes = float __attribute__((vector_size(32)));
 using Rows = std::array<Lanes, kBlockDim * kBlockDim>; ///< a block's rows of z, by x and y
 
-/// Memory of a particle, with its place, its kernel and the arrays in which it came, and of a
-/// block, with the distances made of it, bytes. [tuned: particles_test]
+/// Memory of a particle and of a block, bytes. [derived: sizes of a particle's place, kernel and
+/// attributes, twice while they are sorted; of a block's values and distances, a leaf each, and of
+/// the closest patches from which distances are made]
 constexpr std::uint64_t kBytesPerParticle = 200, kBytesPerBlock = 16000;
+
+/// Radius of the largest gap that is no bubble, radii of the particles. [derived: what one missing
+/// particle leaves among others that touch]
+constexpr double kGap = 2;
 
 /// Kernels between two checks for a stop. [free: the same values]
 constexpr std::size_t kBetweenChecks = 1024;
@@ -54,11 +61,11 @@ Lanes offsetsFrom(float center)
     return along - center;
 }
 
-/// Subtract a kernel from the rows of a block. @param center, reach  voxels of the block.
+/// Add a kernel to the rows of a block. @param center, reach  voxels of the block.
 /// @param form  of the kernel, per voxel^2.
 MPUVDB_CLONES
-void subtractKernel(Rows& rows, const Vec3f& center, const Vec3f& reach,
-                    const std::array<float, 6>& form, float weight)
+void addKernel(Rows& rows, const Vec3f& center, const Vec3f& reach,
+               const std::array<float, 6>& form, float weight)
 {
     const Range xs = rangeOf(center[0], reach[0]), ys = rangeOf(center[1], reach[1]);
     const Lanes z = offsetsFrom(center[2]);
@@ -70,7 +77,7 @@ void subtractKernel(Rows& rows, const Vec3f& center, const Vec3f& reach,
             const float across = form[0] * x * x + form[1] * y * y + 2 * form[3] * x * y;
             Lanes t = square - across - twice * (form[4] * x + form[5] * y);
             t = t > 0 ? t : Lanes{};
-            rows[std::size_t(i * kBlockDim + j)] -= weight * (t * t * t);
+            rows[std::size_t(i * kBlockDim + j)] += weight * (t * t * t);
         }
     }
 }
@@ -110,7 +117,7 @@ public:
     virtual float inside() const = 0;
     /// Get ready for blocks of these boxes. @param units  by which the running stage advances.
     virtual void prepare(const std::vector<Box3d>& blocks, double units, Interrupter& progress) = 0;
-    /// Add the particles in and about @a box, that of the voxel centers of a block, to its rows.
+    /// The values of a block by the particles in and about @a box, that of its voxel centers.
     virtual void evaluate(const Box3d& box, Rows& rows, Interrupter& progress) const = 0;
 
 protected:
@@ -118,7 +125,8 @@ protected:
     Lattice mLattice;
 };
 
-/// ln 2 less the sum of all kernels.
+/// The cube root of the iso value less that of the sum of all kernels: of a lone particle, it is
+/// its squared distance.
 class KernelFunction final : public BlockFunction
 {
 public:
@@ -126,14 +134,15 @@ public:
         : BlockFunction(octaves, lattice), mKernels(octaves)
     {
     }
-    float outside() const override { return float(kIsoValue); }
-    float inside() const override { return float(kIsoValue - 1); }
+    float outside() const override { return std::cbrt(float(kIsoValue)); }
+    float inside() const override { return outside() - 1; }
     void prepare(const std::vector<Box3d>& blocks, double units, Interrupter& progress) override
     {
         mKernels.makeWithin(blocks, units, progress);
     }
     void evaluate(const Box3d& box, Rows& rows, Interrupter& progress) const override
     {
+        rows.fill(Lanes{});
         std::size_t count = 0;
         const double h = mLattice.voxelSize;
         const auto size = float(h), square = float(h * h);
@@ -145,8 +154,11 @@ public:
             const Vec3f at = ((kernel.center.cast<double>() - box.min()) / h).cast<float>();
             std::array<float, 6> form;
             for (std::size_t n = 0; n < form.size(); ++n) form[n] = square * kernel.form[n];
-            subtractKernel(rows, at, kernel.reach / size, form, kernel.weight);
+            addKernel(rows, at, kernel.reach / size, form, kernel.weight);
         });
+        const float root = outside();
+        for (Lanes& row : rows)
+            for (int k = 0; k < kBlockDim; ++k) row[k] = root - std::cbrt(row[k]);
     }
 
 private:
@@ -166,6 +178,7 @@ public:
     }
     void evaluate(const Box3d& box, Rows& rows, Interrupter& progress) const override
     {
+        rows.fill(Lanes{} + kReach);
         const double h = mLattice.voxelSize;
         for (const ParticleBins& bins : mOctaves) {
             const Vec3d reach = Vec3d::Constant(bins.largestRadius() + double(kReach) * h);
@@ -229,7 +242,6 @@ public:
         std::vector<std::unique_ptr<Leaf>> leaves(blocks.size());
         forEachParallel(blocks.size(), 1, mProgress, [&](std::size_t n) {
             Rows rows;
-            rows.fill(Lanes{} + mFunction.outside());
             mFunction.evaluate(boxes[n], rows, mProgress);
             for (Lanes& row : rows) row *= mScale;
             leaves[n] = std::make_unique<Leaf>(originOf(blocks[n]), 0.0f, true);
@@ -322,6 +334,13 @@ ParticleImplicit sampleParticles(const ParticleOctaves& octaves, const Lattice& 
         wave = mosaic.add(wave);
     }
     made.tree = mosaic.finish();
+    if (isSmooth) {
+        std::vector<float> radii;
+        for (const ParticleBins& bins : octaves)
+            radii.insert(radii.end(), bins.radius(), bins.radius() + bins.size());
+        const double gap = kGap * double(quantile(radii, 0.5)) / lattice.voxelSize;
+        fillBubbles(*made.tree, std::uint64_t(4 * M_PI / 3 * std::pow(gap, 3)), progress);
+    }
     return made;
 }
 

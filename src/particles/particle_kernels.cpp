@@ -19,8 +19,15 @@ using Lanes = float __attribute__((vector_size(32)));
 using Numbers = int __attribute__((vector_size(32)));
 constexpr int kLanes = 8; // [derived: of a register of 32 bytes]
 
-/// Radius of the neighbors whose covariance shapes a kernel, in its supports. [paper: Yu13, 2 h]
-constexpr double kNeighbors = 2;
+/// Support of a lone particle's kernel, radii. [derived: (1 - q^2)^3 has the iso value at the
+/// radius: 1 / sqrt(1 - cbrt(kIsoValue))]
+constexpr double kLoneSupport = 2.738782;
+/// Sum over a particle's neighbors by its largest kernel, its own volumes, from which on it has
+/// that. [derived: of the first layer of particles in a cubic grid that fill a half-space]
+constexpr double kFullSum = 4.896507;
+/// Radius of the neighbors whose covariance shapes a kernel, radii. [paper: Yu13, 2 h, for the
+/// support h of a lone particle]
+constexpr double kNeighbors = 2 * kLoneSupport;
 /// Neighbors from which on a kernel is as anisotropic as they are; with fewer it is less so.
 /// [paper: Yu13, N_eps]
 constexpr double kEnough = 25;
@@ -32,8 +39,8 @@ constexpr double kMeanWeight = 4.0 / 7;
 constexpr double kKernelVolume = 0.63829136;
 /// Least length of an axis, local spacings: two sheets of particles that are one spacing apart, and
 /// those alone, are one body. [derived: sheets of (1 - q^2)^3 have (1 - z^2)^4 across, and midway
-/// 2 (1 - z^2)^4 / (1 + (1 - 4 z^2)^4) = ln 2 for half a spacing of z = 0.4824 axes]
-constexpr double kLeastAxis = 1.0365;
+/// 2 (1 - z^2)^4 / (1 + (1 - 4 z^2)^4) = kIsoValue for half a spacing of z = 0.4946 axes]
+constexpr double kLeastAxis = 1.0108;
 
 /// Sums over the neighbors of a particle, eight of them at a time.
 struct Sums {
@@ -104,9 +111,18 @@ struct Axes {
     Vec3d lengths;
 };
 
-/// The axes of a kernel of @a support about a particle of @a volume.
-Axes axesOf(const Sums& sums, double support, double volume)
+/// The support of the kernel of a particle of @a radius and @a volume: more among others.
+double supportOf(const Sums& sums, double radius, double volume)
 {
+    const double others = double(sum(sums.kernel)) / volume - 1;
+    const double share = std::clamp(others / kFullSum, 0.0, 1.0);
+    return radius * (kLoneSupport + share * (kSupport - kLoneSupport));
+}
+
+/// The axes of the kernel of a particle of @a radius and @a volume.
+Axes axesOf(const Sums& sums, double radius, double volume)
+{
+    const double support = supportOf(sums, radius, volume);
     Axes axes;
     axes.lengths = Vec3d::Constant(support);
     const double weight = double(sum(sums.weight));
@@ -125,7 +141,8 @@ Axes axesOf(const Sums& sums, double support, double volume)
     logs -= logs.mean();
     const double neighbors = double(sum(sums.count)) - 1;
     double share = std::clamp(neighbors / (kMeanWeight * kEnough), 0.0, 1.0);
-    const double spacing = support * std::cbrt(volume * kKernelVolume / double(sum(sums.kernel))),
+    const double spacing = kSupport * radius *
+                           std::cbrt(volume * kKernelVolume / double(sum(sums.kernel))),
                  room = std::min(0.0, std::log(kLeastAxis * spacing / support));
     if (logs[0] * share < room) share = room / logs[0];
     axes.directions = solver.eigenvectors();
@@ -168,10 +185,13 @@ public:
             });
         }
     }
-    Sums about(const Vec3f& center, double support) const
+    /// The sums about a particle of @a radius.
+    Sums about(const Vec3f& center, double radius) const
     {
-        const auto s = float(1 / (support * support)),
-                   r = float(1 / (kNeighbors * kNeighbors * support * support));
+        const auto square = [&](double radii) {
+            return float(1 / (radii * radii * radius * radius));
+        };
+        const float s = square(kSupport), r = square(kNeighbors);
         Sums sums;
         for (const auto& [places, run] : mRuns) addNeighbors(sums, places, run, center, r, s);
         return sums;
@@ -207,14 +227,14 @@ void ParticleKernels::makeBin(std::size_t octave, std::size_t bin, Interrupter& 
     const ParticleBins& bins = mOctaves[octave];
     const ParticleBins::Bin& own = bins.bins()[bin];
     const Vec3d corner = bins.lowerCorner(own.at),
-                reach = Vec3d::Constant(kNeighbors * kSupport * bins.largestRadius());
+                reach = Vec3d::Constant(std::max(kNeighbors, kLongestAxis * kSupport) *
+                                        bins.largestRadius());
     const Neighbors neighbors(mOctaves, octave,
                               {corner - reach, corner + Vec3d::Constant(bins.side()) + reach});
     for (std::uint32_t n = own.run.begin; n < own.run.end; ++n) {
         progress.check();
-        const double support = kSupport * double(bins.radius()[n]),
-                     volume = double(bins.volume()[n]);
-        const Axes axes = axesOf(neighbors.about(bins.center(n), support), support, volume);
+        const double radius = double(bins.radius()[n]), volume = double(bins.volume()[n]);
+        const Axes axes = axesOf(neighbors.about(bins.center(n), radius), radius, volume);
         ParticleKernel kernel = kernelOf(bins.center(n), axes);
         kernel.weight = float(volume / neighbors.sumOf(kernel));
         mKernels[octave][n] = kernel;

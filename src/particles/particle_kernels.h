@@ -12,11 +12,11 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// The iso value of the sum of all kernels: where particles fill a half-space, the sum on its side
-/// is ln 2, whatever the kernel. [derived: a particle as deep as t lies among F(t) = 1/2 ... 1 of
-/// its kernel's mass, by which its own share F'(t) is divided: the integral of F'/F]
-constexpr double kIsoValue = 0.69314718;
-/// Bound of a kernel's longest axis, supports of the isotropic one. [derived: axes of 1/2, 1/2 and
+/// The iso value of the sum of all kernels: that on the plane side of particles that fill a
+/// half-space. [derived: mean of the extremes: 0.609, half a spacing beyond the outermost layer of
+/// a cubic grid, and ln 2, beside layers that are dense, whatever the kernel]
+constexpr double kIsoValue = 0.651;
+/// Bound of a kernel's longest axis, supports. [derived: axes of 1/2, 1/2 and
 /// 1 of a common length, the most that kMaxVariance allows, of unit volume]
 constexpr double kLongestAxis = 1.5874011;
 
