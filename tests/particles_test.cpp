@@ -157,7 +157,8 @@ TEST(Particles, SheetsAndThreadsAreWhole)
                 measure(surfaceOf(box(30, 30, 2, 0.15, seed), radius, 0.25).levelSet());
             EXPECT_EQ(sheet.eulerCharacteristic, 2);
             EXPECT_EQ(sheet.surfaces, 1u);
-            EXPECT_NEAR(sheet.volume / (30 * 30 * 2), 1, 0.15);
+            // A surface that lies off by up to 0.15 spacings.
+            EXPECT_NEAR(sheet.volume, 30 * 30 * 2, 0.15 * sheet.area);
         }
     const SolidMeasures single =
         measure(surfaceOf(box(30, 30, 1, 0.1), kUnitBall, 0.25).levelSet());
