@@ -57,9 +57,9 @@ TEST_F(ParticlesVerb, WritesSurfaceVelocitiesAndMesh)
     EXPECT_NEAR(report["settings"]["voxel_size"].get<double>(), 0.31, 1e-6);
     EXPECT_TRUE(report["check"]["sound"].get<bool>());
     const Ended info = run(folder, {"mpuvdb", "info", "block.vdb", "--json"});
+    const json described = json::parse(info.out);
     std::vector<std::string> names;
-    for (const json& grid : json::parse(info.out)["files"][0]["grids"])
-        names.push_back(grid["name"]);
+    for (const json& grid : described["files"][0]["grids"]) names.push_back(grid["name"]);
     EXPECT_EQ(names, (std::vector<std::string>{"surface", "v", "age"}));
     EXPECT_EQ(folder.names(),
               (std::vector<std::string>{"block.obj", "block.ply", "block.vdb", "report.json"}));
@@ -89,7 +89,7 @@ TEST_F(ParticlesVerb, RefusesWhatItCannotUse)
     command({"block.xyz", "-o", "a.vdb", "--radius", "2vx"}, 2);
     command({"block.xyz", "-o", "a.vdb", "--surface", "lumpy"}, 2);
     command({"block.xyz", "-o", "a.vdb", "--attributes", "temperature"}, 3);
-    command({"block.xyz", "-o", "a.vdb", "--voxel-size", "0.001"}, 5);
+    command({"block.xyz", "-o", "a.vdb", "--voxel-size", "0.00001"}, 5);
     command({"missing.ply", "-o", "a.vdb"}, 3);
     EXPECT_EQ(folder.names(), (std::vector<std::string>{"bad.ply", "block.xyz"}));
 }
