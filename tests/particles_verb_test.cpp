@@ -60,7 +60,7 @@ TEST_F(ParticlesVerb, WritesSurfaceVelocitiesAndMesh)
     const json described = json::parse(info.out);
     std::vector<std::string> names;
     for (const json& grid : described["files"][0]["grids"]) names.push_back(grid["name"]);
-    EXPECT_EQ(names, (std::vector<std::string>{"surface", "v", "age"}));
+    EXPECT_EQ(names, (std::vector<std::string>{"age", "surface", "v"}));
     EXPECT_EQ(folder.names(),
               (std::vector<std::string>{"block.obj", "block.ply", "block.vdb", "report.json"}));
 }
