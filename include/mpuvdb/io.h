@@ -3,6 +3,7 @@
 #pragma once
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/particles.h>
 #include <mpuvdb/point_input.h>
 
 #include <filesystem>
@@ -32,6 +33,18 @@ PointInput readPoints(const std::vector<std::filesystem::path>& files, BadPoints
                       const std::vector<Vec3d>& viewpoints = {},
                       const std::vector<std::string>& scalars = {},
                       Interrupter* interrupter = nullptr);
+
+/// Reads particles: every file that readPoints() reads, with radii and velocities by
+/// ParticleNames::among(), and the point grids of a .vdb file, whose attributes are "P", "pscale"
+/// or "radius", "v", "Cd" and scalars by name. Normals and confidences are left.
+/// @param files  one .vdb file, or others, which are joined; no standard input.
+/// @param scalars  names of numbers to keep with the particles, at most 4.
+/// @param maxBytes  limit of the point grids' memory by their metadata; 0: none.
+/// @throws IoError, InputError and UsageError as readPoints(); InputError for a .vdb file without
+/// points, LimitError, Interrupted.
+Particles readParticles(const std::vector<std::filesystem::path>& files,
+                        const std::vector<std::string>& scalars = {}, std::uint64_t maxBytes = 0,
+                        Interrupter* interrupter = nullptr);
 
 /// Reads a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
 /// (PLY). Polygons become fans; vertices without a triangle are left out; colors are kept. The

@@ -6,6 +6,9 @@
 
 #include <fmt/format.h>
 
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
 #include <cmath>
 
 namespace mpuvdb::python
@@ -104,6 +107,16 @@ py::object cornersOf(const Box3d& box)
 {
     if (box.isEmpty()) return py::none();
     return py::make_tuple(arrayOf(box.min()), arrayOf(box.max()));
+}
+
+std::optional<std::vector<std::filesystem::path>> pathsOf(const py::object& source)
+{
+    using Path = std::filesystem::path;
+    py::detail::make_caster<std::variant<Path, std::vector<Path>>> caster;
+    if (py::isinstance<py::array>(source) || !caster.load(source, true)) return std::nullopt;
+    const auto named = py::detail::cast_op<std::variant<Path, std::vector<Path>>>(caster);
+    if (const auto* const one = std::get_if<Path>(&named)) return std::vector<Path>{*one};
+    return std::get<std::vector<Path>>(named);
 }
 
 } // namespace mpuvdb::python

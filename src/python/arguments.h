@@ -7,11 +7,13 @@
 
 #include <pybind11/pybind11.h>
 
+#include <filesystem>
 #include <initializer_list>
 #include <optional>
 #include <string>
 #include <utility>
 #include <variant>
+#include <vector>
 
 namespace mpuvdb::python
 {
@@ -63,6 +65,9 @@ T choose(const std::string& word, const char* what,
     }
     throwChoice(word, what, words);
 }
+
+/// The files that a path, or a sequence of paths, names; nothing for anything else.
+std::optional<std::vector<std::filesystem::path>> pathsOf(const pybind11::object& source);
 
 using Corners = std::pair<Vec3d, Vec3d>;
 

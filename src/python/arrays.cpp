@@ -14,6 +14,27 @@ namespace py = pybind11;
 namespace
 {
 
+/// The active voxels of @a grid: indices (n, 3) and @a channels numbers for each.
+template <class Grid>
+py::tuple activeVoxels(const Grid& grid, py::ssize_t channels)
+{
+    const auto count = py::ssize_t(grid.activeVoxelCount());
+    py::array_t<std::int32_t> indices({count, py::ssize_t(3)});
+    py::array_t<float> values(channels == 1 ? std::vector<py::ssize_t>{count}
+                                            : std::vector<py::ssize_t>{count, channels});
+    std::int32_t* index = indices.mutable_data();
+    float* value = values.mutable_data();
+    for (auto voxel = grid.cbeginValueOn(); voxel; ++voxel) {
+        const openvdb::Coord at = voxel.getCoord();
+        for (int axis = 0; axis < 3; ++axis) *index++ = at[axis];
+        if constexpr (std::is_same_v<typename Grid::ValueType, float>)
+            *value++ = *voxel;
+        else
+            for (int channel = 0; channel < 3; ++channel) *value++ = (*voxel)[channel];
+    }
+    return py::make_tuple(indices, values);
+}
+
 constexpr std::size_t kRowsPerTask = 1 << 15;
 
 template <class F>
@@ -159,6 +180,13 @@ py::array_t<double> worldVertices(const Mesh& mesh)
 py::array_t<double> arrayOf(const Vec3d& v)
 {
     return py::array_t<double>(3, v.data());
+}
+
+py::tuple activeVoxelsOf(const openvdb::GridBase& grid)
+{
+    if (const auto* const colors = dynamic_cast<const openvdb::Vec3SGrid*>(&grid))
+        return activeVoxels(*colors, 3);
+    return activeVoxels(dynamic_cast<const openvdb::FloatGrid&>(grid), 1);
 }
 
 } // namespace mpuvdb::python

@@ -3,6 +3,7 @@
 #include <mpuvdb/point_input.h>
 #include <mpuvdb/triangle_mesh.h>
 
+#include <openvdb/openvdb.h>
 #include <pybind11/numpy.h>
 
 #include <string>
@@ -41,6 +42,9 @@ pybind11::array viewOf(const T* data, const std::vector<pybind11::ssize_t>& shap
     view.attr("flags").attr("writeable") = false;
     return std::move(view);
 }
+
+/// The active voxels of a float or Vec3f grid: indices (n, 3), and values (n,) or (n, 3).
+pybind11::tuple activeVoxelsOf(const openvdb::GridBase& grid);
 
 /// World positions of a mesh's vertices, (n, 3).
 pybind11::array_t<double> worldVertices(const Mesh& mesh);

@@ -21,7 +21,6 @@ namespace
 {
 
 using Path = std::filesystem::path;
-using PathOrPaths = std::variant<Path, std::vector<Path>>;
 
 /// What Python's points() and reconstruct() both take.
 struct PointsArguments {
@@ -60,13 +59,6 @@ void tell(const ReconstructReport& made)
         warn("the normals point inward, so that inside and outside are exchanged; "
              "flip_normals=True turns them, unless it did so already");
     for (const std::string& finding : made.explained.findings) warn(finding);
-}
-
-std::optional<PathOrPaths> pathsOf(const py::object& source)
-{
-    py::detail::make_caster<PathOrPaths> caster;
-    if (py::isinstance<py::array>(source) || !caster.load(source, true)) return std::nullopt;
-    return py::detail::cast_op<PathOrPaths>(caster);
 }
 
 std::vector<Vec3d> placesOf(const py::object& viewpoint)
@@ -127,12 +119,9 @@ auto withPoints(const PointsArguments& arguments, const py::object& progress, co
             if (!array->is_none())
                 throw UsageError("normals, confidence, colors and scalars go with an array of "
                                  "points: files bring their own");
-        const auto* one = std::get_if<Path>(&*paths);
-        const std::vector<Path> files =
-            one ? std::vector<Path>{*one} : std::get<std::vector<Path>>(*paths);
         const std::vector<Vec3d> viewpoints = placesOf(arguments.viewpoint);
         return run(progress, [&](Interrupter& p) {
-            return work(readPoints(files, options.badPoints, viewpoints,
+            return work(readPoints(*paths, options.badPoints, viewpoints,
                                    scalarsAmong(options.attributes), &p),
                         p);
         });

@@ -28,6 +28,7 @@ void bindDeformations(ShapeClass& shapes);
 void bindQueries(pybind11::module_& module, LevelSetClass& levelSets, ShapeClass& shapes);
 void bindBooleans(pybind11::module_& module);
 void bindPrimitives(pybind11::module_& module);
+void bindParticles(pybind11::module_& module);
 void bindReconstruction(pybind11::module_& module);
 void bindSources(pybind11::module_& module);
 

@@ -43,6 +43,7 @@ PYBIND11_MODULE(mpuvdb, module)
     bindQueries(module, levelSets, shapes);
     bindBooleans(module);
     bindPrimitives(module);
+    bindParticles(module);
     bindReconstruction(module);
     bindSources(module);
 }

@@ -286,6 +286,19 @@ class Reconstruction:
         self, file: Path, metadata: dict[str, str] = {}, progress: Progress = None
     ) -> None: ...
 
+class ParticleSurface:
+    @property
+    def level_set(self) -> LevelSet: ...
+    @property
+    def report(self) -> dict[str, Any]: ...
+    @property
+    def grids(self) -> list[str]: ...
+    def voxels(self, grid: str) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]: ...
+    def to_mesh(self, progress: Progress = None) -> Mesh: ...
+    def write(
+        self, file: Path, metadata: dict[str, str] = {}, progress: Progress = None
+    ) -> None: ...
+
 class Shape:
     def __init__(self, level_set: LevelSet) -> None: ...
     def level_set(
@@ -447,6 +460,22 @@ def reconstruct(
     max_bytes: Optional[int] = None,
     progress: Progress = None,
 ) -> Reconstruction: ...
+def particles(
+    source: Union[Path, Sequence[Path], npt.ArrayLike],
+    radius: Union[None, Length, npt.ArrayLike] = None,
+    velocities: Optional[npt.ArrayLike] = None,
+    *,
+    surface: str = "smooth",
+    voxel_size: Optional[Length] = None,
+    radius_scale: float = 1.0,
+    half_width: float = 3.0,
+    colors: Optional[npt.ArrayLike] = None,
+    scalars: Optional[dict[str, npt.ArrayLike]] = None,
+    attributes: list[str] = [],
+    velocity: bool = True,
+    max_bytes: Optional[int] = None,
+    progress: Progress = None,
+) -> ParticleSurface: ...
 def mesh(
     source: Union[Path, Mesh, npt.ArrayLike],
     faces: Optional[npt.ArrayLike] = None,

@@ -170,7 +170,9 @@ void addFindings(PointsExplained& e, const LevelSet& levelSet, const PointStatis
     if (points.fillSolid)
         e.findings.push_back(
             "the points fill a solid: there is no surface that they lie about, at any scale, and "
-            "the one that was made runs through their midst. Give points on the solid's surface");
+            "the one that was made runs through their midst. Make a level set of the solid that "
+            "they fill with mpuvdb particles (Python: mpuvdb.particles), or give points on its "
+            "surface");
     else if (1 - e.within > kMaxUnexplained)
         e.findings.push_back(fmt::format(
             "{:.1f} % of the points are farther than {:.3g} from the surface (half a voxel, the "

@@ -141,12 +141,12 @@ public:
         mRoot.footer(kConventions);
         mOptions.maxBytes = defaultMemoryLimit();
         for (auto make :
-             {makeReconstruct, makeVoxelize,    makeMesh,      makeUnion,      makeIntersection,
-              makeDifference,  makeExclusiveOr, makeClip,      makeOffset,     makeShell,
-              makeSmooth,      makeMorph,       makeTwistVerb, makeBendVerb,   makeTaperVerb,
-              makeTransform,   makeResample,    makeFog,       makeIsosurface, makeComponents,
-              makeMerge,       makeSlice,       makeSample,    makeInfo,       makeCheck,
-              makeRender,      makeMeasure,     makeAnalyze})
+             {makeReconstruct,  makeParticles,  makeVoxelize,    makeMesh,      makeUnion,
+              makeIntersection, makeDifference, makeExclusiveOr, makeClip,      makeOffset,
+              makeShell,        makeSmooth,     makeMorph,       makeTwistVerb, makeBendVerb,
+              makeTaperVerb,    makeTransform,  makeResample,    makeFog,       makeIsosurface,
+              makeComponents,   makeMerge,      makeSlice,       makeSample,    makeInfo,
+              makeCheck,        makeRender,     makeMeasure,     makeAnalyze})
             add(make());
     }
 

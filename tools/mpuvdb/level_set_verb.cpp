@@ -61,10 +61,11 @@ GridInput readGridInput(const std::string& text, const std::string& grid, Sessio
 
 ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
                          const std::map<std::string, std::string>& metadata,
-                         const openvdb::GridCPtrVec& beside, Session& session)
+                         const openvdb::GridCPtrVec& beside, Session& session,
+                         double gradientTolerance)
 {
     const CheckReport checked =
-        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &session.progress());
+        check(levelSet.grid(), gradientTolerance, openvdb::CoordBBox::inf(), &session.progress());
     const auto write = [&](const std::filesystem::path& file) {
         writeLevelSet(file, levelSet, metadata, beside, &session.progress());
     };

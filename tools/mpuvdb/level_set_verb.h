@@ -36,9 +36,11 @@ GridInput readGridInput(const std::string& file, const std::string& name, Sessio
 
 /// Check @a levelSet, write it with @a metadata and the grids of @a beside ("-": to standard
 /// output), report all that. @return CheckFailed if it is not sound.
+/// @param gradientTolerance  of check().
 ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
                          const std::map<std::string, std::string>& metadata,
-                         const openvdb::GridCPtrVec& beside, Session& session);
+                         const openvdb::GridCPtrVec& beside, Session& session,
+                         double gradientTolerance = kGradientTolerance);
 
 /// The grids of @a others that are not called @a name: what is made takes the place of such a one,
 /// and a warning says so.

@@ -49,6 +49,7 @@ public:
 };
 
 std::unique_ptr<Verb> makeReconstruct();
+std::unique_ptr<Verb> makeParticles();
 std::unique_ptr<Verb> makeMesh();
 std::unique_ptr<Verb> makeSample();
 std::unique_ptr<Verb> makeInfo();

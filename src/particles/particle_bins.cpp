@@ -1,0 +1,99 @@
+#include "particle_bins.h"
+
+#include "core/parallel_each.h"
+#include "spatial/radix_sort.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+constexpr int kKeyBits = 20; ///< of a bin's place along an axis [derived: three fit 64 bits]
+/// Bins along the longest side at most; a bin more may lie at its end. [derived: of the bits]
+constexpr double kMostBins = (1 << kKeyBits) - 1;
+/// Numbers behind the last place that may be read. [derived: a register of eight]
+constexpr std::size_t kPadding = 8;
+constexpr std::size_t kGrain = 1 << 14; // particles; [free: the same bins]
+
+std::uint64_t keyOf(const Vec3i& bin)
+{
+    return std::uint64_t(bin[0]) << (2 * kKeyBits) | std::uint64_t(bin[1]) << kKeyBits |
+           std::uint64_t(bin[2]);
+}
+
+Vec3i binOf(std::uint64_t key)
+{
+    constexpr std::uint64_t kMask = (1 << kKeyBits) - 1; // [derived: of the bits]
+    return {int(key >> (2 * kKeyBits)), int(key >> kKeyBits & kMask), int(key & kMask)};
+}
+
+} // namespace
+
+ParticleBins::ParticleBins(const std::vector<Vec3f>& positions, const std::vector<float>& radii,
+                           const std::vector<std::uint32_t>& of, const Box3d& bounds, double unit,
+                           Interrupter& progress)
+    : mCorner(bounds.min())
+{
+    for (const std::uint32_t i : of) mLargest = std::max(mLargest, double(radii[i]));
+    mSide = std::max(kSupport * mLargest, bounds.sizes().maxCoeff() / kMostBins);
+    mLast = ((bounds.max() - mCorner) / mSide).array().floor();
+    std::vector<KeyedIndex> keyed(of.size());
+    forEachParallel(of.size(), kGrain, progress, [&](std::size_t n) {
+        keyed[n] = {keyOf(binAt(positions[of[n]].cast<double>())), of[n]};
+    });
+    radixSort(keyed, 3 * kKeyBits, progress);
+    const std::size_t size = of.size();
+    mOrder.resize(size);
+    for (std::vector<float>* const numbers : {&mX, &mY, &mZ, &mRadius, &mVolume})
+        numbers->resize(size + kPadding);
+    forEachParallel(size, kGrain, progress, [&](std::size_t n) {
+        const std::uint32_t i = keyed[n].index;
+        mOrder[n] = i;
+        mX[n] = positions[i].x();
+        mY[n] = positions[i].y();
+        mZ[n] = positions[i].z();
+        mRadius[n] = radii[i];
+        mVolume[n] = float(std::pow(double(radii[i]) / unit, 3));
+    });
+    for (std::uint32_t n = 0; n < size; ++n) {
+        if (n % kGrain == 0) progress.check();
+        if (mKeys.empty() || keyed[n].key != mKeys.back()) {
+            mKeys.push_back(keyed[n].key);
+            mBins.push_back({binOf(keyed[n].key), {n, n}});
+        }
+        mBins.back().run.end = n + 1;
+    }
+}
+
+std::pair<std::size_t, std::size_t> ParticleBins::column(int i, int j, int first, int last) const
+{
+    const auto begin = std::lower_bound(mKeys.begin(), mKeys.end(), keyOf({i, j, first}));
+    const std::uint64_t lastKey = keyOf({i, j, last});
+    auto end = begin;
+    while (end != mKeys.end() && *end <= lastKey) ++end;
+    return {std::size_t(begin - mKeys.begin()), std::size_t(end - mKeys.begin())};
+}
+
+ParticleOctaves binParticles(const std::vector<Vec3f>& positions, const std::vector<float>& radii,
+                             Interrupter& progress)
+{
+    Box3d bounds;
+    std::vector<std::vector<std::uint32_t>> byOctave;
+    const auto [low, high] = std::minmax_element(radii.begin(), radii.end());
+    const int first = std::ilogb(*low);
+    byOctave.resize(std::size_t(std::ilogb(*high) - first + 1));
+    for (std::uint32_t i = 0; i < positions.size(); ++i) {
+        if (i % kGrain == 0) progress.check();
+        bounds.extend(positions[i].cast<double>());
+        byOctave[std::size_t(std::ilogb(radii[i]) - first)].push_back(i);
+    }
+    ParticleOctaves octaves;
+    for (const std::vector<std::uint32_t>& of : byOctave)
+        if (!of.empty()) octaves.emplace_back(positions, radii, of, bounds, *high, progress);
+    return octaves;
+}
+
+} // namespace mpuvdb

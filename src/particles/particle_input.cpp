@@ -1,0 +1,111 @@
+// Particles from points, in memory or read.
+#include <mpuvdb/particles.h>
+
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Scalars by which importParticles() hands radii and velocities through the door of points.
+const ParticleNames& namesInside()
+{
+    static const ParticleNames names{" radius", 1, {" vx", " vy", " vz"}};
+    return names;
+}
+
+/// Moves the scalars called @a name out of @a points; empty if there are none.
+std::vector<float> take(PointInput& points, const std::string& name)
+{
+    std::vector<NamedScalars>& all = points.cloud.scalars;
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const NamedScalars& s) { return s.name == name; });
+    if (name.empty() || found == all.end()) return {};
+    std::vector<float> values = std::move(found->values);
+    all.erase(found);
+    return values;
+}
+
+} // namespace
+
+ParticleNames ParticleNames::among(const std::vector<std::string>& scalars)
+{
+    const auto has = [&](const std::string& name) {
+        return std::find(scalars.begin(), scalars.end(), name) != scalars.end();
+    };
+    ParticleNames names;
+    for (const auto& [name, scale] :
+         {std::pair("pscale", 1.0), std::pair("radius", 1.0), std::pair("width", 0.5)})
+        if (names.radius.empty() && has(name)) {
+            names.radius = name;
+            names.radiusScale = scale;
+        }
+    std::vector<std::array<std::string, 3>> triples = {{"vx", "vy", "vz"}};
+    for (const char* const name : {"v", "vel", "velocity"})
+        for (const auto& suffixes :
+             {std::array{"_x", "_y", "_z"}, {".x", ".y", ".z"}, {"[0]", "[1]", "[2]"}})
+            triples.push_back({std::string(name) + suffixes[0], std::string(name) + suffixes[1],
+                               std::string(name) + suffixes[2]});
+    for (const auto& triple : triples)
+        if (names.velocity.empty() && std::all_of(triple.begin(), triple.end(), has))
+            names.velocity.assign(triple.begin(), triple.end());
+    return names;
+}
+
+Particles particlesOf(PointInput&& points, const ParticleNames& names)
+{
+    Particles particles;
+    particles.radii = take(points, names.radius);
+    if (names.radiusScale != 1)
+        for (float& r : particles.radii) r = float(names.radiusScale * double(r));
+    if (names.velocity.size() == 3) {
+        std::array<std::vector<float>, 3> parts;
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            parts[axis] = take(points, names.velocity[axis]);
+        const std::size_t size = parts[0].size();
+        if (parts[1].size() == size && parts[2].size() == size) {
+            particles.velocities.resize(size);
+            for (std::size_t i = 0; i < size; ++i)
+                particles.velocities[i] = {parts[0][i], parts[1][i], parts[2][i]};
+        }
+    }
+    particles.frame = points.cloud.frame;
+    particles.positions = std::move(points.cloud.positions);
+    particles.colors = std::move(points.cloud.colors);
+    particles.scalars = std::move(points.cloud.scalars);
+    particles.dropped = std::move(points.dropped);
+    particles.notes = std::move(points.notes);
+    particles.warnings = std::move(points.warnings);
+    return particles;
+}
+
+Particles importParticles(const ParticleView& view, Interrupter* interrupter)
+{
+    const ParticleNames& names = namesInside();
+    if (view.velocities.rows != view.positions.rows && !view.velocities.empty())
+        throw UsageError(fmt::format("particles: {} velocities for {} particles. Give one for "
+                                     "each, or none",
+                                     view.velocities.rows, view.positions.rows));
+    PointView points;
+    points.positions = view.positions;
+    points.colors = view.colors;
+    points.scalars = view.scalars;
+    if (!view.radii.empty()) points.scalars.emplace_back(names.radius, view.radii);
+    for (std::size_t axis = 0; axis < 3 && !view.velocities.empty(); ++axis) {
+        NumberView part = view.velocities;
+        const std::size_t size = part.type == NumberView::Type::Double  ? sizeof(double)
+                                 : part.type == NumberView::Type::Float ? sizeof(float)
+                                                                        : 1;
+        part.first = static_cast<const std::byte*>(part.first) + axis * size;
+        points.scalars.emplace_back(names.velocity[axis], part);
+    }
+    return particlesOf(importPoints(points, "particles", BadPoints::Drop, interrupter), names);
+}
+
+} // namespace mpuvdb

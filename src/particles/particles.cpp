@@ -1,0 +1,207 @@
+#include <mpuvdb/particles.h>
+
+#include "grid/band_limits.h"
+#include "grid/transform_lattice.h"
+#include "particle_attributes.h"
+#include "particle_bins.h"
+#include "particle_implicit.h"
+#include "particle_spacing.h"
+
+#include <mpuvdb/attribute_grids.h>
+#include <mpuvdb/distances.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Edge of a voxel by default, radii. [derived: a ball is four voxels across, the smallest that a
+/// band resolves]
+constexpr double kVoxelSize = 0.5;
+
+Box3d boundsOf(const Particles& particles)
+{
+    Box3d box;
+    for (const Vec3f& p : particles.positions) box.extend(p.cast<double>());
+    return box;
+}
+
+void requireOptions(const ParticleOptions& options)
+{
+    requireHalfWidth(options.halfWidth);
+    if (!(options.radiusScale > 0 && std::isfinite(options.radiusScale)))
+        throw UsageError(fmt::format("particles: the scale of their radii is {}; it must be above "
+                                     "0 and finite",
+                                     options.radiusScale));
+}
+
+/// @throws InputError for radii that no ball has.
+void requireRadii(const std::vector<float>& radii)
+{
+    const auto isBad = [](float r) { return !(r > 0 && std::isfinite(r)); };
+    const auto first = std::find_if(radii.begin(), radii.end(), isBad);
+    if (first == radii.end()) return;
+    throw InputError(fmt::format(
+        "particle {}: its radius is {:g} ({} of {} like it, or not finite): a ball's is above 0. "
+        "Leave such particles out where they come from, or give one radius for all with --radius",
+        first - radii.begin(), *first, std::count_if(first, radii.end(), isBad), radii.size()));
+}
+
+/// A positive length. @param what  its name. @param bounds  whose diagonal % is a part of.
+/// @param voxelSize  world units; empty: not known yet.
+double resolved(const Length& length, const char* what, const Box3d& bounds,
+                std::optional<double> voxelSize = {})
+{
+    if (length.unit == Length::Unit::Voxels && !voxelSize)
+        throw UsageError(fmt::format("particles: the {} is given in voxels, whose size is not: "
+                                     "give it in world units or %{}",
+                                     what,
+                                     what == std::string("radius") ? ", or a voxel size" : ""));
+    const double value = length.resolve(voxelSize.value_or(0), bounds.diagonal().norm());
+    if (!(value > 0 && std::isfinite(value)))
+        throw UsageError(fmt::format("particles: the {} is {:g}; it must be above 0", what, value));
+    return value;
+}
+
+/// Give all particles a radius, by the options or as measured.
+void chooseRadii(Particles& particles, const ParticleOptions& options, const Box3d& bounds,
+                 ParticleReport& report, Interrupter& progress)
+{
+    std::vector<float>& radii = particles.radii;
+    if (options.radius) {
+        std::optional<double> voxelSize;
+        if (options.voxelSize) voxelSize = resolved(*options.voxelSize, "voxel size", bounds);
+        radii.assign(particles.size(),
+                     float(resolved(*options.radius, "radius", bounds, voxelSize)));
+    } else if (radii.empty()) {
+        progress.beginStage("measure");
+        report.spacing = particleSpacing(particles.positions, progress);
+        radii.assign(particles.size(), float(*report.spacing / kSpacingOfBall));
+    }
+    if (options.radiusScale != 1)
+        for (float& r : radii) r = float(options.radiusScale * double(r));
+    requireRadii(radii);
+    std::vector<float> sorted = radii;
+    const auto middle = sorted.begin() + std::ptrdiff_t(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    const auto [low, high] = std::minmax_element(radii.begin(), radii.end());
+    report.smallestRadius = double(*low);
+    report.medianRadius = double(*middle);
+    report.largestRadius = double(*high);
+}
+
+/// @throws LimitError where indices or floats do not resolve the voxels.
+void requireRange(const Box3d& bounds, double radius, double voxelSize)
+{
+    constexpr double kMaxVoxels = 1 << 23; ///< [derived: 2^20 blocks of 8]
+    const double across = (bounds.sizes().maxCoeff() + 2 * radius) / voxelSize;
+    if (!(across < kMaxVoxels))
+        throw LimitError(fmt::format("particles: {:.3g} voxels of size {:.4g} lie along their "
+                                     "longest side, beyond the index range: use larger voxels",
+                                     across, voxelSize));
+}
+
+/// The level set of @a surface. @param shift  of the lattice from the particles' frame.
+LevelSet distancesTo(const ParticleImplicit& surface, const Lattice& lattice, double halfWidth,
+                     Interrupter& progress)
+{
+    const auto implicit = openvdb::FloatGrid::create(surface.tree);
+    setLattice(*implicit, lattice);
+    implicit->setGridClass(openvdb::GRID_LEVEL_SET);
+    implicit->setName("surface");
+    progress.beginStage("distances");
+    return redistance(*implicit, halfWidth, &progress);
+}
+
+/// One grid of the velocities' components, the first three grids from @a from on.
+openvdb::Vec3SGrid::Ptr velocityGrid(std::vector<openvdb::GridBase::Ptr>::const_iterator from)
+{
+    std::array<openvdb::FloatGrid::ConstPtr, 3> parts;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        parts[axis] = openvdb::gridConstPtrCast<openvdb::FloatGrid>(from[std::ptrdiff_t(axis)]);
+    auto tree = std::make_shared<openvdb::Vec3STree>(parts[0]->tree(), openvdb::Vec3s(0),
+                                                     openvdb::TopologyCopy());
+    for (auto leaf = tree->beginLeaf(); leaf; ++leaf)
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            const auto& values = *parts[axis]->tree().probeConstLeaf(leaf->origin());
+            for (openvdb::Index n = 0; n < values.size(); ++n)
+                leaf->buffer().data()[n][int(axis)] = values.getValue(n);
+        }
+    auto grid = openvdb::Vec3SGrid::create(tree);
+    grid->setTransform(parts[0]->transform().copy());
+    grid->setName(kVelocityName);
+    grid->setVectorType(openvdb::VEC_CONTRAVARIANT_RELATIVE);
+    grid->insertMeta("mpuvdb:quantity",
+                     openvdb::StringMetadata("velocity, world units per second"));
+    return grid;
+}
+
+/// Grids of what the particles carry.
+std::vector<openvdb::GridBase::Ptr> gridsBeside(const LevelSet& levelSet,
+                                                const Particles& particles,
+                                                const ParticleOctaves& octaves, bool velocity,
+                                                Interrupter& progress)
+{
+    const ParticleAttributes attributes(particles, octaves, velocity);
+    if (attributes.channels() == 0) return {};
+    for (const NamedScalars& scalars : particles.scalars)
+        if (scalars.name == kVelocityName && velocity && !particles.velocities.empty())
+            throw UsageError("attribute 'v': the grid of velocities has that name. Rename it, or "
+                             "do without velocities");
+    std::vector<openvdb::GridBase::Ptr> grids = sampleAttributes(levelSet, attributes, &progress);
+    if (!velocity || particles.velocities.empty()) return grids;
+    const auto first = grids.begin() + std::ptrdiff_t(attributes.hasColors() ? 1 : 0);
+    const openvdb::Vec3SGrid::Ptr velocities = velocityGrid(first);
+    grids.erase(first, first + 3);
+    grids.insert(grids.begin(), velocities);
+    return grids;
+}
+
+} // namespace
+
+ParticleResult particlesToLevelSet(Particles&& particles, const ParticleOptions& options,
+                                   Interrupter* interrupter)
+{
+    Interrupter& progress = orSilent(interrupter);
+    requireOptions(options);
+    if (particles.positions.empty()) throw InputError("no particles: the input is empty");
+    ParticleResult result;
+    ParticleReport& report = result.report;
+    report.particles = particles.size();
+    report.dropped = std::move(particles.dropped);
+    report.notes = std::move(particles.notes);
+    report.warnings = std::move(particles.warnings);
+    const Box3d bounds = boundsOf(particles);
+    chooseRadii(particles, options, bounds, report, progress);
+    report.voxelSize = options.voxelSize ? resolved(*options.voxelSize, "voxel size", bounds)
+                                         : kVoxelSize * report.medianRadius;
+    report.halfWidth = options.halfWidth;
+    requireRange(bounds, report.largestRadius, report.voxelSize);
+    const Lattice lattice = latticeFor(bounds.translated(particles.frame), report.voxelSize);
+    progress.beginStage("sort");
+    const ParticleOctaves octaves = binParticles(particles.positions, particles.radii, progress);
+    const ParticleImplicit implicit =
+        sampleParticles(octaves, {lattice.origin - particles.frame, lattice.voxelSize},
+                        options.surface, options.maxBytes.value_or(0), progress);
+    report.blocks = implicit.blocks;
+    report.bytes = bytesFor(particles.size(), std::size_t(implicit.blocks));
+    const LevelSet levelSet = distancesTo(implicit, lattice, options.halfWidth, progress);
+    progress.endStage();
+    if (levelSet.grid().empty())
+        throw InputError(fmt::format("particles: at voxels of size {:.4g} nothing is inside of "
+                                     "balls of radius {:.4g}. Use smaller voxels",
+                                     report.voxelSize, report.medianRadius));
+    result.beside = gridsBeside(levelSet, particles, octaves, options.velocity, progress);
+    // Nobody else holds the grid: the level set is made here, and goes now.
+    result.grid = std::const_pointer_cast<openvdb::FloatGrid>(levelSet.gridPtr());
+    return result;
+}
+
+} // namespace mpuvdb
