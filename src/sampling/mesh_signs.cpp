@@ -45,9 +45,10 @@ public:
 
     void run(Interrupter& progress)
     {
+        setSigns(besideSeams(), progress);
         std::vector<Conflict> conflicts = find();
         while (resolve(conflicts, progress)) conflicts = find();
-        requireNoHole(conflicts);
+        if (mSolid.closure().holes.empty()) requireNoHole(conflicts);
     }
 
 private:
@@ -95,12 +96,37 @@ private:
             for (const int step : {0, 1}) {
                 openvdb::Coord voxel = d.voxel;
                 voxel[d.axis] += step;
-                auto& resolved = mResolved[mNumbers.at(voxel & ~(kBlockDim - 1))];
-                const auto offset = Leaf::coordToOffset(voxel);
-                if (resolved.isOn(offset)) continue;
-                resolved.setOn(offset);
-                voxels.push_back(voxel);
+                addUnresolved(voxel, voxels);
             }
+        setSigns(voxels, progress);
+        return !voxels.empty();
+    }
+
+    /// Active voxels as near to a seam as any of a cell about it.
+    std::vector<openvdb::Coord> besideSeams()
+    {
+        std::vector<openvdb::Coord> voxels;
+        for (const openvdb::Coord& cell : mSolid.closure().seam)
+            for (int n = 0; n < 64; ++n)
+                addUnresolved(cell.offsetBy(n / 16 - 1, n / 4 % 4 - 1, n % 4 - 1), voxels);
+        return voxels;
+    }
+
+    /// Add an active voxel that is not there, and remember that.
+    void addUnresolved(const openvdb::Coord& voxel, std::vector<openvdb::Coord>& voxels)
+    {
+        const auto at = mNumbers.find(voxel & ~(kBlockDim - 1));
+        if (at == mNumbers.end() || !mBand.leaf(at->second).isValueOn(voxel)) return;
+        auto& resolved = mResolved[at->second];
+        const auto offset = Leaf::coordToOffset(voxel);
+        if (resolved.isOn(offset)) return;
+        resolved.setOn(offset);
+        voxels.push_back(voxel);
+    }
+
+    /// Set the signs of voxels by their winding numbers.
+    void setSigns(const std::vector<openvdb::Coord>& voxels, Interrupter& progress)
+    {
         std::vector<std::uint8_t> inside(voxels.size());
         tbb::parallel_for(std::size_t(0), voxels.size(), [&](std::size_t n) {
             if (n % 64 == 0) progress.check();
@@ -112,7 +138,6 @@ private:
             const float distance = std::abs(leaf.getValue(voxels[n]));
             leaf.setValueOnly(voxels[n], inside[n] ? -distance : distance);
         }
-        return !voxels.empty();
     }
 
     void requireNoHole(const std::vector<Conflict>& conflicts) const
@@ -126,8 +151,8 @@ private:
         const Vec3d at = mTriangles.place(Vec3d(v.x(), v.y(), v.z())) + mTriangles.frame;
         throw InputError(fmt::format(
             "mesh: is open: near ({:.6g}, {:.6g}, {:.6g}) a hole wider than a voxel leads inside "
-            "({} of its edges bound holes). Close its holes, use larger voxels, or reconstruct a "
-            "surface from its points",
+            "({} of its edges bound holes). Repair it (--repair closes holes), use larger voxels, "
+            "or reconstruct a surface from its points",
             at[0], at[1], at[2], mSolid.report().openEdges));
     }
 

@@ -2,6 +2,7 @@
 
 #include "convex_pieces.h"
 #include "core/union_find.h"
+#include "mesh_patches.h"
 #include "triangle_contacts.h"
 #include <mpuvdb/interrupter.h>
 
@@ -38,6 +39,8 @@ struct Sides {
     bool bounds(double sign) const { return (sign * front > 0.5) != (sign * back > 0.5); }
     bool facesInward(double sign) const { return sign * front > 0.5; }
     bool isWithin(double sign) const { return sign * front > 0.5 && sign * back > 0.5; }
+    /// The smallest change of a side that changes what the face bounds.
+    double margin() const { return std::min(std::abs(front - 0.5), std::abs(back - 0.5)); }
 };
 
 using Corners = TriangleTree::Corners;
@@ -47,6 +50,7 @@ struct Piece {
     Corners corners;
     std::uint32_t triangle; ///< of the mesh
     Sides sides;
+    bool isCut = false; ///< from a triangle of which only a part bounds the solid
 };
 
 /// Computes the winding numbers on the sides of faces, each from the last one.
@@ -59,14 +63,15 @@ public:
     }
 
     /// The sides of a face at @a place. @param area  along its normal; 0: no sides.
-    Sides sidesAt(const Vec3d& place, const Vec3d& area)
+    /// @param apart  what they differ by, if that is known.
+    Sides sidesAt(const Vec3d& place, const Vec3d& area, std::optional<double> apart = {})
     {
         const double size = area.norm();
         if (!(size > 0)) return {};
         const Vec3d step = mStep / size * area;
         Sides sides;
         sides.front = numberAt(place + step);
-        sides.back = numberAt(place - step);
+        sides.back = apart ? sides.front + *apart : numberAt(place - step);
         return sides;
     }
 
@@ -88,9 +93,11 @@ private:
 class Faces
 {
 public:
+    /// @param mixed  length, world units, down to which triangles are cut that bound the solid only
+    /// in part, as those of open meshes may; 0: all of a region of triangles has the same sides.
     Faces(const OrientedTriangles& triangles, const TriangleTree& tree,
-          const WindingNumber& winding, const ContactLengths& lengths)
-        : mTriangles(triangles), mTree(tree), mWinding(winding), mLengths(lengths)
+          const WindingNumber& winding, const ContactLengths& lengths, double mixed)
+        : mTriangles(triangles), mTree(tree), mWinding(winding), mLengths(lengths), mMixed(mixed)
     {
     }
 
@@ -119,6 +126,26 @@ public:
         for (const Piece& piece : mPieces) f(piece.corners, piece.sides, piece.triangle);
     }
 
+    /// Segments near all lines between faces that bound the solid and others.
+    std::vector<std::array<Vec3d, 2>> limits() const
+    {
+        std::vector<std::array<Vec3d, 2>> limits;
+        std::vector<std::uint8_t> kinds(mTriangles.mesh.triangles.size(), 0);
+        for (const Piece& piece : mPieces) {
+            kinds[piece.triangle] |= std::uint8_t(piece.sides.bounds(1) ? 1 : 2);
+            const Vec3d at =
+                ((piece.corners[0] + piece.corners[1] + piece.corners[2]) / 3).cast<double>();
+            if (piece.isCut) limits.push_back({at, at});
+        }
+        for (std::uint32_t n = 0; n < kinds.size(); ++n)
+            for (std::size_t k = 0; k < 3; ++k) {
+                const std::uint32_t m = mTriangles.neighbors[n][k];
+                if (m == kNoTriangle || (m > n && (kinds[n] | kinds[m]) == 3))
+                    limits.push_back({corner(n, k), corner(n, (k + 1) % 3)});
+            }
+        return limits;
+    }
+
     /// Whether predicate(sides) holds for some triangle, or piece of one.
     template <typename P>
     bool any(const P& predicate) const
@@ -144,7 +171,7 @@ private:
         for (const Contact& c : contacts) ++mFirst[c.triangle + 1];
         for (std::size_t n = 1; n < mFirst.size(); ++n) mFirst[n] += mFirst[n - 1];
     }
-    bool isTouched(std::uint32_t n) const { return mFirst[n] != mFirst[n + 1]; }
+    bool isTouched(std::uint32_t n) const { return mMixed > 0 || mFirst[n] != mFirst[n + 1]; }
 
     /// Triangles that meet no others, and their neighbors that meet none, have the same sides.
     void joinRegions()
@@ -217,6 +244,12 @@ private:
         for (const PlanePolygon& polygon :
              cutAlong({flat(corner(n, 0)), flat(corner(n, 1)), flat(corner(n, 2))},
                       std::move(segments), mLengths.point)) {
+            if (mMixed > 0) {
+                for (std::size_t k = 2; k < polygon.size(); ++k)
+                    addMixed({place(polygon[0]), place(polygon[k - 1]), place(polygon[k])}, n, walk,
+                             pieces);
+                continue;
+            }
             const Sides sides = walk.sidesAt(place(middleOf(polygon)), normal);
             for (std::size_t k = 2; k < polygon.size(); ++k)
                 pieces.push_back(
@@ -225,6 +258,63 @@ private:
                      n,
                      sides});
         }
+    }
+
+    using Exact = std::array<Vec3d, 3>;
+
+    /// Add a triangle, in pieces if only a part of it bounds the solid.
+    void addMixed(const Exact& t, std::uint32_t n, Walk& walk, std::vector<Piece>& pieces) const
+    {
+        const auto first = std::ptrdiff_t(pieces.size());
+        cutMixed(t, n, walk, pieces);
+        const bool bounds = pieces[std::size_t(first)].sides.bounds(1);
+        if (std::any_of(pieces.begin() + first, pieces.end(),
+                        [&](const Piece& piece) { return piece.sides.bounds(1) != bounds; }))
+            return;
+        pieces.resize(std::size_t(first) + 1);
+        pieces.back().corners = rounded(t);
+        pieces.back().isCut = false;
+    }
+
+    /// Halve a triangle until its sides change less from place to place than would change what it
+    /// bounds, or it is small.
+    void cutMixed(const Exact& t, std::uint32_t n, Walk& walk, std::vector<Piece>& pieces,
+                  int depth = 0) const
+    {
+        const Vec3d middle = (t[0] + t[1] + t[2]) / 3;
+        std::size_t k = 0; // the longest side
+        for (std::size_t m = 1; m < 3; ++m)
+            if ((t[(m + 1) % 3] - t[m]).norm() > (t[(k + 1) % 3] - t[k]).norm()) k = m;
+        const Sides sides = openSides(n, middle, walk);
+        const bool isSmall = !((t[(k + 1) % 3] - t[k]).norm() > mMixed);
+        double low = sides.front, high = sides.front, margin = sides.margin();
+        for (std::size_t m = 0; m < 3 && !isSmall && high - low <= margin; ++m) {
+            const Sides other = openSides(n, (t[m] + middle) / 2, walk);
+            low = std::min(low, other.front);
+            high = std::max(high, other.front);
+            margin = std::min(margin, other.margin());
+        }
+        if (isSmall || high - low <= margin) {
+            pieces.push_back({rounded(t), n, sides, isSmall && depth > 0});
+            return;
+        }
+        const Vec3d cut = (t[k] + t[(k + 1) % 3]) / 2;
+        cutMixed({t[k], cut, t[(k + 2) % 3]}, n, walk, pieces, depth + 1);
+        cutMixed({cut, t[(k + 1) % 3], t[(k + 2) % 3]}, n, walk, pieces, depth + 1);
+    }
+
+    /// The sides at a place of a triangle of an open mesh: where it meets no other, they differ by
+    /// itself alone.
+    Sides openSides(std::uint32_t n, const Vec3d& place, Walk& walk) const
+    {
+        const Vec3d area = areaVector(n);
+        if (mFirst[n] != mFirst[n + 1]) return walk.sidesAt(place, area);
+        return walk.sidesAt(place, area, 1);
+    }
+
+    static Corners rounded(const Exact& t)
+    {
+        return {t[0].cast<float>(), t[1].cast<float>(), t[2].cast<float>()};
     }
 
     /// The centroid of a polygon.
@@ -245,6 +335,7 @@ private:
     const TriangleTree& mTree;
     const WindingNumber& mWinding;
     const ContactLengths& mLengths;
+    double mMixed;
     std::vector<std::uint32_t> mFirst;   ///< first contact, by triangle
     std::vector<std::uint32_t> mRegion;  ///< region, by triangle that meets no other
     std::vector<std::uint32_t> mLargest; ///< largest triangle, by region
@@ -342,39 +433,96 @@ Mesh boundaryOf(const Faces& faces, double sign, const Vec3d& frame)
 
 } // namespace
 
-SolidBoundary::SolidBoundary(const Mesh& mesh, double voxelSize, Interrupter& progress)
-    : mTriangles(orientTriangles(mesh, progress))
+SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const RepairSettings* repair,
+                             Interrupter& progress)
+    : mTriangles(orientTriangles(mesh, repair ? Copies::Merge : Copies::Add, progress))
 {
+    if (repair) repairPatches(lattice, *repair, progress);
     mReport.openEdges = mTriangles.openEdges;
     mReport.turned = mTriangles.turned;
     if (mTriangles.mesh.triangles.empty()) return;
     mWhole = std::make_shared<const TriangleTree>(mTriangles.mesh, progress);
+    mBox = {mWhole->box().min().cast<double>(), mWhole->box().max().cast<double>()};
     mWinding = std::make_unique<const WindingNumber>(*mWhole, mTriangles.multiplicity,
                                                      mTriangles.isClosed());
     progress.check();
-    const ContactLengths lengths = lengthsFor(mTriangles.mesh, voxelSize);
+    const ContactLengths lengths = lengthsFor(mTriangles.mesh, lattice.voxelSize);
     const std::vector<Contact> contacts = findContacts(mTriangles, *mWhole, lengths, progress);
-    Faces faces(mTriangles, *mWhole, *mWinding, lengths);
+    const bool closes = repair && !mTriangles.isClosed();
+    Faces faces(mTriangles, *mWhole, *mWinding, lengths, closes ? lattice.voxelSize / 2 : 0);
     faces.find(contacts, progress);
     const auto isSolid = [&](double sign) {
         return faces.any([&](const Sides& s) { return s.bounds(sign); });
     };
-    mReport.insideOut = !isSolid(1) && isSolid(-1);
+    mReport.insideOut = !closes && !isSolid(1) && isSolid(-1);
     const double sign = mReport.insideOut ? -1 : 1;
-    mReport.isCut = !contacts.empty();
+    mReport.isCut = closes || !contacts.empty();
     mReport.bending = bendingOf(mTriangles, contacts);
     measure(mTriangles, faces, sign, surfacesOf(mTriangles, contacts), mReport);
     if (!isSolid(sign)) return;
-    const bool isWhole = contacts.empty() && !mReport.insideOut && !faces.any([](const Sides& s) {
-        return !s.bounds(1) || s.facesInward(1);
-    });
-    mTree = isWhole ? mWhole
-                    : std::make_shared<const TriangleTree>(
-                          boundaryOf(faces, sign, mTriangles.mesh.frame), progress);
+    const bool isWhole =
+        !closes && contacts.empty() && !mReport.insideOut &&
+        !faces.any([](const Sides& s) { return !s.bounds(1) || s.facesInward(1); });
+    if (isWhole) {
+        mTree = mWhole;
+        return;
+    }
+    Mesh boundary = boundaryOf(faces, sign, mTriangles.mesh.frame);
+    if (closes) addClosure(faces.limits(), lattice, boundary, progress);
+    mTree = std::make_shared<const TriangleTree>(boundary, progress);
+}
+
+void SolidBoundary::repairPatches(const Lattice& lattice, const RepairSettings& repair,
+                                  Interrupter& progress)
+{
+    mReport.copies = mTriangles.copies;
+    if (mTriangles.mesh.triangles.empty()) return;
+    const MeshPatches patches = turnPatches(mTriangles, lattice.voxelSize, progress);
+    mReport.turnedPatches = patches.turned;
+    if (!(repair.thickness > 0)) return;
+    Mesh rest, sheets;
+    rest.frame = mTriangles.mesh.frame;
+    rest.positions = sheets.positions = mTriangles.mesh.positions;
+    std::vector<std::uint8_t> isCounted(patches.enclosed.size(), 0);
+    for (std::uint32_t n = 0; n < patches.patchOf.size(); ++n) {
+        const std::uint32_t patch = patches.patchOf[n];
+        const Mesh::Triangle& t = mTriangles.mesh.triangles[n];
+        (patches.isSheet(patch) ? sheets : rest).triangles.push_back(t);
+        if (!patches.isSheet(patch)) continue;
+        mReport.sheetArea +=
+            areaOf({sheets.positions[t[0]], sheets.positions[t[1]], sheets.positions[t[2]]});
+        mReport.sheets += !isCounted[patch];
+        isCounted[patch] = 1;
+    }
+    if (sheets.triangles.empty()) return;
+    mSheets = std::make_unique<const TriangleTree>(sheets, progress);
+    const std::uint64_t turned = mTriangles.turned;
+    mTriangles = orientTriangles(rest, Copies::Merge, progress);
+    mTriangles.turned = turned;
+}
+
+void SolidBoundary::addClosure(const std::vector<std::array<Vec3d, 2>>& starts,
+                               const Lattice& lattice, Mesh& boundary, Interrupter& progress)
+{
+    const TriangleTree tree(boundary, progress);
+    mClosure = closeHoles({*mWinding, tree, mBox, boundary.frame}, lattice, starts, progress);
+    const auto first = std::uint32_t(boundary.positions.size());
+    boundary.positions.insert(boundary.positions.end(), mClosure.positions.begin(),
+                              mClosure.positions.end());
+    for (const Mesh::Triangle& t : mClosure.triangles) {
+        boundary.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+        const Corners corners = {mClosure.positions[t[0]], mClosure.positions[t[1]],
+                                 mClosure.positions[t[2]]};
+        mReport.area += areaOf(corners);
+        mReport.volume += volumeOf(corners);
+    }
+    // Seams are at most as bent as creases, in each of their cells as long as its edges.
+    mReport.bending += M_PI / 2 * lattice.voxelSize * double(mClosure.seam.size());
 }
 
 bool SolidBoundary::isInside(const Vec3d& place) const
 {
+    if (!mClosure.holes.empty() && !mBox.contains(place)) return false;
     return (mReport.insideOut ? -1 : 1) * mWinding->at(place) > 0.5;
 }
 
