@@ -1,12 +1,10 @@
 #include "mesh_signs.h"
 
-#include <mpuvdb/error.h>
 #include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>
 
 #include <array>
 #include <cmath>
-#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
 
@@ -43,12 +41,12 @@ public:
         for (std::size_t n = 0; n < mBand.leafCount(); ++n) mNumbers[mBand.leaf(n).origin()] = n;
     }
 
-    void run(Interrupter& progress)
+    std::optional<WayThrough> run(Interrupter& progress)
     {
         setSigns(besideSeams(), progress);
         std::vector<Conflict> conflicts = find();
         while (resolve(conflicts, progress)) conflicts = find();
-        if (mSolid.closure().holes.empty()) requireNoHole(conflicts);
+        return widest(conflicts);
     }
 
 private:
@@ -140,20 +138,15 @@ private:
         }
     }
 
-    void requireNoHole(const std::vector<Conflict>& conflicts) const
+    std::optional<WayThrough> widest(const std::vector<Conflict>& conflicts) const
     {
         const Conflict* widest = nullptr;
         for (const Conflict& d : conflicts)
             if (d.apart > kThroughHole * kRoundings && (!widest || d.apart > widest->apart))
                 widest = &d;
-        if (!widest) return;
+        if (!widest) return std::nullopt;
         const openvdb::Coord& v = widest->voxel;
-        const Vec3d at = mTriangles.place(Vec3d(v.x(), v.y(), v.z())) + mTriangles.frame;
-        throw InputError(fmt::format(
-            "mesh: is open: near ({:.6g}, {:.6g}, {:.6g}) a hole wider than a voxel leads inside "
-            "({} of its edges bound holes). Repair it (--repair closes holes), use larger voxels, "
-            "or reconstruct a surface from its points",
-            at[0], at[1], at[2], mSolid.report().openEdges));
+        return WayThrough{mTriangles.place(Vec3d(v.x(), v.y(), v.z())), widest->apart};
     }
 
     LeafManager mBand;
@@ -165,10 +158,10 @@ private:
 
 } // namespace
 
-void repairSigns(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid,
-                 Interrupter& progress)
+std::optional<WayThrough> repairSigns(Tree& tree, const PlacedTriangles& triangles,
+                                      const SolidBoundary& solid, Interrupter& progress)
 {
-    SignRepair(tree, triangles, solid).run(progress);
+    return SignRepair(tree, triangles, solid).run(progress);
 }
 
 } // namespace mpuvdb

@@ -43,6 +43,10 @@ struct Sides {
     double margin() const { return std::min(std::abs(front - 0.5), std::abs(back - 0.5)); }
 };
 
+/// Difference of a winding number from 1/2, its value on the back of a plane sheet, that says
+/// nothing. [derived: a hole as wide as 100 voxels is closed a quarter of a voxel from there]
+constexpr double kFlat = 1e-3;
+
 using Corners = TriangleTree::Corners;
 
 /// A piece of a triangle that meets others.
@@ -106,7 +110,10 @@ public:
         findFirst(contacts);
         joinRegions();
         progress.check();
-        findRegionSides();
+        if (mMixed > 0)
+            findRims(progress);
+        else
+            findRegionSides();
         progress.check();
         cut(contacts, progress);
     }
@@ -118,7 +125,7 @@ public:
     {
         const Mesh& mesh = mTriangles.mesh;
         for (std::uint32_t n = 0; n < mesh.triangles.size(); ++n) {
-            if (isTouched(n)) continue;
+            if (mMixed > 0 || isTouched(n)) continue;
             const Mesh::Triangle& t = mesh.triangles[n];
             f(Corners{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]},
               mSides[mRegion[n]], n);
@@ -171,7 +178,7 @@ private:
         for (const Contact& c : contacts) ++mFirst[c.triangle + 1];
         for (std::size_t n = 1; n < mFirst.size(); ++n) mFirst[n] += mFirst[n - 1];
     }
-    bool isTouched(std::uint32_t n) const { return mMixed > 0 || mFirst[n] != mFirst[n + 1]; }
+    bool isTouched(std::uint32_t n) const { return mFirst[n] != mFirst[n + 1]; }
 
     /// Triangles that meet no others, and their neighbors that meet none, have the same sides.
     void joinRegions()
@@ -215,14 +222,20 @@ private:
         constexpr std::size_t kTogether = 64;
         std::vector<std::uint32_t> touched;
         for (std::size_t slot = 0; slot < mTree.size(); ++slot)
-            if (isTouched(mTree.triangle(slot))) touched.push_back(mTree.triangle(slot));
+            if (mMixed > 0 || isTouched(mTree.triangle(slot)))
+                touched.push_back(mTree.triangle(slot));
         std::vector<std::vector<Piece>> pieces((touched.size() + kTogether - 1) / kTogether);
         tbb::parallel_for(std::size_t(0), pieces.size(), [&](std::size_t some) {
             Walk walk(mWinding, mLengths);
+            Known known;
             const std::size_t end = std::min((some + 1) * kTogether, touched.size());
             for (std::size_t t = some * kTogether; t < end; ++t) {
                 progress.check();
-                addPieces(touched[t], contacts, walk, pieces[some]);
+                if (mMixed > 0 && !isTouched(touched[t]))
+                    addMixed({corner(touched[t], 0), corner(touched[t], 1), corner(touched[t], 2)},
+                             touched[t], walk, known, pieces[some]);
+                else
+                    addPieces(touched[t], contacts, walk, pieces[some]);
             }
         });
         for (const auto& some : pieces) mPieces.insert(mPieces.end(), some.begin(), some.end());
@@ -245,9 +258,10 @@ private:
              cutAlong({flat(corner(n, 0)), flat(corner(n, 1)), flat(corner(n, 2))},
                       std::move(segments), mLengths.point)) {
             if (mMixed > 0) {
+                Known known;
                 for (std::size_t k = 2; k < polygon.size(); ++k)
                     addMixed({place(polygon[0]), place(polygon[k - 1]), place(polygon[k])}, n, walk,
-                             pieces);
+                             known, pieces);
                 continue;
             }
             const Sides sides = walk.sidesAt(place(middleOf(polygon)), normal);
@@ -262,11 +276,68 @@ private:
 
     using Exact = std::array<Vec3d, 3>;
 
-    /// Add a triangle, in pieces if only a part of it bounds the solid.
-    void addMixed(const Exact& t, std::uint32_t n, Walk& walk, std::vector<Piece>& pieces) const
+    /// The edges without a neighbor, as triangles without an area, under a tree.
+    void findRims(Interrupter& progress)
     {
+        Mesh rims;
+        for (std::uint32_t n = 0; n < mTriangles.neighbors.size(); ++n)
+            for (std::size_t k = 0; k < 3; ++k) {
+                if (mTriangles.neighbors[n][k] != kNoTriangle) continue;
+                const auto first = std::uint32_t(rims.positions.size());
+                for (const std::size_t m : {k, (k + 1) % 3})
+                    rims.positions.push_back(corner(n, m).cast<float>());
+                rims.triangles.push_back({first, first + 1, first + 1});
+            }
+        if (!rims.triangles.empty()) mRims = std::make_unique<TriangleTree>(rims, progress);
+    }
+
+    /// The sides of a face, and how far from a place on it they bound the same.
+    struct Known {
+        std::uint32_t region = kNoTriangle;
+        Vec3d place;
+        Sides sides;
+        double radius = 0;
+
+        bool holds(const Exact& t) const
+        {
+            return std::all_of(t.begin(), t.end(), [&](const Vec3d& p) {
+                return (p - place).squaredNorm() <= radius * radius;
+            });
+        }
+    };
+
+    /// The sides at a place of a triangle of an open mesh.
+    Known knownAt(std::uint32_t n, const Vec3d& place, Walk& walk) const
+    {
+        /// Rims whose winding numbers may add up. [derived: those of two gaps side by side]
+        constexpr double kRims = 4;
+        Known known;
+        known.region = mRegion[n];
+        known.place = place;
+        // Where it meets no other, they differ by itself alone.
+        known.sides = isTouched(n) ? walk.sidesAt(place, areaVector(n))
+                                   : walk.sidesAt(place, areaVector(n), 1);
+        for (double* side : {&known.sides.front, &known.sides.back})
+            if (std::abs(*side - 0.5) < kFlat) *side = 0.5;
+        if (!mRims) return known;
+        // At a distance d from a straight rim the number changes by 1 / (2 pi d) per length.
+        std::size_t slot = 0;
+        const double half = std::sqrt(mRims->squaredDistance(place, slot)) / 2;
+        known.radius = half * std::min(1.0, 2 * M_PI / kRims * known.sides.margin());
+        return known;
+    }
+
+    /// Add a triangle, in pieces if only a part of it bounds the solid. @param known  the last
+    /// sides found, which may hold for it.
+    void addMixed(const Exact& t, std::uint32_t n, Walk& walk, Known& known,
+                  std::vector<Piece>& pieces) const
+    {
+        if (known.region == mRegion[n] && mRegion[n] != kNoTriangle && known.holds(t)) {
+            pieces.push_back({rounded(t), n, known.sides});
+            return;
+        }
         const auto first = std::ptrdiff_t(pieces.size());
-        cutMixed(t, n, walk, pieces);
+        known = cutMixed(t, n, walk, pieces);
         const bool bounds = pieces[std::size_t(first)].sides.bounds(1);
         if (std::any_of(pieces.begin() + first, pieces.end(),
                         [&](const Piece& piece) { return piece.sides.bounds(1) != bounds; }))
@@ -277,39 +348,32 @@ private:
     }
 
     /// Halve a triangle until its sides change less from place to place than would change what it
-    /// bounds, or it is small.
-    void cutMixed(const Exact& t, std::uint32_t n, Walk& walk, std::vector<Piece>& pieces,
-                  int depth = 0) const
+    /// bounds, or it is small. @return the sides of its middle.
+    Known cutMixed(const Exact& t, std::uint32_t n, Walk& walk, std::vector<Piece>& pieces,
+                   int depth = 0) const
     {
         const Vec3d middle = (t[0] + t[1] + t[2]) / 3;
         std::size_t k = 0; // the longest side
         for (std::size_t m = 1; m < 3; ++m)
             if ((t[(m + 1) % 3] - t[m]).norm() > (t[(k + 1) % 3] - t[k]).norm()) k = m;
-        const Sides sides = openSides(n, middle, walk);
+        const Known known = knownAt(n, middle, walk);
         const bool isSmall = !((t[(k + 1) % 3] - t[k]).norm() > mMixed);
-        double low = sides.front, high = sides.front, margin = sides.margin();
-        for (std::size_t m = 0; m < 3 && !isSmall && high - low <= margin; ++m) {
-            const Sides other = openSides(n, (t[m] + middle) / 2, walk);
+        double low = known.sides.front, high = low, margin = known.sides.margin();
+        const bool isSure = isSmall || known.holds(t);
+        for (std::size_t m = 0; m < 3 && !isSure && high - low <= margin; ++m) {
+            const Sides other = knownAt(n, (t[m] + middle) / 2, walk).sides;
             low = std::min(low, other.front);
             high = std::max(high, other.front);
             margin = std::min(margin, other.margin());
         }
-        if (isSmall || high - low <= margin) {
-            pieces.push_back({rounded(t), n, sides, isSmall && depth > 0});
-            return;
+        if (isSure || high - low <= margin) {
+            pieces.push_back({rounded(t), n, known.sides, isSmall && depth > 0});
+            return known;
         }
         const Vec3d cut = (t[k] + t[(k + 1) % 3]) / 2;
         cutMixed({t[k], cut, t[(k + 2) % 3]}, n, walk, pieces, depth + 1);
         cutMixed({cut, t[(k + 1) % 3], t[(k + 2) % 3]}, n, walk, pieces, depth + 1);
-    }
-
-    /// The sides at a place of a triangle of an open mesh: where it meets no other, they differ by
-    /// itself alone.
-    Sides openSides(std::uint32_t n, const Vec3d& place, Walk& walk) const
-    {
-        const Vec3d area = areaVector(n);
-        if (mFirst[n] != mFirst[n + 1]) return walk.sidesAt(place, area);
-        return walk.sidesAt(place, area, 1);
+        return known;
     }
 
     static Corners rounded(const Exact& t)
@@ -336,11 +400,12 @@ private:
     const WindingNumber& mWinding;
     const ContactLengths& mLengths;
     double mMixed;
-    std::vector<std::uint32_t> mFirst;   ///< first contact, by triangle
-    std::vector<std::uint32_t> mRegion;  ///< region, by triangle that meets no other
-    std::vector<std::uint32_t> mLargest; ///< largest triangle, by region
-    std::vector<Sides> mSides;           ///< by region
-    std::vector<Piece> mPieces;          ///< of the triangles that meet others
+    std::unique_ptr<const TriangleTree> mRims; ///< null without any, or if they do not matter
+    std::vector<std::uint32_t> mFirst;         ///< first contact, by triangle
+    std::vector<std::uint32_t> mRegion;        ///< region, by triangle that meets no other
+    std::vector<std::uint32_t> mLargest;       ///< largest triangle, by region
+    std::vector<Sides> mSides;                 ///< by region
+    std::vector<Piece> mPieces;                ///< of the triangles that meet others
 };
 
 double areaOf(const Corners& t)
@@ -431,10 +496,22 @@ Mesh boundaryOf(const Faces& faces, double sign, const Vec3d& frame)
     return mesh;
 }
 
+/// Length down to which triangles are cut that bound the solid only in part, world units: a voxel,
+/// and more for a mesh that fills its box with surface, so that there are no more pieces.
+double mixedFor(const Mesh& mesh, const Box3d& box, double voxelSize)
+{
+    double area = 0;
+    for (const Mesh::Triangle& t : mesh.triangles)
+        area += areaOf({mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]});
+    const Vec3d s = box.sizes();
+    const double ofBox = 2 * (s[0] * s[1] + s[1] * s[2] + s[2] * s[0]);
+    return voxelSize * std::sqrt(std::max(1.0, area / std::max(ofBox, area * 1e-6)));
+}
+
 } // namespace
 
 SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const RepairSettings* repair,
-                             Interrupter& progress)
+                             Interrupter& progress, bool isOpen)
     : mTriangles(orientTriangles(mesh, repair ? Copies::Merge : Copies::Add, progress))
 {
     if (repair) repairPatches(lattice, *repair, progress);
@@ -448,8 +525,9 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const Rep
     progress.check();
     const ContactLengths lengths = lengthsFor(mTriangles.mesh, lattice.voxelSize);
     const std::vector<Contact> contacts = findContacts(mTriangles, *mWhole, lengths, progress);
-    const bool closes = repair && !mTriangles.isClosed();
-    Faces faces(mTriangles, *mWhole, *mWinding, lengths, closes ? lattice.voxelSize / 2 : 0);
+    const bool closes = repair && (isOpen || !mTriangles.isClosed());
+    Faces faces(mTriangles, *mWhole, *mWinding, lengths,
+                closes ? mixedFor(mTriangles.mesh, mBox, lattice.voxelSize) : 0);
     faces.find(contacts, progress);
     const auto isSolid = [&](double sign) {
         return faces.any([&](const Sides& s) { return s.bounds(sign); });

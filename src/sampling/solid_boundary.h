@@ -45,9 +45,10 @@ public:
     };
 
     /// @param mesh  with valid indices. @param repair  null: holes wider than a voxel stay open.
-    /// @throws Interrupted.
+    /// @param isOpen  a closed mesh is repaired as an open one is: no triangle is taken to be as
+    /// its neighbors are. @throws Interrupted.
     SolidBoundary(const Mesh& mesh, const Lattice& lattice, const RepairSettings* repair,
-                  Interrupter& progress);
+                  Interrupter& progress, bool isOpen = false);
 
     const Report& report() const { return mReport; }
     bool isEmpty() const { return !mTree; }

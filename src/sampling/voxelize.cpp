@@ -190,17 +190,30 @@ openvdb::FloatGrid::Ptr wallsOf(const PlacedTriangles& sheets, double thickness,
     return grid;
 }
 
-/// The band about the boundary of @a solid.
-openvdb::FloatGrid::Ptr bandOf(const SolidBoundary& solid, const PlacedTriangles& triangles,
-                               double halfWidth, Interrupter& progress)
+void requireNoHole(const std::optional<WayThrough>& way, const SolidBoundary& solid,
+                   const Vec3d& frame)
+{
+    if (!way) return;
+    const Vec3d at = way->at + frame;
+    throw InputError(fmt::format(
+        "mesh: is open: near ({:.6g}, {:.6g}, {:.6g}) a hole wider than a voxel leads inside ({} "
+        "of its edges bound holes). Repair it (--repair closes holes), use larger voxels, or "
+        "reconstruct a surface from its points",
+        at[0], at[1], at[2], solid.report().openEdges));
+}
+
+/// The band about the boundary of @a solid, and the way through it, if there is one.
+std::pair<openvdb::FloatGrid::Ptr, std::optional<WayThrough>>
+bandOf(const SolidBoundary& solid, const PlacedTriangles& triangles, double halfWidth,
+       Interrupter& progress)
 {
     const auto grid = openvdb::FloatGrid::create(float(halfWidth * triangles.voxelSize));
     for (auto& leaf : leavesNear(triangles, halfWidth, progress))
         grid->tree().addLeaf(leaf.release());
-    repairSigns(grid->tree(), triangles, solid, progress);
+    const auto way = repairSigns(grid->tree(), triangles, solid, progress);
     progress.check();
     openvdb::tools::signedFloodFill(grid->tree());
-    return grid;
+    return {grid, way};
 }
 
 void requireThickness(const RepairSettings& repair, double voxelSize)
@@ -237,16 +250,29 @@ LevelSet voxelize(const Mesh& given, const SampleSettings& settings, const Repai
                   settings.halfWidth + (repair ? repair->thickness / 2 / h : 0), repair != nullptr,
                   settings);
     progress.check();
-    const SolidBoundary solid(mesh, lattice, repair, progress);
-    if (solid.isEmpty() && !solid.sheets())
-        throw InputError(emptyText(solid.report(), repair != nullptr));
-    std::optional<MeshRepair> repaired;
-    if (repair) repaired = repairOf(solid, given.triangles.size() - mesh.triangles.size(), *repair);
+    auto made = std::make_unique<SolidBoundary>(mesh, lattice, repair, progress);
+    const auto requireSolid = [&] {
+        if (made->isEmpty() && !made->sheets())
+            throw InputError(emptyText(made->report(), repair != nullptr));
+    };
+    requireSolid();
     const auto placed = [&](const TriangleTree& tree) {
         return PlacedTriangles{tree, mesh.frame, lattice.origin - mesh.frame, h};
     };
     openvdb::FloatGrid::Ptr grid;
-    if (!solid.isEmpty()) grid = bandOf(solid, placed(solid.tree()), settings.halfWidth, progress);
+    if (!made->isEmpty()) {
+        auto [band, way] = bandOf(*made, placed(made->tree()), settings.halfWidth, progress);
+        if (!repair) requireNoHole(way, *made, mesh.frame);
+        if (way && made->closure().holes.empty()) { // triangles of a region differ
+            made = std::make_unique<SolidBoundary>(mesh, lattice, repair, progress, true);
+            requireSolid();
+            band = bandOf(*made, placed(made->tree()), settings.halfWidth, progress).first;
+        }
+        grid = band;
+    }
+    const SolidBoundary& solid = *made;
+    std::optional<MeshRepair> repaired;
+    if (repair) repaired = repairOf(solid, given.triangles.size() - mesh.triangles.size(), *repair);
     if (solid.sheets()) {
         const auto walls =
             wallsOf(placed(*solid.sheets()), repair->thickness, settings.halfWidth, progress);
@@ -262,6 +288,8 @@ LevelSet voxelize(const Mesh& given, const SampleSettings& settings, const Repai
     auto explained = std::make_shared<Explained>();
     MeshExplained e = explainMesh(solid, lattice.origin - mesh.frame, LevelSet(grid), progress);
     e.repair = repaired;
+    if (repair && e.openEdges > 0 && e.partsOut == 0)
+        throw InputError(emptyText(solid.report(), true));
     explained->by = std::move(e);
     progress.endStage();
     return LevelSet(grid, std::move(explained));
