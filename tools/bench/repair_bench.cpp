@@ -38,8 +38,8 @@ namespace
 using Json = nlohmann::ordered_json;
 using Corners = std::array<Vec3d, 3>;
 
-constexpr double kFromRims = 3, kAlone = 1.5, kNear = 1; ///< voxels
-constexpr double kExact = 0.01;                          ///< voxels
+constexpr double kAlone = 3, kNear = 1; ///< voxels
+constexpr double kExact = 0.01;         ///< voxels
 
 double secondsSince(std::chrono::steady_clock::time_point start)
 {
@@ -117,7 +117,11 @@ public:
             if (!(distance > 0.05 * h && distance < kNear * h)) continue; // nearer: no direction
             const Vec3d q = NearestPlace(p, cornersOf(mTree, slot)).place;
             const Vec3d reach = kAlone * h * (p - q).normalized();
-            if (!isAlone(q, reach, h) || isInside(q + reach) == isInside(q - reach)) continue;
+            if (!isAlone(q, reach, h)) continue;
+            const bool front = isInside(q + reach), back = isInside(q - reach);
+            if (front == back || isInside(q + reach / 2) != front ||
+                isInside(q - reach / 2) != back)
+                continue;
             ++measured;
             const double error = std::abs(std::abs(double(*on)) - distance) / h;
             if (error > largest) {
@@ -140,8 +144,18 @@ private:
     bool isAlone(const Vec3d& q, const Vec3d& reach, double h) const
     {
         std::size_t slot = 0;
-        if (mRims && mRims->isWithin(q, kFromRims * h, slot)) return false;
+        if (mRims && mRims->isWithin(q, kAlone * h, slot)) return false;
+        slot = 0;
         bool isAlone = true;
+        const auto normalOf = [&](std::size_t s) {
+            const Corners t = cornersOf(mTree, s);
+            return Vec3d((t[1] - t[0]).cross(t[2] - t[0]).normalized());
+        };
+        mTree.squaredDistance(q, slot);
+        mTree.forEachNear(q, 1e-3 * h, [&](std::size_t s) { // such as face another way
+            isAlone = isAlone && !(normalOf(s).dot(normalOf(slot)) < -0.9 &&
+                                   squaredDistance(q, cornersOf(mTree, s)) < 1e-6 * h * h);
+        });
         for (const double side : {-1, 1})
             mTree.forEachNear(q + side / 2 * reach, reach.norm() / 2, [&](std::size_t s) {
                 isAlone = isAlone &&
