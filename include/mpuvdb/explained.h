@@ -21,6 +21,7 @@ struct MeshRepair {
     double holesArea = 0;      ///< of these surfaces together
     double widestHole = 0;     ///< diagonal of the box of the largest of them
     Vec3d widestHoleAt = Vec3d::Zero(); ///< middle of that box
+    std::uint64_t innerWalls = 0;       ///< open surfaces within the solid, left out
     std::uint64_t sheets = 0;           ///< open surfaces that were made walls
     double sheetsArea = 0;              ///< of these
 };

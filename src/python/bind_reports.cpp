@@ -114,6 +114,7 @@ void bindMeshRepair(py::module_& module)
                 return py::make_tuple(at[0], at[1], at[2]);
             },
             "Middle of that box (x, y, z), world units.")
+        .def_readonly("inner_walls", &R::innerWalls, "Open surfaces within the solid, left out.")
         .def_readonly("sheets", &R::sheets, "Open surfaces that were made walls.")
         .def_readonly("sheets_area", &R::sheetsArea, "Of these, world units squared.")
         .def("__repr__", [](const R& r) {

@@ -82,11 +82,12 @@ private:
     Vec3d placeOf(const Vec3d& voxels) const { return mH * voxels + mShift; }
     static Vec3d vecOf(const Coord& c) { return Vec3d(c.x(), c.y(), c.z()); }
 
-    /// The winding number beyond one half.
+    /// The winding number beyond one half, at most 0 where nothing is inside.
     double excess(const Vec3d& voxels) const
     {
         const Vec3d place = placeOf(voxels);
-        return mMesh.box.contains(place) ? mMesh.winding.at(place) - 0.5 : -0.5;
+        const double excess = mMesh.winding.at(place) - 0.5;
+        return mMesh.box.contains(place) ? excess : std::min(excess, 0.0);
     }
 
     /// The cells that segments pass, and those about them.

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <tbb/parallel_for.h>
 #include <tuple>
 
@@ -21,6 +22,8 @@ namespace
 constexpr double kFlat = 0.01;
 /// Least cosine of the angle of rims that run along each other. [derived: 60 degrees, halfway]
 constexpr double kAlong = 0.5;
+/// Distance from a whole number that is nearer to it than to a half. [derived: half of that]
+constexpr double kNearWhole = 0.25;
 /// Triangles of a patch whose sides are measured, the largest. [derived: means within 1/4, the
 /// limit of sheets, from values within 1/2 of each other]
 constexpr std::size_t kMeasured = 16;
@@ -36,9 +39,8 @@ public:
 
     MeshPatches run()
     {
-        findParts();
+        findPatches();
         if (!mOf.isClosed() && mAreas.size() > 1) linkRims();
-        numberPatches();
         const TriangleTree tree(mOf.mesh, mProgress);
         const WindingNumber winding(tree, mOf.multiplicity, mOf.isClosed());
         measure(winding);
@@ -56,27 +58,34 @@ private:
         return (corner(n, 1) - corner(n, 0)).cross(corner(n, 2) - corner(n, 0)) / 2;
     }
 
-    /// Number the parts that are connected over edges.
-    void findParts()
+    /// Number the patches.
+    void findPatches()
     {
         const std::size_t count = mOf.mesh.triangles.size();
         UnionFind parts(count);
         for (std::uint32_t n = 0; n < count; ++n)
             for (const std::uint32_t m : mOf.neighbors[n])
                 if (m != kNoTriangle) parts.join(n, m);
-        mPart.resize(count);
+        std::vector<std::uint32_t>& patchOf = mPatches.patchOf;
+        patchOf.resize(count);
         for (std::uint32_t n = 0; n < count; ++n) { // a root is the first of its part
             const std::uint32_t root = parts.find(n);
-            if (root == n) mAreas.push_back(0);
-            mPart[n] = root == n ? std::uint32_t(mAreas.size() - 1) : mPart[root];
-            mAreas[mPart[n]] += areaVector(n).norm();
+            if (root == n) {
+                mAreas.push_back(0);
+                mPatches.isWall.push_back(0);
+            }
+            patchOf[n] = root == n ? std::uint32_t(mAreas.size() - 1) : patchOf[root];
+            mAreas[patchOf[n]] += areaVector(n).norm();
+            for (const std::uint32_t m : mOf.neighbors[n])
+                if (m == kNoTriangle) mPatches.isWall[patchOf[n]] = 1; // if it is open;
         }
-        mPatches.patchOf = mPart;
+        mGroup.resize(mAreas.size());
+        std::iota(mGroup.begin(), mGroup.end(), 0u);
     }
 
     /// An edge without a neighbor.
     struct Rim {
-        std::uint32_t part;
+        std::uint32_t patch;
         Vec3d a, b;
 
         Vec3d along() const { return (b - a).normalized(); }
@@ -88,12 +97,12 @@ private:
         for (std::uint32_t n = 0; n < mOf.neighbors.size(); ++n)
             for (std::size_t k = 0; k < 3; ++k)
                 if (mOf.neighbors[n][k] == kNoTriangle)
-                    rims.push_back({mPart[n], corner(n, k), corner(n, (k + 1) % 3)});
+                    rims.push_back({mPatches.patchOf[n], corner(n, k), corner(n, (k + 1) % 3)});
         return rims;
     }
 
-    /// The rim of another part that is nearest to the middle of rim @a n, runs along it and is
-    /// within the gap, of those equally near that of the largest part; kNoTriangle if there is
+    /// The rim of another patch that is nearest to the middle of rim @a n, runs along it and is
+    /// within the gap, of those equally near that of the largest patch; kNoTriangle if there is
     /// none.
     std::uint32_t beside(const std::vector<Rim>& rims, const TriangleTree& tree,
                          std::uint32_t n) const
@@ -103,12 +112,12 @@ private:
         double least = mGap * mGap;
         tree.forEachNear(middle, mGap, [&](std::size_t slot) {
             const std::uint32_t m = tree.triangle(slot);
-            if (rims[m].part == rims[n].part) return;
+            if (rims[m].patch == rims[n].patch) return;
             if (std::abs(rims[m].along().dot(rims[n].along())) < kAlong) return;
             const double distance2 = squaredDistance(middle, rims[m].a, rims[m].b);
             if (distance2 > least) return;
             if (distance2 == least && best != kNoTriangle) {
-                const double area = mAreas[rims[m].part], other = mAreas[rims[best].part];
+                const double area = mAreas[rims[m].patch], other = mAreas[rims[best].patch];
                 if (area < other || (area == other && m > best)) return;
             }
             least = distance2;
@@ -117,7 +126,8 @@ private:
         return best;
     }
 
-    /// Two parts, and the length of rims along which they agree less that along which they do not.
+    /// Two patches, and the length of rims along which they agree less that along which they do
+    /// not.
     struct Link {
         std::uint32_t a, b;
         double agreed;
@@ -146,7 +156,7 @@ private:
         for (std::size_t n = 0; n < rims.size(); ++n) {
             if (others[n] == kNoTriangle) continue;
             const Rim &rim = rims[n], &other = rims[others[n]];
-            agreed[std::minmax(rim.part, other.part)] -=
+            agreed[std::minmax(rim.patch, other.patch)] -=
                 (rim.b - rim.a).norm() * rim.along().dot(other.along());
         }
         std::vector<Link> links;
@@ -155,8 +165,8 @@ private:
         return links;
     }
 
-    /// Turn parts to agree with those along whose rims theirs run, the longest rims first; most of
-    /// the area stays.
+    /// Turn patches to agree with those along whose rims theirs run, the longest rims first; most
+    /// of the area stays.
     void linkRims()
     {
         std::vector<Link> links = this->links();
@@ -164,33 +174,38 @@ private:
             return std::make_tuple(-std::abs(x.agreed), x.a, x.b) <
                    std::make_tuple(-std::abs(y.agreed), y.a, y.b);
         });
-        UnionFind patches(mAreas.size());
+        UnionFind groups(mAreas.size());
         std::vector<std::vector<std::uint32_t>> members(mAreas.size()); // by root
         for (std::uint32_t p = 0; p < members.size(); ++p) members[p] = {p};
         std::vector<std::uint8_t> isTurned(mAreas.size(), 0);
         for (const Link& link : links) {
-            std::uint32_t keeps = patches.find(link.a), joins = patches.find(link.b);
+            std::uint32_t keeps = groups.find(link.a), joins = groups.find(link.b);
             if (keeps == joins) continue;
             const bool turns = (isTurned[link.a] != isTurned[link.b]) == (link.agreed > 0);
             if (members[keeps].size() < members[joins].size()) std::swap(keeps, joins);
             for (const std::uint32_t p : members[joins]) isTurned[p] ^= std::uint8_t(turns);
-            patches.join(keeps, joins);
+            groups.join(keeps, joins);
             std::vector<std::uint32_t> all = std::move(members[keeps]);
             all.insert(all.end(), members[joins].begin(), members[joins].end());
             members[joins] = {};
-            members[patches.find(keeps)] = std::move(all);
+            members[groups.find(keeps)] = std::move(all);
         }
-        for (const auto& patch : members) {
+        for (const auto& group : members) {
             double balance = 0; // area that stays less area that is turned
-            for (const std::uint32_t p : patch) balance += isTurned[p] ? -mAreas[p] : mAreas[p];
+            for (const std::uint32_t p : group) balance += isTurned[p] ? -mAreas[p] : mAreas[p];
             if (balance < 0)
-                for (const std::uint32_t p : patch) isTurned[p] ^= 1;
+                for (const std::uint32_t p : group) isTurned[p] ^= 1;
         }
-        for (std::uint32_t p = 0; p < isTurned.size(); ++p) mPatches.turned += isTurned[p];
-        for (std::uint32_t n = 0; n < mPart.size(); ++n) {
-            if (isTurned[mPart[n]]) turn(n);
-            mPatches.patchOf[n] = patches.find(mPart[n]);
-        }
+        for (std::uint32_t p = 0; p < mGroup.size(); ++p) mGroup[p] = groups.find(p);
+        turnAll(isTurned);
+    }
+
+    /// Turn the patches that @a isTurned tells.
+    void turnAll(const std::vector<std::uint8_t>& isTurned)
+    {
+        for (const std::uint8_t turned : isTurned) mPatches.turned += turned;
+        for (std::uint32_t n = 0; n < mPatches.patchOf.size(); ++n)
+            if (isTurned[mPatches.patchOf[n]]) turn(n);
     }
 
     void turn(std::uint32_t n)
@@ -200,21 +215,10 @@ private:
         ++mOf.turned;
     }
 
-    void numberPatches()
-    {
-        std::vector<std::uint32_t> numbers(mAreas.size(), kNoTriangle);
-        for (std::uint32_t& patch : mPatches.patchOf) {
-            if (numbers[patch] == kNoTriangle) {
-                numbers[patch] = std::uint32_t(mLargest.size());
-                mLargest.emplace_back();
-            }
-            patch = numbers[patch];
-        }
-    }
-
     /// Measure what the patches enclose.
     void measure(const WindingNumber& winding)
     {
+        mLargest.resize(mAreas.size());
         for (std::uint32_t n = 0; n < mPatches.patchOf.size(); ++n)
             mLargest[mPatches.patchOf[n]].push_back({-areaVector(n).norm(), n});
         mPatches.enclosed.assign(mLargest.size(), 0);
@@ -224,12 +228,15 @@ private:
             const std::size_t count = std::min(kMeasured, largest.size());
             std::partial_sort(largest.begin(), largest.begin() + std::ptrdiff_t(count),
                               largest.end());
-            double sum = 0, area = 0;
+            double sum = 0, area = 0, ofWalls = 0;
             for (std::size_t k = 0; k < count; ++k) {
-                sum += -largest[k].first * sidesMean(winding, largest[k].second);
-                area += -largest[k].first;
+                const double own = -largest[k].first, mean = sidesMean(winding, largest[k].second);
+                sum += own * mean;
+                area += own;
+                if (std::abs(mean - std::round(mean)) < kNearWhole) ofWalls += own;
             }
             if (area > 0) mPatches.enclosed[patch] = sum / area;
+            if (ofWalls <= area / 2) mPatches.isWall[patch] = 0;
         });
         mLargest = {};
     }
@@ -245,20 +252,27 @@ private:
         return (winding.at(middle + step) + winding.at(middle - step)) / 2;
     }
 
+    /// Turn groups of patches before which the winding number is higher than behind them.
     void turnInward()
     {
-        for (double& enclosed : mPatches.enclosed) mPatches.turned += enclosed < -kFlat;
-        for (std::uint32_t n = 0; n < mPatches.patchOf.size(); ++n)
-            if (mPatches.enclosed[mPatches.patchOf[n]] < -kFlat) turn(n);
-        for (double& enclosed : mPatches.enclosed)
-            if (enclosed < -kFlat) enclosed = -enclosed;
+        std::vector<double> sums(mAreas.size(), 0), areas(mAreas.size(), 0); // by group
+        for (std::uint32_t p = 0; p < mAreas.size(); ++p) {
+            sums[mGroup[p]] += mAreas[p] * mPatches.enclosed[p];
+            areas[mGroup[p]] += mAreas[p];
+        }
+        std::vector<std::uint8_t> isTurned(mAreas.size());
+        for (std::uint32_t p = 0; p < mAreas.size(); ++p) {
+            isTurned[p] = sums[mGroup[p]] < -kFlat * areas[mGroup[p]];
+            if (isTurned[p]) mPatches.enclosed[p] = -mPatches.enclosed[p];
+        }
+        turnAll(isTurned);
     }
 
     OrientedTriangles& mOf;
     double mGap;
     Interrupter& mProgress;
-    std::vector<std::uint32_t> mPart; ///< connected over edges, by triangle
-    std::vector<double> mAreas;       ///< by part
+    std::vector<double> mAreas;        ///< by patch
+    std::vector<std::uint32_t> mGroup; ///< of patches whose rims run along each other, by patch
     MeshPatches mPatches;
     std::vector<std::vector<std::pair<double, std::uint32_t>>>
         mLargest; ///< triangles by patch, with their areas, negative

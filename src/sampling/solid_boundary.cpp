@@ -557,7 +557,6 @@ void SolidBoundary::repairPatches(const Lattice& lattice, const RepairSettings& 
     if (mTriangles.mesh.triangles.empty()) return;
     const MeshPatches patches = turnPatches(mTriangles, lattice.voxelSize, progress);
     mReport.turnedPatches = patches.turned;
-    if (!(repair.thickness > 0)) return;
     Mesh rest, sheets;
     rest.frame = mTriangles.mesh.frame;
     rest.positions = sheets.positions = mTriangles.mesh.positions;
@@ -565,15 +564,20 @@ void SolidBoundary::repairPatches(const Lattice& lattice, const RepairSettings& 
     for (std::uint32_t n = 0; n < patches.patchOf.size(); ++n) {
         const std::uint32_t patch = patches.patchOf[n];
         const Mesh::Triangle& t = mTriangles.mesh.triangles[n];
-        (patches.isSheet(patch) ? sheets : rest).triangles.push_back(t);
-        if (!patches.isSheet(patch)) continue;
-        mReport.sheetArea +=
-            areaOf({sheets.positions[t[0]], sheets.positions[t[1]], sheets.positions[t[2]]});
-        mReport.sheets += !isCounted[patch];
+        const bool isSheet = repair.thickness > 0 && patches.isSheet(patch);
+        if (!isSheet && !patches.isInnerWall(patch)) {
+            rest.triangles.push_back(t);
+            continue;
+        }
+        if (!isCounted[patch]) ++(isSheet ? mReport.sheets : mReport.innerWalls);
         isCounted[patch] = 1;
+        const double area =
+            areaOf({rest.positions[t[0]], rest.positions[t[1]], rest.positions[t[2]]});
+        (isSheet ? mReport.sheetArea : mReport.areaWithin) += area;
+        if (isSheet) sheets.triangles.push_back(t);
     }
-    if (sheets.triangles.empty()) return;
-    mSheets = std::make_unique<const TriangleTree>(sheets, progress);
+    if (!sheets.triangles.empty()) mSheets = std::make_unique<const TriangleTree>(sheets, progress);
+    if (mReport.sheets + mReport.innerWalls == 0) return;
     const std::uint64_t turned = mTriangles.turned;
     mTriangles = orientTriangles(rest, Copies::Merge, progress);
     mTriangles.turned = turned;

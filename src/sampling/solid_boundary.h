@@ -42,6 +42,7 @@ public:
         std::uint64_t turnedPatches = 0; ///< by repair
         std::uint64_t sheets = 0;        ///< patches that enclose nothing, to be thickened
         double sheetArea = 0;            ///< of these
+        std::uint64_t innerWalls = 0;    ///< open patches within the solid, left out
     };
 
     /// @param mesh  with valid indices. @param repair  null: holes wider than a voxel stay open.

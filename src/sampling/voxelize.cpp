@@ -148,6 +148,7 @@ MeshRepair repairOf(const SolidBoundary& solid, std::uint64_t dropped,
     repair.dropped = dropped;
     repair.copies = report.copies;
     repair.turned = report.turnedPatches;
+    repair.innerWalls = report.innerWalls;
     repair.sheets = report.sheets;
     repair.sheetsArea = report.sheetArea;
     for (const ClosedHole& hole : solid.closure().holes) {

@@ -60,6 +60,7 @@ Json toJson(const MeshExplained& explained)
                       {"holes_area", r.holesArea},
                       {"widest_hole", r.widestHole},
                       {"widest_hole_at", toJson(r.widestHoleAt)},
+                      {"inner_walls", r.innerWalls},
                       {"sheets", r.sheets},
                       {"sheets_area", r.sheetsArea}};
     return json;
@@ -81,6 +82,9 @@ std::vector<std::string> repairText(const MeshRepair& repair)
                                     "near ({:.6g}, {:.6g}, {:.6g})",
                                     r.holes, r.holesArea, r.widestHole, r.widestHoleAt[0],
                                     r.widestHoleAt[1], r.widestHoleAt[2]));
+    if (r.innerWalls > 0)
+        lines.push_back(
+            fmt::format("{} open surfaces within the solid were left out", r.innerWalls));
     if (r.sheets > 0)
         lines.push_back(
             fmt::format("{} open surfaces of area {:.4g} were made walls", r.sheets, r.sheetsArea));
