@@ -247,11 +247,14 @@ TEST(Repair, OpenSurfacesBecomeWallsOnRequest)
     EXPECT_EQ(repairOf(wall).sheets, 1u);
     EXPECT_NEAR(repairOf(wall).sheetsArea, 1, 1e-6);
     // A solid beside it stays as it is.
-    Mesh ball = test::ballPart(.4, 10);
-    test::move(ball, Eigen::Matrix3d::Identity(), Vec3d(0, 0, 1));
-    const LevelSet both = repaired(test::soupOf({square, ball}), h, settings);
-    test::expectSound(both);
-    EXPECT_EQ(repairOf(both).sheets, 1u);
+    const Mesh ball = test::ballPart(.4, 10);
+    for (const double height : {1.0, .6, .45}) { // apart, almost touching, merged
+        Mesh beside = ball;
+        test::move(beside, Eigen::Matrix3d::Identity(), Vec3d(0, 0, height));
+        const LevelSet both = repaired(test::soupOf({square, beside}), h, settings);
+        test::expectSound(both);
+        EXPECT_EQ(repairOf(both).sheets, 1u);
+    }
     settings.thickness = 1.9 * h;
     EXPECT_THROW(repaired(square, h, settings), UsageError);
 }

@@ -1,4 +1,5 @@
 #include "core/whole_triangle.h"
+#include "distance/restore_distance.h"
 #include "distance/triangle_band.h"
 #include "explain_mesh.h"
 #include "grid/band_limits.h"
@@ -13,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fmt/format.h>
+#include <memory>
 #include <openvdb/tools/Composite.h>
 #include <openvdb/tools/SignedFloodFill.h>
 #include <tbb/parallel_for.h>
@@ -203,18 +205,64 @@ void requireNoHole(const std::optional<WayThrough>& way, const SolidBoundary& so
         at[0], at[1], at[2], solid.report().openEdges));
 }
 
-/// The band about the boundary of @a solid, and the way through it, if there is one.
-std::pair<openvdb::FloatGrid::Ptr, std::optional<WayThrough>>
-bandOf(const SolidBoundary& solid, const PlacedTriangles& triangles, double halfWidth,
-       Interrupter& progress)
+/// A mesh's solid, and the band about its boundary.
+struct Made {
+    std::unique_ptr<SolidBoundary> solid;
+    openvdb::FloatGrid::Ptr grid; ///< null if only sheets are to be made walls
+};
+
+PlacedTriangles placedIn(const Lattice& lattice, const Vec3d& frame, const TriangleTree& tree)
 {
-    const auto grid = openvdb::FloatGrid::create(float(halfWidth * triangles.voxelSize));
-    for (auto& leaf : leavesNear(triangles, halfWidth, progress))
-        grid->tree().addLeaf(leaf.release());
-    const auto way = repairSigns(grid->tree(), triangles, solid, progress);
+    return {tree, frame, lattice.origin - frame, lattice.voxelSize};
+}
+
+/// The band about the boundary of @a made, whose grid it becomes. @return the way through it.
+std::optional<WayThrough> makeBand(Made& made, const Mesh& mesh, const SampleSettings& settings,
+                                   Interrupter& progress)
+{
+    const double h = settings.lattice.voxelSize;
+    const PlacedTriangles triangles = placedIn(settings.lattice, mesh.frame, made.solid->tree());
+    made.grid = openvdb::FloatGrid::create(float(settings.halfWidth * h));
+    openvdb::FloatTree& tree = made.grid->tree();
+    for (auto& leaf : leavesNear(triangles, settings.halfWidth, progress))
+        tree.addLeaf(leaf.release());
+    const auto way = repairSigns(tree, triangles, *made.solid, progress);
     progress.check();
-    openvdb::tools::signedFloodFill(grid->tree());
-    return {grid, way};
+    openvdb::tools::signedFloodFill(tree);
+    return way;
+}
+
+/// @param isOpen  see SolidBoundary. @throws InputError if nothing is enclosed, or a way leads
+/// inside.
+Made makeSolid(const Mesh& mesh, const SampleSettings& settings, const RepairSettings* repair,
+               bool isOpen, Interrupter& progress)
+{
+    Made made;
+    made.solid = std::make_unique<SolidBoundary>(mesh, settings.lattice, repair, progress, isOpen);
+    const SolidBoundary& solid = *made.solid;
+    if (solid.isEmpty() && !solid.sheets())
+        throw InputError(emptyText(solid.report(), repair != nullptr));
+    if (solid.isEmpty()) return made;
+    const auto way = makeBand(made, mesh, settings, progress);
+    if (!repair) requireNoHole(way, solid, mesh.frame);
+    if (!way || isOpen || !solid.closure().holes.empty()) return made;
+    return makeSolid(mesh, settings, repair, true, progress); // triangles of a region differ
+}
+
+/// Add the walls made of sheets, if there are some.
+void addWalls(Made& made, const Mesh& mesh, const SampleSettings& settings, double thickness,
+              Interrupter& progress)
+{
+    if (!made.solid->sheets()) return;
+    const auto walls = wallsOf(placedIn(settings.lattice, mesh.frame, *made.solid->sheets()),
+                               thickness, settings.halfWidth, progress);
+    if (!made.grid) {
+        made.grid = walls;
+        return;
+    }
+    openvdb::tools::csgUnion(*made.grid, *walls);
+    // Where the two meet, the larger distance within them is too small.
+    restoreDistance(made.grid->tree(), settings.lattice.voxelSize, ValuesFrom::Distances, progress);
 }
 
 void requireThickness(const RepairSettings& repair, double voxelSize)
@@ -251,37 +299,14 @@ LevelSet voxelize(const Mesh& given, const SampleSettings& settings, const Repai
                   settings.halfWidth + (repair ? repair->thickness / 2 / h : 0), repair != nullptr,
                   settings);
     progress.check();
-    auto made = std::make_unique<SolidBoundary>(mesh, lattice, repair, progress);
-    const auto requireSolid = [&] {
-        if (made->isEmpty() && !made->sheets())
-            throw InputError(emptyText(made->report(), repair != nullptr));
-    };
-    requireSolid();
-    const auto placed = [&](const TriangleTree& tree) {
-        return PlacedTriangles{tree, mesh.frame, lattice.origin - mesh.frame, h};
-    };
-    openvdb::FloatGrid::Ptr grid;
-    if (!made->isEmpty()) {
-        auto [band, way] = bandOf(*made, placed(made->tree()), settings.halfWidth, progress);
-        if (!repair) requireNoHole(way, *made, mesh.frame);
-        if (way && made->closure().holes.empty()) { // triangles of a region differ
-            made = std::make_unique<SolidBoundary>(mesh, lattice, repair, progress, true);
-            requireSolid();
-            band = bandOf(*made, placed(made->tree()), settings.halfWidth, progress).first;
-        }
-        grid = band;
-    }
-    const SolidBoundary& solid = *made;
+    Made made = makeSolid(mesh, settings, repair, false, progress);
+    const SolidBoundary& solid = *made.solid;
     std::optional<MeshRepair> repaired;
-    if (repair) repaired = repairOf(solid, given.triangles.size() - mesh.triangles.size(), *repair);
-    if (solid.sheets()) {
-        const auto walls =
-            wallsOf(placed(*solid.sheets()), repair->thickness, settings.halfWidth, progress);
-        if (grid)
-            openvdb::tools::csgUnion(*grid, *walls);
-        else
-            grid = walls;
+    if (repair) {
+        repaired = repairOf(solid, given.triangles.size() - mesh.triangles.size(), *repair);
+        addWalls(made, mesh, settings, repair->thickness, progress);
     }
+    const openvdb::FloatGrid::Ptr& grid = made.grid;
     setLattice(*grid, lattice);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
