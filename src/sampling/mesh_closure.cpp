@@ -24,7 +24,8 @@ using Segment = std::array<Vec3d, 2>;
 constexpr int kHalvings = 10; ///< of an edge [derived: to kTouch, a thousandth of a voxel]
 /// Distance of a sign's change from a triangle that makes it, voxels. [derived: two last halves]
 constexpr double kAtTriangle = 2.0 / (1 << kHalvings);
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max(); ///< [derived: max]
+constexpr std::uint32_t kNone =
+    std::numeric_limits<std::uint32_t>::max(); ///< number of no vertex [derived: type's largest]
 
 /// An edge between neighboring voxels.
 struct LatticeEdge {

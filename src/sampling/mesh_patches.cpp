@@ -18,7 +18,7 @@ namespace mpuvdb
 namespace
 {
 
-/// Mean winding number that counts as 0. [derived: error of two terms at kOpenness, [Barill18]]
+/// Mean winding number that counts as 0. [derived: error of the two terms of Barill18 at kOpenness]
 constexpr double kFlat = 0.01;
 /// Least cosine of the angle of rims that run along each other. [derived: 60 degrees, halfway]
 constexpr double kAlong = 0.5;
