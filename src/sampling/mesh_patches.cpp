@@ -102,15 +102,16 @@ private:
     }
 
     /// The rim of another patch that is nearest to the middle of rim @a n, runs along it and is
-    /// within the gap, of those equally near that of the largest patch; kNoTriangle if there is
-    /// none.
+    /// within the gap and no farther than rim @a n is long, of those equally near that of the
+    /// largest patch; kNoTriangle if there is none.
     std::uint32_t beside(const std::vector<Rim>& rims, const TriangleTree& tree,
                          std::uint32_t n) const
     {
         const Vec3d middle = (rims[n].a + rims[n].b) / 2;
         std::uint32_t best = kNoTriangle;
-        double least = mGap * mGap;
-        tree.forEachNear(middle, mGap, [&](std::size_t slot) {
+        const double gap = std::min(mGap, (rims[n].b - rims[n].a).norm());
+        double least = gap * gap;
+        tree.forEachNear(middle, gap, [&](std::size_t slot) {
             const std::uint32_t m = tree.triangle(slot);
             if (rims[m].patch == rims[n].patch) return;
             if (std::abs(rims[m].along().dot(rims[n].along())) < kAlong) return;

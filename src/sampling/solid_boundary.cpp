@@ -537,7 +537,10 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const Rep
     mReport.isCut = closes || !contacts.empty();
     mReport.bending = bendingOf(mTriangles, contacts);
     measure(mTriangles, faces, sign, surfacesOf(mTriangles, contacts), mReport);
-    if (!isSolid(sign)) return;
+    if (!isSolid(sign)) {
+        if (repair && repair->thickness > 0 && !mSheets) makeSheet();
+        return;
+    }
     const bool isWhole =
         !closes && contacts.empty() && !mReport.insideOut &&
         !faces.any([](const Sides& s) { return !s.bounds(1) || s.facesInward(1); });
@@ -581,6 +584,14 @@ void SolidBoundary::repairPatches(const Lattice& lattice, const RepairSettings& 
     const std::uint64_t turned = mTriangles.turned;
     mTriangles = orientTriangles(rest, Copies::Merge, progress);
     mTriangles.turned = turned;
+}
+
+void SolidBoundary::makeSheet()
+{
+    mSheets = std::make_unique<const TriangleTree>(*mWhole);
+    mReport.sheets = 1;
+    mReport.sheetArea = mReport.areaWithin + mReport.areaOfNothing;
+    mReport.areaWithin = mReport.areaOfNothing = 0;
 }
 
 void SolidBoundary::addClosure(const std::vector<std::array<Vec3d, 2>>& starts,

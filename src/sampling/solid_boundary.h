@@ -64,6 +64,8 @@ public:
 
 private:
     void repairPatches(const Lattice& lattice, const RepairSettings& repair, Interrupter& progress);
+    /// Make a sheet of all that is left, which encloses nothing.
+    void makeSheet();
     void addClosure(const std::vector<std::array<Vec3d, 2>>& starts, const Lattice& lattice,
                     Mesh& boundary, Interrupter& progress);
 
