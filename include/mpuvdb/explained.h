@@ -43,11 +43,11 @@ struct MeshExplained {
     double volumeExplained = 0;
     /// Share of the mesh's boundary around which all eight voxels are on one side, in [0, 1].
     double missed = 0;
-    std::uint64_t openEdges = 0; ///< edges of the mesh whose triangles do not cancel
-    std::uint64_t turned = 0;    ///< triangles turned to face as their neighbors do
-    bool insideOut = false;      ///< all parts faced inward, and were turned
-    double areaWithin = 0;       ///< of triangles inside the solid, world units squared
-    double areaOfNothing = 0;    ///< of parts that face inward and lie in no other, the same
+    std::uint64_t openEdges = 0;      ///< edges of the mesh whose triangles do not cancel
+    std::uint64_t turned = 0;         ///< triangles turned to face as their neighbors do
+    bool insideOut = false;           ///< all parts faced inward, and were turned
+    double areaWithin = 0;            ///< of triangles inside the solid, world units squared
+    double areaOfNothing = 0;         ///< of parts that face inward and lie in no other, the same
     std::optional<MeshRepair> repair; ///< if repair was asked for
     std::vector<std::string>
         findings; ///< deviations that the voxel size does not explain, and cures

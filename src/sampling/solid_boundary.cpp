@@ -521,7 +521,7 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const Rep
     mWhole = std::make_shared<const TriangleTree>(mTriangles.mesh, progress);
     mBox = {mWhole->box().min().cast<double>(), mWhole->box().max().cast<double>()};
     mWinding = std::make_unique<const WindingNumber>(*mWhole, mTriangles.multiplicity,
-                                                     mTriangles.isClosed());
+                                                     mTriangles.isClosed() && !isOpen);
     progress.check();
     const ContactLengths lengths = lengthsFor(mTriangles.mesh, lattice.voxelSize);
     const std::vector<Contact> contacts = findContacts(mTriangles, *mWhole, lengths, progress);
