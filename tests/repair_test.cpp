@@ -125,6 +125,26 @@ TEST(Repair, ClosesTheMissingFaceOfABoxByAPlane)
     }
 }
 
+// All faces lie on planes of voxels, where winding numbers are those between two sides.
+TEST(Repair, ClosesHolesOfABoxOnTheLattice)
+{
+    const Vec3d half(.5, .25, .375);
+    SampleSettings settings;
+    settings.lattice = {Vec3d::Zero(), 1.0 / 32};
+    for (const double side : {-1, 1}) {
+        const Mesh mesh = without(test::boxPart(-half, half),
+                                  [&](const Vec3d& p) { return side * p[0] > half[0] - 1e-6; });
+        Interrupter progress;
+        const LevelSet solid = voxelize(mesh, settings, RepairSettings{}, &progress);
+        test::expectSound(solid);
+        EXPECT_EQ(repairOf(solid).holes, 1u);
+        EXPECT_NEAR(repairOf(solid).widestHole, std::hypot(.5, .75), 4.0 / 32);
+        EXPECT_EQ(
+            test::deviation(solid, [&](const Vec3d& p) { return boxDistance(p, half); }).wrongSigns,
+            0u);
+    }
+}
+
 TEST(Repair, LeavesSoundMeshesAsTheyAre)
 {
     Mesh cavity = test::ballPart(.4, 7);

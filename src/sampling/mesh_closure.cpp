@@ -162,11 +162,11 @@ private:
 
     Crossing crossingOf(const LatticeEdge& edge) const
     {
-        double atLow = mExcess.at(edge.low), atHigh = mExcess.at(edge.high());
+        const double atLow = mExcess.at(edge.low), atHigh = mExcess.at(edge.high());
         const bool lowIsInside = atLow > 0;
         Vec3d low = vecOf(edge.low), high = vecOf(edge.high());
         std::size_t slot = 0;
-        if (!mMesh.boundary.isWithin(placeOf((low + high) / 2), mH / 2, slot)) // a smooth change
+        if (!mMesh.boundary.isWithin(placeOf((low + high) / 2), (0.5 + kAtTriangle) * mH, slot))
             return {edge, low + atLow / (atLow - atHigh) * (high - low), true, lowIsInside};
         for (int n = 0; n < kHalvings; ++n) {
             const Vec3d middle = (low + high) / 2;
