@@ -204,6 +204,16 @@ INSTANTIATE_TEST_SUITE_P(
                       settings.lattice = {Vec3d::Zero(), 1 / radius()};
                       return [=](Interrupter& progress) { voxelize(mesh, settings, &progress); };
                   }},
+        std::pair{"repair",
+                  []() -> Work {
+                      Mesh mesh = extractMesh(ball());
+                      mesh.triangles.resize(mesh.triangles.size() / 4 * 3);
+                      SampleSettings settings;
+                      settings.lattice = {Vec3d::Zero(), 1 / radius()};
+                      return [=](Interrupter& progress) {
+                          voxelize(mesh, settings, RepairSettings{}, &progress);
+                      };
+                  }},
         std::pair{"offset",
                   []() -> Work {
                       return [a = ball()](Interrupter& progress) { offset(a, 0.15, &progress); };

@@ -12,6 +12,20 @@
 namespace mpuvdb
 {
 
+/// What the repair of a broken mesh did. Lengths and areas are in world units.
+struct MeshRepair {
+    std::uint64_t dropped = 0; ///< triangles with vertices that are not finite or not there
+    std::uint64_t copies = 0;  ///< triangles left out for others with the same corners
+    std::uint64_t turned = 0;  ///< whole patches of the surface that were turned to face outward
+    std::uint64_t holes = 0;   ///< surfaces that close holes
+    double holesArea = 0;      ///< of these surfaces together
+    double widestHole = 0;     ///< diagonal of the box of the largest of them
+    Vec3d widestHoleAt = Vec3d::Zero(); ///< middle of that box
+    std::uint64_t innerWalls = 0;       ///< open surfaces within the solid, left out
+    std::uint64_t sheets = 0;           ///< open surfaces that were made walls
+    double sheetsArea = 0;              ///< of these
+};
+
 /// Comparison of a mesh with the level set of its solid.
 struct MeshExplained {
     double volumeIn = 0, volumeOut = 0; ///< of the mesh's solid and of the level set's, world units
@@ -29,11 +43,12 @@ struct MeshExplained {
     double volumeExplained = 0;
     /// Share of the mesh's boundary around which all eight voxels are on one side, in [0, 1].
     double missed = 0;
-    std::uint64_t openEdges = 0; ///< edges of the mesh whose triangles do not cancel
-    std::uint64_t turned = 0;    ///< triangles turned to face as their neighbors do
-    bool insideOut = false;      ///< all parts faced inward, and were turned
-    double areaWithin = 0;       ///< of triangles inside the solid, world units squared
-    double areaOfNothing = 0;    ///< of parts that face inward and lie in no other, the same
+    std::uint64_t openEdges = 0;      ///< edges of the mesh whose triangles do not cancel
+    std::uint64_t turned = 0;         ///< triangles turned to face as their neighbors do
+    bool insideOut = false;           ///< all parts faced inward, and were turned
+    double areaWithin = 0;            ///< of triangles inside the solid, world units squared
+    double areaOfNothing = 0;         ///< of parts that face inward and lie in no other, the same
+    std::optional<MeshRepair> repair; ///< if repair was asked for
     std::vector<std::string>
         findings; ///< deviations that the voxel size does not explain, and cures
 };

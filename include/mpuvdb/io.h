@@ -46,12 +46,19 @@ Particles readParticles(const std::vector<std::filesystem::path>& files,
                         const std::vector<std::string>& scalars = {}, std::uint64_t maxBytes = 0,
                         Interrupter* interrupter = nullptr);
 
+/// What readMesh() does with vertices that are not finite.
+enum class BadVertices {
+    Refuse,
+    Keep ///< for repair; the frame is that of the others
+};
+
 /// Reads a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
 /// (PLY). Polygons become fans; vertices without a triangle are left out; colors are kept. The
 /// frame is the middle of the mesh.
 /// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite),
 /// Interrupted.
-Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter = nullptr);
+Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter = nullptr,
+              BadVertices bad = BadVertices::Refuse);
 
 /// Writes points as binary PLY, with double positions, or as text (.xyz, .txt, .pwn).
 /// @throws UsageError (another extension), IoError, Interrupted.

@@ -4,6 +4,7 @@
 #include <mpuvdb/triangle_mesh.h>
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 
@@ -55,6 +56,15 @@ openvdb::FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage&
 /// size of the voxels, and that without metadata.
 double coverageScale(const openvdb::FloatGrid& coverage);
 
+/// How voxelize() repairs a broken mesh.
+struct RepairSettings {
+    /// The widest hole that is closed, world units: the diagonal of its box.
+    double holes = std::numeric_limits<double>::infinity();
+    /// Thickness of the walls made of open surfaces that enclose nothing, world units: at least two
+    /// voxels; 0: they are left out.
+    double thickness = 0;
+};
+
 /// The solid of a closed triangle mesh as a level set: all places with a winding number of at least
 /// one [Barill18]. So parts that overlap, touch or are duplicates are one solid, and a part that
 /// faces inward is a cavity of those around it. If all parts face inward, all are turned, as are
@@ -65,6 +75,17 @@ double coverageScale(const openvdb::FloatGrid& coverage);
 /// @throws InputError (no triangles, indices out of range, not finite, open, nothing enclosed),
 /// UsageError (half-width), LimitError (memory, index range), Interrupted.
 LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings,
+                  Interrupter* interrupter = nullptr);
+
+/// The same for a broken mesh, of a closed one the same values. Inside is where the generalized
+/// winding number is above one half, once patches face as their neighbors do, and outward, and
+/// triangles with the same corners count once. So holes of any shape are closed by the surface
+/// where the number is one half, which ends at their rims; for a plane rim it is plane. Distances
+/// to the mesh's own triangles stay exact. Triangles with vertices that are not finite or not there
+/// are left out. Explained::repair says what was done.
+/// @throws as the other, but for open meshes InputError only if a hole is wider than
+/// RepairSettings::holes; UsageError for a thickness below two voxels.
+LevelSet voxelize(const Mesh& mesh, const SampleSettings& settings, const RepairSettings& repair,
                   Interrupter* interrupter = nullptr);
 
 /// Side of a value that is inside.

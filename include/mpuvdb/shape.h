@@ -17,6 +17,7 @@ namespace mpuvdb
 {
 
 class Interrupter;
+struct RepairSettings;
 
 /// Settings of an evaluation.
 struct ShapeSettings {
@@ -49,6 +50,9 @@ public:
     explicit Shape(LevelSet levelSet, std::string name = "grid");
     /// A closed triangle mesh, by voxelize().
     explicit Shape(std::shared_ptr<const Mesh> mesh, std::string name = "mesh");
+    /// A broken one, repaired.
+    Shape(std::shared_ptr<const Mesh> mesh, const RepairSettings& repair,
+          std::string name = "mesh");
     /// @}
 
     /// @{ Booleans; @a blendRadius as in combine().

@@ -1,5 +1,6 @@
 #include "triangle_band.h"
 
+#include "spatial/nearest_place.h"
 #include "spatial/point_triangle.h"
 #include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>

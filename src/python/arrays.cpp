@@ -151,13 +151,16 @@ ArrayView arrayViewOf(const py::object& object, py::ssize_t columns, const char*
     return {std::move(array), numbers};
 }
 
-Mesh meshOf(const py::object& vertices, const py::object& faces)
+Mesh meshOf(const py::object& vertices, const py::object& faces, BadVertices bad)
 {
     const std::vector<Vec3d> places = rowsOf(vertices, "vertices");
     Box3d box;
     for (const Vec3d& p : places) {
-        if (!p.allFinite()) throw InputError("vertices: one of them is not finite");
-        box.extend(p);
+        if (p.allFinite())
+            box.extend(p);
+        else if (bad == BadVertices::Refuse)
+            throw InputError("vertices: one of them is not finite. Remove it, or repair the mesh: "
+                             "repair=True leaves out its triangles");
     }
     Mesh mesh;
     if (!box.isEmpty()) mesh.frame = box.center();

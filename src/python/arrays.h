@@ -1,5 +1,6 @@
 // Numpy arrays in and out.
 #pragma once
+#include <mpuvdb/io.h>
 #include <mpuvdb/point_input.h>
 #include <mpuvdb/triangle_mesh.h>
 
@@ -29,8 +30,9 @@ ArrayView arrayViewOf(const pybind11::object& array, pybind11::ssize_t columns, 
 
 /// A mesh about the middle of its vertices.
 /// @throws UsageError unless the shapes are (n, 3) and (m, 3), with integers for the faces;
-/// InputError for a vertex that is not finite, or an index that is out of range.
-Mesh meshOf(const pybind11::object& vertices, const pybind11::object& faces);
+/// InputError for a vertex that is not finite, unless it is kept, or an index that is out of range.
+Mesh meshOf(const pybind11::object& vertices, const pybind11::object& faces,
+            BadVertices bad = BadVertices::Refuse);
 
 /// What lies in @a data as an array of that shape which cannot be written to, without a copy;
 /// @a owner keeps it alive.

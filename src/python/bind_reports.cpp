@@ -94,6 +94,35 @@ void bindMeshReport(py::module_& module)
         });
 }
 
+void bindMeshRepair(py::module_& module)
+{
+    using R = MeshRepair;
+    py::class_<R>(module, "MeshRepair", "What the repair of a broken mesh did.")
+        .def_readonly("dropped", &R::dropped,
+                      "Triangles with vertices that are not finite or not there, left out.")
+        .def_readonly("copies", &R::copies, "Triangles left out for others with their corners.")
+        .def_readonly("turned", &R::turned, "Whole patches that were turned outward.")
+        .def_readonly("holes", &R::holes, "Holes that were closed.")
+        .def_readonly("holes_area", &R::holesArea,
+                      "Of the surfaces that close them, world units squared.")
+        .def_readonly("widest_hole", &R::widestHole,
+                      "Diagonal of the box of the widest, world units; 0: none.")
+        .def_property_readonly(
+            "widest_hole_at",
+            [](const R& r) {
+                const Vec3d& at = r.widestHoleAt;
+                return py::make_tuple(at[0], at[1], at[2]);
+            },
+            "Middle of that box (x, y, z), world units.")
+        .def_readonly("inner_walls", &R::innerWalls, "Open surfaces within the solid, left out.")
+        .def_readonly("sheets", &R::sheets, "Open surfaces that were made walls.")
+        .def_readonly("sheets_area", &R::sheetsArea, "Of these, world units squared.")
+        .def("__repr__", [](const R& r) {
+            return fmt::format("<mpuvdb.MeshRepair: {} holes closed, {} patches turned>", r.holes,
+                               r.turned);
+        });
+}
+
 void bindMeshExplained(py::module_& module)
 {
     using E = MeshExplained;
@@ -122,6 +151,7 @@ void bindMeshExplained(py::module_& module)
                       "Of triangles inside the solid, world units squared.")
         .def_readonly("area_of_nothing", &E::areaOfNothing,
                       "Of parts that face inward and lie in no other, world units squared.")
+        .def_readonly("repair", &E::repair, "What repair did, a MeshRepair; None without it.")
         .def("__repr__", [](const E& e) {
             return fmt::format("<mpuvdb.MeshExplained: volume {:.6g} of {:.6g}, {}>", e.volumeOut,
                                e.volumeIn, e.findings.empty() ? "sound" : e.findings.front());
@@ -182,6 +212,7 @@ void bindReports(py::module_& module)
     bindChecks(module);
     bindSolidMeasures(module);
     bindMeshReport(module);
+    bindMeshRepair(module);
     bindMeshExplained(module);
     bindPointsExplained(module);
 }

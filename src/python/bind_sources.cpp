@@ -7,6 +7,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/reconstruct.h>
+#include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
 
@@ -262,14 +263,30 @@ void bindReconstruct(py::module_& module)
         "likely wrong is a UserWarning." MPUVDB_PROGRESS_DOC);
 }
 
+double notNegative(const std::string& what, double length)
+{
+    if (!(length >= 0))
+        throw UsageError(fmt::format("{} is {}; it must be at least 0", what, length));
+    return length;
+}
+
 void bindMeshes(py::module_& module)
 {
     module.def(
         "mesh",
-        [](const py::object& source, const py::object& faces, const py::object& progress) {
-            if (!faces.is_none()) return Shape(std::make_shared<const Mesh>(meshOf(source, faces)));
-            if (py::isinstance<Mesh>(source))
-                return Shape(std::shared_ptr<const Mesh>(source.cast<std::shared_ptr<Mesh>>()));
+        [](const py::object& source, const py::object& faces, const py::object& progress,
+           bool repair, std::optional<double> holes, double thicken) {
+            std::optional<RepairSettings> settings;
+            if (repair || holes || thicken != 0) settings.emplace();
+            if (holes) settings->holes = notNegative("repair_holes", *holes);
+            if (settings) settings->thickness = notNegative("thicken", thicken);
+            const BadVertices bad = settings ? BadVertices::Keep : BadVertices::Refuse;
+            const auto shapeOf = [&](std::shared_ptr<const Mesh> mesh) {
+                return settings ? Shape(std::move(mesh), *settings) : Shape(std::move(mesh));
+            };
+            if (!faces.is_none())
+                return shapeOf(std::make_shared<const Mesh>(meshOf(source, faces, bad)));
+            if (py::isinstance<Mesh>(source)) return shapeOf(source.cast<std::shared_ptr<Mesh>>());
             py::detail::make_caster<Path> caster;
             if (!caster.load(source, true)) {
                 PyErr_Clear();
@@ -278,12 +295,22 @@ void bindMeshes(py::module_& module)
             }
             const auto file = py::detail::cast_op<Path>(caster);
             return run(progress, [&](Interrupter& p) {
-                return Shape(std::make_shared<const Mesh>(readMesh(file, &p)));
+                return shapeOf(std::make_shared<const Mesh>(readMesh(file, &p, bad)));
             });
         },
-        "source"_a, "faces"_a = py::none(), "progress"_a = py::none(),
-        "The solid inside a closed triangle mesh: a file, a Mesh, or vertices (n, 3) in world "
-        "units with faces (m, 3), counter-clockwise seen from outside." MPUVDB_PROGRESS_DOC);
+        "source"_a, "faces"_a = py::none(), "progress"_a = py::none(), py::kw_only(),
+        "repair"_a = false, "repair_holes"_a = py::none(), "thicken"_a = 0.0,
+        "The solid inside a triangle mesh: a file, a Mesh, or vertices (n, 3) in world units with "
+        "faces (m, 3), counter-clockwise seen from outside.\n\n"
+        "The mesh has to be closed, but for what repair=True makes good: inside is then where the "
+        "generalized winding number is above one half, so that holes are closed; patches that face "
+        "the wrong way are turned, copies of triangles, triangles within the solid and those with "
+        "vertices that are not finite left out. LevelSet.explained.repair says what was done.\n"
+        "repair_holes: the widest hole that is closed, world units, at least 0; None: any; wider "
+        "ones raise InputError when the shape is evaluated. thicken: thickness of the walls made "
+        "of "
+        "open surfaces that enclose nothing, world units, at least two voxels; 0: none are made. "
+        "Either repairs, too." MPUVDB_PROGRESS_DOC);
 }
 
 void bindGrids(py::module_& module)

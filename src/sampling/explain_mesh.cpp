@@ -28,7 +28,7 @@ constexpr double kSmallBallShare = 3.0 / 16;
 
 /// The places around which all voxels are on one side; voxels on the surface are on both.
 std::vector<TrianglePlace> missedPlaces(const std::vector<TrianglePlace>& places,
-                                        const PlacedTriangles& triangles, const LevelSet& levelSet,
+                                        const Vec3d& shift, const LevelSet& levelSet,
                                         Interrupter& progress)
 {
     const auto on = float(kTouch * levelSet.voxelSize());
@@ -38,7 +38,7 @@ std::vector<TrianglePlace> missedPlaces(const std::vector<TrianglePlace>& places
             progress.check();
             const auto at = levelSet.grid().getConstAccessor();
             for (std::size_t n = range.begin(); n < range.end(); ++n) {
-                const Vec3d x = (places[n].position - triangles.shift) / triangles.voxelSize;
+                const Vec3d x = (places[n].position - shift) / levelSet.voxelSize();
                 const auto first = openvdb::Coord::floor(openvdb::Vec3d(x[0], x[1], x[2]));
                 bool inside = false, outside = false;
                 for (int corner = 0; corner < 8; ++corner) {
@@ -81,9 +81,11 @@ double thicknessAt(const std::vector<TrianglePlace>& places, const SolidBoundary
 void addFindings(MeshExplained& e, const std::vector<TrianglePlace>& places,
                  const std::vector<TrianglePlace>& missed, const SolidBoundary& solid, double h)
 {
-    const bool volumeDiffers = std::abs(e.volumeOut - e.volumeIn) > e.volumeExplained;
+    // Walls made of sheets are in the result only.
+    const bool isMesh = solid.sheets() == nullptr;
+    const bool volumeDiffers = isMesh && std::abs(e.volumeOut - e.volumeIn) > e.volumeExplained;
     // The number of parts is undefined where parts meet.
-    const bool isSplintered = !solid.report().isCut && e.partsOut > e.partsIn;
+    const bool isSplintered = isMesh && !solid.report().isCut && e.partsOut > e.partsIn;
     if (volumeDiffers || isSplintered || e.missed > kMaxMissed)
         e.findings.push_back(fmt::format(
             "walls, gaps or details of the mesh are too thin for voxels of {:.4g}: its volume of "
@@ -94,14 +96,16 @@ void addFindings(MeshExplained& e, const std::vector<TrianglePlace>& places,
     if (e.areaOfNothing > kMaxMissed * e.areaIn)
         e.findings.push_back(fmt::format(
             "parts of the mesh with an area of {:.4g} ({:.0f} % of its surface) enclose nothing: "
-            "they face inward and lie in no other part, or have no inside. Turn or close them",
+            "they face inward and lie in no other part, or have no inside. Turn or close them, or "
+            "repair the mesh (--repair turns and closes, --thicken LENGTH makes walls of open "
+            "surfaces)",
             e.areaOfNothing, 100 * e.areaOfNothing / e.areaIn));
 }
 
 } // namespace
 
-MeshExplained explainMesh(const SolidBoundary& solid, const PlacedTriangles& triangles,
-                          const LevelSet& levelSet, Interrupter& progress)
+MeshExplained explainMesh(const SolidBoundary& solid, const Vec3d& shift, const LevelSet& levelSet,
+                          Interrupter& progress)
 {
     const SolidBoundary::Report& in = solid.report();
     const SolidBlocks blocks(levelSet, progress);
@@ -126,8 +130,9 @@ MeshExplained explainMesh(const SolidBoundary& solid, const PlacedTriangles& tri
         const TriangleTree::Corners& t = solid.tree().corners(slot);
         return std::array<Vec3d, 3>{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>()};
     };
+    if (solid.isEmpty()) return e; // of walls only
     const std::vector<TrianglePlace> places = placesOn(solid.tree().size(), kPlaces, corners),
-                                     missed = missedPlaces(places, triangles, levelSet, progress);
+                                     missed = missedPlaces(places, shift, levelSet, progress);
     e.missed = double(missed.size()) / double(kPlaces);
     addFindings(e, places, missed, solid, h);
     return e;

@@ -1,12 +1,10 @@
 #include "mesh_signs.h"
 
-#include <mpuvdb/error.h>
 #include <mpuvdb/field.h>
 #include <mpuvdb/interrupter.h>
 
 #include <array>
 #include <cmath>
-#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
 
@@ -43,11 +41,12 @@ public:
         for (std::size_t n = 0; n < mBand.leafCount(); ++n) mNumbers[mBand.leaf(n).origin()] = n;
     }
 
-    void run(Interrupter& progress)
+    std::optional<WayThrough> run(Interrupter& progress)
     {
+        setSigns(besideSeams(), progress);
         std::vector<Conflict> conflicts = find();
         while (resolve(conflicts, progress)) conflicts = find();
-        requireNoHole(conflicts);
+        return widest(conflicts);
     }
 
 private:
@@ -95,12 +94,37 @@ private:
             for (const int step : {0, 1}) {
                 openvdb::Coord voxel = d.voxel;
                 voxel[d.axis] += step;
-                auto& resolved = mResolved[mNumbers.at(voxel & ~(kBlockDim - 1))];
-                const auto offset = Leaf::coordToOffset(voxel);
-                if (resolved.isOn(offset)) continue;
-                resolved.setOn(offset);
-                voxels.push_back(voxel);
+                addUnresolved(voxel, voxels);
             }
+        setSigns(voxels, progress);
+        return !voxels.empty();
+    }
+
+    /// Active voxels as near to a seam as any of a cell about it.
+    std::vector<openvdb::Coord> besideSeams()
+    {
+        std::vector<openvdb::Coord> voxels;
+        for (const openvdb::Coord& cell : mSolid.closure().seam)
+            for (int n = 0; n < 64; ++n)
+                addUnresolved(cell.offsetBy(n / 16 - 1, n / 4 % 4 - 1, n % 4 - 1), voxels);
+        return voxels;
+    }
+
+    /// Add an active voxel that is not there, and remember that.
+    void addUnresolved(const openvdb::Coord& voxel, std::vector<openvdb::Coord>& voxels)
+    {
+        const auto at = mNumbers.find(voxel & ~(kBlockDim - 1));
+        if (at == mNumbers.end() || !mBand.leaf(at->second).isValueOn(voxel)) return;
+        auto& resolved = mResolved[at->second];
+        const auto offset = Leaf::coordToOffset(voxel);
+        if (resolved.isOn(offset)) return;
+        resolved.setOn(offset);
+        voxels.push_back(voxel);
+    }
+
+    /// Set the signs of voxels by their winding numbers.
+    void setSigns(const std::vector<openvdb::Coord>& voxels, Interrupter& progress)
+    {
         std::vector<std::uint8_t> inside(voxels.size());
         tbb::parallel_for(std::size_t(0), voxels.size(), [&](std::size_t n) {
             if (n % 64 == 0) progress.check();
@@ -112,23 +136,17 @@ private:
             const float distance = std::abs(leaf.getValue(voxels[n]));
             leaf.setValueOnly(voxels[n], inside[n] ? -distance : distance);
         }
-        return !voxels.empty();
     }
 
-    void requireNoHole(const std::vector<Conflict>& conflicts) const
+    std::optional<WayThrough> widest(const std::vector<Conflict>& conflicts) const
     {
         const Conflict* widest = nullptr;
         for (const Conflict& d : conflicts)
             if (d.apart > kThroughHole * kRoundings && (!widest || d.apart > widest->apart))
                 widest = &d;
-        if (!widest) return;
+        if (!widest) return std::nullopt;
         const openvdb::Coord& v = widest->voxel;
-        const Vec3d at = mTriangles.place(Vec3d(v.x(), v.y(), v.z())) + mTriangles.frame;
-        throw InputError(fmt::format(
-            "mesh: is open: near ({:.6g}, {:.6g}, {:.6g}) a hole wider than a voxel leads inside "
-            "({} of its edges bound holes). Close its holes, use larger voxels, or reconstruct a "
-            "surface from its points",
-            at[0], at[1], at[2], mSolid.report().openEdges));
+        return WayThrough{mTriangles.place(Vec3d(v.x(), v.y(), v.z())), widest->apart};
     }
 
     LeafManager mBand;
@@ -140,10 +158,10 @@ private:
 
 } // namespace
 
-void repairSigns(Tree& tree, const PlacedTriangles& triangles, const SolidBoundary& solid,
-                 Interrupter& progress)
+std::optional<WayThrough> repairSigns(Tree& tree, const PlacedTriangles& triangles,
+                                      const SolidBoundary& solid, Interrupter& progress)
 {
-    SignRepair(tree, triangles, solid).run(progress);
+    return SignRepair(tree, triangles, solid).run(progress);
 }
 
 } // namespace mpuvdb

@@ -1,5 +1,6 @@
 #include "oriented_triangles.h"
 
+#include "core/union_find.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -104,7 +105,7 @@ bool runAlike(const Mesh::Triangle& t, std::size_t k, const Mesh::Triangle& u)
 class CopyMerger
 {
 public:
-    explicit CopyMerger(OrientedTriangles& of) : mOf(of) {}
+    CopyMerger(OrientedTriangles& of, Copies copies) : mOf(of), mCopies(copies) {}
 
     void run()
     {
@@ -117,26 +118,48 @@ public:
             sorted[n] = {t, std::uint32_t(n)};
         });
         tbb::parallel_sort(sorted.begin(), sorted.end());
-        std::vector<std::pair<std::uint32_t, std::int32_t>> kept; // the first; how often it counts
+        std::vector<Kept> kept, cancelled;
         for (std::size_t n = 0; n < sorted.size();) {
             std::int32_t times = 0;
             const std::size_t first = n;
             for (; n < sorted.size() && sorted[n].first == sorted[first].first; ++n)
                 times += runsUpward(triangles[sorted[n].second]) ? 1 : -1;
-            if (times != 0) kept.push_back({sorted[first].second, times});
+            (times != 0 ? kept : cancelled).push_back({sorted[first].second, times});
         }
+        if (mCopies == Copies::Merge) mergeCopies(kept, cancelled);
         std::sort(kept.begin(), kept.end());
+        mOf.copies = triangles.size() - kept.size();
         keep(kept);
     }
 
 private:
+    using Kept = std::pair<std::uint32_t, std::int32_t>; ///< the first copy; how often it counts
+
+    /// Count each once, and keep those that cancel where nothing else of their part is kept.
+    void mergeCopies(std::vector<Kept>& kept, const std::vector<Kept>& cancelled) const
+    {
+        const std::vector<Mesh::Triangle>& triangles = mOf.mesh.triangles;
+        for (auto& [n, times] : kept) times = times > 0 ? 1 : -1;
+        UnionFind parts(mOf.mesh.positions.size()); // of vertices
+        for (const std::vector<Kept>* some : {&std::as_const(kept), &cancelled})
+            for (const auto& [n, times] : *some) {
+                parts.join(triangles[n][0], triangles[n][1]);
+                parts.join(triangles[n][0], triangles[n][2]);
+            }
+        std::vector<std::uint8_t> isKept(mOf.mesh.positions.size(), 0);
+        for (const auto& [n, times] : kept) isKept[parts.find(triangles[n][0])] = 1;
+        for (const auto& [n, times] : cancelled)
+            if (!isKept[parts.find(triangles[n][0])])
+                kept.push_back({n, runsUpward(triangles[n]) ? 1 : -1});
+    }
+
     /// Whether its corners are a cyclic shift of ascending ones.
     static bool runsUpward(const Mesh::Triangle& t)
     {
         return (t[0] < t[1]) + (t[1] < t[2]) + (t[2] < t[0]) == 2;
     }
 
-    void keep(const std::vector<std::pair<std::uint32_t, std::int32_t>>& kept)
+    void keep(const std::vector<Kept>& kept)
     {
         std::vector<Mesh::Triangle> triangles;
         std::vector<std::int32_t> multiplicity;
@@ -153,6 +176,7 @@ private:
     }
 
     OrientedTriangles& mOf;
+    Copies mCopies;
 };
 
 /// Numbers of edges by kind.
@@ -257,7 +281,7 @@ void dropContradicting(OrientedTriangles& of)
 
 } // namespace
 
-OrientedTriangles orientTriangles(const Mesh& mesh, Interrupter& progress)
+OrientedTriangles orientTriangles(const Mesh& mesh, Copies copies, Interrupter& progress)
 {
     OrientedTriangles of;
     of.mesh.frame = mesh.frame;
@@ -271,7 +295,7 @@ OrientedTriangles orientTriangles(const Mesh& mesh, Interrupter& progress)
     }
     EdgeKinds kinds = findNeighbors(of);
     if (kinds.crowded > 0) {
-        CopyMerger(of).run();
+        CopyMerger(of, copies).run();
         kinds = findNeighbors(of);
     }
     progress.check();

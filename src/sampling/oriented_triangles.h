@@ -23,13 +23,22 @@ struct OrientedTriangles {
     /// Edges whose triangles do not cancel along them: the boundary of holes, and T-junctions.
     std::uint64_t openEdges = 0;
     std::uint64_t turned = 0; ///< triangles turned to face as their neighbors do
+    std::uint64_t copies = 0; ///< triangles left out for others with the same corners
 
     bool isClosed() const { return openEdges == 0; }
 };
 
-/// Orient a mesh. Copies of a triangle become one with a multiplicity, those of opposite directions
-/// cancel; triangles without three different corners are dropped. Where neighbors contradict each
-/// other, all triangles of their part face as most of its area did. @throws Interrupted.
-OrientedTriangles orientTriangles(const Mesh& mesh, Interrupter& progress);
+/// How triangles with the same corners count.
+enum class Copies {
+    Add, ///< by their number, and those of opposite directions cancel
+    /// Once. Those of opposite directions cancel, too, but stay where all of a part does: a surface
+    /// that was written for both its sides.
+    Merge
+};
+
+/// Orient a mesh. Copies of a triangle become one with a multiplicity; triangles without three
+/// different corners are dropped. Where neighbors contradict each other, all triangles of their
+/// part face as most of its area did. @throws Interrupted.
+OrientedTriangles orientTriangles(const Mesh& mesh, Copies copies, Interrupter& progress);
 
 } // namespace mpuvdb

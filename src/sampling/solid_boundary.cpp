@@ -2,6 +2,7 @@
 
 #include "convex_pieces.h"
 #include "core/union_find.h"
+#include "mesh_patches.h"
 #include "triangle_contacts.h"
 #include <mpuvdb/interrupter.h>
 
@@ -38,7 +39,13 @@ struct Sides {
     bool bounds(double sign) const { return (sign * front > 0.5) != (sign * back > 0.5); }
     bool facesInward(double sign) const { return sign * front > 0.5; }
     bool isWithin(double sign) const { return sign * front > 0.5 && sign * back > 0.5; }
+    /// The smallest change of a side that changes what the face bounds.
+    double margin() const { return std::min(std::abs(front - 0.5), std::abs(back - 0.5)); }
 };
+
+/// Difference of a winding number from 1/2, its value on the back of a plane sheet, that says
+/// nothing. [derived: a hole as wide as 100 voxels is closed a quarter of a voxel from there]
+constexpr double kFlat = 1e-3;
 
 using Corners = TriangleTree::Corners;
 
@@ -47,6 +54,7 @@ struct Piece {
     Corners corners;
     std::uint32_t triangle; ///< of the mesh
     Sides sides;
+    bool isCut = false; ///< from a triangle of which only a part bounds the solid
 };
 
 /// Computes the winding numbers on the sides of faces, each from the last one.
@@ -59,14 +67,15 @@ public:
     }
 
     /// The sides of a face at @a place. @param area  along its normal; 0: no sides.
-    Sides sidesAt(const Vec3d& place, const Vec3d& area)
+    /// @param apart  what they differ by, if that is known.
+    Sides sidesAt(const Vec3d& place, const Vec3d& area, std::optional<double> apart = {})
     {
         const double size = area.norm();
         if (!(size > 0)) return {};
         const Vec3d step = mStep / size * area;
         Sides sides;
         sides.front = numberAt(place + step);
-        sides.back = numberAt(place - step);
+        sides.back = apart ? sides.front + *apart : numberAt(place - step);
         return sides;
     }
 
@@ -88,9 +97,11 @@ private:
 class Faces
 {
 public:
+    /// @param mixed  length, world units, down to which triangles are cut that bound the solid only
+    /// in part, as those of open meshes may; 0: all of a region of triangles has the same sides.
     Faces(const OrientedTriangles& triangles, const TriangleTree& tree,
-          const WindingNumber& winding, const ContactLengths& lengths)
-        : mTriangles(triangles), mTree(tree), mWinding(winding), mLengths(lengths)
+          const WindingNumber& winding, const ContactLengths& lengths, double mixed)
+        : mTriangles(triangles), mTree(tree), mWinding(winding), mLengths(lengths), mMixed(mixed)
     {
     }
 
@@ -99,7 +110,10 @@ public:
         findFirst(contacts);
         joinRegions();
         progress.check();
-        findRegionSides();
+        if (mMixed > 0)
+            findRims(progress);
+        else
+            findRegionSides();
         progress.check();
         cut(contacts, progress);
     }
@@ -111,12 +125,32 @@ public:
     {
         const Mesh& mesh = mTriangles.mesh;
         for (std::uint32_t n = 0; n < mesh.triangles.size(); ++n) {
-            if (isTouched(n)) continue;
+            if (mMixed > 0 || isTouched(n)) continue;
             const Mesh::Triangle& t = mesh.triangles[n];
             f(Corners{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]},
               mSides[mRegion[n]], n);
         }
         for (const Piece& piece : mPieces) f(piece.corners, piece.sides, piece.triangle);
+    }
+
+    /// Segments near all lines between faces that bound the solid and others.
+    std::vector<std::array<Vec3d, 2>> limits() const
+    {
+        std::vector<std::array<Vec3d, 2>> limits;
+        std::vector<std::uint8_t> kinds(mTriangles.mesh.triangles.size(), 0);
+        for (const Piece& piece : mPieces) {
+            kinds[piece.triangle] |= std::uint8_t(piece.sides.bounds(1) ? 1 : 2);
+            const Vec3d at =
+                ((piece.corners[0] + piece.corners[1] + piece.corners[2]) / 3).cast<double>();
+            if (piece.isCut) limits.push_back({at, at});
+        }
+        for (std::uint32_t n = 0; n < kinds.size(); ++n)
+            for (std::size_t k = 0; k < 3; ++k) {
+                const std::uint32_t m = mTriangles.neighbors[n][k];
+                if (m == kNoTriangle || (m > n && (kinds[n] | kinds[m]) == 3))
+                    limits.push_back({corner(n, k), corner(n, (k + 1) % 3)});
+            }
+        return limits;
     }
 
     /// Whether predicate(sides) holds for some triangle, or piece of one.
@@ -188,14 +222,20 @@ private:
         constexpr std::size_t kTogether = 64;
         std::vector<std::uint32_t> touched;
         for (std::size_t slot = 0; slot < mTree.size(); ++slot)
-            if (isTouched(mTree.triangle(slot))) touched.push_back(mTree.triangle(slot));
+            if (mMixed > 0 || isTouched(mTree.triangle(slot)))
+                touched.push_back(mTree.triangle(slot));
         std::vector<std::vector<Piece>> pieces((touched.size() + kTogether - 1) / kTogether);
         tbb::parallel_for(std::size_t(0), pieces.size(), [&](std::size_t some) {
             Walk walk(mWinding, mLengths);
+            Known known;
             const std::size_t end = std::min((some + 1) * kTogether, touched.size());
             for (std::size_t t = some * kTogether; t < end; ++t) {
                 progress.check();
-                addPieces(touched[t], contacts, walk, pieces[some]);
+                if (mMixed > 0 && !isTouched(touched[t]))
+                    addMixed({corner(touched[t], 0), corner(touched[t], 1), corner(touched[t], 2)},
+                             touched[t], walk, known, pieces[some]);
+                else
+                    addPieces(touched[t], contacts, walk, pieces[some]);
             }
         });
         for (const auto& some : pieces) mPieces.insert(mPieces.end(), some.begin(), some.end());
@@ -217,6 +257,13 @@ private:
         for (const PlanePolygon& polygon :
              cutAlong({flat(corner(n, 0)), flat(corner(n, 1)), flat(corner(n, 2))},
                       std::move(segments), mLengths.point)) {
+            if (mMixed > 0) {
+                Known known;
+                for (std::size_t k = 2; k < polygon.size(); ++k)
+                    addMixed({place(polygon[0]), place(polygon[k - 1]), place(polygon[k])}, n, walk,
+                             known, pieces);
+                continue;
+            }
             const Sides sides = walk.sidesAt(place(middleOf(polygon)), normal);
             for (std::size_t k = 2; k < polygon.size(); ++k)
                 pieces.push_back(
@@ -225,6 +272,113 @@ private:
                      n,
                      sides});
         }
+    }
+
+    using Exact = std::array<Vec3d, 3>;
+
+    /// The edges without a neighbor, as triangles without an area, under a tree.
+    void findRims(Interrupter& progress)
+    {
+        Mesh rims;
+        for (std::uint32_t n = 0; n < mTriangles.neighbors.size(); ++n)
+            for (std::size_t k = 0; k < 3; ++k) {
+                if (mTriangles.neighbors[n][k] != kNoTriangle) continue;
+                const auto first = std::uint32_t(rims.positions.size());
+                for (const std::size_t m : {k, (k + 1) % 3})
+                    rims.positions.push_back(corner(n, m).cast<float>());
+                rims.triangles.push_back({first, first + 1, first + 1});
+            }
+        if (!rims.triangles.empty()) mRims = std::make_unique<TriangleTree>(rims, progress);
+    }
+
+    /// The sides of a face, and how far from a place on it they bound the same.
+    struct Known {
+        std::uint32_t region = kNoTriangle;
+        Vec3d place;
+        Sides sides;
+        double radius = 0;
+
+        bool holds(const Exact& t) const
+        {
+            return std::all_of(t.begin(), t.end(), [&](const Vec3d& p) {
+                return (p - place).squaredNorm() <= radius * radius;
+            });
+        }
+    };
+
+    /// The sides at a place of a triangle of an open mesh.
+    Known knownAt(std::uint32_t n, const Vec3d& place, Walk& walk) const
+    {
+        /// Rims whose winding numbers may add up. [derived: those of two gaps side by side]
+        constexpr double kRims = 4;
+        Known known;
+        known.region = mRegion[n];
+        known.place = place;
+        // Where it meets no other, they differ by itself alone.
+        known.sides = isTouched(n) ? walk.sidesAt(place, areaVector(n))
+                                   : walk.sidesAt(place, areaVector(n), 1);
+        for (double* side : {&known.sides.front, &known.sides.back})
+            if (std::abs(*side - 0.5) < kFlat) *side = 0.5;
+        if (!mRims) return known;
+        // At a distance d from a straight rim the number changes by 1 / (2 pi d) per length.
+        std::size_t slot = 0;
+        const double half = std::sqrt(mRims->squaredDistance(place, slot)) / 2;
+        known.radius = half * std::min(1.0, 2 * M_PI / kRims * known.sides.margin());
+        return known;
+    }
+
+    /// Add a triangle, in pieces if only a part of it bounds the solid. @param known  the last
+    /// sides found, which may hold for it.
+    void addMixed(const Exact& t, std::uint32_t n, Walk& walk, Known& known,
+                  std::vector<Piece>& pieces) const
+    {
+        if (known.region == mRegion[n] && mRegion[n] != kNoTriangle && known.holds(t)) {
+            pieces.push_back({rounded(t), n, known.sides});
+            return;
+        }
+        const auto first = std::ptrdiff_t(pieces.size());
+        known = cutMixed(t, n, walk, pieces);
+        const bool bounds = pieces[std::size_t(first)].sides.bounds(1);
+        if (std::any_of(pieces.begin() + first, pieces.end(),
+                        [&](const Piece& piece) { return piece.sides.bounds(1) != bounds; }))
+            return;
+        pieces.resize(std::size_t(first) + 1);
+        pieces.back().corners = rounded(t);
+        pieces.back().isCut = false;
+    }
+
+    /// Halve a triangle until its sides change less from place to place than would change what it
+    /// bounds, or it is small. @return the sides of its middle.
+    Known cutMixed(const Exact& t, std::uint32_t n, Walk& walk, std::vector<Piece>& pieces,
+                   int depth = 0) const
+    {
+        const Vec3d middle = (t[0] + t[1] + t[2]) / 3;
+        std::size_t k = 0; // the longest side
+        for (std::size_t m = 1; m < 3; ++m)
+            if ((t[(m + 1) % 3] - t[m]).norm() > (t[(k + 1) % 3] - t[k]).norm()) k = m;
+        const Known known = knownAt(n, middle, walk);
+        const bool isSmall = !((t[(k + 1) % 3] - t[k]).norm() > mMixed);
+        double low = known.sides.front, high = low, margin = known.sides.margin();
+        const bool isSure = isSmall || known.holds(t);
+        for (std::size_t m = 0; m < 3 && !isSure && high - low <= margin; ++m) {
+            const Sides other = knownAt(n, (t[m] + middle) / 2, walk).sides;
+            low = std::min(low, other.front);
+            high = std::max(high, other.front);
+            margin = std::min(margin, other.margin());
+        }
+        if (isSure || high - low <= margin) {
+            pieces.push_back({rounded(t), n, known.sides, isSmall && depth > 0});
+            return known;
+        }
+        const Vec3d cut = (t[k] + t[(k + 1) % 3]) / 2;
+        cutMixed({t[k], cut, t[(k + 2) % 3]}, n, walk, pieces, depth + 1);
+        cutMixed({cut, t[(k + 1) % 3], t[(k + 2) % 3]}, n, walk, pieces, depth + 1);
+        return known;
+    }
+
+    static Corners rounded(const Exact& t)
+    {
+        return {t[0].cast<float>(), t[1].cast<float>(), t[2].cast<float>()};
     }
 
     /// The centroid of a polygon.
@@ -245,11 +399,13 @@ private:
     const TriangleTree& mTree;
     const WindingNumber& mWinding;
     const ContactLengths& mLengths;
-    std::vector<std::uint32_t> mFirst;   ///< first contact, by triangle
-    std::vector<std::uint32_t> mRegion;  ///< region, by triangle that meets no other
-    std::vector<std::uint32_t> mLargest; ///< largest triangle, by region
-    std::vector<Sides> mSides;           ///< by region
-    std::vector<Piece> mPieces;          ///< of the triangles that meet others
+    double mMixed;
+    std::unique_ptr<const TriangleTree> mRims; ///< null without any, or if they do not matter
+    std::vector<std::uint32_t> mFirst;         ///< first contact, by triangle
+    std::vector<std::uint32_t> mRegion;        ///< region, by triangle that meets no other
+    std::vector<std::uint32_t> mLargest;       ///< largest triangle, by region
+    std::vector<Sides> mSides;                 ///< by region
+    std::vector<Piece> mPieces;                ///< of the triangles that meet others
 };
 
 double areaOf(const Corners& t)
@@ -340,41 +496,126 @@ Mesh boundaryOf(const Faces& faces, double sign, const Vec3d& frame)
     return mesh;
 }
 
+/// Length down to which triangles are cut that bound the solid only in part, world units: a voxel,
+/// and more for a mesh that fills its box with surface, so that there are no more pieces.
+double mixedFor(const Mesh& mesh, const Box3d& box, double voxelSize)
+{
+    double area = 0;
+    for (const Mesh::Triangle& t : mesh.triangles)
+        area += areaOf({mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]});
+    const Vec3d s = box.sizes();
+    const double ofBox = 2 * (s[0] * s[1] + s[1] * s[2] + s[2] * s[0]);
+    return voxelSize * std::sqrt(std::max(1.0, area / std::max(ofBox, area * 1e-6)));
+}
+
 } // namespace
 
-SolidBoundary::SolidBoundary(const Mesh& mesh, double voxelSize, Interrupter& progress)
-    : mTriangles(orientTriangles(mesh, progress))
+SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const RepairSettings* repair,
+                             Interrupter& progress, bool isOpen)
+    : mTriangles(orientTriangles(mesh, repair ? Copies::Merge : Copies::Add, progress))
 {
+    if (repair) repairPatches(lattice, *repair, progress);
     mReport.openEdges = mTriangles.openEdges;
     mReport.turned = mTriangles.turned;
     if (mTriangles.mesh.triangles.empty()) return;
     mWhole = std::make_shared<const TriangleTree>(mTriangles.mesh, progress);
+    mBox = {mWhole->box().min().cast<double>(), mWhole->box().max().cast<double>()};
     mWinding = std::make_unique<const WindingNumber>(*mWhole, mTriangles.multiplicity,
-                                                     mTriangles.isClosed());
+                                                     mTriangles.isClosed() && !isOpen);
     progress.check();
-    const ContactLengths lengths = lengthsFor(mTriangles.mesh, voxelSize);
+    const ContactLengths lengths = lengthsFor(mTriangles.mesh, lattice.voxelSize);
     const std::vector<Contact> contacts = findContacts(mTriangles, *mWhole, lengths, progress);
-    Faces faces(mTriangles, *mWhole, *mWinding, lengths);
+    const bool closes = repair && (isOpen || !mTriangles.isClosed());
+    Faces faces(mTriangles, *mWhole, *mWinding, lengths,
+                closes ? mixedFor(mTriangles.mesh, mBox, lattice.voxelSize) : 0);
     faces.find(contacts, progress);
     const auto isSolid = [&](double sign) {
         return faces.any([&](const Sides& s) { return s.bounds(sign); });
     };
-    mReport.insideOut = !isSolid(1) && isSolid(-1);
+    mReport.insideOut = !closes && !isSolid(1) && isSolid(-1);
     const double sign = mReport.insideOut ? -1 : 1;
-    mReport.isCut = !contacts.empty();
+    mReport.isCut = closes || !contacts.empty();
     mReport.bending = bendingOf(mTriangles, contacts);
     measure(mTriangles, faces, sign, surfacesOf(mTriangles, contacts), mReport);
-    if (!isSolid(sign)) return;
-    const bool isWhole = contacts.empty() && !mReport.insideOut && !faces.any([](const Sides& s) {
-        return !s.bounds(1) || s.facesInward(1);
-    });
-    mTree = isWhole ? mWhole
-                    : std::make_shared<const TriangleTree>(
-                          boundaryOf(faces, sign, mTriangles.mesh.frame), progress);
+    if (!isSolid(sign)) {
+        if (repair && repair->thickness > 0 && !mSheets) makeSheet();
+        return;
+    }
+    const bool isWhole =
+        !closes && contacts.empty() && !mReport.insideOut &&
+        !faces.any([](const Sides& s) { return !s.bounds(1) || s.facesInward(1); });
+    if (isWhole) {
+        mTree = mWhole;
+        return;
+    }
+    Mesh boundary = boundaryOf(faces, sign, mTriangles.mesh.frame);
+    if (closes) addClosure(faces.limits(), lattice, boundary, progress);
+    mTree = std::make_shared<const TriangleTree>(boundary, progress);
+}
+
+void SolidBoundary::repairPatches(const Lattice& lattice, const RepairSettings& repair,
+                                  Interrupter& progress)
+{
+    mReport.copies = mTriangles.copies;
+    if (mTriangles.mesh.triangles.empty()) return;
+    const MeshPatches patches = turnPatches(mTriangles, lattice.voxelSize, progress);
+    mReport.turnedPatches = patches.turned;
+    Mesh rest, sheets;
+    rest.frame = mTriangles.mesh.frame;
+    rest.positions = sheets.positions = mTriangles.mesh.positions;
+    std::vector<std::uint8_t> isCounted(patches.enclosed.size(), 0);
+    for (std::uint32_t n = 0; n < patches.patchOf.size(); ++n) {
+        const std::uint32_t patch = patches.patchOf[n];
+        const Mesh::Triangle& t = mTriangles.mesh.triangles[n];
+        const bool isSheet = repair.thickness > 0 && patches.isSheet(patch);
+        if (!isSheet && !patches.isInnerWall(patch)) {
+            rest.triangles.push_back(t);
+            continue;
+        }
+        if (!isCounted[patch]) ++(isSheet ? mReport.sheets : mReport.innerWalls);
+        isCounted[patch] = 1;
+        const double area =
+            areaOf({rest.positions[t[0]], rest.positions[t[1]], rest.positions[t[2]]});
+        (isSheet ? mReport.sheetArea : mReport.areaWithin) += area;
+        if (isSheet) sheets.triangles.push_back(t);
+    }
+    if (!sheets.triangles.empty()) mSheets = std::make_unique<const TriangleTree>(sheets, progress);
+    if (mReport.sheets + mReport.innerWalls == 0) return;
+    const std::uint64_t turned = mTriangles.turned;
+    mTriangles = orientTriangles(rest, Copies::Merge, progress);
+    mTriangles.turned = turned;
+}
+
+void SolidBoundary::makeSheet()
+{
+    mSheets = std::make_unique<const TriangleTree>(*mWhole);
+    mReport.sheets = 1;
+    mReport.sheetArea = mReport.areaWithin + mReport.areaOfNothing;
+    mReport.areaWithin = mReport.areaOfNothing = 0;
+}
+
+void SolidBoundary::addClosure(const std::vector<std::array<Vec3d, 2>>& starts,
+                               const Lattice& lattice, Mesh& boundary, Interrupter& progress)
+{
+    const TriangleTree tree(boundary, progress);
+    mClosure = closeHoles({*mWinding, tree, mBox, boundary.frame}, lattice, starts, progress);
+    const auto first = std::uint32_t(boundary.positions.size());
+    boundary.positions.insert(boundary.positions.end(), mClosure.positions.begin(),
+                              mClosure.positions.end());
+    for (const Mesh::Triangle& t : mClosure.triangles) {
+        boundary.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+        const Corners corners = {mClosure.positions[t[0]], mClosure.positions[t[1]],
+                                 mClosure.positions[t[2]]};
+        mReport.area += areaOf(corners);
+        mReport.volume += volumeOf(corners);
+    }
+    // Seams are at most as bent as creases, in each of their cells as long as its edges.
+    mReport.bending += M_PI / 2 * lattice.voxelSize * double(mClosure.seam.size());
 }
 
 bool SolidBoundary::isInside(const Vec3d& place) const
 {
+    if (!mClosure.holes.empty() && !mBox.contains(place)) return false;
     return (mReport.insideOut ? -1 : 1) * mWinding->at(place) > 0.5;
 }
 

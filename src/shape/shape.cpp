@@ -20,7 +20,12 @@ Shape::Shape(LevelSet levelSet, std::string name)
 }
 
 Shape::Shape(std::shared_ptr<const Mesh> mesh, std::string name)
-    : mNode(meshNode(std::move(mesh), std::move(name)))
+    : mNode(meshNode(std::move(mesh), std::nullopt, std::move(name)))
+{
+}
+
+Shape::Shape(std::shared_ptr<const Mesh> mesh, const RepairSettings& repair, std::string name)
+    : mNode(meshNode(std::move(mesh), repair, std::move(name)))
 {
 }
 

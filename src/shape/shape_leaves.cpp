@@ -1,4 +1,5 @@
 // Leaves of shapes: fields, level sets, meshes.
+#include "core/whole_triangle.h"
 #include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
 #include "modelling/resample.h"
@@ -9,6 +10,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
 #include <mpuvdb/interrupter.h>
+#include <mpuvdb/sampling.h>
 
 #include <algorithm>
 #include <cmath>
@@ -176,8 +178,10 @@ private:
 class MeshNode final : public Shape::Node
 {
 public:
-    MeshNode(std::shared_ptr<const Mesh> mesh, std::string name)
-        : Node(std::move(name), {}, boundsOf(*mesh)), mMesh(std::move(mesh))
+    MeshNode(std::shared_ptr<const Mesh> mesh, const std::optional<RepairSettings>& repair,
+             std::string name)
+        : Node(std::move(name), {}, boundsOf(*mesh, repair)), mMesh(std::move(mesh)),
+          mRepair(repair)
     {
     }
 
@@ -187,11 +191,12 @@ public:
     {
         double area = 0;
         for (const Mesh::Triangle& t : mMesh->triangles) {
+            if (!isWhole(*mMesh, t)) continue;
             const Vec3f &a = mMesh->positions[t[0]], &b = mMesh->positions[t[1]],
                         &c = mMesh->positions[t[2]];
             area += 0.5 * double((b - a).cross(c - a).norm());
         }
-        return area;
+        return mRepair ? 2 * area : area; // what closes holes, and both sides of walls
     }
 
     LevelSet make(const Inputs&, const Request& own, std::uint64_t maxBytes,
@@ -201,7 +206,8 @@ public:
         settings.lattice = own.lattice;
         settings.halfWidth = own.halfWidth;
         settings.maxBytes = maxBytes;
-        const LevelSet made = voxelize(*mMesh, settings, &progress);
+        const LevelSet made = mRepair ? voxelize(*mMesh, settings, *mRepair, &progress)
+                                      : voxelize(*mMesh, settings, &progress);
         return withExplained(made, made.explained(), progress);
     }
 
@@ -216,24 +222,35 @@ protected:
         mesh.triangles = mMesh->triangles;
         if (motion.linear().determinant() < 0)
             for (Mesh::Triangle& t : mesh.triangles) std::swap(t[1], t[2]);
-        return meshNode(std::make_shared<const Mesh>(std::move(mesh)), name());
+        std::optional<RepairSettings> repair = mRepair;
+        if (repair) {
+            const double scale = std::cbrt(std::abs(motion.linear().determinant()));
+            repair->holes *= scale;
+            repair->thickness *= scale;
+        }
+        return meshNode(std::make_shared<const Mesh>(std::move(mesh)), repair, name());
     }
 
 private:
-    static Box3d boundsOf(const Mesh& mesh)
+    static Box3d boundsOf(const Mesh& mesh, const std::optional<RepairSettings>& repair)
     {
         Box3d box;
-        for (const Mesh::Triangle& t : mesh.triangles)
+        for (const Mesh::Triangle& t : mesh.triangles) {
+            if (repair && !isWhole(mesh, t)) continue;
             for (const std::uint32_t corner : t) {
                 if (corner >= mesh.positions.size())
                     throw InputError("mesh: a triangle names a vertex that is not there. Write the "
-                                     "mesh again from its source");
+                                     "mesh again from its source, or repair it");
                 box.extend(mesh.world(corner));
             }
-        return box;
+        }
+        if (!repair || box.isEmpty()) return box;
+        const Vec3d wall = Vec3d::Constant(repair->thickness / 2);
+        return {box.min() - wall, box.max() + wall};
     }
 
     std::shared_ptr<const Mesh> mMesh;
+    std::optional<RepairSettings> mRepair;
 };
 
 } // namespace
@@ -248,9 +265,10 @@ Shape::Node::Ptr gridNode(LevelSet levelSet, std::string name)
     return std::make_shared<GridNode>(std::move(levelSet), std::move(name));
 }
 
-Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh, std::string name)
+Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh,
+                          const std::optional<RepairSettings>& repair, std::string name)
 {
-    return std::make_shared<MeshNode>(std::move(mesh), std::move(name));
+    return std::make_shared<MeshNode>(std::move(mesh), repair, std::move(name));
 }
 
 const LevelSet* levelSetIn(const Shape::Node& node)

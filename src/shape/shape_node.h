@@ -2,9 +2,11 @@
 #pragma once
 #include "core/boxes.h"
 #include "grid/band_bytes.h"
+#include <mpuvdb/sampling.h>
 #include <mpuvdb/shape.h>
 
 #include <map>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -83,7 +85,8 @@ private:
 /// @{ The kinds of nodes.
 Shape::Node::Ptr fieldNode(FieldPtr field, std::string name);
 Shape::Node::Ptr gridNode(LevelSet levelSet, std::string name);
-Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh, std::string name);
+Shape::Node::Ptr meshNode(std::shared_ptr<const Mesh> mesh,
+                          const std::optional<RepairSettings>& repair, std::string name);
 Shape::Node::Ptr combineNode(Boolean kind, const std::vector<Shape::Node::Ptr>& inputs,
                              double blendRadius);
 Shape::Node::Ptr offsetNode(const Shape::Node::Ptr& input, double distance);

@@ -29,6 +29,37 @@ class Meshes(unittest.TestCase):
         self.assertEqual(mesh.positions.dtype, np.float32)
         self.assertEqual(mesh.faces.dtype, np.uint32)
 
+    def test_repair(self):
+        corners = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], float)
+        quads = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
+        faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        box = mv.mesh(corners, faces, repair=True).level_set(0.05)
+        self.assertTrue(np.isclose(box.explained.volume_out, 1, atol=0.01))
+        self.assertEqual(box.explained.repair.holes, 0)
+        self.assertIsNone(mv.mesh(corners, faces).level_set(0.05).explained.repair)
+        # Without its side at x = 1.
+        opened = np.delete(faces, [5, 11], axis=0)
+        with self.assertRaisesRegex(mv.InputError, "--repair"):
+            mv.mesh(corners, opened).level_set(0.05)
+        repaired = mv.mesh(mv.Mesh(corners, opened), repair=True).level_set(0.05)
+        repair = repaired.explained.repair
+        self.assertEqual((repair.holes, repair.dropped, repair.turned), (1, 0, 0))
+        self.assertTrue(repaired.check().sound)
+        self.assertAlmostEqual(repair.widest_hole, math.sqrt(2), delta=0.2)
+        np.testing.assert_allclose(repair.widest_hole_at, (1, 0.5, 0.5), atol=0.05)
+        self.assertAlmostEqual(repaired.explained.volume_out, 1, delta=0.02)
+        with self.assertRaisesRegex(mv.InputError, "wide near"):
+            mv.mesh(corners, opened, repair_holes=1).level_set(0.05)
+        # A scaled mesh has scaled walls.
+        square = mv.mesh(corners, faces[[0, 6]], thicken=0.2).scale(2).level_set(0.05)
+        self.assertEqual(square.explained.repair.sheets, 1)
+        self.assertAlmostEqual(square.explained.volume_out, 4 * 0.4, delta=0.8)
+        damaged = np.vstack([corners, [[math.nan] * 3]])
+        dropped = mv.mesh(damaged, np.vstack([faces, [[0, 1, 8]]]), repair=True).level_set(0.05)
+        self.assertEqual(dropped.explained.repair.dropped, 1)
+        with self.assertRaisesRegex(mv.UsageError, "thicken"):
+            mv.mesh(corners, faces, thicken=-1)
+
     def test_views_outlive_the_mesh(self):
         faces = mv.sphere().to_mesh(0.2).faces
         copy = faces.copy()

@@ -34,23 +34,62 @@ Json toJson(const Distances& distances)
 Json toJson(const MeshExplained& explained)
 {
     const MeshExplained& e = explained;
-    return {{"volume_in", e.volumeIn},
-            {"volume_out", e.volumeOut},
-            {"volume_explained", e.volumeExplained},
-            {"area_in", e.areaIn},
-            {"area_out", e.areaOut},
-            {"parts_in", e.partsIn},
-            {"parts_out", e.partsOut},
-            {"cavities_in", e.cavitiesIn},
-            {"cavities_out", e.cavitiesOut},
-            {"missed", e.missed},
-            {"area_within", e.areaWithin},
-            {"area_of_nothing", e.areaOfNothing},
-            {"open_edges", e.openEdges},
-            {"turned", e.turned},
-            {"inside_out", e.insideOut},
-            {"findings", e.findings},
-            {"sound", e.findings.empty()}};
+    Json json = {{"volume_in", e.volumeIn},
+                 {"volume_out", e.volumeOut},
+                 {"volume_explained", e.volumeExplained},
+                 {"area_in", e.areaIn},
+                 {"area_out", e.areaOut},
+                 {"parts_in", e.partsIn},
+                 {"parts_out", e.partsOut},
+                 {"cavities_in", e.cavitiesIn},
+                 {"cavities_out", e.cavitiesOut},
+                 {"missed", e.missed},
+                 {"area_within", e.areaWithin},
+                 {"area_of_nothing", e.areaOfNothing},
+                 {"open_edges", e.openEdges},
+                 {"turned", e.turned},
+                 {"inside_out", e.insideOut},
+                 {"findings", e.findings},
+                 {"sound", e.findings.empty()}};
+    if (!e.repair) return json;
+    const MeshRepair& r = *e.repair;
+    json["repair"] = {{"dropped", r.dropped},
+                      {"copies", r.copies},
+                      {"patches_turned", r.turned},
+                      {"holes", r.holes},
+                      {"holes_area", r.holesArea},
+                      {"widest_hole", r.widestHole},
+                      {"widest_hole_at", toJson(r.widestHoleAt)},
+                      {"inner_walls", r.innerWalls},
+                      {"sheets", r.sheets},
+                      {"sheets_area", r.sheetsArea}};
+    return json;
+}
+
+std::vector<std::string> repairText(const MeshRepair& repair)
+{
+    const MeshRepair& r = repair;
+    std::vector<std::string> lines;
+    if (r.dropped > 0)
+        lines.push_back(fmt::format("{} triangles with vertices that are not finite, or not "
+                                    "there, were left out",
+                                    r.dropped));
+    if (r.copies > 0)
+        lines.push_back(fmt::format("{} copies of triangles were left out", r.copies));
+    if (r.turned > 0) lines.push_back(fmt::format("{} patches were turned outward", r.turned));
+    if (r.holes > 0)
+        lines.push_back(fmt::format("{} holes were closed, {:.4g} of area; the widest, {:.4g}, is "
+                                    "near ({:.6g}, {:.6g}, {:.6g})",
+                                    r.holes, r.holesArea, r.widestHole, r.widestHoleAt[0],
+                                    r.widestHoleAt[1], r.widestHoleAt[2]));
+    if (r.innerWalls > 0)
+        lines.push_back(
+            fmt::format("{} open surfaces within the solid were left out", r.innerWalls));
+    if (r.sheets > 0)
+        lines.push_back(
+            fmt::format("{} open surfaces of area {:.4g} were made walls", r.sheets, r.sheetsArea));
+    if (lines.empty()) lines.push_back("nothing was broken");
+    return lines;
 }
 
 std::string explainedText(const MeshExplained& explained)

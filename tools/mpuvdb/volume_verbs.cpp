@@ -217,9 +217,12 @@ class VoxelizeVerb final : public Verb
 public:
     VerbText text() const override
     {
-        return {"voxelize", "A closed triangle mesh to a level set, with its colors beside it",
+        return {"voxelize",
+                "A triangle mesh to a level set, with its colors; a broken one by --repair",
                 "  mpuvdb voxelize part.obj -o part.vdb --voxels 256\n"
-                "  mpuvdb voxelize part.stl -o part.vdb --voxel-size 0.5 --half-width 4\n"};
+                "  mpuvdb voxelize part.stl -o part.vdb --voxel-size 0.5 --half-width 4\n"
+                "  mpuvdb voxelize scan.ply -o solid.vdb --repair --repair-holes 20\n"
+                "  mpuvdb voxelize leaf.obj -o leaf.vdb --thicken 4vx\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -238,20 +241,35 @@ public:
                        "Voxels of the narrow band on either side of the surface")
             ->type_name("VOXELS")
             ->capture_default_str();
+        app.add_flag("--repair", mRepairs,
+                     "Make a solid of a broken mesh: close holes, turn patches that face the wrong "
+                     "way, leave out copies and inner walls");
+        addLength(app, "--repair-holes", mHoles,
+                  "Repair, but refuse a mesh with a wider hole: world units, % or vx; default: "
+                  "all are closed");
+        addLength(app, "--thicken", mThickness,
+                  "Repair, and make walls of this thickness of open surfaces that enclose "
+                  "nothing: world units, % or vx");
     }
 
     ExitCode run(Session& session) override
     {
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        const bool repairs = mRepairs || mHoles || mThickness;
         session.progress().beginStage("read");
-        const Mesh mesh = readMesh(mInput, &session.progress());
+        const Mesh mesh = readMesh(mInput, &session.progress(),
+                                   repairs ? BadVertices::Keep : BadVertices::Refuse);
         Box3d box;
-        for (std::size_t n = 0; n < mesh.positions.size(); ++n) box.extend(mesh.world(n));
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n)
+            if (mesh.world(n).allFinite()) box.extend(mesh.world(n));
         SampleSettings settings;
         settings.halfWidth = mHalfWidth;
         settings.maxBytes = session.options().maxBytes;
         settings.lattice = latticeFor(box, voxelSize(box));
-        const LevelSet made = voxelize(mesh, settings, &session.progress());
+        const LevelSet made =
+            repairs ? voxelize(mesh, settings, repairSettings(box, settings.lattice.voxelSize),
+                               &session.progress())
+                    : voxelize(mesh, settings, &session.progress());
         const MeshExplained& explained = std::get<MeshExplained>(made.explained()->by);
         for (const std::string& note : session.progress().notes()) session.warn(note);
         const double h = settings.lattice.voxelSize;
@@ -277,6 +295,9 @@ public:
             session.note(fmt::format("mesh        {} triangles faced another way than their "
                                      "neighbors, and were turned",
                                      explained.turned));
+        if (explained.repair)
+            for (const std::string& line : repairText(*explained.repair))
+                session.note("repair      " + line);
         for (const std::string& finding : explained.findings)
             session.warn(fmt::format("{}: {}", mInput, finding));
         session.progress().endStage();
@@ -297,9 +318,19 @@ private:
         return box.sizes().maxCoeff() / mVoxels;
     }
 
+    RepairSettings repairSettings(const Box3d& box, double voxelSize) const
+    {
+        RepairSettings settings;
+        const double diagonal = box.diagonal().norm();
+        if (mHoles) settings.holes = mHoles->resolve(voxelSize, diagonal);
+        if (mThickness) settings.thickness = mThickness->resolve(voxelSize, diagonal);
+        return settings;
+    }
+
     std::string mInput, mOutput;
-    std::optional<Length> mVoxelSize;
+    std::optional<Length> mVoxelSize, mHoles, mThickness;
     double mVoxels = 256, mHalfWidth = 3;
+    bool mRepairs = false;
 };
 
 } // namespace

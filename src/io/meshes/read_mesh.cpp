@@ -29,7 +29,7 @@ std::uint32_t numberUsed(const Triangles& triangles, std::vector<std::uint32_t>&
 
 } // namespace
 
-Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter)
+Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter, BadVertices bad)
 {
     Interrupter& progress = orSilent(interrupter);
     std::error_code error;
@@ -54,13 +54,14 @@ Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter)
     Box3d box;
     for (std::size_t i = 0; i < positions.size(); ++i) {
         if (numbers[i] >= mesh.positions.size()) continue;
-        if (!positions[i].allFinite())
+        if (positions[i].allFinite())
+            box.extend(positions[i]);
+        else if (bad == BadVertices::Refuse)
             throw InputError(fmt::format("{}: vertex {} is not finite, and triangles use it. "
                                          "Export the file again, or remove that vertex.",
                                          points.name, i));
-        box.extend(positions[i]);
     }
-    mesh.frame = 0.5 * box.min() + 0.5 * box.max();
+    if (!box.isEmpty()) mesh.frame = 0.5 * box.min() + 0.5 * box.max();
     for (std::size_t i = 0; i < positions.size(); ++i)
         if (numbers[i] < mesh.positions.size())
             mesh.positions[numbers[i]] = (positions[i] - mesh.frame).cast<float>();

@@ -1,0 +1,384 @@
+// Broken meshes as solids: open, doubled, flipped, nested, without an inside, damaged.
+#include "closed_parts.h"
+#include "modelling_fixture.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/explained.h>
+#include <mpuvdb/sampling.h>
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace mpuvdb
+{
+namespace
+{
+
+using test::Random;
+
+constexpr double kExact = 1e-3; ///< of values to floats, far from holes, voxels
+const Vec3d kOrigin(1e-3, 2e-3, 3e-3);
+
+SampleSettings settingsOf(double voxelSize)
+{
+    SampleSettings settings;
+    settings.lattice = {kOrigin, voxelSize};
+    return settings;
+}
+
+LevelSet repaired(const Mesh& mesh, double voxelSize, const RepairSettings& repair = {})
+{
+    Interrupter progress;
+    return voxelize(mesh, settingsOf(voxelSize), repair, &progress);
+}
+
+const MeshRepair& repairOf(const LevelSet& levelSet)
+{
+    return *std::get<MeshExplained>(levelSet.explained()->by).repair;
+}
+
+/// All values and states, in order.
+std::vector<float> valuesOf(const LevelSet& levelSet)
+{
+    std::vector<float> values;
+    for (auto on = levelSet.grid().cbeginValueOn(); on; ++on)
+        for (const float v :
+             {float(on.getCoord().x()), float(on.getCoord().y()), float(on.getCoord().z()), *on})
+            values.push_back(v);
+    return values;
+}
+
+void expectSame(const LevelSet& a, const LevelSet& b)
+{
+    const std::vector<float> x = valuesOf(a), y = valuesOf(b);
+    ASSERT_EQ(x.size(), y.size());
+    EXPECT_EQ(std::memcmp(x.data(), y.data(), x.size() * sizeof(float)), 0);
+}
+
+/// @a mesh without the triangles for which gone(middle).
+template <typename P>
+Mesh without(Mesh mesh, const P& gone)
+{
+    const auto isGone = [&](const Mesh::Triangle& t) {
+        return gone(Vec3d((mesh.world(t[0]) + mesh.world(t[1]) + mesh.world(t[2])) / 3));
+    };
+    mesh.triangles.erase(std::remove_if(mesh.triangles.begin(), mesh.triangles.end(), isGone),
+                         mesh.triangles.end());
+    return mesh;
+}
+
+double boxDistance(const Vec3d& p, const Vec3d& half)
+{
+    const Vec3d q = p.cwiseAbs() - half;
+    return q.cwiseMax(0).norm() + std::min(0.0, q.maxCoeff());
+}
+
+/// A square in the plane z = 0 with sides of length @a size, of @a steps x @a steps squares.
+Mesh squareMesh(double size, std::uint32_t steps)
+{
+    Mesh mesh;
+    for (std::uint32_t i = 0; i <= steps; ++i)
+        for (std::uint32_t j = 0; j <= steps; ++j)
+            mesh.positions.push_back(
+                Vec3d(size * (double(i) / steps - .5), size * (double(j) / steps - .5), 0)
+                    .cast<float>());
+    for (std::uint32_t i = 0; i < steps; ++i)
+        for (std::uint32_t j = 0; j < steps; ++j) {
+            const std::uint32_t a = i * (steps + 1) + j, b = a + steps + 1;
+            mesh.triangles.push_back({a, b, b + 1});
+            mesh.triangles.push_back({a, b + 1, a + 1});
+        }
+    return mesh;
+}
+
+TEST(Repair, ClosesTheMissingFaceOfABoxByAPlane)
+{
+    const Vec3d half(.6, .5, .4);
+    for (const double voxels : {20.0, 40.0}) {
+        const double h = 1 / voxels;
+        const Mesh mesh = without(test::boxPart(-half, half),
+                                  [&](const Vec3d& p) { return p[2] > half[2] - 1e-6; });
+        const LevelSet solid = repaired(mesh, h);
+        test::expectSound(solid);
+        EXPECT_TRUE(solid.explained()->isSound());
+        double nearLid = 0, elsewhere = 0;
+        for (auto on = solid.grid().cbeginValueOn(); on; ++on) {
+            const Vec3d p = test::worldOf(solid.lattice(), on.getCoord());
+            const double error = std::abs(double(*on) - boxDistance(p, half)) / h;
+            (p[2] > half[2] - 6 * h ? nearLid : elsewhere) =
+                std::max(p[2] > half[2] - 6 * h ? nearLid : elsewhere, error);
+        }
+        EXPECT_LT(elsewhere, kExact);
+        // The winding number of two terms errs by 1/1000; at a hole of w voxels it changes by
+        // about 1 / (pi w) per voxel.
+        EXPECT_LT(nearLid, 1e-3 * M_PI * 1.2 * voxels + 0.05);
+        const MeshRepair& repair = repairOf(solid);
+        EXPECT_EQ(repair.holes, 1u);
+        EXPECT_NEAR(repair.widestHole, std::hypot(1.2, 1.0), 4 * h);
+        EXPECT_NEAR(repair.holesArea, 1.2, 2 * h * 2.2);
+        EXPECT_NEAR(repair.widestHoleAt[2], half[2], h);
+    }
+}
+
+// All faces lie on planes of voxels, where winding numbers are those between two sides.
+TEST(Repair, ClosesHolesOfABoxOnTheLattice)
+{
+    const Vec3d half(.5, .25, .375);
+    SampleSettings settings;
+    settings.lattice = {Vec3d::Zero(), 1.0 / 32};
+    for (const double side : {-1, 1}) {
+        const Mesh mesh = without(test::boxPart(-half, half),
+                                  [&](const Vec3d& p) { return side * p[0] > half[0] - 1e-6; });
+        Interrupter progress;
+        const LevelSet solid = voxelize(mesh, settings, RepairSettings{}, &progress);
+        test::expectSound(solid);
+        EXPECT_EQ(repairOf(solid).holes, 1u);
+        EXPECT_NEAR(repairOf(solid).widestHole, std::hypot(.5, .75), 4.0 / 32);
+        EXPECT_EQ(
+            test::deviation(solid, [&](const Vec3d& p) { return boxDistance(p, half); }).wrongSigns,
+            0u);
+    }
+}
+
+TEST(Repair, LeavesSoundMeshesAsTheyAre)
+{
+    Mesh cavity = test::ballPart(.4, 7);
+    test::turnInward(cavity);
+    Mesh other = test::ballPart(1, 12);
+    test::move(other, Eigen::Matrix3d::Identity(), Vec3d(.7, .1, .2));
+    const std::vector<Mesh> meshes = {test::boxPart({-1, -.5, -.25}, {1, .5, .25}),
+                                      test::soupOf({test::ballPart(1, 12), other}),
+                                      test::soupOf({test::ballPart(1, 12), cavity})};
+    for (const Mesh& mesh : meshes) {
+        Interrupter progress;
+        const LevelSet solid = repaired(mesh, .04);
+        expectSame(solid, voxelize(mesh, settingsOf(.04), &progress));
+        EXPECT_EQ(repairOf(solid).holes, 0u);
+        EXPECT_EQ(repairOf(solid).turned, 0u);
+    }
+}
+
+TEST(Repair, CopiesCountOnce)
+{
+    const Mesh ball = test::ballPart(1, 10);
+    Mesh doubled = ball, bothSides = ball;
+    for (const Mesh::Triangle& t : ball.triangles) {
+        doubled.triangles.push_back(t);
+        bothSides.triangles.push_back({t[0], t[2], t[1]});
+    }
+    Interrupter progress;
+    const LevelSet plain = voxelize(ball, settingsOf(.05), &progress);
+    for (const Mesh& mesh : {doubled, bothSides}) {
+        const LevelSet solid = repaired(mesh, .05);
+        expectSame(solid, plain);
+        EXPECT_EQ(repairOf(solid).copies, ball.triangles.size());
+    }
+    EXPECT_THROW(voxelize(bothSides, settingsOf(.05), &progress), InputError);
+}
+
+TEST(Repair, TurnsHalvesAndWholeShells)
+{
+    const Mesh ball = test::ballPart(1, 10);
+    Interrupter progress;
+    const LevelSet plain = voxelize(ball, settingsOf(.05), &progress);
+    Mesh half = ball;
+    for (Mesh::Triangle& t : half.triangles)
+        if (half.world(t[0])[0] < 0) std::swap(t[1], t[2]);
+    expectSame(repaired(half, .05), plain);
+
+    Mesh away = test::ballPart(1, 10);
+    test::move(away, Eigen::Matrix3d::Identity(), Vec3d(3, 0, 0));
+    const LevelSet both = voxelize(test::soupOf({ball, away}), settingsOf(.05), &progress);
+    test::turnInward(away);
+    const LevelSet solid = repaired(test::soupOf({ball, away}), .05);
+    expectSame(solid, both);
+    EXPECT_EQ(repairOf(solid).turned, 1u);
+}
+
+// The six sides of a box, which do not quite meet, one of them inside out.
+TEST(Repair, TurnsSidesThatDoNotMeet)
+{
+    const Vec3d half(.6, .5, .4);
+    const double h = .04, gap = .1 * h;
+    Mesh mesh = test::soupOf({test::boxPart(-half, half)});
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+        const Vec3f a = mesh.positions[mesh.triangles[t][0]],
+                    b = mesh.positions[mesh.triangles[t][1]],
+                    c = mesh.positions[mesh.triangles[t][2]];
+        const Vec3f normal = (b - a).cross(c - a).normalized();
+        for (const std::uint32_t v : mesh.triangles[t])
+            mesh.positions[v] += float(gap / 2) * normal;
+        if (normal[0] > .5f) std::swap(mesh.triangles[t][1], mesh.triangles[t][2]);
+    }
+    const LevelSet solid = repaired(mesh, h);
+    test::expectSound(solid);
+    EXPECT_EQ(repairOf(solid).turned, 1u);
+    const Vec3d wide = half + Vec3d::Constant(gap / 2);
+    const test::Deviation found =
+        test::deviation(solid, [&](const Vec3d& p) { return boxDistance(p, wide); });
+    EXPECT_EQ(found.wrongSigns, 0u);
+    EXPECT_LT(found.largest, gap / h);
+}
+
+TEST(Repair, InnerWallsAreNoSurface)
+{
+    const Vec3d half(.6, .5, .4);
+    Mesh mesh = test::boxPart(-half, half);
+    const auto first = std::uint32_t(mesh.positions.size());
+    for (const int n : {0, 1, 2, 3})
+        mesh.positions.push_back(
+            Vec3d(.13, n & 1 ? half[1] : -half[1], n & 2 ? half[2] : -half[2]).cast<float>());
+    mesh.triangles.push_back({first, first + 1, first + 3});
+    mesh.triangles.push_back({first, first + 3, first + 2});
+    const double h = .04;
+    const LevelSet solid = repaired(mesh, h);
+    test::expectSound(solid);
+    const test::Deviation found =
+        test::deviation(solid, [&](const Vec3d& p) { return boxDistance(p, half); });
+    EXPECT_EQ(found.wrongSigns, 0u);
+    EXPECT_LT(found.largest, kExact);
+}
+
+TEST(Repair, OpenSurfacesBecomeWallsOnRequest)
+{
+    const Mesh square = squareMesh(1, 8);
+    const double h = .03, thickness = .17;
+    try {
+        repaired(square, h);
+        FAIL() << "a square encloses nothing";
+    } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find("--thicken"), std::string::npos) << error.what();
+    }
+    RepairSettings settings;
+    settings.thickness = thickness;
+    const LevelSet wall = repaired(square, h, settings);
+    test::expectSound(wall);
+    const test::Deviation found = test::deviation(wall, [&](const Vec3d& p) {
+        const Vec3d q(std::max(std::abs(p[0]) - .5, 0.0), std::max(std::abs(p[1]) - .5, 0.0), p[2]);
+        return q.norm() - thickness / 2;
+    });
+    EXPECT_EQ(found.wrongSigns, 0u);
+    EXPECT_LT(found.largest, kExact);
+    EXPECT_EQ(repairOf(wall).sheets, 1u);
+    EXPECT_NEAR(repairOf(wall).sheetsArea, 1, 1e-6);
+    // A solid beside it stays as it is.
+    const Mesh ball = test::ballPart(.4, 10);
+    for (const double height : {1.0, .6, .45}) { // apart, almost touching, merged
+        Mesh beside = ball;
+        test::move(beside, Eigen::Matrix3d::Identity(), Vec3d(0, 0, height));
+        const LevelSet both = repaired(test::soupOf({square, beside}), h, settings);
+        test::expectSound(both);
+        EXPECT_EQ(repairOf(both).sheets, 1u);
+    }
+    settings.thickness = 1.9 * h;
+    EXPECT_THROW(repaired(square, h, settings), UsageError);
+}
+
+TEST(Repair, LeavesOutDamagedTriangles)
+{
+    Mesh mesh = test::ballPart(1, 10);
+    const std::size_t whole = mesh.triangles.size();
+    mesh.positions[5].setConstant(std::numeric_limits<float>::quiet_NaN());
+    mesh.triangles.push_back({0, 1, std::uint32_t(mesh.positions.size())});
+    const auto damaged =
+        std::count_if(mesh.triangles.begin(), mesh.triangles.end(), [](const Mesh::Triangle& t) {
+            return std::find(t.begin(), t.end(), 5u) != t.end();
+        });
+    const LevelSet solid = repaired(mesh, .05);
+    test::expectSound(solid);
+    EXPECT_EQ(repairOf(solid).dropped, std::uint64_t(damaged) + 1);
+    EXPECT_GE(repairOf(solid).holes, 1u);
+    EXPECT_GT(whole, std::size_t(damaged));
+    for (Vec3f& p : mesh.positions) p.setConstant(std::numeric_limits<float>::infinity());
+    EXPECT_THROW(repaired(mesh, .05), InputError);
+    EXPECT_THROW(repaired(Mesh(), .05), InputError);
+}
+
+TEST(Repair, RefusesHolesThatAreTooWide)
+{
+    const Mesh mesh = without(test::ballPart(1, 12), [](const Vec3d& p) { return p[2] > .8; });
+    const double width = repairOf(repaired(mesh, .05)).widestHole;
+    RepairSettings settings;
+    settings.holes = 1.01 * width;
+    EXPECT_EQ(repairOf(repaired(mesh, .05, settings)).holes, 1u);
+    settings.holes = .99 * width;
+    try {
+        repaired(mesh, .05, settings);
+        FAIL() << "a hole is too wide";
+    } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find("--repair-holes"), std::string::npos);
+    }
+}
+
+/// Parts with holes: each without the triangles in a ball about one of its vertices.
+Mesh openParts(Random& random)
+{
+    std::vector<Mesh> parts;
+    for (int n = 0; n < 3; ++n) {
+        Mesh part = n == 0   ? test::ballPart(8, 8)
+                    : n == 1 ? test::torusPart(7, 3, 24, 12)
+                             : test::pipePart(6, 3, 12, 16);
+        const Vec3d center =
+            part.world(std::size_t(random.uniform() * double(part.positions.size())));
+        const double radius = 2 + 3 * random.uniform();
+        part =
+            without(std::move(part), [&](const Vec3d& p) { return (p - center).norm() < radius; });
+        test::move(part, Eigen::Matrix3d::Identity(), random.inCube(8));
+        parts.push_back(std::move(part));
+    }
+    return test::soupOf(parts);
+}
+
+TEST(Repair, SignsAreThoseOfTheWindingNumber)
+{
+    constexpr std::uint64_t kSeed = 71;
+    Random random(kSeed);
+    for (int n = 0; n < 6; ++n) {
+        SCOPED_TRACE(fmt::format("seed {}, mesh {}", kSeed, n));
+        const Mesh mesh = openParts(random);
+        const LevelSet solid = repaired(mesh, 1);
+        test::expectSound(solid);
+        std::size_t wrong = 0, count = 0;
+        for (auto on = solid.grid().cbeginValueOn(); on; ++on) {
+            if (count++ % 7 != 0) continue;
+            const Vec3d p = test::worldOf(solid.lattice(), on.getCoord());
+            const double number = test::windingOf(mesh, p - mesh.frame);
+            // Beyond a tenth of a voxel, and the error of two terms of the expansion.
+            if (std::abs(*on) > .1 && std::abs(number - .5) > .02)
+                wrong += (*on < 0) != (number > .5);
+        }
+        EXPECT_EQ(wrong, 0u);
+        EXPECT_GT(count, 1000u);
+    }
+}
+
+TEST(Repair, IsTheSameForAnyNumberOfThreads)
+{
+    Random random(72);
+    const Mesh mesh = openParts(random);
+    RepairSettings settings;
+    settings.thickness = 2.5;
+    std::vector<LevelSet> made;
+    for (const std::size_t threads : {1, 4}) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+        made.push_back(repaired(mesh, .8, settings));
+    }
+    expectSame(made[0], made[1]);
+}
+
+TEST(Repair, EstimatesItsMemory)
+{
+    const Mesh mesh = without(test::ballPart(1, 12), [](const Vec3d& p) { return p[2] > .8; });
+    SampleSettings settings = settingsOf(.01);
+    settings.maxBytes = 1000000;
+    Interrupter progress;
+    EXPECT_THROW(voxelize(mesh, settings, RepairSettings{}, &progress), LimitError);
+}
+
+} // namespace
+} // namespace mpuvdb
