@@ -1,6 +1,6 @@
 #include "signed_triangles.h"
 
-#include "spatial/point_triangle.h"
+#include "spatial/nearest_place.h"
 
 #include <cmath>
 
