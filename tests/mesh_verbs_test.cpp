@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <set>
 
 namespace mpuvdb::test
@@ -130,6 +131,62 @@ TEST_F(MeshVerbs, InfoMeasuresMeshes)
     EXPECT_EQ(report["self_intersections"], 0);
     EXPECT_EQ(report["genus"], 0);
     command({"info", "ball.ply", "--against", "ball.off"}, 2);
+}
+
+TEST_F(MeshVerbs, MeasureWritesDistancesOfPoints)
+{
+    command({"sample", "sphere(1.1)", "-o", "larger.ply", "--points", "2000"});
+    command({"reconstruct", "ball.ply", "-o", "ball.vdb", "--voxels", "50"});
+    command({"measure", "ball.vdb", "--points", "larger.ply", "-o", "apart.ply", "--normals",
+             "--report", "apart.json"});
+    const json distances = json::parse(readFile(folder / "apart.json"))["distances"];
+    EXPECT_EQ(distances["points"], 2000);
+    EXPECT_EQ(distances["inside"], 0);
+    // Half a hundredth of a voxel, which is a 25th.
+    EXPECT_NEAR(distances["mean"].get<double>(), 0.1, 2e-4);
+    EXPECT_NEAR(distances["rms"].get<double>(), 0.1, 2e-4);
+    const json points = json::parse(command({"info", "apart.ply", "--json"}).out)["files"][0];
+    EXPECT_EQ(points["scalars"], json::array({"distance"}));
+    EXPECT_TRUE(points["normals"]);
+    command({"measure", "ball.vdb", "--points", "larger.ply", "-o", "no.xyz"}, 2);
+    command({"measure", "ball.vdb", "--points", "missing.ply", "-o", "no.ply"}, 3);
+    EXPECT_FALSE(std::filesystem::exists(folder / "no.ply"));
+}
+
+TEST_F(MeshVerbs, AnalyzeWritesGridsThatMeshesTake)
+{
+    command(
+        {"reconstruct", "ball.ply", "-o", "ball.vdb", "--voxels", "50", "--attributes", "none"});
+    command({"analyze", "ball.vdb", "-o", "all.vdb"});
+    std::set<std::string> names;
+    for (const json& grid : gridsOf("all.vdb")) names.insert(grid["name"]);
+    EXPECT_EQ(names, (std::set<std::string>{"surface", "normals", "curvature", "thickness"}));
+    command({"analyze", "ball.vdb", "-o", "thin.vdb", "--quantities", "thickness"});
+    EXPECT_EQ(gridsOf("thin.vdb").size(), 2u);
+    command({"mesh", "all.vdb", "-o", "all.ply", "--attributes", "curvature,thickness"});
+    const json mesh = json::parse(command({"info", "all.ply", "--json"}).out)["files"][0];
+    EXPECT_EQ(mesh["scalars"].size(), 2u);
+    command({"analyze", "ball.vdb", "-o", "no.vdb", "--quantities", "color"}, 2);
+}
+
+TEST_F(MeshVerbs, InfoMapsDeviations)
+{
+    command({"reconstruct", "ball.ply", "-o", "ball.vdb", "--voxels", "50", "--mesh", "ball.off"});
+    command({"offset", "ball.vdb", "-o", "larger.vdb", "--distance", "0.05"});
+    const Ended ended = command({"info", "ball.off", "--json", "--against", "larger.vdb", "--map",
+                                 "map.ply", "--histogram", "map.png", "--range", "0.1"});
+    const json deviation = json::parse(ended.out)["files"][0]["mesh"]["against"]["deviation"];
+    EXPECT_EQ(deviation["range"], 0.1);
+    EXPECT_EQ(deviation["signed"], true);
+    EXPECT_NEAR(deviation["median_magnitude"].get<double>(), 0.05, 1e-3);
+    const json map = json::parse(command({"info", "map.ply", "--json"}).out)["files"][0];
+    EXPECT_EQ(map["scalars"], json::array({"deviation"}));
+    EXPECT_TRUE(map["mesh"]["colors"]);
+    EXPECT_EQ(readFile(folder / "map.png").substr(1, 3), "PNG");
+    command({"info", "ball.off", "--map", "no.ply"}, 2);
+    command({"info", "ball.off", "ball.off", "--against", "ball.ply", "--map", "no.ply"}, 2);
+    command({"info", "ball.off", "--against", "ball.ply", "--map", "no.ply", "--range", "0"}, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder / "no.ply"));
 }
 
 } // namespace

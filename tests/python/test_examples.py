@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import unittest
@@ -84,6 +85,89 @@ class MadeUp(ScriptTest):
         self.run_script("carved_and_twisted.py", voxels=60)
         self.assertGreater(self.made("carved.vdb"), 0.01)
         self.assertGreater(self.made("wrung.vdb"), 0.03)
+
+
+class Recipes(ScriptTest):
+    """The scripts of Houdini's recipes: what they claim, read from what they print and write."""
+
+    def number(self, text, pattern):
+        found = re.search(pattern, text)
+        self.assertIsNotNone(found, f"{pattern} is not in: {text}")
+        return float(found.group(1))
+
+    def run_shell(self, name):
+        path = os.path.dirname(COMMAND) + os.pathsep + os.environ["PATH"]
+        environment = {
+            **os.environ,
+            "PATH": path,
+            "PYTHON": sys.executable,
+            "OUTPUT": str(self.folder),
+            "VOXELS": "60",
+        }
+        return self.output_of([str(SCRIPTS / name)], environment)
+
+    def test_scan_to_surface(self):
+        text = self.run_script("scan_to_surface.py", voxels=60)
+        # Noise of a thousandth, averaged; voxels of a sixtieth.
+        self.assertLess(self.number(text, r"within (\S+) of"), 0.0005)
+        self.assertAlmostEqual(self.number(text, r"noise (\S+)"), 0.001, delta=0.0003)
+        self.made("scan.vdb")
+
+    def test_particles_to_fluid(self):
+        text = self.run_script("particles_to_fluid.py", voxels=60)
+        shares = [float(s) for s in re.findall(r"(\S+) % of their volume", text)]
+        self.assertEqual(len(shares), 4)
+        self.assertLess(max(shares) - min(shares), 2)
+        self.assertTrue(all(abs(share - 100) < 5 for share in shares), shares)
+
+    def test_boolean_kitbash(self):
+        text = self.run_script("boolean_kitbash.py", voxels=100)
+        self.assertLess(self.number(text, r"\| - 1\|: (\S+)"), 0.05)
+        self.made("kitbash.vdb")
+
+    def test_hollow_for_print(self):
+        text = self.run_script("hollow_for_print.py", voxels=80)
+        self.assertIn(" 0 open edges", text)
+        self.assertAlmostEqual(self.number(text, r"wall of (\S+) mm"), 2, delta=0.1)
+        self.made("hollow.vdb")
+
+    def test_fillet_blend(self):
+        text = self.run_script("fillet_blend.py", voxels=100)
+        self.assertLess(self.number(text, r"joint: (\S+) voxels"), 0.01)
+        self.assertGreater(self.number(text, r"fillet: (\S+)"), 0.003)
+
+    def test_twist_tower(self):
+        text = self.run_script("twist_tower.py", voxels=60)
+        self.assertLess(self.number(text, r"\| - 1\|: (\S+)"), 0.1)
+        self.made("tower.vdb")
+        self.made("tower_bent.vdb")
+
+    @unittest.skipIf(COMMAND is None, "the command is not built")
+    def test_morph_sequence(self):
+        self.run_shell("morph_sequence.sh")
+        self.assert_between("change.{:04}.vdb", 8)
+
+    @unittest.skipIf(COMMAND is None, "the command is not built")
+    def test_lookdev_handoff(self):
+        text = self.run_shell("lookdev_handoff.sh")
+        for name in ("surface", "density", "Cd"):
+            self.assertIn(f"name: {name}", text)
+        for name in ("lookdev.glb", "lookdev.usda"):
+            self.assertTrue((self.folder / name).exists())
+
+    @unittest.skipIf(COMMAND is None, "the command is not built")
+    def test_scan_to_print(self):
+        text = self.run_shell("scan_to_print.sh")
+        for fact in ("boundary_edges: 0", "self_intersections: 0"):
+            self.assertIn(fact, text)
+        # A shell of 2 between balls of 20 and 18, cut at 17 below the middle.
+        def below(radius):
+            height = radius - 17
+            return np.pi * height**2 * (radius - height / 3)
+
+        whole = 4 / 3 * np.pi * (20**3 - 18**3)
+        expected = whole - below(20) + below(18)
+        self.assertAlmostEqual(self.made("print.vdb") / expected, 1, delta=0.02)
 
 
 @unittest.skipIf(DATA is None, "MPUVDB_DATA_DIR names no folder of real scans")

@@ -5,10 +5,14 @@
 #include "standard_output.h"
 #include "verb.h"
 
+#include "render/histogram.h"
+#include <mpuvdb/analysis.h>
 #include <mpuvdb/io.h>
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <optional>
 
 namespace mpuvdb::command
@@ -101,9 +105,60 @@ struct Other {
         return mesh.triangles.empty() ? distances(from, points, &progress)
                                       : distances(from, mesh, &progress);
     }
+    std::vector<float> deviationOf(const Mesh& from, Interrupter& progress) const
+    {
+        return mesh.triangles.empty() ? deviation(from, points, &progress)
+                                      : deviation(from, mesh, &progress);
+    }
 };
 
-Json describeMesh(const Mesh& mesh, const std::optional<Other>& other, Interrupter& progress)
+double diagonalOf(const Mesh& mesh)
+{
+    Eigen::AlignedBox3f box;
+    for (const Vec3f& p : mesh.positions) box.extend(p);
+    return double(box.diagonal().norm());
+}
+
+/// Where the deviations of a mesh go.
+struct DeviationOutput {
+    std::string map, histogram;  ///< files; empty: none
+    std::optional<Length> range; ///< of the colors
+
+    bool isWanted() const { return !map.empty() || !histogram.empty(); }
+};
+
+/// Writes @a mesh colored by its distances to @a other, with these as a scalar, and their
+/// histogram. @return what they are like.
+Json writeDeviations(Mesh mesh, const Other& other, const DeviationOutput& output,
+                     Interrupter& progress)
+{
+    std::vector<float> values = other.deviationOf(mesh, progress);
+    std::vector<float> magnitudes(values.size());
+    std::transform(values.begin(), values.end(), magnitudes.begin(),
+                   [](float v) { return std::abs(v); });
+    std::sort(magnitudes.begin(), magnitudes.end());
+    // Few places far off shall not make all others white.
+    constexpr double kShare = 0.99;
+    const double diagonal = diagonalOf(mesh);
+    double range = output.range
+                       ? output.range->resolve(0, diagonal)
+                       : double(magnitudes[std::size_t(kShare * double(magnitudes.size() - 1))]);
+    if (!(range > 0)) range = diagonal > 0 ? 1e-6 * diagonal : 1; // all is the same
+    if (!output.histogram.empty()) writeHistogram(output.histogram, values, range, &progress);
+    if (!output.map.empty()) {
+        mesh.colors.clear();
+        for (const float v : values) mesh.colors.push_back(deviationColor(double(v), range));
+        mesh.scalars.push_back({"deviation", values});
+        writeMesh(output.map, mesh, {}, &progress);
+    }
+    return {{"range", range},
+            {"median_magnitude", magnitudes[magnitudes.size() / 2]},
+            {"largest", magnitudes.back()},
+            {"signed", !other.mesh.triangles.empty()}};
+}
+
+Json describeMesh(const Mesh& mesh, const std::optional<Other>& other,
+                  const DeviationOutput& deviations, Interrupter& progress)
 {
     Json json = command::toJson(measure(mesh));
     json["self_intersections"] = findSelfIntersections(mesh, &progress).size();
@@ -113,6 +168,8 @@ Json describeMesh(const Mesh& mesh, const std::optional<Other>& other, Interrupt
     json["against"] = {{"file", other->file},
                        {"distance_to_it", command::toJson(both.there)},
                        {"distance_from_it", command::toJson(both.back)}};
+    if (deviations.isWanted())
+        json["against"]["deviation"] = writeDeviations(mesh, *other, deviations, progress);
     return json;
 }
 
@@ -142,7 +199,9 @@ public:
                 "  mpuvdb info scan.ply\n"
                 "  mpuvdb info scan.vdb --json\n"
                 "  mpuvdb info mesh.ply --against scan.xyz\n"
-                "      The mesh's measures, and its distances to the points and back.\n"};
+                "      The mesh's measures, and its distances to the points and back.\n"
+                "  mpuvdb info scan.ply --against part.vdb --map deviation.ply --histogram h.png\n"
+                "      Red where the scan lies outside the part, blue where it lies inside.\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -154,11 +213,34 @@ public:
                        "Measure distances of the meshes to this mesh, these points or this level\n"
                        "set's zero set, and back: mean, rms and largest over the area, world units")
             ->type_name("FILE");
+        CLI::Option* const against = app.get_option("--against");
+        app.add_option("--map", mDeviations.map,
+                       "Write the mesh with the distance of each vertex to the other surface as\n"
+                       "the scalar 'deviation' and as colors: red outside, blue inside, white on\n"
+                       "it. To points distances have no sign")
+            ->type_name("OUT.ply")
+            ->needs(against);
+        app.add_option("--histogram", mDeviations.histogram,
+                       "Write a picture of how often which deviation is: from -range to range, a\n"
+                       "tick for each tenth")
+            ->type_name("OUT.png")
+            ->needs(against);
+        addLength(app, "--range", mDeviations.range,
+                  "Deviation of the full colors, and at the histogram's ends: world units, or %\n"
+                  "of the mesh's diagonal; default: 99 % of the vertices deviate less");
     }
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({}, mInputs);
+        std::vector<std::string> inputs = mInputs;
+        if (!mAgainst.empty()) inputs.push_back(mAgainst);
+        session.checkFiles({{"--map", mDeviations.map, {".ply", ".glb", ".usda"}},
+                            {"--histogram", mDeviations.histogram, {".png"}}},
+                           inputs);
+        if (mDeviations.isWanted() && mInputs.size() > 1)
+            throw UsageError("--map and --histogram take one mesh. Name one input");
+        if (mDeviations.range && !(mDeviations.range->value > 0))
+            throw UsageError("--range: must be above 0");
         std::optional<Other> other;
         if (!mAgainst.empty()) other.emplace(mAgainst, session);
         Json files = Json::array();
@@ -174,8 +256,8 @@ public:
     }
 
 private:
-    static Json describe(const std::string& file, const std::optional<Other>& other,
-                         Session& session)
+    Json describe(const std::string& file, const std::optional<Other>& other,
+                  Session& session) const
     {
         Interrupter& progress = session.progress();
         Json json{{"file", file}};
@@ -185,7 +267,9 @@ private:
             json.update(describePoints(input, progress));
             // Standard input cannot be read again.
             const bool isMesh = input.triangles > 0 && file != "-";
-            if (isMesh) json["mesh"] = describeMesh(readMesh(file, &progress), other, progress);
+            if (isMesh)
+                json["mesh"] =
+                    describeMesh(readMesh(file, &progress), other, mDeviations, progress);
             if (other && !isMesh) throwNoMesh(file);
             return json;
         }
@@ -205,6 +289,7 @@ private:
 
     std::vector<std::string> mInputs;
     std::string mAgainst;
+    DeviationOutput mDeviations;
     bool mJson = false;
 };
 
