@@ -136,7 +136,7 @@ py::object raycast(Source source, const py::object& origins, const py::object& d
 #define MPUVDB_POINTS_DOC " points: (n, 3), world units, floats or doubles of any strides."
 #define MPUVDB_DISTANCE_DOC                                                                        \
     "Signed distances (n,) from points to the surface, world units, negative inside: anywhere in " \
-    "space, creases and ridges included. In the band, smooth surfaces of radius r voxels are "     \
+    "space, creases and ridges included. In the band, smooth surfaces of radius r > 7 voxels are " \
     "exact to about 0.02 / r^2 voxels. NaN for a point that is not finite; infinite if there is "  \
     "no surface." MPUVDB_POINTS_DOC
 #define MPUVDB_GRADIENT_DOC                                                                        \

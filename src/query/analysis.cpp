@@ -153,12 +153,10 @@ std::vector<float> deviation(const Mesh& mesh, const Mesh& reference, Interrupte
     std::vector<float> deviations(mesh.positions.size());
     tbb::parallel_for(std::size_t(0), (deviations.size() + kRun - 1) / kRun, [&](std::size_t run) {
         progress.check();
-        std::size_t slot = 0;
         const std::size_t end = std::min((run + 1) * kRun, deviations.size());
         for (std::size_t v = run * kRun; v < end; ++v) {
             const Vec3d p = mesh.world(v);
-            const SignedTriangles::Near near = triangles.nearest(p, slot);
-            slot = near.slot;
+            const SignedTriangles::Near near = triangles.nearest(p, 0);
             deviations[v] = float(triangles.isBehind(p, near) ? -near.distance : near.distance);
         }
     });

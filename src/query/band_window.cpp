@@ -1,6 +1,5 @@
 #include "band_window.h"
 
-#include "core/clones.h"
 #include "core/lanes.h"
 
 #include <algorithm>
@@ -16,9 +15,9 @@ using Four = float __attribute__((vector_size(16)));
 using Eight = float __attribute__((vector_size(32)));
 
 /// Third difference of neighboring values, voxels, from which on a ridge of the distance may pass:
-/// where slopes jump by s, cubic interpolation errs by at most 0.19 s, and a third difference
-/// along an axis is at least s / 2 / sqrt(3); a ball of radius R has third differences of 0.4 /
-/// R^2. [tuned: query_bench; half and twice as much change the mean error by a tenth]
+/// where slopes jump by s, cubic interpolation errs by at most 0.19 s, and a third difference along
+/// an axis is at least s / 2 / sqrt(3). [derived: 1.15 / r^2, the largest of a ball of r = 3.4
+/// voxels, whose center lies just beyond the default band]
 constexpr float kRough = 0.1f;
 /// Passes of extrapolation: as many voxels beyond the band are filled. [derived: the cube of 64
 /// voxels about a place in the band reaches two voxels farther]
@@ -113,11 +112,13 @@ void BandWindow::extrapolate()
 
 /// Fills the voxels about the block's cells that have three known ones next to each other on some
 /// side: by the mean of the parabolas through those. @return whether there were some.
-MPUVDB_CLONES bool BandWindow::extrapolateRows(const Bits& known)
+bool BandWindow::extrapolateRows(const Bits& known)
 {
-    constexpr int kFirst = kBelow - 1, kLast = kBelow + kBlockDim + 1; // of the cells' 64 voxels
+    /// Of the cells' 64 voxels. [derived: a cell's own and those beside it]
+    constexpr int kFirst = kBelow - 1, kLast = kBelow + kBlockDim + 1;
+    /// Their bits in a row. [derived: from kFirst to kLast]
     constexpr unsigned kNeeded = (2u << kLast) - (1u << kFirst);
-    constexpr float kMost = std::numeric_limits<float>::max();
+    constexpr float kMost = std::numeric_limits<float>::max(); ///< [derived: the type's largest]
     const float limit = kRough * mVoxelSize;
     bool filled = false;
     for (int x = kFirst; x <= kLast; ++x)
@@ -203,9 +204,10 @@ void BandWindow::keepWhole(const Bits& known)
 
 /// Unmarks cells with a torn corner, or a large third difference beside or across them along the
 /// lines through their corners.
-MPUVDB_CLONES void BandWindow::dropRough(const Bits& known)
+void BandWindow::dropRough(const Bits& known)
 {
-    constexpr int kFirst = kBelow, kLast = kBelow + kBlockDim; // corners of the block's cells
+    /// Corners of the block's cells. [derived: the block's own voxels, and the next]
+    constexpr int kFirst = kBelow, kLast = kBelow + kBlockDim;
     Bits rough{}; // bit z of row (x,y): of the cell with this lower corner
     const auto row = [&](int x, int y) -> unsigned {
         return known[std::size_t(x)][std::size_t(y)];

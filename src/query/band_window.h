@@ -1,6 +1,7 @@
 // The values of a block of voxels with those around it, and the distance at places in it by cubic
 // interpolation, where that is one.
 #pragma once
+#include "core/clones.h"
 #include <mpuvdb/field.h>
 
 #include <array>
@@ -54,13 +55,13 @@ private:
 
     static std::size_t index(int x, int y, int z)
     {
-        return std::size_t((x * kEdge + y) * kRow + z);
+        return (std::size_t(x) * kEdge + std::size_t(y)) * kRow + std::size_t(z);
     }
     void loadLeaf(const openvdb::Coord& side);
     void extrapolate();
-    bool extrapolateRows(const Bits& known);
+    MPUVDB_CLONES bool extrapolateRows(const Bits& known);
     void keepWhole(const Bits& known);
-    void dropRough(const Bits& known);
+    MPUVDB_CLONES void dropRough(const Bits& known);
     unsigned roughBits(int x, int y, int axis, unsigned from) const;
 
     Accessor mAccessor;

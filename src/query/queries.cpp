@@ -23,7 +23,7 @@ namespace
 
 using openvdb::Coord;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN(); ///< [derived: no number]
 /// Places that are sorted at once. [free: memory]
 constexpr std::size_t kBatch = std::size_t(1) << 22;
 /// Places of a task, and rays and places far from the surface. [free: grain size]
@@ -259,7 +259,6 @@ private:
             tbb::blocked_range<std::size_t>(0, far.size(), kFarPlaces), [&](const auto& range) {
                 progress.check();
                 const BandWindow::Accessor accessor(mLevelSet.grid().tree());
-                std::size_t slot = 0;
                 for (std::size_t n = range.begin(); n < range.end(); ++n) {
                     const Vec3d place = batch.place(far[n]);
                     const std::size_t i = batch.begin + far[n];
@@ -268,7 +267,7 @@ private:
                         continue;
                     }
                     const auto inside = side(accessor, voxels(place), mLattice.voxelSize);
-                    const SurfaceFoot foot = sharp->nearest(place, inside, slot);
+                    const SurfaceFoot foot = sharp->nearest(place, inside);
                     f(i, foot.distance, foot.direction);
                 }
             });

@@ -102,12 +102,11 @@ std::optional<SurfaceFoot> SharpSurface::refined(const Vec3d& p, const Vec3d& pl
     return SurfaceFoot{foot.place, on ? foot.normal : Vec3d((p - foot.place) / distance), distance};
 }
 
-SurfaceFoot SharpSurface::nearest(const Vec3d& p, std::optional<bool> inside,
-                                  std::size_t& slot) const
+SurfaceFoot SharpSurface::nearest(const Vec3d& p, std::optional<bool> inside) const
 {
-    const SignedTriangles::Near near = mTriangles.nearest(p, slot);
-    slot = near.slot;
-    if (isSmooth(slot)) {
+    // From the same triangle on for all places, as several may be equally near.
+    const SignedTriangles::Near near = mTriangles.nearest(p, 0);
+    if (isSmooth(near.slot)) {
         const std::optional<SurfaceFoot> foot = refined(p, near.place);
         // It may be farther than the triangle by as much as that lies off the zero set.
         if (foot && std::abs(foot->distance) < near.distance + kOffSurface * mVoxelSize &&
@@ -117,7 +116,7 @@ SurfaceFoot SharpSurface::nearest(const Vec3d& p, std::optional<bool> inside,
     const double sign = (inside ? *inside : mTriangles.isBehind(p, near)) ? -1 : 1;
     const bool on = near.distance < kOnSurface * mVoxelSize;
     return {near.place,
-            on ? mTriangles.normal(slot) : Vec3d(sign * (p - near.place) / near.distance),
+            on ? mTriangles.normal(near.slot) : Vec3d(sign * (p - near.place) / near.distance),
             sign * near.distance};
 }
 

@@ -31,8 +31,8 @@ public:
     SharpSurface(const LevelSet& levelSet, const Field* field, Interrupter& progress);
 
     /// The nearest place to @a p, which is finite. @param inside  whether @a p is, where that is
-    /// known. @param slot  where to look first; becomes that of the triangle found.
-    SurfaceFoot nearest(const Vec3d& p, std::optional<bool> inside, std::size_t& slot) const;
+    /// known.
+    SurfaceFoot nearest(const Vec3d& p, std::optional<bool> inside) const;
 
     /// The first place that a ray meets: origin + t * direction. @return t, infinite for none.
     double firstHit(const Vec3d& origin, const Vec3d& direction, Vec3d& normal) const;

@@ -164,7 +164,7 @@ TriangleTree::Cylinder TriangleTree::cylinderOf(std::size_t node) const
             high = std::max(high, along);
             radius = std::max(radius, from.squaredNorm() - along * along);
         }
-    constexpr float kMost = std::numeric_limits<float>::max();
+    constexpr float kMost = std::numeric_limits<float>::max(); ///< [derived: the type's largest]
     cylinder.low = std::nextafter(float(low), -kMost);
     cylinder.high = std::nextafter(float(high), kMost);
     cylinder.radius = std::nextafter(float(std::sqrt(radius)), kMost);

@@ -132,7 +132,7 @@ class Recipes(ScriptTest):
         self.made("hollow.vdb")
 
     def test_fillet_blend(self):
-        text = self.run_script("fillet_blend.py", voxels=100)
+        text = self.run_script("fillet_blend.py", voxels=160)
         self.assertLess(self.number(text, r"joint: (\S+) voxels"), 0.01)
         self.assertGreater(self.number(text, r"fillet: (\S+)"), 0.003)
 

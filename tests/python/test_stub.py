@@ -9,7 +9,7 @@ import unittest
 import mpuvdb as mv
 
 STUB = os.environ["MPUVDB_STUB"]
-OPERATORS = {"__init__", "__bool__", "__or__", "__and__", "__sub__"}
+OPERATORS = {"__init__", "__bool__", "__or__", "__and__", "__sub__", "__xor__"}
 
 
 def public(names):
