@@ -133,7 +133,8 @@ class Recipes(ScriptTest):
 
     def test_fillet_blend(self):
         text = self.run_script("fillet_blend.py", voxels=160)
-        self.assertLess(self.number(text, r"joint: (\S+) voxels"), 0.01)
+        # The thinnest pipe's radius is nine voxels; both ways interpolation errs.
+        self.assertLess(self.number(text, r"joint: (\S+) voxels"), 0.05)
         self.assertGreater(self.number(text, r"fillet: (\S+)"), 0.003)
 
     def test_twist_tower(self):
