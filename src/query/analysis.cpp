@@ -154,9 +154,10 @@ std::vector<float> deviation(const Mesh& mesh, const Mesh& reference, Interrupte
     tbb::parallel_for(std::size_t(0), (deviations.size() + kRun - 1) / kRun, [&](std::size_t run) {
         progress.check();
         const std::size_t end = std::min((run + 1) * kRun, deviations.size());
+        SignedTriangles::Hint hint;
         for (std::size_t v = run * kRun; v < end; ++v) {
             const Vec3d p = mesh.world(v);
-            const SignedTriangles::Near near = triangles.nearest(p, 0);
+            const SignedTriangles::Near near = triangles.nearest(p, hint);
             deviations[v] = float(triangles.isBehind(p, near) ? -near.distance : near.distance);
         }
     });

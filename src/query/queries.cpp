@@ -259,6 +259,7 @@ private:
             tbb::blocked_range<std::size_t>(0, far.size(), kFarPlaces), [&](const auto& range) {
                 progress.check();
                 const BandWindow::Accessor accessor(mLevelSet.grid().tree());
+                SignedTriangles::Hint hint;
                 for (std::size_t n = range.begin(); n < range.end(); ++n) {
                     const Vec3d place = batch.place(far[n]);
                     const std::size_t i = batch.begin + far[n];
@@ -267,7 +268,7 @@ private:
                         continue;
                     }
                     const auto inside = side(accessor, voxels(place), mLattice.voxelSize);
-                    const SurfaceFoot foot = sharp->nearest(place, inside);
+                    const SurfaceFoot foot = sharp->nearest(place, inside, hint);
                     f(i, foot.distance, foot.direction);
                 }
             });

@@ -102,10 +102,10 @@ std::optional<SurfaceFoot> SharpSurface::refined(const Vec3d& p, const Vec3d& pl
     return SurfaceFoot{foot.place, on ? foot.normal : Vec3d((p - foot.place) / distance), distance};
 }
 
-SurfaceFoot SharpSurface::nearest(const Vec3d& p, std::optional<bool> inside) const
+SurfaceFoot SharpSurface::nearest(const Vec3d& p, std::optional<bool> inside,
+                                  SignedTriangles::Hint& hint) const
 {
-    // From the same triangle on for all places, as several may be equally near.
-    const SignedTriangles::Near near = mTriangles.nearest(p, 0);
+    const SignedTriangles::Near near = mTriangles.nearest(p, hint);
     if (isSmooth(near.slot)) {
         const std::optional<SurfaceFoot> foot = refined(p, near.place);
         // It may be farther than the triangle by as much as that lies off the zero set.

@@ -31,8 +31,9 @@ public:
     SharpSurface(const LevelSet& levelSet, const Field* field, Interrupter& progress);
 
     /// The nearest place to @a p, which is finite. @param inside  whether @a p is, where that is
-    /// known.
-    SurfaceFoot nearest(const Vec3d& p, std::optional<bool> inside) const;
+    /// known. @param hint  see SignedTriangles.
+    SurfaceFoot nearest(const Vec3d& p, std::optional<bool> inside,
+                        SignedTriangles::Hint& hint) const;
 
     /// The first place that a ray meets: origin + t * direction. @return t, infinite for none.
     double firstHit(const Vec3d& origin, const Vec3d& direction, Vec3d& normal) const;

@@ -24,10 +24,15 @@ Vec3d SignedTriangles::normal(std::size_t slot) const
     return (b - a).cross(c - a).normalized();
 }
 
-SignedTriangles::Near SignedTriangles::nearest(const Vec3d& p, std::size_t slot) const
+SignedTriangles::Near SignedTriangles::nearest(const Vec3d& p, Hint& hint) const
 {
+    /// Factor of a bound that is the sum of two lengths. [derived: roundings of doubles, squared]
+    constexpr double kRoundings = 1 + 1e-12;
     const Vec3d from = p - mMesh.frame;
-    const double distance = std::sqrt(mTree.squaredDistance(from, slot));
+    const double most = (hint.distance + (p - hint.place).norm()) * kRoundings + mSame;
+    std::size_t slot = 0;
+    const double distance = std::sqrt(mTree.squaredDistance(from, most * most, slot));
+    hint = {p, distance};
     return {mMesh.frame + NearestPlace(from, cornersOf(slot)).place, distance, slot};
 }
 

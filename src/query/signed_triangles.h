@@ -2,6 +2,8 @@
 #pragma once
 #include "spatial/triangle_tree.h"
 
+#include <cmath>
+
 namespace mpuvdb
 {
 
@@ -23,8 +25,14 @@ public:
         double distance; ///< to it, from 0 on
         std::size_t slot;
     };
-    /// The place nearest to @a p, world units. @param slot  of the triangle to look at first.
-    Near nearest(const Vec3d& p, std::size_t slot) const;
+    /// What is known of a place nearby: some place on the triangles is that far from it.
+    struct Hint {
+        Vec3d place = Vec3d::Zero();
+        double distance = HUGE_VAL;
+    };
+    /// The place nearest to @a p, world units. It does not depend on @a hint, which saves time, and
+    /// becomes that of @a p.
+    Near nearest(const Vec3d& p, Hint& hint) const;
     /// Whether @a p, to which @a near is nearest, is behind the triangles.
     bool isBehind(const Vec3d& p, const Near& near) const;
     /// Unit; zero for a triangle without area.

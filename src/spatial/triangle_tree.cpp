@@ -194,11 +194,28 @@ void TriangleTree::sortTriangles(const Mesh& mesh)
 
 double TriangleTree::squaredDistance(const Vec3d& p, std::size_t& slot) const
 {
+    return search(p, squaredDistanceTo(mCorners[slot], p), slot);
+}
+
+double TriangleTree::squaredDistance(const Vec3d& p, double below, std::size_t& slot) const
+{
+    // What is as near as the nearest is never left out, and the first of these in the order of the
+    // search is found, whatever bound it begins with.
+    const std::size_t none = size();
+    slot = none;
+    const double found = search(p, below, slot);
+    if (slot != none) return found;
+    slot = 0; // where squares are infinite none is below
+    return search(p, squaredDistanceTo(mCorners[slot], p), slot);
+}
+
+/// The squared distance from @a p to the nearest triangle, if that is below @a best, and its slot.
+double TriangleTree::search(const Vec3d& p, double best, std::size_t& slot) const
+{
     struct Entry {
         std::size_t node;
         double distance2;
     };
-    double best = squaredDistanceTo(mCorners[slot], p);
     Entry stack[2 * kMostLevels];
     std::size_t height = 0;
     stack[height++] = {1, squaredBound(1, p)};

@@ -43,6 +43,10 @@ public:
     /// Squared distance from @a p, relative to the mesh's frame, to the nearest triangle.
     /// @param slot  where to look first; becomes the slot of the triangle found.
     double squaredDistance(const Vec3d& p, std::size_t& slot) const;
+    /// The same, where some triangle is known to be nearer than @a below, squared, which saves
+    /// time. Of several that are equally near, which one is found depends on @a p alone.
+    /// @param slot  becomes that of the triangle found.
+    double squaredDistance(const Vec3d& p, double below, std::size_t& slot) const;
 
     /// Whether a triangle is at most @a distance from @a p, relative to the mesh's frame.
     /// @param slot  where to look first; becomes the slot of the triangle found, if there is one.
@@ -128,6 +132,7 @@ private:
         }
     };
 
+    double search(const Vec3d& p, double best, std::size_t& slot) const;
     void sortTriangles(const Mesh& mesh);
     void boundNodes(Interrupter& progress);
     Cylinder cylinderOf(std::size_t node) const;

@@ -15,9 +15,9 @@ struct NoisyScan {
     std::unique_ptr<const RadiusMap> radii;
 
     /// Memory of the means, bytes per point. [derived: cells of the finest level are up to a
-    /// spacing wide, and those above add a third: about a mean per point, of eight floats, key and
-    /// table]
-    static constexpr std::uint64_t kMeanBytes = 48;
+    /// spacing wide, and those above add a third; noise splits some of their normals into two
+    /// clusters: up to 1.6 means per point, of eight floats, key and table]
+    static constexpr std::uint64_t kMeanBytes = 80;
     /// Whether fits by @a settings average their points.
     static bool isFor(const MpuSettings& settings);
     /// @return null where the noise is below what a fit to the tolerance resolves anyway.
