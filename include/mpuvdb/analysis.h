@@ -23,8 +23,8 @@ struct AnalyzeSettings {
 /// Grids on the active voxels of @a levelSet, on its lattice, by name; each voxel has the value of
 /// its nearest place on the surface, so that they are as useful there as on meshes
 /// (addAttribute()). Curvature is by second differences (OpenVDB's meanCurvature()): of a radius of
-/// r voxels it errs by some 5 / r^2 of itself, and at creases it is only large. About 100 bytes for
-/// each active voxel while it works. The same for any number of threads. @throws Interrupted.
+/// r voxels it errs by some 5 / r^2 of itself, and at creases it is only large. The
+/// same for any number of threads. @throws Interrupted.
 openvdb::GridCPtrVec analyze(const LevelSet& levelSet, const AnalyzeSettings& settings = {},
                              Interrupter* interrupter = nullptr);
 

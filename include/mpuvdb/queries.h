@@ -19,12 +19,11 @@ class Interrupter;
 /// In the band where values are smooth, cubic interpolation of them is the distance. Elsewhere, at
 /// creases, ridges and beyond the band, the distance is that to the surface with its creases as
 /// extractMesh() finds it, and where that is curved, to the zero set of the interpolation. It is
-/// extracted by the first question that needs it, and kept: about 150 bytes for each active voxel
-/// beside the surface.
+/// extracted by the first question that needs it, and kept.
 ///
 /// Of each function: @param places  3 numbers in a row, world units, at any strides. Results have
-/// room for a row each. @throws UsageError for numbers that are bytes, LimitError (memory of the
-/// surface), Interrupted.
+/// room for a row each. @throws UsageError for numbers that are bytes, LimitError (as
+/// extractMesh()), Interrupted.
 class Queries
 {
 public:
