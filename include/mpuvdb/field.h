@@ -84,6 +84,12 @@ public:
     /// Blocks to start the band in: every component of the zero set meets one of them. Sorted by
     /// (x,y,z), unique. @throws LimitError beyond the index range, UsageError if unbounded.
     virtual std::vector<Vec3i> seedBlocks(const Lattice& lattice) const = 0;
+    /// Those of seedBlocks() that meet @a box (world units), and perhaps others of them: all, by
+    /// default.
+    virtual std::vector<Vec3i> seedBlocksIn(const Lattice& lattice, const Box3d& /*box*/) const
+    {
+        return seedBlocks(lattice);
+    }
     /// Number of data points in @a box (world units), at least @a limit if there are that many: few
     /// data mark an artifact. @a limit where the field is not made from data.
     virtual std::size_t countData(const Box3d& box, std::size_t limit) const

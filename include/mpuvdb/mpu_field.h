@@ -10,6 +10,7 @@ namespace mpuvdb
 {
 
 class Interrupter;
+struct FieldParts;
 
 /// Support radius per cell diagonal for interpolation. [paper: Ohtake03 §6]
 constexpr double kInterpolationAlpha = 1.25;
@@ -80,12 +81,15 @@ public:
     /// @throws InputError without points or normals, UsageError for settings out of range,
     /// Interrupted.
     MpuField(PointCloud&& cloud, const MpuSettings& settings, Interrupter* interrupter = nullptr);
+    /// A field whose parts were made before, such as those of a file.
+    explicit MpuField(FieldParts&& parts);
     ~MpuField() override;
 
     Box3d bounds() const override;
     FieldSample evaluate(const Vec3d& position) const override;
     std::unique_ptr<PointEvaluator> evaluator(double spacing) const override;
     std::vector<Vec3i> seedBlocks(const Lattice& lattice) const override;
+    std::vector<Vec3i> seedBlocksIn(const Lattice& lattice, const Box3d& box) const override;
     std::size_t countData(const Box3d& box, std::size_t limit) const override;
     std::unique_ptr<BlockSampler> sampler(const Lattice& lattice, double band) const override;
 

@@ -21,22 +21,20 @@ struct SampleSettings {
     std::uint64_t maxBytes = 0; ///< memory of the grid, bytes; 0: no limit
     bool mayBeEmpty = false;    ///< without a zero crossing: an empty level set, not an InputError
     /// Box (world units) of the voxel centers to be sampled; a margin of kRegionMargin voxels
-    /// around it is sampled too, and dropped at the end. Inside the box the result is that of the
-    /// whole; everything else is inactive and outside. The two may differ where an island, a handle
-    /// or a jump of the field reaches beyond the margin, or where the whole is so noisy that all of
-    /// its distances are computed anew. A region without a surface is an empty level set.
+    /// around it is sampled too, or more where it takes more to decide about islands and handles,
+    /// and dropped at the end. Inside the box the result is that of the whole; everything else is
+    /// inactive and outside. A region without a surface is an empty level set.
     std::optional<Box3d> region;
 };
 
-/// Margin around a region that is sampled too, voxels. [tuned: region_test]
+/// Least margin around a region that is sampled too, voxels. [tuned: region_test]
 constexpr int kRegionMargin = 32;
 
 /// The voxels with their centers in @a region (world units).
 openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice);
 
 /// Sample @a field into a narrow band, which is found from the field's seeds by continuation and
-/// closed: no sign change lies between inactive voxels. If few values are distances, all are
-/// computed anew from the surface.
+/// closed: no sign change lies between inactive voxels.
 /// @throws UsageError (settings, unbounded field), LimitError (memory, index range), InputError if
 /// there is no zero crossing, Interrupted.
 LevelSet sampleField(const Field& field, const SampleSettings& settings,

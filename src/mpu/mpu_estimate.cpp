@@ -129,7 +129,7 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     progress.beginStage("estimate");
     const Parts parts(cloud, root);
     const SortedPoints points(parts.pointsOf(cloud), root, progress);
-    Octree tree = buildOctree(points, root, settings, progress);
+    OctreeDraft tree = buildOctree(points, root, settings, progress);
     std::uint64_t leaves = 0;
     bool complete = true;
     tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {

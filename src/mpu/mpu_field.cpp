@@ -2,9 +2,8 @@
 
 #include "mpu/evidence/data_coverage.h"
 #include "mpu/evidence/point_attributes.h"
-#include "mpu/fill/coarse_sign.h"
-#include "mpu/octree/octree.h"
-#include "mpu/octree/sorted_points.h"
+#include "mpu/field_parts.h"
+#include "mpu/fill/veto_leaves.h"
 #include "mpu/sample/leaf_finder.h"
 #include "mpu/sample/mpu_block_sampler.h"
 #include <mpuvdb/interrupter.h>
@@ -21,67 +20,10 @@ namespace
 /// other fits together weigh less than a rounding error]
 constexpr double kMinDistanceRatio = 1e-12;
 
-/// Difference of a leaf's value and the coarse field's from which a leaf on the other side fades,
-/// in steps of the coarse field, which bridges unseen walls of cavities and bores.
-/// [tuned: unseen_bench]
-constexpr double kMaxSignDisagreement = 1.5;
-
-/// Difference from which a leaf on the same side fades that finds the surface farther away, in
-/// steps. [tuned: hollows_test]
-constexpr double kMaxOvershoot = 0.5;
-
-/// Distance from the surface up to which no leaf fades, in steps. [derived: where both differences
-/// allow it whatever the coarse field says]
-constexpr double kMinVetoDistance = std::min(kMaxOvershoot, (kMaxSignDisagreement - 1));
-
-/// Inconsistency of @a value, a leaf's distance at its center, with the coarse field's @a other
-/// there, in steps: the leaf fades from 0 to 1.
-double disagreement(double value, double other, const CoarseSign& coarse)
-{
-    const double own = std::abs(value), step = coarse.step();
-    // A leaf without points continues those beside it, and ignores a surface that closes a hole
-    // between.
-    if ((value < 0) == (other < 0))
-        return (std::min(own, coarse.maxDistance()) - std::abs(other)) / step - kMaxOvershoot;
-    // Data are about as far as the leaf says: beyond, the coarse field means nothing.
-    const double believed = std::min(std::abs(other), std::max(own, step));
-    return (own + believed) / step - kMaxSignDisagreement;
-}
-
-/// A smooth step: 1 up to t = 0, 0 from t = 1 on.
-double smoothFall(double t)
-{
-    const double x = std::clamp(t, 0.0, 1.0);
-    return 1 - x * x * (3 - 2 * x);
-}
-
-/// Reduce the support of leaves whose distance at the center is inconsistent with the coarse field.
-void vetoLeaves(Octree& tree, const CoarseSign& coarse)
-{
-    tree.forEachLeafParallel([&](OctreeNode& node, const OctreeCell& cell) {
-        if (node.support <= 0) return;
-        const Vec3d center = tree.root.center(cell);
-        const StoredFit& stored = tree.fits[node.index];
-        if (tree.holdsItsPoint(cell, stored)) return;
-        const Vec3d y = center - stored.origin.cast<double>();
-        const Quadric q = tree.rulingAt(stored, y);
-        const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
-        if (std::abs(value) <= kMinVetoDistance * coarse.step()) return;
-        const double other = coarse.evaluate(center).value;
-        node.support *= float(smoothFall(disagreement(value, other, coarse)));
-    });
-}
-
 } // namespace
 
-struct MpuField::Impl {
-    MpuSettings settings;
-    std::shared_ptr<const VertexMesh> mesh;
-    Vec3d frame;
-    Box3d localBounds;
-    std::unique_ptr<SortedPoints> points;
-    Octree tree;
-    std::unique_ptr<const CoarseSign> coarse; ///< null if the tree is complete
+struct MpuField::Impl : FieldParts {
+    explicit Impl(FieldParts&& parts) : FieldParts(std::move(parts)) {}
 
     /// Sums over the leaves whose balls hold a place.
     struct Blend {
@@ -91,6 +33,8 @@ struct MpuField::Impl {
     void add(OctreeNode leaf, const OctreeCell& cell, const Vec3d& p, Blend& sums) const;
     FieldSample finish(const Blend& sums, const Vec3d& p) const;
     double weight(const Vec3d& p, const OctreeCell& cell, const StoredFit& fit) const;
+    std::vector<Vec3i> blocksOf(const std::vector<SortedPoints::Range>& ranges,
+                                const Lattice& lattice) const;
 };
 
 MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Interrupter* interrupter)
@@ -99,29 +43,31 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Interrupter* in
     checkSettings(cloud, given);
     MpuSettings settings = given;
     settings.sharp &= !settings.interpolate;
-    auto impl = std::make_unique<Impl>();
-    impl->settings = settings;
-    impl->mesh = cloud.mesh;
-    impl->frame = cloud.frame;
-    impl->localBounds = cloud.localBounds();
-    const RootCube root = rootCube(impl->localBounds, settings.voxelSize);
+    FieldParts parts;
+    parts.settings = settings;
+    parts.mesh = cloud.mesh;
+    parts.frame = cloud.frame;
+    parts.localBounds = cloud.localBounds();
+    const RootCube root = rootCube(parts.localBounds, settings.voxelSize);
     progress.beginStage("sort");
-    const auto copies =
-        settings.interpolate ? SortedPoints::Copies::Merge : SortedPoints::Copies::Keep;
-    impl->points = std::make_unique<SortedPoints>(std::move(cloud), root, progress, copies);
+    parts.points =
+        std::make_unique<SortedPoints>(std::move(cloud), root, progress, copiesFor(settings));
     progress.beginStage("fit");
-    impl->tree = buildOctree(*impl->points, root, settings, progress);
-    if (!impl->tree.complete) {
+    OctreeDraft tree = buildOctree(*parts.points, root, settings, progress);
+    if (!tree.complete) {
         progress.beginStage("sign");
-        impl->coarse = std::make_unique<CoarseSign>(*impl->points, impl->localBounds, root,
+        parts.coarse = std::make_unique<CoarseSign>(*parts.points, parts.localBounds, root,
                                                     settings.noise, progress);
-        vetoLeaves(impl->tree, *impl->coarse);
+        vetoLeaves(tree, *parts.coarse);
     }
-    impl->tree.statistics.bytes =
-        impl->tree.bytes() + impl->points->bytes() + (impl->coarse ? impl->coarse->bytes() : 0);
+    parts.tree = Octree(std::move(tree));
+    parts.tree.statistics.bytes =
+        parts.tree.bytes() + parts.points->bytes() + (parts.coarse ? parts.coarse->bytes() : 0);
     progress.endStage();
-    mImpl = std::move(impl);
+    mImpl = std::make_unique<const Impl>(std::move(parts));
 }
+
+MpuField::MpuField(FieldParts&& parts) : mImpl(std::make_unique<const Impl>(std::move(parts))) {}
 
 MpuField::~MpuField() = default;
 
@@ -216,10 +162,22 @@ std::unique_ptr<PointEvaluator> MpuField::evaluator(double spacing) const
 
 std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const
 {
+    return mImpl->blocksOf({{0, mImpl->points->size()}}, lattice);
+}
+
+std::vector<Vec3i> MpuField::seedBlocksIn(const Lattice& lattice, const Box3d& box) const
+{
+    return mImpl->blocksOf(mImpl->points->rangesIn(box.translated(-mImpl->frame)), lattice);
+}
+
+/// The blocks that hold the points of @a ranges, sorted, unique.
+std::vector<Vec3i> MpuField::Impl::blocksOf(const std::vector<SortedPoints::Range>& ranges,
+                                            const Lattice& lattice) const
+{
     using Block = std::array<int, 3>;
-    constexpr std::size_t kChunk = 1 << 14; ///< points of a task [free: grain]
-    const PointBatch& points = mImpl->points->points();
-    const Vec3d shift = (mImpl->frame - lattice.origin) / lattice.voxelSize;
+    constexpr std::size_t kChunk = 1 << 14; ///< most points of a task [free: grain]
+    const PointArrays& all = points->points();
+    const Vec3d shift = (frame - lattice.origin) / lattice.voxelSize;
     const double scale = 1 / lattice.voxelSize;
     const auto blockAt = [&](float x, int axis) {
         const double voxel = std::floor(double(x) * scale + shift[axis] + 0.5);
@@ -229,22 +187,25 @@ std::vector<Vec3i> MpuField::seedBlocks(const Lattice& lattice) const
         std::sort(blocks.begin(), blocks.end());
         blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
     };
-    std::vector<std::vector<Block>> chunks((points.size() + kChunk - 1) / kChunk);
-    tbb::parallel_for(std::size_t(0), chunks.size(), [&](std::size_t c) {
-        std::vector<Block>& blocks = chunks[c];
-        const std::size_t end = std::min((c + 1) * kChunk, points.size());
-        for (std::size_t i = c * kChunk; i < end; ++i) {
-            const Block block = {blockAt(points.x[i], 0), blockAt(points.y[i], 1),
-                                 blockAt(points.z[i], 2)};
+    std::vector<SortedPoints::Range> tasks;
+    for (const SortedPoints::Range& range : ranges)
+        for (std::size_t at = range.begin; at < range.end; at += kChunk)
+            tasks.push_back({at, std::min(at + kChunk, range.end)});
+    std::vector<std::vector<Block>> found(tasks.size());
+    tbb::parallel_for(std::size_t(0), tasks.size(), [&](std::size_t t) {
+        std::vector<Block>& blocks = found[t];
+        for (std::size_t i = tasks[t].begin; i < tasks[t].end; ++i) {
+            const Block block = {blockAt(all.x[i], 0), blockAt(all.y[i], 1), blockAt(all.z[i], 2)};
             if (blocks.empty() || block != blocks.back()) blocks.push_back(block);
         }
         sortUnique(blocks);
     });
-    std::vector<Block> all;
-    for (const auto& blocks : chunks) all.insert(all.end(), blocks.begin(), blocks.end());
-    sortUnique(all);
-    std::vector<Vec3i> result(all.size());
-    for (std::size_t n = 0; n < all.size(); ++n) result[n] = Vec3i(all[n][0], all[n][1], all[n][2]);
+    std::vector<Block> blocks;
+    for (const auto& some : found) blocks.insert(blocks.end(), some.begin(), some.end());
+    sortUnique(blocks);
+    std::vector<Vec3i> result(blocks.size());
+    for (std::size_t n = 0; n < blocks.size(); ++n)
+        result[n] = Vec3i(blocks[n][0], blocks[n][1], blocks[n][2]);
     return result;
 }
 
@@ -260,9 +221,8 @@ const MpuSettings& MpuField::settings() const
 
 FieldPoints MpuField::points() const
 {
-    const PointBatch& p = mImpl->points->points();
-    return {mImpl->frame, p.x.data(),  p.y.data(), p.z.data(), p.nx.data(),
-            p.ny.data(),  p.nz.data(), p.size(),   mImpl->mesh};
+    const PointArrays& p = mImpl->points->points();
+    return {mImpl->frame, p.x, p.y, p.z, p.nx, p.ny, p.nz, p.size(), mImpl->mesh};
 }
 
 std::unique_ptr<const Coverage> MpuField::coverage(Interrupter* interrupter) const

@@ -135,7 +135,7 @@ struct Band::Gap {
 };
 
 Band::Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
-           Interrupter& progress, const std::optional<BlockBox>& zone)
+           Interrupter& progress, const std::optional<Zone>& zone)
     : mField(field), mLattice(lattice), mBackground(float(halfWidth * lattice.voxelSize)),
       mMaxBytes(maxBytes), mProgress(progress), mZone(zone), mReach(reachOf(field, lattice))
 {
@@ -291,10 +291,11 @@ std::vector<Band::Gap> Band::findGaps() const
     ++high;
     if (mZone) { // a column without blocks may be inside
         columns.clear();
-        for (int x = mZone->first[0]; x <= mZone->last[0]; ++x)
-            for (int y = mZone->first[1]; y <= mZone->last[1]; ++y) columns.push_back({x, y});
-        low = mZone->first[2];
-        high = mZone->last[2];
+        const BlockBox& known = mZone->known;
+        for (int x = known.first[0]; x <= known.last[0]; ++x)
+            for (int y = known.first[1]; y <= known.last[1]; ++y) columns.push_back({x, y});
+        low = known.first[2];
+        high = known.last[2];
     }
     std::vector<Gap> gaps;
     std::size_t n = 0;
@@ -394,6 +395,8 @@ void Band::resolveSigns()
             const bool inside = contacts.votes[touch.root] > 0;
             if (inside ? touch.outside : touch.inside) disputed.push_back(touch.at);
         }
+        // Whose signs win is decided by all faces of a gap, which may go on beyond the zone.
+        mIsCertain &= !mZone || disputed.empty();
         if (!disputed.empty() && round < kMaxRounds) {
             search(std::move(disputed));
             continue;

@@ -50,9 +50,15 @@ public:
         SignWords inside{};
     };
 
-    /// @param zone  blocks beyond it are not sampled, and their signs are unknown; null: no limit.
+    /// A part of space: blocks beyond @a known are not sampled, and their signs are unknown; those
+    /// that count are @a wanted.
+    struct Zone {
+        BlockBox known, wanted;
+    };
+
+    /// @param zone  null: all blocks count.
     Band(const Field& field, const Lattice& lattice, double halfWidth, std::uint64_t maxBytes,
-         Interrupter& progress, const std::optional<BlockBox>& zone = {});
+         Interrupter& progress, const std::optional<Zone>& zone = {});
 
     /// Sample those of @a blocks that are not sampled yet, and follow the band from them. Returns
     /// the number of blocks sampled.
@@ -73,6 +79,9 @@ public:
     openvdb::FloatTree::Ptr assemble();
 
     bool hasZeroCrossing() const;
+    /// Whether the wanted blocks are those of the whole for certain: no part of the surface whose
+    /// sign was in question reaches from them to the unknown.
+    bool isCertain() const { return mIsCertain; }
 
     /// Face-connected components of voxels of one sign, over all blocks.
     struct Regions {
@@ -86,6 +95,7 @@ public:
         std::vector<std::uint32_t> roots;     ///< by the number of a part
         /// Number of voxels by root; huge where a component reaches blocks that are not sampled.
         std::vector<std::uint64_t> voxels;
+        std::vector<std::uint8_t> goesOn; ///< by root: whether it reaches beyond the known blocks
 
         std::uint32_t rootOf(std::size_t block, int voxel) const;
     };
@@ -120,14 +130,17 @@ private:
     bool isSupported(const std::vector<VoxelId>& voxels, double deepest, bool isThinPart) const;
     void checkMemory() const;
     void checkReach(const Vec3i& at) const;
-    bool isKnown(const Vec3i& at) const { return !mZone || mZone->holds(at); }
+    bool isKnown(const Vec3i& at) const { return !mZone || mZone->known.holds(at); }
+    bool isWanted(const Vec3i& at) const { return mZone && mZone->wanted.holds(at); }
+    bool reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow) const;
 
     const Field& mField;
     Lattice mLattice;
     float mBackground;
     std::uint64_t mMaxBytes;
     Interrupter& mProgress;
-    std::optional<BlockBox> mZone;
+    std::optional<Zone> mZone;
+    bool mIsCertain = true;
     Box3d mReach; ///< limit of the search, world units
     std::vector<Block> mBlocks;
     std::unordered_map<std::uint64_t, std::uint32_t> mIndex; ///< packed position -> block

@@ -186,16 +186,13 @@ bool reachesDeep(const BlockMosaic& mosaic, const std::vector<SignWords>& set, V
 
 /// The cuts of the narrow gaps of @a inside and of its complement, cheapest first.
 /// @param depth  depth(voxel) in its side, world units.
+/// @param tunnels, bridges  the narrow gaps of both.
 template <typename Depth>
 std::vector<Cut> findCuts(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
+                          std::vector<SignWords>&& tunnels, std::vector<SignWords>&& bridges,
                           double voxelSize, Depth depth, Interrupter& progress)
 {
     const auto isDeep = [&](VoxelId v) { return double(depth(v)) >= kMinPartDepth * voxelSize; };
-    std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());
-    tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
-        if (n % 1024 == 0) progress.check();
-        mosaic.findNarrow(inside, n, kHalfHandle, tunnels[n], bridges[n]);
-    });
     const auto cutsOf = [&](std::vector<SignWords> set, std::vector<SignWords> narrow, bool sign) {
         Gaps gaps(mosaic, std::move(set), std::move(narrow));
         gaps.open(depth, progress);
@@ -266,6 +263,41 @@ BlockMosaic Band::mosaic() const
     return BlockMosaic(std::move(around));
 }
 
+/// Whether a connected part of @a narrow that data do not support reaches from the wanted blocks to
+/// blocks whose neighbors are unknown: how it is cut is decided by all of it.
+bool Band::reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow) const
+{
+    const auto isAtBorder = [&](const Vec3i& at) {
+        return (at.array() == mZone->known.first.array()).any() ||
+               (at.array() == mZone->known.last.array()).any();
+    };
+    for (std::size_t n = 0; n < narrow.size(); ++n) {
+        if (!isAtBorder(mBlocks[n].at)) continue;
+        for (VoxelId seed = n * kBlockVoxels; seed < (n + 1) * kBlockVoxels; ++seed) {
+            if (!contains(narrow, seed)) continue;
+            mProgress.check();
+            std::vector<VoxelId> part = {seed};
+            mpuvdb::turn(narrow, seed);
+            bool reaches = false;
+            for (std::size_t k = 0; k < part.size(); ++k) {
+                reaches |= isWanted(mBlocks[part[k] / kBlockVoxels].at);
+                mosaic.forEachAround(part[k], mosaic.neighborhood(narrow, part[k]),
+                                     [&](VoxelId next) {
+                                         if (!contains(narrow, next)) return;
+                                         mpuvdb::turn(narrow, next);
+                                         part.push_back(next);
+                                     });
+            }
+            std::size_t points = 0;
+            if (reaches)
+                for (const auto& [block, words] : byBlock(part))
+                    points += countData(mBlocks[block].at, words);
+            if (reaches && points * kVoxelsPerPoint <= part.size()) return true;
+        }
+    }
+    return false;
+}
+
 std::size_t Band::removeHandles()
 {
     if (!isFromData()) return 0;
@@ -276,7 +308,14 @@ std::size_t Band::removeHandles()
         const Block& block = mBlocks[v / kBlockVoxels];
         return block.leaf ? std::abs(block.leaf->buffer().data()[v % kBlockVoxels]) : mBackground;
     };
-    const std::vector<Cut> cuts = findCuts(blocks, inside, mLattice.voxelSize, depth, mProgress);
+    std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());
+    tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
+        if (n % 1024 == 0) mProgress.check();
+        blocks.findNarrow(inside, n, kHalfHandle, tunnels[n], bridges[n]);
+    });
+    if (mZone) mIsCertain &= !reachesFar(blocks, tunnels) && !reachesFar(blocks, bridges);
+    const std::vector<Cut> cuts = findCuts(blocks, inside, std::move(tunnels), std::move(bridges),
+                                           mLattice.voxelSize, depth, mProgress);
     std::vector<SignWords> outside = inverse(inside), settled(inside.size());
     const auto turnAll = [&](const Cut& cut) {
         for (const VoxelId v : cut.voxels)
@@ -304,9 +343,17 @@ std::size_t Band::removeHandles()
         const auto rootOf = [&](VoxelId v) {
             return regions.rootOf(v / kBlockVoxels, int(v % kBlockVoxels));
         };
-        return sides.empty() || std::any_of(sides.begin(), sides.end(), [&](VoxelId v) {
-                   return rootOf(v) != rootOf(sides.front());
-               });
+        if (sides.empty()) return true;
+        bool oneRoot = true, allGoOn = true;
+        for (const VoxelId v : sides) {
+            oneRoot &= rootOf(v) == rootOf(sides.front());
+            allGoOn &= regions.goesOn[rootOf(v)] != 0;
+        }
+        // Beyond a zone parts are taken to be connected.
+        if (!oneRoot && allGoOn)
+            for (const VoxelId v : cut->voxels)
+                mIsCertain &= !isWanted(mBlocks[v / kBlockVoxels].at);
+        return !oneRoot && !allGoOn;
     };
     const auto bad = std::stable_partition(taken.begin(), taken.end(),
                                            [&](const Cut* cut) { return !separates(cut); });

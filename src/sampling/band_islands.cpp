@@ -66,8 +66,8 @@ Band::Regions Band::labelRegions() const
     voxels.resize(first.back());
     /// Voxels of an unbounded part. [derived: above kMaxIslandVoxels, with room for sums]
     constexpr std::uint64_t kUnbounded = std::uint64_t(1) << 40;
-    // Beyond a zone parts of one sign are assumed to be connected.
-    std::array<std::optional<std::uint32_t>, 2> beyond;
+    std::vector<std::uint8_t>& goesOn = regions.goesOn;
+    goesOn.assign(first.back(), 0);
     for (std::size_t n = 0; n < mBlocks.size(); ++n) {
         const Vec3i at = mBlocks[n].at;
         for (std::uint32_t p = 0; p < parts[n].size(); ++p) {
@@ -79,12 +79,10 @@ Band::Regions Band::labelRegions() const
                     const auto next =
                         mIndex.find(packed(at + (upper ? 1 : -1) * Vec3i::Unit(axis)));
                     if (next == mIndex.end()) {
-                        voxels[first[n] + p] = kUnbounded;
-                        if (!isKnown(at + (upper ? 1 : -1) * Vec3i::Unit(axis))) {
-                            auto& other = beyond[part.inside];
-                            components.join(first[n] + p, other.value_or(first[n] + p));
-                            other = first[n] + p;
-                        }
+                        if (isKnown(at + (upper ? 1 : -1) * Vec3i::Unit(axis)))
+                            voxels[first[n] + p] = kUnbounded;
+                        else
+                            goesOn[first[n] + p] = 1;
                         continue;
                     }
                     const std::uint32_t m = next->second;
@@ -98,7 +96,10 @@ Band::Regions Band::labelRegions() const
     }
     const std::vector<std::uint32_t>& roots = regions.roots = components.roots();
     for (std::uint32_t p = 0; p < roots.size(); ++p)
-        if (roots[p] != p) voxels[roots[p]] += voxels[p];
+        if (roots[p] != p) {
+            voxels[roots[p]] += voxels[p];
+            goesOn[roots[p]] |= goesOn[p];
+        }
     return regions;
 }
 
@@ -124,6 +125,7 @@ std::size_t Band::turnIslands()
     struct Small {
         std::size_t points = 0;
         float deepest = 0;
+        bool goesOn = false, isWanted = false;
     };
     std::unordered_map<std::uint32_t, Small> small; // components, by root
     const auto forEachSmall = [&](auto f) {
@@ -134,6 +136,8 @@ std::size_t Band::turnIslands()
     };
     forEachSmall([&](const Block& block, const SignWords& part, std::uint32_t root) {
         Small& component = small[root];
+        component.goesOn = regions.goesOn[root];
+        component.isWanted |= isWanted(block.at);
         component.deepest = std::max(component.deepest, deepestOf(block, part));
         if (component.points < enough) component.points += countData(block.at, part);
     });
@@ -141,11 +145,17 @@ std::size_t Band::turnIslands()
     const auto isIsland = [&](const Small& component) {
         return component.points < enough || component.deepest < minDepth;
     };
+    // What goes on beyond the zone may be large, or hold data there.
+    const auto isTurned = [&](const Small& component) {
+        return isIsland(component) && !component.goesOn;
+    };
     forEachSmall([&](Block& block, const SignWords& part, std::uint32_t root) {
-        if (isIsland(small[root])) turn(block, part);
+        if (isTurned(small[root])) turn(block, part);
     });
+    for (const auto& [root, component] : small)
+        mIsCertain &= !(component.goesOn && component.isWanted && isIsland(component));
     return std::size_t(std::count_if(small.begin(), small.end(),
-                                     [&](const auto& c) { return isIsland(c.second); }));
+                                     [&](const auto& c) { return isTurned(c.second); }));
 }
 
 /// Number of data points in the cubes of a block's voxels and up to half a voxel beside them:

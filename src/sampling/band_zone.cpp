@@ -15,7 +15,8 @@ namespace mpuvdb
 void Band::searchUnsupported()
 {
     // Where data support the surface, the band has been found from the data in the zone.
-    const Vec3i size = mZone->last - mZone->first + Vec3i::Ones();
+    const BlockBox& box = mZone->known;
+    const Vec3i size = box.last - box.first + Vec3i::Ones();
     const double h = mLattice.voxelSize;
     // Half a block's diagonal from its center; values are approximate distances.
     const double near = 1.5 * (double(mBackground) + 0.5 * std::sqrt(3.0) * (kBlockDim - 1) * h);
@@ -24,8 +25,8 @@ void Band::searchUnsupported()
     std::vector<std::vector<Vec3i>> found(std::size_t(size[0]) * std::size_t(size[1]));
     tbb::parallel_for(std::size_t(0), found.size(), [&](std::size_t column) {
         BlockSampler& sampler = *samplers.local();
-        Vec3i at = mZone->first + Vec3i(int(column) / size[1], int(column) % size[1], 0);
-        for (; at[2] <= mZone->last[2]; ++at[2]) {
+        Vec3i at = box.first + Vec3i(int(column) / size[1], int(column) % size[1], 0);
+        for (; at[2] <= box.last[2]; ++at[2]) {
             mProgress.check();
             if (find(at)) continue;
             const Vec3d middle = (at * kBlockDim).cast<double>().array() + 0.5 * (kBlockDim - 1);

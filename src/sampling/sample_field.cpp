@@ -49,27 +49,26 @@ bool isEmpty(const Band& band, const SampleSettings& settings)
     return true;
 }
 
-/// The blocks to be sampled for @a region.
-BlockBox zoneOf(const openvdb::CoordBBox& region, double halfWidth)
+/// The blocks of @a region and @a margin voxels about it.
+BlockBox blocksOf(const openvdb::CoordBBox& region, int margin)
 {
-    const int margin = kRegionMargin + int(std::ceil(halfWidth));
     const auto block = [](int voxel) { return voxel >> 3; };
-    BlockBox zone;
+    BlockBox blocks;
     for (int axis = 0; axis < 3; ++axis) {
-        zone.first[axis] = block(region.min()[axis] - margin);
-        zone.last[axis] = block(region.max()[axis] + margin);
+        blocks.first[axis] = block(region.min()[axis] - margin);
+        blocks.last[axis] = block(region.max()[axis] + margin);
     }
-    return zone;
+    return blocks;
 }
 
-/// Whether values are distances in the sense of check(), after @a restored of them were repaired:
-/// strong noise can leave few that are, and then all are computed anew.
-bool areDistances(const openvdb::FloatGrid& grid, std::uint64_t restored, Interrupter& progress)
+/// The cubes of @a zone's voxels, world units.
+Box3d boxOf(const BlockBox& zone, const Lattice& lattice)
 {
-    /// Share of repaired voxels below which the check is skipped. [tuned: noise_bench]
-    constexpr double kMaxRepaired = 0.05;
-    return double(restored) < kMaxRepaired * double(grid.activeVoxelCount()) ||
-           check(grid, kGradientTolerance, openvdb::CoordBBox::inf(), &progress).sound();
+    const double h = lattice.voxelSize;
+    const Vec3d half = Vec3d::Constant(0.5);
+    const Vec3d first = (kBlockDim * zone.first).cast<double>() - half,
+                last = (kBlockDim * (zone.last + Vec3i::Ones())).cast<double>() - half;
+    return {lattice.origin + h * first, lattice.origin + h * last};
 }
 
 /// The part of @a whole in @a region; the rest is outside.
@@ -80,44 +79,61 @@ LevelSet cropped(const LevelSet& whole, const openvdb::CoordBBox& region)
     return LevelSet(grid);
 }
 
+/// The closed band of @a field, with islands and handles off; of @a region (voxels; or null: all)
+/// and a margin about it, which grows until the rest of the band decides nothing in the region.
+std::unique_ptr<Band> closedBand(const Field& field, const SampleSettings& settings,
+                                 const openvdb::CoordBBox* region, Interrupter& progress)
+{
+    const double h = settings.lattice.voxelSize;
+    const auto widest = int(std::min(field.bounds().sizes().maxCoeff() / h, 1e6));
+    const double halfWidth =
+        field.isDistance() ? settings.halfWidth : kCrossingWidth * field.steepness();
+    for (int margin = kRegionMargin + int(std::ceil(settings.halfWidth));; margin *= 2) {
+        std::optional<Band::Zone> zone;
+        if (region) zone = {blocksOf(*region, margin), blocksOf(*region, 0)};
+        progress.beginStage("sample");
+        auto band = std::make_unique<Band>(field, settings.lattice, halfWidth, settings.maxBytes,
+                                           progress, zone);
+        band->search(
+            zone ? field.seedBlocksIn(settings.lattice, boxOf(zone->known, settings.lattice))
+                 : field.seedBlocks(settings.lattice));
+        if (zone) band->searchUnsupported();
+        if (isEmpty(*band, settings)) return nullptr;
+        progress.beginStage("close");
+        band->resolveSigns();
+        band->removeIslands();
+        band->removeHandles();
+        if (zone && !band->isCertain() && margin < widest) continue;
+        if (isEmpty(*band, settings)) return nullptr;
+        band->close();
+        return band;
+    }
+}
+
 /// The level set of @a field in a band that is sampled as a whole. @param region  voxels; or null.
 LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
                       const openvdb::CoordBBox* region, Interrupter& progress)
 {
     const Lattice& lattice = settings.lattice;
-    const bool isDistance = field.isDistance();
-    std::optional<BlockBox> zone;
-    if (region) zone = zoneOf(*region, settings.halfWidth);
-    progress.beginStage("sample");
-    Band band(field, lattice, isDistance ? settings.halfWidth : kCrossingWidth * field.steepness(),
-              settings.maxBytes, progress, zone);
-    band.search(field.seedBlocks(lattice));
-    if (zone) band.searchUnsupported();
-    if (isEmpty(band, settings)) return emptyLevelSet(lattice, settings.halfWidth);
-    progress.beginStage("close");
-    band.resolveSigns();
-    band.removeIslands();
-    band.removeHandles();
-    if (isEmpty(band, settings)) return emptyLevelSet(lattice, settings.halfWidth);
-    band.close();
+    std::unique_ptr<Band> band = closedBand(field, settings, region, progress);
+    if (!band) return emptyLevelSet(lattice, settings.halfWidth);
     progress.beginStage("assemble");
-    const openvdb::FloatTree::Ptr tree = band.assemble();
-    std::uint64_t restored = 0; // voxels
-    if (isDistance) {
+    const openvdb::FloatTree::Ptr tree = band->assemble();
+    band.reset();
+    if (field.isDistance()) {
         progress.beginStage("restore");
         if (field.isDistanceFar())
             completeBand(*tree, lattice.voxelSize, progress);
         else
-            restored = restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress);
+            restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress);
     }
     auto grid = openvdb::FloatGrid::create(tree);
     setLattice(*grid, lattice);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
     progress.endStage();
-    const bool areLengths = isDistance && (zone || areDistances(*grid, restored, progress));
     const LevelSet levelSet =
-        areLengths ? LevelSet(grid) : redistance(*grid, settings.halfWidth, &progress);
+        field.isDistance() ? LevelSet(grid) : redistance(*grid, settings.halfWidth, &progress);
     return region ? cropped(levelSet, *region) : levelSet;
 }
 

@@ -16,11 +16,11 @@ namespace
 using Floats = PointBatch::Floats;
 
 MPUVDB_WIDE_CLONES
-void squaredDistances(const PointBatch& points, const Vec3f& c, Floats& out)
+void squaredDistances(const PointArrays& points, const Vec3f& c, Floats& out)
 {
     const std::size_t n = points.size();
     out.resize(n);
-    const float *const x = points.x.data(), *const y = points.y.data(), *const z = points.z.data();
+    const float *const x = points.x, *const y = points.y, *const z = points.z;
     float* const d2 = out.data();
     const float cx = c[0], cy = c[1], cz = c[2];
     for (std::size_t i = 0; i < n; ++i) {
@@ -44,12 +44,12 @@ void markBelow(const Floats& values, float limit, Marks& out)
 
 /// Mark with 1 the points from @a begin to before @a end that are within a ball, others with 0.
 MPUVDB_WIDE_CLONES
-void markBall(const PointBatch& points, std::size_t begin, std::size_t end, const Vec3f& c,
+void markBall(const PointArrays& points, std::size_t begin, std::size_t end, const Vec3f& c,
               float radius2, Marks& out)
 {
     out.resize(end - begin);
-    const float *const x = points.x.data() + begin, *const y = points.y.data() + begin,
-                       *const z = points.z.data() + begin;
+    const float *const x = points.x + begin, *const y = points.y + begin,
+                       *const z = points.z + begin;
     std::uint32_t* const mark = out.data();
     const float cx = c[0], cy = c[1], cz = c[2];
     for (std::size_t i = 0; i < end - begin; ++i) {
@@ -60,12 +60,12 @@ void markBall(const PointBatch& points, std::size_t begin, std::size_t end, cons
 
 /// Set bit o of mask[i] if point i is in the ball of octant o.
 MPUVDB_WIDE_CLONES
-void octantMasks(const PointBatch& points, const Vec3f& low, const Vec3f& high, float radius2,
+void octantMasks(const PointArrays& points, const Vec3f& low, const Vec3f& high, float radius2,
                  Marks& out)
 {
     const std::size_t n = points.size();
     out.resize(n);
-    const float *const x = points.x.data(), *const y = points.y.data(), *const z = points.z.data();
+    const float *const x = points.x, *const y = points.y, *const z = points.z;
     std::uint32_t* const mask = out.data();
     const float lx = low[0], ly = low[1], lz = low[2], hx = high[0], hy = high[1], hz = high[2];
     for (std::size_t i = 0; i < n; ++i) {
@@ -159,11 +159,11 @@ void BatchFilter::select(float below)
 }
 
 /// Append the selected points.
-void BatchFilter::append(const PointBatch& from, PointBatch& out) const
+void BatchFilter::append(const PointArrays& from, PointBatch& out) const
 {
     const std::size_t before = out.size();
     out.resize(before + mSelected);
-    const auto two = [&](const Floats& a, Floats& toA, const Floats& b, Floats& toB) {
+    const auto two = [&](const float* a, Floats& toA, const float* b, Floats& toB) {
         for (std::size_t i = 0; i < mSelected; ++i) {
             const std::uint32_t n = mIndices[i];
             toA[before + i] = a[n];
@@ -177,7 +177,7 @@ void BatchFilter::append(const PointBatch& from, PointBatch& out) const
 }
 
 /// Append those points from @a begin on, one per mark, whose mark has one of @a bits.
-void BatchFilter::appendMarked(const PointBatch& from, std::size_t begin, std::uint32_t bits,
+void BatchFilter::appendMarked(const PointArrays& from, std::size_t begin, std::uint32_t bits,
                                PointBatch& out) const
 {
     const std::size_t before = out.size(), n = mMask.size();
@@ -192,13 +192,13 @@ void BatchFilter::appendMarked(const PointBatch& from, std::size_t begin, std::u
     out.resize(before + compress(sources, mMask.data(), n, bits, targets));
 }
 
-void BatchFilter::ball(const PointBatch& from, const Vec3d& center, double radius, PointBatch& out)
+void BatchFilter::ball(const PointArrays& from, const Vec3d& center, double radius, PointBatch& out)
 {
     out.clear();
     appendBall(from, 0, from.size(), 1, center, radius, out);
 }
 
-int BatchFilter::grownBall(const PointBatch& from, const Vec3d& center, double radius,
+int BatchFilter::grownBall(const PointArrays& from, const Vec3d& center, double radius,
                            double growth, int most, std::size_t wanted, PointBatch& out)
 {
     const auto limit = [&](int steps) {
@@ -219,7 +219,7 @@ int BatchFilter::grownBall(const PointBatch& from, const Vec3d& center, double r
     return enough;
 }
 
-void BatchFilter::octants(const PointBatch& from, const Vec3d& center, double half, double radius,
+void BatchFilter::octants(const PointArrays& from, const Vec3d& center, double half, double radius,
                           std::array<PointBatch, 8>& out)
 {
     const Vec3d offset = Vec3d::Constant(half);
@@ -231,7 +231,7 @@ void BatchFilter::octants(const PointBatch& from, const Vec3d& center, double ha
     }
 }
 
-double BatchFilter::nearest(const PointBatch& from, const Vec3d& center, std::size_t count,
+double BatchFilter::nearest(const PointArrays& from, const Vec3d& center, std::size_t count,
                             PointBatch& out)
 {
     squaredDistances(from, center.cast<float>(), mDistance2);
@@ -242,13 +242,13 @@ double BatchFilter::nearest(const PointBatch& from, const Vec3d& center, std::si
     return std::sqrt(double(limit));
 }
 
-std::size_t BatchFilter::nearestOf(const PointBatch& from, const Vec3d& center)
+std::size_t BatchFilter::nearestOf(const PointArrays& from, const Vec3d& center)
 {
     squaredDistances(from, center.cast<float>(), mDistance2);
     return std::size_t(std::min_element(mDistance2.begin(), mDistance2.end()) - mDistance2.begin());
 }
 
-void BatchFilter::strided(const PointBatch& from, std::size_t stride, PointBatch& out)
+void BatchFilter::strided(const PointArrays& from, std::size_t stride, PointBatch& out)
 {
     mSelected = (from.size() + stride - 1) / stride;
     mIndices.resize(mSelected);
@@ -257,7 +257,7 @@ void BatchFilter::strided(const PointBatch& from, std::size_t stride, PointBatch
     append(from, out);
 }
 
-void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::size_t end,
+void BatchFilter::appendBall(const PointArrays& from, std::size_t begin, std::size_t end,
                              std::size_t stride, const Vec3d& center, double radius,
                              PointBatch& out)
 {
@@ -279,7 +279,7 @@ void BatchFilter::appendBall(const PointBatch& from, std::size_t begin, std::siz
     append(from, out);
 }
 
-double BatchFilter::spacing(const PointBatch& ball, const Vec3d& center, double radius)
+double BatchFilter::spacing(const PointArrays& ball, const Vec3d& center, double radius)
 {
     constexpr std::size_t kProbes = 3; ///< points whose spacing is measured [tuned: unseen_bench]
     const std::size_t n = ball.size();

@@ -146,7 +146,8 @@ public:
               makeShell,        makeSmooth,     makeMorph,       makeTwistVerb, makeBendVerb,
               makeTaperVerb,    makeTransform,  makeResample,    makeFog,       makeIsosurface,
               makeComponents,   makeMerge,      makeSlice,       makeSample,    makeInfo,
-              makeCheck,        makeRender,     makeMeasure,     makeAnalyze})
+              makeCheck,        makeRender,     makeMeasure,     makeAnalyze,   makePlan,
+              makeTile,         makeGather,     makeStatus})
             add(make());
     }
 

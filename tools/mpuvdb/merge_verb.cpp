@@ -1,8 +1,10 @@
 // mpuvdb merge: the grids of many files in one.
 #include "describe.h"
+#include "job_verbs.h"
 #include "standard_output.h"
 #include "verb.h"
 
+#include <mpuvdb/farm.h>
 #include <mpuvdb/io.h>
 
 #include <algorithm>
@@ -44,10 +46,12 @@ class MergeVerb final : public Verb
 public:
     VerbText text() const override
     {
-        return {"merge", "The grids of many .vdb files in one file",
+        return {"merge", "The grids of many .vdb files, or the tiles of a job, in one file",
                 "  mpuvdb merge surface.vdb density.vdb -o all.vdb\n"
                 "  mpuvdb merge body=a.vdb arm=b.vdb -o both.vdb\n"
-                "      The grid of a.vdb is called body, that of b.vdb arm.\n"};
+                "      The grid of a.vdb is called body, that of b.vdb arm.\n"
+                "  mpuvdb merge job/ -o scan.vdb\n"
+                "      The level set of a job that mpuvdb plan began.\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -55,7 +59,7 @@ public:
         app.add_option("input", mInputs,
                        "Files (.vdb); NAME=FILE.vdb names the file's grid, or of several each\n"
                        "NAME_GRID. Of grids with equal names the later ones are called as their\n"
-                       "file, or FILE_GRID. - is standard input")
+                       "file, or FILE_GRID. - is standard input. Or the folder of one job")
             ->required()
             ->type_name("[NAME=]IN.vdb");
         app.add_option("-o,--output", mOutput, "All grids; - is standard output")
@@ -65,6 +69,7 @@ public:
 
     ExitCode run(Session& session) override
     {
+        if (mInputs.size() == 1 && isJob(mInputs[0])) return mergeJob(session);
         std::vector<NamedFile> inputs;
         std::vector<std::string> files;
         for (const std::string& text : mInputs) {
@@ -89,6 +94,23 @@ public:
     }
 
 private:
+    static bool isJob(const std::string& input)
+    {
+        std::error_code ignored;
+        return std::filesystem::is_directory(input, ignored);
+    }
+
+    ExitCode mergeJob(Session& session) const
+    {
+        session.checkFiles({{"-o", mOutput, {".vdb"}}}, {});
+        const Job job(mInputs[0], buildId());
+        job.merge(mOutput, &session.progress());
+        session.progress().endStage();
+        session.note(fmt::format("grid        of {} tiles: {}", job.tasks(), mOutput));
+        session.note("time        " + session.timesText());
+        return ExitCode::Ok;
+    }
+
     void add(const NamedFile& input, Session& session)
     {
         session.progress().beginStage("read");

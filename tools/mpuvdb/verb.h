@@ -77,6 +77,10 @@ std::unique_ptr<Verb> makeComponents();
 std::unique_ptr<Verb> makeVoxelize();
 std::unique_ptr<Verb> makeMeasure();
 std::unique_ptr<Verb> makeAnalyze();
+std::unique_ptr<Verb> makePlan();
+std::unique_ptr<Verb> makeTile();
+std::unique_ptr<Verb> makeGather();
+std::unique_ptr<Verb> makeStatus();
 
 /// Declares an option whose value is a length with an optional unit.
 CLI::Option* addLength(CLI::App& app, const std::string& name, std::optional<Length>& value,

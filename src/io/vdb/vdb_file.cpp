@@ -5,6 +5,7 @@
 #include <mpuvdb/io.h>
 #include <mpuvdb/sampling.h>
 
+#include "leaf_files.h"
 #include "vdb_layout.h"
 #include "vdb_stream.h"
 
@@ -192,8 +193,42 @@ public:
     }
     void writeTo(std::ostream& out, openvdb::GridCPtrVec grids, const Interrupter& progress) const
     {
+        if (std::all_of(grids.begin(), grids.end(),
+                        [](const auto& grid) { return isOfLeaves(*grid); })) {
+            writeLeaves(out, grids);
+            return;
+        }
         for (GridBase::ConstPtr& grid : grids) grid = compressingInParallel(grid, progress);
         Archive::write(out, grids, /*seekable=*/true, {});
+    }
+
+private:
+    /// Archive::write() for grids without voxels, which it would look at.
+    void writeLeaves(std::ostream& out, const openvdb::GridCPtrVec& grids) const
+    {
+        openvdb::io::StreamMetadata::Ptr ofStream(new openvdb::io::StreamMetadata);
+        openvdb::io::setStreamMetadataPtr(out, ofStream, /*transfer=*/false);
+        writeHeader(out, /*seekable=*/true);
+        openvdb::MetaMap().writeMeta(out);
+        const auto count = std::int32_t(grids.size());
+        out.write(reinterpret_cast<const char*>(&count), sizeof count);
+        for (const GridBase::ConstPtr& grid : grids) {
+            openvdb::io::GridDescriptor place(grid->getName(), grid->type(), /*half=*/false);
+            place.writeHeader(out);
+            const auto positions = out.tellp();
+            place.writeStreamPos(out); // to be written again
+            place.setGridPos(out.tellp());
+            setGridCompression(out, *grid);
+            fileMetadata(*grid).writeMeta(out);
+            grid->writeTransform(out);
+            grid->writeTopology(out);
+            place.setBlockPos(out.tellp());
+            grid->writeBuffers(out);
+            place.setEndPos(out.tellp());
+            out.seekp(positions);
+            place.writeStreamPos(out);
+            place.seekToEnd(out);
+        }
     }
 };
 

@@ -35,7 +35,7 @@ private:
     float ratioOf(std::uint32_t point, float spacing, const Vec3f& p, const Vec3f& normal) const;
     Support bestSupport(const Vec3f& p, const Vec3f& normal) const;
 
-    const PointBatch& mPoints;
+    PointArrays mPoints;
     Vec3d mFrame;
     BucketTree mTree;
     std::vector<float> mSpacings; ///< of the tree's nodes: the largest of their buckets

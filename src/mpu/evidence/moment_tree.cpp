@@ -35,7 +35,7 @@ MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
     for (const float* const channel : mChannels)
         mReferences.push_back(mPoints.size() > 0 ? channel[0] : 0);
     const double confidence =
-        std::accumulate(mPoints.confidence.begin(), mPoints.confidence.end(), 0.0);
+        std::accumulate(mPoints.confidence, mPoints.confidence + mPoints.size(), 0.0);
     if (confidence > 0) mPerConfidence = float(double(mPoints.size()) / confidence);
     findLevels();
     sumUp();

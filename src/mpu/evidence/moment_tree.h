@@ -89,7 +89,7 @@ private:
     void findLevels();
     float spacingIn(const BucketTree::Bucket& bucket) const;
 
-    const PointBatch& mPoints;
+    PointArrays mPoints;
     Channels mChannels;
     BucketTree mTree;
     std::size_t mLength;

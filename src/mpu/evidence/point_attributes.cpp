@@ -175,7 +175,7 @@ PointAttributes::Named PointAttributes::find(const SortedPoints& points,
             result.scalarNames.push_back(name);
             result.channels.push_back(found != scalars.end()
                                           ? points.channels()[colors + place].data()
-                                          : points.points().confidence.data());
+                                          : points.points().confidence);
         } else {
             throw UsageError(fmt::format("the points have no '{}': name {}confidence{}{}", name,
                                          colors > 0 ? "Cd, " : "", scalars.empty() ? "" : ", ",

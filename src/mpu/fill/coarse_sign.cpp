@@ -2,7 +2,9 @@
 
 #include "coarse_fill.h"
 #include "core/clones.h"
+#include "files/array_file.h"
 #include "spatial/point_group.h"
+#include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -59,7 +61,7 @@ double meanSpacing(const SortedPoints& points, const RootCube& root)
 void addDipoles(const SortedPoints& points, int level, const SortedPoints::Range& among,
                 std::vector<Dipole>& dipoles)
 {
-    const PointBatch& p = points.points();
+    const PointArrays& p = points.points();
     points.forEachCell(level, among, [&](std::size_t begin, std::size_t end) {
         Vec3d position = Vec3d::Zero(), normal = Vec3d::Zero();
         double weight = 0;
@@ -395,6 +397,25 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
     mU = fillBetween(mGrid, dataAt(mGrid, 1, false), curvature,
                      borderDistance(dipoles(kBorderDipoleSize), mGrid, mCorner, mStep, progress),
                      progress);
+}
+
+CoarseSign::CoarseSign(const ArrayFile& file)
+    : mCorner(file.value<Vec3d>("coarse corner")), mStep(file.value<double>("coarse step")),
+      mSlopeFloor(file.value<double>("coarse slope floor")),
+      mGrid(file.value<NodeGrid>("coarse grid"))
+{
+    const auto values = file.get<float>("coarse values");
+    if (values.size() != mGrid.size()) throw InputError("the coarse field is damaged");
+    mU.assign(values.begin(), values.end());
+}
+
+void CoarseSign::save(ArrayFileWriter& file) const
+{
+    file.addValue("coarse corner", mCorner);
+    file.addValue("coarse step", mStep);
+    file.addValue("coarse slope floor", mSlopeFloor);
+    file.addValue("coarse grid", mGrid);
+    file.add("coarse values", mU);
 }
 
 Box3d CoarseSign::bounds() const

@@ -13,12 +13,20 @@
 namespace mpuvdb
 {
 
+class ArrayFile;
+class ArrayFileWriter;
+
 class CoarseSign
 {
 public:
     /// @param noise  standard deviation of the points, world units.
     CoarseSign(const SortedPoints& points, const Box3d& bounds, const RootCube& root, double noise,
                Interrupter& progress);
+
+    /// The field that save() wrote to @a file. @throws InputError.
+    explicit CoarseSign(const ArrayFile& file);
+    /// @throws IoError.
+    void save(ArrayFileWriter& file) const;
 
     /// Largest memory for making one, bytes, for points with @a bounds that are as dense as @a some
     /// of them.

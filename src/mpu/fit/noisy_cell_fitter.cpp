@@ -1,5 +1,6 @@
 #include "noisy_cell_fitter.h"
 
+#include "files/array_file.h"
 #include "fit_quality.h"
 #include "sharp_faces.h"
 #include <mpuvdb/interrupter.h>
@@ -57,7 +58,7 @@ double medianSpacing(const SortedPoints& points, const RootCube& root)
     std::vector<double> spacings;
     const std::size_t stride = 1 + points.size() / kPlaces;
     for (std::size_t n = 0; n < points.size(); n += stride) {
-        const PointBatch& p = points.points();
+        const PointArrays& p = points.points();
         const OctreeCell cell = root.cellAt(Vec3d(p.x[n], p.y[n], p.z[n]), SortedPoints::kMaxLevel);
         points.gather(points.around(cell, radius), 1, filter, ball);
         const double spacing = filter.spacing(ball, root.center(cell), radius);
@@ -93,6 +94,23 @@ std::unique_ptr<const NoisyScan> NoisyScan::of(const SortedPoints& points, const
     scan->pyramid = std::make_unique<MeanPyramid>(points, root, spacing, progress);
     scan->radii = std::make_unique<RadiusMap>(*scan->pyramid, root, noise, spacing, progress);
     return scan;
+}
+
+std::unique_ptr<const NoisyScan> NoisyScan::open(const SortedPoints& points, const ArrayFile& file,
+                                                 const RootCube& root)
+{
+    auto scan = std::make_unique<NoisyScan>();
+    scan->minPoints = std::size_t(file.value<std::uint64_t>("least points"));
+    scan->pyramid = std::make_unique<MeanPyramid>(points, file, root);
+    scan->radii = std::make_unique<RadiusMap>(file, root);
+    return scan;
+}
+
+void NoisyScan::save(ArrayFileWriter& file) const
+{
+    file.addValue("least points", std::uint64_t(minPoints));
+    pyramid->save(file);
+    radii->save(file);
 }
 
 bool NoisyCellFitter::isTooLarge(const Vec3d& center, double radius) const

@@ -23,6 +23,11 @@ struct NoisyScan {
     /// @return null where the noise is below what a fit to the tolerance resolves anyway.
     static std::unique_ptr<const NoisyScan> of(const SortedPoints& points, const RootCube& root,
                                                const MpuSettings& settings, Interrupter& progress);
+    /// The scan of @a points that save() wrote to @a file, mapped. @throws InputError.
+    static std::unique_ptr<const NoisyScan> open(const SortedPoints& points, const ArrayFile& file,
+                                                 const RootCube& root);
+    /// @throws IoError.
+    void save(ArrayFileWriter& file) const;
 };
 
 /// Fits the sheets of cells, with the scratch memory of one thread.

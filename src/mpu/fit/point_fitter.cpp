@@ -80,7 +80,7 @@ Quadric PointFitter::fitNear(const Vec3f& at, const Vec3d& normal, double radius
 }
 
 PointFitter::PointFit PointFitter::fitThrough(std::size_t n, const OctreeCell& cell,
-                                              const std::vector<Ball>& path, Octree& tree)
+                                              const std::vector<Ball>& path, OctreeDraft& tree)
 {
     const PointBatch& ball = *path.back().batch;
     const Vec3f at = positionOf(ball, n);
@@ -94,7 +94,7 @@ PointFitter::PointFit PointFitter::fitThrough(std::size_t n, const OctreeCell& c
 }
 
 std::uint32_t PointFitter::fitWithin(const PointBatch& ball, std::size_t n, double radius,
-                                     const PointBatch& around, Octree& tree)
+                                     const PointBatch& around, OctreeDraft& tree)
 {
     const Vec3f at = positionOf(ball, n);
     mFilter.ball(around, at.cast<double>(), radius, mNear);

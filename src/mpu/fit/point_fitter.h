@@ -32,11 +32,11 @@ public:
     /// The fit through point @a n of the last ball of @a path to its N_min nearest neighbors;
     /// stored in @a tree by the first call. @a path: balls of @a cell and its ancestors.
     PointFit fitThrough(std::size_t n, const OctreeCell& cell, const std::vector<Ball>& path,
-                        Octree& tree);
+                        OctreeDraft& tree);
     /// A fit of its own through point @a n of @a ball, to the points of @a around within @a radius;
     /// returns its index.
     std::uint32_t fitWithin(const PointBatch& ball, std::size_t n, double radius,
-                            const PointBatch& around, Octree& tree);
+                            const PointBatch& around, OctreeDraft& tree);
 
 private:
     struct Key {

@@ -1,6 +1,7 @@
 #include "radius_map.h"
 
 #include "core/morton.h"
+#include "files/array_file.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -308,6 +309,20 @@ RadiusMap::RadiusMap(const MeanPyramid& pyramid, const RootCube& root, const Poi
                                               noiseOf(probe));
     });
     measureTangential(residuals);
+    mSettled = std::move(mProbes);
+}
+
+RadiusMap::RadiusMap(const ArrayFile& file, const RootCube& root)
+    : mRoot(root), mNoise(file.value<PointNoise>("noise")),
+      mLevel(file.value<std::int32_t>("probe level")), mSettled(file.get<Probe>("probes"))
+{
+}
+
+void RadiusMap::save(ArrayFileWriter& file) const
+{
+    file.addValue("noise", mNoise);
+    file.addValue("probe level", std::int32_t(mLevel));
+    file.add("probes", mSettled);
 }
 
 /// Put a probe at the mean of the points of each cell that holds about as many as a probe takes.
@@ -315,7 +330,7 @@ void RadiusMap::placeProbes(const SortedPoints& points)
 {
     mLevel = points.levelOfCells(kProbePoints);
     points.forEachCell(mLevel, [&](std::size_t begin, std::size_t end) {
-        const PointBatch& p = points.points();
+        const PointArrays& p = points.points();
         Vec3d sum = Vec3d::Zero();
         for (std::size_t n = begin; n < end; ++n) sum += Vec3d(p.x[n], p.y[n], p.z[n]);
         mProbes.push_back({points.keyOf(begin) >> 3 * (SortedPoints::kMaxLevel - mLevel),
@@ -408,6 +423,8 @@ void RadiusMap::forEachNear(const Vec3d& place, const F& f) const
 {
     const OctreeCell cell = mRoot.cellAt(place, mLevel);
     const auto last = std::int64_t((std::uint64_t(1) << mLevel) - 1);
+    const Probe *const begin = mProbes.empty() ? mSettled.begin() : mProbes.data(),
+                       *const end = mProbes.empty() ? mSettled.end() : begin + mProbes.size();
     for (int dk = -1; dk <= 1; ++dk)
         for (int dj = -1; dj <= 1; ++dj)
             for (int di = -1; di <= 1; ++di) {
@@ -416,10 +433,11 @@ void RadiusMap::forEachNear(const Vec3d& place, const F& f) const
                 if (std::min({i, j, k}) < 0 || std::max({i, j, k}) > last) continue;
                 const std::uint64_t key =
                     mortonKey(std::uint64_t(i), std::uint64_t(j), std::uint64_t(k));
-                const auto probe = std::lower_bound(
-                    mProbes.begin(), mProbes.end(), key,
-                    [](const Probe& p, std::uint64_t than) { return p.key < than; });
-                if (probe != mProbes.end() && probe->key == key) f(*probe);
+                const Probe* const probe =
+                    std::lower_bound(begin, end, key, [](const Probe& p, std::uint64_t than) {
+                        return p.key < than;
+                    });
+                if (probe != end && probe->key == key) f(*probe);
             }
 }
 

@@ -60,6 +60,11 @@ public:
     RadiusMap(const MeanPyramid& pyramid, const RootCube& root, const PointNoise& noise,
               double spacing, Interrupter& progress);
 
+    /// The map that save() wrote to @a file, mapped. @throws InputError.
+    RadiusMap(const ArrayFile& file, const RootCube& root);
+    /// @throws IoError.
+    void save(ArrayFileWriter& file) const;
+
     /// The radius at @a place, world units, from the probes around it; none where there are none.
     std::optional<double> at(const Vec3d& place) const;
     /// The noise at @a place.
@@ -93,7 +98,8 @@ private:
     RootCube mRoot;
     PointNoise mNoise;          ///< of the whole cloud
     int mLevel = 0;             ///< of the probes' cells
-    std::vector<Probe> mProbes; ///< by key
+    std::vector<Probe> mProbes;  ///< by key, as they are made
+    StoredArray<Probe> mSettled; ///< they in the end
 };
 
 } // namespace mpuvdb

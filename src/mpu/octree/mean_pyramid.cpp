@@ -1,5 +1,6 @@
 #include "mean_pyramid.h"
 
+#include "files/array_file.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -21,6 +22,12 @@ constexpr std::size_t kFewestPoints = 64;
 /// Points of a task. [free: grain]
 constexpr std::size_t kChunk = 1 << 14;
 
+/// What the names of a level's arrays begin with in a file.
+std::string prefixOf(std::uint64_t level)
+{
+    return "means " + std::to_string(level) + ' ';
+}
+
 /// Sums over the points of a cell that are of one sheet.
 struct SheetSums {
     Vec3d position = Vec3d::Zero(), normal = Vec3d::Zero();
@@ -41,7 +48,7 @@ public:
     void append(const SortedPoints& points, std::size_t begin, std::size_t end,
                 std::vector<Mean>& out)
     {
-        const PointBatch& p = points.points();
+        const PointArrays& p = points.points();
         mCount = 0;
         for (std::size_t n = begin; n < end; ++n) {
             const Vec3d normal(p.nx[n], p.ny[n], p.nz[n]);
@@ -121,6 +128,20 @@ MeanPyramid::MeanPyramid(const SortedPoints& points, const RootCube& root, doubl
         mMeans.push_back(meansOver(*from, root, level, progress));
         from = &mMeans.back();
     }
+}
+
+MeanPyramid::MeanPyramid(const SortedPoints& points, const ArrayFile& file, const RootCube& root)
+    : mPoints(points), mRoot(root), mFinest(file.value<std::int32_t>("finest level of means"))
+{
+    const auto levels = file.value<std::uint64_t>("levels of means");
+    for (std::uint64_t n = 0; n < levels; ++n) mMeans.emplace_back(file, prefixOf(n), root);
+}
+
+void MeanPyramid::save(ArrayFileWriter& file) const
+{
+    file.addValue("finest level of means", std::int32_t(mFinest));
+    file.addValue("levels of means", std::uint64_t(mMeans.size()));
+    for (std::size_t n = 0; n < mMeans.size(); ++n) mMeans[n].save(file, prefixOf(n));
 }
 
 const SortedPoints& MeanPyramid::of(double size) const

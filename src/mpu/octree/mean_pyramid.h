@@ -7,6 +7,8 @@
 namespace mpuvdb
 {
 
+class ArrayFile;
+class ArrayFileWriter;
 class Interrupter;
 
 /// Means of a cloud's points over the cells of each level of an octree. A mean's confidence is the
@@ -19,6 +21,11 @@ public:
     /// The same for any number of threads. @throws Interrupted.
     MeanPyramid(const SortedPoints& points, const RootCube& root, double finest,
                 Interrupter& progress);
+
+    /// The means of @a points that save() wrote to @a file, mapped. @throws InputError.
+    MeanPyramid(const SortedPoints& points, const ArrayFile& file, const RootCube& root);
+    /// @throws IoError.
+    void save(ArrayFileWriter& file) const;
 
     /// The coarsest means over cells whose edge is at most @a size, world units; the points
     /// themselves where there are none.

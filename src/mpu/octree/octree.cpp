@@ -28,6 +28,13 @@ Quadric quadric(const QuadricCoefficients& k)
     return q;
 }
 
+/// The piece of @a fit, whose pieces are at @a quadrics, that is in effect at @a y.
+Quadric rulingOf(const QuadricCoefficients* quadrics, const StoredFit& fit, const Vec3d& y)
+{
+    const auto piece = [&](int k) { return quadric(quadrics[k]); };
+    return piece(rulingPiece(fit.count, fit.maxBits, [&](int k) { return piece(k).value(y); }));
+}
+
 } // namespace
 
 void checkSettings(const PointCloud& cloud, const MpuSettings& s)
@@ -57,13 +64,13 @@ RootCube rootCube(const Box3d& bounds, double voxelSize)
     return {bounds.center() - Vec3d::Constant(side / 2), side};
 }
 
-void Octree::setLeaf(std::uint32_t node, std::uint32_t fit, double support)
+void OctreeDraft::setLeaf(std::uint32_t node, std::uint32_t fit, double support)
 {
     nodes[node] = {fit, float(support)};
     complete &= support >= 1;
 }
 
-std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin)
+std::uint32_t OctreeDraft::addFit(const LocalFit& fit, const Vec3d& origin)
 {
     StoredFit stored;
     stored.origin = origin.cast<float>();
@@ -80,7 +87,7 @@ std::uint32_t Octree::addFit(const LocalFit& fit, const Vec3d& origin)
     return std::uint32_t(fits.size() - 1);
 }
 
-std::uint32_t Octree::addFitThrough(const Vec3f& point, const Quadric& fit)
+std::uint32_t OctreeDraft::addFitThrough(const Vec3f& point, const Quadric& fit)
 {
     LocalFit single;
     single.pieces[0] = fit;
@@ -89,10 +96,20 @@ std::uint32_t Octree::addFitThrough(const Vec3f& point, const Quadric& fit)
     return index;
 }
 
+Quadric OctreeDraft::rulingAt(const StoredFit& fit, const Vec3d& y) const
+{
+    return rulingOf(quadrics.data() + fit.firstQuadric, fit, y);
+}
+
+Octree::Octree(OctreeDraft&& draft)
+    : OctreeShape(draft), nodes(std::move(draft.nodes)), fits(std::move(draft.fits)),
+      quadrics(std::move(draft.quadrics)), statistics(draft.statistics)
+{
+}
+
 Quadric Octree::rulingAt(const StoredFit& fit, const Vec3d& y) const
 {
-    const auto piece = [&](int k) { return quadric(quadrics[fit.firstQuadric + std::size_t(k)]); };
-    return piece(rulingPiece(fit.count, fit.maxBits, [&](int k) { return piece(k).value(y); }));
+    return rulingOf(quadrics.data() + fit.firstQuadric, fit, y);
 }
 
 Quadric Octree::pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d& origin) const
@@ -100,7 +117,7 @@ Quadric Octree::pieceAbout(const StoredFit& fit, std::size_t piece, const Vec3d&
     return quadric(quadrics[fit.firstQuadric + piece]).shifted(origin - fit.origin.cast<double>());
 }
 
-void Octree::graft(std::uint32_t at, const Octree& subtree)
+void OctreeDraft::graft(std::uint32_t at, const OctreeDraft& subtree)
 {
     const auto nodeShift = std::uint32_t(nodes.size()) - 1; // its node 0 goes elsewhere
     const auto fitShift = std::uint32_t(fits.size());
@@ -118,7 +135,11 @@ void Octree::graft(std::uint32_t at, const Octree& subtree)
     quadrics.insert(quadrics.end(), subtree.quadrics.begin(), subtree.quadrics.end());
 
     complete &= subtree.complete;
-    const MpuStatistics& s = subtree.statistics;
+    add(subtree.statistics);
+}
+
+void OctreeDraft::add(const MpuStatistics& s)
+{
     statistics.cells += s.cells;
     statistics.leaves += s.leaves;
     statistics.fits += s.fits;
@@ -128,7 +149,7 @@ void Octree::graft(std::uint32_t at, const Octree& subtree)
     statistics.overTolerance += s.overTolerance;
 }
 
-std::uint64_t Octree::usedBytes() const
+std::uint64_t OctreeDraft::usedBytes() const
 {
     return nodes.size() * sizeof(OctreeNode) + fits.size() * sizeof(StoredFit) +
            quadrics.size() * sizeof(QuadricCoefficients);
@@ -136,8 +157,7 @@ std::uint64_t Octree::usedBytes() const
 
 std::uint64_t Octree::bytes() const
 {
-    return nodes.capacity() * sizeof(OctreeNode) + fits.capacity() * sizeof(StoredFit) +
-           quadrics.capacity() * sizeof(QuadricCoefficients);
+    return nodes.bytes() + fits.bytes() + quadrics.bytes();
 }
 
 } // namespace mpuvdb

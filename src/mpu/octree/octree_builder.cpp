@@ -24,17 +24,6 @@ constexpr std::size_t kMaxSpacingPoints = 256;
 /// cells are fitted to the tolerance. [tuned: interpolation_test]
 constexpr double kMaxPointFitReach = 1.2;
 
-/// An empty tree of one node.
-Octree emptyTree(const RootCube& root, const MpuSettings& settings)
-{
-    Octree tree;
-    tree.root = root;
-    tree.alpha = settings.alpha;
-    tree.offCenter = settings.interpolate ? 0.5 : 0;
-    tree.nodes.resize(1);
-    return tree;
-}
-
 void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision& decision)
 {
     ++statistics.leaves;
@@ -46,7 +35,8 @@ void countLeaf(MpuStatistics& statistics, const OctreeCell& cell, const Decision
 }
 
 /// Make @a node a leaf with the fit decided for @a cell.
-void storeLeaf(Octree& tree, std::uint32_t node, const OctreeCell& cell, const Decision& decision)
+void storeLeaf(OctreeDraft& tree, std::uint32_t node, const OctreeCell& cell,
+               const Decision& decision)
 {
     const std::uint32_t fit = tree.addFit(decision.result.fit, tree.root.center(cell));
     tree.setLeaf(node, fit, decision.support);
@@ -61,12 +51,12 @@ public:
                    const NoisyScan* scan, Interrupter& progress)
         : mPoints(points), mRoot(root), mSettings(settings), mProgress(progress),
           mFitter(points, root, settings, scan), mPointFitter(points, root, settings),
-          mTree(emptyTree(root, settings))
+          mTree(OctreeShape(root, settings))
     {
     }
 
     /// @param spacing  estimated for the parent; 0 if unknown.
-    Octree build(const OctreeCell& cell, double spacing)
+    OctreeDraft build(const OctreeCell& cell, double spacing)
     {
         mTree.nodes.assign(1, {});
         mTree.fits.clear();
@@ -230,7 +220,7 @@ private:
     Interrupter& mProgress;
     CellFitter mFitter;
     PointFitter mPointFitter;
-    Octree mTree;
+    OctreeDraft mTree;
     BatchFilter mFilter;
     std::deque<Octants> mBatches; ///< by depth; stable addresses
     std::vector<Ball> mPath;
@@ -255,20 +245,21 @@ public:
     {
     }
 
-    Octree build()
+    UpperOctree build()
     {
-        Octree tree = emptyTree(mRoot, mSettings);
-        ++tree.statistics.cells;
-        std::vector<UpperCell> level(1), subtrees;
+        UpperOctree upper;
+        upper.tree = OctreeDraft(OctreeShape(mRoot, mSettings));
+        upper.tree.nodes.resize(1);
+        ++upper.tree.statistics.cells;
+        std::vector<UpperCell> level(1);
         while (!level.empty()) {
             tbb::parallel_for(std::size_t(0), level.size(), [&](std::size_t n) {
                 mProgress.check();
                 decideUpper(level[n]);
             });
-            level = nextLevel(tree, level, subtrees);
+            level = nextLevel(upper.tree, level, upper.subtrees);
         }
-        buildSubtrees(tree, subtrees);
-        return tree;
+        return upper;
     }
 
 private:
@@ -306,13 +297,14 @@ private:
         upper.subtree = true;
     }
 
-    std::vector<UpperCell> nextLevel(Octree& tree, std::vector<UpperCell>& level,
-                                     std::vector<UpperCell>& subtrees) const
+    std::vector<UpperCell> nextLevel(OctreeDraft& tree, std::vector<UpperCell>& level,
+                                     std::vector<SubtreeRoot>& subtrees) const
     {
         std::vector<UpperCell> next;
         for (UpperCell& upper : level) {
             if (upper.subtree) {
-                subtrees.push_back(std::move(upper));
+                subtrees.push_back({upper.cell, upper.node, upper.spacing});
+                tree.nodes[upper.node] = {0, 0.0f}; // a leaf that says nothing, until then
             } else if (!upper.decision.split) {
                 storeLeaf(tree, upper.node, upper.cell, upper.decision);
             } else {
@@ -332,32 +324,6 @@ private:
         return next;
     }
 
-    void buildSubtrees(Octree& tree, const std::vector<UpperCell>& subtrees) const
-    {
-        std::vector<Octree> built(subtrees.size());
-        tbb::enumerable_thread_specific<SubtreeBuilder> builders(
-            [&] { return SubtreeBuilder(mPoints, mRoot, mSettings, mScan, mProgress); });
-        const double share = subtrees.empty() ? 0 : 1.0 / double(subtrees.size());
-        tbb::parallel_for(std::size_t(0), subtrees.size(), [&](std::size_t n) {
-            built[n] = builders.local().build(subtrees[n].cell, subtrees[n].spacing);
-            mProgress.advance(share);
-        });
-        std::size_t nodes = tree.nodes.size(), fits = tree.fits.size(),
-                    quadrics = tree.quadrics.size();
-        for (const Octree& b : built) {
-            nodes += b.nodes.size();
-            fits += b.fits.size();
-            quadrics += b.quadrics.size();
-        }
-        tree.nodes.reserve(nodes);
-        tree.fits.reserve(fits);
-        tree.quadrics.reserve(quadrics);
-        for (std::size_t n = 0; n < built.size(); ++n) {
-            tree.graft(subtrees[n].node, built[n]);
-            built[n] = Octree{};
-        }
-    }
-
     const SortedPoints& mPoints;
     const RootCube& mRoot;
     const MpuSettings& mSettings;
@@ -367,11 +333,51 @@ private:
 
 } // namespace
 
-Octree buildOctree(const SortedPoints& points, const RootCube& root, const MpuSettings& settings,
-                   Interrupter& progress)
+UpperOctree buildUpper(const SortedPoints& points, const RootCube& root,
+                       const MpuSettings& settings, const NoisyScan* scan, Interrupter& progress)
+{
+    return UpperBuilder(points, root, settings, scan, progress).build();
+}
+
+std::vector<OctreeDraft> buildSubtrees(const SortedPoints& points, const RootCube& root,
+                                       const MpuSettings& settings, const NoisyScan* scan,
+                                       const SubtreeRoot* begin, const SubtreeRoot* end,
+                                       Interrupter& progress)
+{
+    std::vector<OctreeDraft> built(std::size_t(end - begin));
+    tbb::enumerable_thread_specific<SubtreeBuilder> builders(
+        [&] { return SubtreeBuilder(points, root, settings, scan, progress); });
+    const double share = built.empty() ? 0 : 1.0 / double(built.size());
+    tbb::parallel_for(std::size_t(0), built.size(), [&](std::size_t n) {
+        built[n] = builders.local().build(begin[n].cell, begin[n].spacing);
+        progress.advance(share);
+    });
+    return built;
+}
+
+OctreeDraft buildOctree(const SortedPoints& points, const RootCube& root,
+                        const MpuSettings& settings, Interrupter& progress)
 {
     const auto scan = NoisyScan::of(points, root, settings, progress);
-    return UpperBuilder(points, root, settings, scan.get(), progress).build();
+    UpperOctree upper = buildUpper(points, root, settings, scan.get(), progress);
+    const SubtreeRoot* const first = upper.subtrees.data();
+    std::vector<OctreeDraft> built = buildSubtrees(points, root, settings, scan.get(), first,
+                                                   first + upper.subtrees.size(), progress);
+    OctreeDraft& tree = upper.tree;
+    std::size_t nodes = tree.nodes.size(), fits = tree.fits.size(), quadrics = tree.quadrics.size();
+    for (const OctreeDraft& b : built) {
+        nodes += b.nodes.size();
+        fits += b.fits.size();
+        quadrics += b.quadrics.size();
+    }
+    tree.nodes.reserve(nodes);
+    tree.fits.reserve(fits);
+    tree.quadrics.reserve(quadrics);
+    for (std::size_t n = 0; n < built.size(); ++n) {
+        tree.graft(upper.subtrees[n].node, built[n]);
+        built[n] = OctreeDraft{};
+    }
+    return std::move(upper.tree);
 }
 
 } // namespace mpuvdb

@@ -2,6 +2,7 @@
 
 #include "core/morton.h"
 #include "core/release.h"
+#include "files/array_file.h"
 #include "spatial/radix_sort.h"
 #include <mpuvdb/interrupter.h>
 
@@ -15,6 +16,19 @@ namespace mpuvdb
 {
 namespace
 {
+
+/// Names of a point's numbers in a file.
+constexpr std::array<const char*, 7> kFloatNames = {"x", "y", "z", "nx", "ny", "nz", "confidence"};
+
+std::string channelName(const std::string& prefix, std::size_t n)
+{
+    return prefix + "channel " + std::to_string(n);
+}
+
+std::string scalarName(const std::string& prefix, std::size_t n)
+{
+    return prefix + "scalar " + std::to_string(n);
+}
 
 /// How a point's color and scalars are ordered before another's, where all else is equal.
 bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
@@ -65,6 +79,42 @@ std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& roo
     return order;
 }
 
+/// Merge the points of each position, which are adjacent, as points of one key are sorted by it.
+void mergeCopies(PointBatch& p, std::vector<std::uint64_t>& keys,
+                 std::vector<PointBatch::Floats>& channels)
+{
+    const auto same = [&p](std::size_t a, std::size_t b) {
+        return p.x[a] == p.x[b] && p.y[a] == p.y[b] && p.z[a] == p.z[b];
+    };
+    std::size_t kept = 0;
+    for (std::size_t n = 0, end = 0; n < p.size(); n = end, ++kept) {
+        while (end < p.size() && same(n, end)) ++end;
+        const auto keep = [&](PointBatch::Floats& a) { a[kept] = a[n]; };
+        p.forEach(keep);
+        std::for_each(channels.begin(), channels.end(), keep);
+        keys[kept] = keys[n];
+        if (end - n < 2) continue;
+        Vec3d normal = Vec3d::Zero();
+        double weight = 0;
+        for (std::size_t k = n; k < end; ++k) {
+            normal += double(p.confidence[k]) * Vec3d(p.nx[k], p.ny[k], p.nz[k]);
+            weight += double(p.confidence[k]);
+        }
+        p.confidence[kept] = float(weight / double(end - n));
+        for (PointBatch::Floats& channel : channels)
+            channel[kept] = float(std::accumulate(channel.begin() + std::ptrdiff_t(n),
+                                                  channel.begin() + std::ptrdiff_t(end), 0.0) /
+                                  double(end - n));
+        // Normals that cancel leave the first one.
+        if (!(normal.norm() > 1e-3 * weight)) continue;
+        const Vec3f mean = normal.normalized().cast<float>();
+        p.nx[kept] = mean[0], p.ny[kept] = mean[1], p.nz[kept] = mean[2];
+    }
+    p.resize(kept);
+    for (PointBatch::Floats& channel : channels) channel.resize(kept);
+    keys.resize(kept);
+}
+
 } // namespace
 
 SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter& progress,
@@ -82,88 +132,105 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter
                           });
         progress.check();
     };
-    permute(mPoints.x, [&](std::uint32_t n) { return cloud.positions[n][0]; });
-    permute(mPoints.y, [&](std::uint32_t n) { return cloud.positions[n][1]; });
-    permute(mPoints.z, [&](std::uint32_t n) { return cloud.positions[n][2]; });
+    PointBatch points;
+    permute(points.x, [&](std::uint32_t n) { return cloud.positions[n][0]; });
+    permute(points.y, [&](std::uint32_t n) { return cloud.positions[n][1]; });
+    permute(points.z, [&](std::uint32_t n) { return cloud.positions[n][2]; });
     release(cloud.positions);
-    permute(mPoints.nx, [&](std::uint32_t n) { return cloud.normals[n][0]; });
-    permute(mPoints.ny, [&](std::uint32_t n) { return cloud.normals[n][1]; });
-    permute(mPoints.nz, [&](std::uint32_t n) { return cloud.normals[n][2]; });
+    permute(points.nx, [&](std::uint32_t n) { return cloud.normals[n][0]; });
+    permute(points.ny, [&](std::uint32_t n) { return cloud.normals[n][1]; });
+    permute(points.nz, [&](std::uint32_t n) { return cloud.normals[n][2]; });
     release(cloud.normals);
     if (cloud.confidence.empty())
-        mPoints.confidence.assign(count, 1.0f);
+        points.confidence.assign(count, 1.0f);
     else
-        permute(mPoints.confidence, [&](std::uint32_t n) { return cloud.confidence[n]; });
+        permute(points.confidence, [&](std::uint32_t n) { return cloud.confidence[n]; });
     release(cloud.confidence);
+    std::vector<PointBatch::Floats> channels;
     for (int c = 0; c < 3 && !cloud.colors.empty(); ++c)
-        permute(mChannels.emplace_back(),
+        permute(channels.emplace_back(),
                 [&](std::uint32_t n) { return linearColor(cloud.colors[n])[c]; });
     release(cloud.colors);
     for (const NamedScalars& scalars : cloud.scalars) {
         mScalarNames.push_back(scalars.name);
-        permute(mChannels.emplace_back(), [&](std::uint32_t n) { return scalars.values[n]; });
+        permute(channels.emplace_back(), [&](std::uint32_t n) { return scalars.values[n]; });
     }
     release(cloud.scalars);
 
-    mKeys.resize(count);
-    for (std::size_t n = 0; n < count; ++n) mKeys[n] = order[n].key;
-    if (copies == Copies::Merge) mergeCopies();
-    makeTop();
+    std::vector<std::uint64_t> keys(count);
+    for (std::size_t n = 0; n < count; ++n) keys[n] = order[n].key;
+    release(order);
+    if (copies == Copies::Merge) mergeCopies(points, keys, channels);
+    for (PointBatch::Floats& channel : channels) mChannels.emplace_back(std::move(channel));
+    hold(std::move(points), std::move(keys));
 }
 
 SortedPoints::SortedPoints(PointBatch&& points, std::vector<std::uint64_t>&& keys,
                            const RootCube& root)
-    : mRoot(root), mPoints(std::move(points)), mKeys(std::move(keys))
+    : mRoot(root)
 {
-    makeTop();
+    hold(std::move(points), std::move(keys));
 }
 
-/// Make the table of first points, of about an entry per point; below its level cells are searched.
-void SortedPoints::makeTop()
+/// Hold @a points in the order of their @a keys, with a table of first points of about an entry per
+/// point; below its level cells are searched.
+void SortedPoints::hold(PointBatch&& points, std::vector<std::uint64_t>&& keys)
 {
-    while (std::size_t(8) << 3 * mTopLevel <= size()) ++mTopLevel;
-    mTop.resize((std::size_t(1) << 3 * mTopLevel) + 1);
+    while (std::size_t(8) << 3 * mTopLevel <= keys.size()) ++mTopLevel;
+    std::vector<std::uint32_t> top((std::size_t(1) << 3 * mTopLevel) + 1);
     std::size_t first = 0;
-    for (std::size_t cell = 0; cell < mTop.size(); ++cell) {
-        while (first < size() && mKeys[first] >> 3 * (kMaxLevel - mTopLevel) < cell) ++first;
-        mTop[cell] = std::uint32_t(first);
+    for (std::size_t cell = 0; cell < top.size(); ++cell) {
+        while (first < keys.size() && keys[first] >> 3 * (kMaxLevel - mTopLevel) < cell) ++first;
+        top[cell] = std::uint32_t(first);
+    }
+    mTop = std::move(top);
+    mKeys = std::move(keys);
+    hold({std::move(points.x), std::move(points.y), std::move(points.z), std::move(points.nx),
+          std::move(points.ny), std::move(points.nz), std::move(points.confidence)});
+}
+
+void SortedPoints::hold(const std::array<StoredArray<float>, 7>& floats)
+{
+    mFloats = floats;
+    mPoints = {floats[0].data(), floats[1].data(), floats[2].data(), floats[3].data(),
+               floats[4].data(), floats[5].data(), floats[6].data(), floats[0].size()};
+}
+
+SortedPoints::SortedPoints(const ArrayFile& file, const std::string& prefix, const RootCube& root)
+    : mRoot(root), mKeys(file.get<std::uint64_t>(prefix + "keys")),
+      mTopLevel(file.value<std::int32_t>(prefix + "top level")),
+      mTop(file.get<std::uint32_t>(prefix + "top"))
+{
+    std::array<StoredArray<float>, 7> floats;
+    for (std::size_t n = 0; n < floats.size(); ++n)
+        floats[n] = file.get<float>(prefix + kFloatNames[n]);
+    hold(floats);
+    for (std::size_t c = 0; file.has(channelName(prefix, c)); ++c)
+        mChannels.push_back(file.get<float>(channelName(prefix, c)));
+    for (std::size_t c = 0; file.has(scalarName(prefix, c)); ++c) {
+        const StoredArray<char> name = file.get<char>(scalarName(prefix, c));
+        mScalarNames.emplace_back(name.begin(), name.end());
     }
 }
 
-// Copies are adjacent: points of one key are sorted by position.
-void SortedPoints::mergeCopies()
+void SortedPoints::save(ArrayFileWriter& file, const std::string& prefix) const
 {
-    PointBatch& p = mPoints;
-    const auto same = [&p](std::size_t a, std::size_t b) {
-        return p.x[a] == p.x[b] && p.y[a] == p.y[b] && p.z[a] == p.z[b];
-    };
-    std::size_t kept = 0;
-    for (std::size_t n = 0, end = 0; n < size(); n = end, ++kept) {
-        while (end < p.size() && same(n, end)) ++end;
-        const auto keep = [&](PointBatch::Floats& a) { a[kept] = a[n]; };
-        p.forEach(keep);
-        std::for_each(mChannels.begin(), mChannels.end(), keep);
-        mKeys[kept] = mKeys[n];
-        if (end - n < 2) continue;
-        Vec3d normal = Vec3d::Zero();
-        double weight = 0;
-        for (std::size_t k = n; k < end; ++k) {
-            normal += double(p.confidence[k]) * Vec3d(p.nx[k], p.ny[k], p.nz[k]);
-            weight += double(p.confidence[k]);
-        }
-        p.confidence[kept] = float(weight / double(end - n));
-        for (PointBatch::Floats& channel : mChannels)
-            channel[kept] = float(std::accumulate(channel.begin() + std::ptrdiff_t(n),
-                                                  channel.begin() + std::ptrdiff_t(end), 0.0) /
-                                  double(end - n));
-        // Normals that cancel leave the first one.
-        if (!(normal.norm() > 1e-3 * weight)) continue;
-        const Vec3f mean = normal.normalized().cast<float>();
-        p.nx[kept] = mean[0], p.ny[kept] = mean[1], p.nz[kept] = mean[2];
-    }
-    p.resize(kept);
-    for (PointBatch::Floats& channel : mChannels) channel.resize(kept);
-    mKeys.resize(kept);
+    for (std::size_t n = 0; n < mFloats.size(); ++n) file.add(prefix + kFloatNames[n], mFloats[n]);
+    file.add(prefix + "keys", mKeys);
+    file.addValue(prefix + "top level", std::int32_t(mTopLevel));
+    file.add(prefix + "top", mTop);
+    for (std::size_t c = 0; c < mChannels.size(); ++c)
+        file.add(channelName(prefix, c), mChannels[c]);
+    for (std::size_t c = 0; c < mScalarNames.size(); ++c)
+        file.add(scalarName(prefix, c), mScalarNames[c]);
+}
+
+std::size_t SortedPoints::bytes() const
+{
+    std::size_t all = mKeys.bytes() + mTop.bytes();
+    for (const auto& floats : mFloats) all += floats.bytes();
+    for (const auto& channel : mChannels) all += channel.bytes();
+    return all;
 }
 
 SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
@@ -172,12 +239,12 @@ SortedPoints::Range SortedPoints::cellRange(const OctreeCell& cell) const
     const std::uint64_t key = mortonKey(cell.i, cell.j, cell.k);
     const std::uint64_t firstKey = key << below, endKey = (key + 1) << below;
     const int topShift = 3 * (kMaxLevel - mTopLevel);
-    const auto begin = mKeys.begin();
+    const std::uint64_t* const begin = mKeys.begin();
     if (cell.level <= mTopLevel) return {mTop[firstKey >> topShift], mTop[endKey >> topShift]};
     const std::size_t top = std::size_t(firstKey >> topShift);
-    const auto lo = begin + mTop[top], hi = begin + mTop[top + 1];
-    const auto first = std::lower_bound(lo, hi, firstKey);
-    const auto end = std::lower_bound(first, hi, endKey);
+    const std::uint64_t *const lo = begin + mTop[top], *const hi = begin + mTop[top + 1];
+    const std::uint64_t* const first = std::lower_bound(lo, hi, firstKey);
+    const std::uint64_t* const end = std::lower_bound(first, hi, endKey);
     return {std::size_t(first - begin), std::size_t(end - begin)};
 }
 
@@ -237,6 +304,31 @@ int SortedPoints::levelOfCells(double count) const
     int level = 0;
     while (level < kMaxLevel && isAbove(level + 1)) ++level;
     return level;
+}
+
+void SortedPoints::addRanges(const Box3d& box, const OctreeCell& cell,
+                             std::vector<Range>& ranges) const
+{
+    const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), center = mRoot.center(cell);
+    const Box3d cube(center - half, center + half);
+    const Range range = cellRange(cell);
+    if (range.begin == range.end || !box.intersects(cube)) return;
+    if (box.contains(cube) || range.end - range.begin <= kMaxScanPoints ||
+        cell.level == kMaxLevel) {
+        if (!ranges.empty() && ranges.back().end == range.begin)
+            ranges.back().end = range.end;
+        else
+            ranges.push_back(range);
+        return;
+    }
+    for (int octant = 0; octant < 8; ++octant) addRanges(box, cell.child(octant), ranges);
+}
+
+std::vector<SortedPoints::Range> SortedPoints::rangesIn(const Box3d& box) const
+{
+    std::vector<Range> ranges;
+    addRanges(box, {}, ranges);
+    return ranges;
 }
 
 std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell) const

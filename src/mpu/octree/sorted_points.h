@@ -1,11 +1,13 @@
 // Points in Morton order, one array per coordinate, and ball queries on them.
 #pragma once
+#include "core/stored_array.h"
 #include "spatial/bucket_tree.h"
 #include "spatial/point_batch.h"
 
 #include <mpuvdb/point_cloud.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -13,6 +15,8 @@
 namespace mpuvdb
 {
 
+class ArrayFile;
+class ArrayFileWriter;
 class Interrupter;
 
 /// A cube of the octree, by its integer position at its level.
@@ -76,20 +80,21 @@ public:
                  Copies copies = Copies::Keep);
     /// Points that are in the order of their @a keys, those of cells of an octree.
     SortedPoints(PointBatch&& points, std::vector<std::uint64_t>&& keys, const RootCube& root);
+    /// The points that save() wrote to @a file under @a prefix, mapped. @throws InputError.
+    SortedPoints(const ArrayFile& file, const std::string& prefix, const RootCube& root);
+    /// Write all but the root cube to @a file; names begin with @a prefix. @throws IoError.
+    void save(ArrayFileWriter& file, const std::string& prefix) const;
 
     std::size_t size() const { return mPoints.size(); }
-    const PointBatch& points() const { return mPoints; }
+    const PointArrays& points() const { return mPoints; }
     /// Morton key of the cell of kMaxLevel that holds point @a n.
     std::uint64_t keyOf(std::size_t n) const { return mKeys[n]; }
     /// One array each for linear red, green and blue, if there are colors, and for the scalars.
-    const std::vector<PointBatch::Floats>& channels() const { return mChannels; }
+    const std::vector<StoredArray<float>>& channels() const { return mChannels; }
     bool hasColors() const { return mChannels.size() > mScalarNames.size(); }
     const std::vector<std::string>& scalarNames() const { return mScalarNames; }
-    std::size_t bytes() const
-    {
-        return mPoints.bytes() + sizeof(mKeys[0]) * mKeys.capacity() +
-               sizeof(mTop[0]) * mTop.capacity() + mChannels.size() * sizeof(float) * size();
-    }
+    /// Memory held, bytes; mapped points take none.
+    std::size_t bytes() const;
 
     struct Range {
         std::size_t begin, end;
@@ -128,10 +133,14 @@ public:
         forEachCell(level, {0, size()}, f);
     }
 
+    /// Ranges of points, in order and apart, that hold those in @a box (local coordinates) and
+    /// perhaps some close to it.
+    std::vector<Range> rangesIn(const Box3d& box) const;
+
     /// The finest level whose occupied cells hold @a count points or more on average.
     int levelOfCells(double count) const;
 
-    Coordinates positions() const { return {mPoints.x.data(), mPoints.y.data(), mPoints.z.data()}; }
+    Coordinates positions() const { return {mPoints.x, mPoints.y, mPoints.z}; }
     /// A tree over the largest cells of at most @a most points each (more only where they coincide)
     /// that together hold all points.
     BucketTree tree(std::size_t most) const
@@ -148,8 +157,9 @@ private:
     /// Points of a cell up to which they are counted one by one. [free: time]
     static constexpr std::size_t kMaxScanPoints = 32;
 
-    void mergeCopies();
-    void makeTop();
+    void addRanges(const Box3d& box, const OctreeCell& cell, std::vector<Range>& ranges) const;
+    void hold(PointBatch&& points, std::vector<std::uint64_t>&& keys);
+    void hold(const std::array<StoredArray<float>, 7>& floats);
     void addBuckets(int level, std::size_t begin, std::size_t end, std::size_t most,
                     std::vector<BucketTree::Bucket>& buckets) const
     {
@@ -160,9 +170,8 @@ private:
         const int below = 3 * (kMaxLevel - level - 1);
         for (std::size_t first = begin, past = begin; first < end; first = past) {
             const std::uint64_t next = ((mKeys[first] >> below) + 1) << below;
-            const auto at = mKeys.begin();
-            past = std::size_t(
-                std::lower_bound(at + std::ptrdiff_t(first), at + std::ptrdiff_t(end), next) - at);
+            const std::uint64_t* const at = mKeys.begin();
+            past = std::size_t(std::lower_bound(at + first, at + end, next) - at);
             addBuckets(level + 1, first, past, most, buckets);
         }
     }
@@ -170,12 +179,13 @@ private:
     OctreeCell coveringCell(OctreeCell cell, double radius) const;
 
     RootCube mRoot;
-    PointBatch mPoints;
-    std::vector<PointBatch::Floats> mChannels;
+    std::array<StoredArray<float>, 7> mFloats; ///< what mPoints points to
+    PointArrays mPoints;
+    std::vector<StoredArray<float>> mChannels;
     std::vector<std::string> mScalarNames;
-    std::vector<std::uint64_t> mKeys;
+    StoredArray<std::uint64_t> mKeys;
     int mTopLevel = 0;
-    std::vector<std::uint32_t> mTop; ///< first point of each cell of level mTopLevel
+    StoredArray<std::uint32_t> mTop; ///< first point of each cell of level mTopLevel
 };
 
 } // namespace mpuvdb

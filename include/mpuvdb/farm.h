@@ -1,0 +1,84 @@
+// Reconstructions beyond memory and beyond one machine: a job in a folder, whose tasks run
+// anywhere.
+//
+// A job is planned once: points are cleaned, measured and sorted, and what is decided from all of
+// them is kept. Then come two phases of tasks, each of which maps the files that it needs and
+// writes one whole file: first the octree is fitted in parts, then the grid is sampled in tiles.
+// After each phase gather() joins what has to be known to all. merge() makes one grid of the tiles,
+// byte for byte the one that reconstruct() makes at once.
+#pragma once
+#include <mpuvdb/reconstruct.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Interrupter;
+
+/// How a job is cut up.
+struct JobOptions {
+    /// Edge of a tile, voxels: a multiple of 128, as a node of the grid then lies in one tile.
+    int tileVoxels = 512;
+    std::size_t partPoints = 4'000'000; ///< points of a part of the fit, about
+    std::string build;                  ///< the program: only the same one may do the tasks
+    std::map<std::string, std::string> metadata; ///< of the grid in the end
+    std::vector<std::string> inputs;             ///< files; a changed one is refused
+};
+
+/// The phases of a job.
+enum class JobPhase : std::uint8_t { Fit, Sample };
+
+/// The state of a task.
+struct TaskState {
+    enum class State : std::uint8_t { Waiting, Running, Done };
+    State state = State::Waiting;
+    double seconds = 0;          ///< that it took, if done
+    std::uint64_t peakBytes = 0; ///< of the process, if done
+    std::uint64_t points = 0;    ///< in its box, of a tile
+    std::string host;            ///< where it is running, or has run
+};
+
+/// A job in a folder.
+class Job
+{
+public:
+    /// Plan a job in @a folder, which must not hold one yet.
+    /// @throws UsageError (tiles, a job is there), InputError, IoError, LimitError, Interrupted.
+    static void plan(const std::filesystem::path& folder, PreparedPoints&& points,
+                     const JobOptions& options, Interrupter* interrupter = nullptr);
+
+    /// Open the job in @a folder. @param build  as planned, or empty to look only.
+    /// @throws InputError (no job, another build, an input that changed), IoError.
+    Job(const std::filesystem::path& folder, const std::string& build);
+    ~Job();
+
+    JobPhase phase() const;
+    /// Tasks of the phase.
+    std::size_t tasks() const;
+    std::vector<TaskState> states() const;
+    /// Do task @a n of the phase, unless it is done. Whole files are written: a task that is
+    /// killed, repeated, or done twice at once changes nothing. @throws UsageError (no such task),
+    /// IoError, LimitError, Interrupted, InputError where other bytes are there than it made.
+    void run(std::size_t n, Interrupter* interrupter = nullptr) const;
+    /// Join the parts of the fit, and list the tiles; after the last tile verify all of them.
+    /// @throws InputError naming the tasks that are missing or damaged, IoError, Interrupted.
+    void gather(Interrupter* interrupter = nullptr);
+    /// Take damaged results away, so that their tasks are done again. @return their number.
+    std::size_t dropDamaged(Interrupter* interrupter = nullptr) const;
+    /// Write one .vdb file of all tiles. Voxels are copied, never held.
+    /// @throws as gather().
+    void merge(const std::filesystem::path& file, Interrupter* interrupter = nullptr) const;
+
+private:
+    struct Impl;
+    std::unique_ptr<Impl> mImpl;
+};
+
+} // namespace mpuvdb

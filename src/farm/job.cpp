@@ -1,0 +1,308 @@
+#include "content_hash.h"
+#include "files/array_file.h"
+#include "files/atomic_file.h"
+#include "io/vdb/leaf_files.h"
+#include "job_file.h"
+#include "mpu/spread_fit.h"
+#include "tiles.h"
+#include <mpuvdb/error.h>
+#include <mpuvdb/farm.h>
+#include <mpuvdb/interrupter.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/sampling.h>
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+
+namespace mpuvdb
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+
+/// What the names of the level set's arrays begin with.
+constexpr const char* kSurface = "surface ";
+
+std::string hostName()
+{
+    char name[256] = {};
+    ::gethostname(name, sizeof name - 1);
+    return name;
+}
+
+std::uint64_t peakBytes()
+{
+    rusage usage{};
+    ::getrusage(RUSAGE_SELF, &usage);
+    return std::uint64_t(usage.ru_maxrss) * 1024;
+}
+
+void makeFolder(const fs::path& folder)
+{
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (error)
+        throw IoError(
+            fmt::format("{}: the folder cannot be made: {}", folder.string(), error.message()));
+}
+
+/// The box of the voxels of @a tile, world units.
+Box3d regionOf(const Tile& tile, const Lattice& lattice)
+{
+    const auto place = [&](const openvdb::Coord& at, double beside) -> Vec3d {
+        const Vec3d voxel(at[0], at[1], at[2]);
+        return lattice.origin + lattice.voxelSize * (voxel + Vec3d::Constant(beside));
+    };
+    return {place(tile.box.min(), -0.25), place(tile.box.max(), 0.25)};
+}
+
+} // namespace
+
+struct Job::Impl {
+    fs::path folder;
+    JobPlan plan;
+    std::optional<std::vector<Tile>> tiles; ///< once the fit is joined
+
+    fs::path fieldFile() const { return folder / "field.bin"; }
+    fs::path tilesFile() const { return folder / "tiles.json"; }
+    fs::path resultOf(JobPhase phase, std::size_t n) const
+    {
+        return folder / (phase == JobPhase::Fit ? "fit" : "tiles") / fmt::format("{:05}.bin", n);
+    }
+    static fs::path recordOf(fs::path result) { return result.replace_extension(".json"); }
+    static fs::path markOf(fs::path result) { return result.replace_extension(".running"); }
+    JobPhase phase() const { return tiles ? JobPhase::Sample : JobPhase::Fit; }
+    std::size_t tasksOf(JobPhase phase) const
+    {
+        return phase == JobPhase::Fit ? std::size_t(plan.parts) : tiles ? tiles->size() : 0;
+    }
+
+    /// The record of a whole result of this plan.
+    std::optional<TaskRecord> doneBy(const fs::path& result) const
+    {
+        const std::optional<TaskRecord> record = TaskRecord::read(recordOf(result));
+        std::error_code error;
+        if (!record || record->plan != plan.id || fs::file_size(result, error) != record->bytes)
+            return std::nullopt;
+        return record;
+    }
+    /// Whether a result has the bytes that were written.
+    bool isSound(const fs::path& result, const Interrupter& progress) const
+    {
+        const auto record = doneBy(result);
+        return record && contentHash(result, progress) == record->hash;
+    }
+    void requireAll(JobPhase phase, Interrupter& progress) const;
+    std::vector<fs::path> resultsOf(JobPhase phase) const
+    {
+        std::vector<fs::path> files;
+        for (std::size_t n = 0; n < tasksOf(phase); ++n) files.push_back(resultOf(phase, n));
+        return files;
+    }
+    void sample(std::size_t n, const fs::path& file, Interrupter& progress) const;
+};
+
+void Job::plan(const fs::path& folder, PreparedPoints&& points, const JobOptions& options,
+               Interrupter* interrupter)
+{
+    Interrupter& progress = orSilent(interrupter);
+    if (options.tileVoxels < 128 || options.tileVoxels % 128 != 0)
+        throw UsageError(fmt::format("tiles of {} voxels: their edge must be a multiple of 128",
+                                     options.tileVoxels));
+    if (points.options.coverage || !points.options.attributes.empty() || points.options.region)
+        throw UsageError("a job makes the level set alone: coverage, holes, attributes and regions "
+                         "are for mpuvdb reconstruct");
+    if (fs::exists(folder / "plan.json"))
+        throw UsageError(fmt::format("{}: there is a job already: choose another folder, or remove "
+                                     "that one",
+                                     folder.string()));
+    makeFolder(folder / "fit");
+    makeFolder(folder / "tiles");
+    const ResolvedSettings& resolved = points.report.settings;
+    SpreadFit::plan(folder, std::move(points.cloud), resolved.fit, options.partPoints, progress);
+    const SpreadFit fit(folder);
+    JobPlan plan;
+    plan.options = options;
+    plan.grid = resolved.grid;
+    plan.points = fit.points().size();
+    plan.parts = fit.parts();
+    plan.write(folder);
+}
+
+Job::Job(const fs::path& folder, const std::string& build) : mImpl(std::make_unique<Impl>())
+{
+    mImpl->folder = folder;
+    mImpl->plan = JobPlan::read(folder);
+    const std::string& planned = mImpl->plan.options.build;
+    if (!build.empty() && build != planned)
+        throw InputError(fmt::format("{}: planned by another build of mpuvdb ({}, this is {}): all "
+                                     "tasks have to be done by the same one",
+                                     folder.string(), planned, build));
+    if (!build.empty()) mImpl->plan.requireInputs();
+    mImpl->tiles = readTiles(mImpl->tilesFile(), mImpl->plan.id);
+}
+
+Job::~Job() = default;
+
+JobPhase Job::phase() const
+{
+    return mImpl->phase();
+}
+
+std::size_t Job::tasks() const
+{
+    return mImpl->tasksOf(phase());
+}
+
+std::vector<TaskState> Job::states() const
+{
+    std::vector<TaskState> states(tasks());
+    for (std::size_t n = 0; n < states.size(); ++n) {
+        const fs::path result = mImpl->resultOf(phase(), n);
+        if (phase() == JobPhase::Sample) states[n].points = (*mImpl->tiles)[n].points;
+        if (const auto record = mImpl->doneBy(result)) {
+            states[n].state = TaskState::State::Done;
+            states[n].seconds = record->seconds;
+            states[n].peakBytes = record->peakBytes;
+            states[n].host = record->host;
+        } else if (std::ifstream mark(Impl::markOf(result)); mark) {
+            states[n].state = TaskState::State::Running;
+            std::getline(mark, states[n].host);
+        }
+    }
+    return states;
+}
+
+void Job::Impl::sample(std::size_t n, const fs::path& file, Interrupter& progress) const
+{
+    const Tile& tile = (*tiles)[n];
+    const auto field = SpreadFit::open(folder, fieldFile());
+    SampleSettings settings = plan.grid;
+    settings.region = regionOf(tile, settings.lattice);
+    const LevelSet part = sampleField(*field, settings, &progress);
+    progress.beginStage("write");
+    writeAtomically(file, [&](const fs::path& temporary) {
+        ArrayFileWriter arrays(temporary);
+        saveLeaves(arrays, kSurface, part.grid(), tile.box, progress);
+        arrays.finish();
+    });
+    progress.endStage();
+}
+
+void Job::run(std::size_t n, Interrupter* interrupter) const
+{
+    Interrupter& progress = orSilent(interrupter);
+    if (n >= tasks())
+        throw UsageError(fmt::format("task {}: the phase has tasks 0 to {}", n, tasks() - 1));
+    const fs::path result = mImpl->resultOf(phase(), n);
+    if (mImpl->doneBy(result)) return;
+    const auto start = std::chrono::steady_clock::now();
+    std::ofstream(Impl::markOf(result)) << hostName() << '\n';
+    if (phase() == JobPhase::Fit)
+        SpreadFit(mImpl->folder).fit(n, result, progress);
+    else
+        mImpl->sample(n, result, progress);
+    TaskRecord record;
+    record.plan = mImpl->plan.id;
+    record.hash = contentHash(result, progress);
+    record.host = hostName();
+    record.bytes = fs::file_size(result);
+    record.peakBytes = peakBytes();
+    record.seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    // Somebody else may have done it meanwhile.
+    if (const auto other = TaskRecord::read(Impl::recordOf(result));
+        other && other->plan == record.plan && other->hash != record.hash)
+        throw InputError(
+            fmt::format("{}: {} made other bytes of it: one of the machines is damaged, "
+                        "or its program is another. Remove {} once it is known which",
+                        result.string(), other->host, Impl::recordOf(result).string()));
+    record.write(Impl::recordOf(result));
+    std::error_code ignored;
+    fs::remove(Impl::markOf(result), ignored);
+}
+
+/// @throws InputError unless all results of @a phase are there and sound.
+void Job::Impl::requireAll(JobPhase phase, Interrupter& progress) const
+{
+    std::vector<std::size_t> missing, bad;
+    for (std::size_t n = 0; n < tasksOf(phase); ++n) {
+        progress.check();
+        const fs::path result = resultOf(phase, n);
+        if (!doneBy(result))
+            missing.push_back(n);
+        else if (!isSound(result, progress))
+            bad.push_back(n);
+    }
+    const auto list = [](const std::vector<std::size_t>& tasks) {
+        constexpr std::size_t kShown = 10;
+        const std::vector<std::size_t> shown(
+            tasks.begin(), tasks.begin() + std::ptrdiff_t(std::min(tasks.size(), kShown)));
+        return fmt::format("{}{}", fmt::join(shown, ", "), tasks.size() > kShown ? ", ..." : "");
+    };
+    if (!missing.empty())
+        throw InputError(
+            fmt::format("{}: {} of {} tasks are not done: {}. Run mpuvdb tile for them",
+                        folder.string(), missing.size(), tasksOf(phase), list(missing)));
+    if (!bad.empty())
+        throw InputError(fmt::format("{}: {} results are damaged: {}. Drop them with mpuvdb status "
+                                     "--retry, and run mpuvdb tile for them",
+                                     folder.string(), bad.size(), list(bad)));
+}
+
+void Job::gather(Interrupter* interrupter)
+{
+    Interrupter& progress = orSilent(interrupter);
+    mImpl->requireAll(phase(), progress);
+    if (phase() == JobPhase::Sample) return;
+    SpreadFit(mImpl->folder).join(mImpl->resultsOf(JobPhase::Fit), mImpl->fieldFile(), progress);
+    progress.beginStage("tiles");
+    const auto field = SpreadFit::open(mImpl->folder, mImpl->fieldFile());
+    const std::vector<Tile> tiles =
+        tilesOf(*field, mImpl->plan.grid, mImpl->plan.options.tileVoxels, progress);
+    writeTiles(mImpl->tilesFile(), mImpl->plan.id, tiles);
+    mImpl->tiles = tiles;
+    progress.endStage();
+}
+
+std::size_t Job::dropDamaged(Interrupter* interrupter) const
+{
+    Interrupter& progress = orSilent(interrupter);
+    std::size_t dropped = 0;
+    for (std::size_t n = 0; n < tasks(); ++n) {
+        const fs::path result = mImpl->resultOf(phase(), n);
+        std::error_code ignored;
+        if (!fs::exists(Impl::recordOf(result)) || mImpl->isSound(result, progress)) continue;
+        fs::remove(Impl::recordOf(result), ignored);
+        fs::remove(result, ignored);
+        ++dropped;
+    }
+    return dropped;
+}
+
+void Job::merge(const fs::path& file, Interrupter* interrupter) const
+{
+    Interrupter& progress = orSilent(interrupter);
+    if (phase() == JobPhase::Fit)
+        throw InputError(fmt::format("{}: the fit is not gathered yet: run mpuvdb gather",
+                                     mImpl->folder.string()));
+    mImpl->requireAll(JobPhase::Sample, progress);
+    progress.beginStage("merge");
+    std::vector<ArrayFile> tiles;
+    for (const fs::path& result : mImpl->resultsOf(JobPhase::Sample)) tiles.emplace_back(result);
+    const openvdb::GridBase::Ptr grid = gridOfLeaves(tiles, kSurface, progress);
+    for (const auto& [key, value] : mImpl->plan.options.metadata)
+        grid->insertMeta(key, openvdb::StringMetadata(value));
+    const auto field = SpreadFit::open(mImpl->folder, mImpl->fieldFile());
+    grid->insertMeta("mpuvdb:max_error",
+                     openvdb::StringMetadata(fmt::format("{}", field->statistics().maxError)));
+    writeGrids(file, {grid}, &progress);
+}
+
+} // namespace mpuvdb

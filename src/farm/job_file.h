@@ -1,0 +1,53 @@
+// The files of a job that say what it is and what was done: JSON, whole or not at all.
+#pragma once
+#include "tiles.h"
+#include <mpuvdb/farm.h>
+
+#include <nlohmann/json.hpp>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mpuvdb
+{
+
+using JobJson = nlohmann::ordered_json;
+
+/// What a job is: plan.json.
+struct JobPlan {
+    std::string id; ///< a hash of all the rest
+    JobOptions options;
+    SampleSettings grid;
+    std::uint64_t points = 0, parts = 0;
+
+    static JobPlan read(const std::filesystem::path& folder);
+    /// @param options, grid, points, parts  as set; sets the id.
+    void write(const std::filesystem::path& folder);
+    /// @throws InputError if an input is not what it was.
+    void requireInputs() const;
+
+private:
+    JobJson mInputs; ///< sizes and times of the inputs
+};
+
+/// What a task made: beside its file, written after it.
+struct TaskRecord {
+    std::string plan, hash, host;
+    std::uint64_t bytes = 0, peakBytes = 0;
+    double seconds = 0;
+
+    /// The record of @a file, if it is there and whole.
+    static std::optional<TaskRecord> read(const std::filesystem::path& file);
+    void write(const std::filesystem::path& file) const;
+};
+
+/// tiles.json: there once the fit is joined.
+void writeTiles(const std::filesystem::path& file, const std::string& plan,
+                const std::vector<Tile>& tiles);
+/// Empty if there is no such file. @throws InputError (damaged, of another plan).
+std::optional<std::vector<Tile>> readTiles(const std::filesystem::path& file,
+                                           const std::string& plan);
+
+} // namespace mpuvdb

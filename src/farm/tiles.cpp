@@ -1,0 +1,81 @@
+#include "tiles.h"
+
+#include <mpuvdb/interrupter.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tbb/parallel_for.h>
+#include <tuple>
+
+namespace mpuvdb
+{
+namespace
+{
+
+/// Distance beyond the points' box that fills reach, in its extents. [derived: the coarse field is
+/// outside from a fifth of the extent on]
+constexpr double kFillReach = 0.25;
+/// Voxels beside a tile whose points count: their band may enter it. [derived: a block, beside the
+/// band]
+constexpr double kBeside = 8;
+/// Edge of the cubes, voxels, that are not divided further: the tile is sampled. [free: time]
+constexpr double kSmallCube = 32;
+/// Largest ratio of a field's value to the distance from its zero set. [derived: as where a
+/// region's band is searched]
+constexpr double kSteepest = 1.5;
+
+/// Whether the zero set of @a field may come within @a band (world units) of a cube.
+bool mayMeet(const Field& field, const Vec3d& center, double edge, double band, double smallest)
+{
+    const double radius = std::sqrt(3.0) / 2 * edge;
+    if (std::abs(field.evaluate(center).value) > kSteepest * (radius + band)) return false;
+    if (edge <= smallest) return true;
+    for (int octant = 0; octant < 8; ++octant) {
+        const Vec3d side(octant & 1 ? 1 : -1, octant & 2 ? 1 : -1, octant & 4 ? 1 : -1);
+        if (mayMeet(field, center + edge / 4 * side, edge / 2, band, smallest)) return true;
+    }
+    return false;
+}
+
+} // namespace
+
+std::vector<Tile> tilesOf(const MpuField& field, const SampleSettings& settings, int edge,
+                          Interrupter& progress)
+{
+    const Lattice& lattice = settings.lattice;
+    const double h = lattice.voxelSize, band = settings.halfWidth * h;
+    const Box3d bounds = field.bounds();
+    const Vec3d beyond =
+        Vec3d::Constant(kFillReach * bounds.sizes().maxCoeff() + band + kBeside * h);
+    const auto tileAt = [&](const Vec3d& p) {
+        const Vec3d at = ((p - lattice.origin) / (h * edge)).array().floor();
+        return Vec3i(at.cast<int>());
+    };
+    const Vec3i first = tileAt(bounds.min() - beyond), last = tileAt(bounds.max() + beyond);
+    const Vec3i count = last - first + Vec3i::Ones();
+    std::vector<std::vector<Tile>> rows(std::size_t(count[0]) * std::size_t(count[1]));
+    tbb::parallel_for(std::size_t(0), rows.size(), [&](std::size_t row) {
+        for (int k = 0; k < count[2]; ++k) {
+            progress.check();
+            const Vec3i at = first + Vec3i(int(row) / count[1], int(row) % count[1], k);
+            const openvdb::Coord low(at[0] * edge, at[1] * edge, at[2] * edge);
+            Tile tile{openvdb::CoordBBox::createCube(low, edge)};
+            const Vec3d corner = lattice.origin + h * (edge * at).cast<double>();
+            const Box3d box(corner, corner + Vec3d::Constant(h * edge));
+            const Vec3d wider = Vec3d::Constant(band + kBeside * h);
+            const auto all = std::numeric_limits<std::size_t>::max();
+            tile.points = field.countData(box, all);
+            if (field.countData({box.min() - wider, box.max() + wider}, 1) > 0 ||
+                mayMeet(field, box.center(), h * edge, band, h * kSmallCube))
+                rows[row].push_back(tile);
+        }
+    });
+    std::vector<Tile> tiles;
+    for (const auto& row : rows) tiles.insert(tiles.end(), row.begin(), row.end());
+    std::stable_sort(tiles.begin(), tiles.end(),
+                     [](const Tile& a, const Tile& b) { return a.points > b.points; });
+    return tiles;
+}
+
+} // namespace mpuvdb

@@ -1,0 +1,35 @@
+// Grids in parts: compressed leaves in files, and one grid of the leaves of many files.
+#pragma once
+#include "files/array_file.h"
+#include <mpuvdb/interrupter.h>
+
+#include <openvdb/openvdb.h>
+
+#include <string>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// Write the leaves of @a grid in @a box to @a file, each compressed as in a .vdb file, with the
+/// grid's metadata and transform; names begin with @a prefix. @a box holds whole leaves. Grids of
+/// floats and of vectors of floats only. The same bytes for any number of threads.
+/// @throws IoError, Interrupted.
+void saveLeaves(ArrayFileWriter& file, const std::string& prefix, const openvdb::GridBase& grid,
+                const openvdb::CoordBBox& box, const Interrupter& progress);
+
+/// The grid of all leaves that saveLeaves() wrote to @a files, whose boxes are apart, for a writer
+/// of .vdb files: it has no voxels in memory, and its leaves' bytes are copied as they are. Between
+/// the leaves of a level set are tiles of the sign of those beside them. @param files  have to
+/// outlive the grid. @throws InputError (damaged files), Interrupted.
+openvdb::GridBase::Ptr gridOfLeaves(const std::vector<ArrayFile>& files, const std::string& prefix,
+                                    const Interrupter& progress);
+
+/// Whether @a grid was made by gridOfLeaves().
+bool isOfLeaves(const openvdb::GridBase& grid);
+
+/// The metadata of a grid made by gridOfLeaves(), with those that a .vdb file has of its voxels:
+/// OpenVDB's writer would look at the voxels themselves.
+openvdb::MetaMap fileMetadata(const openvdb::GridBase& grid);
+
+} // namespace mpuvdb

@@ -1,0 +1,252 @@
+// Jobs: tiles are the whole, byte for byte, whatever happens to their tasks.
+#include "field_fixture.h"
+#include "uncleaned.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/farm.h>
+#include <mpuvdb/io.h>
+#include <mpuvdb/reconstruct.h>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
+#include <functional>
+#include <sstream>
+#include <unistd.h>
+
+namespace mpuvdb
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+
+constexpr const char* kBuild = "a build";
+
+std::string bytesOf(const fs::path& file)
+{
+    std::ifstream in(file, std::ios::binary);
+    std::ostringstream text;
+    text << in.rdbuf();
+    return text.str();
+}
+
+class FarmTest : public testing::Test
+{
+protected:
+    void SetUp() override
+    {
+        const testing::TestInfo& test = *testing::UnitTest::GetInstance()->current_test_info();
+        mFolder = fs::temp_directory_path() / fmt::format("farm_{}_{}", test.name(), ::getpid());
+        fs::create_directories(mFolder);
+    }
+    void TearDown() override { fs::remove_all(mFolder); }
+
+    fs::path at(const std::string& name) const { return mFolder / name; }
+
+    static ReconstructOptions voxelSize(double h)
+    {
+        test::Uncleaned options;
+        options.voxelSize = Length{h, Length::Unit::World};
+        return options;
+    }
+
+    static PreparedPoints prepared(const PointCloud& cloud, const ReconstructOptions& options)
+    {
+        PointInput input;
+        input.cloud = cloud;
+        return preparePoints(std::move(input), options);
+    }
+
+    /// Plan a job of small tiles and parts.
+    fs::path plan(const PointCloud& cloud, const ReconstructOptions& options,
+                  std::size_t partPoints = 2000) const
+    {
+        JobOptions job;
+        job.tileVoxels = 128;
+        job.partPoints = partPoints;
+        job.build = kBuild;
+        Job::plan(at("job"), prepared(cloud, options), job);
+        return at("job");
+    }
+
+    /// Do all tasks of the phase, the last first.
+    static void runAll(const fs::path& folder)
+    {
+        const Job job(folder, kBuild);
+        for (std::size_t n = job.tasks(); n-- > 0;) job.run(n);
+    }
+
+    /// The bytes of the level set made at once.
+    std::string whole(const PointCloud& cloud, const ReconstructOptions& options) const
+    {
+        const ReconstructResult made = sampleFit(fitPoints(prepared(cloud, options)));
+        writeLevelSet(at("whole.vdb"), made.levelSet(),
+                      {{"mpuvdb:max_error", fmt::format("{}", made.report.fit.maxError)}});
+        return bytesOf(at("whole.vdb"));
+    }
+
+    /// The bytes of the level set made by tasks; says how many tiles there were.
+    std::string tiled(const PointCloud& cloud, const ReconstructOptions& options,
+                      std::size_t& tiles) const
+    {
+        const fs::path folder = plan(cloud, options);
+        runAll(folder);
+        Job(folder, kBuild).gather();
+        runAll(folder);
+        const Job job(folder, kBuild);
+        tiles = job.tasks();
+        job.merge(at("tiled.vdb"));
+        return bytesOf(at("tiled.vdb"));
+    }
+
+    void expectSame(const PointCloud& cloud, double h)
+    {
+        std::size_t tiles = 0;
+        const ReconstructOptions options = voxelSize(h);
+        const std::string parts = tiled(cloud, options, tiles);
+        EXPECT_GE(tiles, 8u);
+        EXPECT_TRUE(parts == whole(cloud, options)) << "the files differ";
+    }
+
+    fs::path mFolder;
+};
+
+ScanSettings scanSettings(double points)
+{
+    ScanSettings scan;
+    scan.points = std::uint64_t(points);
+    scan.pattern = ScanSettings::Pattern::Random;
+    return scan;
+}
+
+TEST_F(FarmTest, TilesOfExactPointsAreTheWhole)
+{
+    expectSame(test::randomScan("rotate(difference(box(2, 1.5, 1), cylinder(0.4, 3)), 1, 2, 3, 25)",
+                                40000),
+               0.008);
+}
+
+TEST_F(FarmTest, TilesOfNoisyPointsAreTheWhole)
+{
+    ScanSettings scan = scanSettings(30000);
+    scan.noise = 0.01;
+    expectSame(test::scanOf("torus(1, 0.4)", scan), 0.01);
+}
+
+TEST_F(FarmTest, TilesOfPointsWithHolesAreTheWhole)
+{
+    ScanSettings scan = scanSettings(30000);
+    scan.holes = 6;
+    scan.holeRadius = 0.15;
+    scan.noise = 0.004;
+    expectSame(test::scanOf("blob(1, 20, 0.05)", scan), 0.01);
+}
+
+TEST_F(FarmTest, TilesOfOneSideAreTheWhole)
+{
+    ScanSettings scan = scanSettings(30000);
+    scan.pattern = ScanSettings::Pattern::Scan;
+    scan.viewpoints = {Vec3d(3, 4, 2)};
+    expectSame(test::scanOf("difference(box(2, 1.5, 1), cylinder(0.4, 3))", scan), 0.01);
+}
+
+TEST_F(FarmTest, TilesOfThinWallsAreTheWhole)
+{
+    expectSame(test::randomScan("difference(sphere(1), sphere(0.98))", 60000), 0.01);
+}
+
+/// What is done again, by another number of threads, in parts of other sizes, changes nothing.
+TEST_F(FarmTest, TheOrderAndTheNumberOfThreadsDoNotCount)
+{
+    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    const ReconstructOptions options = voxelSize(0.015);
+    const std::string expected = whole(cloud, options);
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    const fs::path folder = plan(cloud, options, 700);
+    runAll(folder);
+    Job(folder, kBuild).gather();
+    runAll(folder);
+    runAll(folder);
+    Job(folder, kBuild).merge(at("tiled.vdb"));
+    EXPECT_TRUE(bytesOf(at("tiled.vdb")) == expected);
+}
+
+TEST_F(FarmTest, LostAndDamagedResultsAreFoundAndMadeAgain)
+{
+    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    const ReconstructOptions options = voxelSize(0.015);
+    const fs::path folder = plan(cloud, options);
+    {
+        Job job(folder, kBuild);
+        EXPECT_THROW(job.gather(), InputError); // nothing is done yet
+        EXPECT_THROW(job.merge(at("tiled.vdb")), InputError);
+    }
+    runAll(folder);
+    Job(folder, kBuild).gather();
+    runAll(folder);
+    const fs::path result = folder / "tiles" / "00001.bin";
+    const std::string before = bytesOf(result);
+    // A bit that turns, a file that ends early, one that is gone, and a kill before its record.
+    const std::vector<std::function<void()>> damages = {
+        [&] {
+            std::fstream file(result, std::ios::in | std::ios::out | std::ios::binary);
+            file.seekp(std::streamoff(before.size() / 2));
+            file.put(char(before[before.size() / 2] ^ 4));
+        },
+        [&] { fs::resize_file(result, before.size() - 10); }, [&] { fs::remove(result); },
+        [&] { fs::remove(fs::path(result).replace_extension(".json")); }};
+    for (const auto& damage : damages) {
+        damage();
+        const Job job(folder, kBuild);
+        EXPECT_THROW(job.merge(at("tiled.vdb")), InputError);
+        EXPECT_FALSE(fs::exists(at("tiled.vdb")));
+        job.dropDamaged();
+        runAll(folder);
+        EXPECT_TRUE(bytesOf(result) == before);
+    }
+    Job(folder, kBuild).merge(at("tiled.vdb"));
+    EXPECT_TRUE(bytesOf(at("tiled.vdb")) == whole(cloud, options));
+}
+
+TEST_F(FarmTest, OtherBuildsPlansAndInputsAreRefused)
+{
+    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 5000);
+    const ReconstructOptions options = voxelSize(0.05);
+    const fs::path input = at("points.ply");
+    std::ofstream(input) << "as they were";
+    JobOptions job;
+    job.build = kBuild;
+    job.inputs = {input.string()};
+    job.tileVoxels = 100;
+    EXPECT_THROW(Job::plan(at("job"), prepared(cloud, options), job), UsageError);
+    job.tileVoxels = 128;
+    Job::plan(at("job"), prepared(cloud, options), job);
+    EXPECT_THROW(Job::plan(at("job"), prepared(cloud, options), job), UsageError);
+    EXPECT_THROW(Job(at("job"), "another build"), InputError);
+    EXPECT_THROW(Job(at("nowhere"), kBuild), InputError);
+    EXPECT_THROW(Job(at("job"), kBuild).run(10000), UsageError);
+    std::ofstream(input) << "as they are now, which is not the same";
+    EXPECT_THROW(Job(at("job"), kBuild), InputError);
+    fs::remove(input); // not needed any more
+    EXPECT_NO_THROW(Job(at("job"), kBuild));
+}
+
+TEST_F(FarmTest, AStopLeavesNothing)
+{
+    const fs::path folder = plan(test::randomScan("torus(1, 0.4)", 20000), voxelSize(0.015));
+    Interrupter stopped;
+    stopped.stop();
+    EXPECT_THROW(Job(folder, kBuild).run(0, &stopped), Interrupted);
+    std::size_t files = 0;
+    for (const auto& entry : fs::directory_iterator(folder / "fit"))
+        files += entry.path().extension() != ".running";
+    EXPECT_EQ(files, 0u);
+}
+
+} // namespace
+} // namespace mpuvdb

@@ -1,0 +1,229 @@
+"""Jobs run by engines: the same bytes as at once, though tasks are killed."""
+
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import time
+import unittest
+
+from fixture import FolderTest
+
+COMMAND = os.environ.get("MPUVDB_COMMAND")
+
+
+def installed(*programs):
+    """Whether all of them are; a test is skipped where an engine is not."""
+    return all(shutil.which(program) for program in programs)
+
+
+class JobTest(FolderTest):
+    def setUp(self):
+        super().setUp()
+        self.cloud = self.folder / "cloud.ply"
+        self.call("sample", "difference(box(2,1.5,1), cylinder(0.4,3))", "-o", self.cloud, "--points", "60000",
+                  "--pattern", "random", "--noise", "0.05%")
+        self.options = ["--voxels", "300", "--normals", "keep"]
+        self.expected = self.folder / "whole.vdb"
+        self.call("reconstruct", self.cloud, "-o", self.expected, *self.options)
+        self.job = self.folder / "a job"  # engines have to quote it
+        self.output = self.folder / "made.vdb"
+
+    def call(self, *words, status=0):
+        ended = subprocess.run([COMMAND, *map(str, words), "--progress", "none"], capture_output=True, text=True)
+        self.assertEqual(ended.returncode, status, ended.stderr)
+        return ended.stdout
+
+    def plan(self, engine):
+        self.call("plan", self.cloud, "--job", self.job, "-o", self.output, *self.options, "--engine", engine,
+                  "--slots", "5", "--tile-voxels", "128", "--part-points", "3000")
+
+    def assert_same(self):
+        self.assertEqual(self.output.read_bytes(), self.expected.read_bytes())
+        status = json.loads(self.call("status", self.job, "--json"))
+        self.assertEqual(status["done"], status["tasks"])
+        self.assertGreaterEqual(status["tasks"], 27)
+
+    def shell(self, command, **options):
+        ended = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=300, **options)
+        return ended
+
+
+@unittest.skipUnless(COMMAND, "the command is not built")
+class EngineTest(JobTest):
+    def test_list(self):
+        self.plan("list")
+        for name in ("1-fit.txt", "2-gather.txt", "3-tiles.txt", "4-merge.txt"):
+            for line in reversed((self.job / name).read_text().splitlines()):
+                ended = self.shell(line)
+                self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assert_same()
+
+    @unittest.skipUnless(installed("parallel"), "GNU parallel is not installed")
+    def test_parallel(self):
+        self.plan("parallel")
+        script = f"sh '{self.job}/parallel.sh' -j 2 --halt never"
+        # Some task is killed on the way, and the script goes on where it was.
+        running = subprocess.Popen(script, shell=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                   start_new_session=True)
+        time.sleep(0.5)
+        subprocess.run(["pkill", "-KILL", "-g", str(running.pid), "mpuvdb"])
+        running.wait(timeout=300)
+        ended = self.shell(script)
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assert_same()
+
+    @unittest.skipUnless(installed("snakemake"), "Snakemake is not installed")
+    def test_snakemake(self):
+        self.plan("snakemake")
+        ended = self.shell(f"snakemake -s '{self.job}/Snakefile' --cores 2 --retries 3")
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assert_same()
+
+    def test_openjd(self):
+        self.plan("openjd")
+        template = json.loads((self.job / "openjd.json").read_text())
+        self.assertEqual(template["specificationVersion"], "jobtemplate-2023-09")
+        self.assertLessEqual(len(template["name"]), 128)
+        names = [step["name"] for step in template["steps"]]
+        self.assertEqual(names, ["Fit", "Gather", "Tiles", "Merge"])
+        for step, before in zip(template["steps"][1:], names):
+            self.assertEqual(step["dependencies"], [{"dependsOn": before}])
+        # A runner of one's own: the steps in order, their slots in any.
+        for step in template["steps"]:
+            action = step["script"]["actions"]["onRun"]
+            parameters = step.get("parameterSpace", {}).get("taskParameterDefinitions", [{"range": "0-0"}])
+            low, high = map(int, parameters[0]["range"].split("-"))
+            for slot in range(high, low - 1, -1):
+                words = [word.replace("{{Task.Param.Slot}}", str(slot)) for word in action["args"]]
+                ended = subprocess.run([action["command"], *words], capture_output=True, text=True)
+                self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assert_same()
+
+
+@unittest.skipUnless(COMMAND, "the command is not built")
+@unittest.skipUnless(installed("slurmctld", "slurmd", "munged", "sbatch"), "Slurm is not installed")
+@unittest.skipUnless(os.geteuid() == 0, "Slurm's daemons are started by root alone")
+class SlurmTest(JobTest):
+    """A cluster of this one machine."""
+
+    def setUp(self):
+        super().setUp()
+        state = pathlib.Path(self.folder) / "slurm"
+        for name in ("state", "spool", "log"):
+            (state / name).mkdir(parents=True)
+        host = os.uname().nodename
+        config = state / "slurm.conf"
+        config.write_text(f"""ClusterName=test
+SlurmctldHost={host}(127.0.0.1)
+SlurmUser=root
+SlurmdUser=root
+AuthType=auth/munge
+CryptoType=crypto/munge
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+JobAcctGatherType=jobacct_gather/none
+StateSaveLocation={state}/state
+SlurmdSpoolDir={state}/spool
+SlurmctldPidFile={state}/slurmctld.pid
+SlurmdPidFile={state}/slurmd.pid
+SlurmctldLogFile={state}/log/slurmctld
+SlurmdLogFile={state}/log/slurmd
+SlurmctldPort=16817
+SlurmdPort=16818
+SelectType=select/cons_tres
+SelectTypeParameters=CR_CPU
+ReturnToService=2
+SchedulerParameters=sched_interval=1,batch_sched_delay=0
+MinJobAge=3600
+KillWait=2
+NodeName={host} NodeAddr=127.0.0.1 CPUs={os.cpu_count()} State=UNKNOWN
+PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
+""")
+        (state / "cgroup.conf").write_text("CgroupPlugin=cgroup/v1\n")
+        self.environment = dict(os.environ, SLURM_CONF=str(config))
+        munge = state / "munge"
+        munge.mkdir(mode=0o755)
+        (munge / "key").write_bytes(os.urandom(128))
+        (munge / "key").chmod(0o400)
+        socket = "/run/munge/munge.socket.2"
+        os.makedirs("/run/munge", exist_ok=True)
+        os.chmod("/run/munge", 0o755)
+        self.daemons = []
+        if not os.path.exists(socket):
+            self.start(["munged", "-F", "--force", f"--key-file={munge}/key", f"--pid-file={munge}/pid",
+                        f"--log-file={munge}/log", f"--seed-file={munge}/seed", f"--socket={socket}"])
+            self.wait_for(lambda: os.path.exists(socket), "munge")
+        self.start(["slurmctld", "-D", "-f", str(config)])
+        self.start(["slurmd", "-D", "-f", str(config)])
+        self.wait_for(lambda: "idle" in self.slurm("sinfo -h -o %T").stdout, "an idle node")
+
+    def start(self, words):
+        log = open(self.folder / (words[0] + ".out"), "wb")
+        self.daemons.append(subprocess.Popen(words, stdout=log, stderr=log, env=self.environment))
+        log.close()
+
+    def tearDown(self):
+        self.slurm("scancel -u root")
+        for daemon in reversed(self.daemons):
+            daemon.terminate()
+            try:
+                daemon.wait(timeout=20)
+            except subprocess.TimeoutExpired:
+                daemon.kill()
+                daemon.wait()
+        super().tearDown()
+
+    def slurm(self, command):
+        return self.shell(command, env=self.environment)
+
+    def wait_for(self, condition, what, seconds=60):
+        end = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > end:
+                logs = [path.read_text(errors="replace")[-2000:] for path in self.folder.glob("*.out")]
+                self.fail(f"{what} did not come: {logs}")
+            time.sleep(0.2)
+
+    def test_a_job_with_kills(self):
+        self.plan("slurm")
+        ended = self.slurm(f"sh '{self.job}/slurm/submit.sh'")
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        killed = set()
+
+        def kill_one_of(verb):
+            """SIGKILL the first process of a verb that is seen; its task goes back to the queue."""
+            for process in pathlib.Path("/proc").glob("[0-9]*"):
+                try:
+                    words = (process / "cmdline").read_bytes().decode().split("\0")
+                except OSError:
+                    continue
+                if len(words) > 2 and words[0] == COMMAND and words[1] == verb and words[2] == str(self.job):
+                    os.kill(int(process.name), signal.SIGKILL)
+                    killed.add(verb)
+                    return
+
+        def requeue_failed():
+            jobs = self.slurm("squeue -h -t all -o '%i %T %r'").stdout
+            for line in jobs.splitlines():
+                name, state = line.split()[:2]
+                if state == "FAILED":
+                    self.slurm(f"scontrol requeue {name}")
+            return jobs
+
+        end = time.monotonic() + 280
+        while not self.output.exists() and time.monotonic() < end:
+            for verb in ("tile", "merge"):
+                if verb not in killed:
+                    kill_one_of(verb)
+            requeue_failed()
+            time.sleep(0.05)
+        self.assertIn("tile", killed)
+        self.assertTrue(self.output.exists(), self.slurm("squeue -t all").stdout)
+        self.assert_same()
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,325 @@
+// mpuvdb plan, tile, gather, status: reconstructions in tasks, on one machine or on many.
+#include "job_verbs.h"
+#include "cloud_options.h"
+#include "describe.h"
+#include "engines.h"
+#include "presets.h"
+#include "verb.h"
+
+#include <mpuvdb/error.h>
+#include <mpuvdb/farm.h>
+#include <mpuvdb/memory.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <fmt/format.h>
+#include <fstream>
+
+namespace mpuvdb::command
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+
+class PlanVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {
+            "plan", "Plan a reconstruction in tasks: out of core, or on many machines",
+            "  mpuvdb plan scan.ply --job job/ --voxel-size 0.002\n"
+            "  mpuvdb tile job/ && mpuvdb gather job/ && mpuvdb tile job/\n"
+            "  mpuvdb merge job/ -o scan.vdb\n"
+            "      The same bytes as mpuvdb reconstruct, a tile at a time.\n"
+            "  mpuvdb plan scans/*.las --job job/ --voxel-size 0.02 --engine slurm -o city.vdb\n"
+            "  sh job/slurm/submit.sh\n"
+            "      All tasks and what joins them, as jobs of Slurm.\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        mCloud.addInputs(app);
+        app.add_option("--job", mFolder, "The job's folder, which all machines have to see")
+            ->required()
+            ->type_name("FOLDER");
+        app.add_option("-o,--output", mOutput,
+                       "What the engine's last step writes; default: surface.vdb in the folder")
+            ->type_name("OUT.vdb");
+        app.add_option("--engine", mEngine,
+                       "Write what an engine needs to run the job: scripts for Slurm or GNU\n"
+                       "parallel, a Snakefile, a template of Open Job Description, or a list of\n"
+                       "commands for anything else")
+            ->type_name("slurm|parallel|snakemake|openjd|list")
+            ->check(oneOf({"slurm", "parallel", "snakemake", "openjd", "list"}));
+        app.add_option("--slots", mSlots,
+                       "Tasks that an engine sees of each phase; each does several tiles in turn")
+            ->type_name("N")
+            ->check(CLI::Range(1, 1000))
+            ->capture_default_str();
+        app.add_option(
+               "--tile-voxels", mJob.tileVoxels,
+               "Edge of a tile, voxels, a multiple of 128: its memory grows with the square")
+            ->type_name("N")
+            ->capture_default_str();
+        app.add_option("--part-points", mJob.partPoints, "Points of a part of the fit, about")
+            ->type_name("N")
+            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32))
+            ->capture_default_str();
+        addPreset(app, mCloud.preset);
+        mCloud.addTo(app);
+        app.callback([this, &app] { applyPreset(app, mCloud.preset); });
+    }
+
+    ExitCode run(Session& session) override
+    {
+        session.checkFiles({}, mCloud.inputs);
+        Interrupter* const interrupter = &session.progress();
+        PreparedPoints prepared = preparePoints(mCloud.read(session), mCloud.options, interrupter);
+        mCloud.describeCleaning(session, prepared.report);
+        mCloud.describeSettings(session, prepared.report);
+        mJob.build = buildId();
+        mJob.inputs = mCloud.inputs;
+        mJob.metadata = CloudOptions::metadata(prepared.report);
+        const ReconstructReport report = prepared.report;
+        Job::plan(mFolder, std::move(prepared), mJob, interrupter);
+        const Job job(mFolder, mJob.build);
+        const std::string output =
+            mOutput.empty() ? (fs::path(mFolder) / "surface.vdb").string() : mOutput;
+        CloudOptions::summarizeSettings(session, report);
+        session.note(fmt::format("job         {}: the fit in {} parts; its tiles are listed when "
+                                 "they are gathered",
+                                 mFolder, job.tasks()));
+        session.report()["job"] = {{"folder", mFolder}, {"parts", job.tasks()}};
+        if (!mEngine.empty())
+            session.note("start       " +
+                         writeEngine(mEngine, {fs::absolute(mFolder), fs::absolute(output), mSlots,
+                                               session.options().maxBytes}));
+        return ExitCode::Ok;
+    }
+
+private:
+    CloudOptions mCloud;
+    std::string mFolder, mOutput, mEngine;
+    int mSlots = 64;
+    JobOptions mJob;
+};
+
+/// The number of this task in what an engine calls it: variables with the number of the first task.
+std::optional<std::size_t> taskOfEngine()
+{
+    constexpr std::array<std::pair<const char*, std::size_t>, 6> kVariables = {
+        {{"SLURM_ARRAY_TASK_ID", 0},
+         {"JOB_COMPLETION_INDEX", 0},
+         {"AWS_BATCH_JOB_ARRAY_INDEX", 0},
+         {"PBS_ARRAY_INDEX", 0},
+         {"SGE_TASK_ID", 1},
+         {"CUE_IFRAME", 0}}};
+    for (const auto& [name, first] : kVariables) {
+        const char* const value = std::getenv(name);
+        char* end = nullptr;
+        if (!value) continue;
+        const unsigned long long n = std::strtoull(value, &end, 10);
+        if (end != value && *end == '\0' && n >= first) return std::size_t(n) - first;
+    }
+    return std::nullopt;
+}
+
+class TileVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"tile", "Do tasks of a job",
+                "  mpuvdb tile job/\n"
+                "      All that are not done yet.\n"
+                "  mpuvdb tile job/ 17\n"
+                "      One. Array jobs of Slurm, PBS, Grid Engine, Kubernetes, AWS Batch and\n"
+                "      OpenCue give the number in the environment.\n"
+                "  mpuvdb tile job/ 3 --every 64\n"
+                "      3, 67, 131 and so on, as far as there are tasks.\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("job", mFolder, "The job's folder")->required()->type_name("JOB");
+        app.add_option("task", mTask, "The task, from 0")->type_name("N");
+        app.add_option("--every", mEvery, "Do every Nth task from that one on")
+            ->type_name("N")
+            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32));
+    }
+
+    ExitCode run(Session& session) override
+    {
+        session.checkFiles({}, {});
+        const Job job(mFolder, buildId());
+        if (!mTask) mTask = taskOfEngine();
+        if (mEvery && !mTask)
+            throw UsageError("--every needs the first task, or an engine that numbers it");
+        const std::size_t step = mEvery.value_or(mTask ? job.tasks() + *mTask + 1 : 1);
+        std::size_t done = 0;
+        if (mTask && !mEvery) {
+            job.run(*mTask, &session.progress());
+            ++done;
+        } else {
+            for (std::size_t n = mTask.value_or(0); n < job.tasks(); n += step, ++done)
+                job.run(n, &session.progress());
+        }
+        session.note(fmt::format("done        {} tasks of {} ({})", done, job.tasks(),
+                                 job.phase() == JobPhase::Fit ? "parts of the fit" : "tiles"));
+        session.report()["tasks"] = done;
+        return ExitCode::Ok;
+    }
+
+private:
+    std::string mFolder;
+    std::optional<std::size_t> mTask, mEvery;
+};
+
+class GatherVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"gather", "Join what a phase of a job made",
+                "  mpuvdb gather job/\n"
+                "      After all parts of the fit: the field, and the list of tiles.\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("job", mFolder, "The job's folder")->required()->type_name("JOB");
+    }
+
+    ExitCode run(Session& session) override
+    {
+        session.checkFiles({}, {});
+        Job job(mFolder, buildId());
+        job.gather(&session.progress());
+        session.note(fmt::format("job         {} tiles", job.tasks()));
+        session.report()["tiles"] = job.tasks();
+        return ExitCode::Ok;
+    }
+
+private:
+    std::string mFolder;
+};
+
+class StatusVerb final : public Verb
+{
+public:
+    VerbText text() const override
+    {
+        return {"status", "How far a job is",
+                "  mpuvdb status job/\n"
+                "  mpuvdb status job/ --retry\n"
+                "      Damaged results are dropped, so that their tasks are done again.\n"};
+    }
+
+    void addOptions(CLI::App& app) override
+    {
+        app.add_option("job", mFolder, "The job's folder")->required()->type_name("JOB");
+        app.add_flag("--json", mJson, "Print JSON on standard output");
+        app.add_flag("--retry", mRetry, "Drop damaged results; all are read for that");
+    }
+
+    ExitCode run(Session& session) override
+    {
+        session.checkFiles({}, {});
+        const Job job(mFolder, "");
+        if (mRetry)
+            session.note(fmt::format("dropped     {} damaged results",
+                                     job.dropDamaged(&session.progress())));
+        const nlohmann::ordered_json status = statusOf(job);
+        session.report()["status"] = status;
+        if (mJson)
+            fmt::print("{}\n", status.dump(2));
+        else
+            print(session, status);
+        return status["done"] == status["tasks"] ? ExitCode::Ok : ExitCode::CheckFailed;
+    }
+
+private:
+    static nlohmann::ordered_json statusOf(const Job& job)
+    {
+        std::size_t done = 0, running = 0;
+        double seconds = 0, slowest = 0;
+        std::uint64_t peak = 0;
+        for (const TaskState& task : job.states()) {
+            done += task.state == TaskState::State::Done;
+            running += task.state == TaskState::State::Running;
+            seconds += task.seconds;
+            slowest = std::max(slowest, task.seconds);
+            peak = std::max(peak, task.peakBytes);
+        }
+        const double mean = done > 0 ? seconds / double(done) : 0;
+        return {{"phase", job.phase() == JobPhase::Fit ? "fit" : "sample"},
+                {"tasks", job.tasks()},
+                {"done", done},
+                {"running", running},
+                {"waiting", job.tasks() - done - running},
+                {"seconds", seconds},
+                {"slowest_seconds", slowest},
+                {"seconds_left", mean * double(job.tasks() - done)},
+                {"peak_bytes", peak}};
+    }
+
+    static void print(Session& session, const nlohmann::ordered_json& status)
+    {
+        session.note(
+            fmt::format("phase       {}: {} of {} tasks done, {} running, {} waiting",
+                        status["phase"].get<std::string>(), status["done"].get<std::size_t>(),
+                        status["tasks"].get<std::size_t>(), status["running"].get<std::size_t>(),
+                        status["waiting"].get<std::size_t>()));
+        session.note(
+            fmt::format("time        {:.1f} s of tasks, the slowest {:.1f} s; about {:.0f} "
+                        "s are left for one machine; peak memory {}",
+                        status["seconds"].get<double>(), status["slowest_seconds"].get<double>(),
+                        status["seconds_left"].get<double>(),
+                        sizeText(status["peak_bytes"].get<std::uint64_t>())));
+    }
+
+    std::string mFolder;
+    bool mJson = false, mRetry = false;
+};
+
+} // namespace
+
+std::string buildId()
+{
+    std::ifstream program("/proc/self/exe", std::ios::binary);
+    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
+    std::vector<std::uint64_t> words(1 << 16);
+    while (program) {
+        std::fill(words.begin(), words.end(), 0);
+        program.read(reinterpret_cast<char*>(words.data()),
+                     std::streamsize(words.size() * sizeof words[0]));
+        for (const std::uint64_t word : words) hash = (hash ^ word) * 0x100000001b3u ^ hash >> 29;
+    }
+    return fmt::format("{} {:016x}", MPUVDB_VERSION, hash);
+}
+
+std::unique_ptr<Verb> makePlan()
+{
+    return std::make_unique<PlanVerb>();
+}
+
+std::unique_ptr<Verb> makeTile()
+{
+    return std::make_unique<TileVerb>();
+}
+
+std::unique_ptr<Verb> makeGather()
+{
+    return std::make_unique<GatherVerb>();
+}
+
+std::unique_ptr<Verb> makeStatus()
+{
+    return std::make_unique<StatusVerb>();
+}
+
+} // namespace mpuvdb::command
