@@ -177,11 +177,18 @@ void Band::checkMemory() const
                                  double(mMaxBytes) / 1e6, mBlocks.size(), mLattice.voxelSize));
 }
 
+/// Whether the search may come to the block @a at.
+bool Band::isInReach(const Vec3i& at) const
+{
+    return mReach.contains(
+        Vec3d(mLattice.origin + kBlockDim * mLattice.voxelSize * at.cast<double>()));
+}
+
 /// @throws InputError if the search leaves its limit, beyond which it may never end.
 void Band::checkReach(const Vec3i& at) const
 {
+    if (isInReach(at)) return;
     const Vec3d corner = mLattice.origin + kBlockDim * mLattice.voxelSize * at.cast<double>();
-    if (mReach.contains(corner)) return;
     const Box3d box = mField.bounds();
     throw InputError(fmt::format(
         "the surface leaves its bounds ({:.4g}, {:.4g}, {:.4g}) to ({:.4g}, {:.4g}, {:.4g}) and "

@@ -114,7 +114,8 @@ private:
     /// roundings of a float]
     static constexpr float kRounding = 1e-6f;
     static void addNeighbors(const Block& block, std::vector<Vec3i>& blocks);
-    void dropUncrossed(std::size_t known);
+    bool leadsToData(std::size_t from, std::size_t known, std::vector<std::size_t>& followed) const;
+    void dropUnreached(std::size_t known);
     void add(Block block);
     Block sample(BlockSampler& sampler, const Vec3i& at) const;
     Block uniformBlock(const Vec3i& at, bool inside) const;
@@ -129,9 +130,15 @@ private:
     BlockMosaic mosaic() const;
     bool isSupported(const std::vector<VoxelId>& voxels, double deepest, bool isThinPart) const;
     void checkMemory() const;
+    bool isInReach(const Vec3i& at) const;
     void checkReach(const Vec3i& at) const;
     bool isKnown(const Vec3i& at) const { return !mZone || mZone->known.holds(at); }
     bool isWanted(const Vec3i& at) const { return mZone && mZone->wanted.holds(at); }
+    bool isAtBorder(const Vec3i& at) const
+    {
+        return mZone && ((at.array() == mZone->known.first.array()).any() ||
+                         (at.array() == mZone->known.last.array()).any());
+    }
     bool reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow) const;
 
     const Field& mField;

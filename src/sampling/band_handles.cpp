@@ -267,10 +267,6 @@ BlockMosaic Band::mosaic() const
 /// blocks whose neighbors are unknown: how it is cut is decided by all of it.
 bool Band::reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow) const
 {
-    const auto isAtBorder = [&](const Vec3i& at) {
-        return (at.array() == mZone->known.first.array()).any() ||
-               (at.array() == mZone->known.last.array()).any();
-    };
     for (std::size_t n = 0; n < narrow.size(); ++n) {
         if (!isAtBorder(mBlocks[n].at)) continue;
         for (VoxelId seed = n * kBlockVoxels; seed < (n + 1) * kBlockVoxels; ++seed) {

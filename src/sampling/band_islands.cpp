@@ -125,7 +125,7 @@ std::size_t Band::turnIslands()
     struct Small {
         std::size_t points = 0;
         float deepest = 0;
-        bool goesOn = false, isWanted = false;
+        bool goesOn = false;
     };
     std::unordered_map<std::uint32_t, Small> small; // components, by root
     const auto forEachSmall = [&](auto f) {
@@ -137,7 +137,6 @@ std::size_t Band::turnIslands()
     forEachSmall([&](const Block& block, const SignWords& part, std::uint32_t root) {
         Small& component = small[root];
         component.goesOn = regions.goesOn[root];
-        component.isWanted |= isWanted(block.at);
         component.deepest = std::max(component.deepest, deepestOf(block, part));
         if (component.points < enough) component.points += countData(block.at, part);
     });
@@ -152,8 +151,9 @@ std::size_t Band::turnIslands()
     forEachSmall([&](Block& block, const SignWords& part, std::uint32_t root) {
         if (isTurned(small[root])) turn(block, part);
     });
-    for (const auto& [root, component] : small)
-        mIsCertain &= !(component.goesOn && component.isWanted && isIsland(component));
+    forEachSmall([&](const Block& block, const SignWords&, std::uint32_t root) {
+        mIsCertain &= !(small[root].goesOn && isIsland(small[root]) && isWanted(block.at));
+    });
     return std::size_t(std::count_if(small.begin(), small.end(),
                                      [&](const auto& c) { return isTurned(c.second); }));
 }

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
+#include <unordered_set>
 #include <utility>
 
 namespace mpuvdb
@@ -40,38 +41,77 @@ void Band::searchUnsupported()
     for (const auto& some : found) blocks.insert(blocks.end(), some.begin(), some.end());
     const std::size_t known = mBlocks.size();
     search(std::move(blocks));
-    dropUncrossed(known);
+    dropUnreached(known);
 }
 
-/// Drop blocks from number @a known on whose active voxels are not connected to a change of sign:
-/// where the field comes near to zero without crossing it, the whole's band has no blocks.
-void Band::dropUncrossed(std::size_t known)
+/// Drop blocks from number @a known on that the whole's band does not have, as nothing leads from
+/// data to them: what the data in the zone lead to is known, and the rest is followed beyond it.
+void Band::dropUnreached(std::size_t known)
 {
-    std::vector<char> kept(mBlocks.size(), 0);
-    std::vector<std::size_t> front;
-    const auto keep = [&](std::size_t n) {
-        if (!std::exchange(kept[n], 1)) front.push_back(n);
-    };
-    for (std::size_t n = 0; n < known; ++n) kept[n] = 1;
-    for (std::size_t n = known; n < mBlocks.size(); ++n)
-        if (countVoxels(signChanges(mBlocks[n])) > 0) keep(n);
-    std::vector<Vec3i> beside;
-    while (!front.empty()) {
-        mProgress.check();
-        const std::size_t n = front.back();
-        front.pop_back();
-        beside.clear();
-        addNeighbors(mBlocks[n], beside);
-        for (const Vec3i& next : beside)
-            if (const auto found = mIndex.find(packed(next)); found != mIndex.end())
-                keep(found->second);
+    enum class Lead : std::uint8_t { Untried, Data, Nothing };
+    std::vector<Lead> leads(mBlocks.size(), Lead::Untried);
+    for (std::size_t n = known; n < mBlocks.size(); ++n) {
+        if (leads[n] != Lead::Untried || !isAtBorder(mBlocks[n].at)) continue;
+        std::vector<std::size_t> followed;
+        const Lead lead = leadsToData(n, known, followed) ? Lead::Data : Lead::Nothing;
+        for (const std::size_t m : followed) leads[m] = lead;
     }
     std::vector<Block> rest(std::make_move_iterator(mBlocks.begin() + std::ptrdiff_t(known)),
                             std::make_move_iterator(mBlocks.end()));
     for (const Block& block : rest) mIndex.erase(packed(block.at));
     mBlocks.resize(known);
     for (std::size_t n = 0; n < rest.size(); ++n)
-        if (kept[known + n]) add(std::move(rest[n]));
+        if (leads[known + n] == Lead::Data) add(std::move(rest[n]));
+}
+
+/// Whether active voxels lead from block @a from to data, within the zone or beyond it; @a followed
+/// are the zone's blocks from number @a known on that they lead to.
+bool Band::leadsToData(std::size_t from, std::size_t known,
+                       std::vector<std::size_t>& followed) const
+{
+    tbb::enumerable_thread_specific<std::unique_ptr<BlockSampler>> samplers(
+        [&] { return mField.sampler(mLattice, double(mBackground)); });
+    std::unordered_set<std::uint64_t> seen{packed(mBlocks[from].at)};
+    std::vector<Vec3i> wave{mBlocks[from].at};
+    bool found = false;
+    // In the zone all is followed, so that each block is once; beyond it as far as needed.
+    while (!wave.empty()) {
+        std::vector<std::vector<Vec3i>> next(wave.size());
+        std::vector<char> hasData(wave.size(), 0);
+        tbb::parallel_for(std::size_t(0), wave.size(), [&](std::size_t n) {
+            mProgress.check();
+            const Vec3i& at = wave[n];
+            if (isKnown(at)) {
+                const Block* const block = find(at);
+                if (block && std::size_t(block - mBlocks.data()) < known)
+                    hasData[n] = 1;
+                else if (block)
+                    addNeighbors(*block, next[n]);
+            } else if (!found) {
+                const Block block = sample(*samplers.local(), at);
+                if (!block.leaf || block.leaf->getValueMask().isOff()) return;
+                SignWords all;
+                all.fill(~std::uint64_t(0));
+                hasData[n] = countData(at, all) > 0;
+                addNeighbors(block, next[n]);
+            }
+        });
+        for (const Vec3i& at : wave)
+            if (const Block* const block = isKnown(at) ? find(at) : nullptr)
+                if (const auto n = std::size_t(block - mBlocks.data()); n >= known)
+                    followed.push_back(n);
+        wave.clear();
+        for (std::size_t n = 0; n < next.size(); ++n) {
+            found |= hasData[n] != 0;
+            for (const Vec3i& at : next[n])
+                if (isInReach(at) && seen.insert(packed(at)).second) wave.push_back(at);
+        }
+        if (found) // only the zone is of interest any more
+            wave.erase(std::remove_if(wave.begin(), wave.end(),
+                                      [&](const Vec3i& at) { return !isKnown(at); }),
+                       wave.end());
+    }
+    return found;
 }
 
 } // namespace mpuvdb

@@ -1,6 +1,7 @@
 #include "band.h"
 #include "distance/restore_distance.h"
 #include "grid/band_limits.h"
+#include "grid/prune.h"
 #include "grid/transform_lattice.h"
 #include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
@@ -126,6 +127,7 @@ LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
             completeBand(*tree, lattice.voxelSize, progress);
         else
             restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress);
+        pruneBand(*tree); // of leaves whose last voxels turned out to be beyond the band
     }
     auto grid = openvdb::FloatGrid::create(tree);
     setLattice(*grid, lattice);

@@ -194,7 +194,7 @@ PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
         killed = set()
 
         def kill_one_of(verb):
-            """SIGKILL the first process of a verb that is seen; its task goes back to the queue."""
+            """SIGKILL the first process of a verb that is seen; its task is done again."""
             for process in pathlib.Path("/proc").glob("[0-9]*"):
                 try:
                     words = (process / "cmdline").read_bytes().decode().split("\0")
@@ -205,20 +205,11 @@ PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
                     killed.add(verb)
                     return
 
-        def requeue_failed():
-            jobs = self.slurm("squeue -h -t all -o '%i %T %r'").stdout
-            for line in jobs.splitlines():
-                name, state = line.split()[:2]
-                if state == "FAILED":
-                    self.slurm(f"scontrol requeue {name}")
-            return jobs
-
         end = time.monotonic() + 280
         while not self.output.exists() and time.monotonic() < end:
             for verb in ("tile", "merge"):
                 if verb not in killed:
                     kill_one_of(verb)
-            requeue_failed()
             time.sleep(0.05)
         self.assertIn("tile", killed)
         self.assertTrue(self.output.exists(), self.slurm("squeue -t all").stdout)

@@ -59,7 +59,17 @@ struct Commands {
     }
 };
 
-/// Arrays for the two phases; gather submits what follows it, as it is known only then.
+/// A shell's lines that run @a command, and run it again if a signal ended it, or a disk or a file
+/// system that may recover (exit status 6).
+std::string retried(const std::string& command)
+{
+    return fmt::format("for attempt in 1 2 3; do\n    {}\n    status=$?\n"
+                       "    [ \"$status\" -eq 6 ] || [ \"$status\" -gt 128 ] || break\n"
+                       "    sleep \"$attempt\"\ndone\nexit \"$status\"\n",
+                       command);
+}
+
+/// Arrays for the two phases, and what joins them, by dependencies.
 std::string writeSlurm(const EngineJob& job)
 {
     const Commands commands(job);
@@ -68,25 +78,17 @@ std::string writeSlurm(const EngineJob& job)
     const std::string at = quoted(folder.string());
     const std::string memory =
         job.maxBytes > 0 ? fmt::format("#SBATCH --mem={}M\n", (job.maxBytes >> 20) + 64) : "";
-    // Exit status 6 is a disk or a file system that may recover: the task goes back to the queue.
+    const auto script = [&](const char* name, const std::string& command) {
+        return fmt::format("#!/bin/sh\n#SBATCH --job-name=mpuvdb-{}\n#SBATCH --requeue\n"
+                           "#SBATCH --open-mode=append\n{}{}",
+                           name, memory, retried(command));
+    };
     writeText(folder / "tile.sh",
-              fmt::format("#!/bin/sh\n#SBATCH --job-name=mpuvdb-tile\n#SBATCH --requeue\n"
-                          "#SBATCH --open-mode=append\n{}"
-                          "{} --threads \"${{SLURM_CPUS_PER_TASK:-1}}\" "
-                          "\"$SLURM_ARRAY_TASK_ID\" --every {}\nstatus=$?\n"
-                          "if [ \"$status\" -eq 6 ]; then\n"
-                          "    scontrol requeue "
-                          "\"${{SLURM_ARRAY_JOB_ID}}_${{SLURM_ARRAY_TASK_ID}}\"\nfi\n"
-                          "exit \"$status\"\n",
-                          memory, commands.tile, job.slots));
-    writeText(folder / "gather.sh",
-              fmt::format("#!/bin/sh\n#SBATCH --job-name=mpuvdb-gather\n#SBATCH --requeue\n"
-                          "#SBATCH --open-mode=append\nset -e\n{}\n",
-                          commands.gather));
-    writeText(folder / "merge.sh",
-              fmt::format("#!/bin/sh\n#SBATCH --job-name=mpuvdb-merge\n#SBATCH --requeue\n"
-                          "#SBATCH --open-mode=append\nset -e\n{}\n",
-                          commands.merge));
+              script("tile", fmt::format("{} --threads \"${{SLURM_CPUS_PER_TASK:-1}}\" "
+                                         "\"$SLURM_ARRAY_TASK_ID\" --every {}",
+                                         commands.tile, job.slots)));
+    writeText(folder / "gather.sh", script("gather", commands.gather));
+    writeText(folder / "merge.sh", script("merge", commands.merge));
     writeText(
         folder / "submit.sh",
         fmt::format(

@@ -42,6 +42,7 @@ public:
 
     void addOptions(CLI::App& app) override
     {
+        mCloud.attributes.automatic = false; // a job makes the level set alone
         mCloud.addInputs(app);
         app.add_option("--job", mFolder, "The job's folder, which all machines have to see")
             ->required()
@@ -97,11 +98,18 @@ public:
         if (!mEngine.empty())
             session.note("start       " +
                          writeEngine(mEngine, {fs::absolute(mFolder), fs::absolute(output), mSlots,
-                                               session.options().maxBytes}));
+                                               limitOf(session)}));
         return ExitCode::Ok;
     }
 
 private:
+    /// Memory of a task, bytes, if it was given; 0: that of the machine that does it.
+    static std::uint64_t limitOf(const Session& session)
+    {
+        const std::uint64_t given = session.options().maxBytes;
+        return given == defaultMemoryLimit() ? 0 : given;
+    }
+
     CloudOptions mCloud;
     std::string mFolder, mOutput, mEngine;
     int mSlots = 64;
