@@ -2,6 +2,7 @@
 #include "field_fixture.h"
 #include "uncleaned.h"
 
+#include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/farm.h>
 #include <mpuvdb/io.h>
@@ -85,8 +86,10 @@ protected:
     std::string whole(const PointCloud& cloud, const ReconstructOptions& options) const
     {
         const ReconstructResult made = sampleFit(fitPoints(prepared(cloud, options)));
+        openvdb::GridCPtrVec beside(made.attributes.begin(), made.attributes.end());
+        if (made.coverage) beside.insert(beside.begin(), made.coverage);
         writeLevelSet(at("whole.vdb"), made.levelSet(),
-                      {{"mpuvdb:max_error", fmt::format("{}", made.report.fit.maxError)}});
+                      {{"mpuvdb:max_error", fmt::format("{}", made.report.fit.maxError)}}, beside);
         return bytesOf(at("whole.vdb"));
     }
 
@@ -158,6 +161,35 @@ TEST_F(FarmTest, TilesOfOneSideAreTheWhole)
 TEST_F(FarmTest, TilesOfThinWallsAreTheWhole)
 {
     expectSame(test::randomScan("difference(sphere(1), sphere(0.98))", 60000), 0.01);
+}
+
+TEST_F(FarmTest, TilesWithCoverageAndAttributesAreTheWhole)
+{
+    ScanSettings scan = scanSettings(30000);
+    scan.holes = 4;
+    scan.holeRadius = 0.15;
+    scan.confidence = true;
+    scan.noise = 0.003;
+    PointCloud cloud = test::scanOf("torus(1, 0.4)", scan);
+    for (const Vec3f& p : cloud.positions)
+        cloud.colors.push_back({std::uint8_t(100 + 50 * p[0]), std::uint8_t(100 + 50 * p[1]), 7});
+    ReconstructOptions options = voxelSize(0.012);
+    options.coverage = true;
+    options.attributes = {kColorName, "confidence"};
+    std::size_t tiles = 0;
+    const std::string parts = tiled(cloud, options, tiles);
+    EXPECT_GE(tiles, 8u);
+    EXPECT_TRUE(parts == whole(cloud, options)) << "the files differ";
+}
+
+TEST_F(FarmTest, WideBandsInTilesAreTheWhole)
+{
+    ReconstructOptions options = voxelSize(0.02);
+    options.halfWidth = 12;
+    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    std::size_t tiles = 0;
+    const std::string parts = tiled(cloud, options, tiles);
+    EXPECT_TRUE(parts == whole(cloud, options)) << "the files differ";
 }
 
 /// What is done again, by another number of threads, in parts of other sizes, changes nothing.

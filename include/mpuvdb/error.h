@@ -1,5 +1,6 @@
 // Typed exceptions. Every message says what is wrong, where, and the cure.
 #pragma once
+#include <cerrno>
 #include <stdexcept>
 #include <string>
 
@@ -38,7 +39,24 @@ public:
 class IoError : public Error
 {
 public:
-    explicit IoError(const std::string& m) : Error("IoError", m) {}
+    /// @param number  the system's error number (errno); 0: unknown.
+    explicit IoError(const std::string& m, int number = 0)
+        : Error("IoError", m), mMayPass(mayPass(number))
+    {
+    }
+    /// Whether the same work may succeed later: a full disk, a file system that fails for a moment.
+    bool mayPass() const noexcept { return mMayPass; }
+
+private:
+    static bool mayPass(int number)
+    {
+        for (const int passing :
+             {EAGAIN, EBUSY, EDQUOT, EIO, EMFILE, ENFILE, ENOSPC, ESTALE, ETIMEDOUT})
+            if (number == passing) return true;
+        return false;
+    }
+
+    bool mMayPass;
 };
 
 /// The work would exceed a limit: memory, voxels, index range.

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -90,5 +91,10 @@ struct Explained {
 /// units), if only a part was sampled. The same for any number of threads. @throws Interrupted.
 PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
                         const std::optional<Box3d>& region, Interrupter* interrupter = nullptr);
+
+/// The comparison of a whole by those of its parts, with the number of active voxels of each. What
+/// only the whole has is not known: volume, area, parts, cavities, the mesh.
+PointsExplained joinExplained(const std::vector<std::pair<PointsExplained, std::uint64_t>>& parts,
+                              const PointStatistics& points, double voxelSize);
 
 } // namespace mpuvdb

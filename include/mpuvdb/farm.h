@@ -45,6 +45,13 @@ struct TaskState {
     std::string host;            ///< where it is running, or has run
 };
 
+/// What a job came to.
+struct JobResult {
+    std::uint64_t voxels = 0;        ///< active ones of the grid
+    std::vector<std::string> faults; ///< of the grid, as check() finds them in its tiles
+    PointsExplained explained;       ///< as joinExplained() knows it
+};
+
 /// A job in a folder.
 class Job
 {
@@ -72,9 +79,8 @@ public:
     void gather(Interrupter* interrupter = nullptr);
     /// Take damaged results away, so that their tasks are done again. @return their number.
     std::size_t dropDamaged(Interrupter* interrupter = nullptr) const;
-    /// Write one .vdb file of all tiles. Voxels are copied, never held.
-    /// @throws as gather().
-    void merge(const std::filesystem::path& file, Interrupter* interrupter = nullptr) const;
+    /// Write one .vdb file of all tiles. Voxels are copied, never held. @throws as gather().
+    JobResult merge(const std::filesystem::path& file, Interrupter* interrupter = nullptr) const;
 
 private:
     struct Impl;

@@ -5,6 +5,10 @@
 #include <mpuvdb/surface_attributes.h>
 
 #include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace mpuvdb
 {
@@ -98,6 +102,9 @@ public:
     const MpuSettings& settings() const;
     /// The points; they live as long as the field.
     FieldPoints points() const;
+    /// Ranges of numbers of points, in order and apart, that hold those in @a box (world units) and
+    /// perhaps some close to it: first, and one after the last.
+    std::vector<std::pair<std::size_t, std::size_t>> pointsIn(const Box3d& box) const;
 
     /// The support of the surface by the points. With r the least of |x - p| / (s a) over all
     /// points p: coverage is 1 up to r = 2.5, 0 from r = 5 on, smooth (cubic) between. s is the

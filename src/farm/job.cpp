@@ -5,7 +5,9 @@
 #include "job_file.h"
 #include "mpu/spread_fit.h"
 #include "tiles.h"
+#include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/error.h>
+#include <mpuvdb/explained.h>
 #include <mpuvdb/farm.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
@@ -17,6 +19,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <fstream>
 
 namespace mpuvdb
@@ -26,8 +29,11 @@ namespace
 
 namespace fs = std::filesystem;
 
-/// What the names of the level set's arrays begin with.
-constexpr const char* kSurface = "surface ";
+/// What the names of a grid's arrays begin with: the level set is the first grid.
+std::string prefixOf(std::size_t grid)
+{
+    return fmt::format("grid {} ", grid);
+}
 
 std::string hostName()
 {
@@ -52,14 +58,23 @@ void makeFolder(const fs::path& folder)
             fmt::format("{}: the folder cannot be made: {}", folder.string(), error.message()));
 }
 
-/// The box of the voxels of @a tile, world units.
-Box3d regionOf(const Tile& tile, const Lattice& lattice)
+/// The box of the cubes of @a voxels, world units.
+Box3d boxOf(const openvdb::CoordBBox& voxels, const Lattice& lattice)
 {
     const auto place = [&](const openvdb::Coord& at, double beside) -> Vec3d {
         const Vec3d voxel(at[0], at[1], at[2]);
         return lattice.origin + lattice.voxelSize * (voxel + Vec3d::Constant(beside));
     };
-    return {place(tile.box.min(), -0.25), place(tile.box.max(), 0.25)};
+    return {place(voxels.min(), -0.5), place(voxels.max(), 0.5)};
+}
+
+/// The active voxels of @a grid in @a box.
+std::uint64_t activeVoxelsIn(const openvdb::FloatGrid& grid, const openvdb::CoordBBox& box)
+{
+    std::uint64_t voxels = 0;
+    for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
+        if (box.isInside(leaf->origin())) voxels += leaf->onVoxelCount();
+    return voxels;
 }
 
 } // namespace
@@ -68,6 +83,11 @@ struct Job::Impl {
     fs::path folder;
     JobPlan plan;
     std::optional<std::vector<Tile>> tiles; ///< once the fit is joined
+    /// @{ What tiles are sampled from; once one is.
+    mutable std::shared_ptr<const MpuField> field;
+    mutable std::unique_ptr<const Coverage> coverage;
+    mutable std::unique_ptr<const SurfaceAttributes> attributes;
+    /// @}
 
     fs::path fieldFile() const { return folder / "field.bin"; }
     fs::path tilesFile() const { return folder / "tiles.json"; }
@@ -105,7 +125,9 @@ struct Job::Impl {
         for (std::size_t n = 0; n < tasksOf(phase); ++n) files.push_back(resultOf(phase, n));
         return files;
     }
-    void sample(std::size_t n, const fs::path& file, Interrupter& progress) const;
+    void openField(Interrupter& progress) const;
+    void sample(std::size_t n, const fs::path& file, TaskRecord& record,
+                Interrupter& progress) const;
 };
 
 void Job::plan(const fs::path& folder, PreparedPoints&& points, const JobOptions& options,
@@ -115,9 +137,8 @@ void Job::plan(const fs::path& folder, PreparedPoints&& points, const JobOptions
     if (options.tileVoxels < 128 || options.tileVoxels % 128 != 0)
         throw UsageError(fmt::format("tiles of {} voxels: their edge must be a multiple of 128",
                                      options.tileVoxels));
-    if (points.options.coverage || !points.options.attributes.empty() || points.options.region)
-        throw UsageError("a job makes the level set alone: coverage, holes, attributes and regions "
-                         "are for mpuvdb reconstruct");
+    if (points.options.region)
+        throw UsageError("a job makes all of a level set: do without the region");
     if (fs::exists(folder / "plan.json"))
         throw UsageError(fmt::format("{}: there is a job already: choose another folder, or remove "
                                      "that one",
@@ -130,6 +151,8 @@ void Job::plan(const fs::path& folder, PreparedPoints&& points, const JobOptions
     JobPlan plan;
     plan.options = options;
     plan.grid = resolved.grid;
+    plan.coverage = points.options.coverage;
+    plan.attributes = points.options.attributes;
     plan.points = fit.points().size();
     plan.parts = fit.parts();
     plan.write(folder);
@@ -179,17 +202,41 @@ std::vector<TaskState> Job::states() const
     return states;
 }
 
-void Job::Impl::sample(std::size_t n, const fs::path& file, Interrupter& progress) const
+void Job::Impl::openField(Interrupter& progress) const
 {
+    if (field) return;
+    field = SpreadFit::open(folder, fieldFile());
+    if (plan.coverage) coverage = field->coverage(&progress);
+    if (!plan.attributes.empty()) attributes = field->attributes(plan.attributes);
+}
+
+/// Sample tile @a n, and look at it with what is around it.
+void Job::Impl::sample(std::size_t n, const fs::path& file, TaskRecord& record,
+                       Interrupter& progress) const
+{
+    openField(progress);
     const Tile& tile = (*tiles)[n];
-    const auto field = SpreadFit::open(folder, fieldFile());
     SampleSettings settings = plan.grid;
-    settings.region = regionOf(tile, settings.lattice);
+    openvdb::CoordBBox around = tile.box;
+    // Whole leaves, in which the surface is that the band's last voxels are measured from.
+    around.expand(kBlockDim * (1 + int(std::ceil(settings.halfWidth / kBlockDim))));
+    settings.region = boxOf(around, settings.lattice);
     const LevelSet part = sampleField(*field, settings, &progress);
+    for (const CheckFinding& fault :
+         check(part.grid(), kGradientTolerance, around, &progress).findings)
+        record.faults.push_back(fault.what);
+    record.voxels = activeVoxelsIn(part.grid(), tile.box);
+    record.explained = explain(part, *field, boxOf(tile.box, settings.lattice), &progress);
+    openvdb::GridCPtrVec grids{part.gridPtr()};
+    if (coverage) grids.push_back(sampleCoverage(part, *coverage, &progress));
+    if (attributes)
+        for (const openvdb::GridBase::Ptr& grid : sampleAttributes(part, *attributes, &progress))
+            grids.push_back(grid);
     progress.beginStage("write");
     writeAtomically(file, [&](const fs::path& temporary) {
         ArrayFileWriter arrays(temporary);
-        saveLeaves(arrays, kSurface, part.grid(), tile.box, progress);
+        for (std::size_t g = 0; g < grids.size(); ++g)
+            saveLeaves(arrays, prefixOf(g), *grids[g], tile.box, progress);
         arrays.finish();
     });
     progress.endStage();
@@ -204,11 +251,11 @@ void Job::run(std::size_t n, Interrupter* interrupter) const
     if (mImpl->doneBy(result)) return;
     const auto start = std::chrono::steady_clock::now();
     std::ofstream(Impl::markOf(result)) << hostName() << '\n';
+    TaskRecord record;
     if (phase() == JobPhase::Fit)
         SpreadFit(mImpl->folder).fit(n, result, progress);
     else
-        mImpl->sample(n, result, progress);
-    TaskRecord record;
+        mImpl->sample(n, result, record, progress);
     record.plan = mImpl->plan.id;
     record.hash = contentHash(result, progress);
     record.host = hostName();
@@ -286,7 +333,7 @@ std::size_t Job::dropDamaged(Interrupter* interrupter) const
     return dropped;
 }
 
-void Job::merge(const fs::path& file, Interrupter* interrupter) const
+JobResult Job::merge(const fs::path& file, Interrupter* interrupter) const
 {
     Interrupter& progress = orSilent(interrupter);
     if (phase() == JobPhase::Fit)
@@ -296,13 +343,26 @@ void Job::merge(const fs::path& file, Interrupter* interrupter) const
     progress.beginStage("merge");
     std::vector<ArrayFile> tiles;
     for (const fs::path& result : mImpl->resultsOf(JobPhase::Sample)) tiles.emplace_back(result);
-    const openvdb::GridBase::Ptr grid = gridOfLeaves(tiles, kSurface, progress);
+    openvdb::GridPtrVec grids;
+    while (tiles.front().has(prefixOf(grids.size()) + "head"))
+        grids.push_back(gridOfLeaves(tiles, prefixOf(grids.size()), progress));
     for (const auto& [key, value] : mImpl->plan.options.metadata)
-        grid->insertMeta(key, openvdb::StringMetadata(value));
+        grids.front()->insertMeta(key, openvdb::StringMetadata(value));
     const auto field = SpreadFit::open(mImpl->folder, mImpl->fieldFile());
-    grid->insertMeta("mpuvdb:max_error",
-                     openvdb::StringMetadata(fmt::format("{}", field->statistics().maxError)));
-    writeGrids(file, {grid}, &progress);
+    grids.front()->insertMeta("mpuvdb:max_error", openvdb::StringMetadata(fmt::format(
+                                                      "{}", field->statistics().maxError)));
+    writeGrids(file, {grids.begin(), grids.end()}, &progress);
+    JobResult result;
+    std::vector<std::pair<PointsExplained, std::uint64_t>> parts;
+    for (const fs::path& tile : mImpl->resultsOf(JobPhase::Sample)) {
+        TaskRecord record = TaskRecord::read(Impl::recordOf(tile)).value_or(TaskRecord{});
+        result.voxels += record.voxels;
+        result.faults.insert(result.faults.end(), record.faults.begin(), record.faults.end());
+        parts.emplace_back(std::move(record.explained), record.voxels);
+    }
+    result.explained =
+        joinExplained(parts, field->settings().points, mImpl->plan.grid.lattice.voxelSize);
+    return result;
 }
 
 } // namespace mpuvdb

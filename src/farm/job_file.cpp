@@ -95,6 +95,8 @@ void JobPlan::write(const fs::path& folder)
                     {"half_width", grid.halfWidth},
                     {"name", grid.name},
                     {"max_bytes", grid.maxBytes},
+                    {"coverage", coverage},
+                    {"attributes", attributes},
                     {"metadata", options.metadata}};
     json["id"] = id = hashOf(json.dump());
     writeJson(folder / "plan.json", json);
@@ -123,6 +125,8 @@ JobPlan JobPlan::read(const fs::path& folder)
         plan.grid.halfWidth = json.at("half_width");
         plan.grid.name = json.at("name");
         plan.grid.maxBytes = json.at("max_bytes");
+        plan.coverage = json.at("coverage");
+        plan.attributes = json.at("attributes").get<std::vector<std::string>>();
         plan.mInputs = json.at("inputs");
         return plan;
     });
@@ -146,9 +150,23 @@ std::optional<TaskRecord> TaskRecord::read(const fs::path& file)
     const JobJson json = readJson(file);
     if (json.is_null()) return std::nullopt;
     return withJson(file, [&] {
-        return std::optional(TaskRecord{json.at("plan"), json.at("hash"), json.at("host"),
-                                        json.at("bytes"), json.at("peak_bytes"),
-                                        json.at("seconds")});
+        TaskRecord record;
+        record.plan = json.at("plan");
+        record.hash = json.at("hash");
+        record.host = json.at("host");
+        record.bytes = json.at("bytes");
+        record.peakBytes = json.at("peak_bytes");
+        record.seconds = json.at("seconds");
+        record.voxels = json.at("voxels");
+        record.faults = json.at("faults").get<std::vector<std::string>>();
+        const JobJson& explained = json.at("explained");
+        record.explained.points = explained.at("points");
+        record.explained.limit = explained.at("limit");
+        record.explained.within = explained.at("within");
+        record.explained.largest = explained.at("largest");
+        record.explained.against = explained.at("against");
+        record.explained.unsupported = explained.at("unsupported");
+        return std::optional(std::move(record));
     });
 }
 
@@ -159,7 +177,16 @@ void TaskRecord::write(const fs::path& file) const
                      {"host", host},
                      {"bytes", bytes},
                      {"peak_bytes", peakBytes},
-                     {"seconds", seconds}});
+                     {"seconds", seconds},
+                     {"voxels", voxels},
+                     {"faults", faults},
+                     {"explained",
+                      {{"points", explained.points},
+                       {"limit", explained.limit},
+                       {"within", explained.within},
+                       {"largest", explained.largest},
+                       {"against", explained.against},
+                       {"unsupported", explained.unsupported}}}});
 }
 
 void writeTiles(const fs::path& file, const std::string& plan, const std::vector<Tile>& tiles)

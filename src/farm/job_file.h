@@ -20,10 +20,12 @@ struct JobPlan {
     std::string id; ///< a hash of all the rest
     JobOptions options;
     SampleSettings grid;
+    bool coverage = false;               ///< whether a grid of it is made, too
+    std::vector<std::string> attributes; ///< of which grids are made, too
     std::uint64_t points = 0, parts = 0;
 
     static JobPlan read(const std::filesystem::path& folder);
-    /// @param options, grid, points, parts  as set; sets the id.
+    /// Write all that is set; sets the id.
     void write(const std::filesystem::path& folder);
     /// @throws InputError if an input is not what it was.
     void requireInputs() const;
@@ -37,6 +39,9 @@ struct TaskRecord {
     std::string plan, hash, host;
     std::uint64_t bytes = 0, peakBytes = 0;
     double seconds = 0;
+    std::uint64_t voxels = 0;        ///< active ones of a tile
+    std::vector<std::string> faults; ///< of a tile's grid, as check() finds them
+    PointsExplained explained;       ///< of a tile: the points in it
 
     /// The record of @a file, if it is there and whole.
     static std::optional<TaskRecord> read(const std::filesystem::path& file);

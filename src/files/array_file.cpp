@@ -27,6 +27,14 @@ constexpr std::uint64_t kAlignment = 64;
 /// Most arrays of a file. [free: a table's size]
 constexpr std::size_t kMostArrays = 256;
 
+/// @throws IoError for the system's error number @a error.
+[[noreturn]] void failed(const std::filesystem::path& file, const char* what, int error)
+{
+    throw IoError(fmt::format("{}: cannot be {}: {}. Free some space, or use another disk",
+                              file.string(), what, std::generic_category().message(error)),
+                  error);
+}
+
 struct Head {
     std::array<char, 8> magic = kMagic;
     std::uint64_t directory = 0, arrays = 0, size = 0; ///< offset; number; of the file, bytes
@@ -42,9 +50,7 @@ struct ArrayFileWriter::Entry {
 ArrayFileWriter::ArrayFileWriter(const std::filesystem::path& file) : mFile(file), mEnd(kAlignment)
 {
     mDescriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    if (mDescriptor < 0)
-        throw IoError(fmt::format("{}: cannot be written: {}", file.string(),
-                                  std::generic_category().message(errno)));
+    if (mDescriptor < 0) failed(file, "written", errno);
 }
 
 ArrayFileWriter::~ArrayFileWriter()
@@ -82,10 +88,7 @@ void ArrayFileWriter::writeAt(std::uint64_t offset, const void* data, std::size_
     while (bytes > 0) {
         const ssize_t done = ::pwrite(mDescriptor, from, bytes, off_t(offset));
         if (done < 0 && errno == EINTR) continue;
-        if (done <= 0)
-            throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to "
-                                      "another disk",
-                                      mFile.string(), std::generic_category().message(errno)));
+        if (done <= 0) failed(mFile, "written", errno);
         from += done;
         offset += std::uint64_t(done);
         bytes -= std::size_t(done);
@@ -101,9 +104,7 @@ void ArrayFileWriter::finish()
     writeAt(mEnd, mEntries.data(), mEntries.size() * sizeof(Entry));
     writeAt(0, &head, sizeof head);
     const int closed = ::close(std::exchange(mDescriptor, -1));
-    if (closed != 0)
-        throw IoError(fmt::format("{}: cannot be written: {}", mFile.string(),
-                                  std::generic_category().message(errno)));
+    if (closed != 0) failed(mFile, "written", errno);
 }
 
 struct ArrayFile::Mapping {
@@ -130,8 +131,7 @@ ArrayFile::ArrayFile(const std::filesystem::path& file) : mFile(file)
     if (descriptor < 0 || ::fstat(descriptor, &status) != 0) {
         const int error = errno;
         if (descriptor >= 0) ::close(descriptor);
-        throw IoError(fmt::format("{}: cannot be read: {}", file.string(),
-                                  std::generic_category().message(error)));
+        failed(file, "read", error);
     }
     const auto size = std::size_t(status.st_size);
     if (size >= sizeof(Head)) mMapping = std::make_shared<const Mapping>(descriptor, size);

@@ -80,7 +80,8 @@ public:
         if (!flushed)
             throw IoError(fmt::format("{}: cannot flush to disk: {}. Free some space, or write to "
                                       "another disk",
-                                      mPath.string(), reason(error)));
+                                      mPath.string(), reason(error)),
+                          error);
     }
 
     void renameTo(const fs::path& target)
@@ -88,7 +89,8 @@ public:
         if (std::rename(mPath.c_str(), target.c_str()) != 0)
             throw IoError(
                 fmt::format("{}: cannot put the new file in place: {}. Choose another name",
-                            target.string(), reason(errno)));
+                            target.string(), reason(errno)),
+                errno);
         mRenamed = true;
     }
 
@@ -122,7 +124,8 @@ private:
             throw IoError(fmt::format("{}: there is no folder {}. Create it, or write elsewhere",
                                       target.string(), folder.string()));
         throw IoError(fmt::format("{}: cannot create a file in {}: {}. Write elsewhere",
-                                  target.string(), folder.string(), reason(error)));
+                                  target.string(), folder.string(), reason(error)),
+                      error);
     }
 
     /// Free the slot, after a removal that may be under way in a signal handler.

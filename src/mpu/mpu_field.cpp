@@ -225,6 +225,14 @@ FieldPoints MpuField::points() const
     return {mImpl->frame, p.x, p.y, p.z, p.nx, p.ny, p.nz, p.size(), mImpl->mesh};
 }
 
+std::vector<std::pair<std::size_t, std::size_t>> MpuField::pointsIn(const Box3d& box) const
+{
+    std::vector<std::pair<std::size_t, std::size_t>> ranges;
+    for (const SortedPoints::Range& range : mImpl->points->rangesIn(box.translated(-mImpl->frame)))
+        ranges.emplace_back(range.begin, range.end);
+    return ranges;
+}
+
 std::unique_ptr<const Coverage> MpuField::coverage(Interrupter* interrupter) const
 {
     Interrupter& progress = orSilent(interrupter);

@@ -79,18 +79,24 @@ struct Counts {
     }
 };
 
-Counts countPoints(const LevelSet& levelSet, const FieldPoints& points, double limit,
+Counts countPoints(const LevelSet& levelSet, const MpuField& field, double limit,
                    const std::optional<Box3d>& region, Interrupter& progress)
 {
-    constexpr std::size_t kTogether = 4096; ///< points of a task [free: time]
+    using Range = std::pair<std::size_t, std::size_t>;
+    constexpr std::size_t kTogether = 4096; ///< most points of a task [free: time]
+    const FieldPoints points = field.points();
+    std::vector<Range> tasks;
+    for (const Range& range :
+         region ? field.pointsIn(*region) : std::vector<Range>{{0, points.count}})
+        for (std::size_t at = range.first; at < range.second; at += kTogether)
+            tasks.emplace_back(at, std::min(at + kTogether, range.second));
     const Lattice lattice = levelSet.lattice();
     const Vec3d shift = points.frame - lattice.origin;
-    std::vector<Counts> counts((points.count + kTogether - 1) / kTogether);
+    std::vector<Counts> counts(tasks.size());
     tbb::parallel_for(std::size_t(0), counts.size(), [&](std::size_t n) {
         progress.check();
         const Accessor band(levelSet.grid().tree());
-        const std::size_t end = std::min((n + 1) * kTogether, points.count);
-        for (std::size_t i = n * kTogether; i < end; ++i) {
+        for (std::size_t i = tasks[n].first; i < tasks[n].second; ++i) {
             const Vec3d p(points.x[i], points.y[i], points.z[i]);
             if (region && !region->contains(Vec3d(p + points.frame))) continue;
             const Sample s = sampleAt(band, (p + shift) / lattice.voxelSize);
@@ -165,7 +171,7 @@ void compareWithMesh(PointsExplained& e, const LevelSet& levelSet, const VertexM
 }
 
 /// Add findings to @a e.
-void addFindings(PointsExplained& e, const LevelSet& levelSet, const PointStatistics& points)
+void addFindings(PointsExplained& e, double voxelSize, const PointStatistics& points)
 {
     if (points.fillSolid)
         e.findings.push_back(
@@ -178,7 +184,7 @@ void addFindings(PointsExplained& e, const LevelSet& levelSet, const PointStatis
             "{:.1f} % of the points are farther than {:.3g} from the surface (half a voxel, the "
             "tolerance, and three times the noise of {:.2g}): it does not show what they do. Look "
             "at their normals and noise; smaller voxels than {:.4g} show thinner parts",
-            100 * (1 - e.within), e.limit, points.noise, levelSet.voxelSize()));
+            100 * (1 - e.within), e.limit, points.noise, voxelSize));
 }
 
 } // namespace
@@ -192,14 +198,14 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     PointsExplained e;
     e.limit =
         kMaxVoxelError * levelSet.voxelSize() + fit.tolerance + kMaxDeviations * fit.points.noise;
-    const Counts counts = countPoints(levelSet, points, e.limit, region, progress);
+    const Counts counts = countPoints(levelSet, field, e.limit, region, progress);
     e.points = counts.points;
     const double each = 1 / double(std::max<std::uint64_t>(counts.points, 1));
     e.within = counts.points ? double(counts.within) * each : 1;
     e.against = double(counts.against) * each;
     e.largest = counts.largest;
     e.unsupported = unsupportedShare(levelSet, field, progress);
-    addFindings(e, levelSet, fit.points);
+    addFindings(e, levelSet.voxelSize(), fit.points);
     if (region) return e; // the rest applies to the whole
     const SolidBlocks blocks(levelSet, progress);
     const PartCounts parts = countParts(blocks, progress);
@@ -209,6 +215,29 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     e.cavities = parts.cavities;
     if (points.mesh) compareWithMesh(e, levelSet, *points.mesh, e.limit + fit.points.spacing / 2);
     return e;
+}
+
+PointsExplained joinExplained(const std::vector<std::pair<PointsExplained, std::uint64_t>>& parts,
+                              const PointStatistics& points, double voxelSize)
+{
+    PointsExplained whole;
+    double within = 0, against = 0, unsupported = 0, voxels = 0;
+    for (const auto& [part, active] : parts) {
+        const auto count = double(part.points);
+        whole.points += part.points;
+        whole.limit = std::max(whole.limit, part.limit);
+        whole.largest = std::max(whole.largest, part.largest);
+        within += part.within * count;
+        against += part.against * count;
+        unsupported += part.unsupported * double(active);
+        voxels += double(active);
+    }
+    const double each = 1 / double(std::max<std::uint64_t>(whole.points, 1));
+    whole.within = whole.points ? within * each : 1;
+    whole.against = against * each;
+    whole.unsupported = voxels > 0 ? unsupported / voxels : 0;
+    addFindings(whole, voxelSize, points);
+    return whole;
 }
 
 } // namespace mpuvdb

@@ -23,7 +23,8 @@ const char* const kConventions =
     "Lengths are world units (0.002), voxels (1.5vx) or a part of the diagonal of the input's box "
     "(0.1%).\n"
     "Exit status: 0 ok, 1 internal error, 2 wrong usage, 3 bad input, 4 check failed or the input\n"
-    "             not explained, 5 out of memory or voxels, 130 interrupted.";
+    "             not explained, 5 out of memory or voxels, 6 try again (disk\n"
+    "             full, file system failing for a moment), 130 interrupted.";
 
 const char* const kCommonGroup = "Options of every verb";
 

@@ -13,6 +13,7 @@ enum class ExitCode : int {
     BadInput = 3,
     CheckFailed = 4,
     Limit = 5,
+    TryAgain = 6,
     Interrupted = 130
 };
 
@@ -22,6 +23,8 @@ inline ExitCode exitCodeOf(const Error& error)
     if (dynamic_cast<const UsageError*>(&error)) return ExitCode::Usage;
     if (dynamic_cast<const LimitError*>(&error)) return ExitCode::Limit;
     if (dynamic_cast<const Interrupted*>(&error)) return ExitCode::Interrupted;
+    if (const auto* const io = dynamic_cast<const IoError*>(&error); io && io->mayPass())
+        return ExitCode::TryAgain;
     return ExitCode::BadInput;
 }
 

@@ -12,10 +12,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
+#include <unistd.h>
 
 namespace mpuvdb::command
 {
@@ -42,7 +44,6 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        mCloud.attributes.automatic = false; // a job makes the level set alone
         mCloud.addInputs(app);
         app.add_option("--job", mFolder, "The job's folder, which all machines have to see")
             ->required()
@@ -71,6 +72,12 @@ public:
             ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32))
             ->capture_default_str();
         addPreset(app, mCloud.preset);
+        addAttributes(app, mCloud.attributes,
+                      "What of the points goes to grids beside the level set, as mpuvdb "
+                      "reconstruct\nmakes them: each process looks at all points for them");
+        app.add_flag("--coverage", mCloud.coverage,
+                     "Write a grid 'coverage' beside the level set: 1 where data support the\n"
+                     "surface, 0 where it is invented; each process looks at all points for it");
         mCloud.addTo(app);
         app.callback([this, &app] { applyPreset(app, mCloud.preset); });
     }
@@ -308,6 +315,70 @@ std::string buildId()
         for (const std::uint64_t word : words) hash = (hash ^ word) * 0x100000001b3u ^ hash >> 29;
     }
     return fmt::format("{} {:016x}", MPUVDB_VERSION, hash);
+}
+
+namespace
+{
+
+/// The edge of tiles that take @a bytes, voxels; at least that of one node of the grid.
+int tileWithin(std::uint64_t bytes)
+{
+    // Bytes per area of a tile with its margin, voxels. [derived: three sheets across it, with six
+    // voxels of a band of 18 bytes each]
+    constexpr double kBytes = 350, kMargin = 70;
+    int edge = 512;
+    while (edge > 128 && kBytes * std::pow(edge + kMargin, 2) > double(bytes)) edge /= 2;
+    return edge;
+}
+
+} // namespace
+
+ExitCode reconstructInTasks(Session& session, PreparedPoints&& points,
+                            const std::map<std::string, std::string>& metadata,
+                            const std::string& file)
+{
+    /// A folder that goes with this object.
+    struct Folder {
+        fs::path path;
+        ~Folder()
+        {
+            std::error_code ignored;
+            fs::remove_all(path, ignored);
+        }
+    };
+    const Folder folder{fmt::format("{}.{}.job", file, ::getpid())};
+    Interrupter* const interrupter = &session.progress();
+    JobOptions options;
+    options.build = buildId();
+    options.metadata = metadata;
+    options.tileVoxels = tileWithin(session.bytesLeft() / 2);
+    Job::plan(folder.path, std::move(points), options, interrupter);
+    Job job(folder.path, options.build);
+    for (const JobPhase phase : {JobPhase::Fit, JobPhase::Sample}) {
+        for (std::size_t n = 0; n < job.tasks(); ++n) job.run(n, interrupter);
+        if (phase == JobPhase::Fit) job.gather(interrupter);
+    }
+    session.note(fmt::format("out of core {} tiles, as the memory limit is below what it takes at "
+                             "once",
+                             job.tasks()));
+    return describeJob(session, job.merge(file, interrupter), file);
+}
+
+ExitCode describeJob(Session& session, const JobResult& result, const std::string& file)
+{
+    session.progress().endStage();
+    const PointsExplained& e = result.explained;
+    session.report()["explained"] = toJson(e);
+    session.report()["grid"] = {{"active_voxels", result.voxels}};
+    session.note(fmt::format("grid        {} active voxels: {}", result.voxels, file));
+    session.note(fmt::format("explained   {:.2f} % of the points within {:.3g} of the surface, the "
+                             "farthest {:.3g}; {:.2g} % of the surface has none near",
+                             100 * e.within, e.limit, e.largest, 100 * e.unsupported));
+    session.note("time        " + session.timesText());
+    for (const std::string& fault : result.faults) session.warn(fmt::format("{}: {}", file, fault));
+    for (const std::string& finding : e.findings)
+        session.warn(fmt::format("{}: {}", file, finding));
+    return result.faults.empty() && e.findings.empty() ? ExitCode::Ok : ExitCode::CheckFailed;
 }
 
 std::unique_ptr<Verb> makePlan()

@@ -104,11 +104,7 @@ private:
     {
         session.checkFiles({{"-o", mOutput, {".vdb"}}}, {});
         const Job job(mInputs[0], buildId());
-        job.merge(mOutput, &session.progress());
-        session.progress().endStage();
-        session.note(fmt::format("grid        of {} tiles: {}", job.tasks(), mOutput));
-        session.note("time        " + session.timesText());
-        return ExitCode::Ok;
+        return describeJob(session, job.merge(mOutput, &session.progress()), mOutput);
     }
 
     void add(const NamedFile& input, Session& session)

@@ -88,7 +88,7 @@ void save(ArrayFileWriter& file, const std::string& prefix, const GridT& grid, c
             openvdb::io::setVersion(out, {}, openvdb::OPENVDB_FILE_VERSION);
             openvdb::io::setDataCompression(out, compression());
             openvdb::io::setGridBackgroundValuePtr(out, &background);
-            leaf.writeBuffers(out, /*toHalf=*/false);
+            leaf.writeBuffers(out, grid.saveFloatAsHalf());
             made[n] = out.str();
             LeafHead& head = heads[begin + n];
             head.origin = {leaf.origin()[0], leaf.origin()[1], leaf.origin()[2]};

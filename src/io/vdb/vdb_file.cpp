@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <fstream>
 #include <mutex>
 
@@ -213,7 +214,8 @@ private:
         const auto count = std::int32_t(grids.size());
         out.write(reinterpret_cast<const char*>(&count), sizeof count);
         for (const GridBase::ConstPtr& grid : grids) {
-            openvdb::io::GridDescriptor place(grid->getName(), grid->type(), /*half=*/false);
+            openvdb::io::GridDescriptor place(grid->getName(), grid->type(),
+                                              grid->saveFloatAsHalf());
             place.writeHeader(out);
             const auto positions = out.tellp();
             place.writeStreamPos(out); // to be written again
@@ -461,9 +463,11 @@ void writeGrids(const fs::path& file, const openvdb::GridCPtrVec& grids, Interru
             setOldestVersion(temporary, grids);
             identifyByContent(temporary);
         } catch (const std::ios::failure& e) {
+            const int number = errno; // of the last write
             throw IoError(fmt::format("{}: cannot be written: {}. Free some space, or write to "
                                       "another disk",
-                                      file.string(), e.what()));
+                                      file.string(), e.what()),
+                          number);
         } catch (const openvdb::Exception& e) {
             throw IoError(
                 fmt::format("{}: OpenVDB cannot write it: {}. Free some space, or write to "
