@@ -288,7 +288,7 @@ void Job::Impl::requireAll(JobPhase phase, Interrupter& progress) const
             bad.push_back(n);
     }
     const auto list = [](const std::vector<std::size_t>& tasks) {
-        constexpr std::size_t kShown = 10;
+        constexpr std::size_t kShown = 10; ///< tasks named [free: length of a message]
         const std::vector<std::size_t> shown(
             tasks.begin(), tasks.begin() + std::ptrdiff_t(std::min(tasks.size(), kShown)));
         return fmt::format("{}{}", fmt::join(shown, ", "), tasks.size() > kShown ? ", ..." : "");

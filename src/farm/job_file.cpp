@@ -17,7 +17,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-/// Version of the files' format.
+/// Version of the files' format. [derived: the first]
 constexpr int kVersion = 1;
 
 void writeJson(const fs::path& file, const JobJson& json)

@@ -20,7 +20,7 @@ namespace mpuvdb
 namespace
 {
 
-/// First bytes of a file; the last one is the format's version.
+/// First bytes of a file; the last one is the format's version. [derived: the format]
 constexpr std::array<char, 8> kMagic = {'m', 'p', 'u', 'a', 'r', 'r', 'a', '1'};
 /// Alignment of arrays, bytes. [derived: a cache line, and any element]
 constexpr std::uint64_t kAlignment = 64;

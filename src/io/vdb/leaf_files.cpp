@@ -216,7 +216,7 @@ public:
     template <typename Node>
     void operator()(Node& node) const
     {
-        constexpr openvdb::Index kDim = 1 << Node::LOG2DIM;
+        constexpr openvdb::Index kDim = 1 << Node::LOG2DIM; ///< children [derived: OpenVDB's]
         const auto first = node.getChildMask().findFirstOn();
         if (first >= Node::NUM_VALUES) return;
         const auto lastAt = [&](openvdb::Index at, bool otherwise) {
@@ -239,7 +239,7 @@ public:
     }
     void operator()(Root& root) const
     {
-        constexpr int kDim = int(Root::ChildNodeType::DIM);
+        constexpr int kDim = int(Root::ChildNodeType::DIM); ///< voxels [derived: OpenVDB's]
         std::map<Coord, const Root::ChildNodeType*> children;
         for (auto child = root.cbeginChildOn(); child; ++child)
             children.emplace(child.getCoord(), &*child);
@@ -282,7 +282,7 @@ private:
     template <typename Node>
     bool isLastInside(const Node& node) const
     {
-        constexpr openvdb::Index kLast = Node::NUM_VALUES - 1;
+        constexpr openvdb::Index kLast = Node::NUM_VALUES - 1; ///< child [derived: OpenVDB's]
         return node.getChildMask().isOn(kLast) ? isLastInside(childAt(node, kLast))
                                                : isInside(node.getTable()[kLast].getValue());
     }

@@ -96,8 +96,8 @@ private:
     void forEachNear(const Vec3d& place, const F& f) const;
 
     RootCube mRoot;
-    PointNoise mNoise;          ///< of the whole cloud
-    int mLevel = 0;             ///< of the probes' cells
+    PointNoise mNoise;           ///< of the whole cloud
+    int mLevel = 0;              ///< of the probes' cells
     std::vector<Probe> mProbes;  ///< by key, as they are made
     StoredArray<Probe> mSettled; ///< they in the end
 };

@@ -17,7 +17,7 @@ namespace mpuvdb
 namespace
 {
 
-/// Names of a point's numbers in a file.
+/// Names of a point's numbers in a file. [derived: those of the arrays]
 constexpr std::array<const char*, 7> kFloatNames = {"x", "y", "z", "nx", "ny", "nz", "confidence"};
 
 std::string channelName(const std::string& prefix, std::size_t n)
