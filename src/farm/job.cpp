@@ -219,7 +219,8 @@ void Job::Impl::sample(std::size_t n, const fs::path& file, TaskRecord& record,
     SampleSettings settings = plan.grid;
     openvdb::CoordBBox around = tile.box;
     // Whole leaves, in which the surface is that the band's last voxels are measured from.
-    around.expand(kBlockDim * (1 + int(std::ceil(settings.halfWidth / kBlockDim))));
+    constexpr double kStencil = 4; ///< voxels beside a place on it [derived: cubic interpolation]
+    around.expand(kBlockDim * int(std::ceil((settings.halfWidth + kStencil) / kBlockDim)));
     settings.region = boxOf(around, settings.lattice);
     const LevelSet part = sampleField(*field, settings, &progress);
     for (const CheckFinding& fault :
