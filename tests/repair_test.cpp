@@ -2,8 +2,11 @@
 #include "closed_parts.h"
 #include "modelling_fixture.h"
 
+#include "sampling/winding_number.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
@@ -279,6 +282,39 @@ TEST(Repair, OpenSurfacesBecomeWallsOnRequest)
     EXPECT_THROW(repaired(square, h, settings), UsageError);
 }
 
+TEST(Repair, WavesLowerThanAVoxelBecomeWalls)
+{
+    const double h = .03, thickness = .17, height = .3 * h, middle = kOrigin[2] + h / 2;
+    Mesh waves = squareMesh(1, 24);
+    for (Vec3f& p : waves.positions)
+        p[2] = float(middle + height * std::sin(9 * double(p[0])) * std::cos(7 * double(p[1])));
+    try {
+        repaired(waves, h);
+        FAIL() << "no voxel is between the waves and the surface that closes them";
+    } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find("--thicken"), std::string::npos) << error.what();
+    }
+    RepairSettings settings;
+    settings.thickness = thickness;
+    const LevelSet wall = repaired(waves, h, settings);
+    test::expectSound(wall);
+    const test::Deviation found = test::deviation(wall, [&](const Vec3d& p) {
+        const Vec3d q(std::max(std::abs(p[0]) - .5, 0.0), std::max(std::abs(p[1]) - .5, 0.0),
+                      p[2] - middle);
+        return q.norm() - thickness / 2;
+    });
+    EXPECT_LT(found.largest, height / h + kExact); // a distance differs by no more than the waves
+    EXPECT_EQ(repairOf(wall).sheets, 1u);
+    EXPECT_EQ(repairOf(wall).holes, 0u);
+    double area = 0;
+    for (const Mesh::Triangle& t : waves.triangles)
+        area += (waves.world(t[1]) - waves.world(t[0]))
+                    .cross(waves.world(t[2]) - waves.world(t[0]))
+                    .norm() /
+                2;
+    EXPECT_NEAR(repairOf(wall).sheetsArea, area, 1e-9 * area);
+}
+
 TEST(Repair, LeavesOutDamagedTriangles)
 {
     Mesh mesh = test::ballPart(1, 10);
@@ -332,6 +368,74 @@ Mesh openParts(Random& random)
         parts.push_back(std::move(part));
     }
     return test::soupOf(parts);
+}
+
+TEST(WindingNumber, IsTheSumOfSolidAngles)
+{
+    constexpr std::uint64_t kSeed = 73;
+    Random random(kSeed);
+    Interrupter progress;
+    const auto largestError = [&](const Mesh& mesh) {
+        const OrientedTriangles triangles = orientTriangles(mesh, Copies::Add, progress);
+        const TriangleTree tree(triangles.mesh, progress);
+        const WindingNumber winding(tree, triangles);
+        double largest = 0;
+        for (int n = 0; n < 400; ++n) {
+            // About the mesh, at its triangles, and above its vertices, where rays meet edges.
+            const Mesh::Triangle& t = triangles.mesh.triangles[std::size_t(
+                random.uniform() * double(triangles.mesh.triangles.size()))];
+            const Vec3d vertex = triangles.mesh.positions[t[0]].cast<double>(),
+                        middle = (vertex + triangles.mesh.positions[t[1]].cast<double>() +
+                                  triangles.mesh.positions[t[2]].cast<double>()) /
+                                 3;
+            const Vec3d p = n % 3 == 0   ? Vec3d(random.inCube(12))
+                            : n % 3 == 1 ? Vec3d(middle + random.inCube(1e-3))
+                                         : Vec3d(vertex[0], vertex[1], 12 * random.uniform() - 6);
+            std::size_t slot = 0;
+            if (tree.squaredDistance(p, slot) < 1e-12) continue; // on the mesh it jumps
+            const double expected = test::windingOf(triangles.mesh, p);
+            largest = std::max(largest, std::abs(winding.at(p) - expected));
+        }
+        return largest;
+    };
+    for (int n = 0; n < 6; ++n) {
+        SCOPED_TRACE(fmt::format("seed {}, mesh {}", kSeed, n));
+        const std::vector<Mesh> closed = {test::ballPart(3 + random.uniform(), 12),
+                                          test::pipePart(4, 1.5, 30, 20),
+                                          test::boxPart(random.inCube(1), Vec3d(4, 5, 6))};
+        // Exact to the roundings of a thousand angles.
+        EXPECT_LT(largestError(test::soupOf(closed)), 1e-9);
+        const Vec3d center = random.inCube(4);
+        const Mesh open =
+            without(test::soupOf(closed), [&](const Vec3d& p) { return (p - center).norm() < 2; });
+        EXPECT_LT(largestError(open), 1e-9);
+        // Long triangles from end to end, of which many meet at two places.
+        Mesh fans;
+        const std::uint32_t count = 300;
+        fans.positions = {Vec3f(0, 0, -5), Vec3f(0, 0, 5)};
+        for (std::uint32_t k = 0; k < count; ++k) {
+            const double turn = 2 * M_PI * k / count;
+            fans.positions.push_back(Vec3d(std::cos(turn), std::sin(turn), 0).cast<float>());
+            const std::uint32_t a = 2 + k, b = 2 + (k + 1) % count;
+            fans.triangles.push_back({0, b, a});
+            if (n % 2 == 0 || k > 3) fans.triangles.push_back({1, a, b});
+        }
+        EXPECT_LT(largestError(fans), 1e-9);
+        // All triangles apart: a sum, to the error of two terms of the expansion, at least two
+        // radii from a node: a quarter of that of one of its sides, a sixteenth of all directions,
+        // and of some such nodes.
+        Mesh apart;
+        const Mesh soup = test::soupOf(closed);
+        for (const Mesh::Triangle& t : soup.triangles) {
+            const auto first = std::uint32_t(apart.positions.size());
+            const Vec3d middle = (soup.world(t[0]) + soup.world(t[1]) + soup.world(t[2])) / 3;
+            for (const std::uint32_t corner : t)
+                apart.positions.push_back(
+                    (middle + .9 * (soup.world(corner) - middle)).cast<float>());
+            apart.triangles.push_back({first, first + 1, first + 2});
+        }
+        EXPECT_LT(largestError(apart), 4.0 / 64);
+    }
 }
 
 TEST(Repair, SignsAreThoseOfTheWindingNumber)
