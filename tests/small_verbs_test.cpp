@@ -331,5 +331,53 @@ TEST_F(SmallVerbs, ColorsOfMeshesGoToTheGridAndThroughBooleans)
     }
 }
 
+TEST_F(SmallVerbs, OpenCutsAreLeftOutOfMeshes)
+{
+    const double radius = 1, height = 0.313;
+    write("ball.vdb", solid("sphere(1)", h));
+    const auto meshOf = [&](const Words& options, bool isOutside) {
+        Words words = {"clip", "ball.vdb", "-o", "part.vdb", "--open"};
+        words.insert(words.end(), options.begin(), options.end());
+        mpuvdb(words);
+        EXPECT_EQ(gridsOf("part.vdb"), (Words{"coverage", "surface"}));
+        mpuvdb({"mesh", "part.vdb", "-o", "closed.ply"});
+        mpuvdb({"mesh", "part.vdb", "-o", "open.ply", "--holes", "open"});
+        const auto areaOf = [&](const std::string& file) {
+            const Mesh mesh = readMesh(folder / file);
+            double area = 0;
+            for (const Mesh::Triangle& t : mesh.triangles) {
+                const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
+                area += (b - a).cross(c - a).norm() / 2;
+            }
+            return area;
+        };
+        const double cap = 2 * M_PI * radius * (radius - height);
+        const double sphere = isOutside ? 4 * M_PI * radius * radius - cap : cap;
+        const double disk = M_PI * (radius * radius - height * height);
+        EXPECT_NEAR(areaOf("closed.ply"), sphere + disk, 0.01 * (sphere + disk));
+        // The rim is the edge of the cut, to a voxel, since coverage is known at voxels, and on the
+        // whole to a tenth of one.
+        const double rim = 2 * M_PI * std::sqrt(radius * radius - height * height);
+        EXPECT_NEAR(areaOf("open.ply"), sphere, 0.1 * h * rim + 0.005 * sphere);
+        const Mesh mesh = readMesh(folder / "open.ply");
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n)
+            EXPECT_NEAR(mesh.world(n).norm(), radius, h) << mesh.world(n).transpose();
+    };
+    const Words box = {"--box", "open", "open", "0.313", "open", "open", "open"};
+    meshOf(box, false);
+    Words outside = box;
+    outside.push_back("--outside");
+    meshOf(outside, true);
+    write("slab.vdb", solid("translate(box(4,4,2),0,0,1.313)", h));
+    meshOf({"--mask", "slab.vdb"}, false);
+    // A cut of what was cut: both cuts are open.
+    mpuvdb({"clip", "part.vdb", "-o", "quarter.vdb", "--open", "--box", "0.1", "open", "open",
+            "open", "open", "open"});
+    mpuvdb({"mesh", "quarter.vdb", "-o", "quarter.ply", "--holes", "open"});
+    const Mesh mesh = readMesh(folder / "quarter.ply");
+    for (std::size_t n = 0; n < mesh.positions.size(); ++n)
+        EXPECT_NEAR(mesh.world(n).norm(), radius, h) << mesh.world(n).transpose();
+}
+
 } // namespace
 } // namespace mpuvdb::test
