@@ -331,6 +331,41 @@ TEST_F(SmallVerbs, ColorsOfMeshesGoToTheGridAndThroughBooleans)
     }
 }
 
+TEST_F(SmallVerbs, EveryVerbOfOneGridTakesItsName)
+{
+    const auto named = [](const LevelSet& levelSet, const char* name) {
+        const openvdb::FloatGrid::Ptr grid = levelSet.grid().deepCopy();
+        grid->setName(name);
+        return LevelSet(grid);
+    };
+    write("both.vdb", named(solid("sphere(0.5)", h), "small"),
+          {named(solid("sphere(1)", h), "large").gridPtr()});
+    const double volume = 4 * M_PI / 3;
+    for (const auto& [name, radius] :
+         {std::pair<std::string, double>("small", 0.5), {"large", 1}}) {
+        const std::string file = "both.vdb:" + name;
+        mpuvdb({"fog", file, "-o", "fog.vdb"});
+        const auto fog = readGrids(folder / "fog.vdb").front();
+        const double across = fog->evalActiveVoxelDim().x() * h;
+        EXPECT_NEAR(across, 2 * radius, 4 * h) << name;
+        mpuvdb({"isosurface", file, "-o", "iso.vdb", "--value", "0", "--inside", "below"});
+        EXPECT_NEAR(volumeOf("iso.vdb"), volume * std::pow(radius, 3), 0.02 * volume) << name;
+        const json parts = json::parse(mpuvdb({"components", file, "--json"}).out)["components"];
+        EXPECT_NEAR(double(parts[0]["volume"]), volume * std::pow(radius, 3), 0.02 * volume)
+            << name;
+        mpuvdb({"mesh", file, "-o", name + ".ply"});
+        mpuvdb({"render", file, "-o", name + ".png", "--size", "64x64"});
+        Box3d box;
+        const Mesh mesh = readMesh(folder / (name + ".ply"));
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n) box.extend(mesh.world(n));
+        EXPECT_NEAR(box.sizes().maxCoeff(), 2 * radius, h) << name;
+        EXPECT_TRUE(std::filesystem::exists(folder / (name + ".png")));
+    }
+    // An output may not replace its input, however that is named.
+    mpuvdb({"fog", "both.vdb:small", "-o", "both.vdb"}, 2);
+    mpuvdb({"mesh", "both.vdb:none", "-o", "none.ply"}, 3);
+}
+
 TEST_F(SmallVerbs, OpenCutsAreLeftOutOfMeshes)
 {
     const double radius = 1, height = 0.313;

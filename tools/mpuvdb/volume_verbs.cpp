@@ -27,7 +27,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+        app.add_option("input", mInput,
+                       "A .vdb file with a level set, or FILE.vdb:NAME; - is standard input")
             ->required();
         app.add_option("-o,--output", mOutput, "The density; - is standard output")
             ->required()
@@ -38,7 +39,7 @@ public:
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {gridPlace(mInput, mGrid).file});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("fog");
         openvdb::GridCPtrVec grids{toFog(input.levelSet, &session.progress())};
@@ -82,7 +83,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a float grid; - is standard input")
+        app.add_option("input", mInput,
+                       "A .vdb file with a float grid, or FILE.vdb:NAME; - is standard input")
             ->required();
         app.add_option("-o,--output", mOutput, "The level set; - is standard output")
             ->required()
@@ -105,11 +107,12 @@ public:
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        const GridPlace place = gridPlace(mInput, mGrid);
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {place.file});
         session.progress().beginStage("read");
         FloatGridFile input;
-        readFile(mInput, ".vdb", [&](const std::filesystem::path& path) {
-            input = readFloatGridFile(path, mGrid, session.bytesLeft());
+        readFile(place.file, ".vdb", [&](const std::filesystem::path& path) {
+            input = readFloatGridFile(path, place.grid, session.bytesLeft());
         });
         const std::string name = input.grid->getName();
         session.note(fmt::format("grid        '{}', {} {:g} is inside", name, mInside, mValue));
@@ -148,7 +151,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+        app.add_option("input", mInput,
+                       "A .vdb file with a level set, or FILE.vdb:NAME; - is standard input")
             ->required();
         app.add_option("-o,--output", mOutput, "The parts that are kept; - is standard output")
             ->type_name("OUT.vdb");
@@ -166,7 +170,7 @@ public:
             throw UsageError("--keep and --min-volume need an output. Name it with -o");
         if (mKeep && *mKeep < 1)
             throw UsageError(fmt::format("--keep {}: must be at least 1", *mKeep));
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {gridPlace(mInput, mGrid).file});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("components");
         const SolidComponents found(input.levelSet, &session.progress());
