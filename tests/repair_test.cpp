@@ -4,6 +4,7 @@
 
 #include "sampling/winding_number.h"
 
+#include <mpuvdb/block_under.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
 #include <mpuvdb/interrupter.h>
@@ -313,6 +314,81 @@ TEST(Repair, WavesLowerThanAVoxelBecomeWalls)
                     .norm() /
                 2;
     EXPECT_NEAR(repairOf(wall).sheetsArea, area, 1e-9 * area);
+}
+
+/// A hill over the square of squareMesh(1, steps).
+double hill(double x, double y)
+{
+    return .1 * std::cos(2 * x) * std::cos(3 * y);
+}
+
+TEST(Repair, SurfacesSeenFromAboveBecomeBlocks)
+{
+    const double h = .02, depth = .15;
+    Mesh terrain = squareMesh(1, 40);
+    double lowest = HUGE_VAL;
+    for (Vec3f& p : terrain.positions) {
+        p[2] = float(hill(double(p[0]), double(p[1])));
+        lowest = std::min(lowest, double(p[2]));
+    }
+    // Chords of 1/40 are below the hill by their squared length times its curvatures, over 8.
+    const double flat = (.4 + .9) / 8 / 1600;
+    double volume = 0;
+    constexpr int kSteps = 400;
+    for (int n = 0; n < kSteps * kSteps; ++n)
+        volume += hill((n % kSteps + .5) / kSteps - .5, (n / kSteps + .5) / kSteps - .5);
+    volume = volume / (kSteps * kSteps) - lowest + depth;
+    const auto expectBlock = [&](const LevelSet& block, double tolerance) {
+        test::expectSound(block);
+        const auto& explained = std::get<MeshExplained>(block.explained()->by);
+        EXPECT_EQ(explained.partsOut, 1u);
+        EXPECT_NEAR(explained.volumeOut, volume, tolerance);
+        std::size_t wrong = 0, count = 0;
+        for (auto on = block.grid().cbeginValueOn(); on; ++on) {
+            const Vec3d p = test::worldOf(block.lattice(), on.getCoord());
+            const double above = p[2] - hill(p[0], p[1]), base = lowest - depth - p[2],
+                         beside = std::max(std::abs(p[0]), std::abs(p[1])) - .5;
+            const double outside = std::max({above, base, beside});
+            if (std::abs(outside) < flat + kExact * h) continue;
+            wrong += (*on < 0) != (outside < 0);
+            ++count;
+        }
+        EXPECT_EQ(wrong, 0u);
+        EXPECT_GT(count, 10000u);
+    };
+    Interrupter progress;
+    // Edges are rounded by a voxel: as explained.h has it.
+    const double rounded = h * h / 4 * (8 * M_PI / 2);
+    const Mesh block = blockUnder(terrain, Vec3d(0, 0, 2), depth, &progress);
+    expectBlock(voxelize(block, settingsOf(h), &progress), rounded + flat);
+    expectBlock(repaired(block, h), rounded + flat);
+    // One that faces down is turned; another axis is up.
+    Mesh turned = terrain;
+    for (Mesh::Triangle& t : turned.triangles) std::swap(t[1], t[2]);
+    expectBlock(
+        voxelize(blockUnder(turned, Vec3d::UnitZ(), depth, &progress), settingsOf(h), &progress),
+        rounded + flat);
+    Mesh lying = terrain;
+    for (Vec3f& p : lying.positions) p = Vec3f(p[1], p[2], p[0]);
+    const LevelSet upright =
+        voxelize(blockUnder(lying, Vec3d::UnitY(), depth, &progress), settingsOf(h), &progress);
+    EXPECT_NEAR(std::get<MeshExplained>(upright.explained()->by).volumeOut, volume, rounded + flat);
+    // A hole gets no walls: it is closed, by a surface between its rim's lowest and highest places.
+    const Mesh holed =
+        without(terrain, [](const Vec3d& p) { return (p - Vec3d(.1, -.05, p[2])).norm() < .2; });
+    const LevelSet closed = repaired(blockUnder(holed, Vec3d::UnitZ(), depth, &progress), h);
+    test::expectSound(closed);
+    EXPECT_EQ(repairOf(closed).holes, 1u);
+    const double lowestRim = .1 * std::cos(.6) * std::cos(.75) - .02;
+    EXPECT_NEAR(std::get<MeshExplained>(closed.explained()->by).volumeOut, volume,
+                M_PI * .04 * (.1 - lowestRim) + rounded);
+    EXPECT_EQ(std::get<MeshExplained>(closed.explained()->by).partsOut, 1u);
+
+    EXPECT_THROW(blockUnder(terrain, Vec3d::Zero(), depth, &progress), UsageError);
+    EXPECT_THROW(blockUnder(terrain, Vec3d::UnitZ(), 0, &progress), UsageError);
+    EXPECT_THROW(blockUnder(squareMesh(1, 4), Vec3d::UnitX(), depth, &progress), InputError);
+    EXPECT_THROW(blockUnder(test::ballPart(1, 8), Vec3d::UnitZ(), depth, &progress), InputError);
+    EXPECT_THROW(blockUnder(Mesh(), Vec3d::UnitZ(), depth, &progress), InputError);
 }
 
 TEST(Repair, LeavesOutDamagedTriangles)
