@@ -53,9 +53,7 @@ public:
         requireBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
         if (mBlendRadius > 0)
             requireBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
-        Request request = own;
-        request.halfWidth += mBlendRadius / own.lattice.voxelSize;
-        return request;
+        return own;
     }
 
     double workingBytes(const Request& own) const override
