@@ -2,12 +2,12 @@
 
 #include "csg_tree.h"
 #include "distance/measure_voxels.h"
-#include "distance/redistance.h"
 #include "distance/restore_distance.h"
 #include "fillet.h"
 #include "grid/band_limits.h"
 #include "grid/prune.h"
 #include "half_widths.h"
+#include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
@@ -77,8 +77,8 @@ struct Bands {
     {
         if (solid.halfWidth() >= halfWidth * (1 - kSameHalfWidth))
             return withBackground(solid.grid().constTreePtr(), background);
-        const auto reach = float(halfWidth);
-        return withBackground(treeReaching(solid, {reach, reach}, progress), background);
+        const LevelSet wider = withHalfWidth(solid, halfWidth, &progress);
+        return withBackground(wider.grid().constTreePtr(), background);
     }
 };
 
