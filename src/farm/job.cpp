@@ -58,6 +58,26 @@ void makeFolder(const fs::path& folder)
             fmt::format("{}: the folder cannot be made: {}", folder.string(), error.message()));
 }
 
+/// A file that says who works on a task, as long as this lives.
+class Mark
+{
+public:
+    explicit Mark(fs::path file) : mFile(std::move(file))
+    {
+        std::ofstream(mFile) << hostName() << '\n';
+    }
+    Mark(const Mark&) = delete;
+    Mark& operator=(const Mark&) = delete;
+    ~Mark()
+    {
+        std::error_code ignored;
+        fs::remove(mFile, ignored);
+    }
+
+private:
+    fs::path mFile;
+};
+
 /// The box of the cubes of @a voxels, world units.
 Box3d boxOf(const openvdb::CoordBBox& voxels, const Lattice& lattice)
 {
@@ -251,7 +271,7 @@ void Job::run(std::size_t n, Interrupter* interrupter) const
     const fs::path result = mImpl->resultOf(phase(), n);
     if (mImpl->doneBy(result)) return;
     const auto start = std::chrono::steady_clock::now();
-    std::ofstream(Impl::markOf(result)) << hostName() << '\n';
+    const Mark mark(Impl::markOf(result));
     TaskRecord record;
     if (phase() == JobPhase::Fit)
         SpreadFit(mImpl->folder).fit(n, result, progress);
@@ -272,8 +292,6 @@ void Job::run(std::size_t n, Interrupter* interrupter) const
                         "or its program is another. Remove {} once it is known which",
                         result.string(), other->host, Impl::recordOf(result).string()));
     record.write(Impl::recordOf(result));
-    std::error_code ignored;
-    fs::remove(Impl::markOf(result), ignored);
 }
 
 /// @throws InputError unless all results of @a phase are there and sound.

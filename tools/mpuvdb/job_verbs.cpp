@@ -174,15 +174,16 @@ public:
         if (!mTask) mTask = taskOfEngine();
         if (mEvery && !mTask)
             throw UsageError("--every needs the first task, or an engine that numbers it");
-        const std::size_t step = mEvery.value_or(mTask ? job.tasks() + *mTask + 1 : 1);
         std::size_t done = 0;
-        if (mTask && !mEvery) {
-            job.run(*mTask, &session.progress());
+        const auto run = [&](std::size_t task) {
+            job.run(task, &session.progress());
             ++done;
-        } else {
-            for (std::size_t n = mTask.value_or(0); n < job.tasks(); n += step, ++done)
-                job.run(n, &session.progress());
-        }
+        };
+        if (mTask && !mEvery)
+            run(*mTask);
+        else
+            for (std::size_t n = mTask.value_or(0); n < job.tasks(); n += mEvery.value_or(1))
+                run(n);
         session.note(fmt::format("done        {} tasks of {} ({})", done, job.tasks(),
                                  job.phase() == JobPhase::Fit ? "parts of the fit" : "tiles"));
         session.report()["tasks"] = done;
