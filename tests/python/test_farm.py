@@ -25,7 +25,7 @@ class JobTest(FolderTest):
         self.cloud = self.folder / "cloud.ply"
         self.call("sample", "difference(box(2,1.5,1), cylinder(0.4,3))", "-o", self.cloud, "--points", "60000",
                   "--pattern", "random", "--noise", "0.05%")
-        self.options = ["--voxels", "300", "--normals", "keep"]
+        self.options = ["--voxels", "480", "--normals", "keep"]
         self.expected = self.folder / "whole.vdb"
         self.call("reconstruct", self.cloud, "-o", self.expected, *self.options)
         self.job = self.folder / "a job"  # engines have to quote it
