@@ -53,18 +53,6 @@ class JobTest(FolderTest):
 
 @unittest.skipUnless(COMMAND, "the command is not built")
 class EngineTest(JobTest):
-    def test_too_little_memory_for_all_at_once(self):
-        limit = ["--max-memory", "60M"]
-        ended = subprocess.run([COMMAND, "reconstruct", self.cloud, "-o", self.output, *self.options, *limit,
-                                "--progress", "none"], capture_output=True, text=True)
-        self.assertEqual(ended.returncode, 0, ended.stderr)
-        self.assertIn("out of core", ended.stderr)
-        self.assertEqual(self.output.read_bytes(), self.expected.read_bytes())
-        self.assertEqual([path.name for path in self.folder.iterdir() if path.name.endswith(".job")], [])
-        # A mesh needs the whole.
-        self.call("reconstruct", self.cloud, "-o", self.folder / "b.vdb", "--mesh", self.folder / "b.ply",
-                  *self.options, *limit, status=5)
-
     def test_a_full_disk_is_said(self):
         self.plan("list")
         small = self.job / "fit"

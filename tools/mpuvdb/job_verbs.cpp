@@ -12,12 +12,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
-#include <unistd.h>
 
 namespace mpuvdb::command
 {
@@ -316,53 +314,6 @@ std::string buildId()
         for (const std::uint64_t word : words) hash = (hash ^ word) * 0x100000001b3u ^ hash >> 29;
     }
     return fmt::format("{} {:016x}", MPUVDB_VERSION, hash);
-}
-
-namespace
-{
-
-/// The edge of tiles that take @a bytes, voxels; at least that of one node of the grid.
-int tileWithin(std::uint64_t bytes)
-{
-    // Bytes per area of a tile with its margin, voxels. [derived: three sheets across it, with six
-    // voxels of a band of 18 bytes each]
-    constexpr double kBytes = 350, kMargin = 70;
-    int edge = 512;
-    while (edge > 128 && kBytes * std::pow(edge + kMargin, 2) > double(bytes)) edge /= 2;
-    return edge;
-}
-
-} // namespace
-
-ExitCode reconstructInTasks(Session& session, PreparedPoints&& points,
-                            const std::map<std::string, std::string>& metadata,
-                            const std::string& file)
-{
-    /// A folder that goes with this object.
-    struct Folder {
-        fs::path path;
-        ~Folder()
-        {
-            std::error_code ignored;
-            fs::remove_all(path, ignored);
-        }
-    };
-    const Folder folder{fmt::format("{}.{}.job", file, ::getpid())};
-    Interrupter* const interrupter = &session.progress();
-    JobOptions options;
-    options.build = buildId();
-    options.metadata = metadata;
-    options.tileVoxels = tileWithin(session.bytesLeft() / 2);
-    Job::plan(folder.path, std::move(points), options, interrupter);
-    Job job(folder.path, options.build);
-    for (const JobPhase phase : {JobPhase::Fit, JobPhase::Sample}) {
-        for (std::size_t n = 0; n < job.tasks(); ++n) job.run(n, interrupter);
-        if (phase == JobPhase::Fit) job.gather(interrupter);
-    }
-    session.note(fmt::format("out of core {} tiles, as the memory limit is below what it takes at "
-                             "once",
-                             job.tasks()));
-    return describeJob(session, job.merge(file, interrupter), file);
 }
 
 ExitCode describeJob(Session& session, const JobResult& result, const std::string& file)

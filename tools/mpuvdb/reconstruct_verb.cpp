@@ -1,7 +1,6 @@
 // mpuvdb reconstruct: points in, level set (and mesh) out.
 #include "cloud_options.h"
 #include "describe.h"
-#include "job_verbs.h"
 #include "level_set_verb.h"
 #include "memory_limit.h"
 #include "presets.h"
@@ -90,14 +89,7 @@ public:
             foresee(session, prepared, bareBytes);
             return ExitCode::Ok;
         }
-        try {
-            requireMemory(prepared, !mMesh.path.empty(), bareBytes, interrupter);
-        } catch (const LimitError&) {
-            if (!mayBeInTasks(prepared, bareBytes)) throw;
-            mCloud.describeSettings(session, prepared.report);
-            const auto metadata = CloudOptions::metadata(prepared.report);
-            return reconstructInTasks(session, std::move(prepared), metadata, mOutput);
-        }
+        requireMemory(prepared, !mMesh.path.empty(), bareBytes, interrupter);
         ReconstructResult made =
             sampleFit(fitPoints(std::move(prepared), interrupter), interrupter);
         describe(session, made);
@@ -128,15 +120,6 @@ public:
     }
 
 private:
-    /// Whether tasks make all that is asked for, and @a points can be sorted within the limit.
-    bool mayBeInTasks(const PreparedPoints& points, std::uint64_t bareBytes) const
-    {
-        constexpr std::uint64_t kSortBytes = 56; ///< of a point [derived: as in estimate()]
-        const ReconstructOptions& o = points.options;
-        return mMesh.path.empty() && mUsd.empty() && !o.coverage && o.attributes.empty() &&
-               !o.region && bareBytes + kSortBytes * points.cloud.size() <= o.maxBytes.value_or(0);
-    }
-
     void addRegion(CLI::App& app)
     {
         app.add_option_function<std::vector<std::string>>(
