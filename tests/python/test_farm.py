@@ -47,8 +47,9 @@ class JobTest(FolderTest):
         self.assertGreaterEqual(status["tasks"], 27)
 
     def shell(self, command, **options):
-        ended = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=300, **options)
-        return ended
+        # Engines leave logs where they run.
+        return subprocess.run(command, shell=True, capture_output=True, text=True, timeout=300, cwd=self.folder,
+                              **options)
 
 
 @unittest.skipUnless(COMMAND, "the command is not built")
