@@ -1,6 +1,6 @@
-#include "content_hash.h"
 #include "files/array_file.h"
 #include "files/atomic_file.h"
+#include "files/content_hash.h"
 #include "io/vdb/leaf_files.h"
 #include "job_file.h"
 #include "mpu/spread_fit.h"

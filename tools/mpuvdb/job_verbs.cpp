@@ -6,8 +6,11 @@
 #include "presets.h"
 #include "verb.h"
 
+#include "files/content_hash.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/farm.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/memory.h>
 
 #include <algorithm>
@@ -15,7 +18,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fmt/format.h>
-#include <fstream>
 
 namespace mpuvdb::command
 {
@@ -304,16 +306,7 @@ private:
 
 std::string buildId()
 {
-    std::ifstream program("/proc/self/exe", std::ios::binary);
-    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
-    std::vector<std::uint64_t> words(1 << 16);
-    while (program) {
-        std::fill(words.begin(), words.end(), 0);
-        program.read(reinterpret_cast<char*>(words.data()),
-                     std::streamsize(words.size() * sizeof words[0]));
-        for (const std::uint64_t word : words) hash = (hash ^ word) * 0x100000001b3u ^ hash >> 29;
-    }
-    return fmt::format("{} {:016x}", MPUVDB_VERSION, hash);
+    return fmt::format("{} {}", MPUVDB_VERSION, contentHash("/proc/self/exe", Interrupter{}));
 }
 
 ExitCode describeJob(Session& session, const JobResult& result, const std::string& file)
