@@ -26,7 +26,6 @@ public:
 
     std::size_t parts() const { return mPartEnds.size(); }
     const SortedPoints& points() const { return *mPoints; }
-    const MpuSettings& settings() const { return mSettings; }
 
     /// Fit part @a n, below parts(), and write it to @a file. The same bytes whenever it is done.
     /// @throws IoError, Interrupted.
