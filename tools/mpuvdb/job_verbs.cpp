@@ -85,6 +85,7 @@ public:
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, mCloud.inputs);
+        session.openScratch(mFolder);
         Interrupter* const interrupter = &session.progress();
         PreparedPoints prepared = preparePoints(mCloud.read(session), mCloud.options, interrupter);
         mCloud.describeCleaning(session, prepared.report);
@@ -170,6 +171,7 @@ public:
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, {});
+        session.openScratch(mFolder);
         const Job job(mFolder, buildId());
         if (!mTask) mTask = taskOfEngine();
         if (mEvery && !mTask)
@@ -213,6 +215,7 @@ public:
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, {});
+        session.openScratch(mFolder);
         Job job(mFolder, buildId());
         job.gather(&session.progress());
         session.note(fmt::format("job         {} tiles", job.tasks()));

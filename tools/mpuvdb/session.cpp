@@ -44,6 +44,13 @@ std::uint64_t Session::bytesLeft() const
     return mOptions.maxBytes == 0 ? 0 : mOptions.maxBytes - std::min(mHeld, mOptions.maxBytes - 1);
 }
 
+void Session::openScratch(const std::filesystem::path& path)
+{
+    std::filesystem::path folder = std::filesystem::absolute(path);
+    while (!std::filesystem::is_directory(folder)) folder = folder.parent_path();
+    mScratch = std::make_unique<ScratchMemory>(folder, mOptions.maxBytes);
+}
+
 bool Session::isShared(const std::string& option) const
 {
     if (!mOptions.frame) return false;
