@@ -58,6 +58,15 @@ void makeFolder(const fs::path& folder)
             fmt::format("{}: the folder cannot be made: {}", folder.string(), error.message()));
 }
 
+/// Remove all that a job makes in @a folder.
+void clear(const fs::path& folder)
+{
+    std::error_code ignored;
+    for (const char* const made : {"plan.json", "tiles.json", "fit", "tiles", "field.bin"})
+        fs::remove_all(folder / made, ignored);
+    for (const char* const file : SpreadFit::kFiles) fs::remove(folder / file, ignored);
+}
+
 /// A file that says who works on a task, as long as this lives.
 class Mark
 {
@@ -150,21 +159,41 @@ struct Job::Impl {
                 Interrupter& progress) const;
 };
 
+void requireTile(int voxels)
+{
+    if (voxels < 128 || voxels % 128 != 0)
+        throw UsageError(
+            fmt::format("tiles of {} voxels: their edge must be a multiple of 128", voxels));
+}
+
 void Job::plan(const fs::path& folder, PreparedPoints&& points, const JobOptions& options,
                Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    if (options.tileVoxels < 128 || options.tileVoxels % 128 != 0)
-        throw UsageError(fmt::format("tiles of {} voxels: their edge must be a multiple of 128",
-                                     options.tileVoxels));
+    requireTile(options.tileVoxels);
     if (points.options.region)
         throw UsageError("a job makes all of a level set: do without the region");
     if (fs::exists(folder / "plan.json"))
         throw UsageError(fmt::format("{}: there is a job already: choose another folder, or remove "
                                      "that one",
                                      folder.string()));
-    makeFolder(folder / "fit");
-    makeFolder(folder / "tiles");
+    const bool wasThere = fs::exists(folder);
+    try {
+        clear(folder); // of a plan that was killed, or a job whose plan was removed
+        makeFolder(folder / "fit");
+        makeFolder(folder / "tiles");
+        write(folder, std::move(points), options, progress);
+    } catch (...) {
+        clear(folder);
+        std::error_code ignored;
+        if (!wasThere) fs::remove(folder, ignored);
+        throw;
+    }
+}
+
+void Job::write(const fs::path& folder, PreparedPoints&& points, const JobOptions& options,
+                Interrupter& progress)
+{
     const ResolvedSettings& resolved = points.report.settings;
     SpreadFit::plan(folder, std::move(points.cloud), resolved.fit, options.partPoints, progress);
     const SpreadFit fit(folder);

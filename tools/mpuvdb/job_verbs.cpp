@@ -18,6 +18,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fmt/format.h>
+#include <unistd.h>
 
 namespace mpuvdb::command
 {
@@ -62,15 +63,14 @@ public:
             ->type_name("N")
             ->check(CLI::Range(1, 1000))
             ->capture_default_str();
-        app.add_option(
-               "--tile-voxels", mJob.tileVoxels,
-               "Edge of a tile, voxels, a multiple of 128: its memory grows with the square")
+        app.add_option("--tile-voxels", mTileVoxels,
+                       "Edge of a tile, voxels, a multiple of 128: its memory grows with the\n"
+                       "square. Default: 512, or 256 or 128 where --max-memory asks for it")
+            ->type_name("N");
+        app.add_option("--part-points", mPartPoints,
+                       "Points of a part of the fit, about. Default: 4 million, or fewer")
             ->type_name("N")
-            ->capture_default_str();
-        app.add_option("--part-points", mJob.partPoints, "Points of a part of the fit, about")
-            ->type_name("N")
-            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32))
-            ->capture_default_str();
+            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32));
         addPreset(app, mCloud.preset);
         addAttributes(app, mCloud.attributes,
                       "What of the points goes to grids beside the level set, as mpuvdb "
@@ -93,16 +93,17 @@ public:
         mJob.build = buildId();
         mJob.inputs = mCloud.inputs;
         mJob.metadata = CloudOptions::metadata(prepared.report);
-        const ReconstructReport report = prepared.report;
+        CloudOptions::summarizeSettings(session, prepared.report);
+        foresee(session, prepared);
         Job::plan(mFolder, std::move(prepared), mJob, interrupter);
         const Job job(mFolder, mJob.build);
         const std::string output =
             mOutput.empty() ? (fs::path(mFolder) / "surface.vdb").string() : mOutput;
-        CloudOptions::summarizeSettings(session, report);
         session.note(fmt::format("job         {}: the fit in {} parts; its tiles are listed when "
                                  "they are gathered",
                                  mFolder, job.tasks()));
-        session.report()["job"] = {{"folder", mFolder}, {"parts", job.tasks()}};
+        session.report()["job"]["folder"] = mFolder;
+        session.report()["job"]["parts"] = job.tasks();
         if (!mEngine.empty())
             session.note("start       " +
                          writeEngine(mEngine, {fs::absolute(mFolder), fs::absolute(output), mSlots,
@@ -111,6 +112,32 @@ public:
     }
 
 private:
+    /// Chooses the tiles, and says what the job comes to.
+    void foresee(Session& session, const PreparedPoints& points)
+    {
+        if (mTileVoxels) requireTile(*mTileVoxels);
+        const ReconstructionEstimate run = estimate(points, false, &session.progress());
+        const JobEstimate job = estimateJob(points, run, mTileVoxels, session.options().maxBytes);
+        mJob.tileVoxels = job.tileVoxels;
+        mJob.partPoints = mPartPoints.value_or(job.partPoints);
+        session.report()["job"] = {{"tile_voxels", job.tileVoxels},
+                                   {"tiles", job.tiles},
+                                   {"task_bytes", job.taskBytes},
+                                   {"disk_bytes", job.diskBytes},
+                                   {"cpu_seconds", job.cpuSeconds}};
+        session.note(fmt::format("tiles       about {} of {} voxels, of {} of memory at most; all "
+                                 "tasks take about {:.0f} s of CPU, and {} on disk",
+                                 job.tiles, job.tileVoxels, sizeText(job.taskBytes), job.cpuSeconds,
+                                 sizeText(job.diskBytes)));
+        const fs::path disk = fs::absolute(mFolder).parent_path();
+        std::error_code error;
+        const std::uintmax_t free = fs::space(disk, error).available;
+        if (!error && free < job.diskBytes)
+            session.warn(fmt::format("{}: {} are free, and the job takes about {}: free some "
+                                     "space, or put it on another disk",
+                                     disk.string(), sizeText(free), sizeText(job.diskBytes)));
+    }
+
     /// Memory of a task, bytes, if it was given; 0: that of the machine that does it.
     static std::uint64_t limitOf(const Session& session)
     {
@@ -121,6 +148,8 @@ private:
     CloudOptions mCloud;
     std::string mFolder, mOutput, mEngine;
     int mSlots = 64;
+    std::optional<int> mTileVoxels;
+    std::optional<std::size_t> mPartPoints;
     JobOptions mJob;
 };
 
@@ -310,6 +339,41 @@ private:
 std::string buildId()
 {
     return fmt::format("{} {}", MPUVDB_VERSION, contentHash("/proc/self/exe", Interrupter{}));
+}
+
+ExitCode reconstructInTasks(Session& session, PreparedPoints&& points,
+                            const ReconstructionEstimate& estimate,
+                            const std::map<std::string, std::string>& metadata,
+                            const std::string& file)
+{
+    /// A folder that goes with this object.
+    struct Folder {
+        fs::path path;
+        ~Folder()
+        {
+            std::error_code ignored;
+            fs::remove_all(path, ignored);
+        }
+    };
+    const Folder folder{fmt::format("{}.{}.job", file, ::getpid())};
+    Interrupter* const interrupter = &session.progress();
+    const JobEstimate tasks =
+        estimateJob(points, estimate, std::nullopt, session.options().maxBytes);
+    JobOptions options;
+    options.build = buildId();
+    options.metadata = metadata;
+    options.tileVoxels = tasks.tileVoxels;
+    options.partPoints = tasks.partPoints;
+    Job::plan(folder.path, std::move(points), options, interrupter);
+    Job job(folder.path, options.build);
+    for (const JobPhase phase : {JobPhase::Fit, JobPhase::Sample}) {
+        for (std::size_t n = 0; n < job.tasks(); ++n) job.run(n, interrupter);
+        if (phase == JobPhase::Fit) job.gather(interrupter);
+    }
+    session.note(fmt::format("out of core {} tiles of {} voxels, as the memory limit is below what "
+                             "it takes at once",
+                             job.tasks(), options.tileVoxels));
+    return describeJob(session, job.merge(file, interrupter), file);
 }
 
 ExitCode describeJob(Session& session, const JobResult& result, const std::string& file)

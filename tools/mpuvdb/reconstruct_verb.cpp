@@ -1,6 +1,7 @@
 // mpuvdb reconstruct: points in, level set (and mesh) out.
 #include "cloud_options.h"
 #include "describe.h"
+#include "job_verbs.h"
 #include "level_set_verb.h"
 #include "memory_limit.h"
 #include "presets.h"
@@ -82,6 +83,7 @@ public:
         outputs.push_back({"--usd", mUsd, {".usda"}, false, /*joinsFrames=*/true});
         if (!mOutput.empty()) outputs.push_back({"-o", mOutput, {".vdb"}});
         session.checkFiles(outputs, mCloud.inputs);
+        if (!mDryRun) session.openScratch(mOutput);
         Interrupter* const interrupter = &session.progress();
         PreparedPoints prepared = preparePoints(mCloud.read(session), mCloud.options, interrupter);
         mCloud.describeCleaning(session, prepared.report);
@@ -89,7 +91,14 @@ public:
             foresee(session, prepared, bareBytes);
             return ExitCode::Ok;
         }
-        requireMemory(prepared, !mMesh.path.empty(), bareBytes, interrupter);
+        if (!mayBeInTasks()) {
+            requireMemory(prepared, !mMesh.path.empty(), bareBytes, interrupter);
+        } else if (const auto beyond = beyondMemory(prepared, false, bareBytes, interrupter)) {
+            mCloud.describeSettings(session, prepared.report);
+            CloudOptions::summarizeSettings(session, prepared.report);
+            const auto metadata = CloudOptions::metadata(prepared.report);
+            return reconstructInTasks(session, std::move(prepared), *beyond, metadata, mOutput);
+        }
         ReconstructResult made =
             sampleFit(fitPoints(std::move(prepared), interrupter), interrupter);
         describe(session, made);
@@ -120,6 +129,12 @@ public:
     }
 
 private:
+    /// Whether tasks make all that is asked for.
+    bool mayBeInTasks() const
+    {
+        return mMesh.path.empty() && mUsd.empty() && !mCloud.options.region;
+    }
+
     void addRegion(CLI::App& app)
     {
         app.add_option_function<std::vector<std::string>>(
