@@ -13,6 +13,7 @@
 #include <mpuvdb/io.h>
 #include <mpuvdb/sampling.h>
 
+#include <csignal>
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -73,7 +74,18 @@ class Mark
 public:
     explicit Mark(fs::path file) : mFile(std::move(file))
     {
-        std::ofstream(mFile) << hostName() << '\n';
+        std::ofstream(mFile) << hostName() << ' ' << ::getpid() << '\n';
+    }
+    /// The host of whom the mark in @a file is; empty without one, and if it was of a process of
+    /// this host that is no more.
+    static std::string hostOf(const fs::path& file)
+    {
+        std::string host;
+        pid_t process = 0;
+        std::ifstream mark(file);
+        if (!(mark >> host >> process)) return {};
+        const bool isGone = host == hostName() && ::kill(process, 0) != 0 && errno == ESRCH;
+        return isGone ? std::string() : host;
     }
     Mark(const Mark&) = delete;
     Mark& operator=(const Mark&) = delete;
@@ -243,9 +255,9 @@ std::vector<TaskState> Job::states() const
             states[n].seconds = record->seconds;
             states[n].peakBytes = record->peakBytes;
             states[n].host = record->host;
-        } else if (std::ifstream mark(Impl::markOf(result)); mark) {
+        } else if (const std::string host = Mark::hostOf(Impl::markOf(result)); !host.empty()) {
             states[n].state = TaskState::State::Running;
-            std::getline(mark, states[n].host);
+            states[n].host = host;
         }
     }
     return states;

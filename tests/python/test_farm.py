@@ -68,6 +68,47 @@ class EngineTest(JobTest):
             subprocess.run(["umount", str(small)], check=True)
         self.call("tile", self.job)  # there is room again
 
+    def limited(self, limit, *more):
+        """Reconstruct with so much memory; what was said, and the peak of memory, bytes."""
+        running = subprocess.Popen([COMMAND, "reconstruct", str(self.cloud), "-o", str(self.output), *self.options,
+                                    "--max-memory", limit, "--progress", "none", *more],
+                                   stderr=subprocess.PIPE, text=True)
+        said = running.stderr.read()
+        _, status, usage = os.wait4(running.pid, 0)
+        running.returncode = os.waitstatus_to_exitcode(status)
+        running.stderr.close()
+        self.assertEqual(running.returncode, 0, said)
+        return said, usage.ru_maxrss * 1024
+
+    def test_too_little_memory_for_all_at_once(self):
+        self.call("sample", "torus(1,0.4)", "-o", self.cloud, "--points", "2000000", "--pattern", "random")
+        self.options = ["--voxels", "600"]
+        said, at_once = self.limited("8G")
+        self.assertNotIn("out of core", said)
+        whole = self.output.read_bytes()
+        for limit in ("150M", "100M"):
+            said, peak = self.limited(limit)
+            self.assertIn("out of core", said)
+            self.assertTrue(self.output.read_bytes() == whole, f"the bytes differ with {limit}")
+            self.assertLess(peak, at_once)
+        self.assertEqual([path.name for path in self.folder.iterdir() if path.name.endswith(".job")], [])
+        # A mesh needs the whole.
+        self.call("reconstruct", self.cloud, "-o", self.folder / "b.vdb", "--mesh", self.folder / "b.ply",
+                  *self.options, "--max-memory", "100M", status=5)
+
+    def test_a_full_scratch_disk_is_said(self):
+        self.call("sample", "torus(1,0.4)", "-o", self.cloud, "--points", "2000000", "--pattern", "random")
+        small = self.folder / "small"
+        small.mkdir()
+        mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8M", "none", str(small)], capture_output=True)
+        if mounted.returncode != 0:
+            self.skipTest("no file system may be mounted here")
+        try:
+            self.call("plan", self.cloud, "--job", small / "job", "--voxels", "600", "--max-memory", "100M", status=6)
+            self.assertEqual(list(small.iterdir()), [])
+        finally:
+            subprocess.run(["umount", str(small)], check=True)
+
     def test_list(self):
         self.plan("list")
         for name in ("1-fit.txt", "2-gather.txt", "3-tiles.txt", "4-merge.txt"):
