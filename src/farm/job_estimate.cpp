@@ -67,8 +67,8 @@ JobEstimate estimateJob(const PreparedPoints& points, const ReconstructionEstima
         wider = std::pow((edge + 2 * kMargin) / edge, 2);
         job.tileVoxels = edge;
         job.tiles = spread.tiles;
-        job.taskBytes =
-            std::uint64_t(std::min(1.0, spread.largest * wider) * double(run.bandBytes));
+        const double share = std::min(1.0, spread.largest * wider);
+        job.taskBytes = kWorkingBytes + std::uint64_t(share * double(run.bandBytes));
         if (tileVoxels || edge == kSmallestTile || taskBytes == 0 || double(job.taskBytes) < room)
             break;
     }
@@ -77,7 +77,7 @@ JobEstimate estimateJob(const PreparedPoints& points, const ReconstructionEstima
     if (taskBytes != 0 && pointTreeBytes > 0)
         job.partPoints = std::min(job.partPoints, std::size_t(room / pointTreeBytes) + 1);
     const double partBytes = pointTreeBytes * std::min(count, double(job.partPoints));
-    job.taskBytes = kWorkingBytes + std::max(job.taskBytes, std::uint64_t(partBytes));
+    job.taskBytes = std::max(job.taskBytes, kWorkingBytes + std::uint64_t(partBytes));
     if (taskBytes != 0 && job.taskBytes > taskBytes)
         throw LimitError(fmt::format(
             "a tile of {} voxels would take about {} of memory, and the limit is {}: raise "

@@ -275,26 +275,28 @@ private:
         }
         BatchFilter filter;
         PointBatch sample;
-        const std::size_t stride = around.points / (2 * kMinSampledPoints);
+        std::size_t stride = around.points / (2 * kMinSampledPoints);
         mPoints.gather(around, stride, filter, sample);
-        if (sample.size() > kSamplePoints) {
-            const double spacing =
-                filter.spacing(sample, mRoot.center(cell), radius); // of the sample
-            upper.spacing = spacing / std::sqrt(double(stride));
-            if (mSettings.interpolate) {
-                upper.decision.split = cell.level < SortedPoints::kMaxLevel;
-                upper.subtree = !upper.decision.split;
+        while (sample.size() <= kSamplePoints) {
+            if (sample.size() * stride <= kMaxSubtreePoints) { // few in the ball
+                upper.subtree = true;
                 return;
             }
-            upper.decision = fitter.decide(cell, sample, {}, spacing);
-            if (!upper.decision.split) {
-                mPoints.gather(around, 1, filter, sample);
-                upper.decision = fitter.decide(cell, sample, {}, spacing);
-            }
+            stride = std::max<std::size_t>(1, sample.size() * stride / (2 * kSamplePoints));
+            mPoints.gather(around, stride, filter, sample);
+        }
+        const double spacing = filter.spacing(sample, mRoot.center(cell), radius); // of the sample
+        upper.spacing = spacing / std::sqrt(double(stride));
+        if (mSettings.interpolate) {
+            upper.decision.split = cell.level < SortedPoints::kMaxLevel;
+            upper.subtree = !upper.decision.split;
             return;
         }
-        // Many points around, but few in the ball: the copy is small.
-        upper.subtree = true;
+        upper.decision = fitter.decide(cell, sample, {}, spacing);
+        if (!upper.decision.split) {
+            mPoints.gather(around, 1, filter, sample);
+            upper.decision = fitter.decide(cell, sample, {}, spacing);
+        }
     }
 
     std::vector<UpperCell> nextLevel(OctreeDraft& tree, std::vector<UpperCell>& level,
