@@ -36,15 +36,15 @@ constexpr double kMinVetoDistance = std::min(kMaxOvershoot, (kMaxSignDisagreemen
 
 /// Inconsistency of @a value, a leaf's distance at its center, with the coarse field's @a other
 /// there, in steps: the leaf fades from 0 to 1.
-double disagreement(double value, double other, const CoarseSign& coarse)
+double disagreement(double value, const CoarseSample& other)
 {
-    const double own = std::abs(value), step = coarse.step();
+    const double own = std::abs(value), step = other.step;
     // A leaf without points continues those beside it, and ignores a surface that closes a hole
     // between.
-    if ((value < 0) == (other < 0))
-        return (std::min(own, coarse.maxDistance()) - std::abs(other)) / step - kMaxOvershoot;
+    if ((value < 0) == (other.value < 0))
+        return (std::min(own, other.maxDistance()) - std::abs(other.value)) / step - kMaxOvershoot;
     // Data are about as far as the leaf says: beyond, the coarse field means nothing.
-    const double believed = std::min(std::abs(other), std::max(own, step));
+    const double believed = std::min(std::abs(other.value), std::max(own, step));
     return (own + believed) / step - kMaxSignDisagreement;
 }
 
@@ -53,6 +53,17 @@ double smoothFall(double t)
 {
     const double x = std::clamp(t, 0.0, 1.0);
     return 1 - x * x * (3 - 2 * x);
+}
+
+/// The cells of the leaves that their data do not support.
+Unseen unseenIn(Octree& tree, double voxelSize)
+{
+    Unseen unseen;
+    unseen.voxelSize = voxelSize;
+    tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
+        if (node.support < 1) unseen.cells.push_back(cell);
+    });
+    return unseen;
 }
 
 /// Reduce the support of leaves whose distance at the center is inconsistent with the coarse field.
@@ -66,9 +77,8 @@ void vetoLeaves(Octree& tree, const CoarseSign& coarse)
         const Vec3d y = center - stored.origin.cast<double>();
         const Quadric q = tree.rulingAt(stored, y);
         const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
-        if (std::abs(value) <= kMinVetoDistance * coarse.step()) return;
-        const double other = coarse.evaluate(center).value;
-        node.support *= float(smoothFall(disagreement(value, other, coarse)));
+        if (std::abs(value) <= kMinVetoDistance * coarse.stepAt(center)) return;
+        node.support *= float(smoothFall(disagreement(value, coarse.evaluate(center))));
     });
 }
 
@@ -113,8 +123,9 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Interrupter* in
     impl->tree = buildOctree(*impl->points, root, settings, progress);
     if (!impl->tree.complete) {
         progress.beginStage("sign");
-        impl->coarse = std::make_unique<CoarseSign>(*impl->points, impl->localBounds, root,
-                                                    settings.noise, progress);
+        impl->coarse =
+            std::make_unique<CoarseSign>(*impl->points, impl->localBounds, root, settings.noise,
+                                         unseenIn(impl->tree, settings.voxelSize), progress);
         vetoLeaves(impl->tree, *impl->coarse);
     }
     impl->tree.statistics.bytes =
@@ -172,8 +183,8 @@ FieldSample MpuField::Impl::finish(const Blend& sums, const Vec3d& p) const
         return sample;
     }
     if (coarse && support < 1) {
-        const FieldSample other = coarse->evaluate(p);
-        const double far = coarse->maxDistance();
+        const CoarseSample other = coarse->evaluate(p);
+        const double far = other.maxDistance();
         sample.value = support * std::clamp(sample.value, -far, far) + (1 - support) * other.value;
         sample.gradient = support * sample.gradient + (1 - support) * other.gradient;
     }
