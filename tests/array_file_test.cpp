@@ -1,9 +1,11 @@
 // Files of arrays: what was written is there, and what is damaged is refused.
 #include "files/array_file.h"
+#include "files/mapped_pages.h"
 #include <mpuvdb/error.h>
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <filesystem>
@@ -138,6 +140,30 @@ TEST_F(ArrayFileTest, DamagedHeadsAndDirectoriesLeadNowhereElse)
         } catch (const InputError&) {
         }
     }
+}
+
+TEST_F(ArrayFileTest, ForgottenPagesComeBack)
+{
+    std::vector<std::uint64_t> numbers(std::size_t(1) << 20);
+    std::iota(numbers.begin(), numbers.end(), 1u);
+    ArrayFileWriter writer(mFile);
+    writer.add("numbers", numbers);
+    writer.finish();
+    const auto residentBytes = [] {
+        std::ifstream status("/proc/self/statm");
+        std::uint64_t size = 0, resident = 0;
+        status >> size >> resident;
+        return double(resident) * double(::sysconf(_SC_PAGESIZE));
+    };
+    const double bytes = double(numbers.size() * sizeof numbers[0]);
+    const StoredArray<std::uint64_t> mapped = ArrayFile(mFile).get<std::uint64_t>("numbers");
+    const double before = residentBytes();
+    EXPECT_TRUE(std::equal(mapped.begin(), mapped.end(), numbers.begin()));
+    const double read = residentBytes();
+    EXPECT_GT(read - before, 0.5 * bytes);
+    forgetMappedPages();
+    EXPECT_LT(residentBytes() - before, 0.5 * bytes);
+    EXPECT_TRUE(std::equal(mapped.begin(), mapped.end(), numbers.begin()));
 }
 
 TEST_F(ArrayFileTest, AFullDiskIsSaid)

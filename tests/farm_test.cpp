@@ -17,6 +17,7 @@
 #include <fstream>
 #include <functional>
 #include <sstream>
+#include <sys/wait.h>
 #include <unistd.h>
 
 namespace mpuvdb
@@ -268,16 +269,74 @@ TEST_F(FarmTest, OtherBuildsPlansAndInputsAreRefused)
     EXPECT_NO_THROW(Job(at("job"), kBuild));
 }
 
+TEST_F(FarmTest, ATaskIsRunningWhereItsProcessIs)
+{
+    const fs::path folder = plan(test::randomScan("torus(1, 0.4)", 5000), voxelSize(0.05));
+    const auto stateUnder = [&](const std::string& mark) {
+        std::ofstream(folder / "fit" / "00000.running") << mark << '\n';
+        return Job(folder, kBuild).states().front().state;
+    };
+    char host[256] = {};
+    ::gethostname(host, sizeof host - 1);
+    EXPECT_EQ(stateUnder(fmt::format("{} {}", host, ::getpid())), TaskState::State::Running);
+    EXPECT_EQ(stateUnder("elsewhere 1"), TaskState::State::Running);
+    const pid_t ended = ::fork();
+    if (ended == 0) ::_exit(0);
+    ::waitpid(ended, nullptr, 0);
+    EXPECT_EQ(stateUnder(fmt::format("{} {}", host, ended)), TaskState::State::Waiting);
+}
+
+TEST_F(FarmTest, WhatIsEstimatedComes)
+{
+    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 100000);
+    ReconstructOptions options = voxelSize(0.007); // 400 voxels across
+    const PreparedPoints points = prepared(cloud, options);
+    const ReconstructionEstimate run = estimate(points);
+    const JobEstimate small = estimateJob(points, run, 128, 0);
+    EXPECT_EQ(small.tileVoxels, 128);
+    std::size_t tiles = 0;
+    const fs::path file = at("tiled.vdb");
+    tiled(cloud, options, tiles);
+    // Those of the band beside the points, and all that hold some.
+    EXPECT_LE(small.tiles, tiles);
+    EXPECT_GE(double(small.tiles), 0.7 * double(tiles));
+    std::uint64_t disk = fs::file_size(file);
+    for (const auto& entry : fs::recursive_directory_iterator(at("job")))
+        if (entry.is_regular_file()) disk += entry.file_size();
+    EXPECT_NEAR(double(small.diskBytes) / double(disk), 1, 0.5);
+    // Less memory makes smaller tiles, and then there are none.
+    EXPECT_EQ(estimateJob(points, run, {}, 0).tileVoxels, 512);
+    const JobEstimate large = estimateJob(points, run, 512, 0);
+    EXPECT_GT(large.taskBytes, small.taskBytes);
+    const JobEstimate fitting = estimateJob(points, run, {}, large.taskBytes);
+    EXPECT_LT(fitting.tileVoxels, 512);
+    EXPECT_THROW(estimateJob(points, run, {}, small.taskBytes / 2), LimitError);
+}
+
+TEST_F(FarmTest, WhatIsLeftOfAnotherPlanDoesNotCount)
+{
+    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    const ReconstructOptions options = voxelSize(0.015);
+    runAll(plan(test::randomScan("torus(1, 0.3)", 20000), options));
+    fs::remove(at("job") / "plan.json");
+    std::size_t tiles = 0;
+    EXPECT_TRUE(tiled(cloud, options, tiles) == whole(cloud, options));
+    // A plan that fails leaves none of its own.
+    fs::remove_all(at("job"));
+    Interrupter stopped;
+    stopped.stop();
+    EXPECT_THROW(Job::plan(at("job"), prepared(cloud, options), {}, &stopped), Interrupted);
+    EXPECT_FALSE(fs::exists(at("job")));
+}
+
 TEST_F(FarmTest, AStopLeavesNothing)
 {
     const fs::path folder = plan(test::randomScan("torus(1, 0.4)", 20000), voxelSize(0.015));
     Interrupter stopped;
     stopped.stop();
     EXPECT_THROW(Job(folder, kBuild).run(0, &stopped), Interrupted);
-    std::size_t files = 0;
-    for (const auto& entry : fs::directory_iterator(folder / "fit"))
-        files += entry.path().extension() != ".running";
-    EXPECT_EQ(files, 0u);
+    EXPECT_TRUE(fs::is_empty(folder / "fit"));
+    EXPECT_EQ(Job(folder, kBuild).states().front().state, TaskState::State::Waiting);
 }
 
 } // namespace

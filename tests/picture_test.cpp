@@ -1,3 +1,5 @@
+#include "render/digits.h"
+#include "render/histogram.h"
 #include "render/picture.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -11,6 +13,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <set>
 #include <stdlib.h>
 
 namespace mpuvdb
@@ -187,6 +190,58 @@ TEST_F(PictureFile, RefusesNonsenseAndStops)
     progress.stop();
     EXPECT_THROW(writePicture(mFolder / "b.png", sphere(), small(), &progress), Interrupted);
     EXPECT_TRUE(fs::is_empty(mFolder));
+}
+
+/// The dark pixels of a text, as rows of a picture.
+std::set<std::pair<int, int>> pixelsOf(const std::string& text)
+{
+    std::set<std::pair<int, int>> pixels;
+    drawDigits(text, [&](int column, int row) { pixels.emplace(column, row); });
+    return pixels;
+}
+
+TEST(Digits, AreDifferentAndFitTheirSize)
+{
+    const std::string all = "0123456789-+.e";
+    std::set<std::set<std::pair<int, int>>> found;
+    for (const char c : all) {
+        const auto pixels = pixelsOf(std::string(1, c));
+        EXPECT_FALSE(pixels.empty()) << c;
+        found.insert(pixels);
+        for (const auto& [column, row] : pixels) {
+            EXPECT_TRUE(column >= 0 && column < textWidth(std::string(1, c))) << c;
+            EXPECT_TRUE(row >= 0 && row < kDigitHeight) << c;
+        }
+    }
+    EXPECT_EQ(found.size(), all.size());
+    EXPECT_EQ(pixelsOf("11").size(), 2 * pixelsOf("1").size());
+    EXPECT_TRUE(pixelsOf(" ").empty());
+}
+
+TEST_F(PictureFile, HistogramsHaveNumbersAtTheirTicks)
+{
+    const fs::path file = mFolder / "h.png";
+    std::vector<float> values;
+    for (int n = -100; n <= 100; ++n) values.push_back(0.0025f * float(n));
+    writeHistogram(file, values, 0.25);
+    const Picture picture = load(file);
+    ASSERT_EQ(picture.width, 800);
+    ASSERT_EQ(picture.height, 400);
+    // Below the ticks there are numbers alone.
+    const auto dark = [&](int from, int to) {
+        std::size_t count = 0;
+        for (int y = picture.height - kDigitHeight * 2 - 4; y < picture.height; ++y)
+            for (int x = from; x < to; ++x) count += picture.pixel(x, y)[0] < 128;
+        return count;
+    };
+    const std::size_t pixel = 4; // of the picture, in one of the font
+    EXPECT_EQ(dark(0, 100), pixel * pixelsOf("-0.25").size());
+    EXPECT_EQ(dark(100, 350), pixel * pixelsOf("-0.125").size());
+    EXPECT_EQ(dark(350, 450), pixel * pixelsOf("0").size());
+    EXPECT_EQ(dark(450, 700), pixel * pixelsOf("0.125").size());
+    EXPECT_EQ(dark(700, 800), pixel * pixelsOf("0.25").size());
+    writeHistogram(file, values, 1.2345e-7); // long numbers stay in the picture
+    EXPECT_EQ(load(file).width, 800);
 }
 
 } // namespace

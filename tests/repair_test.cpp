@@ -2,8 +2,12 @@
 #include "closed_parts.h"
 #include "modelling_fixture.h"
 
+#include "sampling/winding_number.h"
+
+#include <mpuvdb/block_under.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/explained.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/sampling.h>
 
 #include <fmt/format.h>
@@ -279,6 +283,114 @@ TEST(Repair, OpenSurfacesBecomeWallsOnRequest)
     EXPECT_THROW(repaired(square, h, settings), UsageError);
 }
 
+TEST(Repair, WavesLowerThanAVoxelBecomeWalls)
+{
+    const double h = .03, thickness = .17, height = .3 * h, middle = kOrigin[2] + h / 2;
+    Mesh waves = squareMesh(1, 24);
+    for (Vec3f& p : waves.positions)
+        p[2] = float(middle + height * std::sin(9 * double(p[0])) * std::cos(7 * double(p[1])));
+    try {
+        repaired(waves, h);
+        FAIL() << "no voxel is between the waves and the surface that closes them";
+    } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find("--thicken"), std::string::npos) << error.what();
+    }
+    RepairSettings settings;
+    settings.thickness = thickness;
+    const LevelSet wall = repaired(waves, h, settings);
+    test::expectSound(wall);
+    const test::Deviation found = test::deviation(wall, [&](const Vec3d& p) {
+        const Vec3d q(std::max(std::abs(p[0]) - .5, 0.0), std::max(std::abs(p[1]) - .5, 0.0),
+                      p[2] - middle);
+        return q.norm() - thickness / 2;
+    });
+    EXPECT_LT(found.largest, height / h + kExact); // a distance differs by no more than the waves
+    EXPECT_EQ(repairOf(wall).sheets, 1u);
+    EXPECT_EQ(repairOf(wall).holes, 0u);
+    double area = 0;
+    for (const Mesh::Triangle& t : waves.triangles)
+        area += (waves.world(t[1]) - waves.world(t[0]))
+                    .cross(waves.world(t[2]) - waves.world(t[0]))
+                    .norm() /
+                2;
+    EXPECT_NEAR(repairOf(wall).sheetsArea, area, 1e-9 * area);
+}
+
+/// A hill over the square of squareMesh(1, steps).
+double hill(double x, double y)
+{
+    return .1 * std::cos(2 * x) * std::cos(3 * y);
+}
+
+TEST(Repair, SurfacesSeenFromAboveBecomeBlocks)
+{
+    const double h = .02, depth = .15;
+    Mesh terrain = squareMesh(1, 40);
+    double lowest = HUGE_VAL;
+    for (Vec3f& p : terrain.positions) {
+        p[2] = float(hill(double(p[0]), double(p[1])));
+        lowest = std::min(lowest, double(p[2]));
+    }
+    // Chords of 1/40 are below the hill by their squared length times its curvatures, over 8.
+    const double flat = (.4 + .9) / 8 / 1600;
+    double volume = 0;
+    constexpr int kSteps = 400;
+    for (int n = 0; n < kSteps * kSteps; ++n)
+        volume += hill((n % kSteps + .5) / kSteps - .5, (n / kSteps + .5) / kSteps - .5);
+    volume = volume / (kSteps * kSteps) - lowest + depth;
+    const auto expectBlock = [&](const LevelSet& block, double tolerance) {
+        test::expectSound(block);
+        const auto& explained = std::get<MeshExplained>(block.explained()->by);
+        EXPECT_EQ(explained.partsOut, 1u);
+        EXPECT_NEAR(explained.volumeOut, volume, tolerance);
+        std::size_t wrong = 0, count = 0;
+        for (auto on = block.grid().cbeginValueOn(); on; ++on) {
+            const Vec3d p = test::worldOf(block.lattice(), on.getCoord());
+            const double above = p[2] - hill(p[0], p[1]), base = lowest - depth - p[2],
+                         beside = std::max(std::abs(p[0]), std::abs(p[1])) - .5;
+            const double outside = std::max({above, base, beside});
+            if (std::abs(outside) < flat + kExact * h) continue;
+            wrong += (*on < 0) != (outside < 0);
+            ++count;
+        }
+        EXPECT_EQ(wrong, 0u);
+        EXPECT_GT(count, 10000u);
+    };
+    Interrupter progress;
+    // Edges are rounded by a voxel: as explained.h has it.
+    const double rounded = h * h / 4 * (8 * M_PI / 2);
+    const Mesh block = blockUnder(terrain, Vec3d(0, 0, 2), depth, &progress);
+    expectBlock(voxelize(block, settingsOf(h), &progress), rounded + flat);
+    expectBlock(repaired(block, h), rounded + flat);
+    // One that faces down is turned; another axis is up.
+    Mesh turned = terrain;
+    for (Mesh::Triangle& t : turned.triangles) std::swap(t[1], t[2]);
+    expectBlock(
+        voxelize(blockUnder(turned, Vec3d::UnitZ(), depth, &progress), settingsOf(h), &progress),
+        rounded + flat);
+    Mesh lying = terrain;
+    for (Vec3f& p : lying.positions) p = Vec3f(p[1], p[2], p[0]);
+    const LevelSet upright =
+        voxelize(blockUnder(lying, Vec3d::UnitY(), depth, &progress), settingsOf(h), &progress);
+    EXPECT_NEAR(std::get<MeshExplained>(upright.explained()->by).volumeOut, volume, rounded + flat);
+    // A hole gets no walls: it is closed, by a surface between its rim's lowest and highest places.
+    const Mesh holed =
+        without(terrain, [](const Vec3d& p) { return (p - Vec3d(.1, -.05, p[2])).norm() < .2; });
+    const LevelSet closed = repaired(blockUnder(holed, Vec3d::UnitZ(), depth, &progress), h);
+    test::expectSound(closed);
+    EXPECT_EQ(repairOf(closed).holes, 1u);
+    const double lowestRim = .1 * std::cos(.6) * std::cos(.75) - .02;
+    EXPECT_NEAR(std::get<MeshExplained>(closed.explained()->by).volumeOut, volume,
+                M_PI * .04 * (.1 - lowestRim) + rounded);
+    EXPECT_EQ(std::get<MeshExplained>(closed.explained()->by).partsOut, 1u);
+
+    EXPECT_THROW(blockUnder(terrain, Vec3d::Zero(), depth, &progress), UsageError);
+    EXPECT_THROW(blockUnder(terrain, Vec3d::UnitZ(), 0, &progress), UsageError);
+    EXPECT_THROW(blockUnder(squareMesh(1, 4), Vec3d::UnitX(), depth, &progress), InputError);
+    EXPECT_THROW(blockUnder(test::ballPart(1, 8), Vec3d::UnitZ(), depth, &progress), InputError);
+    EXPECT_THROW(blockUnder(Mesh(), Vec3d::UnitZ(), depth, &progress), InputError);
+}
+
 TEST(Repair, LeavesOutDamagedTriangles)
 {
     Mesh mesh = test::ballPart(1, 10);
@@ -332,6 +444,74 @@ Mesh openParts(Random& random)
         parts.push_back(std::move(part));
     }
     return test::soupOf(parts);
+}
+
+TEST(WindingNumber, IsTheSumOfSolidAngles)
+{
+    constexpr std::uint64_t kSeed = 73;
+    Random random(kSeed);
+    Interrupter progress;
+    const auto largestError = [&](const Mesh& mesh) {
+        const OrientedTriangles triangles = orientTriangles(mesh, Copies::Add, progress);
+        const TriangleTree tree(triangles.mesh, progress);
+        const WindingNumber winding(tree, triangles);
+        double largest = 0;
+        for (int n = 0; n < 400; ++n) {
+            // About the mesh, at its triangles, and above its vertices, where rays meet edges.
+            const Mesh::Triangle& t = triangles.mesh.triangles[std::size_t(
+                random.uniform() * double(triangles.mesh.triangles.size()))];
+            const Vec3d vertex = triangles.mesh.positions[t[0]].cast<double>(),
+                        middle = (vertex + triangles.mesh.positions[t[1]].cast<double>() +
+                                  triangles.mesh.positions[t[2]].cast<double>()) /
+                                 3;
+            const Vec3d p = n % 3 == 0   ? Vec3d(random.inCube(12))
+                            : n % 3 == 1 ? Vec3d(middle + random.inCube(1e-3))
+                                         : Vec3d(vertex[0], vertex[1], 12 * random.uniform() - 6);
+            std::size_t slot = 0;
+            if (tree.squaredDistance(p, slot) < 1e-12) continue; // on the mesh it jumps
+            const double expected = test::windingOf(triangles.mesh, p);
+            largest = std::max(largest, std::abs(winding.at(p) - expected));
+        }
+        return largest;
+    };
+    for (int n = 0; n < 6; ++n) {
+        SCOPED_TRACE(fmt::format("seed {}, mesh {}", kSeed, n));
+        const std::vector<Mesh> closed = {test::ballPart(3 + random.uniform(), 12),
+                                          test::pipePart(4, 1.5, 30, 20),
+                                          test::boxPart(random.inCube(1), Vec3d(4, 5, 6))};
+        // Exact to the roundings of a thousand angles.
+        EXPECT_LT(largestError(test::soupOf(closed)), 1e-9);
+        const Vec3d center = random.inCube(4);
+        const Mesh open =
+            without(test::soupOf(closed), [&](const Vec3d& p) { return (p - center).norm() < 2; });
+        EXPECT_LT(largestError(open), 1e-9);
+        // Long triangles from end to end, of which many meet at two places.
+        Mesh fans;
+        const std::uint32_t count = 300;
+        fans.positions = {Vec3f(0, 0, -5), Vec3f(0, 0, 5)};
+        for (std::uint32_t k = 0; k < count; ++k) {
+            const double turn = 2 * M_PI * k / count;
+            fans.positions.push_back(Vec3d(std::cos(turn), std::sin(turn), 0).cast<float>());
+            const std::uint32_t a = 2 + k, b = 2 + (k + 1) % count;
+            fans.triangles.push_back({0, b, a});
+            if (n % 2 == 0 || k > 3) fans.triangles.push_back({1, a, b});
+        }
+        EXPECT_LT(largestError(fans), 1e-9);
+        // All triangles apart: a sum, to the error of two terms of the expansion, at least two
+        // radii from a node: a quarter of that of one of its sides, a sixteenth of all directions,
+        // and of some such nodes.
+        Mesh apart;
+        const Mesh soup = test::soupOf(closed);
+        for (const Mesh::Triangle& t : soup.triangles) {
+            const auto first = std::uint32_t(apart.positions.size());
+            const Vec3d middle = (soup.world(t[0]) + soup.world(t[1]) + soup.world(t[2])) / 3;
+            for (const std::uint32_t corner : t)
+                apart.positions.push_back(
+                    (middle + .9 * (soup.world(corner) - middle)).cast<float>());
+            apart.triangles.push_back({first, first + 1, first + 2});
+        }
+        EXPECT_LT(largestError(apart), 4.0 / 64);
+    }
 }
 
 TEST(Repair, SignsAreThoseOfTheWindingNumber)

@@ -242,7 +242,7 @@ TEST(MeanPyramid, KeepsWeightAndFirstMoments)
     const RootCube root{Vec3d::Zero(), 8};
     const SortedPoints points(std::move(cloud), root, progress);
     const MeanPyramid pyramid(points, root, 0.05, progress);
-    const auto moments = [](const PointBatch& p) {
+    const auto moments = [](const PointArrays& p) {
         Eigen::Vector4d sum = Eigen::Vector4d::Zero();
         for (std::size_t n = 0; n < p.size(); ++n)
             sum += double(p.confidence[n]) * Eigen::Vector4d(p.x[n], p.y[n], p.z[n], 1);

@@ -331,5 +331,161 @@ TEST_F(SmallVerbs, ColorsOfMeshesGoToTheGridAndThroughBooleans)
     }
 }
 
+TEST_F(SmallVerbs, NumbersAtVerticesBecomeGrids)
+{
+    // A box with a number that is linear along x, one of another name, and one that is not finite.
+    std::string text = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float "
+                       "y\nproperty float z\nproperty float stress\nproperty double quality\n"
+                       "element face 6\nproperty list uchar int vertex_indices\nend_header\n";
+    for (int v = 0; v < 8; ++v)
+        text += std::to_string(v & 1) + " " + std::to_string(v >> 1 & 1) + " " +
+                std::to_string(v >> 2) + " " + (v & 1 ? "7 " : "-3 ") + (v == 5 ? "nan" : "2") +
+                "\n";
+    text += "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n";
+    writeFile(folder / "a.ply", text);
+    mpuvdb({"voxelize", "a.ply", "-o", "none.vdb", "--voxel-size", "0.05"});
+    EXPECT_EQ(gridsOf("none.vdb"), Words{"surface"});
+    const Ended ended = mpuvdb({"voxelize", "a.ply", "-o", "a.vdb", "--voxel-size", "0.05",
+                                "--attributes", "stress,quality"});
+    EXPECT_NE(ended.err.find("1 of its vertices' scalars"), std::string::npos) << ended.err;
+    EXPECT_EQ(gridsOf("a.vdb"), (Words{"quality", "stress", "surface"}));
+    const auto stress = openvdb::gridPtrCast<openvdb::FloatGrid>(
+        readAttributeGrids(folder / "a.vdb", {"stress"}).front());
+    ASSERT_TRUE(stress);
+    std::size_t count = 0;
+    for (auto on = stress->cbeginValueOn(); on; ++on) {
+        const openvdb::Vec3d at = stress->indexToWorld(on.getCoord());
+        if (at.x() < 0 || at.x() > 1) continue;
+        const bool isByFace =
+            at.y() > 3 * h && at.y() < 1 - 3 * h && at.x() > 3 * h && at.x() < 1 - 3 * h;
+        // Half floats have 11 bits, of values up to 7.
+        ASSERT_NEAR(*on, -3 + 10 * at.x(), isByFace ? 7.0 / 2048 : 10 * 4 * h) << at;
+        ++count;
+    }
+    EXPECT_GT(count, 1000u);
+    const Ended missing = mpuvdb({"voxelize", "a.ply", "-o", "b.vdb", "--attributes", "heat"}, 3);
+    EXPECT_NE(missing.err.find("'stress'"), std::string::npos) << missing.err;
+    mpuvdb({"voxelize", "a.ply", "-o", "b.vdb", "--attributes", "Cd"}, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder / "b.vdb"));
+}
+
+TEST_F(SmallVerbs, EveryVerbOfOneGridTakesItsName)
+{
+    const auto named = [](const LevelSet& levelSet, const char* name) {
+        const openvdb::FloatGrid::Ptr grid = levelSet.grid().deepCopy();
+        grid->setName(name);
+        return LevelSet(grid);
+    };
+    write("both.vdb", named(solid("sphere(0.5)", h), "small"),
+          {named(solid("sphere(1)", h), "large").gridPtr()});
+    const double volume = 4 * M_PI / 3;
+    for (const auto& [name, radius] :
+         {std::pair<std::string, double>("small", 0.5), {"large", 1}}) {
+        const std::string file = "both.vdb:" + name;
+        mpuvdb({"fog", file, "-o", "fog.vdb"});
+        const auto fog = readGrids(folder / "fog.vdb").front();
+        const double across = fog->evalActiveVoxelDim().x() * h;
+        EXPECT_NEAR(across, 2 * radius, 4 * h) << name;
+        mpuvdb({"isosurface", file, "-o", "iso.vdb", "--value", "0", "--inside", "below"});
+        EXPECT_NEAR(volumeOf("iso.vdb"), volume * std::pow(radius, 3), 0.02 * volume) << name;
+        const json parts = json::parse(mpuvdb({"components", file, "--json"}).out)["components"];
+        EXPECT_NEAR(double(parts[0]["volume"]), volume * std::pow(radius, 3), 0.02 * volume)
+            << name;
+        mpuvdb({"mesh", file, "-o", name + ".ply"});
+        mpuvdb({"render", file, "-o", name + ".png", "--size", "64x64"});
+        Box3d box;
+        const Mesh mesh = readMesh(folder / (name + ".ply"));
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n) box.extend(mesh.world(n));
+        EXPECT_NEAR(box.sizes().maxCoeff(), 2 * radius, h) << name;
+        EXPECT_TRUE(std::filesystem::exists(folder / (name + ".png")));
+    }
+    // An output may not replace its input, however that is named.
+    mpuvdb({"fog", "both.vdb:small", "-o", "both.vdb"}, 2);
+    mpuvdb({"mesh", "both.vdb:none", "-o", "none.ply"}, 3);
+}
+
+TEST_F(SmallVerbs, OpenCutsAreLeftOutOfMeshes)
+{
+    const double radius = 1, height = 0.313;
+    write("ball.vdb", solid("sphere(1)", h));
+    const auto meshOf = [&](const Words& options, bool isOutside) {
+        Words words = {"clip", "ball.vdb", "-o", "part.vdb", "--open"};
+        words.insert(words.end(), options.begin(), options.end());
+        mpuvdb(words);
+        EXPECT_EQ(gridsOf("part.vdb"), (Words{"coverage", "surface"}));
+        mpuvdb({"mesh", "part.vdb", "-o", "closed.ply"});
+        mpuvdb({"mesh", "part.vdb", "-o", "open.ply", "--holes", "open"});
+        const auto areaOf = [&](const std::string& file) {
+            const Mesh mesh = readMesh(folder / file);
+            double area = 0;
+            for (const Mesh::Triangle& t : mesh.triangles) {
+                const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
+                area += (b - a).cross(c - a).norm() / 2;
+            }
+            return area;
+        };
+        const double cap = 2 * M_PI * radius * (radius - height);
+        const double sphere = isOutside ? 4 * M_PI * radius * radius - cap : cap;
+        const double disk = M_PI * (radius * radius - height * height);
+        EXPECT_NEAR(areaOf("closed.ply"), sphere + disk, 0.01 * (sphere + disk));
+        // The rim is the edge of the cut, to a voxel, since coverage is known at voxels, and on the
+        // whole to a tenth of one.
+        const double rim = 2 * M_PI * std::sqrt(radius * radius - height * height);
+        EXPECT_NEAR(areaOf("open.ply"), sphere, 0.1 * h * rim + 0.005 * sphere);
+        const Mesh mesh = readMesh(folder / "open.ply");
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n)
+            EXPECT_NEAR(mesh.world(n).norm(), radius, h) << mesh.world(n).transpose();
+    };
+    const Words box = {"--box", "open", "open", "0.313", "open", "open", "open"};
+    meshOf(box, false);
+    Words outside = box;
+    outside.push_back("--outside");
+    meshOf(outside, true);
+    write("slab.vdb", solid("translate(box(4,4,2),0,0,1.313)", h));
+    meshOf({"--mask", "slab.vdb"}, false);
+    // A cut of what was cut: both cuts are open.
+    mpuvdb({"clip", "part.vdb", "-o", "quarter.vdb", "--open", "--box", "0.1", "open", "open",
+            "open", "open", "open"});
+    mpuvdb({"mesh", "quarter.vdb", "-o", "quarter.ply", "--holes", "open"});
+    const Mesh mesh = readMesh(folder / "quarter.ply");
+    for (std::size_t n = 0; n < mesh.positions.size(); ++n)
+        EXPECT_NEAR(mesh.world(n).norm(), radius, h) << mesh.world(n).transpose();
+}
+
+TEST_F(SmallVerbs, SurveysBecomeBlocks)
+{
+    std::string survey;
+    for (int x = 0; x < 60; ++x)
+        for (int y = 0; y < 40; ++y)
+            survey += std::to_string(0.1 * x) + " " + std::to_string(0.1 * y) + " " +
+                      std::to_string(0.3 * std::sin(0.1 * x)) + "\n";
+    writeFile(folder / "survey.xyz", survey);
+    mpuvdb({"reconstruct", "survey.xyz", "-o", "survey.vdb", "--preset", "terrain", "--mesh",
+            "terrain.ply"});
+    mpuvdb({"voxelize", "terrain.ply", "-o", "block.vdb", "--voxel-size", "0.05", "--base", "0.5"});
+    mpuvdb({"check", "block.vdb"});
+    // What lies between the mesh and the base, which is below its lowest vertex.
+    const Mesh terrain = readMesh(folder / "terrain.ply");
+    double lowest = HUGE_VAL, volume = 0, area = 0;
+    for (std::size_t n = 0; n < terrain.positions.size(); ++n)
+        lowest = std::min(lowest, terrain.world(n)[2]);
+    for (const Mesh::Triangle& t : terrain.triangles) {
+        const Vec3d a = terrain.world(t[0]), b = terrain.world(t[1]), c = terrain.world(t[2]);
+        const double seen = (b - a).cross(c - a)[2] / 2;
+        volume += seen * ((a + b + c)[2] / 3 - lowest + 0.5);
+        area += (b - a).cross(c - a).norm() / 2;
+    }
+    EXPECT_GT(area, 5.9 * 3.9);
+    EXPECT_NEAR(volumeOf("block.vdb"), volume, 0.005 * volume);
+    mpuvdb({"components", "block.vdb"});
+    // A base thinner than the voxels, a closed mesh, an axis without a base.
+    mpuvdb({"voxelize", "terrain.ply", "-o", "no.vdb", "--voxel-size", "0.05", "--base", "0.09"},
+           2);
+    mpuvdb({"mesh", "block.vdb", "-o", "block.ply"});
+    mpuvdb({"voxelize", "block.ply", "-o", "no.vdb", "--base", "0.5"}, 3);
+    mpuvdb({"voxelize", "terrain.ply", "-o", "no.vdb", "--up", "y"}, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder / "no.vdb"));
+}
+
 } // namespace
 } // namespace mpuvdb::test

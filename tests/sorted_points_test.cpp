@@ -49,10 +49,10 @@ SortedPoints sorted(PointCloud cloud)
     return SortedPoints(std::move(cloud), kRoot, progress);
 }
 
-bool same(const PointBatch& a, const PointBatch& b)
+bool same(const PointArrays& a, const PointArrays& b)
 {
-    const auto equal = [](const PointBatch::Floats& u, const PointBatch::Floats& v) {
-        return std::equal(u.begin(), u.end(), v.begin(), v.end());
+    const auto equal = [&](const float* u, const float* v) {
+        return a.size() == b.size() && std::equal(u, u + a.size(), v);
     };
     return equal(a.x, b.x) && equal(a.y, b.y) && equal(a.z, b.z) && equal(a.nx, b.nx) &&
            equal(a.ny, b.ny) && equal(a.nz, b.nz) && equal(a.confidence, b.confidence);
@@ -69,7 +69,7 @@ OctreeCell randomCell(Random& random)
     return cell;
 }
 
-Vec3d position(const PointBatch& points, std::size_t i)
+Vec3d position(const PointArrays& points, std::size_t i)
 {
     return {points.x[i], points.y[i], points.z[i]};
 }

@@ -1,5 +1,6 @@
 // Attributes of the inputs of an operation, carried to its result.
 #pragma once
+#include <mpuvdb/field.h>
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/surface_attributes.h>
 #include <mpuvdb/triangle_mesh.h>
@@ -28,5 +29,13 @@ struct Operand {
 /// nearest, of equals of the first. Colors are those of Vec3f grids called kColorName; an attribute
 /// that only other operands have is 0. Level sets among the grids, and the coverage, are left out.
 std::unique_ptr<SurfaceAttributes> attributesOfOperands(const std::vector<Operand>& operands);
+
+/// The coverage of a solid that was cut by another one, for the result of the cut: 1 on what is
+/// left of the solid's surface (times the solid's own coverage there), 0 on the cut, and one half
+/// at the edge between them, so that a mesh trimmed by it ends there. @param coverage  of @a solid;
+/// null: 1.
+/// @param tool  in a band of at least a voxel.
+std::unique_ptr<Coverage> coverageOfCut(const LevelSet& solid, const LevelSet& tool,
+                                        openvdb::FloatGrid::ConstPtr coverage = nullptr);
 
 } // namespace mpuvdb

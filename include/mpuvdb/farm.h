@@ -32,6 +32,26 @@ struct JobOptions {
     std::vector<std::string> inputs;             ///< files; a changed one is refused
 };
 
+/// What a job comes to, before it starts.
+struct JobEstimate {
+    int tileVoxels = 0;          ///< edge of a tile
+    std::size_t partPoints = 0;  ///< points of a part of the fit
+    std::size_t tiles = 0;       ///< that hold points; those of filled holes come to them
+    std::uint64_t taskBytes = 0; ///< memory of the largest task, beside the pages of mapped files
+    std::uint64_t diskBytes = 0; ///< of the job's folder and the result
+    double cpuSeconds = 0;       ///< of all tasks: see ReconstructionEstimate
+};
+
+/// What a job comes to, and its tiles. @param run  the estimate of it at once. @param tileVoxels
+/// their edge; default: the largest of 512, 256 and 128 voxels that takes at most half of @a
+/// taskBytes, the memory of a task (0: no limit).
+/// @throws LimitError if even that takes more than all of it.
+JobEstimate estimateJob(const PreparedPoints& points, const ReconstructionEstimate& run,
+                        std::optional<int> tileVoxels, std::uint64_t taskBytes);
+
+/// @throws UsageError unless tiles may have an edge of @a voxels.
+void requireTile(int voxels);
+
 /// The phases of a job.
 enum class JobPhase : std::uint8_t { Fit, Sample };
 
@@ -83,6 +103,9 @@ public:
     JobResult merge(const std::filesystem::path& file, Interrupter* interrupter = nullptr) const;
 
 private:
+    static void write(const std::filesystem::path& folder, PreparedPoints&& points,
+                      const JobOptions& options, Interrupter& progress);
+
     struct Impl;
     std::unique_ptr<Impl> mImpl;
 };

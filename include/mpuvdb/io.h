@@ -55,10 +55,11 @@ enum class BadVertices {
 /// Reads a triangle mesh: PLY, OBJ, OFF, STL (whose equal corners become one vertex); "-" is stdin
 /// (PLY). Polygons become fans; vertices without a triangle are left out; colors are kept. The
 /// frame is the middle of the mesh.
-/// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite),
-/// Interrupted.
+/// @param scalars  names of vertices' numbers to keep, at most 4 ("quality" is one; PLY only).
+/// @throws IoError (cannot read), InputError (malformed, no triangles, vertices not finite, a
+/// scalar is missing), UsageError (too many scalars), Interrupted.
 Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter = nullptr,
-              BadVertices bad = BadVertices::Refuse);
+              BadVertices bad = BadVertices::Refuse, const std::vector<std::string>& scalars = {});
 
 /// Writes points as binary PLY, with double positions, or as text (.xyz, .txt, .pwn).
 /// @throws UsageError (another extension), IoError, Interrupted.

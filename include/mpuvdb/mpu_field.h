@@ -67,6 +67,7 @@ struct MpuEstimate {
     std::uint64_t leaves = 0;    ///< as in MpuStatistics
     std::uint64_t bytes = 0;     ///< memory held by the field
     std::uint64_t peakBytes = 0; ///< largest memory on the way, the cloud included
+    double cpuSeconds = 0;       ///< of the fit, as this machine has just fitted a part
 };
 
 /// Estimate the memory and leaves of a fit of @a cloud by fitting about a hundred thousand points

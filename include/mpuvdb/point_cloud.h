@@ -15,6 +15,7 @@ namespace mpuvdb
 {
 
 class Interrupter;
+class PointIndex;
 
 /// Where a scanner stood, or from where it looked if it is far away.
 struct Viewpoint {
@@ -54,6 +55,8 @@ struct PointCloud {
     std::vector<Viewpoint> viewpoints;
     std::vector<std::uint32_t> seenFrom;    ///< index into viewpoints, or kUnseen; or empty
     std::shared_ptr<const VertexMesh> mesh; ///< all points were vertices of it; or null
+    /// What points are near each other, as far as it is known: of other positions it is not used.
+    std::shared_ptr<const PointIndex> index;
 
     std::size_t size() const { return positions.size(); }
     bool empty() const { return positions.empty(); }

@@ -125,10 +125,14 @@ struct ReconstructionEstimate {
     double area = 0;                ///< of the surface, world units squared
     std::uint64_t activeVoxels = 0; ///< of the level set
     std::uint64_t gridBytes = 0;    ///< held by the level set
+    std::uint64_t bandBytes = 0;    ///< while it is sampled, beside the field
     std::uint64_t fileBytes =
         0; ///< of a .vdb file with level set and coverage, if that is asked for
     std::uint64_t triangles = 0; ///< of a mesh of it
     std::uint64_t peakBytes = 0; ///< the most that the work takes, the points included
+    /// @{ Of processor time, seconds, as this machine has just done a part: to half or twice.
+    double fitSeconds = 0, sampleSeconds = 0;
+    /// @}
 };
 
 /// Estimate what the rest of reconstruct() would take, without it: a part of the points is fitted
@@ -140,9 +144,15 @@ struct ReconstructionEstimate {
 ReconstructionEstimate estimate(const PreparedPoints& points, bool withMesh = false,
                                 Interrupter* interrupter = nullptr);
 
-/// Leave at once if the work is far from options.maxBytes, or they are empty. Else estimate it.
-/// @param heldBytes  what the process holds beside the points and counts, too.
-/// @throws LimitError if it takes more, with the voxel size that would do; as estimate().
+/// The estimate of work that would take more than options.maxBytes; empty if they are, or it takes
+/// no more. Work that is far from them is not estimated.
+/// @param heldBytes  what the process holds beside the points and counts, too. @throws as
+/// estimate().
+std::optional<ReconstructionEstimate> beyondMemory(const PreparedPoints& points, bool withMesh,
+                                                   std::uint64_t heldBytes,
+                                                   Interrupter* interrupter = nullptr);
+
+/// @throws LimitError for work beyondMemory(), with the voxel size that would do; as estimate().
 void requireMemory(const PreparedPoints& points, bool withMesh, std::uint64_t heldBytes,
                    Interrupter* interrupter = nullptr);
 

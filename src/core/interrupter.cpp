@@ -1,22 +1,15 @@
 #include <mpuvdb/interrupter.h>
 
+#include "cpu_time.h"
 #include <mpuvdb/error.h>
 
 #include <algorithm>
-#include <ctime>
 #include <sys/resource.h>
 
 namespace mpuvdb
 {
 namespace
 {
-
-double processCpuSeconds()
-{
-    timespec t{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
 
 std::uint64_t peakResidentBytes()
 {

@@ -101,9 +101,8 @@ float KnownDistances::distanceToFacets(int voxel, float side) const
 
 void KnownDistances::offerFan(std::uint32_t vertex, Nearest& nearest) const
 {
-    const std::uint32_t n = vertex - mSurface.voxelPatches();
-    for (std::uint32_t k = n == 0 ? 0 : mSurface.fanEnd[n - 1]; k < mSurface.fanEnd[n]; ++k)
-        nearest.offer(mSurface.facets[mSurface.fans[k]], mSurface.fans[k]);
+    for (const std::uint32_t* f = mSurface.fanBegin(vertex); f != mSurface.fanEndOf(vertex); ++f)
+        nearest.offer(mSurface.facets[*f], *f);
 }
 
 } // namespace mpuvdb

@@ -1,5 +1,5 @@
 // Grids with values computed from distances to a surface: re-distancing, widening, offsets, shells.
-#include "redistance.h"
+#include "distance_front.h"
 
 #include "grid/band_limits.h"
 #include "grid/prune.h"
@@ -317,14 +317,6 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Interrupter* 
     if (halfWidth < levelSet.halfWidth())
         completeBand(made->tree(), levelSet.voxelSize(), progress);
     return LevelSet(made);
-}
-
-FloatTree::ConstPtr treeReaching(const LevelSet& levelSet, const Reach& reach,
-                                 Interrupter& progress)
-{
-    const float widest = std::max(reach.outside, reach.inside);
-    const BandMaker maker(widest, levelSet.voxelSize(), changed([](float d) { return d; }));
-    return remade(levelSet.grid(), Own::Kept, reach, maker, progress)->constTreePtr();
 }
 
 LevelSet redistance(const FloatGrid& grid, double halfWidth, Interrupter* interrupter)

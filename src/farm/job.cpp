@@ -1,6 +1,6 @@
-#include "content_hash.h"
 #include "files/array_file.h"
 #include "files/atomic_file.h"
+#include "files/content_hash.h"
 #include "io/vdb/leaf_files.h"
 #include "job_file.h"
 #include "mpu/spread_fit.h"
@@ -13,6 +13,7 @@
 #include <mpuvdb/io.h>
 #include <mpuvdb/sampling.h>
 
+#include <csignal>
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -57,6 +58,46 @@ void makeFolder(const fs::path& folder)
         throw IoError(
             fmt::format("{}: the folder cannot be made: {}", folder.string(), error.message()));
 }
+
+/// Remove all that a job makes in @a folder.
+void clear(const fs::path& folder)
+{
+    std::error_code ignored;
+    for (const char* const made : {"plan.json", "tiles.json", "fit", "tiles", "field.bin"})
+        fs::remove_all(folder / made, ignored);
+    for (const char* const file : SpreadFit::kFiles) fs::remove(folder / file, ignored);
+}
+
+/// A file that says who works on a task, as long as this lives.
+class Mark
+{
+public:
+    explicit Mark(fs::path file) : mFile(std::move(file))
+    {
+        std::ofstream(mFile) << hostName() << ' ' << ::getpid() << '\n';
+    }
+    /// The host of whom the mark in @a file is; empty without one, and if it was of a process of
+    /// this host that is no more.
+    static std::string hostOf(const fs::path& file)
+    {
+        std::string host;
+        pid_t process = 0;
+        std::ifstream mark(file);
+        if (!(mark >> host >> process)) return {};
+        const bool isGone = host == hostName() && ::kill(process, 0) != 0 && errno == ESRCH;
+        return isGone ? std::string() : host;
+    }
+    Mark(const Mark&) = delete;
+    Mark& operator=(const Mark&) = delete;
+    ~Mark()
+    {
+        std::error_code ignored;
+        fs::remove(mFile, ignored);
+    }
+
+private:
+    fs::path mFile;
+};
 
 /// The box of the cubes of @a voxels, world units.
 Box3d boxOf(const openvdb::CoordBBox& voxels, const Lattice& lattice)
@@ -130,21 +171,41 @@ struct Job::Impl {
                 Interrupter& progress) const;
 };
 
+void requireTile(int voxels)
+{
+    if (voxels < 128 || voxels % 128 != 0)
+        throw UsageError(
+            fmt::format("tiles of {} voxels: their edge must be a multiple of 128", voxels));
+}
+
 void Job::plan(const fs::path& folder, PreparedPoints&& points, const JobOptions& options,
                Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    if (options.tileVoxels < 128 || options.tileVoxels % 128 != 0)
-        throw UsageError(fmt::format("tiles of {} voxels: their edge must be a multiple of 128",
-                                     options.tileVoxels));
+    requireTile(options.tileVoxels);
     if (points.options.region)
         throw UsageError("a job makes all of a level set: do without the region");
     if (fs::exists(folder / "plan.json"))
         throw UsageError(fmt::format("{}: there is a job already: choose another folder, or remove "
                                      "that one",
                                      folder.string()));
-    makeFolder(folder / "fit");
-    makeFolder(folder / "tiles");
+    const bool wasThere = fs::exists(folder);
+    try {
+        clear(folder); // of a plan that was killed, or a job whose plan was removed
+        makeFolder(folder / "fit");
+        makeFolder(folder / "tiles");
+        write(folder, std::move(points), options, progress);
+    } catch (...) {
+        clear(folder);
+        std::error_code ignored;
+        if (!wasThere) fs::remove(folder, ignored);
+        throw;
+    }
+}
+
+void Job::write(const fs::path& folder, PreparedPoints&& points, const JobOptions& options,
+                Interrupter& progress)
+{
     const ResolvedSettings& resolved = points.report.settings;
     SpreadFit::plan(folder, std::move(points.cloud), resolved.fit, options.partPoints, progress);
     const SpreadFit fit(folder);
@@ -194,9 +255,9 @@ std::vector<TaskState> Job::states() const
             states[n].seconds = record->seconds;
             states[n].peakBytes = record->peakBytes;
             states[n].host = record->host;
-        } else if (std::ifstream mark(Impl::markOf(result)); mark) {
+        } else if (const std::string host = Mark::hostOf(Impl::markOf(result)); !host.empty()) {
             states[n].state = TaskState::State::Running;
-            std::getline(mark, states[n].host);
+            states[n].host = host;
         }
     }
     return states;
@@ -219,7 +280,8 @@ void Job::Impl::sample(std::size_t n, const fs::path& file, TaskRecord& record,
     SampleSettings settings = plan.grid;
     openvdb::CoordBBox around = tile.box;
     // Whole leaves, in which the surface is that the band's last voxels are measured from.
-    around.expand(kBlockDim * (1 + int(std::ceil(settings.halfWidth / kBlockDim))));
+    constexpr double kStencil = 4; ///< voxels beside a place on it [derived: cubic interpolation]
+    around.expand(kBlockDim * int(std::ceil((settings.halfWidth + kStencil) / kBlockDim)));
     settings.region = boxOf(around, settings.lattice);
     const LevelSet part = sampleField(*field, settings, &progress);
     for (const CheckFinding& fault :
@@ -250,7 +312,7 @@ void Job::run(std::size_t n, Interrupter* interrupter) const
     const fs::path result = mImpl->resultOf(phase(), n);
     if (mImpl->doneBy(result)) return;
     const auto start = std::chrono::steady_clock::now();
-    std::ofstream(Impl::markOf(result)) << hostName() << '\n';
+    const Mark mark(Impl::markOf(result));
     TaskRecord record;
     if (phase() == JobPhase::Fit)
         SpreadFit(mImpl->folder).fit(n, result, progress);
@@ -271,8 +333,6 @@ void Job::run(std::size_t n, Interrupter* interrupter) const
                         "or its program is another. Remove {} once it is known which",
                         result.string(), other->host, Impl::recordOf(result).string()));
     record.write(Impl::recordOf(result));
-    std::error_code ignored;
-    fs::remove(Impl::markOf(result), ignored);
 }
 
 /// @throws InputError unless all results of @a phase are there and sound.

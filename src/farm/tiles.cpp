@@ -19,8 +19,9 @@ constexpr double kFillReach = 0.25;
 /// Voxels beside a tile whose points count: their band may enter it. [derived: a block, beside the
 /// band]
 constexpr double kBeside = 8;
-/// Edge of the cubes, voxels, that are not divided further: the tile is sampled. [free: time]
-constexpr double kSmallCube = 32;
+/// Edge of the cubes, voxels, that are not divided further: the tile is sampled. [derived: a block,
+/// by whose middle a region's band is searched where there are no data]
+constexpr double kSmallCube = kBlockDim;
 /// Largest ratio of a field's value to the distance from its zero set. [derived: as where a
 /// region's band is searched]
 constexpr double kSteepest = 1.5;
@@ -61,7 +62,8 @@ std::vector<Tile> tilesOf(const MpuField& field, const SampleSettings& settings,
             const Vec3i at = first + Vec3i(int(row) / count[1], int(row) % count[1], k);
             const openvdb::Coord low(at[0] * edge, at[1] * edge, at[2] * edge);
             Tile tile{openvdb::CoordBBox::createCube(low, edge)};
-            const Vec3d corner = lattice.origin + h * (edge * at).cast<double>();
+            const Vec3d corner =
+                lattice.origin + h * ((edge * at).cast<double>() - Vec3d::Constant(0.5));
             const Box3d box(corner, corner + Vec3d::Constant(h * edge));
             const Vec3d wider = Vec3d::Constant(band + kBeside * h);
             const auto all = std::numeric_limits<std::size_t>::max();

@@ -1,5 +1,7 @@
 #include "array_file.h"
 
+#include "mapped_pages.h"
+
 #include <mpuvdb/error.h>
 
 #include <algorithm>
@@ -114,12 +116,15 @@ struct ArrayFile::Mapping {
     Mapping(int descriptor, std::size_t size)
         : data(::mmap(nullptr, size, PROT_READ, MAP_SHARED, descriptor, 0)), bytes(size)
     {
+        if (data != MAP_FAILED) keepTrackOfPages(data, bytes);
     }
     Mapping(const Mapping&) = delete;
     Mapping& operator=(const Mapping&) = delete;
     ~Mapping()
     {
-        if (data != MAP_FAILED) ::munmap(data, bytes);
+        if (data == MAP_FAILED) return;
+        loseTrackOfPages(data);
+        ::munmap(data, bytes);
     }
 };
 
@@ -168,11 +173,6 @@ void ArrayFile::damaged(const std::string& what) const
     throw InputError(fmt::format("{}: '{}' is damaged, or of another version of mpuvdb: make the "
                                  "file again",
                                  mFile.string(), what));
-}
-
-void ArrayFile::forgetPages() const
-{
-    ::madvise(mMapping->data, mMapping->bytes, MADV_DONTNEED);
 }
 
 } // namespace mpuvdb

@@ -95,8 +95,6 @@ public:
         if (array.size() != 1) damaged(name);
         return array[0];
     }
-    /// Let the system forget the pages that were read; they are read again where they are used.
-    void forgetPages() const;
 
 private:
     struct Part {

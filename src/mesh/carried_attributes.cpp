@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -193,6 +194,39 @@ private:
     std::vector<std::string> mNames;
 };
 
+class CutCoverage final : public Coverage
+{
+public:
+    CutCoverage(const LevelSet& solid, const LevelSet& tool, FloatGrid::ConstPtr coverage)
+        : mSolid{solid, {}, {std::move(coverage)}}, mTool{tool, {}, {}}
+    {
+    }
+
+    void evaluate(const std::vector<SurfacePlace>& places,
+                  std::vector<float>& values) const override
+    {
+        const SourceReader solid(mSolid), tool(mTool);
+        const double h = mSolid.levelSet.voxelSize();
+        std::vector<float> own;
+        values.clear();
+        for (const SurfacePlace& place : places) {
+            const openvdb::Vec3d at(place.position[0], place.position[1], place.position[2]);
+            // Of the two surfaces the nearer one is that of the place.
+            const double nearer = (tool.distance(at) - solid.distance(at)) / (2 * h);
+            own.assign(1, 1);
+            if (mSolid.scalars.front()) {
+                own.clear();
+                solid.append(at, false, own);
+            }
+            values.push_back(own.front() * float(std::clamp(0.5 + nearer, 0.0, 1.0)));
+        }
+    }
+    double spacing() const override { return mSolid.levelSet.voxelSize(); }
+
+private:
+    Source mSolid, mTool;
+};
+
 } // namespace
 
 std::unique_ptr<SurfaceAttributes> attributesOfMesh(const Mesh& mesh, Interrupter* interrupter)
@@ -203,6 +237,12 @@ std::unique_ptr<SurfaceAttributes> attributesOfMesh(const Mesh& mesh, Interrupte
 std::unique_ptr<SurfaceAttributes> attributesOfOperands(const std::vector<Operand>& operands)
 {
     return std::make_unique<OperandAttributes>(operands);
+}
+
+std::unique_ptr<Coverage> coverageOfCut(const LevelSet& solid, const LevelSet& tool,
+                                        FloatGrid::ConstPtr coverage)
+{
+    return std::make_unique<CutCoverage>(solid, tool, std::move(coverage));
 }
 
 } // namespace mpuvdb

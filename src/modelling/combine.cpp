@@ -2,11 +2,12 @@
 
 #include "csg_tree.h"
 #include "distance/measure_voxels.h"
-#include "distance/redistance.h"
 #include "distance/restore_distance.h"
+#include "fillet.h"
 #include "grid/band_limits.h"
 #include "grid/prune.h"
 #include "half_widths.h"
+#include <mpuvdb/distances.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
@@ -30,9 +31,6 @@ using Leaf = FloatTree::LeafNodeType;
 /// The band, in voxels, that interpolation at the ball's path reads beyond it.
 /// [tuned: combine_test]
 constexpr double kAroundPath = 2.5;
-/// The most passes that restore distances: new values move crossings that others were measured to.
-/// [tuned: combine_test]
-constexpr int kMaxRestorePasses = 4;
 
 /// @a tree with @a background; a copy only if it has another.
 FloatTree::ConstPtr withBackground(const FloatTree::ConstPtr& tree, float background)
@@ -72,16 +70,15 @@ Box3d boxOf(const std::vector<LevelSet>& solids)
 
 /// Reads level sets in bands of at least some widths, with one background.
 struct Bands {
-    double inside = 0, outside = 0; ///< voxels
-    float background = 0;           ///< world units
+    double halfWidth = 0; ///< voxels
+    float background = 0; ///< world units
 
     FloatTree::ConstPtr treeOf(const LevelSet& solid, Interrupter& progress) const
     {
-        const double least = std::max(inside, outside);
-        if (solid.halfWidth() >= least * (1 - kSameHalfWidth))
+        if (solid.halfWidth() >= halfWidth * (1 - kSameHalfWidth))
             return withBackground(solid.grid().constTreePtr(), background);
-        return withBackground(treeReaching(solid, {float(outside), float(inside)}, progress),
-                              background);
+        const LevelSet wider = withHalfWidth(solid, halfWidth, &progress);
+        return withBackground(wider.grid().constTreePtr(), background);
     }
 };
 
@@ -99,9 +96,9 @@ public:
     {
         const float background = std::max(
             {float(mHalfWidth * mVoxelSize), mA.grid().background(), mB.grid().background()});
-        const Bands bands{mHalfWidth, mHalfWidth, background};
+        const Bands bands{mHalfWidth, background};
         CsgTree csg = csgTree(mKind, *bands.treeOf(mA, progress), *bands.treeOf(mB, progress),
-                              mVoxelSize, mHalfWidth, 0, progress);
+                              mVoxelSize, mHalfWidth, progress);
         measureUnplaced(*csg.tree, mVoxelSize, csg.known, progress);
         restoreDistance(*csg.tree, mVoxelSize, csg.known, progress);
         pruneBand(*csg.tree);
@@ -111,69 +108,34 @@ public:
     /// Changes @a sharp where the ball of @a radius (world units) fillets it.
     void fillet(FloatTree& sharp, double radius, Interrupter& progress) const
     {
-        const double reach = std::max(mHalfWidth, kAroundPath) + radius / mVoxelSize;
-        const auto bands = [&](bool rollsOutside) {
-            return Bands{rollsOutside ? mHalfWidth : reach, rollsOutside ? reach : mHalfWidth,
-                         widest(reach, mA, mB)};
-        };
-        CsgTree csg;
-        {
-            const auto a = bands(mKind == Boolean::Union).treeOf(mA, progress),
-                       b = bands(mKind != Boolean::Intersection).treeOf(mB, progress);
-            csg = csgTree(mKind, *a, *b, mVoxelSize, mHalfWidth, radius, progress);
-        }
-        noteLimits(csg, radius, progress);
-        if (csg.filleted.empty()) return;
-        copyFillet(csg, sharp, progress);
-        for (int turn = 0; turn < kMaxRestorePasses; ++turn)
-            if (restoreDistance(sharp, mVoxelSize, csg.known, progress) == 0) break;
+        const FilletReport report = mpuvdb::fillet(sharp, mKind, mA.grid().tree(), mB.grid().tree(),
+                                                   mVoxelSize, mHalfWidth, radius, progress);
+        noteLimits(report, radius, progress);
+        if (!report.hasChanged) return;
+        if (!report.suspects.empty()) restoreDistance(sharp, mVoxelSize, report.suspects, progress);
         pruneBand(sharp);
     }
 
 private:
-    /// The largest background of both and of a band of @a halfWidth voxels, world units.
-    float widest(double halfWidth, const LevelSet& a, const LevelSet& b) const
-    {
-        return std::max(
-            {float(halfWidth * mVoxelSize), a.grid().background(), b.grid().background()});
-    }
-
     /// Notes effects of the blend that the user may not expect.
-    void noteLimits(const CsgTree& csg, double radius, Interrupter& progress) const
+    void noteLimits(const FilletReport& report, double radius, Interrupter& progress) const
     {
         // The least depth, in voxels, of a removed part that is noted. [derived: less is thinner
         // than a voxel, which no grid shows]
         constexpr float kMinNotedDepth = 0.5f;
-        if (csg.filleted.empty() && csg.isUncertain)
+        if (!report.hasChanged && report.isTooNarrow)
             progress.note(fmt::format("the blend changed nothing: beside the creases a ball of "
                                       "its radius {:.4g} has no room. Take a smaller one",
                                       radius));
-        if (csg.removed.depth < kMinNotedDepth) return;
-        const Vec3d at = mA.lattice().origin + mVoxelSize * Vec3d(csg.removed.deepest.x(),
-                                                                  csg.removed.deepest.y(),
-                                                                  csg.removed.deepest.z());
-        const double depth = csg.removed.depth * mVoxelSize;
+        if (report.removedRadius < kMinNotedDepth) return;
+        const Coord& middle = report.removed;
+        const Vec3d at =
+            mA.lattice().origin + mVoxelSize * Vec3d(middle.x(), middle.y(), middle.z());
+        const double depth = report.removedRadius * mVoxelSize;
         progress.note(fmt::format("the blend took away what is thinner than its ball, up to {:.4g} "
                                   "thick at ({:.4g}, {:.4g}, {:.4g}): radius {:.4g} has no room "
                                   "there, {:.4g} has",
                                   2 * depth, at.x(), at.y(), at.z(), radius, depth));
-    }
-
-    static void copyFillet(const CsgTree& from, FloatTree& to, Interrupter& progress)
-    {
-        openvdb::tree::ValueAccessor<FloatTree> access(to);
-        for (const LeafVoxels& leaf : from.filleted) {
-            progress.check();
-            const Leaf* const values = from.tree->probeConstLeaf(leaf.origin);
-            for (auto it = leaf.voxels.beginOn(); it; ++it) {
-                const Coord at = leaf.origin + Leaf::offsetToLocalCoord(it.pos());
-                const float v = values->getValue(it.pos());
-                if (values->isValueOn(it.pos()) && std::abs(v) < to.background())
-                    access.setValueOn(at, v);
-                else
-                    access.setValueOff(at, std::copysign(to.background(), v));
-            }
-        }
     }
 
     Boolean mKind;

@@ -35,8 +35,7 @@ constexpr float kMaxOffset = 0.4f;
 /// Steps along the crease; later ones are halved, as they would oscillate about corners.
 /// [tuned: csg_bench]
 constexpr int kFullSteps = 4, kMaxSteps = 24;
-/// The farthest guess, in reaches, of a ball's path, on the way to which surfaces may curve.
-/// [tuned: combine_test]
+/// The farthest guess, in reaches. [tuned: combine_test]
 constexpr float kMaxGuessReaches = 2;
 /// The factor by which a step that leaves a band is shortened. [tuned: csg_bench]
 constexpr float kBacktrack = 0.75f;
@@ -50,9 +49,6 @@ constexpr float kMaxCurvatureError = 0.1f, kMaxSlopeError = 0.05f;
 constexpr float kTouchingCosine = -0.96f;
 /// The depth below a surface, in voxels, from which on a place is buried. [tuned: csg_bench]
 constexpr float kBuriedDepth = 0.05f;
-/// The lateral error of a place found along a voxel's gradient, in parts of its distance; a ball
-/// with so little room too few changes the value by its square. [tuned: combine_test]
-constexpr float kLateralError = 0.01f;
 /// The least determinant of two gradients that are independent. [tuned: combine_test]
 constexpr float kMinDeterminant = 1e-3f;
 
@@ -154,32 +150,20 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
         std::swap(readerA, readerB);
     }
     const Answer unknown{Place::Unknown, 0, false};
-    const float u = mRadius - a.value, v = mRadius - b.value;
+    const float u = -a.value, v = -b.value;
     if ((a.gradient + b.gradient).squaredNorm() < kOpposed * kOpposed)
         return {u + v > -kTouchingGap ? Place::Buried : Place::Surface, 0, false};
     const float lengthA = a.gradient.norm(), lengthB = b.gradient.norm();
-    if (!readerB->isInBand(at)) { // b may yet block a ball that touches a
-        if (lengthA < kMinGradient) return unknown;
-        const Vec3f toCenter = u / lengthA * a.gradient;
-        if (hasRoom(at, *readerA, *readerB, toCenter)) return {Place::Surface, 0, true};
-        const Answer answer = follow(at, *readerA, *readerB, toCenter);
-        return answer.place == Place::Crease ? answer : unknown;
-    }
-    if (mRadius == 0 && a.value == b.value && a.gradient == b.gradient)
-        return {Place::Surface, 0, false};
+    if (a.value == b.value && a.gradient == b.gradient) return {Place::Surface, 0, false};
     if (lengthA < kMinGradient || lengthB < kMinGradient) return unknown;
     const Vec3f ga = a.gradient / lengthA, gb = b.gradient / lengthB;
     const auto surface = [&](bool isSure) {
-        if (mRadius == 0) {
-            bool holds = a.value > 0;
-            if (!holds && lengthA <= kMinDistanceSlope) // the gradient does not lead to the surface
-                holds = b.value > u;
-            else if (!holds)
-                holds = isExposed(at, *readerA, *readerB, u * ga, arePlain(a.gradient, b.gradient));
-            return holds ? Answer{Place::Surface, 0, isSure} : unknown;
-        }
-        return hasRoom(at, *readerA, *readerB, u * ga) ? Answer{Place::Surface, 0, isSure}
-                                                       : unknown;
+        bool holds = a.value > 0;
+        if (!holds && lengthA <= kMinDistanceSlope) // the gradient does not lead to the surface
+            holds = b.value > u;
+        else if (!holds)
+            holds = isExposed(at, *readerA, *readerB, u * ga, arePlain(a.gradient, b.gradient));
+        return holds ? Answer{Place::Surface, 0, isSure} : unknown;
     };
     if ((ga - gb).squaredNorm() < kParallel * kParallel) return surface(false);
     const Multipliers guess(ga, gb, u, v);
@@ -188,7 +172,7 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
     if (guess.a < -margin || guess.b < -margin)
         return surface(std::min(lengthA, lengthB) > kMinDistanceSlope);
     const Vec3f toCrease = guess.a * ga + guess.b * gb;
-    const bool isFar = toCrease.norm() >= (mRadius > 0 ? kMaxGuessReaches : 1) * (mReach + 2);
+    const bool isFar = toCrease.norm() >= mReach + 2;
     Answer answer = unknown;
     if (!isFar) answer = follow(at, *readerA, *readerB, toCrease);
     if (answer.place == Place::Surface) return surface(answer.isSure);
@@ -198,8 +182,7 @@ CreaseFinder::Answer CreaseFinder::find(const Coord& at) const
         return answer;
     if (!bothBuried(at, *readerA, *readerB, u * ga, v * gb)) return surface(false);
     if (answer.place == Place::Crease) return answer;
-    // A place that a fillet covers may yet be outside.
-    return {mRadius == 0 || isFar ? Place::Buried : Place::Unknown, 0, false};
+    return {Place::Buried, 0, false};
 }
 
 /// Whether the level set is linear along its gradient about a place: the surface has no edge there.
@@ -226,7 +209,7 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
             toCrease *= kBacktrack;
             continue;
         }
-        const float u = mRadius - a.value, v = mRadius - b.value;
+        const float u = -a.value, v = -b.value;
         const Multipliers along(a.gradient, b.gradient, u + a.gradient.dot(toCrease),
                                 v + b.gradient.dot(toCrease));
         if (along.determinant < kMinDeterminant) break;
@@ -242,7 +225,7 @@ CreaseFinder::Answer CreaseFinder::follow(const Coord& at, const SolidReader& re
             nearest.distance = next.norm();
             // Where interpolation has rounded off an input's own edge, the crease is elsewhere.
             nearest.isSure =
-                mRadius > 0 || nearest.place != Place::Crease ||
+                nearest.place != Place::Crease ||
                 (arePlain(a.gradient, b.gradient) && isSmooth(at, readerA, toCrease, a) &&
                  isSmooth(at, readerB, toCrease, b));
             break;
@@ -274,23 +257,11 @@ bool CreaseFinder::isExposed(const Coord& at, const SolidReader& a, const SolidR
             isSmooth(at, a, foot, touched) && isSmooth(at, b, foot, other));
 }
 
-/// Whether a ball that touches the nearer surface @a a has room; a point always has.
-bool CreaseFinder::hasRoom(const Coord& at, const SolidReader& a, const SolidReader& b,
-                           const Vec3f& toCenter) const
-{
-    if (a.valueAt(at) >= mRadius) return true;
-    SolidReader::Sample touched;
-    return a.interpolate(at, toCenter, touched) && std::abs(touched.value - mRadius) < kMaxOffset &&
-           b.valueNear(at, toCenter) >= mRadius - kBuriedDepth - kLateralError * toCenter.norm();
-}
-
-/// Whether the nearest places of both surfaces (offset by a ball's radius) lie inside the other
-/// solid.
+/// Whether the nearest places of both surfaces lie inside the other solid.
 bool CreaseFinder::bothBuried(const Coord& at, const SolidReader& a, const SolidReader& b,
                               const Vec3f& toA, const Vec3f& toB) const
 {
-    const float buried = mRadius - kBuriedDepth;
-    return b.valueNear(at, toA) < buried && a.valueNear(at, toB) < buried;
+    return b.valueNear(at, toA) < -kBuriedDepth && a.valueNear(at, toB) < -kBuriedDepth;
 }
 
 } // namespace mpuvdb

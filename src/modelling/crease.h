@@ -1,10 +1,8 @@
-// The distance to where two surfaces meet: to their crease, or to the path of a ball that rolls
-// along both.
+// The distance to where two surfaces meet: to their crease.
 //
 // A union is looked at from one side only: with values a and b, negative inside, its creases are
-// where a = b = 0, and a ball of radius r rolls outside along the curve a = b = r. A point from
-// which the nearest places of both surfaces are buried under the other has its nearest place there.
-// Intersections and differences are unions of complements.
+// where a = b = 0. A point from which the nearest places of both surfaces are buried under the
+// other has its nearest place there. Intersections and differences are unions of complements.
 #pragma once
 #include <mpuvdb/vec.h>
 
@@ -44,14 +42,13 @@ private:
     float mScale;
 };
 
-/// Finds the nearest place of the crease of a union, or of a rolling ball's path. Lengths in
-/// voxels. For one thread.
+/// Finds the nearest place of the crease of a union. Lengths in voxels. For one thread.
 class CreaseFinder
 {
 public:
     enum class Place {
         Surface, ///< the nearest place lies on one of the surfaces: the sharp value holds
-        Crease,  ///< the nearest place lies on the crease, or on the ball's path
+        Crease,  ///< the nearest place lies on the crease
         Buried,  ///< the nearest places of both surfaces are buried, and no crease is near
         Unknown  ///< only the sharp value is known
     };
@@ -61,13 +58,13 @@ public:
         bool isSure = false; ///< both solids' values are distances, and the crease is located
     };
 
-    /// @param radius  of the ball, 0 for the crease itself; @param reach  farthest distance asked.
-    CreaseFinder(const SolidReader& a, const SolidReader& b, float radius, float reach)
-        : mA(a), mB(b), mRadius(radius), mReach(reach)
+    /// @param reach  farthest distance asked.
+    CreaseFinder(const SolidReader& a, const SolidReader& b, float reach)
+        : mA(a), mB(b), mReach(reach)
     {
     }
 
-    /// The nearest place for the voxel @a at, in one band or both; the same to the bit if the
+    /// The nearest place for the voxel @a at, in both bands; the same to the bit if the
     /// solids change places.
     Answer find(const openvdb::Coord& at) const;
 
@@ -79,13 +76,11 @@ private:
                    const Vec3f& foot, bool plain) const;
     static bool isSmooth(const openvdb::Coord& at, const SolidReader& solid, const Vec3f& offset,
                          const SolidReader::Sample& there);
-    bool hasRoom(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
-                 const Vec3f& toCenter) const;
     bool bothBuried(const openvdb::Coord& at, const SolidReader& a, const SolidReader& b,
                     const Vec3f& toA, const Vec3f& toB) const;
 
     SolidReader mA, mB;
-    float mRadius, mReach;
+    float mReach;
 };
 
 } // namespace mpuvdb

@@ -226,8 +226,7 @@ struct Balls {
         home = levelSet.grid().tree().cbeginLeaf()->origin();
         Eigen::AlignedBox3f bounds;
         for (const Vec3f& p : places.positions) bounds.extend(p);
-        tree.emplace(places);
-        progress.check();
+        tree.emplace(places, progress);
         balls.resize(places.size());
         tbb::parallel_for(std::size_t(0), (balls.size() + kRun - 1) / kRun, [&](std::size_t run) {
             progress.check();
@@ -240,16 +239,9 @@ struct Balls {
     /// The place nearest to @a p, voxels from home. @param first  where to look first.
     std::uint32_t nearest(const Vec3f& p, std::uint32_t first) const
     {
-        std::uint32_t found = first;
         float distance = (places.positions[first] - p).norm();
-        tree->search([&](const PlaceTree::Node& node) { return node.squaredDistance(p, distance); },
-                     [&](std::uint32_t other) {
-                         const float d = (places.positions[other] - p).norm();
-                         if (!(d < distance)) return;
-                         distance = d;
-                         found = other;
-                     });
-        return found;
+        const std::uint32_t found = tree->nearest(places, p, distance);
+        return found == PlaceTree::kNone ? first : found;
     }
 };
 

@@ -1,4 +1,5 @@
 // Estimates of a fit, from fits of the points of a few cells.
+#include "core/cpu_time.h"
 #include "mpu/fill/coarse_sign.h"
 #include "mpu/fit/noisy_cell_fitter.h"
 #include "mpu/octree/octree.h"
@@ -42,6 +43,7 @@ public:
         std::size_t seen = 0;
         // In Morton order, which spreads them over the surface.
         choose({}, [&] { return seen++ % step == step / 2; });
+        markAround();
     }
 
     /// Ratio of all occupied cells to those fitted.
@@ -53,7 +55,9 @@ public:
         PointCloud some;
         some.frame = cloud.frame;
         for (std::size_t n = 0; n < cloud.size(); ++n) {
-            if (!isNear(cloud.positions[n])) continue;
+            if (!mIsAround[indexAt(cloud.positions[n].cast<double>())] ||
+                !isNear(cloud.positions[n]))
+                continue;
             some.positions.push_back(cloud.positions[n]);
             some.normals.push_back(cloud.normals[n]);
             if (!cloud.confidence.empty()) some.confidence.push_back(cloud.confidence[n]);
@@ -99,6 +103,27 @@ private:
         ++mChosen;
     }
 
+    /// Mark the cells that are fitted, and those beside them.
+    void markAround()
+    {
+        mIsAround.assign(mState.size(), 0);
+        const int last = (1 << mLevel) - 1;
+        const auto forBox = [&](const Vec3i& from, const Vec3i& to, const auto& f) {
+            const Vec3i low = from.cwiseMax(0), high = to.cwiseMin(last);
+            for (int i = low[0]; i <= high[0]; ++i)
+                for (int j = low[1]; j <= high[1]; ++j)
+                    for (int k = low[2]; k <= high[2]; ++k) f(Vec3i(i, j, k));
+        };
+        const auto at = [&](const Vec3i& cell) {
+            return index(std::uint32_t(cell[0]), std::uint32_t(cell[1]), std::uint32_t(cell[2]));
+        };
+        const Vec3i one = Vec3i::Ones();
+        forBox(Vec3i::Zero(), Vec3i::Constant(last), [&](const Vec3i& cell) {
+            if (mState[at(cell)] == State::Fitted)
+                forBox(cell - one, cell + one, [&](const Vec3i& near) { mIsAround[at(near)] = 1; });
+        });
+    }
+
     bool isNear(const Vec3f& point) const
     {
         const Vec3d p = point.cast<double>();
@@ -113,6 +138,7 @@ private:
     RootCube mRoot;
     int mLevel = 0;
     std::vector<State> mState;
+    std::vector<std::uint8_t> mIsAround; ///< whether a cell or one beside it is fitted
     std::size_t mOccupied = 0, mChosen = 0;
 };
 
@@ -127,9 +153,12 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     const Box3d bounds = cloud.localBounds();
     const RootCube root = rootCube(bounds, settings.voxelSize);
     progress.beginStage("estimate");
+    const double start = processCpuSeconds();
     const Parts parts(cloud, root);
     const SortedPoints points(parts.pointsOf(cloud), root, progress);
+    const double built = processCpuSeconds();
     OctreeDraft tree = buildOctree(points, root, settings, progress);
+    const double ended = processCpuSeconds();
     std::uint64_t leaves = 0;
     Unseen unseen;
     unseen.voxelSize = settings.voxelSize;
@@ -143,6 +172,7 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     MpuEstimate estimate;
     const double share = parts.share() * double(leaves) / double(tree.statistics.leaves);
     estimate.leaves = std::uint64_t(parts.share() * double(leaves));
+    estimate.cpuSeconds = built - start + share * (ended - built);
     const auto treeBytes = std::uint64_t(share * double(tree.usedBytes()));
     const std::uint64_t cloudBytes =
         cloud.size() * (2 * sizeof(Vec3f) + (cloud.confidence.empty() ? 0 : sizeof(float)));

@@ -20,9 +20,8 @@ namespace
 
 namespace fs = std::filesystem;
 
-/// Names of the files of a plan.
-constexpr const char *kPointsFile = "points.bin", *kScanFile = "scan.bin",
-                     *kUpperFile = "upper.bin";
+constexpr const char *kPointsFile = SpreadFit::kFiles[0], *kScanFile = SpreadFit::kFiles[1],
+                     *kUpperFile = SpreadFit::kFiles[2];
 
 /// Points that take as long as a subtree takes without any. [free: balance]
 constexpr std::size_t kSubtreePoints = 64;
@@ -35,6 +34,29 @@ void writeArrays(const fs::path& file, const Write& write)
         write(arrays);
         arrays.finish();
     });
+}
+
+/// Numbers by themselves: the gaps between the members of an object hold anything.
+void save(ArrayFileWriter& file, const MpuSettings& s)
+{
+    const PointStatistics& p = s.points;
+    file.addValue("settings",
+                  std::array<double, 13>{s.tolerance, s.noise, s.normalNoise, s.voxelSize, s.alpha,
+                                         double(s.minPoints), double(s.sharp),
+                                         double(s.interpolate), p.spacing, p.evenSpacing, p.noise,
+                                         p.normalNoise, double(p.fillSolid)});
+}
+
+MpuSettings loadSettings(const ArrayFile& file)
+{
+    const auto n = file.value<std::array<double, 13>>("settings");
+    MpuSettings s;
+    s.tolerance = n[0], s.noise = n[1], s.normalNoise = n[2], s.voxelSize = n[3], s.alpha = n[4];
+    s.minPoints = int(n[5]), s.sharp = n[6] != 0, s.interpolate = n[7] != 0;
+    PointStatistics& p = s.points;
+    p.spacing = n[8], p.evenSpacing = n[9], p.noise = n[10], p.normalNoise = n[11];
+    p.fillSolid = n[12] != 0;
+    return s;
 }
 
 void saveStatistics(ArrayFileWriter& file, const MpuStatistics& s)
@@ -127,7 +149,7 @@ void SpreadFit::plan(const fs::path& folder, PointCloud&& cloud, const MpuSettin
     const SortedPoints points(std::move(cloud), root, progress, copiesFor(settings));
     writeArrays(folder / kPointsFile, [&](ArrayFileWriter& file) {
         points.save(file, "");
-        file.addValue("settings", settings);
+        save(file, settings);
         file.addValue("frame", frame);
         file.addValue("bounds", std::array<Vec3d, 2>{bounds.min(), bounds.max()});
     });
@@ -147,7 +169,7 @@ void SpreadFit::plan(const fs::path& folder, PointCloud&& cloud, const MpuSettin
 SpreadFit::SpreadFit(const fs::path& folder)
 {
     const ArrayFile points(folder / kPointsFile);
-    mSettings = points.value<MpuSettings>("settings");
+    mSettings = loadSettings(points);
     mFrame = points.value<Vec3d>("frame");
     const auto bounds = points.value<std::array<Vec3d, 2>>("bounds");
     mBounds = Box3d(bounds[0], bounds[1]);

@@ -4,6 +4,7 @@
 #include "mpu/fit/noisy_cell_fitter.h"
 #include "mpu/octree/octree.h"
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <memory>
@@ -15,6 +16,9 @@ namespace mpuvdb
 class SpreadFit
 {
 public:
+    /// Names of the files of a plan.
+    static constexpr std::array<const char*, 3> kFiles = {"points.bin", "scan.bin", "upper.bin"};
+
     /// Sort @a cloud, measure the scan, decide the upper octree, and keep all that in @a folder.
     /// @param pointsPerPart  about how many points a part of the fit has.
     /// @throws as MpuField, and IoError.
@@ -26,7 +30,6 @@ public:
 
     std::size_t parts() const { return mPartEnds.size(); }
     const SortedPoints& points() const { return *mPoints; }
-    const MpuSettings& settings() const { return mSettings; }
 
     /// Fit part @a n, below parts(), and write it to @a file. The same bytes whenever it is done.
     /// @throws IoError, Interrupted.

@@ -23,12 +23,16 @@ void permute(std::vector<T>& values, const std::vector<std::uint32_t>& order)
 
 std::shared_ptr<const PointIndex> indexOf(const PointCloud& cloud, Interrupter& progress)
 {
+    if (cloud.index && cloud.index->isOf(cloud.positions, progress)) return cloud.index;
     return std::make_shared<const PointIndex>(cloud.positions, progress);
 }
 
 std::shared_ptr<const PointIndex> sortPoints(PointCloud& cloud, Interrupter& progress)
 {
-    const auto index = std::make_shared<PointIndex>(cloud.positions, progress);
+    std::shared_ptr<const PointIndex> known = indexOf(cloud, progress);
+    cloud.index.reset();
+    const auto index = known.use_count() == 1 ? std::const_pointer_cast<PointIndex>(known)
+                                              : std::make_shared<PointIndex>(*known);
     const std::vector<std::uint32_t>& order = index->order();
     forEachParallel(cloud.size(), kGrain, Interrupter::silent(),
                     [&](std::size_t n) { cloud.positions[n] = (*index)[n]; });

@@ -28,6 +28,7 @@ void PointCloud::compact(const std::vector<std::uint8_t>& keep)
     compactVector(colors, keep);
     for (NamedScalars& s : scalars) compactVector(s.values, keep);
     compactVector(seenFrom, keep);
+    index.reset();
 }
 
 Box3d PointCloud::localBounds() const

@@ -4,6 +4,7 @@
 #include "bindings.h"
 #include "run.h"
 
+#include <mpuvdb/block_under.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/reconstruct.h>
@@ -275,13 +276,15 @@ void bindMeshes(py::module_& module)
     module.def(
         "mesh",
         [](const py::object& source, const py::object& faces, const py::object& progress,
-           bool repair, std::optional<double> holes, double thicken) {
+           bool repair, std::optional<double> holes, double thicken, std::optional<double> base,
+           const Vec3d& up) {
             std::optional<RepairSettings> settings;
-            if (repair || holes || thicken != 0) settings.emplace();
+            if (repair || holes || thicken != 0 || base) settings.emplace();
             if (holes) settings->holes = notNegative("repair_holes", *holes);
             if (settings) settings->thickness = notNegative("thicken", thicken);
             const BadVertices bad = settings ? BadVertices::Keep : BadVertices::Refuse;
             const auto shapeOf = [&](std::shared_ptr<const Mesh> mesh) {
+                if (base) mesh = std::make_shared<const Mesh>(blockUnder(*mesh, up, *base));
                 return settings ? Shape(std::move(mesh), *settings) : Shape(std::move(mesh));
             };
             if (!faces.is_none())
@@ -299,7 +302,8 @@ void bindMeshes(py::module_& module)
             });
         },
         "source"_a, "faces"_a = py::none(), "progress"_a = py::none(), py::kw_only(),
-        "repair"_a = false, "repair_holes"_a = py::none(), "thicken"_a = 0.0,
+        "repair"_a = false, "repair_holes"_a = py::none(), "thicken"_a = 0.0, "base"_a = py::none(),
+        "up"_a = Vec3d(Vec3d::UnitZ()),
         "The solid inside a triangle mesh: a file, a Mesh, or vertices (n, 3) in world units with "
         "faces (m, 3), counter-clockwise seen from outside.\n\n"
         "The mesh has to be closed, but for what repair=True makes good: inside is then where the "
@@ -310,7 +314,10 @@ void bindMeshes(py::module_& module)
         "ones raise InputError when the shape is evaluated. thicken: thickness of the walls made "
         "of "
         "open surfaces that enclose nothing, world units, at least two voxels; 0: none are made. "
-        "Either repairs, too." MPUVDB_PROGRESS_DOC);
+        "Either repairs, too.\n"
+        "base: a block is made of an open surface that is seen from above, such as a terrain, by "
+        "walls down to a flat base this far below its lowest vertex, world units, > 0; its holes "
+        "are closed. up: the direction that points up, (3,)." MPUVDB_PROGRESS_DOC);
 }
 
 void bindGrids(py::module_& module)

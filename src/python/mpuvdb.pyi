@@ -508,5 +508,7 @@ def mesh(
     repair: bool = False,
     repair_holes: Optional[float] = None,
     thicken: float = 0.0,
+    base: Optional[float] = None,
+    up: Vector = ...,
 ) -> Shape: ...
 def load(file: Path, grid: Optional[str] = None) -> Shape: ...

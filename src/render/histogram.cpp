@@ -1,10 +1,12 @@
 #include "histogram.h"
 
+#include "digits.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fmt/format.h>
 
 namespace mpuvdb
 {
@@ -14,6 +16,9 @@ namespace
 constexpr int kWidth = 800, kHeight = 400; ///< pixels [free: a picture's size]
 /// Bars, and pixels about them. [free: a picture's look]
 constexpr int kBars = 76, kMargin = 20, kTick = 6;
+/// Size of a font's pixel, and space above and below numbers, pixels. [free: a picture's look]
+constexpr int kPixel = 2, kGap = 4;
+constexpr int kBase = kHeight - 2 * kTick - 2 * kGap - kPixel * kDigitHeight; ///< of bars, pixels
 constexpr int kBar = (kWidth - 2 * kMargin) / kBars; ///< pixels [derived: quotient]
 
 std::uint8_t encode(float linear)
@@ -29,6 +34,18 @@ void fill(Image& image, int left, int top, int right, int bottom, const Vec3f& c
         for (int x = std::max(left, 0); x < std::min(right, kWidth); ++x)
             for (int c = 0; c < 3; ++c)
                 image.rgb[std::size_t(3 * (y * kWidth + x) + c)] = encode(color[c]);
+}
+
+/// A number below the tick at @a x, as far as the picture goes.
+void number(Image& image, int x, double value)
+{
+    const std::string text = fmt::format("{:.3g}", value);
+    const int width = kPixel * textWidth(text);
+    const int left = std::clamp(x - width / 2, kGap, kWidth - kGap - width);
+    drawDigits(text, [&](int column, int row) {
+        const int px = left + kPixel * column, py = kBase + 2 * kTick + kGap + kPixel * row;
+        fill(image, px, py, px + kPixel, py + kPixel, Vec3f::Zero());
+    });
 }
 
 } // namespace
@@ -52,22 +69,23 @@ void writeHistogram(const std::filesystem::path& file, const std::vector<float>&
     const std::size_t most =
         std::max<std::size_t>(*std::max_element(counts.begin(), counts.end()), 1);
     Image image{kWidth, kHeight, std::vector<std::uint8_t>(std::size_t(3 * kWidth * kHeight), 255)};
-    const int base = kHeight - kMargin;
     for (int bar = 0; bar < kBars; ++bar) {
         const double share = double(counts[std::size_t(bar)]) / double(most);
-        const int height = int(std::ceil(share * (base - kMargin)));
+        const int height = int(std::ceil(share * (kBase - kMargin)));
         const int left = kMargin + bar * kBar;
         const double middle = ((bar + 0.5) / kBars * 2 - 1) * range;
         // White bars stand on white paper: all have an outline of a darker color.
         const Vec3f color = deviationColor(middle, range);
-        fill(image, left, base - height, left + kBar, base, 0.6f * color);
-        fill(image, left + 1, base - height + 1, left + kBar - 1, base, color);
+        fill(image, left, kBase - height, left + kBar, kBase, 0.6f * color);
+        fill(image, left + 1, kBase - height + 1, left + kBar - 1, kBase, color);
     }
     const Vec3f black = Vec3f::Zero();
-    fill(image, kMargin, base, kWidth - kMargin, base + 1, black);
+    fill(image, kMargin, kBase, kWidth - kMargin, kBase + 1, black);
     for (int tick = -10; tick <= 10; ++tick) {
         const int x = kWidth / 2 + tick * (kBars * kBar / 2) / 10;
-        fill(image, x, base, x + 1, base + (tick == 0 ? 2 : 1) * kTick, black);
+        const bool isNumbered = tick % 5 == 0;
+        fill(image, x, kBase, x + 1, kBase + (isNumbered ? 2 : 1) * kTick, black);
+        if (isNumbered) number(image, x, tick / 10.0 * range);
     }
     writePng(file, image, orSilent(interrupter));
 }

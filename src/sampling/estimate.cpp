@@ -1,5 +1,6 @@
 // Estimate of a reconstruction's memory and size, from a coarse trial.
 #include "band.h"
+#include "core/cpu_time.h"
 #include "grid/band_bytes.h"
 #include "resolve.h"
 #include "surface/surface_integrals.h"
@@ -46,9 +47,10 @@ double treeBytes(double area, double thickness)
 
 /// Result of a reconstruction with larger voxels.
 struct Trial {
-    double voxelSize = 0;  ///< world units
-    double area = 0;       ///< world units squared
-    double voxelShare = 1; ///< active voxels, relative to those of a flat band of the same area
+    double voxelSize = 0;    ///< world units
+    double area = 0;         ///< world units squared
+    double voxelShare = 1;   ///< active voxels, relative to those of a flat band of the same area
+    double voxelSeconds = 0; ///< of processor time, for an active voxel
 };
 
 /// About kTrialPoints of the points, independent of patterns in their order.
@@ -89,7 +91,10 @@ Trial coarseTrial(const PointCloud& cloud, const ResolvedSettings& resolved, Int
     grid.mayBeEmpty = true;
     grid.region.reset();
     const MpuField field(std::move(some), fit, &progress);
+    const double start = processCpuSeconds();
     const LevelSet levelSet = sampleField(field, grid, &progress);
+    trial.voxelSeconds = (processCpuSeconds() - start) /
+                         double(std::max<std::uint64_t>(levelSet.grid().activeVoxelCount(), 1));
     const double area = integrateSurface(levelSet, progress).area;
     if (!(area > 0)) return trial; // too thin for such voxels: the area is that of the points
     trial.area = area;
@@ -147,7 +152,10 @@ ReconstructionEstimate estimateLevelSet(const PointCloud& cloud, const ResolvedS
     if (width > sampledWidth) // what is sampled, the way to the distances, and the band
         work = std::max(work, sampled + distanceBytes(sampledShare * trial.area, h) +
                                   double(estimate.gridBytes));
-    estimate.peakBytes = std::max(estimate.fit.peakBytes, estimate.fit.bytes + std::uint64_t(work));
+    estimate.bandBytes = std::uint64_t(work);
+    estimate.peakBytes = std::max(estimate.fit.peakBytes, estimate.fit.bytes + estimate.bandBytes);
+    estimate.fitSeconds = estimate.fit.cpuSeconds;
+    estimate.sampleSeconds = trial.voxelSeconds * double(estimate.activeVoxels);
     progress.endStage();
     return estimate;
 }
@@ -230,18 +238,29 @@ ReconstructionEstimate estimate(const PreparedPoints& points, bool withMesh,
     return estimateWith(points, points.report.settings, withMesh, orSilent(interrupter));
 }
 
-void requireMemory(const PreparedPoints& points, bool withMesh, std::uint64_t heldBytes,
-                   Interrupter* interrupter)
+std::optional<ReconstructionEstimate> beyondMemory(const PreparedPoints& points, bool withMesh,
+                                                   std::uint64_t heldBytes,
+                                                   Interrupter* interrupter)
 {
-    if (!points.options.maxBytes) return;
+    if (!points.options.maxBytes) return {};
     /// Factor from a rough guess to what may come. [tuned: estimate_test]
     constexpr double kSafety = 6;
     const std::uint64_t maxBytes = *points.options.maxBytes;
-    if (double(heldBytes + kWorkingBytes) + kSafety * roughBytes(points) < double(maxBytes)) return;
+    if (double(heldBytes + kWorkingBytes) + kSafety * roughBytes(points) < double(maxBytes))
+        return {};
+    ReconstructionEstimate run = estimate(points, withMesh, interrupter);
+    if (heldBytes + run.peakBytes <= maxBytes) return {};
+    return run;
+}
+
+void requireMemory(const PreparedPoints& points, bool withMesh, std::uint64_t heldBytes,
+                   Interrupter* interrupter)
+{
+    const auto beyond = beyondMemory(points, withMesh, heldBytes, interrupter);
+    if (!beyond) return;
+    const ReconstructionEstimate& run = *beyond;
+    const std::uint64_t maxBytes = *points.options.maxBytes, peakBytes = heldBytes + run.peakBytes;
     Interrupter& progress = orSilent(interrupter);
-    const ReconstructionEstimate run = estimate(points, withMesh, &progress);
-    const std::uint64_t peakBytes = heldBytes + run.peakBytes;
-    if (peakBytes <= maxBytes) return;
     const std::optional<double> fitting =
         fittingVoxelSize(points, run, withMesh, double(maxBytes) - double(heldBytes), progress);
     throw LimitError(fmt::format(

@@ -42,7 +42,7 @@ public:
         findPatches();
         if (!mOf.isClosed() && mAreas.size() > 1) linkRims();
         const TriangleTree tree(mOf.mesh, mProgress);
-        const WindingNumber winding(tree, mOf.multiplicity, mOf.isClosed());
+        const WindingNumber winding(tree, mOf);
         measure(winding);
         turnInward();
         return std::move(mPatches);

@@ -156,6 +156,7 @@ PreparedPoints preparePoints(PointInput&& points, const ReconstructOptions& opti
     } else {
         progress.beginStage("measure");
         report.cleaned.statistics = measure(cloud, &progress);
+        cloud.index.reset();
         progress.endStage();
     }
     report.points = cloud.size();

@@ -520,8 +520,7 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const Rep
     if (mTriangles.mesh.triangles.empty()) return;
     mWhole = std::make_shared<const TriangleTree>(mTriangles.mesh, progress);
     mBox = {mWhole->box().min().cast<double>(), mWhole->box().max().cast<double>()};
-    mWinding = std::make_unique<const WindingNumber>(*mWhole, mTriangles.multiplicity,
-                                                     mTriangles.isClosed() && !isOpen);
+    mWinding = std::make_unique<const WindingNumber>(*mWhole, mTriangles);
     progress.check();
     const ContactLengths lengths = lengthsFor(mTriangles.mesh, lattice.voxelSize);
     const std::vector<Contact> contacts = findContacts(mTriangles, *mWhole, lengths, progress);
@@ -589,8 +588,14 @@ void SolidBoundary::repairPatches(const Lattice& lattice, const RepairSettings& 
 void SolidBoundary::makeSheet()
 {
     mSheets = std::make_unique<const TriangleTree>(*mWhole);
+    mTree = nullptr;
+    mClosure = {};
     mReport.sheets = 1;
-    mReport.sheetArea = mReport.areaWithin + mReport.areaOfNothing;
+    mReport.sheetArea = 0;
+    for (std::size_t slot = 0; slot < mSheets->size(); ++slot)
+        mReport.sheetArea += areaOf(mSheets->corners(slot));
+    mReport.volume = mReport.area = mReport.bending = 0;
+    mReport.parts = mReport.cavities = 0;
     mReport.areaWithin = mReport.areaOfNothing = 0;
 }
 

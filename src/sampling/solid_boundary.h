@@ -58,14 +58,14 @@ public:
     const TriangleTree& tree() const { return *mTree; }
     /// The triangles of sheets; null without any.
     const TriangleTree* sheets() const { return mSheets.get(); }
+    /// Make a sheet of all that is left: it encloses nothing, or less than the voxels show.
+    void makeSheet();
     /// The holes that repair closed.
     const MeshClosure& closure() const { return mClosure; }
     bool isInside(const Vec3d& place) const;
 
 private:
     void repairPatches(const Lattice& lattice, const RepairSettings& repair, Interrupter& progress);
-    /// Make a sheet of all that is left, which encloses nothing.
-    void makeSheet();
     void addClosure(const std::vector<std::array<Vec3d, 2>>& starts, const Lattice& lattice,
                     Mesh& boundary, Interrupter& progress);
 

@@ -71,13 +71,7 @@ void requireValidMesh(const Mesh& mesh)
 /// @a mesh without the triangles that have vertices that are not finite or not there.
 Mesh withoutDamage(const Mesh& mesh)
 {
-    Mesh whole;
-    whole.frame = mesh.frame;
-    whole.positions = mesh.positions;
-    for (std::size_t i = 0; i < mesh.positions.size(); ++i)
-        if (!mesh.world(i).allFinite()) whole.positions[i].setZero();
-    for (const Mesh::Triangle& t : mesh.triangles)
-        if (isWhole(mesh, t)) whole.triangles.push_back(t);
+    Mesh whole = wholeTriangles(mesh);
     if (whole.triangles.empty())
         throw InputError("mesh: all of its triangles have vertices that are not finite or not "
                          "there, so that nothing is left to repair. Export it again");
@@ -249,6 +243,22 @@ Made makeSolid(const Mesh& mesh, const SampleSettings& settings, const RepairSet
     return makeSolid(mesh, settings, repair, true, progress); // triangles of a region differ
 }
 
+bool hasInside(const openvdb::FloatGrid& grid)
+{
+    for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
+        for (auto on = leaf->cbeginValueOn(); on; ++on)
+            if (*on < 0) return true;
+    return false;
+}
+
+/// A surface that is open and so flat that no voxel is inside becomes a sheet.
+void makeSheetIfFlat(Made& made)
+{
+    if (!made.grid || made.solid->sheets() || hasInside(*made.grid)) return;
+    made.solid->makeSheet();
+    made.grid = nullptr;
+}
+
 /// Add the walls made of sheets, if there are some.
 void addWalls(Made& made, const Mesh& mesh, const SampleSettings& settings, double thickness,
               Interrupter& progress)
@@ -303,6 +313,7 @@ LevelSet voxelize(const Mesh& given, const SampleSettings& settings, const Repai
     const SolidBoundary& solid = *made.solid;
     std::optional<MeshRepair> repaired;
     if (repair) {
+        if (repair->thickness > 0) makeSheetIfFlat(made);
         repaired = repairOf(solid, given.triangles.size() - mesh.triangles.size(), *repair);
         addWalls(made, mesh, settings, repair->thickness, progress);
     }

@@ -53,17 +53,14 @@ public:
         requireBandForBlend(mBlendRadius, own.lattice.voxelSize, own.halfWidth);
         if (mBlendRadius > 0)
             requireBallForSolids(mBlendRadius, own.lattice.voxelSize, boundsOfInputs());
-        Request request = own;
-        request.halfWidth += mBlendRadius / own.lattice.voxelSize;
-        return request;
+        return own;
     }
 
     double workingBytes(const Request& own) const override
     {
         if (!(mBlendRadius > 0)) return 0;
-        // The surfaces that the ball touches, and those along its center's path.
-        const double h = own.lattice.voxelSize;
-        return (1 + mBlendRadius / h / 15) * distanceBytes(Node::area(own.region), h);
+        // The surfaces that the ball touches, and where its center is then.
+        return distanceBytes(Node::area(own.region), own.lattice.voxelSize);
     }
 
     FieldPtr field() const override

@@ -7,6 +7,7 @@
 #include "core/parallel_each.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -152,12 +153,14 @@ void PointIndex::makeTree()
     mTree = BucketTree(positions(), std::move(buckets));
 }
 
-bool PointIndex::isOf(const std::vector<Vec3f>& positions) const
+bool PointIndex::isOf(const std::vector<Vec3f>& positions, Interrupter& progress) const
 {
     if (positions.size() != size()) return false;
-    for (std::size_t n = 0; n < size(); ++n)
-        if ((*this)[n] != positions[mOrder[n]]) return false;
-    return true;
+    std::atomic<bool> isOf{true};
+    forEachParallel(size(), kGrain, progress, [&](std::size_t n) {
+        if ((*this)[n] != positions[mOrder[n]]) isOf = false;
+    });
+    return isOf;
 }
 
 void PointIndex::followOrder()

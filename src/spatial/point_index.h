@@ -51,7 +51,7 @@ public:
         return size() == 0 ? Eigen::AlignedBox3f() : mTree.nodes()[0].box;
     }
     /// Whether it is the index of @a positions.
-    bool isOf(const std::vector<Vec3f>& positions) const;
+    bool isOf(const std::vector<Vec3f>& positions, Interrupter& progress) const;
 
     /// Be the index of the caller's array in the index's own order().
     void followOrder();

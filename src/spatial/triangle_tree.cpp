@@ -21,8 +21,7 @@ namespace
 constexpr std::size_t kLeafTriangles = 4; ///< of a leaf; [free: the same distances]
 /// Levels above the leaves whose nodes have cylinders. [free: time]
 constexpr int kCylinderLevels = 6;
-constexpr int kCurveBits = 21;          ///< per axis; [derived: what mortonKey() takes]
-constexpr std::size_t kMostLevels = 64; ///< [derived: of a tree of halves of 2^64]
+constexpr int kCurveBits = 21; ///< per axis; [derived: what mortonKey() takes]
 
 double squaredDistanceTo(const TriangleTree::Corners& corners, const Vec3d& p)
 {

@@ -72,6 +72,28 @@ public:
         forEachNear(p, distance, f, 2 * node + 1);
     }
 
+    /// Call f(slot) for all triangles that the segment from @a a to @a b meets, and for some that
+    /// it passes.
+    template <class F>
+    void forEachAlong(const Vec3d& a, const Vec3d& b, const F& f) const
+    {
+        const Vec3d middle = (a + b) / 2, half = (b - a) / 2;
+        std::size_t stack[2 * kMostLevels];
+        std::size_t height = 0;
+        stack[height++] = 1;
+        while (height > 0) {
+            const std::size_t node = stack[--height];
+            if (!meets(mBoxes[node], middle, half)) continue;
+            if (node < mLeaves) {
+                stack[height++] = 2 * node;
+                stack[height++] = 2 * node + 1;
+                continue;
+            }
+            for (std::size_t s = firstSlot(node - mLeaves); s < firstSlot(node - mLeaves + 1); ++s)
+                f(s);
+        }
+    }
+
     /// Call f(a, b) for the pairs of nodes a <= b of one level whose boxes meet, and for each node
     /// with itself. @param levels  below the root, at most levels(). @param apart  world units:
     /// boxes meet that are no farther from each other.
@@ -90,6 +112,8 @@ public:
     }
 
 private:
+    static constexpr std::size_t kMostLevels = 64; ///< [derived: of a tree of halves of 2^64]
+
     /// @param first  node of the level to stop at.
     template <class F>
     void descend(std::size_t a, std::size_t b, std::size_t first, const F& f, float apart) const
@@ -103,6 +127,24 @@ private:
         descend(2 * a, 2 * b + 1, first, f, apart);
         if (a != b) descend(2 * a + 1, 2 * b, first, f, apart);
         descend(2 * a + 1, 2 * b + 1, first, f, apart);
+    }
+
+    /// Whether no axis, nor a product of one with the segment, separates a box from the segment
+    /// middle +- half.
+    static bool meets(const Box& box, const Vec3d& middle, const Vec3d& half)
+    {
+        constexpr double kRoundings = 1e-12; ///< relative [derived: thousands of roundings]
+        const Vec3d low = box.min().cast<double>(), high = box.max().cast<double>();
+        const Vec3d to = (low + high) / 2 - middle, along = half.cwiseAbs();
+        const Vec3d sizes = (high - low) / 2 + kRoundings * (to.cwiseAbs() + along);
+        if ((to.cwiseAbs().array() > (sizes + along).array()).any()) return false;
+        for (int k = 0; k < 3; ++k) {
+            const int u = (k + 1) % 3, v = (k + 2) % 3;
+            if (std::abs(half[u] * to[v] - half[v] * to[u]) >
+                sizes[u] * along[v] + sizes[v] * along[u])
+                return false;
+        }
+        return true;
     }
 
     static bool meet(const Box& a, const Box& b, float apart)

@@ -10,6 +10,8 @@
 namespace mpuvdb
 {
 
+class Interrupter;
+
 /// Places on a surface, voxels.
 struct Places {
     std::vector<Vec3f> positions, normals;
@@ -22,6 +24,8 @@ class PlaceTree
 public:
     /// Order of nodes that are not searched. [derived: infinity]
     static constexpr float kNever = std::numeric_limits<float>::infinity();
+    /// The number of no place. [derived: the type's largest]
+    static constexpr std::uint32_t kNone = ~std::uint32_t(0);
 
     /// Bounds of a run of places: a box, and a slab across the mean normal, which excludes a ball
     /// that touches much of a surface long before a box does.
@@ -52,8 +56,15 @@ public:
         }
     };
 
-    /// Sorts @a places into the tree's order. They have to outlive it.
-    explicit PlaceTree(Places& places);
+    /// Sorts @a places into the tree's order. They have to outlive it. @throws Interrupted.
+    PlaceTree(Places& places, const Interrupter& progress);
+
+    /// Of each place in the tree's order, its number before.
+    const std::vector<std::uint32_t>& order() const { return mOrder; }
+
+    /// The nearest of @a places, the tree's, to @a p; kNone if all are at least as far as @a
+    /// distance, which becomes its distance.
+    std::uint32_t nearest(const Places& places, const Vec3f& p, float& distance) const;
 
     /// Call atPlace(n) for the places of all leaves with order(node) < kNever, lower orders first.
     /// A call may raise the order of nodes to come.
@@ -64,8 +75,8 @@ public:
     }
 
 private:
-    std::uint32_t build(const Places& places, std::uint32_t* begin, std::uint32_t* end,
-                        const std::uint32_t* first);
+    void build(const Places& places, std::uint32_t begin, std::uint32_t end, std::uint32_t at,
+               const Interrupter& progress);
 
     template <typename Order, typename AtPlace>
     void searchBelow(std::uint32_t at, Order& order, AtPlace& atPlace) const
@@ -85,6 +96,7 @@ private:
         if (late < kNever && order(mNodes[later]) < kNever) searchBelow(later, order, atPlace);
     }
 
+    std::vector<std::uint32_t> mOrder;
     std::vector<Node> mNodes;
 };
 

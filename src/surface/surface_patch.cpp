@@ -3,6 +3,7 @@
 #include <mpuvdb/error.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -72,6 +73,24 @@ float SurfacePatch::distance(const Vec3f& from, float side) const
         drop += 0.5f * side * curvature[n] * to * to;
     }
     return std::min(length, std::sqrt((height + drop) * (height + drop) + square));
+}
+
+Vec3f SurfacePatch::nearest(const Vec3f& from, float side) const
+{
+    const std::array<Vec3f, 2> axes = {tangent, normal.cross(tangent)};
+    const float height = side * normal.dot(from);
+    if (height < 0) return Vec3f::Zero(); // as in distance()
+    float shift[2];
+    for (std::size_t n = 0; n < 2; ++n)
+        shift[n] = axes[n].dot(from) / std::max(1 + side * curvature[n] * height, 0.5f);
+    const float reached = std::hypot(shift[0], shift[1]);
+    const float share = reached > extent ? extent / reached : 1;
+    Vec3f place = Vec3f::Zero();
+    for (std::size_t n = 0; n < 2; ++n) {
+        const float to = share * shift[n];
+        place += to * axes[n] - 0.5f * curvature[n] * to * to * normal;
+    }
+    return place;
 }
 
 void requireIndexable(std::uint64_t patches)

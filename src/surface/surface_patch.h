@@ -48,6 +48,9 @@ struct SurfacePatch {
     /// Distance to the patch, at most that to the place. @param from  see to(). @param side  1
     /// outside, -1 inside.
     float distance(const Vec3f& from, float side) const;
+    /// The nearest place of the patch, relative to the foot. @param from  see to(). @param side  1
+    /// outside, -1 inside.
+    Vec3f nearest(const Vec3f& from, float side) const;
 };
 
 /// Meaning of a grid's values.
@@ -92,6 +95,17 @@ struct SurfacePatches {
     {
         return patch >= voxelPatches() && patch - voxelPatches() < fanEnd.size();
     }
+    /// @{ The facets about a vertex, by their numbers.
+    const std::uint32_t* fanBegin(std::uint32_t patch) const
+    {
+        const std::uint32_t n = patch - voxelPatches();
+        return fans.data() + (n == 0 ? 0 : fanEnd[n - 1]);
+    }
+    const std::uint32_t* fanEndOf(std::uint32_t patch) const
+    {
+        return fans.data() + fanEnd[patch - voxelPatches()];
+    }
+    /// @}
     bool isSuperseded(std::uint32_t patch) const
     {
         return patch < superseded.size() && superseded[patch];

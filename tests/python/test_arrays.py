@@ -60,6 +60,27 @@ class Meshes(unittest.TestCase):
         with self.assertRaisesRegex(mv.UsageError, "thicken"):
             mv.mesh(corners, faces, thicken=-1)
 
+    def test_base(self):
+        n = 9
+        x, y = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 2, n), indexing="ij")
+        height = 0.3 * x  # a ramp, so that the volume is exact
+        vertices = np.stack([x, y, height], axis=-1).reshape(-1, 3)
+        a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+        faces = np.concatenate([np.stack([a, a + n, a + n + 1], 1), np.stack([a, a + n + 1, a + 1], 1)])
+        voxel = 0.04
+        block = mv.mesh(vertices, faces, base=0.5).level_set(voxel)
+        self.assertTrue(block.check().sound)
+        volume = 2 * (0.5 + 0.15)
+        # Edges are rounded: a quarter of a squared voxel times a right angle, along all of them.
+        rounding = voxel**2 / 4 * math.pi / 2 * 4 * (1 + 2 + 0.7)
+        self.assertAlmostEqual(block.explained.volume_out, volume, delta=rounding)
+        lying = mv.mesh(vertices[:, [1, 2, 0]], faces, base=0.5, up=(0, 1, 0)).level_set(voxel)
+        self.assertAlmostEqual(lying.explained.volume_out, volume, delta=rounding)
+        with self.assertRaisesRegex(mv.UsageError, "base"):
+            mv.mesh(vertices, faces, base=0)
+        with self.assertRaisesRegex(mv.InputError, "side"):
+            mv.mesh(vertices * (1, 1, 0), faces, base=0.5, up=(1, 0, 0))
+
     def test_views_outlive_the_mesh(self):
         faces = mv.sphere().to_mesh(0.2).faces
         copy = faces.copy()

@@ -3,12 +3,15 @@
 
 #include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/carried_attributes.h>
+#include <mpuvdb/sampling.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <fmt/format.h>
+#include <optional>
+#include <utility>
 
 namespace mpuvdb::command
 {
@@ -134,7 +137,10 @@ public:
                 "  mpuvdb clip scan.vdb -o part.vdb --box 0 0 0 1 1 0.5\n"
                 "  mpuvdb clip scan.vdb -o top.vdb --box open open 0.2 open open open\n"
                 "      All above z = 0.2: a plane cut.\n"
-                "  mpuvdb clip scan.vdb -o rest.vdb --mask tool.vdb --outside\n"};
+                "  mpuvdb clip scan.vdb -o rest.vdb --mask tool.vdb --outside\n"
+                "  mpuvdb clip scan.vdb -o half.vdb --box open open 0 open open open --open\n"
+                "  mpuvdb mesh half.vdb -o half.ply --holes open\n"
+                "      Without a face at the cut.\n"};
     }
 
 protected:
@@ -151,6 +157,10 @@ protected:
             ->type_name("MASK.vdb")
             ->excludes(box);
         app.add_flag("--outside", mOutside, "Keep what lies outside instead");
+        app.add_flag(
+            "--open", mOpen,
+            "Say in a grid 'coverage' what of the surface is the cut, so that meshes leave it\n"
+            "out (mpuvdb mesh --holes open)");
     }
 
     std::vector<std::string> otherInputs() const override
@@ -169,8 +179,29 @@ protected:
                                : Shape(readGridInput(mMask, {}, session).levelSet, "mask");
         session.progress().beginStage("clip");
         settings()["outside"] = mOutside;
+        if (mOpen) mTool = tool.evaluate(settingsLike(solid, session), &session.progress());
         const Shape clipped = mOutside ? Shape(solid) - tool : Shape(solid) & tool;
         return clipped.evaluate(settingsLike(solid, session), &session.progress());
+    }
+
+    openvdb::GridCPtrVec gridsBeside(const LevelSet& made, const std::vector<GridInput>& inputs,
+                                     Session& session) const override
+    {
+        const openvdb::GridCPtrVec& others = inputs.front().others;
+        if (!mTool) return others;
+        openvdb::FloatGrid::ConstPtr own; // the solid's coverage
+        openvdb::GridCPtrVec grids;
+        for (const openvdb::GridBase::ConstPtr& other : others) {
+            const auto floats = openvdb::gridConstPtrCast<openvdb::FloatGrid>(other);
+            if (floats && other->getName() == kCoverageName)
+                own = floats;
+            else
+                grids.push_back(other);
+        }
+        grids.push_back(
+            sampleCoverage(made, *coverageOfCut(inputs.front().levelSet, *mTool, std::move(own)),
+                           &session.progress()));
+        return grids;
     }
 
 private:
@@ -219,7 +250,8 @@ private:
 
     std::vector<std::string> mBox;
     std::string mMask;
-    bool mOutside = false;
+    bool mOutside = false, mOpen = false;
+    std::optional<LevelSet> mTool; ///< the box or the mask, for an open cut
 };
 
 } // namespace

@@ -2,13 +2,11 @@
 
 #include <mpuvdb/error.h>
 
-#include <algorithm>
 #include <fmt/format.h>
 #include <fstream>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <unistd.h>
 #include <vector>
 
 namespace mpuvdb::command

@@ -222,7 +222,7 @@ public:
             ->needs(against);
         app.add_option("--histogram", mDeviations.histogram,
                        "Write a picture of how often which deviation is: from -range to range, a\n"
-                       "tick for each tenth")
+                       "tick for each tenth, numbers at the ends, halfway and at 0")
             ->type_name("OUT.png")
             ->needs(against);
         addLength(app, "--range", mDeviations.range,

@@ -6,17 +6,18 @@
 #include "presets.h"
 #include "verb.h"
 
+#include "files/content_hash.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/farm.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/memory.h>
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fmt/format.h>
-#include <fstream>
 #include <unistd.h>
 
 namespace mpuvdb::command
@@ -62,15 +63,14 @@ public:
             ->type_name("N")
             ->check(CLI::Range(1, 1000))
             ->capture_default_str();
-        app.add_option(
-               "--tile-voxels", mJob.tileVoxels,
-               "Edge of a tile, voxels, a multiple of 128: its memory grows with the square")
+        app.add_option("--tile-voxels", mTileVoxels,
+                       "Edge of a tile, voxels, a multiple of 128: its memory grows with the\n"
+                       "square. Default: 512, or 256 or 128 where --max-memory asks for it")
+            ->type_name("N");
+        app.add_option("--part-points", mPartPoints,
+                       "Points of a part of the fit, about. Default: 4 million, or fewer")
             ->type_name("N")
-            ->capture_default_str();
-        app.add_option("--part-points", mJob.partPoints, "Points of a part of the fit, about")
-            ->type_name("N")
-            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32))
-            ->capture_default_str();
+            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32));
         addPreset(app, mCloud.preset);
         addAttributes(app, mCloud.attributes,
                       "What of the points goes to grids beside the level set, as mpuvdb "
@@ -85,6 +85,7 @@ public:
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, mCloud.inputs);
+        session.openScratch(mFolder);
         Interrupter* const interrupter = &session.progress();
         PreparedPoints prepared = preparePoints(mCloud.read(session), mCloud.options, interrupter);
         mCloud.describeCleaning(session, prepared.report);
@@ -92,16 +93,17 @@ public:
         mJob.build = buildId();
         mJob.inputs = mCloud.inputs;
         mJob.metadata = CloudOptions::metadata(prepared.report);
-        const ReconstructReport report = prepared.report;
+        CloudOptions::summarizeSettings(session, prepared.report);
+        foresee(session, prepared);
         Job::plan(mFolder, std::move(prepared), mJob, interrupter);
         const Job job(mFolder, mJob.build);
         const std::string output =
             mOutput.empty() ? (fs::path(mFolder) / "surface.vdb").string() : mOutput;
-        CloudOptions::summarizeSettings(session, report);
         session.note(fmt::format("job         {}: the fit in {} parts; its tiles are listed when "
                                  "they are gathered",
                                  mFolder, job.tasks()));
-        session.report()["job"] = {{"folder", mFolder}, {"parts", job.tasks()}};
+        session.report()["job"]["folder"] = mFolder;
+        session.report()["job"]["parts"] = job.tasks();
         if (!mEngine.empty())
             session.note("start       " +
                          writeEngine(mEngine, {fs::absolute(mFolder), fs::absolute(output), mSlots,
@@ -110,6 +112,32 @@ public:
     }
 
 private:
+    /// Chooses the tiles, and says what the job comes to.
+    void foresee(Session& session, const PreparedPoints& points)
+    {
+        if (mTileVoxels) requireTile(*mTileVoxels);
+        const ReconstructionEstimate run = estimate(points, false, &session.progress());
+        const JobEstimate job = estimateJob(points, run, mTileVoxels, session.options().maxBytes);
+        mJob.tileVoxels = job.tileVoxels;
+        mJob.partPoints = mPartPoints.value_or(job.partPoints);
+        session.report()["job"] = {{"tile_voxels", job.tileVoxels},
+                                   {"tiles", job.tiles},
+                                   {"task_bytes", job.taskBytes},
+                                   {"disk_bytes", job.diskBytes},
+                                   {"cpu_seconds", job.cpuSeconds}};
+        session.note(fmt::format("tiles       about {} of {} voxels, of {} of memory at most; all "
+                                 "tasks take about {:.0f} s of CPU, and {} on disk",
+                                 job.tiles, job.tileVoxels, sizeText(job.taskBytes), job.cpuSeconds,
+                                 sizeText(job.diskBytes)));
+        const fs::path disk = fs::absolute(mFolder).parent_path();
+        std::error_code error;
+        const std::uintmax_t free = fs::space(disk, error).available;
+        if (!error && free < job.diskBytes)
+            session.warn(fmt::format("{}: {} are free, and the job takes about {}: free some "
+                                     "space, or put it on another disk",
+                                     disk.string(), sizeText(free), sizeText(job.diskBytes)));
+    }
+
     /// Memory of a task, bytes, if it was given; 0: that of the machine that does it.
     static std::uint64_t limitOf(const Session& session)
     {
@@ -120,6 +148,8 @@ private:
     CloudOptions mCloud;
     std::string mFolder, mOutput, mEngine;
     int mSlots = 64;
+    std::optional<int> mTileVoxels;
+    std::optional<std::size_t> mPartPoints;
     JobOptions mJob;
 };
 
@@ -170,19 +200,21 @@ public:
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, {});
+        session.openScratch(mFolder);
         const Job job(mFolder, buildId());
         if (!mTask) mTask = taskOfEngine();
         if (mEvery && !mTask)
             throw UsageError("--every needs the first task, or an engine that numbers it");
-        const std::size_t step = mEvery.value_or(mTask ? job.tasks() + *mTask + 1 : 1);
         std::size_t done = 0;
-        if (mTask && !mEvery) {
-            job.run(*mTask, &session.progress());
+        const auto run = [&](std::size_t task) {
+            job.run(task, &session.progress());
             ++done;
-        } else {
-            for (std::size_t n = mTask.value_or(0); n < job.tasks(); n += step, ++done)
-                job.run(n, &session.progress());
-        }
+        };
+        if (mTask && !mEvery)
+            run(*mTask);
+        else
+            for (std::size_t n = mTask.value_or(0); n < job.tasks(); n += mEvery.value_or(1))
+                run(n);
         session.note(fmt::format("done        {} tasks of {} ({})", done, job.tasks(),
                                  job.phase() == JobPhase::Fit ? "parts of the fit" : "tiles"));
         session.report()["tasks"] = done;
@@ -212,6 +244,7 @@ public:
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, {});
+        session.openScratch(mFolder);
         Job job(mFolder, buildId());
         job.gather(&session.progress());
         session.note(fmt::format("job         {} tiles", job.tasks()));
@@ -305,35 +338,11 @@ private:
 
 std::string buildId()
 {
-    std::ifstream program("/proc/self/exe", std::ios::binary);
-    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
-    std::vector<std::uint64_t> words(1 << 16);
-    while (program) {
-        std::fill(words.begin(), words.end(), 0);
-        program.read(reinterpret_cast<char*>(words.data()),
-                     std::streamsize(words.size() * sizeof words[0]));
-        for (const std::uint64_t word : words) hash = (hash ^ word) * 0x100000001b3u ^ hash >> 29;
-    }
-    return fmt::format("{} {:016x}", MPUVDB_VERSION, hash);
+    return fmt::format("{} {}", MPUVDB_VERSION, contentHash("/proc/self/exe", Interrupter{}));
 }
-
-namespace
-{
-
-/// The edge of tiles that take @a bytes, voxels; at least that of one node of the grid.
-int tileWithin(std::uint64_t bytes)
-{
-    // Bytes per area of a tile with its margin, voxels. [derived: three sheets across it, with six
-    // voxels of a band of 18 bytes each]
-    constexpr double kBytes = 350, kMargin = 70;
-    int edge = 512;
-    while (edge > 128 && kBytes * std::pow(edge + kMargin, 2) > double(bytes)) edge /= 2;
-    return edge;
-}
-
-} // namespace
 
 ExitCode reconstructInTasks(Session& session, PreparedPoints&& points,
+                            const ReconstructionEstimate& estimate,
                             const std::map<std::string, std::string>& metadata,
                             const std::string& file)
 {
@@ -348,19 +357,22 @@ ExitCode reconstructInTasks(Session& session, PreparedPoints&& points,
     };
     const Folder folder{fmt::format("{}.{}.job", file, ::getpid())};
     Interrupter* const interrupter = &session.progress();
+    const JobEstimate tasks =
+        estimateJob(points, estimate, std::nullopt, session.options().maxBytes);
     JobOptions options;
     options.build = buildId();
     options.metadata = metadata;
-    options.tileVoxels = tileWithin(session.bytesLeft() / 2);
+    options.tileVoxels = tasks.tileVoxels;
+    options.partPoints = tasks.partPoints;
     Job::plan(folder.path, std::move(points), options, interrupter);
     Job job(folder.path, options.build);
     for (const JobPhase phase : {JobPhase::Fit, JobPhase::Sample}) {
         for (std::size_t n = 0; n < job.tasks(); ++n) job.run(n, interrupter);
         if (phase == JobPhase::Fit) job.gather(interrupter);
     }
-    session.note(fmt::format("out of core {} tiles, as the memory limit is below what it takes at "
-                             "once",
-                             job.tasks()));
+    session.note(fmt::format("out of core {} tiles of {} voxels, as the memory limit is below what "
+                             "it takes at once",
+                             job.tasks(), options.tileVoxels));
     return describeJob(session, job.merge(file, interrupter), file);
 }
 

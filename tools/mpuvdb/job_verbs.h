@@ -17,6 +17,7 @@ std::string buildId();
 /// Reconstructs @a points by the tasks of a job in a folder beside @a file, one after the other,
 /// and removes it. @param metadata  of the grid.
 ExitCode reconstructInTasks(Session& session, PreparedPoints&& points,
+                            const ReconstructionEstimate& estimate,
                             const std::map<std::string, std::string>& metadata,
                             const std::string& file);
 

@@ -33,12 +33,6 @@ std::uint64_t statusBytes(const std::string& name)
     return 0;
 }
 
-/// The private writable memory of the process, bytes, which RLIMIT_DATA limits.
-std::uint64_t dataBytesNow()
-{
-    return statusBytes("VmData:");
-}
-
 /// The handler of failed allocations: raises the limit by a reserve, as destructors may allocate
 /// (those of OpenVDB's trees do), and throws.
 void throwWithReserve()
@@ -76,9 +70,14 @@ void limitMemory(std::uint64_t bytes)
 {
     rlimit limit{};
     getrlimit(RLIMIT_DATA, &limit);
-    limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, dataBytesNow() + bytes);
+    limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, dataBytes() + bytes);
     setrlimit(RLIMIT_DATA, &limit);
     std::set_new_handler(throwWithReserve);
+}
+
+std::uint64_t dataBytes()
+{
+    return statusBytes("VmData:");
 }
 
 std::uint64_t residentBytes()

@@ -15,6 +15,9 @@ std::uint64_t parseSize(const std::string& text);
 /// Makes allocations of more than @a bytes beside those held now fail with std::bad_alloc.
 void limitMemory(std::uint64_t bytes);
 
+/// The private writable memory of the process, bytes, which limitMemory() limits.
+std::uint64_t dataBytes();
+
 /// The resident memory of the process, bytes.
 std::uint64_t residentBytes();
 

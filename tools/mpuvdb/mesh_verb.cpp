@@ -1,7 +1,6 @@
 // mpuvdb mesh: a level set to triangles.
-#include "describe.h"
+#include "level_set_verb.h"
 #include "standard_output.h"
-#include "verb.h"
 
 #include <mpuvdb/io.h>
 
@@ -33,7 +32,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+        app.add_option("input", mInput,
+                       "A .vdb file with a level set, or FILE.vdb:NAME; - is standard input")
             ->required();
         app.add_option("-o,--output", mMesh.path,
                        "The mesh: .ply .obj .off .stl .glb .usda; - is PLY on standard output")
@@ -51,11 +51,13 @@ public:
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles(filesOf(mMesh, "-o"), {mInput});
+        const GridPlace place = gridPlace(mInput, mGrid);
+        session.checkFiles(filesOf(mMesh, "-o"), {place.file});
         session.progress().beginStage("read");
         ExitCode code = ExitCode::Ok;
-        readFile(mInput, ".vdb",
-                 [&](const std::filesystem::path& file) { code = meshFile(file, session); });
+        readFile(place.file, ".vdb", [&](const std::filesystem::path& file) {
+            code = meshFile(file, place.grid, session);
+        });
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return code;
@@ -63,10 +65,10 @@ public:
 
 private:
     /// @param file  to read; temporary for standard input.
-    ExitCode meshFile(const std::filesystem::path& file, Session& session)
+    ExitCode meshFile(const std::filesystem::path& file, const std::string& name, Session& session)
     {
         const LevelSet levelSet =
-            readLevelSet(file, mGrid, session.bytesLeft(), Validation::SignsOnly);
+            readLevelSet(file, name, session.bytesLeft(), Validation::SignsOnly);
         session.hold(levelSet.grid().memUsage());
         const std::vector<openvdb::GridBase::Ptr> grids = attributeGrids(file, session.bytesLeft());
         for (const auto& grid : grids) session.hold(grid->memUsage());

@@ -83,6 +83,7 @@ public:
         outputs.push_back({"--usd", mUsd, {".usda"}, false, /*joinsFrames=*/true});
         if (!mOutput.empty()) outputs.push_back({"-o", mOutput, {".vdb"}});
         session.checkFiles(outputs, mCloud.inputs);
+        if (!mDryRun) session.openScratch(mOutput);
         Interrupter* const interrupter = &session.progress();
         PreparedPoints prepared = preparePoints(mCloud.read(session), mCloud.options, interrupter);
         mCloud.describeCleaning(session, prepared.report);
@@ -90,13 +91,13 @@ public:
             foresee(session, prepared, bareBytes);
             return ExitCode::Ok;
         }
-        try {
+        if (!mayBeInTasks()) {
             requireMemory(prepared, !mMesh.path.empty(), bareBytes, interrupter);
-        } catch (const LimitError&) {
-            if (!mayBeInTasks(prepared, bareBytes)) throw;
+        } else if (const auto beyond = beyondMemory(prepared, false, bareBytes, interrupter)) {
             mCloud.describeSettings(session, prepared.report);
+            CloudOptions::summarizeSettings(session, prepared.report);
             const auto metadata = CloudOptions::metadata(prepared.report);
-            return reconstructInTasks(session, std::move(prepared), metadata, mOutput);
+            return reconstructInTasks(session, std::move(prepared), *beyond, metadata, mOutput);
         }
         ReconstructResult made =
             sampleFit(fitPoints(std::move(prepared), interrupter), interrupter);
@@ -128,13 +129,10 @@ public:
     }
 
 private:
-    /// Whether tasks make all that is asked for, and @a points can be sorted within the limit.
-    bool mayBeInTasks(const PreparedPoints& points, std::uint64_t bareBytes) const
+    /// Whether tasks make all that is asked for.
+    bool mayBeInTasks() const
     {
-        constexpr std::uint64_t kSortBytes = 56; ///< of a point [derived: as in estimate()]
-        const ReconstructOptions& o = points.options;
-        return mMesh.path.empty() && mUsd.empty() && !o.coverage && o.attributes.empty() &&
-               !o.region && bareBytes + kSortBytes * points.cloud.size() <= o.maxBytes.value_or(0);
+        return mMesh.path.empty() && mUsd.empty() && !mCloud.options.region;
     }
 
     void addRegion(CLI::App& app)

@@ -1,7 +1,6 @@
 // mpuvdb render: a level set to a picture.
-#include "describe.h"
+#include "level_set_verb.h"
 #include "standard_output.h"
-#include "verb.h"
 
 #include "render/picture.h"
 #include <mpuvdb/io.h>
@@ -42,7 +41,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+        app.add_option("input", mInput,
+                       "A .vdb file with a level set, or FILE.vdb:NAME; - is standard input")
             ->required();
         app.add_option("-o,--output", mOutput, "The picture")->required()->type_name("OUT.png");
         addGridName(app, mGrid);
@@ -64,11 +64,13 @@ public:
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mOutput, {".png"}}}, {mInput});
+        const GridPlace place = gridPlace(mInput, mGrid);
+        session.checkFiles({{"-o", mOutput, {".png"}}}, {place.file});
         session.progress().beginStage("read");
         std::optional<LevelSet> read;
-        readFile(mInput, ".vdb", [&](const std::filesystem::path& file) {
-            read = readLevelSet(file, mGrid, session.options().maxBytes, Validation::SignsOnly);
+        readFile(place.file, ".vdb", [&](const std::filesystem::path& file) {
+            read =
+                readLevelSet(file, place.grid, session.options().maxBytes, Validation::SignsOnly);
         });
         const LevelSet& levelSet = *read;
         session.report()["settings"] = {{"width", mPicture.width},

@@ -1,6 +1,7 @@
 #include "run_verb.h"
 
 #include "memory_limit.h"
+#include "scratch_memory.h"
 #include "signals.h"
 
 #include <fmt/format.h>
@@ -38,6 +39,11 @@ int guarded(Session& session, const std::function<ExitCode()>& work)
     } catch (const Error& e) {
         session.fail(e.type(), e.what());
         return int(exitCodeOf(e));
+    } catch (const ScratchFull& e) {
+        session.fail("IoError", fmt::format("{}. Free some space, raise --max-memory, or write to "
+                                            "another disk",
+                                            e.what()));
+        return int(ExitCode::TryAgain);
     } catch (const std::bad_alloc&) {
         return outOfMemory(session);
     } catch (const std::exception& e) {

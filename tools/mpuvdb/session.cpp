@@ -44,6 +44,13 @@ std::uint64_t Session::bytesLeft() const
     return mOptions.maxBytes == 0 ? 0 : mOptions.maxBytes - std::min(mHeld, mOptions.maxBytes - 1);
 }
 
+void Session::openScratch(const std::filesystem::path& path)
+{
+    std::filesystem::path folder = std::filesystem::absolute(path);
+    while (!std::filesystem::is_directory(folder)) folder = folder.parent_path();
+    mScratch = std::make_unique<ScratchMemory>(folder, mOptions.maxBytes);
+}
+
 bool Session::isShared(const std::string& option) const
 {
     if (!mOptions.frame) return false;
@@ -85,14 +92,22 @@ void Session::fail(const char* type, const std::string& message)
 
 std::string Session::timesText() const
 {
-    std::string text;
+    std::vector<StageTime> together; // stages of one name, in the order of their first ones
     double total = 0;
     std::uint64_t peak = 0;
     for (const StageTime& stage : mProgress.stages()) {
-        text += fmt::format("{} {:.2f} s, ", stage.name, stage.seconds);
+        const auto known = std::find_if(together.begin(), together.end(),
+                                        [&](const StageTime& s) { return s.name == stage.name; });
+        if (known == together.end())
+            together.push_back(stage);
+        else
+            known->seconds += stage.seconds;
         total += stage.seconds;
         peak = std::max(peak, stage.peakBytes);
     }
+    std::string text;
+    for (const StageTime& stage : together)
+        text += fmt::format("{} {:.2f} s, ", stage.name, stage.seconds);
     return fmt::format("{}together {:.2f} s; peak memory {}", text, total, sizeText(peak));
 }
 

@@ -3,6 +3,7 @@
 #include "frames.h"
 #include "output_check.h"
 #include "progress_display.h"
+#include "scratch_memory.h"
 
 #include <mpuvdb/interrupter.h>
 
@@ -53,6 +54,9 @@ public:
     const CommonOptions& options() const { return mOptions; }
     /// The memory limit less the inputs that were read; 0: there is no limit.
     std::uint64_t bytesLeft() const;
+    /// From now on large arrays that memory has no room for lie in files beside @a path, which need
+    /// not be there yet.
+    void openScratch(const std::filesystem::path& path);
     /// Counts the bytes of an input that stays in memory.
     void hold(std::uint64_t bytes) { mHeld += bytes; }
     /// The report, where verbs add "settings", "input", "field", "grid", "mesh".
@@ -87,6 +91,7 @@ private:
     Interrupter mProgress;
     nlohmann::ordered_json mReport = nlohmann::ordered_json::object();
     std::unique_ptr<tbb::global_control> mThreads;
+    std::unique_ptr<ScratchMemory> mScratch;
 };
 
 } // namespace mpuvdb::command

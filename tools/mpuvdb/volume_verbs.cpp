@@ -3,6 +3,7 @@
 #include "standard_output.h"
 
 #include <mpuvdb/attribute_grids.h>
+#include <mpuvdb/block_under.h>
 #include <mpuvdb/carried_attributes.h>
 #include <mpuvdb/io.h>
 
@@ -27,7 +28,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+        app.add_option("input", mInput,
+                       "A .vdb file with a level set, or FILE.vdb:NAME; - is standard input")
             ->required();
         app.add_option("-o,--output", mOutput, "The density; - is standard output")
             ->required()
@@ -38,7 +40,7 @@ public:
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {gridPlace(mInput, mGrid).file});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("fog");
         openvdb::GridCPtrVec grids{toFog(input.levelSet, &session.progress())};
@@ -82,7 +84,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a float grid; - is standard input")
+        app.add_option("input", mInput,
+                       "A .vdb file with a float grid, or FILE.vdb:NAME; - is standard input")
             ->required();
         app.add_option("-o,--output", mOutput, "The level set; - is standard output")
             ->required()
@@ -105,11 +108,12 @@ public:
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        const GridPlace place = gridPlace(mInput, mGrid);
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {place.file});
         session.progress().beginStage("read");
         FloatGridFile input;
-        readFile(mInput, ".vdb", [&](const std::filesystem::path& path) {
-            input = readFloatGridFile(path, mGrid, session.bytesLeft());
+        readFile(place.file, ".vdb", [&](const std::filesystem::path& path) {
+            input = readFloatGridFile(path, place.grid, session.bytesLeft());
         });
         const std::string name = input.grid->getName();
         session.note(fmt::format("grid        '{}', {} {:g} is inside", name, mInside, mValue));
@@ -148,7 +152,8 @@ public:
 
     void addOptions(CLI::App& app) override
     {
-        app.add_option("input", mInput, "A .vdb file with a level set; - is standard input")
+        app.add_option("input", mInput,
+                       "A .vdb file with a level set, or FILE.vdb:NAME; - is standard input")
             ->required();
         app.add_option("-o,--output", mOutput, "The parts that are kept; - is standard output")
             ->type_name("OUT.vdb");
@@ -166,7 +171,7 @@ public:
             throw UsageError("--keep and --min-volume need an output. Name it with -o");
         if (mKeep && *mKeep < 1)
             throw UsageError(fmt::format("--keep {}: must be at least 1", *mKeep));
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {gridPlace(mInput, mGrid).file});
         const GridInput input = readGridInput(mInput, mGrid, session);
         session.progress().beginStage("components");
         const SolidComponents found(input.levelSet, &session.progress());
@@ -222,7 +227,9 @@ public:
                 "  mpuvdb voxelize part.obj -o part.vdb --voxels 256\n"
                 "  mpuvdb voxelize part.stl -o part.vdb --voxel-size 0.5 --half-width 4\n"
                 "  mpuvdb voxelize scan.ply -o solid.vdb --repair --repair-holes 20\n"
-                "  mpuvdb voxelize leaf.obj -o leaf.vdb --thicken 4vx\n"};
+                "  mpuvdb voxelize leaf.obj -o leaf.vdb --thicken 4vx\n"
+                "  mpuvdb voxelize terrain.ply -o block.vdb --base 10\n"
+                "  mpuvdb voxelize load.ply -o load.vdb --attributes Cd,stress\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -250,25 +257,43 @@ public:
         addLength(app, "--thicken", mThickness,
                   "Repair, and make walls of this thickness of open surfaces that enclose "
                   "nothing: world units, % or vx");
+        CLI::Option* const base = addLength(
+            app, "--base", mBase,
+            "Repair, and make a block of an open surface seen from above, such as a terrain:\n"
+            "walls down to a flat base this far below its lowest vertex; world units, % or vx,\n"
+            "at least 2vx");
+        addUpAxis(app, mUp, "The axis that points up, for --base; default: z")->needs(base);
+        addAttributes(
+            app, mAttributes,
+            "What of the vertices goes to grids beside the level set: Cd (colors) and up\n"
+            "to four numbers by name (PLY). auto: Cd, where the mesh has colors; the\n"
+            "default");
     }
 
     ExitCode run(Session& session) override
     {
         session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
-        const bool repairs = mRepairs || mHoles || mThickness;
+        const bool repairs = mRepairs || mHoles || mThickness || mBase;
         session.progress().beginStage("read");
-        const Mesh mesh = readMesh(mInput, &session.progress(),
-                                   repairs ? BadVertices::Keep : BadVertices::Refuse);
-        Box3d box;
-        for (std::size_t n = 0; n < mesh.positions.size(); ++n)
-            if (mesh.world(n).allFinite()) box.extend(mesh.world(n));
+        Mesh mesh = readMesh(mInput, &session.progress(),
+                             repairs ? BadVertices::Keep : BadVertices::Refuse, scalarNames());
+        if (!mAttributes.automatic) mAttributes.choose(!mesh.colors.empty());
+        if (!mAttributes.automatic && !mAttributes.has(kColorName)) mesh.colors.clear();
+        Box3d box = boxOf(mesh);
         SampleSettings settings;
         settings.halfWidth = mHalfWidth;
         settings.maxBytes = session.options().maxBytes;
         settings.lattice = latticeFor(box, voxelSize(box));
+        Mesh block;
+        if (mBase) {
+            block = blockUnder(mesh, mUp == UpAxis::Z ? Vec3d::UnitZ() : Vec3d::UnitY(),
+                               baseDepth(box, settings.lattice.voxelSize), &session.progress());
+            box = boxOf(block);
+            settings.lattice = latticeFor(box, settings.lattice.voxelSize);
+        }
         const LevelSet made =
-            repairs ? voxelize(mesh, settings, repairSettings(box, settings.lattice.voxelSize),
-                               &session.progress())
+            repairs ? voxelize(mBase ? block : mesh, settings,
+                               repairSettings(box, settings.lattice.voxelSize), &session.progress())
                     : voxelize(mesh, settings, &session.progress());
         const MeshExplained& explained = std::get<MeshExplained>(made.explained()->by);
         for (const std::string& note : session.progress().notes()) session.warn(note);
@@ -327,8 +352,38 @@ private:
         return settings;
     }
 
+    static Box3d boxOf(const Mesh& mesh)
+    {
+        Box3d box;
+        for (std::size_t n = 0; n < mesh.positions.size(); ++n)
+            if (mesh.world(n).allFinite()) box.extend(mesh.world(n));
+        return box;
+    }
+
+    /// Of the base below the lowest vertex, world units.
+    double baseDepth(const Box3d& box, double voxelSize) const
+    {
+        constexpr double kThinnest = 2; // voxels, as of walls
+        const double depth = mBase->resolve(voxelSize, box.diagonal().norm());
+        if (!(depth >= kThinnest * voxelSize))
+            throw UsageError(fmt::format("--base {:.6g}: must be at least two voxels, {:.6g}. Use "
+                                         "smaller voxels, or a larger base",
+                                         depth, kThinnest * voxelSize));
+        return depth;
+    }
+
+    /// What is to be kept of the vertices beside colors.
+    std::vector<std::string> scalarNames() const
+    {
+        std::vector<std::string> names = mAttributes.names;
+        names.erase(std::remove(names.begin(), names.end(), kColorName), names.end());
+        return names;
+    }
+
     std::string mInput, mOutput;
-    std::optional<Length> mVoxelSize, mHoles, mThickness;
+    Attributes mAttributes;
+    std::optional<Length> mVoxelSize, mHoles, mThickness, mBase;
+    UpAxis mUp = UpAxis::Z;
     double mVoxels = 256, mHalfWidth = 3;
     bool mRepairs = false;
 };

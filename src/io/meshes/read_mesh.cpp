@@ -8,7 +8,10 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+#include <cstdint>
 #include <limits>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -27,21 +30,52 @@ std::uint32_t numberUsed(const Triangles& triangles, std::vector<std::uint32_t>&
     return count;
 }
 
+/// Moves the scalars called @a names out of @a points, whose points are vertices; those that are
+/// not finite become 0, with a note. @throws InputError where one is missing.
+std::vector<NamedScalars> takeScalars(FilePoints& points, const ScalarNames& names,
+                                      Interrupter& progress)
+{
+    PointBlock& vertices = points.joined();
+    for (std::size_t n = 0; n < names.size(); ++n)
+        if (attributeOf(names[n], {}) == Attribute::Confidence) // a mesh's vertices are all sure
+            vertices.scalars[n] = vertices.confidence;
+    requireScalars(points, names);
+    std::vector<NamedScalars> scalars;
+    std::uint64_t zeroed = 0;
+    for (std::size_t n = 0; n < names.size(); ++n) {
+        scalars.push_back({names[n], std::move(vertices.scalars[n])});
+        for (float& value : scalars.back().values) {
+            if (std::isfinite(value)) continue;
+            value = 0;
+            ++zeroed;
+        }
+    }
+    if (zeroed > 0)
+        progress.note(fmt::format("{}: {} of its vertices' scalars are not finite, and became 0",
+                                  points.name, zeroed));
+    return scalars;
+}
+
 } // namespace
 
-Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter, BadVertices bad)
+Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter, BadVertices bad,
+              const std::vector<std::string>& scalars)
 {
     Interrupter& progress = orSilent(interrupter);
+    if (scalars.size() > kMaxScalars)
+        throw UsageError(
+            fmt::format("{} scalars are too many. Name at most {}", scalars.size(), kMaxScalars));
     std::error_code error;
     const auto bytes = std::filesystem::file_size(file, error);
     progress.beginStage("read", error ? 1 : double(bytes));
-    FilePoints points = readFormat(file, {}, progress);
+    FilePoints points = readFormat(file, scalars, progress);
     if (points.triangles.empty())
         throw InputError(
             fmt::format("{}: has no triangles{}. Name a mesh (.ply, .obj, .off, .stl), "
                         "or reconstruct a surface from its points.",
                         points.name, butNotes(points)));
     for (const std::string& note : points.notes) progress.note(points.name + ": " + note);
+    const std::vector<NamedScalars> found = takeScalars(points, scalars, progress);
     PointBlock& vertices = points.joined();
     const std::vector<Vec3d> positions = std::move(vertices.positions);
     const std::vector<Rgb> colors = std::move(vertices.colors);
@@ -68,6 +102,12 @@ Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter, BadVe
     if (!colors.empty()) mesh.colors.resize(mesh.positions.size());
     for (std::size_t i = 0; i < colors.size(); ++i)
         if (numbers[i] < mesh.positions.size()) mesh.colors[numbers[i]] = linearColor(colors[i]);
+    for (const NamedScalars& some : found) {
+        mesh.scalars.push_back({some.name, std::vector<float>(mesh.positions.size())});
+        for (std::size_t i = 0; i < some.values.size(); ++i)
+            if (numbers[i] < mesh.positions.size())
+                mesh.scalars.back().values[numbers[i]] = some.values[i];
+    }
     for (Mesh::Triangle& triangle : mesh.triangles)
         for (std::uint32_t& corner : triangle) corner = numbers[corner];
     progress.endStage();

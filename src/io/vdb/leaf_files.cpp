@@ -11,11 +11,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <map>
-#include <optional>
 #include <sstream>
-#include <tuple>
 
 namespace mpuvdb
 {

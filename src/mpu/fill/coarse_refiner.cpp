@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <functional>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
@@ -22,6 +23,8 @@ constexpr int kNodes = CoarseBlock::kNodes, kHalo = CoarseBlock::kHalo,
               kFade = CoarseBlock::kFade; ///< nodes [derived: as there]
 /// Nodes along an edge of the grid that is solved for a block. [derived: the block and its halo]
 constexpr int kSolved = kNodes + 2 * kHalo + 1;
+/// Distance by which the field above misses data that make a block, its steps. [tuned: unseen_bench]
+const double kMissed = std::getenv("MISSED") ? std::atof(std::getenv("MISSED")) : 0.25;
 /// Nodes along an edge of those that are kept. [derived: the block and the fades around]
 constexpr int kKept = kNodes + 2 * kFade;
 /// Halved nodes along an edge whose curvature is kept. [derived: a block, and one on each side]
@@ -196,7 +199,7 @@ Nodes CoarseRefiner::nodesAbout(const CoarseLevels& levels, const Vec3i& at, int
             levels.step(level)};
 }
 
-void CoarseRefiner::gather(const CoarseLevels& levels, Part& part, int level,
+void CoarseRefiner::gather(const CoarseLevels& levels, Part& part, int level, const Value& coarse,
                            Interrupter& progress) const
 {
     const auto dataAt = [&](const Nodes& where, bool withNormals) {
@@ -205,7 +208,27 @@ void CoarseRefiner::gather(const CoarseLevels& levels, Part& part, int level,
     };
     const Nodes nodes = nodesAbout(levels, part.at, level);
     part.data = dataAt(nodes, false);
-    if (!part.data.nodes.empty()) part.halfData = dataAt(nodes.halved(), true);
+    if (!isMissed(levels, part, level, coarse))
+        part.data = {};
+    else
+        part.halfData = dataAt(nodes.halved(), true);
+}
+
+bool CoarseRefiner::isMissed(const CoarseLevels& levels, const Part& part, int level,
+                             const Value& coarse)
+{
+    const Vec3i low = kNodes * part.at - Vec3i::Constant(kHalo);
+    const double step = levels.step(level);
+    for (std::size_t n = 0; n < part.data.nodes.size(); ++n) {
+        const auto index = int(part.data.nodes[n]);
+        const Vec3i node(index / (kSolved * kSolved), index / kSolved % kSolved, index % kSolved);
+        const Vec3i inside = node - Vec3i::Constant(kHalo - kFade);
+        if ((inside.array() < 0).any() || (inside.array() >= kKept).any()) continue;
+        const double distance = step * double(part.data.values[2 * n + 1]);
+        if (std::abs(coarse(levels.nodeAt(low + node, level)) - distance) > kMissed * 2 * step)
+            return true;
+    }
+    return false;
 }
 
 void CoarseRefiner::solve(const CoarseLevels& levels, Part& part, int level,
@@ -386,7 +409,7 @@ void CoarseRefiner::refine(CoarseLevels& levels, const Unseen& unseen, double le
             parts.emplace_back();
             parts.back().at = at;
         }
-        forEachPart(parts, progress, [&](Part& part) { gather(levels, part, level, progress); });
+        forEachPart(parts, progress, [&](Part& part) { gather(levels, part, level, coarse, progress); });
         const auto isEmpty = [](const Part& part) { return part.data.nodes.empty(); };
         parts.erase(std::remove_if(parts.begin(), parts.end(), isEmpty), parts.end());
         if (parts.empty()) return;

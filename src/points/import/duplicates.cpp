@@ -41,7 +41,8 @@ bool isUnordered(const PointCloud& cloud, std::size_t i)
 std::uint64_t dropDuplicates(PointCloud& cloud, Interrupter& progress)
 {
     constexpr std::size_t kGrain = 1 << 14; // points; [free: the same copies]
-    const PointIndex index(cloud.positions, progress);
+    cloud.index = std::make_shared<const PointIndex>(cloud.positions, progress);
+    const PointIndex& index = *cloud.index;
     std::vector<std::uint8_t> keep(cloud.size(), 1);
     const auto markCopies = [&](std::size_t begin) {
         if (index.isCopy(begin)) return;
@@ -59,7 +60,13 @@ std::uint64_t dropDuplicates(PointCloud& cloud, Interrupter& progress)
     };
     forEachParallel(index.size(), kGrain, progress, markCopies);
     const auto dropped = std::uint64_t(std::count(keep.begin(), keep.end(), 0));
-    if (dropped > 0) cloud.compact(keep);
+    if (dropped == 0) return 0;
+    std::vector<std::uint32_t> copies;
+    for (std::size_t n = 0; n < keep.size(); ++n)
+        if (!keep[n]) copies.push_back(std::uint32_t(n));
+    const std::shared_ptr<const PointIndex> left = index.without(copies, progress);
+    cloud.compact(keep);
+    cloud.index = left;
     return dropped;
 }
 

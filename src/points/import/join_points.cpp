@@ -181,19 +181,6 @@ void unifyAttributes(Inputs& inputs, std::vector<std::string>& notes)
         }
 }
 
-void requireScalars(const Inputs& inputs, const ScalarNames& scalars)
-{
-    for (const FilePoints& input : inputs)
-        for (std::size_t n = 0; n < scalars.size(); ++n)
-            if (input.size() > 0 && !input.hasScalar(n))
-                throw InputError(fmt::format("{}: has no '{}' at its points{}. Name what all "
-                                             "inputs have, or leave it out.",
-                                             input.name, scalars[n],
-                                             input.scalarNames.empty()
-                                                 ? std::string()
-                                                 : ", but " + listInQuotes(input.scalarNames)));
-}
-
 /// The names that all inputs have, in the first one's order.
 std::vector<std::string> namesOfAll(const Inputs& inputs)
 {
@@ -247,6 +234,18 @@ void requirePoints(const Inputs& inputs, std::uint64_t points,
 
 } // namespace
 
+void requireScalars(const FilePoints& input, const ScalarNames& scalars)
+{
+    for (std::size_t n = 0; n < scalars.size(); ++n)
+        if (!input.hasScalar(n))
+            throw InputError(fmt::format("{}: has no '{}' at its points{}. Name what all inputs "
+                                         "have, or leave it out.",
+                                         input.name, scalars[n],
+                                         input.scalarNames.empty()
+                                             ? std::string()
+                                             : ", but " + listInQuotes(input.scalarNames)));
+}
+
 PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
                       const ScalarNames& scalars, Interrupter& progress)
 {
@@ -268,7 +267,8 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
     }
     requirePoints(inputs, points, result.dropped);
     unifyAttributes(inputs, result.notes);
-    requireScalars(inputs, scalars);
+    for (const FilePoints& input : inputs)
+        if (input.size() > 0) requireScalars(input, scalars);
     result.scalarNames = namesOfAll(inputs);
 
     PointCloud& cloud = result.cloud;

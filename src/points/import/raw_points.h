@@ -145,6 +145,10 @@ void cleanPoints(FilePoints& points, BadPoints badPoints, Interrupter& progress)
 PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
                       const ScalarNames& scalars, Interrupter& progress);
 
+/// @throws InputError where @a input, which has points, has not all the @a scalars that it was read
+/// with.
+void requireScalars(const FilePoints& input, const ScalarNames& scalars);
+
 /// The notes of @a points, as part of the error that there are none: they may give the reason.
 std::string butNotes(const FilePoints& points);
 

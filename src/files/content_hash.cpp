@@ -3,6 +3,7 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <fmt/format.h>
