@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <functional>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
@@ -24,7 +23,7 @@ constexpr int kNodes = CoarseBlock::kNodes, kHalo = CoarseBlock::kHalo,
 /// Nodes along an edge of the grid that is solved for a block. [derived: the block and its halo]
 constexpr int kSolved = kNodes + 2 * kHalo + 1;
 /// Distance by which the field above misses data that make a block, its steps. [tuned: unseen_bench]
-const double kMissed = std::getenv("MISSED") ? std::atof(std::getenv("MISSED")) : 0.25;
+constexpr double kMissed = 0.25;
 /// Nodes along an edge of those that are kept. [derived: the block and the fades around]
 constexpr int kKept = kNodes + 2 * kFade;
 /// Halved nodes along an edge whose curvature is kept. [derived: a block, and one on each side]
@@ -199,7 +198,7 @@ Nodes CoarseRefiner::nodesAbout(const CoarseLevels& levels, const Vec3i& at, int
             levels.step(level)};
 }
 
-void CoarseRefiner::gather(const CoarseLevels& levels, Part& part, int level, const Value& coarse,
+void CoarseRefiner::gather(const CoarseLevels& levels, Part& part, int level,
                            Interrupter& progress) const
 {
     const auto dataAt = [&](const Nodes& where, bool withNormals) {
@@ -208,27 +207,18 @@ void CoarseRefiner::gather(const CoarseLevels& levels, Part& part, int level, co
     };
     const Nodes nodes = nodesAbout(levels, part.at, level);
     part.data = dataAt(nodes, false);
-    if (!isMissed(levels, part, level, coarse))
-        part.data = {};
-    else
-        part.halfData = dataAt(nodes.halved(), true);
+    if (!part.data.nodes.empty()) part.halfData = dataAt(nodes.halved(), true);
 }
 
-bool CoarseRefiner::isMissed(const CoarseLevels& levels, const Part& part, int level,
-                             const Value& coarse)
+bool CoarseRefiner::isMissed(const CoarseLevels& levels, const Vec3i& at, int level,
+                             const Value& coarse) const
 {
-    const Vec3i low = kNodes * part.at - Vec3i::Constant(kHalo);
     const double step = levels.step(level);
-    for (std::size_t n = 0; n < part.data.nodes.size(); ++n) {
-        const auto index = int(part.data.nodes[n]);
-        const Vec3i node(index / (kSolved * kSolved), index / kSolved % kSolved, index % kSolved);
-        const Vec3i inside = node - Vec3i::Constant(kHalo - kFade);
-        if ((inside.array() < 0).any() || (inside.array() >= kKept).any()) continue;
-        const double distance = step * double(part.data.values[2 * n + 1]);
-        if (std::abs(coarse(levels.nodeAt(low + node, level)) - distance) > kMissed * 2 * step)
-            return true;
-    }
-    return false;
+    const Vec3i reach = Vec3i::Constant(kFade);
+    const Box3d box(levels.nodeAt(kNodes * at - reach, level),
+                    levels.nodeAt(kNodes * (at + Vec3i::Ones()) + reach, level));
+    return mSource.isAny(box, step,
+                         [&](const Vec3d& p) { return std::abs(coarse(p)) > kMissed * 2 * step; });
 }
 
 void CoarseRefiner::solve(const CoarseLevels& levels, Part& part, int level,
@@ -404,12 +394,18 @@ void CoarseRefiner::refine(CoarseLevels& levels, const Unseen& unseen, double le
                            const Value& coarse, Interrupter& progress)
 {
     for (int level = 1; levels.step(level) >= least; ++level) {
+        const std::vector<Vec3i> wanted = wantedBlocks(levels, mCube, unseen, level, coarse);
+        std::vector<std::uint8_t> isMade(wanted.size());
+        tbb::parallel_for(std::size_t(0), wanted.size(), [&](std::size_t n) {
+            isMade[n] = isMissed(levels, wanted[n], level, coarse);
+        });
         std::vector<Part> parts;
-        for (const Vec3i& at : wantedBlocks(levels, mCube, unseen, level, coarse)) {
+        for (std::size_t n = 0; n < wanted.size(); ++n) {
+            if (!isMade[n]) continue;
             parts.emplace_back();
-            parts.back().at = at;
+            parts.back().at = wanted[n];
         }
-        forEachPart(parts, progress, [&](Part& part) { gather(levels, part, level, coarse, progress); });
+        forEachPart(parts, progress, [&](Part& part) { gather(levels, part, level, progress); });
         const auto isEmpty = [](const Part& part) { return part.data.nodes.empty(); };
         parts.erase(std::remove_if(parts.begin(), parts.end(), isEmpty), parts.end());
         if (parts.empty()) return;

@@ -46,11 +46,10 @@ private:
     static Nodes nodesAbout(const CoarseLevels& levels, const Vec3i& at, int level);
     template <typename F>
     static void forEachPart(std::vector<Part>& parts, Interrupter& progress, const F& f);
-    void gather(const CoarseLevels& levels, Part& part, int level, const Value& coarse,
-                Interrupter& progress) const;
-    /// Whether @a coarse, the field above, is off data of the part.
-    static bool isMissed(const CoarseLevels& levels, const Part& part, int level,
-                         const Value& coarse);
+    void gather(const CoarseLevels& levels, Part& part, int level, Interrupter& progress) const;
+    /// Whether @a coarse, the field above, is off points in the block @a at.
+    bool isMissed(const CoarseLevels& levels, const Vec3i& at, int level,
+                  const Value& coarse) const;
     void solve(const CoarseLevels& levels, Part& part, int level, Interrupter& progress) const;
     float concavityAt(const CoarseLevels& levels, const Vec3d& cell) const;
     float rootValue(const CoarseLevels& levels, const std::vector<float>& values,

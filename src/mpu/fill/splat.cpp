@@ -213,6 +213,27 @@ std::vector<Dipole> DipoleSource::all(double size) const
     return dipoles;
 }
 
+bool DipoleSource::isAny(const Box3d& box, double size,
+                         const std::function<bool(const Vec3d&)>& f) const
+{
+    const PointArrays& points = mPoints.points();
+    const int level = levelOf(mRoot, size),
+              cover = std::min(level, levelOf(mRoot, box.sizes().maxCoeff()));
+    const OctreeCell first = mRoot.cellAt(box.min(), cover), last = mRoot.cellAt(box.max(), cover);
+    bool isAny = false;
+    for (std::uint32_t i = first.i; i <= last.i; ++i)
+        for (std::uint32_t j = first.j; j <= last.j; ++j)
+            for (std::uint32_t k = first.k; k <= last.k; ++k) {
+                const SortedPoints::Range range = mPoints.cellRange({cover, i, j, k});
+                mPoints.forEachCell(level, range, [&](std::size_t begin, std::size_t) {
+                    const Vec3d p(points.x[begin], points.y[begin], points.z[begin]);
+                    isAny = isAny || (box.contains(p) && f(p));
+                });
+                if (isAny) return true;
+            }
+    return false;
+}
+
 std::vector<Dipole> DipoleSource::near(const Nodes& nodes, double size) const
 {
     const double margin = kKernelRadius * nodes.step;

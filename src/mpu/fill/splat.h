@@ -4,6 +4,7 @@
 #include "coarse_fill.h"
 #include "mpu/octree/sorted_points.h"
 
+#include <functional>
 #include <vector>
 
 namespace mpuvdb
@@ -37,6 +38,8 @@ public:
     /// Of those, the dipoles that reach a node. They and their order depend on no point farther
     /// away than a kernel's radius and a cube.
     std::vector<Dipole> near(const Nodes& nodes, double size) const;
+    /// Whether f(point) holds for any in @a box of one point for each cube no larger than @a size.
+    bool isAny(const Box3d& box, double size, const std::function<bool(const Vec3d&)>& f) const;
     /// Mean distance between points, by the area of the occupied cells of a level with a few points
     /// per cell; a plane meets a cube in 2/3 of its face on average.
     double meanSpacing() const;
