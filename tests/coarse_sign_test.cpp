@@ -353,10 +353,11 @@ TEST(CoarseSign, ClosesABoreAsItsWallBends)
 
 // --- Its finer levels
 
-/// A rod whose root step is many spacings, with two holes that are small beside it.
+/// A rod whose root step is many spacings, with two dents that are as large as the step, whose
+/// bottom nobody saw.
 struct Rod {
-    static constexpr double kRadius = 0.2, kLength = 6, kHole = 0.1;
-    std::array<Vec3d, 2> holes{Vec3d(kRadius, 0, -2), Vec3d(kRadius, 0, 1.5)};
+    static constexpr double kRadius = 0.2, kDent = 0.1, kHole = 0.07;
+    std::array<Vec3d, 2> holes{Vec3d(kRadius - kDent, 0, -2), Vec3d(kRadius - kDent, 0, 1.5)};
     Vec3d frame;
     Box3d bounds;
     RootCube root;
@@ -364,8 +365,11 @@ struct Rod {
 
     Rod()
     {
-        PointCloud cloud =
-            without(test::randomScan("capsule(0.2, 6)", 200000), [&](const Vec3d& p) {
+        PointCloud cloud = without(
+            test::randomScan("difference(capsule(0.2, 6), translate(sphere(0.1), 0.2, 0, -2), "
+                             "translate(sphere(0.1), 0.2, 0, 1.5))",
+                             200000),
+            [&](const Vec3d& p) {
                 return (p - holes[0]).norm() < kHole || (p - holes[1]).norm() < kHole;
             });
         frame = cloud.frame;
@@ -435,7 +439,7 @@ TEST(CoarseLevels, AreContinuous)
     for (int n = 0; n < 40000; ++n) {
         // Across a face of the blocks of one of the levels.
         const int level = 1 + n % 2, axis = n / 2 % 3;
-        Vec3d p = rod.holes[0] - rod.frame + random.inCube(2.5);
+        Vec3d p = rod.holes[0] - rod.frame + random.inCube(1.2);
         const Vec3d cell = fine.levels().cellAt(p, level) / CoarseBlock::kNodes;
         p[axis] +=
             (std::round(cell[axis]) - cell[axis]) * CoarseBlock::kNodes * fine.levels().step(level);
