@@ -9,6 +9,7 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
+#include <memory>
 
 namespace mpuvdb
 {
@@ -160,7 +161,7 @@ CoarseSign coarseSignOf(PointCloud cloud)
     const double side = 1.6 * bounds.sizes().maxCoeff();
     const RootCube root{bounds.center() - Vec3d::Constant(side / 2), side};
     const SortedPoints points(std::move(cloud), root, progress);
-    return CoarseSign(points, bounds, root, 0, progress);
+    return CoarseSign(points, bounds, root, 0, {}, progress);
 }
 
 /// @a cloud without its points for which @a drop(world position) holds.
@@ -190,7 +191,7 @@ TEST(CoarseSign, IsRightFartherThanAStepFromAWholeSurface)
         for (int i = 0; i < 20000; ++i) {
             const Vec3d p = random.inCube(2.5);
             const double d = solid->distance(p);
-            if (!(std::abs(d) > sign.step())) continue;
+            if (!(std::abs(d) > sign.rootStep())) continue;
             inside += d < 0;
             wrong += (sign.evaluate(p - frame).value < 0) != (d < 0);
         }
@@ -199,21 +200,28 @@ TEST(CoarseSign, IsRightFartherThanAStepFromAWholeSurface)
     }
 }
 
-TEST(CoarseSign, SaysOfFourPlacesWhatItSaysOfEach)
+void expectFourAsEach(const CoarseSign& sign)
 {
-    const CoarseSign sign = coarseSignOf(test::randomScan("torus(1, 0.4)", 5000));
     Random random(4);
     for (int n = 0; n < 2000; ++n) {
         std::array<std::array<double, 4>, 3> places;
-        std::array<double, 4> values;
+        std::array<double, 4> values, steps;
         std::array<Vec3d, 4> p;
         for (std::size_t i = 0; i < 4; ++i) {
             p[i] = random.inCube(n % 2 ? 1.5 : 6); // half of them beyond the nodes' box
             for (std::size_t k = 0; k < 3; ++k) places[k][i] = p[i][Eigen::Index(k)];
         }
-        sign.evaluateFour(places, values);
-        for (std::size_t i = 0; i < 4; ++i) ASSERT_EQ(values[i], sign.evaluate(p[i]).value);
+        sign.evaluateFour(places, values, steps);
+        for (std::size_t i = 0; i < 4; ++i) {
+            ASSERT_EQ(values[i], sign.evaluate(p[i]).value);
+            ASSERT_EQ(steps[i], sign.evaluate(p[i]).step);
+        }
     }
+}
+
+TEST(CoarseSign, SaysOfFourPlacesWhatItSaysOfEach)
+{
+    expectFourAsEach(coarseSignOf(test::randomScan("torus(1, 0.4)", 5000)));
 }
 
 TEST(CoarseSign, IsNearTheDistanceNearData)
@@ -223,12 +231,13 @@ TEST(CoarseSign, IsNearTheDistanceNearData)
     const CoarseSign sign = coarseSignOf(cloud);
     Random random(2);
     for (int i = 0; i < 2000; ++i) {
-        const double d = random.uniform(-1, 1) * sign.step();
+        const double d = random.uniform(-1, 1) * sign.rootStep();
         const Vec3d n = random.direction();
-        const FieldSample sample = sign.evaluate((1 + d) * n - frame);
+        const CoarseSample sample = sign.evaluate((1 + d) * n - frame);
         // u is capped at 1.5 steps from the data: towards them it flattens, and tells too much.
-        EXPECT_NEAR(sample.value, d, (std::abs(d) < 0.5 * sign.step() ? 0.5 : 1.5) * sign.step());
-        if (std::abs(d) > 0.3 * sign.step()) {
+        EXPECT_NEAR(sample.value, d,
+                    (std::abs(d) < 0.5 * sign.rootStep() ? 0.5 : 1.5) * sign.rootStep());
+        if (std::abs(d) > 0.3 * sign.rootStep()) {
             EXPECT_EQ(sample.value < 0, d < 0);
         }
         EXPECT_GT(sample.gradient.dot(n), 0.8);
@@ -342,6 +351,132 @@ TEST(CoarseSign, ClosesABoreAsItsWallBends)
     EXPECT_LT(worst, 0.12);
 }
 
+// --- Its finer levels
+
+/// A rod whose root step is many spacings, with two dents that are as large as the step, whose
+/// bottom nobody saw.
+struct Rod {
+    static constexpr double kRadius = 0.2, kDent = 0.1, kHole = 0.07;
+    std::array<Vec3d, 2> holes{Vec3d(kRadius - kDent, 0, -2), Vec3d(kRadius - kDent, 0, 1.5)};
+    Vec3d frame;
+    Box3d bounds;
+    RootCube root;
+    std::unique_ptr<const SortedPoints> points;
+
+    Rod()
+    {
+        PointCloud cloud = without(
+            test::randomScan("difference(capsule(0.2, 6), translate(sphere(0.1), 0.2, 0, -2), "
+                             "translate(sphere(0.1), 0.2, 0, 1.5))",
+                             200000),
+            [&](const Vec3d& p) {
+                return (p - holes[0]).norm() < kHole || (p - holes[1]).norm() < kHole;
+            });
+        frame = cloud.frame;
+        bounds = cloud.localBounds();
+        const double side = 1.6 * bounds.sizes().maxCoeff();
+        root = {bounds.center() - Vec3d::Constant(side / 2), side};
+        Interrupter progress;
+        points = std::make_unique<SortedPoints>(std::move(cloud), root, progress);
+    }
+
+    /// With the cells in these holes as unseen ones.
+    CoarseSign coarse(const std::vector<Vec3d>& open) const
+    {
+        constexpr int kLevel = 8;
+        Unseen unseen;
+        for (const Vec3d& hole : open) {
+            const Vec3d center = hole - frame, reach = Vec3d::Constant(kHole);
+            const OctreeCell first = root.cellAt(center - reach, kLevel),
+                             last = root.cellAt(center + reach, kLevel);
+            for (std::uint32_t i = first.i; i <= last.i; ++i)
+                for (std::uint32_t j = first.j; j <= last.j; ++j)
+                    for (std::uint32_t k = first.k; k <= last.k; ++k)
+                        unseen.cells.push_back({kLevel, i, j, k});
+        }
+        Interrupter progress;
+        return CoarseSign(*points, bounds, root, 0, unseen, progress);
+    }
+};
+
+const Rod& theRod()
+{
+    static const Rod rod;
+    return rod;
+}
+
+TEST(CoarseLevels, AreOnlyWhereDataAreMissing)
+{
+    const Rod& rod = theRod();
+    const CoarseSign plain = rod.coarse({}), fine = rod.coarse({rod.holes[0]});
+    EXPECT_EQ(plain.levels().levels(), 0);
+    ASSERT_EQ(fine.levels().levels(), 2);
+    EXPECT_LT(fine.stepAt(rod.holes[0] - rod.frame), 0.3 * fine.rootStep());
+    Random random(11);
+    int same = 0;
+    // A block's own edge, 8 steps of the root, and as much for the cells' reach.
+    const double far = Rod::kHole + 16 * std::sqrt(3.0) * plain.rootStep();
+    for (int n = 0; n < 5000; ++n) {
+        const Vec3d p = random.inCube(4);
+        if ((p - rod.holes[0]).norm() < far) continue;
+        const CoarseSample a = plain.evaluate(p - rod.frame), b = fine.evaluate(p - rod.frame);
+        ASSERT_EQ(a.value, b.value);
+        ASSERT_EQ(a.step, b.step);
+        ++same;
+    }
+    EXPECT_GT(same, 1000);
+}
+
+TEST(CoarseLevels, AreContinuous)
+{
+    const Rod& rod = theRod();
+    const CoarseSign fine = rod.coarse({rod.holes[0]});
+    const double span = 1e-7 * fine.rootStep();
+    // The slope is at most that of a quotient of splines; where levels do not meet it has no bound.
+    const double steepest = 100, rounding = 1e-5 * fine.rootStep();
+    Random random(12);
+    int across = 0;
+    for (int n = 0; n < 40000; ++n) {
+        // Across a face of the blocks of one of the levels.
+        const int level = 1 + n % 2, axis = n / 2 % 3;
+        Vec3d p = rod.holes[0] - rod.frame + random.inCube(1.2);
+        const Vec3d cell = fine.levels().cellAt(p, level) / CoarseBlock::kNodes;
+        p[axis] +=
+            (std::round(cell[axis]) - cell[axis]) * CoarseBlock::kNodes * fine.levels().step(level);
+        const Vec3d offset = span * Vec3d::Unit(axis);
+        const CoarseSample a = fine.evaluate(p - offset), b = fine.evaluate(p + offset);
+        ASSERT_NEAR(a.value, b.value, 2 * steepest * span + rounding);
+        ASSERT_NEAR(a.step, b.step, 2 * steepest * span + rounding);
+        ASSERT_LT((a.gradient - b.gradient).norm(), 1e-2);
+        across += fine.stepAt(p) < fine.rootStep();
+    }
+    EXPECT_GT(across, 500);
+}
+
+TEST(CoarseLevels, SayOfFourPlacesWhatTheySayOfEach)
+{
+    const Rod& rod = theRod();
+    expectFourAsEach(rod.coarse({rod.holes[0], rod.holes[1]}));
+}
+
+TEST(CoarseLevels, DependOnWhatIsNearAlone)
+{
+    const Rod& rod = theRod();
+    const CoarseSign both = rod.coarse({rod.holes[0], rod.holes[1]}),
+                     one = rod.coarse({rod.holes[1]});
+    tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+    const CoarseSign serial = rod.coarse({rod.holes[1], rod.holes[0]});
+    Random random(13);
+    for (int n = 0; n < 5000; ++n) {
+        const Vec3d p = rod.holes[1] - rod.frame + random.inCube(1);
+        const CoarseSample a = one.evaluate(p), b = both.evaluate(p), c = serial.evaluate(p);
+        ASSERT_EQ(a.value, b.value);
+        ASSERT_EQ(a.step, b.step);
+        ASSERT_EQ(b.value, c.value);
+        ASSERT_EQ(b.gradient, c.gradient);
+    }
+}
+
 TEST(CoarseSign, IsFiniteOnDegenerateClouds)
 {
     Random random(3);
@@ -360,10 +495,10 @@ TEST(CoarseSign, IsFiniteOnDegenerateClouds)
         const Box3d bounds = cloud.localBounds();
         const double side = 1.5 * bounds.sizes().maxCoeff() + 1;
         const RootCube root{bounds.center() - Vec3d::Constant(side / 2), side};
-        const CoarseSign sign(SortedPoints(std::move(cloud), root, progress), bounds, root, 0,
+        const CoarseSign sign(SortedPoints(std::move(cloud), root, progress), bounds, root, 0, {},
                               progress);
         for (int i = 0; i < 200; ++i) {
-            const FieldSample sample = sign.evaluate(bounds.center() + random.inCube(side));
+            const CoarseSample sample = sign.evaluate(bounds.center() + random.inCube(side));
             EXPECT_TRUE(std::isfinite(sample.value));
             EXPECT_TRUE(sample.gradient.allFinite());
         }

@@ -1,6 +1,7 @@
 // Solids with dents, bores and gaps: what their data leave open closes without cavities inside, and
 // near to where they are.
 #include "field_fixture.h"
+#include "small_details.h"
 #include "uncleaned.h"
 #include "unseen_part.h"
 
@@ -135,6 +136,32 @@ TEST(UnseenParts, AreNearTheSolid)
         EXPECT_LT(unseen.mean, limit.mean);
         EXPECT_LT(unseen.largest, limit.largest);
     }
+}
+
+TEST(UnseenParts, AreAsInAPieceAloneHoweverLargeTheWhole)
+{
+    // Details of 29 and 44 voxels, and a root grid whose step is 29 voxels. Without finer levels
+    // the volume on the wrong side is 1.35 times that of the pieces.
+    constexpr double kVoxel = test::Bar::kLength / 2000, kMaxRatio = 1.15;
+    const test::Bar bar;
+    const auto solid = parseSolid(bar.solid);
+    Interrupter progress;
+    const PointCloud cloud = test::scanOf(*solid, kVoxel, progress);
+    test::Uncleaned settings;
+    settings.voxelSize = Length{kVoxel};
+    const auto fit = [&](const PointCloud& points) {
+        return fitPoints(preparePoints(PointCloud(points), settings, &progress), &progress).field;
+    };
+    const auto whole = fit(cloud);
+    double inWhole = 0, inPieces = 0;
+    for (const test::Bar::Detail& detail : bar.details) {
+        const double steps = detail.size / test::Bar::kRootStep;
+        if (steps < 0.9 || steps > 1.6) continue;
+        inWhole += test::wrongVolume(*whole, detail, *solid);
+        inPieces += test::wrongVolume(*fit(test::pieceOf(cloud, detail.at, 1.5)), detail, *solid);
+    }
+    EXPECT_GT(inPieces, 0.1);
+    EXPECT_LT(inWhole, kMaxRatio * inPieces);
 }
 
 /// How much a surface over a hole bends: the mean over its area of the angle between neighboring

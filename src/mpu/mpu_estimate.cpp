@@ -160,11 +160,12 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     OctreeDraft tree = buildOctree(points, root, settings, progress);
     const double ended = processCpuSeconds();
     std::uint64_t leaves = 0;
-    bool complete = true;
+    Unseen unseen;
+    unseen.voxelSize = settings.voxelSize;
     tree.forEachLeaf([&](const OctreeNode& node, const OctreeCell& cell) {
         if (!parts.isIn(root.center(cell))) return;
         ++leaves;
-        complete &= node.support >= 1;
+        if (node.support < 1) unseen.cells.push_back(cell);
     });
     progress.endStage();
 
@@ -180,7 +181,9 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     const std::uint64_t meanBytes =
         NoisyScan::isFor(settings) ? NoisyScan::kMeanBytes * cloud.size() : 0;
     const std::uint64_t coarseBytes =
-        complete ? 0 : CoarseSign::makingPeakBytes(points, bounds, root);
+        unseen.cells.empty()
+            ? 0
+            : CoarseSign::makingPeakBytes(points, bounds, root, unseen, parts.share());
     estimate.bytes = pointBytes + treeBytes + coarseBytes / 16;
     estimate.peakBytes = std::max({cloudBytes + kSortBytes * cloud.size(),
                                    pointBytes + 2 * treeBytes + meanBytes + unused,

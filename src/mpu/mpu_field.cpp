@@ -56,8 +56,9 @@ MpuField::MpuField(PointCloud&& cloud, const MpuSettings& given, Interrupter* in
     OctreeDraft tree = buildOctree(*parts.points, root, settings, progress);
     if (!tree.complete) {
         progress.beginStage("sign");
-        parts.coarse = std::make_unique<CoarseSign>(*parts.points, parts.localBounds, root,
-                                                    settings.noise, progress);
+        parts.coarse =
+            std::make_unique<CoarseSign>(*parts.points, parts.localBounds, root, settings.noise,
+                                         Unseen{unsupportedIn(tree), settings.voxelSize}, progress);
         vetoLeaves(tree, *parts.coarse);
     }
     parts.tree = Octree(std::move(tree));
@@ -118,8 +119,8 @@ FieldSample MpuField::Impl::finish(const Blend& sums, const Vec3d& p) const
         return sample;
     }
     if (coarse && support < 1) {
-        const FieldSample other = coarse->evaluate(p);
-        const double far = coarse->maxDistance();
+        const CoarseSample other = coarse->evaluate(p);
+        const double far = other.maxDistance();
         sample.value = support * std::clamp(sample.value, -far, far) + (1 - support) * other.value;
         sample.gradient = support * sample.gradient + (1 - support) * other.gradient;
     }

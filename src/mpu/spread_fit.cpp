@@ -200,6 +200,23 @@ void SpreadFit::fit(std::size_t n, const fs::path& file, Interrupter& progress) 
     progress.endStage();
 }
 
+/// The cells of the leaves of all @a parts that their data do not support.
+std::vector<OctreeCell> SpreadFit::unsupportedIn(const std::vector<fs::path>& parts) const
+{
+    // Roots of subtrees are leaves of the upper tree, until then.
+    std::vector<OctreeCell> cells;
+    OctreeDraft upper = mUpper;
+    for (const SubtreeRoot& root : mSubtrees) upper.nodes[root.node].support = 1;
+    addUnsupported(upper, 0, {}, cells);
+    for (std::size_t n = 0; n < parts.size(); ++n) {
+        OctreeDraft forest = loadDraft(ArrayFile(parts[n]), mUpper);
+        const SubtreeRoot *const begin = beginOf(n), *const end = mSubtrees.begin() + mPartEnds[n];
+        for (const SubtreeRoot* root = begin; root < end; ++root)
+            addUnsupported(forest, std::uint32_t(root - begin), root->cell, cells);
+    }
+    return cells;
+}
+
 void SpreadFit::join(const std::vector<fs::path>& parts, const fs::path& file,
                      Interrupter& progress) const
 {
@@ -223,7 +240,9 @@ void SpreadFit::join(const std::vector<fs::path>& parts, const fs::path& file,
     std::unique_ptr<const CoarseSign> coarse;
     if (!complete) {
         progress.beginStage("sign");
-        coarse = std::make_unique<CoarseSign>(*mPoints, mBounds, mRoot, mSettings.noise, progress);
+        coarse = std::make_unique<CoarseSign>(*mPoints, mBounds, mRoot, mSettings.noise,
+                                              Unseen{unsupportedIn(parts), mSettings.voxelSize},
+                                              progress);
         vetoLeaves(upper, *coarse);
         progress.beginStage("join");
     }

@@ -44,6 +44,7 @@ public:
                                                 const std::filesystem::path& file);
 
 private:
+    std::vector<OctreeCell> unsupportedIn(const std::vector<std::filesystem::path>& parts) const;
     const SubtreeRoot* beginOf(std::size_t part) const
     {
         return mSubtrees.begin() + (part == 0 ? 0 : mPartEnds[part - 1]);

@@ -3,20 +3,28 @@
 //     unseen_bench [POISSON_RECON [DEPTH]]
 // Prints JSON: the share of the area, mean and largest distance, and beside them PoissonRecon's,
 // where a path to it is given.
+//     unseen_bench pieces [VOXELS]
+// Details of a long bar that are small beside it, and seen from one side: the volume on the wrong
+// side of the surface, in parts of the detail's cube, with the whole bar and with a piece of it
+// alone.
 #include "peer.h"
+#include "small_details.h"
 #include "unseen_part.h"
 
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/reconstruct.h>
 #include <mpuvdb/scan_sampler.h>
 
 #include <fmt/format.h>
 #include <openvdb/openvdb.h>
 
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <string>
+#include <vector>
 
 using namespace mpuvdb;
 
@@ -79,12 +87,51 @@ std::string measured(const Case& chosen, const std::string& program, int depth)
     return line + "}";
 }
 
+void pieces(double voxels)
+{
+    Interrupter progress;
+    const test::Bar bar;
+    const auto solid = parseSolid(bar.solid);
+    const double voxel = test::Bar::kLength / voxels;
+    const PointCloud cloud = test::scanOf(*solid, voxel, progress);
+    ReconstructOptions options;
+    options.clean.reset();
+    options.voxelSize = Length{voxel};
+    const auto fit = [&](const PointCloud& points) {
+        return fitPoints(preparePoints(PointCloud(points), options, &progress), &progress);
+    };
+    const FittedPoints whole = fit(cloud);
+    double wholeSum = 0, aloneSum = 0;
+    fmt::print("[");
+    for (const test::Bar::Detail& detail : bar.details) {
+        const FittedPoints alone = fit(test::pieceOf(cloud, detail.at, 1.5));
+        const double inWhole = test::wrongVolume(*whole.field, detail, *solid),
+                     inPiece = test::wrongVolume(*alone.field, detail, *solid);
+        wholeSum += inWhole;
+        aloneSum += inPiece;
+        fmt::print(R"({}
+  {{"detail": "{}", "steps": {:.1f}, "whole": {:.4f}, "alone": {:.4f}}})",
+                   &detail == bar.details.data() ? "" : ",", detail.kind,
+                   detail.size / test::Bar::kRootStep, inWhole, inPiece);
+        std::fflush(stdout);
+    }
+    fmt::print(R"(,
+  {{"detail": "sum", "whole": {:.4f}, "alone": {:.4f}, "ratio": {:.3f}}}
+]
+)",
+               wholeSum, aloneSum, wholeSum / aloneSum);
+}
+
 } // namespace
 
 int main(int argc, char** argv)
 {
     openvdb::initialize();
     try {
+        if (argc > 1 && std::string(argv[1]) == "pieces") {
+            pieces(argc > 2 ? std::atof(argv[2]) : 4000);
+            return 0;
+        }
         const std::string program = argc > 1 ? argv[1] : "";
         const int depth = argc > 2 ? std::atoi(argv[2]) : 8;
         const char* separator = "[\n";

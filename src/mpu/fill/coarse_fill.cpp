@@ -89,30 +89,6 @@ bool isOnOneSheet(const NodeData& data, std::size_t n, std::size_t other)
     return data.weight[other] > 0 && cosine >= kMinSheetCosine;
 }
 
-/// The curvature of concave data, extended beyond them: the sum of principal curvatures, at most 0.
-/// It spreads through the air that the data face; nodes behind data hold it at 0, or dents would
-/// open a cavity in the solid beneath them.
-std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data,
-                                   Interrupter& progress)
-{
-    const auto stride = strides(grid);
-    std::vector<float> weight(grid.size(), 0.0f), rightHand(grid.size(), 0.0f);
-    forEachInterior(grid, [&](std::size_t n) {
-        if (!(data.weight[n] > 0)) return;
-        const bool inAir = data.distance[n] > 0;
-        for (const std::size_t s : stride)
-            if (inAir && !(isOnOneSheet(data, n, n - s) && isOnOneSheet(data, n, n + s))) return;
-        weight[n] = data.weight[n];
-        if (!inAir) return;
-        const float bend = divergence(data.normal, n, stride);
-        rightHand[n] = -weight[n] * std::clamp(bend, -kMaxCurvature, kMaxCurvature);
-    });
-    ScreenedPoisson solver(grid, faded(std::move(weight)), progress);
-    std::vector<float> spread = solver.solve(rightHand, 0, 0);
-    for (float& s : spread) s = std::min(s, 0.0f);
-    return spread;
-}
-
 } // namespace
 
 NodeData::NodeData(const NodeGrid& grid, bool withNormals)
@@ -126,39 +102,66 @@ NodeGrid halved(const NodeGrid& grid)
     return {{grid.n[0] / 2 + 1, grid.n[1] / 2 + 1, grid.n[2] / 2 + 1}};
 }
 
-std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data,
-                                   Interrupter& progress)
+std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data,
+                                   const std::vector<float>& border, Interrupter& progress)
 {
-    const std::array<std::vector<float>, 3> normals = spreadNormals(grid, data, progress);
-    std::vector<float> curvature = spreadConcavity(grid, data, progress);
+    // It spreads through the air that the data face; nodes behind data hold it at 0, or dents would
+    // open a cavity in the solid beneath them.
     const auto stride = strides(grid);
+    std::vector<float> weight(grid.size(), 0.0f), rightHand(grid.size(), 0.0f);
     forEachInterior(grid, [&](std::size_t n) {
-        curvature[n] =
-            kConcaveWeight * curvature[n] + kDistanceShare * divergence(normals, n, stride);
+        if (!(data.weight[n] > 0)) return;
+        const bool inAir = data.distance[n] > 0;
+        for (const std::size_t s : stride)
+            if (inAir && !(isOnOneSheet(data, n, n - s) && isOnOneSheet(data, n, n + s))) return;
+        weight[n] = data.weight[n];
+        if (!inAir) return;
+        const float bend = divergence(data.normal, n, stride);
+        rightHand[n] = -weight[n] * std::clamp(bend, -kMaxCurvature, kMaxCurvature);
     });
-    return curvature;
+    ScreenedPoisson solver(grid, faded(std::move(weight)), progress);
+    std::vector<float> spread = solver.solve(std::move(rightHand), border, 0);
+    for (float& s : spread) s = std::min(s, 0.0f);
+    return spread;
 }
 
-std::vector<float> fillBetween(const NodeGrid& grid, NodeData data,
-                               const std::vector<float>& curvature,
-                               std::vector<float> borderDistance, Interrupter& progress)
+std::vector<float> spreadDivergence(const NodeGrid& grid, const NodeData& data,
+                                    Interrupter& progress)
+{
+    const std::array<std::vector<float>, 3> normals = spreadNormals(grid, data, progress);
+    std::vector<float> spread(grid.size(), 0.0f);
+    const auto stride = strides(grid);
+    forEachInterior(grid, [&](std::size_t n) { spread[n] = divergence(normals, n, stride); });
+    return spread;
+}
+
+std::vector<float> outsideBorder(std::vector<float> distance)
+{
+    for (float& b : distance) b = (1 - kDistanceShare) * kBorderValue + kDistanceShare * b;
+    return distance;
+}
+
+std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const Curvature& curvature,
+                               const std::vector<float>& border, Interrupter& progress)
 {
     const NodeGrid half = halved(grid);
+    std::vector<float> bend(half.size());
+    for (std::size_t n = 0; n < bend.size(); ++n)
+        bend[n] = kConcaveWeight * curvature.concave[n] + kDistanceShare * curvature.divergence[n];
     std::vector<float>& rightHand = data.distance; // not used any more
     tbb::parallel_for(1, grid.n[0] - 1, [&](int i) {
         for (int j = 1; j < grid.n[1] - 1; ++j)
             for (int k = 1; k < grid.n[2] - 1; ++k) {
                 float sum = 0;
                 for (int c = 0; c < 8; ++c)
-                    sum += curvature[half.index((i + (c >> 2)) / 2, (j + (c >> 1 & 1)) / 2,
-                                                (k + (c & 1)) / 2)];
+                    sum += bend[half.index((i + (c >> 2)) / 2, (j + (c >> 1 & 1)) / 2,
+                                           (k + (c & 1)) / 2)];
                 const std::size_t n = grid.index(i, j, k);
                 rightHand[n] = 0.5f * sum / 8 - data.weight[n] * rightHand[n];
             }
     });
-    for (float& b : borderDistance) b = (1 - kDistanceShare) * kBorderValue + kDistanceShare * b;
     ScreenedPoisson solver(grid, std::move(data.weight), progress);
-    return solver.solve(std::move(rightHand), borderDistance, 2);
+    return solver.solve(std::move(rightHand), border, 2);
 }
 
 } // namespace mpuvdb

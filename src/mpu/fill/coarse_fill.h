@@ -21,19 +21,31 @@ struct NodeData {
 /// The grid of every other node.
 NodeGrid halved(const NodeGrid& grid);
 
-/// The curvature of the function at every node, per node step: that of the data at their rims,
-/// extended to where there are none.
+/// What bends the function at the nodes of a halved grid, per step there.
+struct Curvature {
+    std::vector<float> concave;    ///< sum of principal curvatures of concave data, at most 0
+    std::vector<float> divergence; ///< of the data's normals
+};
+
+/// The curvature of concave data, extended beyond them.
+/// @param data  with normals. @param border  values on the grid's box; other nodes are not read.
+std::vector<float> spreadConcavity(const NodeGrid& grid, const NodeData& data,
+                                   const std::vector<float>& border, Interrupter& progress);
+
+/// The divergence of the data's normals, extended beyond them.
 /// @param data  with normals.
-std::vector<float> spreadCurvature(const NodeGrid& grid, const NodeData& data,
-                                   Interrupter& progress);
+std::vector<float> spreadDivergence(const NodeGrid& grid, const NodeData& data,
+                                    Interrupter& progress);
+
+/// Values for the box of a grid that holds all data, node steps.
+/// @param distance  from the nodes to the nearest data, node steps.
+std::vector<float> outsideBorder(std::vector<float> distance);
 
 /// The function at every node, node steps, negative inside. Far from data only its sign and the
 /// direction of its gradient are meaningful.
-/// @param curvature  at the nodes of halved(@a grid), per step there.
-/// @param borderDistance  distance from the nodes of the grid's box to the nearest data, node
-///                        steps; other nodes are not read.
-std::vector<float> fillBetween(const NodeGrid& grid, NodeData data,
-                               const std::vector<float>& curvature,
-                               std::vector<float> borderDistance, Interrupter& progress);
+/// @param curvature  at the nodes of halved(@a grid).
+/// @param border  values on the grid's box; other nodes are not read.
+std::vector<float> fillBetween(const NodeGrid& grid, NodeData data, const Curvature& curvature,
+                               const std::vector<float>& border, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -25,15 +25,15 @@ constexpr double kMinVetoDistance = std::min(kMaxOvershoot, (kMaxSignDisagreemen
 
 /// Inconsistency of @a value, a leaf's distance at its center, with the coarse field's @a other
 /// there, in steps: the leaf fades from 0 to 1.
-double disagreement(double value, double other, const CoarseSign& coarse)
+double disagreement(double value, const CoarseSample& other)
 {
-    const double own = std::abs(value), step = coarse.step();
+    const double own = std::abs(value), step = other.step;
     // A leaf without points continues those beside it, and ignores a surface that closes a hole
     // between.
-    if ((value < 0) == (other < 0))
-        return (std::min(own, coarse.maxDistance()) - std::abs(other)) / step - kMaxOvershoot;
+    if ((value < 0) == (other.value < 0))
+        return (std::min(own, other.maxDistance()) - std::abs(other.value)) / step - kMaxOvershoot;
     // Data are about as far as the leaf says: beyond, the coarse field means nothing.
-    const double believed = std::min(std::abs(other), std::max(own, step));
+    const double believed = std::min(std::abs(other.value), std::max(own, step));
     return (own + believed) / step - kMaxSignDisagreement;
 }
 
@@ -54,12 +54,28 @@ void vetoLeaf(const OctreeDraft& tree, const CoarseSign& coarse, OctreeNode& nod
     const Vec3d y = center - stored.origin.cast<double>();
     const Quadric q = tree.rulingAt(stored, y);
     const double value = q.value(y) / std::max(q.gradient(y).norm(), kGradientFloor);
-    if (std::abs(value) <= kMinVetoDistance * coarse.step()) return;
-    const double other = coarse.evaluate(center).value;
-    node.support *= float(smoothFall(disagreement(value, other, coarse)));
+    if (std::abs(value) <= kMinVetoDistance * coarse.stepAt(center)) return;
+    node.support *= float(smoothFall(disagreement(value, coarse.evaluate(center))));
 }
 
 } // namespace
+
+std::vector<OctreeCell> unsupportedIn(OctreeDraft& tree)
+{
+    std::vector<OctreeCell> cells;
+    addUnsupported(tree, 0, {}, cells);
+    return cells;
+}
+
+void addUnsupported(OctreeDraft& tree, std::uint32_t root, const OctreeCell& cell,
+                    std::vector<OctreeCell>& cells)
+{
+    tree.forEachLeaf(
+        [&](const OctreeNode& node, const OctreeCell& at) {
+            if (node.support < 1) cells.push_back(at);
+        },
+        root, cell);
+}
 
 void vetoLeaves(OctreeDraft& tree, const CoarseSign& coarse)
 {

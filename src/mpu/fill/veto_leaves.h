@@ -3,8 +3,16 @@
 #include "coarse_sign.h"
 #include "mpu/octree/octree.h"
 
+#include <vector>
+
 namespace mpuvdb
 {
+
+/// The cells of the leaves that their data do not support.
+std::vector<OctreeCell> unsupportedIn(OctreeDraft& tree);
+/// The same below node @a root, the cell @a cell; appended to @a cells.
+void addUnsupported(OctreeDraft& tree, std::uint32_t root, const OctreeCell& cell,
+                    std::vector<OctreeCell>& cells);
 
 /// Reduce the support of leaves whose distance at the center is inconsistent with the coarse field.
 void vetoLeaves(OctreeDraft& tree, const CoarseSign& coarse);

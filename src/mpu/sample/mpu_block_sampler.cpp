@@ -106,17 +106,21 @@ void MpuBlockSampler::blendCoarse(CubeSet cubes, const Vec3d& blockOrigin, float
             }
             if (areSettled) continue;
             std::array<std::array<double, kGroup>, 3> places;
-            std::array<double, kGroup> coarse;
+            std::array<double, kGroup> coarse, steps;
             for (int n = 0; n < kGroup; ++n) {
                 const int i = voxelOf(cube, first + n);
                 const Vec3d p = blockOrigin + mVoxelSize * Vec3d(i >> 6, i >> 3 & 7, i & 7);
                 for (int k = 0; k < 3; ++k) places[std::size_t(k)][std::size_t(n)] = p[k];
             }
-            mCoarse->evaluateFour(places, coarse);
+            mCoarse->evaluateFour(places, coarse, steps);
             for (int n = 0; n < kGroup; ++n) {
                 const float s = support[std::size_t(n)];
+                if (!(s < 1)) continue;
                 float& value = values[std::size_t(voxelOf(cube, first + n))];
-                if (s < 1) value = s * value + (1 - s) * float(coarse[std::size_t(n)] / mVoxelSize);
+                const double most = CoarseSample::maxDistance(steps[std::size_t(n)]);
+                const auto far = std::max(2 * mLimit, float(most / mVoxelSize));
+                value = s * std::clamp(value, -far, far) +
+                        (1 - s) * float(coarse[std::size_t(n)] / mVoxelSize);
             }
         }
     }
