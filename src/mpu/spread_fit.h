@@ -16,7 +16,7 @@ namespace mpuvdb
 class SpreadFit
 {
 public:
-    /// Names of the files of a plan.
+    /// Names of the files of a plan. [derived: what plan() decides]
     static constexpr std::array<const char*, 3> kFiles = {"points.bin", "scan.bin", "upper.bin"};
 
     /// Sort @a cloud, measure the scan, decide the upper octree, and keep all that in @a folder.
