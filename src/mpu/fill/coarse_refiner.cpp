@@ -22,8 +22,9 @@ constexpr int kNodes = CoarseBlock::kNodes, kHalo = CoarseBlock::kHalo,
               kFade = CoarseBlock::kFade; ///< nodes [derived: as there]
 /// Nodes along an edge of the grid that is solved for a block. [derived: the block and its halo]
 constexpr int kSolved = kNodes + 2 * kHalo + 1;
-/// Distance by which the field above misses data that make a block, its steps. [tuned: unseen_bench]
-constexpr double kMissed = 0.25;
+/// Distance from points at which the field above passes them that makes a block, steps of the
+/// block. [derived: the difference of a leaf and the field from which the leaf fades]
+constexpr double kMissed = 0.5;
 /// Nodes along an edge of those that are kept. [derived: the block and the fades around]
 constexpr int kKept = kNodes + 2 * kFade;
 /// Halved nodes along an edge whose curvature is kept. [derived: a block, and one on each side]
@@ -218,7 +219,7 @@ bool CoarseRefiner::isMissed(const CoarseLevels& levels, const Vec3i& at, int le
     const Box3d box(levels.nodeAt(kNodes * at - reach, level),
                     levels.nodeAt(kNodes * (at + Vec3i::Ones()) + reach, level));
     return mSource.isAny(box, step,
-                         [&](const Vec3d& p) { return std::abs(coarse(p)) > kMissed * 2 * step; });
+                         [&](const Vec3d& p) { return std::abs(coarse(p)) > kMissed * step; });
 }
 
 void CoarseRefiner::solve(const CoarseLevels& levels, Part& part, int level,
