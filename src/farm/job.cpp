@@ -364,7 +364,7 @@ JobResult Job::merge(const fs::path& file, Interrupter* interrupter) const
     for (const fs::path& result : mImpl->resultsOf(JobPhase::Sample)) tiles.emplace_back(result);
     openvdb::GridPtrVec grids;
     while (tiles.front().has(prefixOf(grids.size()) + "head"))
-        grids.push_back(gridOfLeaves(tiles, prefixOf(grids.size()), progress));
+        grids.push_back(gridOfLeaves(tiles, prefixOf(grids.size()), {}, progress));
     for (const auto& [key, value] : mImpl->plan.options.metadata)
         grids.front()->insertMeta(key, openvdb::StringMetadata(value));
     const auto field = SpreadFit::open(mImpl->folder, mImpl->fieldFile());
