@@ -139,6 +139,12 @@ GridBase::Ptr readLeaves(const std::vector<ArrayFile>& files, const std::string&
     return grid;
 }
 
+bool isSpaceInside(const std::vector<ArrayFile>& files, const std::string& prefix,
+                   const CoordBBox& box, const openvdb::Coord& voxel, const Interrupter& progress)
+{
+    return BlockSigns(leafPlaces(files, prefix, box, progress), box, progress).isInside(voxel);
+}
+
 bool hasLeaves(const ArrayFile& file, const std::string& prefix)
 {
     return !file.get<LeafHead>(prefix + "leaves").empty();

@@ -38,6 +38,12 @@ openvdb::GridBase::Ptr gridOfLeaves(const std::vector<ArrayFile>& files, const s
 openvdb::GridBase::Ptr readLeaves(const std::vector<ArrayFile>& files, const std::string& prefix,
                                   const openvdb::CoordBBox& box, const Interrupter& progress);
 
+/// Whether the block with @a voxel, which is in @a box and no leaf, is inside the level set. There
+/// is a leaf in the box.
+bool isSpaceInside(const std::vector<ArrayFile>& files, const std::string& prefix,
+                   const openvdb::CoordBBox& box, const openvdb::Coord& voxel,
+                   const Interrupter& progress);
+
 /// Whether @a file has leaves of the grid.
 bool hasLeaves(const ArrayFile& file, const std::string& prefix);
 
