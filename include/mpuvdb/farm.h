@@ -89,6 +89,10 @@ public:
     /// @throws UsageError (other files are in the folder), else as merge().
     JobResult mergeToFolder(const std::filesystem::path& folder, const SceneSettings& scene = {},
                             Interrupter* interrupter = nullptr) const;
+    /// The mesh that extractMesh() makes of the level set and the field, to the byte, with the
+    /// job's attributes. One tile's voxels are held beside it: 36 bytes for each of its vertices.
+    /// @param maxBytes  memory for it; 0: no limit. @throws LimitError, else as merge().
+    Mesh mesh(std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr) const;
     /// Bytes of the tiles that are done: about those of their .vdb file.
     std::uint64_t bytes() const;
 

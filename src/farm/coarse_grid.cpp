@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 namespace mpuvdb
@@ -119,6 +120,31 @@ std::optional<LevelSet> coarserPart(const PartedGrid& fine, const std::string& p
     return redistance(*values, kHalfWidth, &progress);
 }
 
+/// What check() says of all parts: their gradients count together, as a few voxels beside a corner
+/// of the solid say nothing of a whole.
+class PartsChecked
+{
+public:
+    void add(const CheckReport& part)
+    {
+        for (const CheckFinding& fault : part.findings) mFaults.push_back(fault.what);
+        mVoxels += double(part.activeVoxels);
+        mGradientErrors += part.meanGradientError * double(part.activeVoxels);
+    }
+    std::vector<std::string> faults() const
+    {
+        std::vector<std::string> all = mFaults;
+        const double n = std::max(mVoxels, 1.0), mean = mGradientErrors / n;
+        if (mean > kGradientTolerance + 0.5 / std::sqrt(n)) // as in check()
+            all.push_back(fmt::format("not a distance: ||grad| - 1| is {:.3g} on average", mean));
+        return all;
+    }
+
+private:
+    std::vector<std::string> mFaults;
+    double mVoxels = 0, mGradientErrors = 0;
+};
+
 } // namespace
 
 PartedGrid coarserGrid(const PartedGrid& fine, const std::string& prefix, const fs::path& folder,
@@ -130,6 +156,7 @@ PartedGrid coarserGrid(const PartedGrid& fine, const std::string& prefix, const 
     fs::create_directory(folder);
     progress.beginStage("coarse", double(cubes.size()));
     Quiet quiet(progress);
+    PartsChecked found;
     for (const Coord& cube : cubes) {
         progress.advance();
         const CoordBBox own = coarse.boxOf(cube);
@@ -137,9 +164,7 @@ PartedGrid coarserGrid(const PartedGrid& fine, const std::string& prefix, const 
         if (!made) continue;
         CoordBBox checked = own;
         checked.expand(kChecked);
-        for (const CheckFinding& fault :
-             check(made->grid(), kGradientTolerance, checked, &quiet).findings)
-            faults.push_back(fmt::format("voxels of {:g}: {}", h, fault.what));
+        found.add(check(made->grid(), std::numeric_limits<double>::max(), checked, &quiet));
         const fs::path file = folder / fmt::format("{}_{}_{}.bin", cube[0], cube[1], cube[2]);
         writeAtomically(file, [&](const fs::path& temporary) {
             ArrayFileWriter arrays(temporary);
@@ -149,6 +174,8 @@ PartedGrid coarserGrid(const PartedGrid& fine, const std::string& prefix, const 
         const ArrayFile written(file);
         if (hasLeaves(written, prefix)) coarse.add(cube, written);
     }
+    for (const std::string& fault : found.faults())
+        faults.push_back(fmt::format("voxels of {:g}: {}", h, fault));
     progress.endStage();
     return coarse;
 }

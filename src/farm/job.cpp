@@ -5,6 +5,7 @@
 #include "job_file.h"
 #include "mpu/spread_fit.h"
 #include "tile_folder.h"
+#include "tile_mesh.h"
 #include "tiles.h"
 #include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/error.h>
@@ -156,6 +157,7 @@ struct Job::Impl {
     void requireTiles(Interrupter& progress) const;
     openvdb::GridPtrVec joined(const std::vector<ArrayFile>& files, const LeafRegion& region,
                                Interrupter& progress) const;
+    PartedGrid parted() const;
     JobResult result() const;
     void sample(std::size_t n, const fs::path& file, TaskRecord& record,
                 Interrupter& progress) const;
@@ -362,6 +364,16 @@ std::size_t Job::dropDamaged(Interrupter* interrupter) const
     return dropped;
 }
 
+/// The level set of all tiles.
+PartedGrid Job::Impl::parted() const
+{
+    PartedGrid grid(plan.grid.lattice, plan.options.tileVoxels);
+    for (std::size_t n = 0; n < tiles->size(); ++n)
+        if (const ArrayFile file(resultOf(JobPhase::Sample, n)); hasLeaves(file, prefixOf(0)))
+            grid.add(grid.cubeOf((*tiles)[n].box.min()), file);
+    return grid;
+}
+
 /// The grids of @a region in @a tiles, of whose voxels none are held.
 openvdb::GridPtrVec Job::Impl::joined(const std::vector<ArrayFile>& files, const LeafRegion& region,
                                       Interrupter& progress) const
@@ -418,11 +430,7 @@ JobResult Job::mergeToFolder(const fs::path& folder, const SceneSettings& scene,
 {
     Interrupter& progress = orSilent(interrupter);
     mImpl->requireTiles(progress);
-    FolderContent content;
-    content.scene = scene;
-    content.lattice = mImpl->plan.grid.lattice;
-    content.halfWidth = mImpl->plan.grid.halfWidth;
-    content.edge = mImpl->plan.options.tileVoxels;
+    FolderContent content{{}, mImpl->parted(), mImpl->plan.grid.halfWidth, {}, {}, {}, scene};
     content.about = {{"job", mImpl->plan.id}};
     content.levelSet = prefixOf(0);
     content.grids = [&](const std::vector<ArrayFile>& tiles, const LeafRegion& region) {
@@ -432,12 +440,23 @@ JobResult Job::mergeToFolder(const fs::path& folder, const SceneSettings& scene,
         const fs::path file = mImpl->resultOf(JobPhase::Sample, n);
         const auto record = TaskRecord::read(Impl::recordOf(file));
         content.tiles.push_back(
-            {(*mImpl->tiles)[n].box, file, record ? record->voxels : std::uint64_t(0)});
+            {(*mImpl->tiles)[n].box, record ? record->voxels : std::uint64_t(0)});
     }
     const std::vector<std::string> faults = writeTileFolder(folder, content, progress);
     JobResult result = mImpl->result();
     result.faults.insert(result.faults.end(), faults.begin(), faults.end());
     return result;
+}
+
+Mesh Job::mesh(std::uint64_t maxBytes, Interrupter* interrupter) const
+{
+    Interrupter& progress = orSilent(interrupter);
+    mImpl->requireTiles(progress);
+    const MpuField& field = mImpl->fieldOnly();
+    Mesh mesh = meshOfParts(mImpl->parted(), prefixOf(0), &field, maxBytes, progress);
+    if (!mImpl->plan.attributes.empty())
+        addAttributes(mesh, *field.attributes(mImpl->plan.attributes), &progress);
+    return mesh;
 }
 
 std::uint64_t Job::bytes() const

@@ -4,7 +4,7 @@
 #include "files/atomic_file.h"
 #include "files/atomic_folder.h"
 #include "files/content_hash.h"
-#include "parted_grid.h"
+#include "inside_boxes.h"
 #include "quiet.h"
 #include <mpuvdb/error.h>
 
@@ -83,16 +83,14 @@ class FolderWriter
 public:
     FolderWriter(const FolderContent& content, const fs::path& folder, Interrupter& progress)
         : mContent(content), mFolder(folder), mProgress(progress), mQuiet(progress),
-          mGrid(content.lattice, content.edge)
+          mGrid(content.grid)
     {
-        for (const FolderTile& tile : content.tiles)
-            if (const ArrayFile file(tile.file); hasLeaves(file, content.levelSet))
-                mGrid.add(mGrid.cubeOf(tile.box.min()), file);
     }
 
     std::vector<std::string> write()
     {
         fs::create_directory(mFolder / kTiles);
+        mInside = insideBoxes(mGrid, mContent.levelSet, mProgress);
         mProgress.beginStage("tiles", double(mContent.tiles.size()));
         for (std::size_t n = 0; n < mContent.tiles.size(); ++n) {
             mProgress.advance();
@@ -115,20 +113,6 @@ private:
             {"file", name}, {"bytes", fs::file_size(file)}, {"hash", contentHash(file, mProgress)}};
     }
 
-    /// The boxes above a tile, up to the next one, if they are inside: they have no leaf.
-    std::vector<CoordBBox> insideAbove(const Coord& cube, const CoordBBox& box,
-                                       const std::vector<ArrayFile>& files) const
-    {
-        const std::optional<Coord> next = mGrid.above(cube);
-        if (!next || (*next)[2] == cube[2] + 1) return {};
-        CoordBBox between = mGrid.boxOf(cube);
-        const Coord first = between.min().offsetBy(0, 0, mGrid.edge());
-        if (!isSpaceInside(files, mContent.levelSet, box, first, mProgress)) return {};
-        between.min() = first;
-        between.max()[2] = mGrid.boxOf(*next).min()[2] - 1;
-        return {between};
-    }
-
     void writeTile(std::size_t n)
     {
         const FolderTile& tile = mContent.tiles[n];
@@ -136,11 +120,12 @@ private:
         region.box = tile.box;
         region.box.expand(kOverlap);
         const std::vector<ArrayFile> files = mGrid.filesIn(region.box);
-        region.inside = insideAbove(mGrid.cubeOf(tile.box.min()), region.box, files);
+        const auto inside = mInside.find(mGrid.cubeOf(tile.box.min()));
+        if (inside != mInside.end()) region.inside = inside->second;
         const std::string name = fmt::format("{}/tile_{:05}.vdb", kTiles, n);
         Json about = writeFile(name, mContent.grids(files, region));
         about["box"] = jsonOf(tile.box);
-        about["world"] = worldOf(tile.box, mContent.lattice);
+        about["world"] = worldOf(tile.box, mGrid.lattice());
         about["active_voxels"] = tile.activeVoxels;
         about["inside"] = Json::array();
         for (const CoordBBox& box : region.inside) about["inside"].push_back(jsonOf(box));
@@ -176,13 +161,13 @@ private:
 
     void writeIndex() const
     {
-        const Vec3d& o = mContent.lattice.origin;
+        const Vec3d& o = mGrid.lattice().origin;
         Json index = {{"mpuvdb_tiles", kVersion}};
         index.update(mContent.about);
-        index["voxel_size"] = mContent.lattice.voxelSize;
+        index["voxel_size"] = mGrid.lattice().voxelSize;
         index["origin"] = {o[0], o[1], o[2]};
         index["half_width"] = mContent.halfWidth;
-        index["tile_voxels"] = mContent.edge;
+        index["tile_voxels"] = mGrid.edge();
         index["overlap_voxels"] = kOverlap;
         index["layer"] = kLayer;
         index["tiles"] = mTiles;
@@ -205,7 +190,8 @@ private:
     fs::path mFolder;
     Interrupter& mProgress;
     Quiet mQuiet;
-    PartedGrid mGrid;
+    const PartedGrid& mGrid;
+    std::map<Coord, std::vector<CoordBBox>> mInside;
     Json mTiles = Json::array(), mLevels = Json::array();
     std::vector<VolumePart> mVolumes;
 };

@@ -1,7 +1,7 @@
 // The result of a job as a folder: a .vdb file for each tile, and what shows them as one.
 #pragma once
 #include "io/vdb/leaf_files.h"
-#include <mpuvdb/field.h>
+#include "parted_grid.h"
 #include <mpuvdb/io.h>
 
 #include <nlohmann/json.hpp>
@@ -19,17 +19,15 @@ class Interrupter;
 /// A tile of the result.
 struct FolderTile {
     openvdb::CoordBBox box;
-    std::filesystem::path file;     ///< of its leaves
     std::uint64_t activeVoxels = 0; ///< of its level set, in the box
 };
 
 /// What a folder is made of.
 struct FolderContent {
     std::vector<FolderTile> tiles; ///< those with leaves or not, by their numbers
-    Lattice lattice;
-    double halfWidth = 3;         ///< voxels
-    int edge = 0;                 ///< of a tile, voxels
-    nlohmann::ordered_json about; ///< what the index says beside the tiles
+    PartedGrid grid;               ///< of the level set
+    double halfWidth = 3;          ///< voxels
+    nlohmann::ordered_json about;  ///< what the index says beside the tiles
     /// The grids of some leaves, to be written; the first is the level set.
     std::function<openvdb::GridPtrVec(const std::vector<ArrayFile>&, const LeafRegion&)> grids;
     std::string levelSet; ///< what the names of its arrays begin with

@@ -84,9 +84,11 @@ void save(ArrayFileWriter& file, const std::string& prefix, const GridT& grid, c
     file.add(prefix + "voxels", bytes);
 }
 
+using Wanted = std::function<bool(const openvdb::Coord&)>;
+
 template <typename GridT>
 void read(GridT& grid, const std::vector<ArrayFile>& files, const std::string& prefix,
-          const CoordBBox& box, const Interrupter& progress)
+          const CoordBBox& box, const Interrupter& progress, const Wanted& wanted)
 {
     using Tree = typename GridT::TreeType;
     using Leaf = typename Tree::LeafNodeType;
@@ -97,6 +99,7 @@ void read(GridT& grid, const std::vector<ArrayFile>& files, const std::string& p
     tbb::parallel_for(std::size_t(0), places.size(), [&](std::size_t n) {
         progress.check();
         const LeafPlace& place = places[n];
+        if (wanted && !wanted(place.origin())) return;
         std::istringstream in(std::string(place.bytes, place.head->bytes));
         openvdb::io::setVersion(in, {}, openvdb::OPENVDB_FILE_VERSION);
         openvdb::io::setDataCompression(in, leafCompression());
@@ -107,11 +110,16 @@ void read(GridT& grid, const std::vector<ArrayFile>& files, const std::string& p
         if (!in) damagedLeaves();
     });
     auto tree = std::make_shared<Tree>(background);
-    for (std::unique_ptr<Leaf>& leaf : leaves) tree->addLeaf(leaf.release());
-    if (tree->leafCount() != places.size()) damagedLeaves(); // two of one place
+    std::size_t count = 0;
+    for (std::unique_ptr<Leaf>& leaf : leaves) {
+        if (!leaf) continue;
+        tree->addLeaf(leaf.release());
+        ++count;
+    }
+    if (tree->leafCount() != count) damagedLeaves(); // two of one place
     if constexpr (std::is_same_v<Tree, openvdb::FloatTree>)
         if (grid.getGridClass() == openvdb::GRID_LEVEL_SET && !places.empty())
-            BlockSigns(places, box, progress).fill(*tree, progress);
+            BlockSigns(places, box, progress).fill(*tree, BlockSigns::Fill::All, progress);
     grid.setTree(tree);
 }
 
@@ -129,13 +137,13 @@ void saveLeaves(ArrayFileWriter& file, const std::string& prefix, const GridBase
 }
 
 GridBase::Ptr readLeaves(const std::vector<ArrayFile>& files, const std::string& prefix,
-                         const CoordBBox& box, const Interrupter& progress)
+                         const CoordBBox& box, const Interrupter& progress, const Wanted& wanted)
 {
     const GridBase::Ptr grid = leafGridHead(files.at(0), prefix);
     if (grid->isType<openvdb::FloatGrid>())
-        read(static_cast<openvdb::FloatGrid&>(*grid), files, prefix, box, progress);
+        read(static_cast<openvdb::FloatGrid&>(*grid), files, prefix, box, progress, wanted);
     else
-        read(static_cast<openvdb::Vec3SGrid&>(*grid), files, prefix, box, progress);
+        read(static_cast<openvdb::Vec3SGrid&>(*grid), files, prefix, box, progress, wanted);
     return grid;
 }
 
@@ -143,6 +151,20 @@ bool isSpaceInside(const std::vector<ArrayFile>& files, const std::string& prefi
                    const CoordBBox& box, const openvdb::Coord& voxel, const Interrupter& progress)
 {
     return BlockSigns(leafPlaces(files, prefix, box, progress), box, progress).isInside(voxel);
+}
+
+std::vector<openvdb::Coord> nodesWithLeaves(const ArrayFile& file, const std::string& prefix,
+                                            int edge)
+{
+    std::vector<openvdb::Coord> nodes;
+    for (const LeafHead& head : file.get<LeafHead>(prefix + "leaves")) {
+        const openvdb::Coord node =
+            openvdb::Coord(head.origin[0], head.origin[1], head.origin[2]) & ~(edge - 1);
+        if (nodes.empty() || nodes.back() != node) nodes.push_back(node);
+    }
+    std::sort(nodes.begin(), nodes.end());
+    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+    return nodes;
 }
 
 bool hasLeaves(const ArrayFile& file, const std::string& prefix)

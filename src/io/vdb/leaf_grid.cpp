@@ -111,7 +111,7 @@ void fillSigns(openvdb::FloatTree& tree, const std::vector<LeafPlace>& places,
         fillSigns(tree, places);
         return;
     }
-    BlockSigns(places, region.box, progress).fill(tree, progress);
+    BlockSigns(places, region.box, progress).fill(tree, BlockSigns::Fill::Lasting, progress);
     for (const CoordBBox& box : region.inside)
         for (int x = box.min()[0]; x < box.max()[0]; x += kNodeDim)
             for (int y = box.min()[1]; y < box.max()[1]; y += kNodeDim)

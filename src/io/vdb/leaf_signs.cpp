@@ -108,6 +108,15 @@ private:
 /// Edge of a leaf and of the nodes of leaves, voxels. [derived: OpenVDB's tree]
 constexpr int kLeafDim = 8, kNodeDim = 128;
 
+/// Calls visit(voxel) with the first voxel of each block in @a box.
+template <typename Visit>
+void forEachBlock(const CoordBBox& box, const Visit& visit)
+{
+    for (int x = box.min()[0]; x <= box.max()[0]; x += kLeafDim)
+        for (int y = box.min()[1]; y <= box.max()[1]; y += kLeafDim)
+            for (int z = box.min()[2]; z <= box.max()[2]; z += kLeafDim) visit(Coord(x, y, z));
+}
+
 } // namespace
 
 void fillSigns(openvdb::FloatTree& tree, const std::vector<LeafPlace>& places)
@@ -162,14 +171,19 @@ std::size_t BlockSigns::at(const Coord& voxel) const
 
 bool BlockSigns::isInsideWhole(const CoordBBox& box) const
 {
-    for (int x = box.min()[0]; x < box.max()[0]; x += kLeafDim)
-        for (int y = box.min()[1]; y < box.max()[1]; y += kLeafDim)
-            for (int z = box.min()[2]; z < box.max()[2]; z += kLeafDim)
-                if (!isInside({x, y, z})) return false;
-    return true;
+    bool is = true;
+    forEachBlock(box, [&](const Coord& block) { is = is && isInside(block); });
+    return is;
 }
 
-void BlockSigns::fill(openvdb::FloatTree& tree, const Interrupter& progress) const
+bool BlockSigns::hasLeaf(const CoordBBox& box) const
+{
+    bool has = false;
+    forEachBlock(box, [&](const Coord& block) { has = has || mStates[at(block)] == State::Leaf; });
+    return has;
+}
+
+void BlockSigns::fill(openvdb::FloatTree& tree, Fill what, const Interrupter& progress) const
 {
     const float inside = -tree.background();
     const Coord first = mBox.min() & ~(kNodeDim - 1);
@@ -180,14 +194,12 @@ void BlockSigns::fill(openvdb::FloatTree& tree, const Interrupter& progress) con
                 const CoordBBox node = CoordBBox::createCube({x, y, z}, kNodeDim);
                 CoordBBox part = node;
                 part.intersect(mBox);
-                if (part == node && isInsideWhole(node)) {
+                if (part == node && isInsideWhole(node))
                     tree.addTile(2, node.min(), inside, false);
-                    continue;
-                }
-                for (int i = part.min()[0]; i < part.max()[0]; i += kLeafDim)
-                    for (int j = part.min()[1]; j < part.max()[1]; j += kLeafDim)
-                        for (int k = part.min()[2]; k < part.max()[2]; k += kLeafDim)
-                            if (isInside({i, j, k})) tree.addTile(1, {i, j, k}, inside, false);
+                else if (what == Fill::All || hasLeaf(part))
+                    forEachBlock(part, [&](const Coord& block) {
+                        if (isInside(block)) tree.addTile(1, block, inside, false);
+                    });
             }
 }
 

@@ -19,14 +19,22 @@ public:
 
     /// Whether the block with @a voxel, which is in the box and no leaf, is inside.
     bool isInside(const openvdb::Coord& voxel) const { return mStates[at(voxel)] == State::Inside; }
+    /// What fill() sets.
+    enum class Fill {
+        All,
+        /// Only in nodes of leaves (128 voxels) that have a leaf or are filled as a whole:
+        /// OpenVDB's operations take a node without active voxels to be of one sign.
+        Lasting
+    };
     /// Set the blocks that are inside and not leaves to tiles of @a tree.
-    void fill(openvdb::FloatTree& tree, const Interrupter& progress) const;
+    void fill(openvdb::FloatTree& tree, Fill what, const Interrupter& progress) const;
 
 private:
     enum class State : std::uint8_t { Unknown, Inside, Outside, Leaf };
 
     std::size_t at(const openvdb::Coord& voxel) const;
     bool isInsideWhole(const openvdb::CoordBBox& box) const;
+    bool hasLeaf(const openvdb::CoordBBox& box) const;
 
     openvdb::CoordBBox mBox;
     std::array<std::size_t, 3> mCount; ///< blocks
