@@ -53,12 +53,13 @@ Json worldOf(const CoordBBox& voxels, const Lattice& lattice)
     return corners;
 }
 
-/// The files of a folder, relative to it.
+/// The files of a folder, relative to it; not those of file systems and engines, whose names begin
+/// with a dot.
 std::set<std::string> filesOf(const fs::path& folder)
 {
     std::set<std::string> files;
     for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder))
-        if (!entry.is_directory())
+        if (!entry.is_directory() && entry.path().filename().string().front() != '.')
             files.insert(entry.path().lexically_relative(folder).generic_string());
     return files;
 }

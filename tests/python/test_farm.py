@@ -86,7 +86,7 @@ class EngineTest(JobTest):
         there = {str(path.relative_to(self.output)) for path in self.output.rglob("*") if path.is_file()}
         self.assertEqual(set(index["files"]), there)
         whole = json.loads(self.call("info", self.expected, "--json"))
-        self.assertEqual(sum(tile["active_voxels"] for tile in index["tiles"]), whole["grids"][0]["active_voxels"])
+        self.assertEqual(sum(tile["active_voxels"] for tile in index["tiles"]), whole["files"][0]["grids"][0]["active_voxels"])
         for level in index["levels"]:
             self.call("check", self.output / level["file"])
         self.call("reconstruct", self.cloud, "-o", self.expected, *self.options, "--mesh", self.folder / "whole.ply")
