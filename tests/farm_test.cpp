@@ -1,22 +1,10 @@
 // Jobs: tiles are the whole, byte for byte, whatever happens to their tasks.
-#include "field_fixture.h"
-#include "uncleaned.h"
+#include "farm_fixture.h"
 
-#include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/error.h>
-#include <mpuvdb/farm.h>
-#include <mpuvdb/io.h>
-#include <mpuvdb/reconstruct.h>
 
-#include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include <algorithm>
-#include <filesystem>
-#include <fmt/format.h>
-#include <fstream>
-#include <functional>
-#include <sstream>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -25,84 +13,16 @@ namespace mpuvdb
 namespace
 {
 
-namespace fs = std::filesystem;
+using namespace test;
 
-constexpr const char* kBuild = "a build";
-
-std::string bytesOf(const fs::path& file)
-{
-    std::ifstream in(file, std::ios::binary);
-    std::ostringstream text;
-    text << in.rdbuf();
-    return text.str();
-}
-
-class FarmTest : public testing::Test
+class FarmTest : public JobFixture
 {
 protected:
-    void SetUp() override
-    {
-        const testing::TestInfo& test = *testing::UnitTest::GetInstance()->current_test_info();
-        mFolder = fs::temp_directory_path() / fmt::format("farm_{}_{}", test.name(), ::getpid());
-        fs::create_directories(mFolder);
-    }
-    void TearDown() override { fs::remove_all(mFolder); }
-
-    fs::path at(const std::string& name) const { return mFolder / name; }
-
-    static ReconstructOptions voxelSize(double h)
-    {
-        test::Uncleaned options;
-        options.voxelSize = Length{h, Length::Unit::World};
-        return options;
-    }
-
-    static PreparedPoints prepared(const PointCloud& cloud, const ReconstructOptions& options)
-    {
-        PointInput input;
-        input.cloud = cloud;
-        return preparePoints(std::move(input), options);
-    }
-
-    /// Plan a job of small tiles and parts.
-    fs::path plan(const PointCloud& cloud, const ReconstructOptions& options,
-                  std::size_t partPoints = 2000) const
-    {
-        JobOptions job;
-        job.tileVoxels = 128;
-        job.partPoints = partPoints;
-        job.build = kBuild;
-        Job::plan(at("job"), prepared(cloud, options), job);
-        return at("job");
-    }
-
-    /// Do all tasks of the phase, the last first.
-    static void runAll(const fs::path& folder)
-    {
-        const Job job(folder, kBuild);
-        for (std::size_t n = job.tasks(); n-- > 0;) job.run(n);
-    }
-
-    /// The bytes of the level set made at once.
-    std::string whole(const PointCloud& cloud, const ReconstructOptions& options) const
-    {
-        const ReconstructResult made = sampleFit(fitPoints(prepared(cloud, options)));
-        openvdb::GridCPtrVec beside(made.attributes.begin(), made.attributes.end());
-        if (made.coverage) beside.insert(beside.begin(), made.coverage);
-        writeLevelSet(at("whole.vdb"), made.levelSet(),
-                      {{"mpuvdb:max_error", fmt::format("{}", made.report.fit.maxError)}}, beside);
-        return bytesOf(at("whole.vdb"));
-    }
-
     /// The bytes of the level set made by tasks; says how many tiles there were.
     std::string tiled(const PointCloud& cloud, const ReconstructOptions& options,
                       std::size_t& tiles) const
     {
-        const fs::path folder = plan(cloud, options);
-        runAll(folder);
-        Job(folder, kBuild).gather();
-        runAll(folder);
-        const Job job(folder, kBuild);
+        const Job job(done(cloud, options), kBuild);
         tiles = job.tasks();
         job.merge(at("tiled.vdb"));
         return bytesOf(at("tiled.vdb"));
@@ -116,30 +36,20 @@ protected:
         EXPECT_GE(tiles, 8u);
         EXPECT_TRUE(parts == whole(cloud, options)) << "the files differ";
     }
-
-    fs::path mFolder;
 };
-
-ScanSettings scanSettings(double points)
-{
-    ScanSettings scan;
-    scan.points = std::uint64_t(points);
-    scan.pattern = ScanSettings::Pattern::Random;
-    return scan;
-}
 
 TEST_F(FarmTest, TilesOfExactPointsAreTheWhole)
 {
-    expectSame(test::randomScan("rotate(difference(box(2, 1.5, 1), cylinder(0.4, 3)), 1, 2, 3, 25)",
-                                40000),
-               0.008);
+    expectSame(
+        randomScan("rotate(difference(box(2, 1.5, 1), cylinder(0.4, 3)), 1, 2, 3, 25)", 40000),
+        0.008);
 }
 
 TEST_F(FarmTest, TilesOfNoisyPointsAreTheWhole)
 {
     ScanSettings scan = scanSettings(30000);
     scan.noise = 0.01;
-    expectSame(test::scanOf("torus(1, 0.4)", scan), 0.01);
+    expectSame(scanOf("torus(1, 0.4)", scan), 0.01);
 }
 
 TEST_F(FarmTest, TilesOfPointsWithHolesAreTheWhole)
@@ -148,7 +58,7 @@ TEST_F(FarmTest, TilesOfPointsWithHolesAreTheWhole)
     scan.holes = 6;
     scan.holeRadius = 0.15;
     scan.noise = 0.004;
-    expectSame(test::scanOf("blob(1, 20, 0.05)", scan), 0.01);
+    expectSame(scanOf("blob(1, 20, 0.05)", scan), 0.01);
 }
 
 TEST_F(FarmTest, TilesOfOneSideAreTheWhole)
@@ -156,12 +66,12 @@ TEST_F(FarmTest, TilesOfOneSideAreTheWhole)
     ScanSettings scan = scanSettings(30000);
     scan.pattern = ScanSettings::Pattern::Scan;
     scan.viewpoints = {Vec3d(3, 4, 2)};
-    expectSame(test::scanOf("difference(box(2, 1.5, 1), cylinder(0.4, 3))", scan), 0.01);
+    expectSame(scanOf("difference(box(2, 1.5, 1), cylinder(0.4, 3))", scan), 0.01);
 }
 
 TEST_F(FarmTest, TilesOfThinWallsAreTheWhole)
 {
-    expectSame(test::randomScan("difference(sphere(1), sphere(0.98))", 60000), 0.01);
+    expectSame(randomScan("difference(sphere(1), sphere(0.98))", 60000), 0.01);
 }
 
 TEST_F(FarmTest, TilesWithCoverageAndAttributesAreTheWhole)
@@ -171,7 +81,7 @@ TEST_F(FarmTest, TilesWithCoverageAndAttributesAreTheWhole)
     scan.holeRadius = 0.15;
     scan.confidence = true;
     scan.noise = 0.003;
-    PointCloud cloud = test::scanOf("torus(1, 0.4)", scan);
+    PointCloud cloud = scanOf("torus(1, 0.4)", scan);
     for (const Vec3f& p : cloud.positions)
         cloud.colors.push_back({std::uint8_t(100 + 50 * p[0]), std::uint8_t(100 + 50 * p[1]), 7});
     ReconstructOptions options = voxelSize(0.012);
@@ -187,7 +97,7 @@ TEST_F(FarmTest, WideBandsInTilesAreTheWhole)
 {
     ReconstructOptions options = voxelSize(0.02);
     options.halfWidth = 12;
-    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    const PointCloud cloud = randomScan("torus(1, 0.4)", 20000);
     std::size_t tiles = 0;
     const std::string parts = tiled(cloud, options, tiles);
     EXPECT_TRUE(parts == whole(cloud, options)) << "the files differ";
@@ -196,7 +106,7 @@ TEST_F(FarmTest, WideBandsInTilesAreTheWhole)
 /// What is done again, by another number of threads, in parts of other sizes, changes nothing.
 TEST_F(FarmTest, TheOrderAndTheNumberOfThreadsDoNotCount)
 {
-    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    const PointCloud cloud = randomScan("torus(1, 0.4)", 20000);
     const ReconstructOptions options = voxelSize(0.015);
     const std::string expected = whole(cloud, options);
     const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
@@ -211,7 +121,7 @@ TEST_F(FarmTest, TheOrderAndTheNumberOfThreadsDoNotCount)
 
 TEST_F(FarmTest, LostAndDamagedResultsAreFoundAndMadeAgain)
 {
-    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    const PointCloud cloud = randomScan("torus(1, 0.4)", 20000);
     const ReconstructOptions options = voxelSize(0.015);
     const fs::path folder = plan(cloud, options);
     {
@@ -248,7 +158,7 @@ TEST_F(FarmTest, LostAndDamagedResultsAreFoundAndMadeAgain)
 
 TEST_F(FarmTest, OtherBuildsPlansAndInputsAreRefused)
 {
-    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 5000);
+    const PointCloud cloud = randomScan("torus(1, 0.4)", 5000);
     const ReconstructOptions options = voxelSize(0.05);
     const fs::path input = at("points.ply");
     std::ofstream(input) << "as they were";
@@ -271,7 +181,7 @@ TEST_F(FarmTest, OtherBuildsPlansAndInputsAreRefused)
 
 TEST_F(FarmTest, ATaskIsRunningWhereItsProcessIs)
 {
-    const fs::path folder = plan(test::randomScan("torus(1, 0.4)", 5000), voxelSize(0.05));
+    const fs::path folder = plan(randomScan("torus(1, 0.4)", 5000), voxelSize(0.05));
     const auto stateUnder = [&](const std::string& mark) {
         std::ofstream(folder / "fit" / "00000.running") << mark << '\n';
         return Job(folder, kBuild).states().front().state;
@@ -288,7 +198,7 @@ TEST_F(FarmTest, ATaskIsRunningWhereItsProcessIs)
 
 TEST_F(FarmTest, WhatIsEstimatedComes)
 {
-    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 100000);
+    const PointCloud cloud = randomScan("torus(1, 0.4)", 100000);
     ReconstructOptions options = voxelSize(0.007); // 400 voxels across
     const PreparedPoints points = prepared(cloud, options);
     const ReconstructionEstimate run = estimate(points);
@@ -315,9 +225,9 @@ TEST_F(FarmTest, WhatIsEstimatedComes)
 
 TEST_F(FarmTest, WhatIsLeftOfAnotherPlanDoesNotCount)
 {
-    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 20000);
+    const PointCloud cloud = randomScan("torus(1, 0.4)", 20000);
     const ReconstructOptions options = voxelSize(0.015);
-    runAll(plan(test::randomScan("torus(1, 0.3)", 20000), options));
+    runAll(plan(randomScan("torus(1, 0.3)", 20000), options));
     fs::remove(at("job") / "plan.json");
     std::size_t tiles = 0;
     EXPECT_TRUE(tiled(cloud, options, tiles) == whole(cloud, options));
@@ -331,7 +241,7 @@ TEST_F(FarmTest, WhatIsLeftOfAnotherPlanDoesNotCount)
 
 TEST_F(FarmTest, AStopLeavesNothing)
 {
-    const fs::path folder = plan(test::randomScan("torus(1, 0.4)", 20000), voxelSize(0.015));
+    const fs::path folder = plan(randomScan("torus(1, 0.4)", 20000), voxelSize(0.015));
     Interrupter stopped;
     stopped.stop();
     EXPECT_THROW(Job(folder, kBuild).run(0, &stopped), Interrupted);

@@ -1,6 +1,7 @@
 // Mesh files as other programs see them: their own structure, and Blender and assimp where they are
 // installed.
 #include "io_fixture.h"
+#include "program_output.h"
 
 #include "io/meshes/mesh_formats.h"
 
@@ -46,15 +47,7 @@ T valueAt(const std::string& bytes, std::size_t at)
     return value;
 }
 
-/// What a program prints; empty if it is not there or fails.
-std::string outputOf(const std::string& command)
-{
-    std::string text;
-    FILE* const pipe = ::popen((command + " 2>/dev/null").c_str(), "r");
-    if (!pipe) return text;
-    for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) text += char(c);
-    return ::pclose(pipe) == 0 ? text : std::string();
-}
+using test::outputOf;
 
 class MeshFormatsTest : public IoTest
 {

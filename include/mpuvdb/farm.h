@@ -7,6 +7,7 @@
 // After each phase gather() joins what has to be known to all. merge() makes one grid of the tiles,
 // byte for byte the one that reconstruct() makes at once.
 #pragma once
+#include <mpuvdb/io.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <cstdint>
@@ -101,6 +102,19 @@ public:
     std::size_t dropDamaged(Interrupter* interrupter = nullptr) const;
     /// Write one .vdb file of all tiles. Voxels are copied, never held. @throws as gather().
     JobResult merge(const std::filesystem::path& file, Interrupter* interrupter = nullptr) const;
+    /// Write a folder instead: a .vdb file for each tile, with 8 voxels of its neighbors, which
+    /// together (csgUnion) are what merge() writes; level sets of voxels 4 and 16 times larger; a
+    /// USD layer of all; and an index of boxes and hashes. It appears whole or not at all, and
+    /// replaces an earlier one. One tile is held at a time.
+    /// @throws UsageError (other files are in the folder), else as merge().
+    JobResult mergeToFolder(const std::filesystem::path& folder, const SceneSettings& scene = {},
+                            Interrupter* interrupter = nullptr) const;
+    /// The mesh that extractMesh() makes of the level set and the field, to the byte, with the
+    /// job's attributes. One tile's voxels are held beside it: 36 bytes for each of its vertices.
+    /// @param maxBytes  memory for it; 0: no limit. @throws LimitError, else as merge().
+    Mesh mesh(std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr) const;
+    /// Bytes of the tiles that are done: about those of their .vdb file.
+    std::uint64_t bytes() const;
 
 private:
     static void write(const std::filesystem::path& folder, PreparedPoints&& points,

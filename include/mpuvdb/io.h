@@ -105,6 +105,18 @@ struct VolumeFrame {
 void writeVolumeLayer(const std::filesystem::path& file, const std::vector<VolumeFrame>& frames,
                       const SceneSettings& scene = {});
 
+/// One of several volumes that are shown together.
+struct VolumePart {
+    std::filesystem::path vdb; ///< its stem names the volume
+    bool isProxy = false;      ///< stands for all others, which are for rendering
+};
+
+/// Writes a .usda layer with a volume for each of @a parts, with all grids of its file: USD's
+/// purposes (render, proxy) say what shows them.
+/// @throws UsageError (settings out of range), IoError, InputError (as readLevelSet()).
+void writeVolumeLayer(const std::filesystem::path& file, const std::vector<VolumePart>& parts,
+                      const SceneSettings& scene = {});
+
 /// The checks of a level set that is read.
 enum class Validation {
     Distances, ///< values have to be distances, see requireDistances()

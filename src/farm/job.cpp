@@ -4,6 +4,8 @@
 #include "io/vdb/leaf_files.h"
 #include "job_file.h"
 #include "mpu/spread_fit.h"
+#include "tile_folder.h"
+#include "tile_mesh.h"
 #include "tiles.h"
 #include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/error.h>
@@ -166,7 +168,18 @@ struct Job::Impl {
         for (std::size_t n = 0; n < tasksOf(phase); ++n) files.push_back(resultOf(phase, n));
         return files;
     }
+    /// The field, of which only what is said of all of it is read.
+    const MpuField& fieldOnly() const
+    {
+        if (!field) field = SpreadFit::open(folder, fieldFile());
+        return *field;
+    }
     void openField(Interrupter& progress) const;
+    void requireTiles(Interrupter& progress) const;
+    openvdb::GridPtrVec joined(const std::vector<ArrayFile>& files, const LeafRegion& region,
+                               Interrupter& progress) const;
+    PartedGrid parted() const;
+    JobResult result() const;
     void sample(std::size_t n, const fs::path& file, TaskRecord& record,
                 Interrupter& progress) const;
 };
@@ -265,10 +278,9 @@ std::vector<TaskState> Job::states() const
 
 void Job::Impl::openField(Interrupter& progress) const
 {
-    if (field) return;
-    field = SpreadFit::open(folder, fieldFile());
-    if (plan.coverage) coverage = field->coverage(&progress);
-    if (!plan.attributes.empty()) attributes = field->attributes(plan.attributes);
+    fieldOnly();
+    if (plan.coverage && !coverage) coverage = field->coverage(&progress);
+    if (!plan.attributes.empty() && !attributes) attributes = field->attributes(plan.attributes);
 }
 
 /// Sample tile @a n, and look at it with what is around it.
@@ -393,36 +405,108 @@ std::size_t Job::dropDamaged(Interrupter* interrupter) const
     return dropped;
 }
 
-JobResult Job::merge(const fs::path& file, Interrupter* interrupter) const
+/// The level set of all tiles.
+PartedGrid Job::Impl::parted() const
 {
-    Interrupter& progress = orSilent(interrupter);
-    if (phase() == JobPhase::Fit)
-        throw InputError(fmt::format("{}: the fit is not gathered yet: run mpuvdb gather",
-                                     mImpl->folder.string()));
-    mImpl->requireAll(JobPhase::Sample, progress);
-    progress.beginStage("merge");
-    std::vector<ArrayFile> tiles;
-    for (const fs::path& result : mImpl->resultsOf(JobPhase::Sample)) tiles.emplace_back(result);
+    PartedGrid grid(plan.grid.lattice, plan.options.tileVoxels);
+    for (std::size_t n = 0; n < tiles->size(); ++n)
+        if (const ArrayFile file(resultOf(JobPhase::Sample, n)); hasLeaves(file, prefixOf(0)))
+            grid.add(grid.cubeOf((*tiles)[n].box.min()), file);
+    return grid;
+}
+
+/// The grids of @a region in @a tiles, of whose voxels none are held.
+openvdb::GridPtrVec Job::Impl::joined(const std::vector<ArrayFile>& files, const LeafRegion& region,
+                                      Interrupter& progress) const
+{
     openvdb::GridPtrVec grids;
-    while (tiles.front().has(prefixOf(grids.size()) + "head"))
-        grids.push_back(gridOfLeaves(tiles, prefixOf(grids.size()), progress));
-    for (const auto& [key, value] : mImpl->plan.options.metadata)
+    while (files.front().has(prefixOf(grids.size()) + "head"))
+        grids.push_back(gridOfLeaves(files, prefixOf(grids.size()), region, progress));
+    for (const auto& [key, value] : plan.options.metadata)
         grids.front()->insertMeta(key, openvdb::StringMetadata(value));
-    const auto field = SpreadFit::open(mImpl->folder, mImpl->fieldFile());
     grids.front()->insertMeta("mpuvdb:max_error", openvdb::StringMetadata(fmt::format(
-                                                      "{}", field->statistics().maxError)));
-    writeGrids(file, {grids.begin(), grids.end()}, &progress);
+                                                      "{}", fieldOnly().statistics().maxError)));
+    return grids;
+}
+
+/// What all tiles came to.
+JobResult Job::Impl::result() const
+{
     JobResult result;
     std::vector<std::pair<PointsExplained, std::uint64_t>> parts;
-    for (const fs::path& tile : mImpl->resultsOf(JobPhase::Sample)) {
-        TaskRecord record = TaskRecord::read(Impl::recordOf(tile)).value_or(TaskRecord{});
+    for (const fs::path& tile : resultsOf(JobPhase::Sample)) {
+        TaskRecord record = TaskRecord::read(recordOf(tile)).value_or(TaskRecord{});
         result.voxels += record.voxels;
         result.faults.insert(result.faults.end(), record.faults.begin(), record.faults.end());
         parts.emplace_back(std::move(record.explained), record.voxels);
     }
     result.explained =
-        joinExplained(parts, field->settings().points, mImpl->plan.grid.lattice.voxelSize);
+        joinExplained(parts, fieldOnly().settings().points, plan.grid.lattice.voxelSize);
     return result;
+}
+
+/// @throws InputError unless all tiles are there and sound.
+void Job::Impl::requireTiles(Interrupter& progress) const
+{
+    if (phase() == JobPhase::Fit)
+        throw InputError(
+            fmt::format("{}: the fit is not gathered yet: run mpuvdb gather", folder.string()));
+    requireAll(JobPhase::Sample, progress);
+}
+
+JobResult Job::merge(const fs::path& file, Interrupter* interrupter) const
+{
+    Interrupter& progress = orSilent(interrupter);
+    mImpl->requireTiles(progress);
+    progress.beginStage("merge");
+    std::vector<ArrayFile> tiles;
+    for (const fs::path& result : mImpl->resultsOf(JobPhase::Sample)) tiles.emplace_back(result);
+    const openvdb::GridPtrVec grids = mImpl->joined(tiles, {}, progress);
+    writeGrids(file, {grids.begin(), grids.end()}, &progress);
+    return mImpl->result();
+}
+
+JobResult Job::mergeToFolder(const fs::path& folder, const SceneSettings& scene,
+                             Interrupter* interrupter) const
+{
+    Interrupter& progress = orSilent(interrupter);
+    mImpl->requireTiles(progress);
+    FolderContent content{{}, mImpl->parted(), mImpl->plan.grid.halfWidth, {}, {}, {}, scene};
+    content.about = {{"job", mImpl->plan.id}};
+    content.levelSet = prefixOf(0);
+    content.grids = [&](const std::vector<ArrayFile>& tiles, const LeafRegion& region) {
+        return mImpl->joined(tiles, region, progress);
+    };
+    for (std::size_t n = 0; n < tasks(); ++n) {
+        const fs::path file = mImpl->resultOf(JobPhase::Sample, n);
+        const auto record = TaskRecord::read(Impl::recordOf(file));
+        content.tiles.push_back(
+            {(*mImpl->tiles)[n].box, record ? record->voxels : std::uint64_t(0)});
+    }
+    const std::vector<std::string> faults = writeTileFolder(folder, content, progress);
+    JobResult result = mImpl->result();
+    result.faults.insert(result.faults.end(), faults.begin(), faults.end());
+    return result;
+}
+
+Mesh Job::mesh(std::uint64_t maxBytes, Interrupter* interrupter) const
+{
+    Interrupter& progress = orSilent(interrupter);
+    mImpl->requireTiles(progress);
+    const MpuField& field = mImpl->fieldOnly();
+    Mesh mesh = meshOfParts(mImpl->parted(), prefixOf(0), &field, maxBytes, progress);
+    if (!mImpl->plan.attributes.empty())
+        addAttributes(mesh, *field.attributes(mImpl->plan.attributes), &progress);
+    return mesh;
+}
+
+std::uint64_t Job::bytes() const
+{
+    std::uint64_t bytes = 0;
+    for (std::size_t n = 0; n < mImpl->tasksOf(JobPhase::Sample); ++n)
+        if (const auto record = mImpl->doneBy(mImpl->resultOf(JobPhase::Sample, n)))
+            bytes += record->bytes;
+    return bytes;
 }
 
 } // namespace mpuvdb

@@ -196,6 +196,15 @@ Origins around(const Origins& blocks, Steps steps, const openvdb::FloatTree& tre
     return found;
 }
 
+/// Drop the blocks that do not count.
+void keep(Origins& origins, const BlockFilter& only)
+{
+    if (only)
+        origins.erase(std::remove_if(origins.begin(), origins.end(),
+                                     [&](const Coord& origin) { return !only(origin); }),
+                      origins.end());
+}
+
 } // namespace
 
 const std::array<std::uint8_t, 256> kBitCounts = [] {
@@ -228,14 +237,16 @@ void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
             }
 }
 
-DualCells::DualCells(const openvdb::FloatTree& tree, Interrupter& progress)
+DualCells::DualCells(const openvdb::FloatTree& tree, Interrupter& progress, const BlockFilter& only)
 {
-    const Origins leaves = leafOrigins(tree);
+    Origins leaves = leafOrigins(tree);
+    keep(leaves, only);
     add(tree, leaves, progress);
     // A cell belongs to its lowest voxel, which may lie below the leaves. Where tiles of different
     // sign meet, cells without any leaf follow.
     Origins known;
     for (Origins next = around(leaves, {-1, 0}, tree, known); !next.empty();) {
+        keep(next, only);
         const std::size_t before = mBlocks.size();
         add(tree, next, progress);
         known.insert(known.end(), next.begin(), next.end());

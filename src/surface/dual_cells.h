@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <openvdb/openvdb.h>
 #include <vector>
 
@@ -80,12 +81,15 @@ struct DualBlock {
     }
 };
 
+/// Whether the block with this first voxel counts.
+using BlockFilter = std::function<bool(const openvdb::Coord&)>;
+
 /// All blocks that the surface crosses.
 class DualCells
 {
 public:
-    /// @throws Interrupted.
-    DualCells(const openvdb::FloatTree& tree, Interrupter& progress);
+    /// @param only  blocks to look at, or null. @throws Interrupted.
+    DualCells(const openvdb::FloatTree& tree, Interrupter& progress, const BlockFilter& only = {});
 
     const std::vector<DualBlock>& blocks() const { return mBlocks; }
     std::uint64_t vertices() const { return mVertices; }

@@ -116,6 +116,46 @@ class EngineTest(JobTest):
                 self.assertEqual(ended.returncode, 0, ended.stderr)
         self.assert_same()
 
+    def test_a_folder_and_a_mesh(self):
+        self.output = self.folder / "a city"
+        self.plan("list")
+        for name in ("1-fit.txt", "2-gather.txt", "3-tiles.txt", "4-merge.txt"):
+            ended = self.shell(f"sh '{self.job}/{name}'")
+            self.assertEqual(ended.returncode, 0, ended.stderr)
+        index = json.loads((self.output / "index.json").read_text())
+        there = {str(path.relative_to(self.output)) for path in self.output.rglob("*") if path.is_file()}
+        self.assertEqual(set(index["files"]), there)
+        whole = json.loads(self.call("info", self.expected, "--json"))
+        self.assertEqual(sum(tile["active_voxels"] for tile in index["tiles"]), whole["files"][0]["grids"][0]["active_voxels"])
+        for level in index["levels"]:
+            self.call("check", self.output / level["file"])
+        self.call("reconstruct", self.cloud, "-o", self.expected, *self.options, "--mesh", self.folder / "whole.ply")
+        self.call("merge", self.job, "--mesh", self.folder / "tiles.ply")
+        self.assertEqual((self.folder / "tiles.ply").read_bytes(), (self.folder / "whole.ply").read_bytes())
+        # What is small and has no extension is a file; what is there already stays what it is.
+        self.call("merge", self.job, "-o", self.folder / "city")
+        self.assertEqual((self.folder / "city.vdb").read_bytes(), self.expected.read_bytes())
+        (self.output / "mine.txt").write_text("mine")
+        self.call("merge", self.job, "-o", self.output, status=2)
+        self.call("merge", self.expected, "--mesh", self.folder / "no.ply", status=2)
+        self.call("merge", self.job, status=2)
+        self.call("merge", self.job, "-o", str(self.expected) + "/", status=3)
+
+    def test_a_killed_merge_leaves_no_folder(self):
+        self.plan("list")
+        for name in ("1-fit.txt", "2-gather.txt", "3-tiles.txt"):
+            self.assertEqual(self.shell(f"sh '{self.job}/{name}'").returncode, 0)
+        before = sorted(path.name for path in self.folder.iterdir())
+        for signals in (1, 2):  # the second ends the process at once
+            running = subprocess.Popen([COMMAND, "merge", str(self.job), "-o", f"{self.folder}/city/"],
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            while not list(self.folder.glob(".city.*")) and running.poll() is None:
+                time.sleep(0.005)
+            for _ in range(signals):
+                running.send_signal(signal.SIGINT)
+            self.assertEqual(running.wait(timeout=60), 130)
+            self.assertEqual(sorted(path.name for path in self.folder.iterdir()), before)
+
     @unittest.skipUnless(installed("parallel"), "GNU parallel is not installed")
     def test_parallel(self):
         self.plan("parallel")
@@ -136,6 +176,15 @@ class EngineTest(JobTest):
         ended = self.shell(f"snakemake -s '{self.job}/Snakefile' --cores 2 --retries 3")
         self.assertEqual(ended.returncode, 0, ended.stderr)
         self.assert_same()
+        # The same as a folder.
+        script = self.job / "Snakefile"
+        city = self.folder / "city"
+        shutil.rmtree(self.job)
+        self.output = city
+        self.plan("snakemake")
+        ended = self.shell(f"snakemake -s '{script}' --cores 2 --retries 3")
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assertTrue((city / "index.json").exists())
 
     def test_openjd(self):
         self.plan("openjd")

@@ -41,6 +41,25 @@ void writeText(const fs::path& file, const std::string& text)
     if (!out) throw IoError(fmt::format("{}: cannot be written", file.string()));
 }
 
+/// Whether the result is a folder of tiles: all that is not named as a .vdb file.
+bool isFolder(const EngineJob& job)
+{
+    return job.output.extension() != ".vdb";
+}
+
+/// What the last step is told to write: with / at its end for a folder.
+std::string outputOf(const EngineJob& job)
+{
+    return isFolder(job) ? (job.output / "").string() : job.output.string();
+}
+
+/// The output as Snakemake calls it: it takes no / at the end of a folder.
+std::string snakemakeOutput(const EngineJob& job)
+{
+    const std::string text = outputOf(job);
+    return Json(isFolder(job) ? text.substr(0, text.size() - 1) : text).dump();
+}
+
 /// The commands of a job, as words of a shell.
 struct Commands {
     std::string tile, gather, merge;
@@ -52,8 +71,8 @@ struct Commands {
             job.maxBytes > 0 ? fmt::format(" --max-memory {}M", job.maxBytes >> 20) : "";
         tile = fmt::format("{} tile {}{} --progress none", mpuvdb, folder, limit);
         gather = fmt::format("{} gather {} --progress none", mpuvdb, folder);
-        merge = fmt::format("{} merge {} -o {} --progress none", mpuvdb, folder,
-                            quoted(job.output.string()));
+        merge =
+            fmt::format("{} merge {} -o {} --progress none", mpuvdb, folder, quoted(outputOf(job)));
     }
 };
 
@@ -139,7 +158,7 @@ std::string writeSnakemake(const EngineJob& job)
     writeText(
         file,
         fmt::format("workdir: {0}\n\nrule all:\n    input: {1}\n\n",
-                    Json(job.folder.string()).dump(), Json(job.output.string()).dump()) +
+                    Json(job.folder.string()).dump(), snakemakeOutput(job)) +
             tiles("fit", "fit", "") +
             fmt::format("rule gather:\n    input: expand(\"marks/fit/{{n}}\", n=range({0}))\n"
                         "    output: touch(\"marks/gathered\")\n    shell: \"{1}\"\n\n",
@@ -147,7 +166,10 @@ std::string writeSnakemake(const EngineJob& job)
             tiles("tiles", "tiles", "    input: \"marks/gathered\"\n") +
             fmt::format("rule merge:\n    input: expand(\"marks/tiles/{{n}}\", n=range({0}))\n"
                         "    output: {1}\n    shell: \"{2}\"\n",
-                        job.slots, Json(job.output.string()).dump(), shell(commands.merge)));
+                        job.slots,
+                        isFolder(job) ? "directory(" + snakemakeOutput(job) + ")"
+                                      : snakemakeOutput(job),
+                        shell(commands.merge)));
     return "snakemake -s " + quoted(file.string()) + " --cores all --retries 3";
 }
 
@@ -192,7 +214,7 @@ std::string writeOpenJd(const EngineJob& job)
               step("Gather", "Fit", action({"gather", folder, "--progress", "none"})),
               tiles("Tiles", "Gather"),
               step("Merge", "Tiles",
-                   action({"merge", folder, "-o", job.output.string(), "--progress", "none"}))})}};
+                   action({"merge", folder, "-o", outputOf(job), "--progress", "none"}))})}};
     const fs::path file = job.folder / "openjd.json";
     writeText(file, text.dump(2) + "\n");
     return "openjd run " + quoted(file.string());

@@ -51,7 +51,12 @@ public:
                 "  mpuvdb merge body=a.vdb arm=b.vdb -o both.vdb\n"
                 "      The grid of a.vdb is called body, that of b.vdb arm.\n"
                 "  mpuvdb merge job/ -o scan.vdb\n"
-                "      The level set of a job that mpuvdb plan began.\n"};
+                "      The level set of a job that mpuvdb plan began.\n"
+                "  mpuvdb merge job/ -o city/\n"
+                "      A folder: a .vdb file for each tile, a USD layer that shows them as one,\n"
+                "      level sets of voxels 4 and 16 times larger, and an index (JSON).\n"
+                "  mpuvdb merge job/ --mesh city.ply\n"
+                "      The mesh of the whole, made tile by tile.\n"};
     }
 
     void addOptions(CLI::App& app) override
@@ -62,9 +67,22 @@ public:
                        "file, or FILE_GRID. - is standard input. Or the folder of one job")
             ->required()
             ->type_name("[NAME=]IN.vdb");
-        app.add_option("-o,--output", mOutput, "All grids; - is standard output")
-            ->required()
-            ->type_name("OUT.vdb");
+        app.add_option("-o,--output", mOutput,
+                       "All grids; - is standard output. Of a job also a folder, whose name ends\n"
+                       "in /; a name without an extension is that of a folder where the grids\n"
+                       "take more than 4 GiB, and else gets .vdb")
+            ->type_name("OUT.vdb|OUT/");
+        app.add_option("--mesh", mMesh,
+                       "Of a job: write the mesh of mpuvdb reconstruct, tile by tile: .ply .obj\n"
+                       ".off .stl .glb .usda")
+            ->type_name("OUT.ply");
+        addScene(app, mScene);
+        app.callback([this] {
+            const bool isOfJob = mInputs.size() == 1 && isJob(mInputs[0]);
+            if (!mMesh.empty() && !isOfJob)
+                throw UsageError("--mesh is for jobs: mpuvdb mesh makes one of a .vdb file");
+            if (mOutput.empty() && mMesh.empty()) throw CLI::RequiredError("--output");
+        });
     }
 
     ExitCode run(Session& session) override
@@ -100,11 +118,48 @@ private:
         return std::filesystem::is_directory(input, ignored);
     }
 
+    /// Whether the result of @a job is a folder. @param output  gets its extension, if it has none.
+    static bool isFolder(const Job& job, std::string& output)
+    {
+        /// Bytes from which on a grid is many files. [derived: sizes of 32 bits, at which file
+        /// systems, archives and formats of pictures and scenes end]
+        constexpr std::uint64_t kLargestFile = std::uint64_t(1) << 32;
+        const std::filesystem::path path(output);
+        std::error_code ignored;
+        if (path.filename().empty() || std::filesystem::is_directory(path, ignored)) return true;
+        if (path.has_extension()) return false;
+        if (job.bytes() > kLargestFile) return true;
+        output += ".vdb";
+        return false;
+    }
+
     ExitCode mergeJob(Session& session) const
     {
-        session.checkFiles({{"-o", mOutput, {".vdb"}}}, {});
         const Job job(mInputs[0], buildId());
-        return describeJob(session, job.merge(mOutput, &session.progress()), mOutput);
+        std::string output = mOutput;
+        const bool asFolder = !output.empty() && isFolder(job, output);
+        std::vector<Output> outputs{{"--mesh", mMesh, meshExtensions()}};
+        outputs.push_back({"-o", output, {".vdb"}, false, false, asFolder});
+        session.checkFiles(outputs, mInputs);
+        Interrupter* const interrupter = &session.progress();
+        ExitCode code = ExitCode::Ok;
+        if (asFolder)
+            code = describeJob(session, job.mergeToFolder(output, mScene, interrupter), output);
+        else if (!output.empty())
+            code = describeJob(session, job.merge(output, interrupter), output);
+        if (!mMesh.empty()) writeMesh(job, session);
+        return code;
+    }
+
+    void writeMesh(const Job& job, Session& session) const
+    {
+        const Mesh mesh = job.mesh(session.bytesLeft(), &session.progress());
+        mpuvdb::writeMesh(mMesh, mesh, mScene, &session.progress());
+        const MeshReport report = measure(mesh);
+        session.report()["mesh"] = toJson(report);
+        session.progress().endStage();
+        session.note(fmt::format("mesh        {} vertices, {} triangles, {} components: {}",
+                                 report.vertices, report.triangles, report.components, mMesh));
     }
 
     void add(const NamedFile& input, Session& session)
@@ -138,7 +193,8 @@ private:
     }
 
     std::vector<std::string> mInputs;
-    std::string mOutput;
+    std::string mOutput, mMesh;
+    SceneSettings mScene;
     openvdb::GridPtrVec mGrids;
     Json mList = Json::array();
 };

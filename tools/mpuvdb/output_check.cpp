@@ -23,7 +23,9 @@ void checkExtension(const Output& output)
 {
     const std::string extension = extensionOf(output.path);
     const auto& known = output.extensions;
-    if (known.empty() || std::find(known.begin(), known.end(), extension) != known.end()) return;
+    if (output.isFolder || known.empty() ||
+        std::find(known.begin(), known.end(), extension) != known.end())
+        return;
     throw UsageError(fmt::format("{} {}: no format has the extension '{}' here; use {}",
                                  output.option, output.path, extension, fmt::join(known, ", ")));
 }
@@ -43,9 +45,13 @@ bool writable(const fs::path& folder)
 
 void checkPlace(const Output& output)
 {
-    const fs::path path(output.path);
+    fs::path path(output.path);
+    if (path.filename().empty()) path = path.parent_path(); // of a folder's name that ends in /
     std::error_code ignored;
-    if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored)) {
+    if (output.isFolder && fs::exists(path, ignored) && !fs::is_directory(path, ignored))
+        throw IoError(fmt::format("{} {}: is a file; choose another name for the folder",
+                                  output.option, output.path));
+    if (!output.isFolder && fs::exists(path, ignored) && !fs::is_regular_file(path, ignored)) {
         throw IoError(fmt::format("{} {}: is not a regular file and would be replaced by one; name "
                                   "a file{}",
                                   output.option, output.path,

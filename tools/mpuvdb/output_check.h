@@ -13,6 +13,7 @@ struct Output {
     std::vector<std::string> extensions; ///< known ones, lower case; empty: any
     bool printable = false;              ///< whether "-" is allowed
     bool joinsFrames = false;            ///< whether one file can hold all frames of a sequence
+    bool isFolder = false;               ///< a folder of files
 };
 
 /// The extension of @a path in lower case, with its dot.

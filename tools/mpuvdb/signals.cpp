@@ -3,6 +3,7 @@
 #include "standard_output.h"
 
 #include "files/atomic_file.h"
+#include "files/atomic_folder.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 
@@ -30,6 +31,7 @@ int theStopEvent = -1; // an eventfd from the handler to the watchdog
 [[noreturn]] void leaveNow() noexcept
 {
     removeTemporaryFiles();
+    removeTemporaryFolder();
     removeScratchFolders();
     _exit(128 + theSignal.load());
 }

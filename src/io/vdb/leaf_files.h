@@ -5,6 +5,7 @@
 
 #include <openvdb/openvdb.h>
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -18,12 +19,41 @@ namespace mpuvdb
 void saveLeaves(ArrayFileWriter& file, const std::string& prefix, const openvdb::GridBase& grid,
                 const openvdb::CoordBBox& box, const Interrupter& progress);
 
-/// The grid of all leaves that saveLeaves() wrote to @a files, whose boxes are apart, for a writer
+/// What is taken of the leaves in files.
+struct LeafRegion {
+    openvdb::CoordBBox box = openvdb::CoordBBox::inf(); ///< of whole leaves
+    /// Boxes of whole nodes of leaves (multiples of 128 voxels), beside the box and without leaves,
+    /// that are inside a level set.
+    std::vector<openvdb::CoordBBox> inside;
+};
+
+/// The grid of the leaves that saveLeaves() wrote to @a files, whose boxes are apart, for a writer
 /// of .vdb files: it has no voxels in memory, and its leaves' bytes are copied as they are. Between
-/// the leaves of a level set are tiles of the sign of those beside them. @param files  have to
-/// outlive the grid. @throws InputError (damaged files), Interrupted.
+/// the leaves of a level set are tiles of the sign of those beside them; beyond @a region it is
+/// outside, as are nodes of leaves that are only in part in the region and have no leaf.
+/// @param files  have to outlive the grid. @throws InputError (damaged files),
+/// Interrupted.
 openvdb::GridBase::Ptr gridOfLeaves(const std::vector<ArrayFile>& files, const std::string& prefix,
-                                    const Interrupter& progress);
+                                    const LeafRegion& region, const Interrupter& progress);
+
+/// The same in @a box, of whole leaves, with its voxels. Without a leaf there it is empty.
+/// @param wanted  leaves to read, by their origins, or null; others are left out.
+openvdb::GridBase::Ptr readLeaves(const std::vector<ArrayFile>& files, const std::string& prefix,
+                                  const openvdb::CoordBBox& box, const Interrupter& progress,
+                                  const std::function<bool(const openvdb::Coord&)>& wanted = {});
+
+/// Whether the block with @a voxel, which is in @a box and no leaf, is inside the level set. There
+/// is a leaf in the box.
+bool isSpaceInside(const std::vector<ArrayFile>& files, const std::string& prefix,
+                   const openvdb::CoordBBox& box, const openvdb::Coord& voxel,
+                   const Interrupter& progress);
+
+/// The places of nodes of leaves of @a edge voxels in which @a file has a leaf, sorted.
+std::vector<openvdb::Coord> nodesWithLeaves(const ArrayFile& file, const std::string& prefix,
+                                            int edge);
+
+/// Whether @a file has leaves of the grid.
+bool hasLeaves(const ArrayFile& file, const std::string& prefix);
 
 /// Whether @a grid was made by gridOfLeaves().
 bool isOfLeaves(const openvdb::GridBase& grid);

@@ -80,23 +80,35 @@ std::string extentText(const Box3d& box)
                        box.max()[0], box.max()[1], box.max()[2]);
 }
 
-/// A grid of the volume.
+/// A grid of a volume.
 struct GridText {
     std::string name, type, path; ///< path: the attribute with the path of its file
 };
 
-/// Writes the layer. @param extent  the attribute with the volume's box, or nothing.
-void writeLayer(const fs::path& file, const std::string& head, const std::string& extent,
-                const std::vector<GridText>& grids)
+/// The prim of a volume. @param parent  the path of the prim above it, or nothing. @param
+/// properties of the volume, beside its fields.
+std::string volumeText(const std::string& parent, const std::string& name,
+                       const std::string& properties, const std::vector<GridText>& grids)
 {
-    std::string text = head + "def Volume \"volume\"\n{\n" + extent;
+    std::string text = fmt::format("def Volume \"{}\"\n{{\n{}", name, properties);
     for (const GridText& grid : grids)
-        text += fmt::format("    rel field:{0} = </volume/{0}>\n", identifier(grid.name));
+        text +=
+            fmt::format("    rel field:{0} = <{1}/{2}/{0}>\n", identifier(grid.name), parent, name);
     for (const GridText& grid : grids)
         text += fmt::format("\n    def OpenVDBAsset \"{}\"\n    {{\n        asset filePath{}\n"
                             "        token fieldName = {}\n{}    }}\n",
                             identifier(grid.name), grid.path, quoted(grid.name), grid.type);
-    text += "}\n";
+    return text + "}\n";
+}
+
+/// The attribute with a volume's box; nothing without one.
+std::string extentText(const char* indent, const Box3d& box)
+{
+    return box.isEmpty() ? "" : fmt::format("{}float3[] extent = {}\n", indent, extentText(box));
+}
+
+void writeLayer(const fs::path& file, const std::string& text)
+{
     writeStream(file, [&](OutputBuffer& out) { out.text(text); });
 }
 
@@ -146,8 +158,8 @@ void writeVolumeLayer(const fs::path& file, const fs::path& vdb, const openvdb::
     std::vector<GridText> texts;
     for (const openvdb::GridBase::ConstPtr& grid : grids)
         texts.push_back({grid->getName(), typeText(*grid), " = " + asset});
-    writeLayer(file, usdaHead("volume", scene),
-               box.isEmpty() ? "" : "    float3[] extent = " + extentText(box) + "\n", texts);
+    writeLayer(file, usdaHead("volume", scene) +
+                         volumeText("", "volume", extentText("    ", box), texts));
 }
 
 void writeVolumeLayer(const fs::path& file, const std::vector<VolumeFrame>& frames,
@@ -181,8 +193,34 @@ void writeVolumeLayer(const fs::path& file, const std::vector<VolumeFrame>& fram
     }
     const std::string time = fmt::format("    startTimeCode = {}\n    endTimeCode = {}\n",
                                          frames.front().number, frames.back().number);
-    writeLayer(file, usdaHead("volume", scene, time), "    float3[] extent" + extents.text() + "\n",
-               texts);
+    writeLayer(file,
+               usdaHead("volume", scene, time) +
+                   volumeText("", "volume", "    float3[] extent" + extents.text() + "\n", texts));
+}
+
+void writeVolumeLayer(const fs::path& file, const std::vector<VolumePart>& parts,
+                      const SceneSettings& scene)
+{
+    requireScene(scene);
+    const fs::path folder = fs::absolute(file).parent_path();
+    std::string volumes;
+    for (const VolumePart& part : parts) {
+        Box3d box;
+        std::vector<GridText> texts;
+        for (const openvdb::GridBase::ConstPtr& grid : readGridHeads(part.vdb)) {
+            box.extend(boundsByMetadata(*grid));
+            texts.push_back(
+                {grid->getName(), typeText(*grid), " = " + assetPath(part.vdb, folder)});
+        }
+        const std::string purpose = part.isProxy ? "    uniform token purpose = \"proxy\"\n"
+                                                 : "    uniform token purpose = \"render\"\n";
+        volumes += "\n" + volumeText("/volume", identifier(part.vdb.stem().string()),
+                                     purpose + extentText("    ", box), texts);
+    }
+    writeLayer(file, usdaHead("volume", scene) +
+                         "def Xform \"volume\" (\n    kind = "
+                         "\"component\"\n)\n{\n" +
+                         volumes + "}\n");
 }
 
 } // namespace mpuvdb

@@ -1,0 +1,183 @@
+#include "coarse_grid.h"
+
+#include "files/atomic_file.h"
+#include "grid/transform_lattice.h"
+#include "io/vdb/leaf_files.h"
+#include "quiet.h"
+#include <mpuvdb/distances.h>
+#include <mpuvdb/interrupter.h>
+#include <mpuvdb/level_set.h>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+namespace mpuvdb
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+using openvdb::Coord;
+using openvdb::CoordBBox;
+using openvdb::FloatGrid;
+using Leaf = openvdb::FloatTree::LeafNodeType;
+
+/// Half-width, voxels. [derived: the default of level sets]
+constexpr double kHalfWidth = 3;
+/// The same of the values that are taken from the finer grid. [derived: above sqrt(3), the distance
+/// of a crossed cell's corners]
+constexpr double kCrossingWidth = 2;
+/// Voxels of the coarser grid about a part. [derived: a leaf, in which the band's distances end]
+constexpr int kBeside = kBlockDim;
+/// Voxels of the finer grid about these. [derived: whole leaves: the wider band, and its stencil]
+constexpr int kFineBeside = 2 * kBlockDim;
+/// Voxels beside a part that check() looks at. [derived: its own stencil; the cut's are farther]
+constexpr int kChecked = 2;
+
+/// The finer voxels of @a box.
+CoordBBox finer(const CoordBBox& box)
+{
+    const auto times = [](const Coord& at, int plus) {
+        return Coord(kCoarsening * (at[0] + plus), kCoarsening * (at[1] + plus),
+                     kCoarsening * (at[2] + plus));
+    };
+    return {times(box.min(), 0), times(box.max(), 1).offsetBy(-1)};
+}
+
+/// Every fourth value of @a fine on each axis, in @a box (coarse voxels) and as far as the surface
+/// is near.
+FloatGrid::Ptr everyFourth(const FloatGrid& fine, const CoordBBox& box, Interrupter& progress)
+{
+    const float background = float(kCrossingWidth * kCoarsening * fine.voxelSize()[0]);
+    const Coord blocks(box.dim()[0] / kBlockDim, box.dim()[1] / kBlockDim,
+                       box.dim()[2] / kBlockDim);
+    std::vector<std::unique_ptr<Leaf>> leaves(std::size_t(blocks[0]) * std::size_t(blocks[1]) *
+                                              std::size_t(blocks[2]));
+    tbb::parallel_for(0, blocks[0] * blocks[1], [&](int row) {
+        progress.check();
+        const FloatGrid::ConstAccessor at = fine.getConstAccessor();
+        for (int k = 0; k < blocks[2]; ++k) {
+            const Coord block(row / blocks[1], row % blocks[1], k);
+            auto leaf = std::make_unique<Leaf>(box.min().offsetBy(kBlockDim * block[0],
+                                                                  kBlockDim * block[1],
+                                                                  kBlockDim * block[2]),
+                                               background);
+            for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
+                const Coord voxel = leaf->offsetToGlobalCoord(n);
+                const float value = at.getValue(
+                    {kCoarsening * voxel[0], kCoarsening * voxel[1], kCoarsening * voxel[2]});
+                if (std::abs(value) < background)
+                    leaf->setValueOn(n, value);
+                else
+                    leaf->setValueOnly(n, std::copysign(background, value));
+            }
+            leaves[std::size_t(row) * std::size_t(blocks[2]) + std::size_t(k)] = std::move(leaf);
+        }
+    });
+    const FloatGrid::Ptr grid = FloatGrid::create(background);
+    for (std::unique_ptr<Leaf>& leaf : leaves) {
+        if (!leaf->isEmpty())
+            grid->tree().addLeaf(leaf.release());
+        else if (leaf->getFirstValue() < 0)
+            grid->tree().addTile(1, leaf->origin(), -background, false);
+    }
+    return grid;
+}
+
+/// Whether the surface passes between two voxels of @a grid.
+bool isCrossed(const FloatGrid& grid)
+{
+    bool isInside = false, isOutside = false;
+    for (auto voxel = grid.cbeginValueOn(); voxel; ++voxel)
+        (*voxel < 0 ? isInside : isOutside) = true;
+    return isInside && isOutside;
+}
+
+/// The coarser level set of @a own (its voxels); null where there is no surface.
+std::optional<LevelSet> coarserPart(const PartedGrid& fine, const std::string& prefix,
+                                    const Lattice& lattice, const CoordBBox& own,
+                                    Interrupter& progress)
+{
+    CoordBBox around = own;
+    around.expand(kBeside);
+    CoordBBox box = finer(around);
+    box.expand(kFineBeside);
+    const std::vector<ArrayFile> files = fine.filesIn(box);
+    if (files.empty()) return std::nullopt;
+    const auto part = openvdb::gridPtrCast<FloatGrid>(readLeaves(files, prefix, box, progress));
+    if (part->tree().leafCount() == 0) return std::nullopt;
+    const LevelSet wide = withHalfWidth(LevelSet(part), kCrossingWidth * kCoarsening, &progress);
+    const FloatGrid::Ptr values = everyFourth(wide.grid(), around, progress);
+    if (!isCrossed(*values)) return std::nullopt;
+    setLattice(*values, lattice);
+    values->setGridClass(openvdb::GRID_LEVEL_SET);
+    values->setName(part->getName());
+    return redistance(*values, kHalfWidth, &progress);
+}
+
+/// What check() says of all parts: their gradients count together, as a few voxels beside a corner
+/// of the solid say nothing of a whole.
+class PartsChecked
+{
+public:
+    void add(const CheckReport& part)
+    {
+        for (const CheckFinding& fault : part.findings) mFaults.push_back(fault.what);
+        mVoxels += double(part.activeVoxels);
+        mGradientErrors += part.meanGradientError * double(part.activeVoxels);
+    }
+    std::vector<std::string> faults() const
+    {
+        std::vector<std::string> all = mFaults;
+        const double n = std::max(mVoxels, 1.0), mean = mGradientErrors / n;
+        if (mean > kGradientTolerance + 0.5 / std::sqrt(n)) // as in check()
+            all.push_back(fmt::format("not a distance: ||grad| - 1| is {:.3g} on average", mean));
+        return all;
+    }
+
+private:
+    std::vector<std::string> mFaults;
+    double mVoxels = 0, mGradientErrors = 0;
+};
+
+} // namespace
+
+PartedGrid coarserGrid(const PartedGrid& fine, const std::string& prefix, const fs::path& folder,
+                       std::vector<std::string>& faults, Interrupter& progress)
+{
+    const double h = kCoarsening * fine.lattice().voxelSize;
+    PartedGrid coarse({fine.lattice().origin, h}, fine.edge() / kCoarsening);
+    const std::vector<Coord> cubes = fine.cubesAround();
+    fs::create_directory(folder);
+    progress.beginStage("coarse", double(cubes.size()));
+    Quiet quiet(progress);
+    PartsChecked found;
+    for (const Coord& cube : cubes) {
+        progress.advance();
+        const CoordBBox own = coarse.boxOf(cube);
+        const auto made = coarserPart(fine, prefix, coarse.lattice(), own, quiet);
+        if (!made) continue;
+        CoordBBox checked = own;
+        checked.expand(kChecked);
+        found.add(check(made->grid(), std::numeric_limits<double>::max(), checked, &quiet));
+        const fs::path file = folder / fmt::format("{}_{}_{}.bin", cube[0], cube[1], cube[2]);
+        writeAtomically(file, [&](const fs::path& temporary) {
+            ArrayFileWriter arrays(temporary);
+            saveLeaves(arrays, prefix, made->grid(), own, quiet);
+            arrays.finish();
+        });
+        const ArrayFile written(file);
+        if (hasLeaves(written, prefix)) coarse.add(cube, written);
+    }
+    for (const std::string& fault : found.faults())
+        faults.push_back(fmt::format("voxels of {:g}: {}", h, fault));
+    progress.endStage();
+    return coarse;
+}
+
+} // namespace mpuvdb

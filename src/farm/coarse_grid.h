@@ -1,0 +1,29 @@
+// Coarser level sets of a grid in parts, one part after the other.
+#pragma once
+#include "parted_grid.h"
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace mpuvdb
+{
+
+class Interrupter;
+
+/// How many voxels of a coarser grid's edge are one. [derived: a coarse level has a sixteenth of
+/// the voxels, and two of them span the 16 that layouts ask for]
+constexpr int kCoarsening = 4;
+
+/// A coarser level set: its voxel (i,j,k) is the finer grid's voxel (4i,4j,4k). Where its surface
+/// lies, values are the exact distances to the finer surface; in the rest of its band of 3 voxels
+/// they are measured from its own zero set. So it is a level set in its own right, and parts of a
+/// solid that are thinner than its voxels may be missing from it.
+/// @param fine  a level set in parts, with names that begin with @a prefix. @param folder  gets a
+/// file for each part of the result. @param faults  gets what check() finds.
+/// @throws IoError, InputError (damaged files), Interrupted.
+PartedGrid coarserGrid(const PartedGrid& fine, const std::string& prefix,
+                       const std::filesystem::path& folder, std::vector<std::string>& faults,
+                       Interrupter& progress);
+
+} // namespace mpuvdb
