@@ -4,6 +4,7 @@
 #include "files/atomic_file.h"
 #include "files/atomic_folder.h"
 #include "files/content_hash.h"
+#include "files/mapped_pages.h"
 #include "inside_boxes.h"
 #include "quiet.h"
 #include <mpuvdb/error.h>
@@ -132,7 +133,7 @@ private:
         for (const CoordBBox& box : region.inside) about["inside"].push_back(jsonOf(box));
         mTiles.push_back(std::move(about));
         mVolumes.push_back({mFolder / name});
-        for (const ArrayFile& file : files) file.forgetPages();
+        forgetMappedPages();
     }
 
     std::vector<std::string> writeLevels()

@@ -141,6 +141,7 @@ private:
         std::vector<Output> outputs{{"--mesh", mMesh, meshExtensions()}};
         outputs.push_back({"-o", output, {".vdb"}, false, false, asFolder});
         session.checkFiles(outputs, mInputs);
+        session.openScratch(mInputs[0]);
         Interrupter* const interrupter = &session.progress();
         ExitCode code = ExitCode::Ok;
         if (asFolder)
