@@ -23,17 +23,34 @@ struct LeafHalo {
 
     void load(const Accessor& access, const Leaf& leaf, float scale)
     {
+        loadFaces(access, leaf, scale);
+        loadEdges(access, leaf, scale);
+    }
+    /// All but the edges and corners of the rim.
+    void loadFaces(const Accessor& access, const Leaf& leaf, float scale)
+    {
         const float* const own = leaf.buffer().data();
         for (int row = 0; row < kBlockDim * kBlockDim; ++row)
             for (int z = 0; z < kBlockDim; ++z)
                 value[index((row >> 3) + 1, (row & 7) + 1, 1) + z] =
                     own[row * kBlockDim + z] * scale;
         for (int n = 0; n < 27; ++n)
-            if (n != 13)
-                loadSide(access, leaf.origin(), {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}, scale);
+            if (isFace(n)) loadSide(access, leaf.origin(), sideOf(n), scale);
+    }
+    /// The edges and corners of the rim.
+    void loadEdges(const Accessor& access, const Leaf& leaf, float scale)
+    {
+        for (int n = 0; n < 27; ++n)
+            if (n != 13 && !isFace(n)) loadSide(access, leaf.origin(), sideOf(n), scale);
     }
 
 private:
+    static openvdb::Coord sideOf(int n) { return {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}; }
+    static bool isFace(int n)
+    {
+        const openvdb::Coord side = sideOf(n);
+        return side[0] * side[0] + side[1] * side[1] + side[2] * side[2] == 1;
+    }
     /// Along each axis: the last layer of a lower neighbor, all of the leaf, the first layer of an
     /// upper neighbor.
     void loadSide(const Accessor& access, const openvdb::Coord& origin, const openvdb::Coord& side,
