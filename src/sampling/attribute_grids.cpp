@@ -148,8 +148,14 @@ std::vector<openvdb::GridBase::Ptr> sampleAttributes(const LevelSet& levelSet,
         [&] { return Scratch{{surface, lattice}, {}, {}}; });
     tbb::parallel_for(std::size_t(0), groups.size(), [&](std::size_t n) {
         auto& [band, places, values] = scratch.local();
-        places.clear();
-        for (const Leaf* const leaf : groups[n]) band.append(*leaf, 1, places);
+        std::size_t count = 0;
+        for (const Leaf* const leaf : groups[n]) count += leaf->onVoxelCount();
+        places.resize(count);
+        SurfacePlace* place = places.data();
+        for (const Leaf* const leaf : groups[n]) {
+            band.find(*leaf, 1, place);
+            place += leaf->onVoxelCount();
+        }
         attributes.evaluate(places, values);
         const float* next = values.data();
         for (const Leaf* const leaf : groups[n]) next = made[n].add(*leaf, next);

@@ -109,9 +109,9 @@ public:
     {
     }
 
-    /// @param projections  see SurfacePlaces::append().
-    void append(const Coord& origin, const Leaf::NodeMaskType& voxels, const Lattice& lattice,
-                int projections, std::vector<SurfacePlace>& places)
+    /// @param projections, places  see SurfacePlaces::find().
+    void find(const Coord& origin, const Leaf::NodeMaskType& voxels, const Lattice& lattice,
+              int projections, SurfacePlace* places)
     {
         const Leaf* const leaf = mAccess.probeConstLeaf(origin);
         if (!leaf) return;
@@ -123,18 +123,16 @@ public:
                       LeafHalo::index(0, 1, 0), mBackground, kMinGradient, mGradients, mFeet);
         const Vec3d low =
             lattice.origin + lattice.voxelSize * Vec3d(origin[0], origin[1], origin[2]);
-        std::size_t next = places.size();
-        places.resize(next + voxels.countOn());
-        if (!setPlaces(voxels, mGradients, mFeet, low, lattice.voxelSize, places.data() + next) &&
+        if (!setPlaces(voxels, mGradients, mFeet, low, lattice.voxelSize, places) &&
             projections == 1)
             return;
         mHalo.loadEdges(mAccess, *leaf, perVoxel);
-        for (auto voxel = voxels.beginOn(); voxel; ++voxel, ++next) {
+        for (auto voxel = voxels.beginOn(); voxel; ++voxel, ++places) {
             Vec3f gradient = at(mGradients, voxel.pos());
             if (projections == 1 && gradient != Vec3f::Zero()) continue;
             const Vec3f x = nearestTo(Leaf::offsetToLocalCoord(voxel.pos()), projections, gradient);
-            places[next].position = low + lattice.voxelSize * x.cast<double>();
-            places[next].normal = gradient.cast<double>();
+            places->position = low + lattice.voxelSize * x.cast<double>();
+            places->normal = gradient.cast<double>();
         }
     }
 
@@ -247,9 +245,9 @@ SurfacePlaces::SurfacePlaces(const FloatGrid& surface, const Lattice& lattice)
 
 SurfacePlaces::~SurfacePlaces() = default;
 
-void SurfacePlaces::append(const Leaf& leaf, int projections, std::vector<SurfacePlace>& places)
+void SurfacePlaces::find(const Leaf& leaf, int projections, SurfacePlace* places)
 {
-    mBand->append(leaf.origin(), leaf.valueMask(), mLattice, projections, places);
+    mBand->find(leaf.origin(), leaf.valueMask(), mLattice, projections, places);
 }
 
 } // namespace mpuvdb
