@@ -54,7 +54,7 @@ public:
     template <typename F>
     void forEach(const Eigen::AlignedBox3f& box, int level, F add) const
     {
-        if (!mTree.nodes().empty()) visit(0, box, level, step(level) * step(level), add);
+        if (!mTree.nodes().empty()) visit(0, box, level, step(level), add);
     }
 
 private:
@@ -68,7 +68,7 @@ private:
     {
         const BucketTree::Node& node = mTree.nodes()[at];
         if (mFinest[at] > level || !node.box.intersects(box)) return;
-        if (node.box.diagonal().squaredNorm() <= whole) {
+        if (node.box.sizes().maxCoeff() <= whole) {
             if (float* const sums = add(mMiddles[at]))
                 std::copy_n(mSums.data() + at * mLength, mLength, sums);
         } else if (!node.leaf) {
