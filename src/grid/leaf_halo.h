@@ -56,20 +56,23 @@ private:
     void loadSide(const Accessor& access, const openvdb::Coord& origin, const openvdb::Coord& side,
                   float scale)
     {
-        const openvdb::Coord from =
+        const openvdb::Coord there =
             origin + openvdb::Coord(side[0] * kBlockDim, side[1] * kBlockDim, side[2] * kBlockDim);
-        const Leaf* const leaf = access.probeConstLeaf(from);
+        const Leaf* const leaf = access.probeConstLeaf(there);
         const float* const data = leaf ? leaf->buffer().data() : nullptr;
-        const float tile = leaf ? 0 : access.getValue(from) * scale;
+        const float tile = leaf ? 0 : access.getValue(there) * scale;
         const auto first = [](int s) { return s < 0 ? kBlockDim - 1 : 0; };
         const auto last = [](int s) { return s > 0 ? 0 : kBlockDim - 1; };
         for (int x = first(side[0]); x <= last(side[0]); ++x)
             for (int y = first(side[1]); y <= last(side[1]); ++y) {
-                const int row = index(x + 1 + side[0] * kBlockDim, y + 1 + side[1] * kBlockDim,
-                                      1 + side[2] * kBlockDim);
-                for (int z = first(side[2]); z <= last(side[2]); ++z)
-                    value[row + z] =
-                        data ? data[(x * kBlockDim + y) * kBlockDim + z] * scale : tile;
+                float* const row =
+                    &value[index(x + 1 + side[0] * kBlockDim, y + 1 + side[1] * kBlockDim,
+                                 1 + side[2] * kBlockDim)];
+                const float* const from = data + (x * kBlockDim + y) * kBlockDim;
+                if (side[2] == 0)
+                    for (int z = 0; z < kBlockDim; ++z) row[z] = data ? from[z] * scale : tile;
+                else
+                    row[first(side[2])] = data ? from[first(side[2])] * scale : tile;
             }
     }
 };
