@@ -144,8 +144,9 @@ std::vector<openvdb::GridBase::Ptr> sampleAttributes(const LevelSet& levelSet,
     const std::vector<LeafGroup> groups = groupsOf(leaves);
     std::vector<MadeLeaves> made;
     for (std::size_t n = 0; n < groups.size(); ++n) made.emplace_back(attributes);
-    tbb::enumerable_thread_specific<Scratch> scratch(
-        [&] { return Scratch{{surface, lattice}, {}, {}}; });
+    tbb::enumerable_thread_specific<Scratch> scratch([&] {
+        return Scratch{{surface, lattice}, {}, {}};
+    });
     tbb::parallel_for(std::size_t(0), groups.size(), [&](std::size_t n) {
         auto& [band, places, values] = scratch.local();
         std::size_t count = 0;
