@@ -7,9 +7,9 @@
 
 #include <fmt/format.h>
 #include <map>
-#include <numeric>
 #include <openvdb/tree/LeafManager.h>
 #include <set>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 namespace mpuvdb
@@ -122,6 +122,13 @@ std::vector<LeafGroup> groupsOf(const openvdb::tree::LeafManager<const FloatTree
     return result;
 }
 
+/// The memory of one thread, kept from group to group.
+struct Scratch {
+    SurfacePlaces band;
+    std::vector<SurfacePlace> places;
+    std::vector<float> values;
+};
+
 } // namespace
 
 std::vector<openvdb::GridBase::Ptr> sampleAttributes(const LevelSet& levelSet,
@@ -137,14 +144,19 @@ std::vector<openvdb::GridBase::Ptr> sampleAttributes(const LevelSet& levelSet,
     const std::vector<LeafGroup> groups = groupsOf(leaves);
     std::vector<MadeLeaves> made;
     for (std::size_t n = 0; n < groups.size(); ++n) made.emplace_back(attributes);
+    tbb::enumerable_thread_specific<Scratch> scratch([&] {
+        return Scratch{{surface, lattice}, {}, {}};
+    });
     tbb::parallel_for(std::size_t(0), groups.size(), [&](std::size_t n) {
-        std::vector<SurfacePlace> places;
-        places.reserve(std::accumulate(
-            groups[n].begin(), groups[n].end(), std::size_t(0),
-            [](std::size_t sum, const Leaf* leaf) { return sum + leaf->onVoxelCount(); }));
-        SurfacePlaces band(surface, lattice);
-        for (const Leaf* const leaf : groups[n]) band.append(*leaf, 1, places);
-        std::vector<float> values;
+        auto& [band, places, values] = scratch.local();
+        std::size_t count = 0;
+        for (const Leaf* const leaf : groups[n]) count += leaf->onVoxelCount();
+        places.resize(count);
+        SurfacePlace* place = places.data();
+        for (const Leaf* const leaf : groups[n]) {
+            band.find(*leaf, 1, place);
+            place += leaf->onVoxelCount();
+        }
         attributes.evaluate(places, values);
         const float* next = values.data();
         for (const Leaf* const leaf : groups[n]) next = made[n].add(*leaf, next);

@@ -15,7 +15,7 @@ namespace
 using openvdb::FloatGrid;
 using openvdb::FloatTree;
 
-constexpr int kProjections = 3; ///< steps of SurfacePlaces::append() [tuned: coverage_test]
+constexpr int kProjections = 3; ///< steps of SurfacePlaces::find() [tuned: coverage_test]
 constexpr const char* kSpacingKey = "mpuvdb:spacing";
 
 } // namespace
@@ -31,8 +31,8 @@ FloatGrid::Ptr sampleCoverage(const LevelSet& levelSet, const Coverage& coverage
     progress.beginStage("coverage", double(leaves.leafCount()));
     leaves.foreach (
         [&](FloatTree::LeafNodeType& leaf, std::size_t) {
-            std::vector<SurfacePlace> places;
-            SurfacePlaces(surface, lattice).append(leaf, kProjections, places);
+            std::vector<SurfacePlace> places(leaf.onVoxelCount());
+            SurfacePlaces(surface, lattice).find(leaf, kProjections, places.data());
             std::vector<float> values;
             coverage.evaluate(places, values);
             auto next = values.begin();

@@ -40,15 +40,18 @@ using Vectors = std::array<std::array<float, Leaf::SIZE>, 3>;
     return (isAbove & isBelow) != 0 ? 0.5f * rise : rise;
 }
 
-/// Unit gradients of the distance at the voxels of a leaf, zero where an axis has no neighbor in
-/// the band, or the gradient is too short; and the places on the zero set along them, in voxels
-/// from the leaf's first.
-/// @param values  at the leaf's first voxel, in rows of @a row and slabs of @a slab values.
+/// Unit gradients of the distance in the rows of a leaf with @a voxels, zero where an axis has no
+/// neighbor in the band, or the gradient is too short; and the places on the zero set along them,
+/// in voxels from the leaf's first.
+/// @param values  at the leaf's first voxel, in rows of @a
+/// row and slabs of @a slab values.
 MPUVDB_CLONES
-void findGradients(const float* values, std::ptrdiff_t slab, std::ptrdiff_t row, float background,
-                   float shortest, Vectors& gradients, Vectors& feet)
+void findGradients(const Leaf::NodeMaskType& voxels, const float* values, std::ptrdiff_t slab,
+                   std::ptrdiff_t row, float background, float shortest, Vectors& gradients,
+                   Vectors& feet)
 {
     for (int n = 0; n < 64; ++n) {
+        if (!voxels.getWord<std::uint8_t>(Index(n))) continue;
         const float* const at = values + (n >> 3) * slab + (n & 7) * row;
         Flags known = Flags{} - 1;
         const Lanes x = slopeAlong(at, slab, background, known),
@@ -71,6 +74,29 @@ void findGradients(const float* values, std::ptrdiff_t slab, std::ptrdiff_t row,
     }
 }
 
+/// Set places from feet and gradients of voxels. Returns whether any gradient is zero.
+MPUVDB_CLONES
+bool setPlaces(const Leaf::NodeMaskType& voxels, const Vectors& gradients, const Vectors& feet,
+               const Vec3d& origin, double voxelSize, SurfacePlace* place)
+{
+    using Quad = float __attribute__((vector_size(16)));
+    using Four = double __attribute__((vector_size(32)));
+    const Four low{origin[0], origin[1], origin[2], 0};
+    const auto at = [](const Vectors& v, Index n) {
+        return __builtin_convertvector((Quad{v[0][n], v[1][n], v[2][n], 0}), Four);
+    };
+    bool isAnyZero = false;
+    for (Index word = 0; word < kBlockDim; ++word)
+        for (auto left = voxels.getWord<std::uint64_t>(word); left; left &= left - 1, ++place) {
+            const Index n = 64 * word + Index(__builtin_ctzll(left));
+            const Four position = low + voxelSize * at(feet, n), normal = at(gradients, n);
+            std::memcpy(place->position.data(), &position, 3 * sizeof(double));
+            std::memcpy(place->normal.data(), &normal, 3 * sizeof(double));
+            isAnyZero |= gradients[0][n] == 0 && gradients[1][n] == 0 && gradients[2][n] == 0;
+        }
+    return isAnyZero;
+}
+
 } // namespace
 
 /// A leaf of the band with its surroundings.
@@ -83,28 +109,31 @@ public:
     {
     }
 
-    /// @param projections  see SurfacePlaces::append().
-    void append(const Coord& origin, const Leaf::NodeMaskType& voxels, const Lattice& lattice,
-                int projections, std::vector<SurfacePlace>& places)
+    /// @param projections, places  see SurfacePlaces::find().
+    void find(const Coord& origin, const Leaf::NodeMaskType& voxels, const Lattice& lattice,
+              int projections, SurfacePlace* places)
     {
         const Leaf* const leaf = mAccess.probeConstLeaf(origin);
         if (!leaf) return;
         mLow = origin;
-        mHalo.load(mAccess, *leaf, float(1 / lattice.voxelSize));
-        findGradients(&mHalo.value[LeafHalo::index(1, 1, 1)], LeafHalo::index(1, 0, 0),
+        mVoxels = voxels;
+        const float perVoxel = float(1 / lattice.voxelSize);
+        mHalo.loadFaces(mAccess, *leaf, perVoxel);
+        findGradients(voxels, &mHalo.value[LeafHalo::index(1, 1, 1)], LeafHalo::index(1, 0, 0),
                       LeafHalo::index(0, 1, 0), mBackground, kMinGradient, mGradients, mFeet);
         const Vec3d low =
             lattice.origin + lattice.voxelSize * Vec3d(origin[0], origin[1], origin[2]);
-        for (Index word = 0; word < kBlockDim; ++word)
-            for (auto left = voxels.getWord<std::uint64_t>(word); left; left &= left - 1) {
-                const Index n = 64 * word + Index(__builtin_ctzll(left));
-                Vec3f gradient = at(mGradients, n), x = at(mFeet, n);
-                if (projections > 1 || gradient == Vec3f::Zero())
-                    x = nearestTo(Leaf::offsetToLocalCoord(n), projections, gradient);
-                SurfacePlace& place = places.emplace_back();
-                place.position = low + lattice.voxelSize * x.cast<double>();
-                place.normal = gradient.cast<double>();
-            }
+        if (!setPlaces(voxels, mGradients, mFeet, low, lattice.voxelSize, places) &&
+            projections == 1)
+            return;
+        mHalo.loadEdges(mAccess, *leaf, perVoxel);
+        for (auto voxel = voxels.beginOn(); voxel; ++voxel, ++places) {
+            Vec3f gradient = at(mGradients, voxel.pos());
+            if (projections == 1 && gradient != Vec3f::Zero()) continue;
+            const Vec3f x = nearestTo(Leaf::offsetToLocalCoord(voxel.pos()), projections, gradient);
+            places->position = low + lattice.voxelSize * x.cast<double>();
+            places->normal = gradient.cast<double>();
+        }
     }
 
 private:
@@ -145,10 +174,11 @@ private:
 
     Vec3f gradientAt(const Coord& at) const
     {
-        const bool inLeaf = ((at[0] | at[1] | at[2]) & ~7) == 0;
-        return inLeaf ? Band::at(mGradients, Leaf::coordToOffset(at)) : gradientBeside(at);
+        const bool isKnown =
+            ((at[0] | at[1] | at[2]) & ~7) == 0 && mVoxels.isOn(Leaf::coordToOffset(at));
+        return isKnown ? Band::at(mGradients, Leaf::coordToOffset(at)) : gradientBeside(at);
     }
-    /// The gradient at a voxel outside the leaf.
+    /// The gradient at a voxel that is not among the leaf's.
     Vec3f gradientBeside(const Coord& at) const
     {
         Vec3f gradient;
@@ -203,6 +233,7 @@ private:
     LeafHalo::Accessor mAccess;
     float mVoxelSize, mBackground; ///< world units; voxels
     Coord mLow;                    ///< the leaf's origin
+    Leaf::NodeMaskType mVoxels;    ///< whose gradients and feet are known
     LeafHalo mHalo;                ///< voxels
     Vectors mGradients, mFeet;
 };
@@ -214,9 +245,9 @@ SurfacePlaces::SurfacePlaces(const FloatGrid& surface, const Lattice& lattice)
 
 SurfacePlaces::~SurfacePlaces() = default;
 
-void SurfacePlaces::append(const Leaf& leaf, int projections, std::vector<SurfacePlace>& places)
+void SurfacePlaces::find(const Leaf& leaf, int projections, SurfacePlace* places)
 {
-    mBand->append(leaf.origin(), leaf.valueMask(), mLattice, projections, places);
+    mBand->find(leaf.origin(), leaf.valueMask(), mLattice, projections, places);
 }
 
 } // namespace mpuvdb

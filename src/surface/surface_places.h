@@ -3,7 +3,6 @@
 #include <mpuvdb/level_set.h>
 
 #include <memory>
-#include <vector>
 
 namespace mpuvdb
 {
@@ -16,12 +15,11 @@ public:
     SurfacePlaces(const openvdb::FloatGrid& surface, const Lattice& lattice);
     ~SurfacePlaces();
 
-    /// For each active voxel of @a leaf, in order, append its nearest place on the zero set.
-    /// @a leaf belongs to the band, or to a tree of the same voxels.
+    /// Set @a places to the nearest places on the zero set of the active voxels of @a leaf, in
+    /// order. @a leaf belongs to the band, or to a tree of the same voxels.
     /// @param projections  largest number of steps to the zero set. After one, a place outside an
     /// edge may lie up to a voxel off it.
-    void append(const openvdb::FloatTree::LeafNodeType& leaf, int projections,
-                std::vector<SurfacePlace>& places);
+    void find(const openvdb::FloatTree::LeafNodeType& leaf, int projections, SurfacePlace* places);
 
 private:
     class Band;

@@ -1,8 +1,11 @@
 #include "moment_tree.h"
 
+#include "core/clones.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <tbb/parallel_for.h>
@@ -12,7 +15,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kBucketPoints = 8; ///< points of a leaf [tuned: attributes_bench, time]
+constexpr std::uint32_t kBucketPoints = 8; ///< points of a leaf [tuned: attributes_bench, time]
 /// Least confidence: points without any count only where there are no others. [derived: below what
 /// floats resolve beside 1]
 constexpr float kMinConfidence = 1e-9f;
@@ -25,6 +28,33 @@ constexpr std::uint32_t kMinSpacingBuckets = 8;
 /// Finest level, with steps an eighth of the usual: windows of finer ones cost too much.
 /// [tuned: attributes_bench, time]
 constexpr int kMinLevel = -3;
+
+/// The least squared distance from one of the @a count points from @a begin on to its third
+/// neighbor among them.
+MPUVDB_CLONES
+float leastToThird(const PointArrays& points, std::uint32_t begin, std::uint32_t count)
+{
+    using Lanes = float __attribute__((vector_size(4 * kBucketPoints)));
+    Lanes at[3]{}, least[4]; // least: of each point, the distances to itself and three others
+    for (std::uint32_t n = 0; n < count; ++n) {
+        at[0][n] = points.x[begin + n];
+        at[1][n] = points.y[begin + n];
+        at[2][n] = points.z[begin + n];
+    }
+    for (Lanes& squared : least) squared = Lanes{} + std::numeric_limits<float>::max();
+    for (std::uint32_t n = 0; n < count; ++n) {
+        const Lanes x = at[0] - at[0][n], y = at[1] - at[1][n], z = at[2] - at[2][n];
+        Lanes squared = x * x + (y * y + z * z);
+        for (Lanes& known : least) {
+            const Lanes farther = squared < known ? known : squared;
+            known = squared < known ? squared : known;
+            squared = farther;
+        }
+    }
+    float result = least[3][0];
+    for (std::uint32_t n = 1; n < count; ++n) result = std::min(result, least[3][n]);
+    return result;
+}
 
 } // namespace
 
@@ -44,18 +74,19 @@ MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
 /// @param area  that is the point's, in those of points with the median spacing.
 void MomentTree::sumsOf(std::uint32_t point, float area, float* sums) const
 {
+    using Four = float __attribute__((vector_size(16)));
     const float confidence = std::max(mPoints.confidence[point] * mPerConfidence, kMinConfidence);
     const float weight = confidence * area;
-    const auto set = [&](std::size_t quantity, float value) {
-        float* const s = sums + quantity / 4 * kLanes + quantity % 4;
-        s[0] = value;
-        s[4] = value * mPoints.nx[point];
-        s[8] = value * mPoints.ny[point];
-        s[12] = value * mPoints.nz[point];
+    const auto quantity = [&](std::size_t n) {
+        if (n > mChannels.size()) return 0.0f;
+        return n == 0 ? weight : weight * (mChannels[n - 1][point] - mReferences[n - 1]);
     };
-    set(0, weight);
-    for (std::size_t c = 0; c < mChannels.size(); ++c)
-        set(c + 1, weight * (mChannels[c][point] - mReferences[c]));
+    for (std::size_t n = 0; n < mLength / 4; n += 4) {
+        const Four four{quantity(n), quantity(n + 1), quantity(n + 2), quantity(n + 3)};
+        const Four moments[] = {four, four * mPoints.nx[point], four * mPoints.ny[point],
+                                four * mPoints.nz[point]};
+        std::memcpy(sums + 4 * n, moments, sizeof moments);
+    }
 }
 
 void MomentTree::sumUp()
@@ -90,18 +121,8 @@ void MomentTree::sumUp()
 /// The spacing by the distance to the third neighbor, the least in a bucket; 0 for too few points.
 float MomentTree::spacingIn(const BucketTree::Bucket& bucket) const
 {
-    float least = std::numeric_limits<float>::max();
-    const std::uint32_t end = std::min(bucket.end, bucket.begin + std::uint32_t(kBucketPoints));
-    if (end - bucket.begin < 4) return 0;
-    for (std::uint32_t n = bucket.begin; n < end; ++n) {
-        std::array<float, kBucketPoints> squared;
-        for (std::uint32_t m = bucket.begin; m < end; ++m)
-            squared[m - bucket.begin] = (position(m) - position(n)).squaredNorm();
-        std::nth_element(squared.begin(), squared.begin() + 3,
-                         squared.begin() + end - bucket.begin);
-        least = std::min(least, squared[3]);
-    }
-    return std::sqrt(float(M_PI) / 3 * least);
+    const std::uint32_t count = std::min(bucket.end - bucket.begin, kBucketPoints);
+    return count < 4 ? 0 : std::sqrt(float(M_PI) / 3 * leastToThird(mPoints, bucket.begin, count));
 }
 
 /// Set each point's finest level by the spacing about it.
