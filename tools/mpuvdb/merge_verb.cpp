@@ -161,6 +161,7 @@ private:
         session.progress().endStage();
         session.note(fmt::format("mesh        {} vertices, {} triangles, {} components: {}",
                                  report.vertices, report.triangles, report.components, mMesh));
+        session.note("time        " + session.timesText());
     }
 
     void add(const NamedFile& input, Session& session)
