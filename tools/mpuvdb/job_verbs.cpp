@@ -49,9 +49,11 @@ public:
         app.add_option("--job", mFolder, "The job's folder, which all machines have to see")
             ->required()
             ->type_name("FOLDER");
-        app.add_option("-o,--output", mOutput,
-                       "What the engine's last step writes; default: surface.vdb in the folder")
-            ->type_name("OUT.vdb");
+        app.add_option(
+               "-o,--output", mOutput,
+               "What the engine's last step writes: a .vdb file, or a folder of tiles, whose\n"
+               "name ends in /; default: surface.vdb in the job's folder")
+            ->type_name("OUT.vdb|OUT/");
         app.add_option("--engine", mEngine,
                        "Write what an engine needs to run the job: scripts for Slurm or GNU\n"
                        "parallel, a Snakefile, a template of Open Job Description, or a list of\n"

@@ -49,13 +49,12 @@ public:
         return step > 2 * mTree.nodes()[0].box.sizes().maxCoeff();
     }
     /// Store the sums of the points in @a box, and perhaps more, in the memory that add(position)
-    /// returns, if any: of each point, or of a node, at its center of weight, whose diagonal is no
-    /// longer than a step of @a level, or its edges at levels coarser than the points'. Which, and
-    /// the order, does not depend on the box.
+    /// returns, if any: of each point, or of a node no larger than a step of @a level, at its
+    /// center of weight. Which of both, and the order, does not depend on the box.
     template <typename F>
     void forEach(const Eigen::AlignedBox3f& box, int level, F add) const
     {
-        if (!mTree.nodes().empty()) visit(0, box, level, step(level), add);
+        if (!mTree.nodes().empty()) visit(0, box, level, step(level) * step(level), add);
     }
 
 private:
@@ -69,8 +68,7 @@ private:
     {
         const BucketTree::Node& node = mTree.nodes()[at];
         if (mFinest[at] > level || !node.box.intersects(box)) return;
-        const Vec3f edges = node.box.sizes();
-        if ((mFinest[at] < level ? edges.maxCoeff() : edges.norm()) <= whole) {
+        if (node.box.diagonal().squaredNorm() <= whole) {
             if (float* const sums = add(mMiddles[at]))
                 std::copy_n(mSums.data() + at * mLength, mLength, sums);
         } else if (!node.leaf) {
