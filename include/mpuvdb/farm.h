@@ -35,12 +35,13 @@ struct JobOptions {
 
 /// What a job comes to, before it starts.
 struct JobEstimate {
-    int tileVoxels = 0;          ///< edge of a tile
-    std::size_t partPoints = 0;  ///< points of a part of the fit
-    std::size_t tiles = 0;       ///< that hold points; those of filled holes come to them
-    std::uint64_t taskBytes = 0; ///< memory of the largest task, beside the pages of mapped files
-    std::uint64_t diskBytes = 0; ///< of the job's folder and the result
-    double cpuSeconds = 0;       ///< of all tasks: see ReconstructionEstimate
+    int tileVoxels = 0;           ///< edge of a tile
+    std::size_t partPoints = 0;   ///< points of a part of the fit
+    std::size_t tiles = 0;        ///< that hold points; those of filled holes come to them
+    std::uint64_t taskBytes = 0;  ///< memory of the largest task, beside the pages of mapped files
+    std::uint64_t mergeBytes = 0; ///< memory of merge() to one file
+    std::uint64_t diskBytes = 0;  ///< of the job's folder and the result
+    double cpuSeconds = 0;        ///< of all tasks: see ReconstructionEstimate
 };
 
 /// What a job comes to, and its tiles. @param run  the estimate of it at once. @param tileVoxels

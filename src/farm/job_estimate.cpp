@@ -22,6 +22,10 @@ constexpr double kMargin = 43;
 constexpr double kRoom = 0.5;
 /// Memory of the libraries and of the threads' stacks, bytes. [derived: as of the program itself]
 constexpr std::uint64_t kWorkingBytes = 32 << 20;
+/// Memory of a merge, by that of the grid in memory. [derived: a leaf's masks and its place in the
+/// tree and in a table, some 170 bytes, of a leaf's 2200; twice while the tree is made of the
+/// table]
+constexpr double kMergeShare = 0.16;
 constexpr int kLargestTile = 512, kSmallestTile = 128; ///< edges, voxels [free: the same result]
 
 /// How the points lie in tiles.
@@ -78,6 +82,7 @@ JobEstimate estimateJob(const PreparedPoints& points, const ReconstructionEstima
         job.partPoints = std::min(job.partPoints, std::size_t(room / pointTreeBytes) + 1);
     const double partBytes = pointTreeBytes * std::min(count, double(job.partPoints));
     job.taskBytes = std::max(job.taskBytes, kWorkingBytes + std::uint64_t(partBytes));
+    job.mergeBytes = kWorkingBytes + std::uint64_t(kMergeShare * double(run.gridBytes));
     if (taskBytes != 0 && job.taskBytes > taskBytes)
         throw LimitError(fmt::format(
             "a tile of {} voxels would take about {} of memory, and the limit is {}: raise "

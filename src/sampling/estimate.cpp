@@ -13,6 +13,7 @@
 #include <cmath>
 #include <fmt/format.h>
 #include <optional>
+#include <utility>
 
 namespace mpuvdb
 {
@@ -217,7 +218,10 @@ std::optional<double> fittingVoxelSize(const PreparedPoints& points,
     ReconstructOptions options = points.options;
     options.voxels.reset();
     double h = tooLarge.settings.grid.lattice.voxelSize;
-    for (double need = double(tooLarge.peakBytes); need > kRoom * maxBytes;) {
+    for (double need = double(tooLarge.peakBytes), before = 2 * need; need > kRoom * maxBytes;) {
+        // What no voxels change is too much already.
+        constexpr double kLeastGain = 0.98; ///< of the last estimate [derived: it has two digits]
+        if (need > kLeastGain * std::exchange(before, need)) return {};
         h *= std::clamp(std::sqrt(need / (kRoom * maxBytes)), 1.05, 4.0);
         const double digit = std::pow(10, std::floor(std::log10(h)) - 2);
         h = std::ceil(h / digit) * digit; // as it will be written

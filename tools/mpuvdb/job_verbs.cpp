@@ -122,11 +122,10 @@ private:
         const JobEstimate job = estimateJob(points, run, mTileVoxels, session.options().maxBytes);
         mJob.tileVoxels = job.tileVoxels;
         mJob.partPoints = mPartPoints.value_or(job.partPoints);
-        session.report()["job"] = {{"tile_voxels", job.tileVoxels},
-                                   {"tiles", job.tiles},
-                                   {"task_bytes", job.taskBytes},
-                                   {"disk_bytes", job.diskBytes},
-                                   {"cpu_seconds", job.cpuSeconds}};
+        session.report()["job"] = {
+            {"tile_voxels", job.tileVoxels}, {"tiles", job.tiles},
+            {"task_bytes", job.taskBytes},   {"merge_bytes", job.mergeBytes},
+            {"disk_bytes", job.diskBytes},   {"cpu_seconds", job.cpuSeconds}};
         session.note(fmt::format("tiles       about {} of {} voxels, of {} of memory at most; all "
                                  "tasks take about {:.0f} s of CPU, and {} on disk",
                                  job.tiles, job.tileVoxels, sizeText(job.taskBytes), job.cpuSeconds,
@@ -361,6 +360,12 @@ ExitCode reconstructInTasks(Session& session, PreparedPoints&& points,
     Interrupter* const interrupter = &session.progress();
     const JobEstimate tasks =
         estimateJob(points, estimate, std::nullopt, session.options().maxBytes);
+    if (tasks.mergeBytes > session.options().maxBytes)
+        throw LimitError(fmt::format("all leaves of the level set would take about {} of memory in "
+                                     "the end, and the limit is "
+                                     "{}: raise --max-memory, or use larger voxels",
+                                     sizeText(tasks.mergeBytes),
+                                     sizeText(session.options().maxBytes)));
     JobOptions options;
     options.build = buildId();
     options.metadata = metadata;
