@@ -31,13 +31,21 @@ constexpr std::uint64_t kUnusedBytes = 20, kMaxUnusedBytes = 40 << 20;
 class Parts
 {
 public:
-    Parts(const PointCloud& cloud, const RootCube& root) : mRoot(root)
+    /// @throws Interrupted.
+    Parts(const PointCloud& cloud, const RootCube& root, const Interrupter& progress)
+        : mRoot(root), mProgress(progress)
     {
         const double wanted = double(cloud.size()) / kPartPoints;
-        do {
-            ++mLevel;
-            markOccupied(cloud);
-        } while (double(mOccupied) < wanted && mLevel < kMaxPartLevel);
+        markOccupied(cloud);
+        // The coarsest level with as many cells, or the finest.
+        while (mLevel > 1) {
+            std::vector<State> coarser = coarserState();
+            const std::size_t occupied = occupiedIn(coarser);
+            if (double(occupied) < wanted) break;
+            --mLevel;
+            mState = std::move(coarser);
+            mOccupied = occupied;
+        }
         const auto step = std::clamp<std::size_t>(std::size_t(double(cloud.size()) / kTargetPoints),
                                                   1, mOccupied);
         std::size_t seen = 0;
@@ -55,6 +63,7 @@ public:
         PointCloud some;
         some.frame = cloud.frame;
         for (std::size_t n = 0; n < cloud.size(); ++n) {
+            checkAt(n);
             if (!mIsAround[indexAt(cloud.positions[n].cast<double>())] ||
                 !isNear(cloud.positions[n]))
                 continue;
@@ -86,8 +95,36 @@ private:
     void markOccupied(const PointCloud& cloud)
     {
         mState.assign(std::size_t(1) << 3 * mLevel, State::Empty);
-        for (const Vec3f& p : cloud.positions) mState[indexAt(p.cast<double>())] = State::Occupied;
-        mOccupied = std::size_t(std::count(mState.begin(), mState.end(), State::Occupied));
+        for (std::size_t n = 0; n < cloud.size(); ++n) {
+            checkAt(n);
+            mState[indexAt(cloud.positions[n].cast<double>())] = State::Occupied;
+        }
+        mOccupied = occupiedIn(mState);
+    }
+
+    static std::size_t occupiedIn(const std::vector<State>& state)
+    {
+        return std::size_t(std::count(state.begin(), state.end(), State::Occupied));
+    }
+
+    /// The cells of the level above.
+    std::vector<State> coarserState() const
+    {
+        const int level = mLevel - 1;
+        std::vector<State> coarser(std::size_t(1) << 3 * level, State::Empty);
+        const std::size_t last = (std::size_t(1) << mLevel) - 1;
+        for (std::size_t n = 0; n < mState.size(); ++n)
+            if (mState[n] == State::Occupied) {
+                const std::size_t i = n >> 2 * mLevel, j = n >> mLevel & last, k = n & last;
+                coarser[(i / 2 << 2 * level) + (j / 2 << level) + k / 2] = State::Occupied;
+            }
+        return coarser;
+    }
+
+    void checkAt(std::size_t point) const
+    {
+        constexpr std::size_t kChunk = std::size_t(1) << 16; // points; [free: time until a stop]
+        if (point % kChunk == 0) mProgress.check();
     }
 
     template <typename F>
@@ -136,7 +173,8 @@ private:
     }
 
     RootCube mRoot;
-    int mLevel = 0;
+    const Interrupter& mProgress;
+    int mLevel = kMaxPartLevel;
     std::vector<State> mState;
     std::vector<std::uint8_t> mIsAround; ///< whether a cell or one beside it is fitted
     std::size_t mOccupied = 0, mChosen = 0;
@@ -154,7 +192,7 @@ MpuEstimate estimateFit(const PointCloud& cloud, const MpuSettings& given, Inter
     const RootCube root = rootCube(bounds, settings.voxelSize);
     progress.beginStage("estimate");
     const double start = processCpuSeconds();
-    const Parts parts(cloud, root);
+    const Parts parts(cloud, root, progress);
     const SortedPoints points(parts.pointsOf(cloud), root, progress);
     const double built = processCpuSeconds();
     OctreeDraft tree = buildOctree(points, root, settings, progress);
