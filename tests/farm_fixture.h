@@ -33,6 +33,17 @@ inline std::string bytesOf(const fs::path& file)
     return text.str();
 }
 
+/// A colored torus with holes in its data.
+inline PointCloud coloredTorus(ScanSettings scan)
+{
+    scan.holes = 4;
+    scan.holeRadius = 0.15;
+    PointCloud cloud = scanOf("torus(1, 0.4)", scan);
+    for (const Vec3f& p : cloud.positions)
+        cloud.colors.push_back({std::uint8_t(100 + 50 * p[0]), std::uint8_t(100 + 50 * p[1]), 7});
+    return cloud;
+}
+
 class JobFixture : public ::testing::Test
 {
 protected:

@@ -77,13 +77,9 @@ TEST_F(FarmTest, TilesOfThinWallsAreTheWhole)
 TEST_F(FarmTest, TilesWithCoverageAndAttributesAreTheWhole)
 {
     ScanSettings scan = scanSettings(30000);
-    scan.holes = 4;
-    scan.holeRadius = 0.15;
     scan.confidence = true;
     scan.noise = 0.003;
-    PointCloud cloud = scanOf("torus(1, 0.4)", scan);
-    for (const Vec3f& p : cloud.positions)
-        cloud.colors.push_back({std::uint8_t(100 + 50 * p[0]), std::uint8_t(100 + 50 * p[1]), 7});
+    const PointCloud cloud = coloredTorus(scan);
     ReconstructOptions options = voxelSize(0.012);
     options.coverage = true;
     options.attributes = {kColorName, "confidence"};

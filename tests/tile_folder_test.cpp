@@ -92,12 +92,7 @@ TEST_F(TileFolderTest, TheUnionOfTheTilesIsTheWhole)
 
 TEST_F(TileFolderTest, EachTileHasItsVoxelsOfAllGridsAndALeafMore)
 {
-    ScanSettings scan = scanSettings(30000);
-    scan.holes = 4;
-    scan.holeRadius = 0.15;
-    PointCloud cloud = scanOf("torus(1, 0.4)", scan);
-    for (const Vec3f& p : cloud.positions)
-        cloud.colors.push_back({std::uint8_t(100 + 50 * p[0]), std::uint8_t(100 + 50 * p[1]), 7});
+    const PointCloud cloud = coloredTorus(scanSettings(30000));
     ReconstructOptions options = voxelSize(0.012);
     options.coverage = true;
     options.attributes = {kColorName};

@@ -47,9 +47,10 @@ struct JobEstimate {
 /// What a job comes to, and its tiles. @param run  the estimate of it at once. @param tileVoxels
 /// their edge; default: the largest of 512, 256 and 128 voxels that takes at most half of @a
 /// taskBytes, the memory of a task (0: no limit).
-/// @throws LimitError if even that takes more than all of it.
+/// @throws LimitError if even that takes more than all of it, Interrupted.
 JobEstimate estimateJob(const PreparedPoints& points, const ReconstructionEstimate& run,
-                        std::optional<int> tileVoxels, std::uint64_t taskBytes);
+                        std::optional<int> tileVoxels, std::uint64_t taskBytes,
+                        Interrupter* interrupter = nullptr);
 
 /// @throws UsageError unless tiles may have an edge of @a voxels.
 void requireTile(int voxels);
@@ -118,9 +119,6 @@ public:
     std::uint64_t bytes() const;
 
 private:
-    static void write(const std::filesystem::path& folder, PreparedPoints&& points,
-                      const JobOptions& options, Interrupter& progress);
-
     struct Impl;
     std::unique_ptr<Impl> mImpl;
 };

@@ -55,7 +55,7 @@ struct PointCloud {
     std::vector<Viewpoint> viewpoints;
     std::vector<std::uint32_t> seenFrom;    ///< index into viewpoints, or kUnseen; or empty
     std::shared_ptr<const VertexMesh> mesh; ///< all points were vertices of it; or null
-    /// What points are near each other, as far as it is known: of other positions it is not used.
+    /// The search index of the positions, if one was made; ignored once these have changed.
     std::shared_ptr<const PointIndex> index;
 
     std::size_t size() const { return positions.size(); }

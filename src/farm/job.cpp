@@ -70,6 +70,23 @@ void clear(const fs::path& folder)
     for (const char* const file : SpreadFit::kFiles) fs::remove(folder / file, ignored);
 }
 
+/// Write all that is decided from @a points to @a folder, which is there.
+void writePlan(const fs::path& folder, PreparedPoints&& points, const JobOptions& options,
+               Interrupter& progress)
+{
+    const ResolvedSettings& resolved = points.report.settings;
+    SpreadFit::plan(folder, std::move(points.cloud), resolved.fit, options.partPoints, progress);
+    const SpreadFit fit(folder);
+    JobPlan plan;
+    plan.options = options;
+    plan.grid = resolved.grid;
+    plan.coverage = points.options.coverage;
+    plan.attributes = points.options.attributes;
+    plan.points = fit.points().size();
+    plan.parts = fit.parts();
+    plan.write(folder);
+}
+
 /// A file that says who works on a task, as long as this lives.
 class Mark
 {
@@ -207,29 +224,13 @@ void Job::plan(const fs::path& folder, PreparedPoints&& points, const JobOptions
         clear(folder); // of a plan that was killed, or a job whose plan was removed
         makeFolder(folder / "fit");
         makeFolder(folder / "tiles");
-        write(folder, std::move(points), options, progress);
+        writePlan(folder, std::move(points), options, progress);
     } catch (...) {
         clear(folder);
         std::error_code ignored;
         if (!wasThere) fs::remove(folder, ignored);
         throw;
     }
-}
-
-void Job::write(const fs::path& folder, PreparedPoints&& points, const JobOptions& options,
-                Interrupter& progress)
-{
-    const ResolvedSettings& resolved = points.report.settings;
-    SpreadFit::plan(folder, std::move(points.cloud), resolved.fit, options.partPoints, progress);
-    const SpreadFit fit(folder);
-    JobPlan plan;
-    plan.options = options;
-    plan.grid = resolved.grid;
-    plan.coverage = points.options.coverage;
-    plan.attributes = points.options.attributes;
-    plan.points = fit.points().size();
-    plan.parts = fit.parts();
-    plan.write(folder);
 }
 
 Job::Job(const fs::path& folder, const std::string& build) : mImpl(std::make_unique<Impl>())

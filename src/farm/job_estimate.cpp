@@ -1,5 +1,6 @@
 #include <mpuvdb/error.h>
 #include <mpuvdb/farm.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/memory.h>
 
 #include <fmt/format.h>
@@ -28,53 +29,72 @@ constexpr std::uint64_t kWorkingBytes = 32 << 20;
 constexpr double kMergeShare = 0.16;
 constexpr int kLargestTile = 512, kSmallestTile = 128; ///< edges, voxels [free: the same result]
 
-/// How the points lie in tiles.
-struct Spread {
-    std::size_t tiles = 0; ///< that hold points
-    double largest = 0;    ///< share of the points in the fullest one
-};
+/// Points by the tile that they lie in.
+using Counts = std::map<std::array<int, 3>, std::uint64_t>;
 
-Spread spreadOf(const PointCloud& cloud, const Lattice& lattice, int edge)
+/// Of tiles of @a edge voxels. @throws Interrupted.
+Counts countInTiles(const PointCloud& cloud, const Lattice& lattice, int edge,
+                    const Interrupter& progress)
 {
+    constexpr std::size_t kChunk = std::size_t(1) << 16; // points; [free: time until a stop]
     const Vec3d origin = lattice.origin - cloud.frame;
     const double size = edge * lattice.voxelSize;
-    const auto tileOf = [&](const Vec3f& p) {
-        const Vec3i at = ((p.cast<double>() - origin) / size).array().floor().cast<int>();
-        return std::array<int, 3>{at[0], at[1], at[2]};
-    };
-    std::map<std::array<int, 3>, std::uint64_t> counts;
+    Counts counts;
     auto tile = counts.end(); // of the last point: points are near each other
-    for (const Vec3f& p : cloud.positions) {
-        const std::array<int, 3> at = tileOf(p);
-        if (tile == counts.end() || tile->first != at) tile = counts.try_emplace(at, 0).first;
+    for (std::size_t n = 0; n < cloud.size(); ++n) {
+        if (n % kChunk == 0) progress.check();
+        const Vec3d place = (cloud.positions[n].cast<double>() - origin) / size;
+        const Vec3i at = place.array().floor().cast<int>();
+        const std::array<int, 3> key{at[0], at[1], at[2]};
+        if (tile == counts.end() || tile->first != key) tile = counts.try_emplace(key, 0).first;
         ++tile->second;
     }
+    return counts;
+}
+
+/// The same of tiles twice as large.
+Counts joined(const Counts& counts)
+{
+    Counts result;
+    for (const auto& [at, points] : counts) result[{at[0] >> 1, at[1] >> 1, at[2] >> 1}] += points;
+    return result;
+}
+
+/// The share of all points that the fullest tile holds.
+double largestShare(const Counts& counts, double points)
+{
     std::uint64_t most = 0;
-    for (const auto& [at, points] : counts) most = std::max(most, points);
-    return {counts.size(), double(most) / double(std::max<std::size_t>(cloud.size(), 1))};
+    for (const auto& [at, inTile] : counts) most = std::max(most, inTile);
+    return double(most) / points;
 }
 
 } // namespace
 
 JobEstimate estimateJob(const PreparedPoints& points, const ReconstructionEstimate& run,
-                        std::optional<int> tileVoxels, std::uint64_t taskBytes)
+                        std::optional<int> tileVoxels, std::uint64_t taskBytes,
+                        Interrupter* interrupter)
 {
     const double count = double(points.cloud.size());
     const std::uint64_t pointBytes = // as they are kept
         points.cloud.size() * (7 * sizeof(float) + sizeof(std::uint64_t));
     const std::uint64_t treeBytes = run.fit.bytes - std::min(run.fit.bytes, pointBytes);
     const double room = kRoom * double(taskBytes);
+    // From small tiles to large ones: the last that fits, but the first in any case.
     JobEstimate job;
     double wider = 1; // the surface that a tile samples, by its own
-    for (int edge = tileVoxels.value_or(kLargestTile);; edge /= 2) {
-        const Spread spread = spreadOf(points.cloud, run.settings.grid.lattice, edge);
-        wider = std::pow((edge + 2 * kMargin) / edge, 2);
+    int edge = tileVoxels.value_or(kSmallestTile);
+    Counts counts =
+        countInTiles(points.cloud, run.settings.grid.lattice, edge, orSilent(interrupter));
+    for (bool isFirst = true;; isFirst = false, edge *= 2, counts = joined(counts)) {
+        const double ratio = std::pow((edge + 2 * kMargin) / edge, 2);
+        const double share = std::min(1.0, ratio * largestShare(counts, count));
+        const std::uint64_t bytes = kWorkingBytes + std::uint64_t(share * double(run.bandBytes));
+        if (!isFirst && taskBytes != 0 && double(bytes) >= room) break;
+        wider = ratio;
         job.tileVoxels = edge;
-        job.tiles = spread.tiles;
-        const double share = std::min(1.0, spread.largest * wider);
-        job.taskBytes = kWorkingBytes + std::uint64_t(share * double(run.bandBytes));
-        if (tileVoxels || edge == kSmallestTile || taskBytes == 0 || double(job.taskBytes) < room)
-            break;
+        job.tiles = counts.size();
+        job.taskBytes = bytes;
+        if (tileVoxels || edge == kLargestTile) break;
     }
     const double pointTreeBytes = 2 * double(treeBytes) / count; // twice the tree while it is built
     job.partPoints = JobOptions().partPoints;

@@ -20,19 +20,6 @@ namespace fs = std::filesystem;
 /// Version of the files' format. [derived: the first]
 constexpr int kVersion = 1;
 
-void writeJson(const fs::path& file, const JobJson& json)
-{
-    writeAtomically(file, [&](const fs::path& temporary) {
-        std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
-        out << json.dump(1) << '\n';
-        out.close();
-        if (!out)
-            throw IoError(fmt::format("{}: cannot be written. Free some space, or write to another "
-                                      "disk",
-                                      file.string()));
-    });
-}
-
 /// The JSON of @a file; null if there is no such file. @throws InputError (damaged).
 JobJson readJson(const fs::path& file)
 {
@@ -78,6 +65,19 @@ std::string hashOf(const std::string& text)
 }
 
 } // namespace
+
+void writeJson(const fs::path& file, const JobJson& json)
+{
+    writeAtomically(file, [&](const fs::path& temporary) {
+        std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
+        out << json.dump(1) << '\n';
+        out.close();
+        if (!out)
+            throw IoError(fmt::format("{}: cannot be written. Free some space, or write to another "
+                                      "disk",
+                                      file.string()));
+    });
+}
 
 void JobPlan::write(const fs::path& folder)
 {

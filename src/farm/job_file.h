@@ -15,6 +15,9 @@ namespace mpuvdb
 
 using JobJson = nlohmann::ordered_json;
 
+/// @throws IoError.
+void writeJson(const std::filesystem::path& file, const JobJson& json);
+
 /// What a job is: plan.json.
 struct JobPlan {
     std::string id; ///< a hash of all the rest

@@ -1,11 +1,11 @@
 #include "tile_folder.h"
 
 #include "coarse_grid.h"
-#include "files/atomic_file.h"
 #include "files/atomic_folder.h"
 #include "files/content_hash.h"
 #include "files/mapped_pages.h"
 #include "inside_boxes.h"
+#include "job_file.h"
 #include "quiet.h"
 #include <mpuvdb/error.h>
 
@@ -177,15 +177,7 @@ private:
         std::set<std::string> files = filesOf(mFolder);
         files.insert(kIndex);
         index["files"] = files;
-        writeAtomically(mFolder / kIndex, [&](const fs::path& temporary) {
-            std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
-            out << index.dump(1) << '\n';
-            out.close();
-            if (!out)
-                throw IoError(fmt::format("{}: cannot be written. Free some space, or write to "
-                                          "another disk",
-                                          (mFolder / kIndex).string()));
-        });
+        writeJson(mFolder / kIndex, index);
     }
 
     const FolderContent& mContent;

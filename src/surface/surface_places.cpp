@@ -43,8 +43,7 @@ using Vectors = std::array<std::array<float, Leaf::SIZE>, 3>;
 /// Unit gradients of the distance in the rows of a leaf with @a voxels, zero where an axis has no
 /// neighbor in the band, or the gradient is too short; and the places on the zero set along them,
 /// in voxels from the leaf's first.
-/// @param values  at the leaf's first voxel, in rows of @a
-/// row and slabs of @a slab values.
+/// @param values  at the leaf's first voxel, in rows of @a row and slabs of @a slab values.
 MPUVDB_CLONES
 void findGradients(const Leaf::NodeMaskType& voxels, const float* values, std::ptrdiff_t slab,
                    std::ptrdiff_t row, float background, float shortest, Vectors& gradients,

@@ -119,18 +119,21 @@ private:
     {
         if (mTileVoxels) requireTile(*mTileVoxels);
         const ReconstructionEstimate run = estimate(points, false, &session.progress());
-        const JobEstimate job = estimateJob(points, run, mTileVoxels, session.options().maxBytes);
+        const JobEstimate job =
+            estimateJob(points, run, mTileVoxels, session.options().maxBytes, &session.progress());
         mJob.tileVoxels = job.tileVoxels;
         mJob.partPoints = mPartPoints.value_or(job.partPoints);
         session.report()["job"] = {
             {"tile_voxels", job.tileVoxels}, {"tiles", job.tiles},
             {"task_bytes", job.taskBytes},   {"merge_bytes", job.mergeBytes},
             {"disk_bytes", job.diskBytes},   {"cpu_seconds", job.cpuSeconds}};
-        session.note(fmt::format("tiles       about {} of {} voxels, of {} of memory at most; all "
-                                 "tasks take about {:.0f} s of CPU, and {} on disk",
-                                 job.tiles, job.tileVoxels, sizeText(job.taskBytes), job.cpuSeconds,
-                                 sizeText(job.diskBytes)));
-        const fs::path disk = fs::absolute(mFolder).parent_path();
+        session.note(
+            fmt::format("tiles       about {} of {} voxels, of {} of memory at most, and {} "
+                        "to merge them; all tasks take about {:.0f} s of CPU, and {} on "
+                        "disk",
+                        job.tiles, job.tileVoxels, sizeText(job.taskBytes),
+                        sizeText(job.mergeBytes), job.cpuSeconds, sizeText(job.diskBytes)));
+        const fs::path disk = existingFolder(mFolder);
         std::error_code error;
         const std::uintmax_t free = fs::space(disk, error).available;
         if (!error && free < job.diskBytes)
@@ -359,7 +362,7 @@ ExitCode reconstructInTasks(Session& session, PreparedPoints&& points,
     const Folder folder{fmt::format("{}.{}.job", file, ::getpid())};
     Interrupter* const interrupter = &session.progress();
     const JobEstimate tasks =
-        estimateJob(points, estimate, std::nullopt, session.options().maxBytes);
+        estimateJob(points, estimate, std::nullopt, session.options().maxBytes, interrupter);
     if (tasks.mergeBytes > session.options().maxBytes)
         throw LimitError(fmt::format("all leaves of the level set would take about {} of memory in "
                                      "the end, and the limit is "

@@ -46,14 +46,16 @@ struct Scratch {
     std::map<const void*, std::size_t> bytes; ///< of arrays
 } gScratch;
 
-/// A file without a name, of @a bytes that are set aside on the disk. @throws ScratchFull.
+/// A file without a name, of @a bytes that are set aside on the disk; below 0 where none can be
+/// made. @throws ScratchFull.
 int makeFile(std::size_t bytes)
 {
     std::string name = gScratch.folder + "/scratchXXXXXX";
-    const int file = ::mkstemp(name.data());
-    if (file < 0) throw ScratchFull();
+    const int file = ::mkostemp(name.data(), O_CLOEXEC);
+    if (file < 0) return file;
     ::unlink(name.c_str());
-    int error = ::posix_fallocate(file, 0, off_t(bytes));
+    int error = EINTR; // by a signal, which asks to stop
+    while (error == EINTR) error = ::posix_fallocate(file, 0, off_t(bytes));
     // A file system that cannot set space aside still has it, mostly.
     if (error == EOPNOTSUPP || error == EINVAL) error = ::ftruncate(file, off_t(bytes)) ? errno : 0;
     if (error == 0) return file;
@@ -62,6 +64,13 @@ int makeFile(std::size_t bytes)
 }
 
 } // namespace
+
+std::filesystem::path existingFolder(const std::filesystem::path& path)
+{
+    std::filesystem::path folder = std::filesystem::absolute(path);
+    while (!std::filesystem::is_directory(folder)) folder = folder.parent_path();
+    return folder;
+}
 
 bool isInScratch(const void* data) noexcept
 {
@@ -76,6 +85,7 @@ void* allocateInScratch(std::size_t bytes)
         gScratch.next.fetch_add((bytes + kAlignment - 1) / kAlignment * kAlignment);
     if (from + bytes > gScratch.arenaBytes) return nullptr;
     const int file = makeFile(bytes);
+    if (file < 0) return nullptr;
     void* const data = ::mmap(reinterpret_cast<void*>(gScratch.arena + from), bytes,
                               PROT_READ | PROT_WRITE, MAP_SHARED | MAP_FIXED, file, 0);
     ::close(file);

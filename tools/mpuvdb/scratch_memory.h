@@ -9,6 +9,9 @@
 namespace mpuvdb::command
 {
 
+/// @a path, or the nearest folder above it that is there.
+std::filesystem::path existingFolder(const std::filesystem::path& path);
+
 /// Thrown where there is no room on the disk, either.
 struct ScratchFull : std::bad_alloc {
     const char* what() const noexcept override { return "the disk of the scratch files is full"; }

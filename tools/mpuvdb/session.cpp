@@ -46,9 +46,7 @@ std::uint64_t Session::bytesLeft() const
 
 void Session::openScratch(const std::filesystem::path& path)
 {
-    std::filesystem::path folder = std::filesystem::absolute(path);
-    while (!std::filesystem::is_directory(folder)) folder = folder.parent_path();
-    mScratch = std::make_unique<ScratchMemory>(folder, mOptions.maxBytes);
+    mScratch = std::make_unique<ScratchMemory>(existingFolder(path), mOptions.maxBytes);
 }
 
 bool Session::isShared(const std::string& option) const

@@ -32,12 +32,6 @@ std::size_t octantOf(const Vec3i& at)
     return std::size_t((at[0] & 1) + 2 * (at[1] & 1) + 4 * (at[2] & 1));
 }
 
-std::size_t cubeIndex(int i, int j, int k, int count)
-{
-    return (std::size_t(i) * std::size_t(count) + std::size_t(j)) * std::size_t(count) +
-           std::size_t(k);
-}
-
 /// Nodes [low, low + count) along each axis of a level from those of its parent, @a from, which
 /// start at @a parentLow: the same spline [Chaikin], in steps of half the size.
 std::vector<float> refined(const std::vector<float>& from, const Vec3i& parentLow, int parentCount,

@@ -17,6 +17,13 @@ namespace mpuvdb
 class ArrayFile;
 class ArrayFileWriter;
 
+/// Index of a node in a cube of @a count of them along each axis.
+inline std::size_t cubeIndex(int i, int j, int k, int count)
+{
+    return (std::size_t(i) * std::size_t(count) + std::size_t(j)) * std::size_t(count) +
+           std::size_t(k);
+}
+
 /// A block of nodes of one level; it covers half a parent along each axis.
 struct CoarseBlock {
     /// Nodes around a block that are solved with it. [derived: the solver halves the grid of a

@@ -37,12 +37,6 @@ struct ByPlace {
     }
 };
 
-std::size_t cubeIndex(int i, int j, int k, int count)
-{
-    return (std::size_t(i) * std::size_t(count) + std::size_t(j)) * std::size_t(count) +
-           std::size_t(k);
-}
-
 /// Places of the blocks of @a level that unseen cubes small beside a block reach into, sorted.
 /// @param isAsked  whether the cube with this center and edge counts.
 template <typename F>
@@ -398,6 +392,7 @@ void CoarseRefiner::refine(CoarseLevels& levels, const Unseen& unseen, double le
         const std::vector<Vec3i> wanted = wantedBlocks(levels, mCube, unseen, level, coarse);
         std::vector<std::uint8_t> isMade(wanted.size());
         tbb::parallel_for(std::size_t(0), wanted.size(), [&](std::size_t n) {
+            progress.check();
             isMade[n] = isMissed(levels, wanted[n], level, coarse);
         });
         std::vector<Part> parts;
