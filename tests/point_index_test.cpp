@@ -1,5 +1,6 @@
 // The index of points and its cells: their queries are those of a search through all of them.
 #include "field_fixture.h"
+#include "spatial/key_order.h"
 #include "spatial/point_cells.h"
 #include "spatial/position_order.h"
 
@@ -67,6 +68,33 @@ Positions inOrder(const PointIndex& index)
 double squaredDistance(const Vec3f& a, const Vec3f& b)
 {
     return (a.cast<double>() - b.cast<double>()).squaredNorm();
+}
+
+TEST(KeyOrder, IsThatOfAStableSort)
+{
+    const std::uint64_t seed = std::random_device()();
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Random random(seed);
+    Interrupter progress;
+    // Keys with runs that are equal in the upper bits, from none to all, across the borders of
+    // chunks; and short ones.
+    for (const auto& [upper, bits] : {std::pair{1u << 30, 63}, {300u, 63}, {1u, 63}, {1u, 11}}) {
+        std::vector<std::uint64_t> keys(50000);
+        std::vector<int> second(keys.size());
+        for (std::uint64_t& key : keys)
+            key = std::uint64_t(random.below(upper)) << 33 | std::uint64_t(random.below(2048));
+        for (int& value : second) value = int(random.below(2));
+        const auto keyOf = [&](std::uint32_t i) { return keys[i]; };
+        const auto isBefore = [&](std::uint32_t i, std::uint32_t j) {
+            return second[i] < second[j];
+        };
+        std::vector<std::uint32_t> wanted(keys.size());
+        std::iota(wanted.begin(), wanted.end(), 0u);
+        std::stable_sort(wanted.begin(), wanted.end(), [&](std::uint32_t i, std::uint32_t j) {
+            return keys[i] != keys[j] ? keys[i] < keys[j] : isBefore(i, j);
+        });
+        EXPECT_EQ(orderByKeys(keys.size(), bits, keyOf, isBefore, progress), wanted);
+    }
 }
 
 TEST(PointIndex, HoldsEachPointOnceAndCopiesTogetherWhateverTheOrderAndTheThreads)

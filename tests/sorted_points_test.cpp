@@ -157,12 +157,17 @@ TEST(SortedPoints, GathersEveryNthOfTheSurroundings)
     const SortedPoints points = sorted(cloudOf(positions, random, true));
     PointBatch found;
     BatchFilter filter;
-    for (const std::size_t stride : {1u, 2u, 7u, 100u}) {
-        points.gather(points.around({}, 100), stride, filter, found); // all of them are in the ball
-        EXPECT_EQ(found.size(), (points.size() + stride - 1) / stride);
-        points.gather(points.around({1, 0, 0, 0}, 100), stride, filter, found);
-        EXPECT_EQ(found.size(), (points.size() + stride - 1) / stride);
-    }
+    for (const std::size_t wanted : {1u, 2u, 7u, 63u, 64u, 100u, 200u, 1000u})
+        for (const OctreeCell& cell : {OctreeCell{}, OctreeCell{1, 0, 0, 0}}) {
+            // All of them are in the ball.
+            const std::size_t stride =
+                points.gather(points.around(cell, 100), wanted, filter, found);
+            EXPECT_LE(stride, wanted);
+            EXPECT_GT(2 * stride, wanted);
+            ASSERT_EQ(found.size(), (points.size() + stride - 1) / stride);
+            for (std::size_t n = 0; n < found.size(); ++n)
+                EXPECT_EQ(found.x[n], points.points().x[n * stride]);
+        }
 }
 
 TEST(SortedPoints, CountsInABox)

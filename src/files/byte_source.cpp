@@ -19,6 +19,8 @@ namespace
 
 /// Bytes of one read. [free: time against memory]
 constexpr std::size_t kChunk = std::size_t(1) << 20;
+/// Bytes of a piece of what came through a pipe. [free: large enough that memory can lie in files]
+constexpr std::size_t kPipedBytes = std::size_t(4) << 20;
 
 [[noreturn]] void throwCannotRead(const std::string& name, int error)
 {
@@ -68,24 +70,29 @@ void ByteSource::readPipe(Interrupter& progress)
         const int polled = poll(&ready, 1, 100); // milliseconds until the next check for a stop
         if (polled < 0 && errno != EINTR) throwCannotRead(mName, errno);
         if (polled <= 0) continue;
-        mPiped.resize(mSize + kChunk);
-        const ssize_t got = ::read(mFile, mPiped.data() + mSize, kChunk);
+        const std::size_t at = mSize % kPipedBytes;
+        if (at == 0 && mSize / kPipedBytes == mPiped.size())
+            mPiped.emplace_back(new char[kPipedBytes]);
+        const ssize_t got = ::read(mFile, mPiped.back().get() + at, kPipedBytes - at);
         if (got < 0 && errno != EINTR && errno != EAGAIN) throwCannotRead(mName, errno);
         if (got == 0) break;
         if (got > 0) mSize += std::uint64_t(got);
     }
-    mPiped.resize(mSize);
 }
 
 std::size_t ByteSource::readSome(std::uint64_t offset, char* to, std::size_t bytes) const
 {
     if (offset >= mSize) return 0;
     bytes = std::size_t(std::min<std::uint64_t>(bytes, mSize - offset));
+    std::size_t done = 0;
     if (mIsPipe) {
-        std::memcpy(to, mPiped.data() + offset, bytes);
+        for (std::size_t some = 0; done < bytes; done += some) {
+            const std::size_t at = std::size_t(offset + done) % kPipedBytes;
+            some = std::min(bytes - done, kPipedBytes - at);
+            std::memcpy(to + done, mPiped[(offset + done) / kPipedBytes].get() + at, some);
+        }
         return bytes;
     }
-    std::size_t done = 0;
     while (done < bytes) {
         const ssize_t got = pread(mFile, to + done, bytes - done, off_t(offset + done));
         if (got < 0 && errno == EINTR) continue;

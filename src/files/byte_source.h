@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -41,7 +42,7 @@ private:
     void readPipe(Interrupter& progress);
 
     std::string mName;
-    std::vector<char> mPiped;
+    std::vector<std::unique_ptr<char[]>> mPiped; ///< a pipe's bytes, in pieces
     std::uint64_t mSize = 0;
     int mFile = -1;
     bool mIsPipe = false;

@@ -146,14 +146,14 @@ void SpreadFit::plan(const fs::path& folder, PointCloud&& cloud, const MpuSettin
     const Box3d bounds = cloud.localBounds();
     const RootCube root = rootCube(bounds, settings.voxelSize);
     progress.beginStage("sort");
-    const SortedPoints points(std::move(cloud), root, progress, copiesFor(settings));
     writeArrays(folder / kPointsFile, [&](ArrayFileWriter& file) {
-        points.save(file, "");
+        SortedPoints(std::move(cloud), root, progress, copiesFor(settings)).save(file, "");
         save(file, settings);
         file.addValue("frame", frame);
         file.addValue("bounds", std::array<Vec3d, 2>{bounds.min(), bounds.max()});
     });
     progress.beginStage("upper fit");
+    const SortedPoints points(ArrayFile(folder / kPointsFile), "", root);
     const auto scan = NoisyScan::of(points, root, settings, progress);
     if (scan) writeArrays(folder / kScanFile, [&](ArrayFileWriter& file) { scan->save(file); });
     UpperOctree upper = buildUpper(points, root, settings, scan.get(), progress);

@@ -1,7 +1,7 @@
 #include "particle_bins.h"
 
 #include "core/parallel_each.h"
-#include "spatial/radix_sort.h"
+#include "spatial/key_order.h"
 
 #include <algorithm>
 #include <cmath>
@@ -40,17 +40,16 @@ ParticleBins::ParticleBins(const std::vector<Vec3f>& positions, const std::vecto
     for (const std::uint32_t i : of) mLargest = std::max(mLargest, double(radii[i]));
     mSide = std::max(kSupport * mLargest, bounds.sizes().maxCoeff() / kMostBins);
     mLast = ((bounds.max() - mCorner) / mSide).array().floor();
-    std::vector<KeyedIndex> keyed(of.size());
-    forEachParallel(of.size(), kGrain, progress, [&](std::size_t n) {
-        keyed[n] = {keyOf(binAt(positions[of[n]].cast<double>())), of[n]};
-    });
-    radixSort(keyed, 3 * kKeyBits, progress);
+    const auto keyOfParticle = [&](std::uint32_t i) {
+        return keyOf(binAt(positions[i].cast<double>()));
+    };
     const std::size_t size = of.size();
-    mOrder.resize(size);
+    mOrder = orderByKeys(
+        size, 3 * kKeyBits, [&](std::uint32_t n) { return keyOfParticle(of[n]); }, progress);
     for (std::vector<float>* const numbers : {&mX, &mY, &mZ, &mRadius, &mVolume})
         numbers->resize(size + kPadding);
     forEachParallel(size, kGrain, progress, [&](std::size_t n) {
-        const std::uint32_t i = keyed[n].index;
+        const std::uint32_t i = of[mOrder[n]];
         mOrder[n] = i;
         mX[n] = positions[i].x();
         mY[n] = positions[i].y();
@@ -60,9 +59,10 @@ ParticleBins::ParticleBins(const std::vector<Vec3f>& positions, const std::vecto
     });
     for (std::uint32_t n = 0; n < size; ++n) {
         if (n % kGrain == 0) progress.check();
-        if (mKeys.empty() || keyed[n].key != mKeys.back()) {
-            mKeys.push_back(keyed[n].key);
-            mBins.push_back({binOf(keyed[n].key), {n, n}});
+        const std::uint64_t key = keyOfParticle(mOrder[n]);
+        if (mKeys.empty() || key != mKeys.back()) {
+            mKeys.push_back(key);
+            mBins.push_back({binOf(key), {n, n}});
         }
         mBins.back().run.end = n + 1;
     }

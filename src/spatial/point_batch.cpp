@@ -265,8 +265,13 @@ void BatchFilter::appendBall(const PointArrays& from, std::size_t begin, std::si
     const Vec3f c = center.cast<float>();
     const auto below = float(radius * radius);
     if (stride == 1) {
-        markBall(from, begin, end, c, below, mMask);
-        appendMarked(from, begin, 1, out);
+        // Points at once: there is only ever room for so many more than are in the ball. [free:
+        // the same points]
+        constexpr std::size_t kAtOnce = 4096;
+        for (std::size_t n = begin; n < end; n += kAtOnce) {
+            markBall(from, n, std::min(n + kAtOnce, end), c, below, mMask);
+            appendMarked(from, n, 1, out);
+        }
         return;
     }
     mIndices.resize((end - begin) / stride + 2);

@@ -1,7 +1,7 @@
 #include "point_cells.h"
 
+#include "key_order.h"
 #include "position_order.h"
-#include "radix_sort.h"
 
 #include "core/parallel_each.h"
 
@@ -53,17 +53,15 @@ void PointCells::findCells(Interrupter& progress)
         }
     };
     const std::vector<RunInCell> found = gatherParallel<RunInCell>(chunks, 1, progress, findRuns);
-    std::vector<KeyedIndex> sorted(found.size());
-    forEachParallel(found.size(), kGrain, progress, [&](std::size_t r) {
-        sorted[r] = {keyOf(found[r].at), std::uint32_t(r)};
-    });
-    radixSort(sorted, 3 * mBits, progress);
     mRuns.reserve(found.size());
-    for (const KeyedIndex& s : sorted) {
-        const auto& [at, run] = found[s.index];
+    for (const std::uint32_t n : orderByKeys(
+             found.size(), 3 * mBits, [&](std::uint32_t r) { return keyOf(found[r].at); },
+             progress)) {
+        const auto& [at, run] = found[n];
+        const std::uint64_t key = keyOf(at);
         const auto r = std::uint32_t(mRuns.size());
-        if (mKeys.empty() || mKeys.back() != s.key) {
-            mKeys.push_back(s.key);
+        if (mKeys.empty() || mKeys.back() != key) {
+            mKeys.push_back(key);
             mCells.push_back({at, r, r, 0});
         }
         mRuns.push_back(run);

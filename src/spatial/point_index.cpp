@@ -1,7 +1,7 @@
 #include "point_index.h"
 
+#include "key_order.h"
 #include "position_order.h"
-#include "radix_sort.h"
 
 #include "core/morton.h"
 #include "core/parallel_each.h"
@@ -47,93 +47,23 @@ private:
     double mStepsPerUnit = 1;
 };
 
-/// Sorts positions by key; where keys are equal by x, y, z, then by index.
-class PositionSorter
+/// Positions by key; where keys are equal by x, y, z, then by index.
+std::vector<std::uint32_t> sortedOrder(const std::vector<Vec3f>& positions, Interrupter& progress)
 {
-public:
-    PositionSorter(const std::vector<Vec3f>& positions, Interrupter& progress)
-        : mPositions(positions), mLattice(positions), mProgress(progress)
-    {
-    }
-
-    std::vector<std::uint32_t> sorted() const
-    {
-        std::vector<std::uint32_t> order(mPositions.size());
-        // Mostly two or three are equal in the upper bits. Where points crowd about a place it is
-        // worse.
-        if (!sortByUpperBits(order)) sortByAllBits(order);
-        return order;
-    }
-
-private:
-    std::uint64_t keyOf(std::uint32_t i) const { return mLattice.keyOf(mPositions[i]); }
-
-    /// @return false where too many points are equal in them.
-    bool sortByUpperBits(std::vector<std::uint32_t>& order) const
-    {
-        // [derived: the upper half of a key and an index make one word of 64 bits]
-        constexpr int kLowBits = 3 * kAxisBits - 32;
-        constexpr std::size_t kFew = 64; // points; [free: the same order]
-        std::vector<std::uint64_t> items(mPositions.size());
-        forEachParallel(items.size(), kGrain, mProgress, [&](std::size_t i) {
-            items[i] = keyOf(std::uint32_t(i)) >> kLowBits << 32 | i;
-        });
-        const auto all = [](std::uint64_t item) { return item; };
-        if (!std::is_sorted(items.begin(), items.end())) radixSort(items, 32, 64, all, mProgress);
-        return settle(
-            items, [](std::uint64_t item) { return item >> 32; },
-            [](std::uint64_t item) { return std::uint32_t(item); }, kFew, order);
-    }
-
-    void sortByAllBits(std::vector<std::uint32_t>& order) const
-    {
-        std::vector<KeyedIndex> items(mPositions.size());
-        forEachParallel(items.size(), kGrain, mProgress, [&](std::size_t i) {
-            items[i] = {keyOf(std::uint32_t(i)), std::uint32_t(i)};
-        });
-        radixSort(items, 3 * kAxisBits, mProgress);
-        settle(
-            items, [](const KeyedIndex& item) { return item.key; },
-            [](const KeyedIndex& item) { return item.index; }, items.size(), order);
-    }
-
-    bool isBefore(std::uint32_t i, std::uint32_t j) const
-    {
-        const std::uint64_t a = keyOf(i), b = keyOf(j);
-        if (a != b) return a < b;
-        const Vec3f &p = mPositions[i], &q = mPositions[j];
-        return p != q ? positionBefore(p, q) : i < j;
-    }
-
-    /// Fill @a order with the indices of sorted items, and sort those of equal keys.
-    /// @return false where more than @a most are equal.
-    template <class Item, class Key, class Index>
-    bool settle(const std::vector<Item>& items, Key key, Index index, std::size_t most,
-                std::vector<std::uint32_t>& order) const
-    {
-        const auto before = [this](std::uint32_t i, std::uint32_t j) { return isBefore(i, j); };
-        for (std::size_t n = 0, end = 0; n < items.size(); n = end) {
-            for (end = n; end < items.size() && key(items[end]) == key(items[n]); ++end)
-                order[end] = index(items[end]);
-            if (end - n < 2) continue;
-            if (end - n > most) return false;
-            mProgress.check();
-            const auto first = order.begin() + std::ptrdiff_t(n);
-            const auto last = order.begin() + std::ptrdiff_t(end);
-            if (!std::is_sorted(first, last, before)) std::sort(first, last, before);
-        }
-        return true;
-    }
-
-    const std::vector<Vec3f>& mPositions;
-    const KeyLattice mLattice;
-    Interrupter& mProgress;
-};
+    const KeyLattice lattice(positions);
+    return orderByKeys(
+        positions.size(), 3 * kAxisBits,
+        [&](std::uint32_t i) { return lattice.keyOf(positions[i]); },
+        [&](std::uint32_t i, std::uint32_t j) {
+            return positionBefore(positions[i], positions[j]);
+        },
+        progress);
+}
 
 } // namespace
 
 PointIndex::PointIndex(const std::vector<Vec3f>& positions, Interrupter& progress)
-    : mOrder(PositionSorter(positions, progress).sorted()), mX(size()), mY(size()), mZ(size())
+    : mOrder(sortedOrder(positions, progress)), mX(size()), mY(size()), mZ(size())
 {
     forEachParallel(size(), kGrain, progress, [&](std::size_t n) {
         const Vec3f& p = positions[mOrder[n]];

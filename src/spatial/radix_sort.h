@@ -51,17 +51,4 @@ void radixSort(std::vector<Item>& items, int from, int to, Key key, Interrupter&
     }
 }
 
-/// A key and the number of the item that it belongs to.
-struct KeyedIndex {
-    std::uint64_t key;
-    std::uint32_t index;
-};
-
-/// The same by the low @a bits of the keys.
-inline void radixSort(std::vector<KeyedIndex>& items, int bits, Interrupter& progress)
-{
-    radixSort(
-        items, 0, bits, [](const KeyedIndex& item) { return item.key; }, progress);
-}
-
 } // namespace mpuvdb

@@ -9,6 +9,9 @@
 #include <chrono>
 #include <cstdlib>
 #include <fcntl.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <map>
 #include <mutex>
 #include <string>
@@ -130,8 +133,14 @@ ScratchMemory::~ScratchMemory()
 
 void ScratchMemory::keepLimit(std::uint64_t maxBytes)
 {
-    for (; gScratch.isOpen; std::this_thread::sleep_for(kLook))
-        if (double(residentBytes()) > kResident * double(maxBytes)) forgetMappedPages();
+    for (; gScratch.isOpen; std::this_thread::sleep_for(kLook)) {
+        if (double(residentBytes()) <= kResident * double(maxBytes)) continue;
+        forgetMappedPages();
+#ifdef __GLIBC__
+        // What was freed stays in the heap, or the working set has no room beside it.
+        malloc_trim(0);
+#endif
+    }
 }
 
 } // namespace mpuvdb::command

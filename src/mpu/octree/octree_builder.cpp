@@ -275,15 +275,15 @@ private:
         }
         BatchFilter filter;
         PointBatch sample;
-        std::size_t stride = around.points / (2 * kMinSampledPoints);
-        mPoints.gather(around, stride, filter, sample);
+        std::size_t stride =
+            mPoints.gather(around, around.points / (2 * kMinSampledPoints), filter, sample);
         while (sample.size() <= kSamplePoints) {
             if (sample.size() * stride <= kMaxSubtreePoints) { // few in the ball
                 upper.subtree = true;
                 return;
             }
             stride = std::max<std::size_t>(1, sample.size() * stride / (2 * kSamplePoints));
-            mPoints.gather(around, stride, filter, sample);
+            stride = mPoints.gather(around, stride, filter, sample);
         }
         const double spacing = filter.spacing(sample, mRoot.center(cell), radius); // of the sample
         upper.spacing = spacing / std::sqrt(double(stride));

@@ -3,7 +3,7 @@
 #include "core/morton.h"
 #include "core/release.h"
 #include "files/array_file.h"
-#include "spatial/radix_sort.h"
+#include "spatial/key_order.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -20,14 +20,19 @@ namespace
 /// Names of a point's numbers in a file. [derived: those of the arrays]
 constexpr std::array<const char*, 7> kFloatNames = {"x", "y", "z", "nx", "ny", "nz", "confidence"};
 
-std::string channelName(const std::string& prefix, std::size_t n)
+std::string thinnedName(std::size_t n)
 {
-    return prefix + "channel " + std::to_string(n);
+    return std::string("thinned ") + kFloatNames[n];
 }
 
-std::string scalarName(const std::string& prefix, std::size_t n)
+std::string channelName(std::size_t n)
 {
-    return prefix + "scalar " + std::to_string(n);
+    return "channel " + std::to_string(n);
+}
+
+std::string scalarName(std::size_t n)
+{
+    return "scalar " + std::to_string(n);
 }
 
 /// How a point's color and scalars are ordered before another's, where all else is equal.
@@ -40,43 +45,44 @@ bool attributesBefore(const PointCloud& cloud, std::uint32_t a, std::uint32_t b)
     return false;
 }
 
-/// The points' order by key; where keys are equal, by all other values.
-std::vector<KeyedIndex> sortedOrder(const PointCloud& cloud, const RootCube& root,
-                                    Interrupter& progress)
+/// Morton keys of the points of a cloud in a cube.
+class PointKeys
 {
-    std::vector<KeyedIndex> order(cloud.size());
-    const double scale = std::ldexp(1 / root.side, SortedPoints::kMaxLevel);
-    const double last = std::ldexp(1.0, SortedPoints::kMaxLevel) - 1;
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, order.size(), 1 << 14),
-                      [&](const tbb::blocked_range<std::size_t>& range) {
-                          progress.check();
-                          for (std::size_t n = range.begin(); n < range.end(); ++n) {
-                              const Vec3d p =
-                                  (cloud.positions[n].cast<double>() - root.corner) * scale;
-                              const auto q = p.cwiseMax(0).cwiseMin(last).cast<std::uint64_t>();
-                              order[n] = {mortonKey(q[0], q[1], q[2]), std::uint32_t(n)};
-                          }
-                      });
-    progress.check();
+public:
+    PointKeys(const std::vector<Vec3f>& positions, const RootCube& root)
+        : mPositions(positions), mCorner(root.corner),
+          mScale(std::ldexp(1 / root.side, SortedPoints::kMaxLevel))
+    {
+    }
+    std::uint64_t operator()(std::uint32_t n) const
+    {
+        const double last = std::ldexp(1.0, SortedPoints::kMaxLevel) - 1;
+        const Vec3d p = (mPositions[n].cast<double>() - mCorner) * mScale;
+        const auto q = p.cwiseMax(0).cwiseMin(last).cast<std::uint64_t>();
+        return mortonKey(q[0], q[1], q[2]);
+    }
+
+private:
+    const std::vector<Vec3f>& mPositions;
+    const Vec3d mCorner;
+    const double mScale;
+};
+
+/// The points' order by key; where keys are equal, by all other values.
+std::vector<std::uint32_t> sortedOrder(const PointCloud& cloud, const PointKeys& keys,
+                                       Interrupter& progress)
+{
     const bool confident = !cloud.confidence.empty();
     const auto attributes = [&](std::uint32_t n) {
         const Vec3f &p = cloud.positions[n], &v = cloud.normals[n];
         return std::make_tuple(p[0], p[1], p[2], v[0], v[1], v[2],
                                confident ? cloud.confidence[n] : 1.0f);
     };
-    radixSort(order, 3 * SortedPoints::kMaxLevel, progress);
-    for (std::size_t n = 0, end = 0; n < order.size(); n = end) {
-        while (end < order.size() && order[end].key == order[n].key) ++end;
-        if (end - n < 2) continue;
-        std::sort(order.begin() + std::ptrdiff_t(n), order.begin() + std::ptrdiff_t(end),
-                  [&](const KeyedIndex& a, const KeyedIndex& b) {
-                      const auto first = attributes(a.index), second = attributes(b.index);
-                      return first < second ||
-                             (first == second && attributesBefore(cloud, a.index, b.index));
-                  });
-    }
-    progress.check();
-    return order;
+    const auto isBefore = [&](std::uint32_t a, std::uint32_t b) {
+        const auto first = attributes(a), second = attributes(b);
+        return first < second || (first == second && attributesBefore(cloud, a, b));
+    };
+    return orderByKeys(cloud.size(), 3 * SortedPoints::kMaxLevel, keys, isBefore, progress);
 }
 
 /// Merge the points of each position, which are adjacent, as points of one key are sorted by it.
@@ -121,14 +127,15 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter
                            Copies copies)
     : mRoot(root)
 {
-    std::vector<KeyedIndex> order = sortedOrder(cloud, root, progress);
+    const PointKeys keyOf(cloud.positions, root);
+    std::vector<std::uint32_t> order = sortedOrder(cloud, keyOf, progress);
     const std::size_t count = order.size();
-    const auto permute = [&](PointBatch::Floats& out, auto value) {
+    const auto permute = [&](auto& out, auto value) {
         out.resize(count);
         tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 1 << 14),
                           [&](const tbb::blocked_range<std::size_t>& range) {
                               for (std::size_t n = range.begin(); n < range.end(); ++n)
-                                  out[n] = value(order[n].index);
+                                  out[n] = value(order[n]);
                           });
         progress.check();
     };
@@ -136,6 +143,8 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter
     permute(points.x, [&](std::uint32_t n) { return cloud.positions[n][0]; });
     permute(points.y, [&](std::uint32_t n) { return cloud.positions[n][1]; });
     permute(points.z, [&](std::uint32_t n) { return cloud.positions[n][2]; });
+    std::vector<std::uint64_t> keys;
+    permute(keys, keyOf);
     release(cloud.positions);
     permute(points.nx, [&](std::uint32_t n) { return cloud.normals[n][0]; });
     permute(points.ny, [&](std::uint32_t n) { return cloud.normals[n][1]; });
@@ -156,9 +165,6 @@ SortedPoints::SortedPoints(PointCloud&& cloud, const RootCube& root, Interrupter
         permute(channels.emplace_back(), [&](std::uint32_t n) { return scalars.values[n]; });
     }
     release(cloud.scalars);
-
-    std::vector<std::uint64_t> keys(count);
-    for (std::size_t n = 0; n < count; ++n) keys[n] = order[n].key;
     release(order);
     if (copies == Copies::Merge) mergeCopies(points, keys, channels);
     for (PointBatch::Floats& channel : channels) mChannels.emplace_back(std::move(channel));
@@ -185,15 +191,28 @@ void SortedPoints::hold(PointBatch&& points, std::vector<std::uint64_t>&& keys)
     }
     mTop = std::move(top);
     mKeys = std::move(keys);
+    Floats thinned;
+    std::size_t n = 0;
+    points.forEach([&](const PointBatch::Floats& all) {
+        std::vector<float> some;
+        for (std::size_t at = 0; at < all.size(); at += kThinning) some.push_back(all[at]);
+        thinned[n++] = std::move(some);
+    });
     hold({std::move(points.x), std::move(points.y), std::move(points.z), std::move(points.nx),
-          std::move(points.ny), std::move(points.nz), std::move(points.confidence)});
+          std::move(points.ny), std::move(points.nz), std::move(points.confidence)},
+         thinned);
 }
 
-void SortedPoints::hold(const std::array<StoredArray<float>, 7>& floats)
+void SortedPoints::hold(const Floats& floats, const Floats& thinned)
 {
+    const auto arraysOf = [](const Floats& a) -> PointArrays {
+        return {a[0].data(), a[1].data(), a[2].data(), a[3].data(),
+                a[4].data(), a[5].data(), a[6].data(), a[0].size()};
+    };
     mFloats = floats;
-    mPoints = {floats[0].data(), floats[1].data(), floats[2].data(), floats[3].data(),
-               floats[4].data(), floats[5].data(), floats[6].data(), floats[0].size()};
+    mPoints = arraysOf(mFloats);
+    mThinnedFloats = thinned;
+    mThinned = arraysOf(mThinnedFloats);
 }
 
 SortedPoints::SortedPoints(const ArrayFile& file, const std::string& prefix, const RootCube& root)
@@ -201,34 +220,48 @@ SortedPoints::SortedPoints(const ArrayFile& file, const std::string& prefix, con
       mTopLevel(file.value<std::int32_t>(prefix + "top level")),
       mTop(file.get<std::uint32_t>(prefix + "top"))
 {
-    std::array<StoredArray<float>, 7> floats;
-    for (std::size_t n = 0; n < floats.size(); ++n)
+    Floats floats, thinned;
+    for (std::size_t n = 0; n < floats.size(); ++n) {
         floats[n] = file.get<float>(prefix + kFloatNames[n]);
-    hold(floats);
-    for (std::size_t c = 0; file.has(channelName(prefix, c)); ++c)
-        mChannels.push_back(file.get<float>(channelName(prefix, c)));
-    for (std::size_t c = 0; file.has(scalarName(prefix, c)); ++c) {
-        const StoredArray<char> name = file.get<char>(scalarName(prefix, c));
+        thinned[n] = file.get<float>(prefix + thinnedName(n));
+    }
+    hold(floats, thinned);
+    for (std::size_t c = 0; file.has(prefix + channelName(c)); ++c)
+        mChannels.push_back(file.get<float>(prefix + channelName(c)));
+    for (std::size_t c = 0; file.has(prefix + scalarName(c)); ++c) {
+        const StoredArray<char> name = file.get<char>(prefix + scalarName(c));
         mScalarNames.emplace_back(name.begin(), name.end());
     }
 }
 
-void SortedPoints::save(ArrayFileWriter& file, const std::string& prefix) const
+void SortedPoints::save(ArrayFileWriter& file, const std::string& prefix) const&
 {
-    for (std::size_t n = 0; n < mFloats.size(); ++n) file.add(prefix + kFloatNames[n], mFloats[n]);
-    file.add(prefix + "keys", mKeys);
+    SortedPoints(*this).save(file, prefix); // shares the arrays
+}
+
+void SortedPoints::save(ArrayFileWriter& file, const std::string& prefix) &&
+{
+    const auto move = [&](const std::string& name, auto& array) {
+        file.add(prefix + name, array);
+        array = {};
+    };
+    for (std::size_t n = 0; n < mFloats.size(); ++n) {
+        move(kFloatNames[n], mFloats[n]);
+        move(thinnedName(n), mThinnedFloats[n]);
+    }
+    move("keys", mKeys);
     file.addValue(prefix + "top level", std::int32_t(mTopLevel));
-    file.add(prefix + "top", mTop);
-    for (std::size_t c = 0; c < mChannels.size(); ++c)
-        file.add(channelName(prefix, c), mChannels[c]);
+    move("top", mTop);
+    for (std::size_t c = 0; c < mChannels.size(); ++c) move(channelName(c), mChannels[c]);
     for (std::size_t c = 0; c < mScalarNames.size(); ++c)
-        file.add(scalarName(prefix, c), mScalarNames[c]);
+        file.add(prefix + scalarName(c), mScalarNames[c]);
 }
 
 std::size_t SortedPoints::bytes() const
 {
     std::size_t all = mKeys.bytes() + mTop.bytes();
-    for (const auto& floats : mFloats) all += floats.bytes();
+    for (const Floats& floats : {mFloats, mThinnedFloats})
+        for (const StoredArray<float>& array : floats) all += array.bytes();
     for (const auto& channel : mChannels) all += channel.bytes();
     return all;
 }
@@ -279,19 +312,24 @@ SortedPoints::Around SortedPoints::around(const OctreeCell& center, double radiu
     return around;
 }
 
-void SortedPoints::gather(const Around& around, std::size_t stride, BatchFilter& filter,
-                          PointBatch& out) const
+std::size_t SortedPoints::gather(const Around& around, std::size_t stride, BatchFilter& filter,
+                                 PointBatch& out) const
 {
     out.clear();
     const Vec3d center = mRoot.center(around.cell);
+    const std::size_t thinning = stride < kThinning ? 1 : kThinning;
+    const std::size_t step = stride / thinning;
+    const PointArrays& from = thinning == 1 ? mPoints : mThinned;
+    const auto placeOf = [thinning](std::size_t n) { return (n + thinning - 1) / thinning; };
     std::size_t skip = 0;
     for (std::size_t n = 0; n < around.count; ++n) {
-        const Range& range = around.ranges[n];
-        const std::size_t first = range.begin + skip;
-        filter.appendBall(mPoints, first, range.end, stride, center, around.radius, out);
-        const std::size_t past = range.end + stride - 1 - first; // first may be beyond the end
-        skip = first + past / stride * stride - range.end;
+        const std::size_t end = placeOf(around.ranges[n].end);
+        const std::size_t first = placeOf(around.ranges[n].begin) + skip;
+        filter.appendBall(from, first, end, step, center, around.radius, out);
+        const std::size_t past = end + step - 1 - first; // first may be beyond the end
+        skip = first + past / step * step - end;
     }
+    return step * thinning;
 }
 
 int SortedPoints::levelOfCells(double count) const

@@ -83,7 +83,9 @@ public:
     /// The points that save() wrote to @a file under @a prefix, mapped. @throws InputError.
     SortedPoints(const ArrayFile& file, const std::string& prefix, const RootCube& root);
     /// Write all but the root cube to @a file; names begin with @a prefix. @throws IoError.
-    void save(ArrayFileWriter& file, const std::string& prefix) const;
+    void save(ArrayFileWriter& file, const std::string& prefix) const&;
+    /// The same, and let go of each array once it is written.
+    void save(ArrayFileWriter& file, const std::string& prefix) &&;
 
     std::size_t size() const { return mPoints.size(); }
     const PointArrays& points() const { return mPoints; }
@@ -109,9 +111,10 @@ public:
     };
     /// The points around the ball of @a radius about the center of @a cell.
     Around around(const OctreeCell& cell, double radius) const;
-    /// Copy to @a out the points in the ball among every @a stride th of those around it.
-    void gather(const Around& around, std::size_t stride, BatchFilter& filter,
-                PointBatch& out) const;
+    /// Copy to @a out the points in the ball among every @a stride th of those around it; of large
+    /// strides the nearest multiple of kThinning below. @return the stride that was taken.
+    std::size_t gather(const Around& around, std::size_t stride, BatchFilter& filter,
+                       PointBatch& out) const;
     /// Number of points in @a box (local coordinates); at least @a limit if there are that many.
     std::size_t countIn(const Box3d& box, std::size_t limit, const OctreeCell& cell = {}) const;
     /// Call f(begin, end) for every occupied cell of @a level, in Morton order, whose first point
@@ -154,12 +157,15 @@ public:
     Range cellRange(const OctreeCell& cell) const;
 
 private:
+    using Floats = std::array<StoredArray<float>, 7>;
+    /// Stride of the points that are kept beside all. [free: time; it takes 2 % more memory]
+    static constexpr std::size_t kThinning = 64;
     /// Points of a cell up to which they are counted one by one. [free: time]
     static constexpr std::size_t kMaxScanPoints = 32;
 
     void addRanges(const Box3d& box, const OctreeCell& cell, std::vector<Range>& ranges) const;
     void hold(PointBatch&& points, std::vector<std::uint64_t>&& keys);
-    void hold(const std::array<StoredArray<float>, 7>& floats);
+    void hold(const Floats& floats, const Floats& thinned);
     void addBuckets(int level, std::size_t begin, std::size_t end, std::size_t most,
                     std::vector<BucketTree::Bucket>& buckets) const
     {
@@ -179,8 +185,9 @@ private:
     OctreeCell coveringCell(OctreeCell cell, double radius) const;
 
     RootCube mRoot;
-    std::array<StoredArray<float>, 7> mFloats; ///< what mPoints points to
+    Floats mFloats, mThinnedFloats; ///< what mPoints and mThinned point to
     PointArrays mPoints;
+    PointArrays mThinned; ///< every kThinning-th point, so that samples of many are near each other
     std::vector<StoredArray<float>> mChannels;
     std::vector<std::string> mScalarNames;
     StoredArray<std::uint64_t> mKeys;

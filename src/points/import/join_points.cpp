@@ -216,6 +216,26 @@ void placeSlice(const Slice& slice, PointCloud& cloud)
         cloud.seenFrom[at(i)] = slice.seenFrom;
 }
 
+// Copies all blocks to their places, and frees them as it goes: there is never all of both.
+void placeBlocks(Inputs& inputs, PointCloud& cloud, Interrupter& progress)
+{
+    constexpr std::size_t kAtOnce = 256; // slices; [free: the same cloud]
+    const std::vector<Slice> slices = slicesOf(inputs);
+    std::vector<PointBlock*> blocks;
+    for (FilePoints& input : inputs)
+        for (PointBlock& block : input.blocks) blocks.push_back(&block);
+    auto held = blocks.begin();
+    for (std::size_t begin = 0, end = 0; begin < slices.size(); begin = end) {
+        end = std::min(begin + kAtOnce, slices.size());
+        tbb::parallel_for(begin, end, [&](std::size_t s) {
+            progress.check();
+            placeSlice(slices[s], cloud);
+        });
+        const PointBlock* const next = end < slices.size() ? slices[end].block : nullptr;
+        for (; held != blocks.end() && *held != next; ++held) **held = PointBlock();
+    }
+}
+
 void requirePoints(const Inputs& inputs, std::uint64_t points,
                    const std::map<std::string, std::uint64_t>& dropped)
 {
@@ -287,11 +307,7 @@ PointInput joinPoints(std::vector<FilePoints>&& inputs, BadPoints badPoints,
     for (const FilePoints& input : inputs)
         for (const PointBlock& block : input.blocks)
             if (block.seenFrom) cloud.viewpoints.push_back(*block.seenFrom);
-    const std::vector<Slice> kept = slicesOf(inputs);
-    tbb::parallel_for(std::size_t(0), kept.size(), [&](std::size_t s) {
-        progress.check();
-        placeSlice(kept[s], cloud);
-    });
+    placeBlocks(inputs, cloud, progress);
     if (inputs.size() == 1) cloud.mesh = std::move(inputs.front().mesh);
     inputs.clear();
 #ifdef __GLIBC__
