@@ -27,8 +27,9 @@ struct SampleSettings {
     std::optional<Box3d> region;
 };
 
-/// Least margin around a region that is sampled too, voxels. [tuned: region_test]
-constexpr int kRegionMargin = 32;
+/// Least margin around a region that is sampled too, voxels. [derived: two blocks; restored values
+/// reach less far, and it grows where signs are decided beyond it]
+constexpr int kRegionMargin = 16;
 
 /// The voxels with their centers in @a region (world units).
 openvdb::CoordBBox voxelsIn(const Box3d& region, const Lattice& lattice);

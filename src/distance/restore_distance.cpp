@@ -134,11 +134,12 @@ public:
     {
     }
 
-    std::uint64_t run()
+    std::uint64_t run(const openvdb::CoordBBox& among)
     {
+        mAmong = among;
         std::vector<Leaf*> all;
         mTree.getNodes(all);
-        return run(std::move(all));
+        return run(examinable(std::move(all)));
     }
 
     std::uint64_t run(const std::vector<KnownVoxels>& known)
@@ -392,7 +393,14 @@ private:
                 addLeavesAround(voxel.at, touched);
             }
         }
-        return leavesAt(touched);
+        return examinable(leavesAt(touched));
+    }
+
+    std::vector<Leaf*> examinable(std::vector<Leaf*> leaves) const
+    {
+        const auto isBeyond = [&](const Leaf* l) { return !mAmong.isInside(l->origin()); };
+        leaves.erase(std::remove_if(leaves.begin(), leaves.end(), isBeyond), leaves.end());
+        return leaves;
     }
 
     /// The existing leaves at @a origins, in order.
@@ -466,8 +474,9 @@ private:
     Interrupter& mProgress;
     ValuesFrom mFrom;
     const std::vector<KnownVoxels>* mKnown = nullptr;
-    float mVoxelSize, mHalfWidth; ///< world units; voxels
-    int mReach;                   ///< leaves that the band reaches, around a voxel's own
+    openvdb::CoordBBox mAmong = openvdb::CoordBBox::inf(); ///< of the leaves that are examined
+    float mVoxelSize, mHalfWidth;                          ///< world units; voxels
+    int mReach; ///< leaves that the band reaches, around a voxel's own
     std::unordered_map<Coord, Crossings> mCrossings; ///< by leaf origin
     /// Voxels whose distance to the nearest crossing has been found: it will not change.
     std::unordered_map<Coord, Leaf::NodeMaskType> mSettled;
@@ -476,9 +485,9 @@ private:
 } // namespace
 
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
-                              Interrupter& progress)
+                              const openvdb::CoordBBox& among, Interrupter& progress)
 {
-    return Restorer(tree, voxelSize, from, progress).run();
+    return Restorer(tree, voxelSize, from, progress).run(among);
 }
 
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize,

@@ -20,8 +20,9 @@ enum class ValuesFrom : std::uint8_t {
 /// the nearest crossing of the zero set with an edge between voxels, or scale it with its
 /// neighbors. All other values and all crossings stay unchanged. @param voxelSize  world units.
 /// @returns the number of voxels changed. @throws Interrupted.
+/// @param among  voxels: leaves with origins elsewhere stay, with what is missing beside them.
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
-                              Interrupter& progress);
+                              const openvdb::CoordBBox& among, Interrupter& progress);
 
 /// Masks of one leaf's voxels by what is known of their values.
 struct KnownVoxels {

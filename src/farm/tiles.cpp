@@ -1,5 +1,6 @@
 #include "tiles.h"
 
+#include "field/near_zero.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -22,15 +23,11 @@ constexpr double kBeside = 8;
 /// Edge of the cubes, voxels, that are not divided further: the tile is sampled. [derived: a block,
 /// by whose middle a region's band is searched where there are no data]
 constexpr double kSmallCube = kBlockDim;
-/// Largest ratio of a field's value to the distance from its zero set. [derived: as where a
-/// region's band is searched]
-constexpr double kSteepest = 1.5;
 
 /// Whether the zero set of @a field may come within @a band (world units) of a cube.
 bool mayMeet(const Field& field, const Vec3d& center, double edge, double band, double smallest)
 {
-    const double radius = std::sqrt(3.0) / 2 * edge;
-    if (std::abs(field.evaluate(center).value) > kSteepest * (radius + band)) return false;
+    if (!mayComeNear(field.evaluate(center), edge, band)) return false;
     if (edge <= smallest) return true;
     for (int octant = 0; octant < 8; ++octant) {
         const Vec3d side(octant & 1 ? 1 : -1, octant & 2 ? 1 : -1, octant & 4 ? 1 : -1);

@@ -115,6 +115,8 @@ private:
     static constexpr float kRounding = 1e-6f;
     static void addNeighbors(const Block& block, std::vector<Vec3i>& blocks);
     bool leadsToData(std::size_t from, std::size_t known, std::vector<std::size_t>& followed) const;
+    void findUnsupported(const Vec3i& first, int count, BlockSampler& sampler,
+                         std::vector<Vec3i>& found) const;
     void dropUnreached(std::size_t known);
     void add(Block block);
     Block sample(BlockSampler& sampler, const Vec3i& at) const;

@@ -1,5 +1,8 @@
 // Bands of which only a zone is sampled.
 #include "band.h"
+
+#include "core/parallel_each.h"
+#include "field/near_zero.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -13,29 +16,43 @@
 namespace mpuvdb
 {
 
+/// Add to @a found the blocks without data among the @a count blocks along each axis from @a first
+/// on, as far as they are in the zone, that the band may have.
+void Band::findUnsupported(const Vec3i& first, int count, BlockSampler& sampler,
+                           std::vector<Vec3i>& found) const
+{
+    const BlockBox& box = mZone->known;
+    if ((first.array() > box.last.array()).any()) return;
+    if (count == 1 && find(first)) return;
+    const int edge = kBlockDim * count;
+    const Vec3d middle = (first * kBlockDim).cast<double>().array() + 0.5 * (edge - 1);
+    const double h = mLattice.voxelSize;
+    const FieldSample there = mField.evaluate(mLattice.origin + h * middle);
+    if (!mayComeNear(there, (edge - 1) * h, double(mBackground))) return;
+    if (count > 1) {
+        for (int octant = 0; octant < 8; ++octant)
+            findUnsupported(first + count / 2 * Vec3i(octant & 1, octant >> 1 & 1, octant >> 2),
+                            count / 2, sampler, found);
+        return;
+    }
+    // Where data support the surface, the band has been found from the data in the zone.
+    if (there.supported) return;
+    const Block block = sample(sampler, first);
+    if (block.leaf && !block.leaf->getValueMask().isOff()) found.push_back(first);
+}
+
 void Band::searchUnsupported()
 {
-    // Where data support the surface, the band has been found from the data in the zone.
+    constexpr int kCube = 8; // blocks along the edge of the largest cubes; [free: grain]
     const BlockBox& box = mZone->known;
-    const Vec3i size = box.last - box.first + Vec3i::Ones();
-    const double h = mLattice.voxelSize;
-    // Half a block's diagonal from its center; values are approximate distances.
-    const double near = 1.5 * (double(mBackground) + 0.5 * std::sqrt(3.0) * (kBlockDim - 1) * h);
+    const Vec3i cubes = (box.last - box.first) / kCube + Vec3i::Ones();
     tbb::enumerable_thread_specific<std::unique_ptr<BlockSampler>> samplers(
         [&] { return mField.sampler(mLattice, double(mBackground)); });
-    std::vector<std::vector<Vec3i>> found(std::size_t(size[0]) * std::size_t(size[1]));
-    tbb::parallel_for(std::size_t(0), found.size(), [&](std::size_t column) {
-        BlockSampler& sampler = *samplers.local();
-        Vec3i at = box.first + Vec3i(int(column) / size[1], int(column) % size[1], 0);
-        for (; at[2] <= box.last[2]; ++at[2]) {
-            mProgress.check();
-            if (find(at)) continue;
-            const Vec3d middle = (at * kBlockDim).cast<double>().array() + 0.5 * (kBlockDim - 1);
-            const FieldSample there = mField.evaluate(mLattice.origin + h * middle);
-            if (there.supported || std::abs(there.value) > near) continue;
-            const Block block = sample(sampler, at);
-            if (block.leaf && !block.leaf->getValueMask().isOff()) found[column].push_back(at);
-        }
+    std::vector<std::vector<Vec3i>> found(std::size_t(cubes.cast<std::int64_t>().prod()));
+    forEachParallel(found.size(), 1, mProgress, [&](std::size_t n) {
+        const Vec3i cube(int(n) % cubes[0], int(n) / cubes[0] % cubes[1],
+                         int(n) / (cubes[0] * cubes[1]));
+        findUnsupported(box.first + kCube * cube, kCube, *samplers.local(), found[n]);
     });
     std::vector<Vec3i> blocks;
     for (const auto& some : found) blocks.insert(blocks.end(), some.begin(), some.end());

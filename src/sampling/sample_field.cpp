@@ -111,6 +111,17 @@ std::unique_ptr<Band> closedBand(const Field& field, const SampleSettings& setti
     }
 }
 
+/// What is restored for @a region: a block about it, so that the border of what is sampled, where
+/// the band is cut, is not taken for one that lacks voxels.
+openvdb::CoordBBox examinedAbout(const openvdb::CoordBBox& region)
+{
+    const BlockBox blocks = blocksOf(region, kBlockDim);
+    const auto corner = [](const Vec3i& block) {
+        return openvdb::Coord(kBlockDim * block[0], kBlockDim * block[1], kBlockDim * block[2]);
+    };
+    return {corner(blocks.first), corner(blocks.last)};
+}
+
 /// The level set of @a field in a band that is sampled as a whole. @param region  voxels; or null.
 LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
                       const openvdb::CoordBBox* region, Interrupter& progress)
@@ -126,7 +137,8 @@ LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
         if (field.isDistanceFar())
             completeBand(*tree, lattice.voxelSize, progress);
         else
-            restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress);
+            restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field,
+                            region ? examinedAbout(*region) : openvdb::CoordBBox::inf(), progress);
         pruneBand(*tree); // of leaves whose last voxels turned out to be beyond the band
     }
     auto grid = openvdb::FloatGrid::create(tree);
