@@ -485,7 +485,7 @@ private:
 } // namespace
 
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
-                              const openvdb::CoordBBox& among, Interrupter& progress)
+                              Interrupter& progress, const openvdb::CoordBBox& among)
 {
     return Restorer(tree, voxelSize, from, progress).run(among);
 }

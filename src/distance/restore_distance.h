@@ -22,7 +22,8 @@ enum class ValuesFrom : std::uint8_t {
 /// @returns the number of voxels changed. @throws Interrupted.
 /// @param among  voxels: leaves with origins elsewhere stay, with what is missing beside them.
 std::uint64_t restoreDistance(openvdb::FloatTree& tree, double voxelSize, ValuesFrom from,
-                              const openvdb::CoordBBox& among, Interrupter& progress);
+                              Interrupter& progress,
+                              const openvdb::CoordBBox& among = openvdb::CoordBBox::inf());
 
 /// Masks of one leaf's voxels by what is known of their values.
 struct KnownVoxels {

@@ -137,8 +137,8 @@ LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
         if (field.isDistanceFar())
             completeBand(*tree, lattice.voxelSize, progress);
         else
-            restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field,
-                            region ? examinedAbout(*region) : openvdb::CoordBBox::inf(), progress);
+            restoreDistance(*tree, lattice.voxelSize, ValuesFrom::Field, progress,
+                            region ? examinedAbout(*region) : openvdb::CoordBBox::inf());
         pruneBand(*tree); // of leaves whose last voxels turned out to be beyond the band
     }
     auto grid = openvdb::FloatGrid::create(tree);

@@ -272,8 +272,7 @@ void addWalls(Made& made, const Mesh& mesh, const SampleSettings& settings, doub
     }
     openvdb::tools::csgUnion(*made.grid, *walls);
     // Where the two meet, the larger distance within them is too small.
-    restoreDistance(made.grid->tree(), settings.lattice.voxelSize, ValuesFrom::Distances,
-                    openvdb::CoordBBox::inf(), progress);
+    restoreDistance(made.grid->tree(), settings.lattice.voxelSize, ValuesFrom::Distances, progress);
 }
 
 void requireThickness(const RepairSettings& repair, double voxelSize)
