@@ -74,7 +74,7 @@ unsigned missingInRow(const float* row, float halfWidth)
 #pragma GCC unroll 27
     for (int n = 0; n < 27; ++n) {
         const int x = n / 9 - 1, y = n / 3 % 3 - 1, z = n % 3 - 1;
-        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * Halo::kHalo + y) * Halo::kHalo + z)) +
+        const Lanes u = magnitude(lanesAt<Lanes>(row + (x * Halo::kDim + y) * Halo::kDim + z)) +
                         kLength[std::abs(x) + std::abs(y) + std::abs(z)];
         nearest = u < nearest ? u : nearest;
     }
@@ -194,12 +194,12 @@ private:
     {
         openvdb::tree::ValueAccessor<const openvdb::FloatTree> access(mTree);
         Halo halo;
-        halo.load(access, leaf, 1 / mVoxelSize);
+        halo.load(access, leaf.origin(), 1 / mVoxelSize);
         const Leaf::NodeMaskType exact = exactIn(leaf.origin());
         std::vector<Examined> found, suspects; // exact voxels of the first stay
         for (int x = 0; x < kBlockDim; ++x) {
             for (int y = 0; y < kBlockDim; ++y) {
-                const int row = Halo::index(x + 1, y + 1, 1);
+                const int row = Halo::index(x, y, 0);
                 const float* const values = &halo.value[row];
                 const auto inLeaf = openvdb::Index(x * kBlockDim + y);
                 const unsigned active = leaf.getValueMask().getWord<std::uint8_t>(inLeaf);
@@ -311,7 +311,8 @@ private:
     {
         for (int n = 0; n < 27; ++n) {
             const Coord d(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-            const float u = std::abs(halo.value[in + Halo::index(d[0], d[1], d[2])]);
+            const float u =
+                std::abs(halo[in + d[0] * Halo::kStride[0] + d[1] * Halo::kStride[1] + d[2]]);
             if (u + kLength[std::abs(d[0]) + std::abs(d[1]) + std::abs(d[2])] <
                 mHalfWidth - kMissingDepth)
                 found.push_back({at + d, 0});

@@ -85,7 +85,7 @@ public:
         for (auto value = leaf.cbeginValueOn(); value; ++value) {
             const float height = *value * mScale * mSide;
             if (!(height >= kShellFrom && height < kShellTo)) continue;
-            if (!loaded) mHalo.load(mAccess, leaf, mScale);
+            if (!loaded) mHalo.load(mAccess, leaf.origin(), mScale);
             loaded = true;
             ++shell.voxels;
             const int in = inHalo(int(value.pos()));
@@ -102,8 +102,8 @@ public:
 private:
     static int inHalo(int voxel)
     {
-        return LeafHalo::index(voxel / (kBlockDim * kBlockDim) + 1,
-                               voxel / kBlockDim % kBlockDim + 1, voxel % kBlockDim + 1);
+        return LeafHalo::index(voxel / (kBlockDim * kBlockDim), voxel / kBlockDim % kBlockDim,
+                               voxel % kBlockDim);
     }
 
     SurfacePatch patch(const openvdb::Coord& at, float height, const Square& square) const
@@ -170,7 +170,7 @@ private:
         return count > 0 ? sum / float(count) : 0;
     }
 
-    LeafHalo::Accessor mAccess;
+    openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
     LeafHalo mHalo;
     float mScale, mBeyond, mSide;
 };

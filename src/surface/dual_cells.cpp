@@ -127,27 +127,6 @@ void findCells(const Access& access, DualBlock& block)
         }
 }
 
-/// Some rows along z of a leaf's values, or of a tile's.
-struct Rows {
-    const float* first; ///< or null
-    float tile;
-    int countX, countY;
-};
-
-/// Copy rows of kCount values; as a constant, a row takes one or two instructions.
-template <int kCount>
-void copyRows(const Rows& rows, float* to)
-{
-    for (int x = 0; x < rows.countX; ++x)
-        for (int y = 0; y < rows.countY; ++y) {
-            float* const row = to + x * BlockHalo::kStride[0] + y * BlockHalo::kStride[1];
-            if (rows.first)
-                std::copy_n(rows.first + x * 64 + y * 8, kCount, row);
-            else
-                std::fill_n(row, kCount, rows.tile);
-        }
-}
-
 using Origins = std::vector<Coord>;
 
 Origins leafOrigins(const openvdb::FloatTree& tree)
@@ -212,30 +191,6 @@ const std::array<std::uint8_t, 256> kBitCounts = [] {
     for (std::size_t n = 1; n < 256; ++n) counts[n] = std::uint8_t(counts[n / 2] + n % 2);
     return counts;
 }();
-
-void BlockHalo::load(const openvdb::FloatTree& tree, const Coord& origin)
-{
-    const Access access(tree);
-    // Per axis: two voxels of the block below, all eight of the block, three of the next.
-    // [derived: BlockHalo's layout]
-    constexpr std::array<int, 3> kFrom = {6, 0, 0}, kTo = {-2, 0, 8}, kCount = {2, 8, 3};
-    for (std::size_t bx = 0; bx < 3; ++bx)
-        for (std::size_t by = 0; by < 3; ++by)
-            for (std::size_t bz = 0; bz < 3; ++bz) {
-                const Coord at = origin.offsetBy(8 * int(bx) - 8, 8 * int(by) - 8, 8 * int(bz) - 8);
-                const Leaf* const leaf = access.probeConstLeaf(at);
-                const int first = kFrom[bx] * 64 + kFrom[by] * 8 + kFrom[bz];
-                const Rows rows{leaf ? leaf->buffer().data() + first : nullptr,
-                                leaf ? 0 : access.getValue(at), kCount[bx], kCount[by]};
-                float* const to = &mValues[std::size_t(index(kTo[bx], kTo[by], kTo[bz]))];
-                if (bz == 0)
-                    copyRows<kCount[0]>(rows, to);
-                else if (bz == 1)
-                    copyRows<kCount[1]>(rows, to);
-                else
-                    copyRows<kCount[2]>(rows, to);
-            }
-}
 
 DualCells::DualCells(const openvdb::FloatTree& tree, Interrupter& progress, const BlockFilter& only)
 {

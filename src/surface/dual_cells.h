@@ -1,6 +1,7 @@
 // The cells that the surface crosses, block by block, and the numbers of their vertices.
 #pragma once
 #include "cell_sheets.h"
+#include "grid/leaf_halo.h"
 #include <mpuvdb/vec.h>
 
 #include <array>
@@ -14,25 +15,8 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// Values of a block's voxels and those around it: two layers below and three above on each axis.
-class BlockHalo
-{
-public:
-    static constexpr int kDim = 13; ///< edge, voxels [derived: 2 + 8 + 3]
-    /// Steps to the next voxel along x, y, z. [derived: kDim]
-    static constexpr std::array<int, 3> kStride = {kDim * kDim, kDim, 1};
-
-    void load(const openvdb::FloatTree& tree, const openvdb::Coord& origin);
-    /// Index of the voxel at (x,y,z) in the block, each in [-2, 10].
-    static constexpr int index(int x, int y, int z)
-    {
-        return (x + 2) * kStride[0] + (y + 2) * kStride[1] + z + 2;
-    }
-    float operator[](int index) const { return mValues[std::size_t(index)]; }
-
-private:
-    std::array<float, kDim * kDim * kDim> mValues;
-};
+/// Values of a block's voxels and those around it that its cells use.
+using BlockHalo = BlockWindow<2, 3>;
 
 /// A cell that the surface crosses; its corners are its voxel and those one step up the axes.
 struct DualCell {

@@ -34,7 +34,9 @@ public:
 
     void load(const openvdb::FloatTree& tree, const openvdb::Coord& origin)
     {
-        mValues.load(tree, origin);
+        // Not registered with the tree: cheap to make.
+        mValues.load(openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>(tree), origin,
+                     1);
         mOrigin = Vec3d(origin.x(), origin.y(), origin.z());
         ++mBlock;
     }

@@ -19,29 +19,6 @@ Vec3i corner(int bits)
 
 } // namespace
 
-void LeafWindow::load(const Leaf& leaf)
-{
-    const auto first = [](int side) { return side < 0 ? -kBelow : side > 0 ? kBlockDim : 0; };
-    const auto last = [](int side) {
-        return side < 0 ? 0 : side > 0 ? kBlockDim + kAbove : kBlockDim;
-    };
-    for (int n = 0; n < 27; ++n) {
-        const int sx = n / 9 - 1, sy = n / 3 % 3 - 1, sz = n % 3 - 1;
-        const openvdb::Coord from =
-            leaf.origin().offsetBy(sx * kBlockDim, sy * kBlockDim, sz * kBlockDim);
-        const Leaf* const near = n == 13 ? &leaf : mAccess.probeConstLeaf(from);
-        const float* const data = near ? near->buffer().data() : nullptr;
-        const float tile = near ? 0 : mAccess.getValue(from) * mPerVoxel;
-        for (int x = first(sx); x < last(sx); ++x)
-            for (int y = first(sy); y < last(sy); ++y)
-                for (int z = first(sz); z < last(sz); ++z)
-                    mValues[((x + kBelow) * kDim + y + kBelow) * kDim + z + kBelow] =
-                        data ? data[((x & 7) * kBlockDim + (y & 7)) * kBlockDim + (z & 7)] *
-                                   mPerVoxel
-                             : tile;
-    }
-}
-
 bool isCrossed(const LeafWindow& window, const Vec3i& base)
 {
     const bool inside = window(base) < 0;

@@ -1,6 +1,7 @@
 // The surface of a level set, cell by cell: triangles of the piecewise linear distance on
 // tetrahedra, closed and without ambiguity, and the distance's quadric around them.
 #pragma once
+#include "grid/leaf_halo.h"
 #include <mpuvdb/field.h>
 
 #include <array>
@@ -14,30 +15,24 @@ class LeafWindow
 {
 public:
     using Leaf = openvdb::FloatTree::LeafNodeType;
-    /// Layers below and above the leaf, and the edge of all, voxels. [derived: a cell's corners and
-    /// their neighbors]
-    static constexpr int kBelow = 1, kAbove = 2, kDim = kBlockDim + kBelow + kAbove;
-
     /// @param halfWidth  of the band, voxels.
     LeafWindow(const openvdb::FloatTree& tree, double voxelSize, double halfWidth)
         : mAccess(tree), mPerVoxel(float(1 / voxelSize)), mRim(float(halfWidth * (1 - 1e-5)))
     {
     }
 
-    void load(const Leaf& leaf);
+    void load(const Leaf& leaf) { mValues.load(mAccess, leaf.origin(), mPerVoxel); }
     /// Value of a voxel relative to the leaf, each coordinate in [-1, 9].
-    float operator()(int x, int y, int z) const
-    {
-        return mValues[((x + kBelow) * kDim + y + kBelow) * kDim + z + kBelow];
-    }
+    float operator()(int x, int y, int z) const { return mValues[Values::index(x, y, z)]; }
     float operator()(const Vec3i& p) const { return (*this)(p[0], p[1], p[2]); }
     /// Whether a value lies in the band.
     bool isKnown(float value) const { return value < mRim && value > -mRim; }
 
 private:
+    using Values = BlockWindow<1, 2>; ///< of the corners of cells, and their neighbors
     openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
     float mPerVoxel, mRim;
-    std::array<float, kDim * kDim * kDim> mValues;
+    Values mValues;
 };
 
 /// A vertex of the surface, on the edge from a voxel to another of its cell.

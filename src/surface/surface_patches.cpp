@@ -65,11 +65,11 @@ public:
     template <typename F>
     void forEachCrossing(const Leaf& leaf, F f)
     {
-        mHalo.load(mAccess, leaf, mScale);
+        mHalo.load(mAccess, leaf.origin(), mScale);
         for (int row = 0; row < kBlockDim * kBlockDim; ++row) {
             unsigned active = leaf.getValueMask().getWord<std::uint8_t>(openvdb::Index(row));
             if (active == 0) continue;
-            const int in = LeafHalo::index(row / kBlockDim + 1, row % kBlockDim + 1, 1);
+            const int in = LeafHalo::index(row / kBlockDim, row % kBlockDim, 0);
             const unsigned own = signs(in);
             unsigned crosses = 0;
             for (const int stride : kStride)
@@ -86,7 +86,7 @@ public:
     {
         const int x = voxel / (kBlockDim * kBlockDim), y = voxel / kBlockDim % kBlockDim,
                   z = voxel % kBlockDim;
-        const int in = LeafHalo::index(x + 1, y + 1, z + 1);
+        const int in = LeafHalo::index(x, y, z);
         SurfacePatch patch;
         patch.voxel = leaf.origin() + openvdb::Coord(x, y, z);
         patch.extent = kPatchRadius;
@@ -290,7 +290,7 @@ private:
         return patch;
     }
 
-    LeafHalo::Accessor mAccess;
+    openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
     LeafHalo mHalo;
     float mScale, mBeyond;
     Values mValues;

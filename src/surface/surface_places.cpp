@@ -117,15 +117,15 @@ public:
         mLow = origin;
         mVoxels = voxels;
         const float perVoxel = float(1 / lattice.voxelSize);
-        mHalo.loadFaces(mAccess, *leaf, perVoxel);
-        findGradients(voxels, &mHalo.value[LeafHalo::index(1, 1, 1)], LeafHalo::index(1, 0, 0),
-                      LeafHalo::index(0, 1, 0), mBackground, kMinGradient, mGradients, mFeet);
+        mHalo.load(mAccess, leaf->origin(), perVoxel, 0, 1);
+        findGradients(voxels, &mHalo.value[LeafHalo::index(0, 0, 0)], LeafHalo::kStride[0],
+                      LeafHalo::kStride[1], mBackground, kMinGradient, mGradients, mFeet);
         const Vec3d low =
             lattice.origin + lattice.voxelSize * Vec3d(origin[0], origin[1], origin[2]);
         if (!setPlaces(voxels, mGradients, mFeet, low, lattice.voxelSize, places) &&
             projections == 1)
             return;
-        mHalo.loadEdges(mAccess, *leaf, perVoxel);
+        mHalo.load(mAccess, leaf->origin(), perVoxel, 2, 3);
         for (auto voxel = voxels.beginOn(); voxel; ++voxel, ++places) {
             Vec3f gradient = at(mGradients, voxel.pos());
             if (projections == 1 && gradient != Vec3f::Zero()) continue;
@@ -165,9 +165,8 @@ private:
     float valueAt(const Coord& at) const
     {
         const auto isNear = [&](int k) { return at[k] >= -1 && at[k] <= kBlockDim; };
-        return isNear(0) && isNear(1) && isNear(2)
-                   ? mHalo.value[LeafHalo::index(at[0] + 1, at[1] + 1, at[2] + 1)]
-                   : mAccess.getValue(mLow + at) / mVoxelSize;
+        return isNear(0) && isNear(1) && isNear(2) ? mHalo[LeafHalo::index(at[0], at[1], at[2])]
+                                                   : mAccess.getValue(mLow + at) / mVoxelSize;
     }
     bool isBand(float value) const { return std::abs(value) < mBackground; }
 
@@ -229,7 +228,7 @@ private:
         return between(y0, y1, tx);
     }
 
-    LeafHalo::Accessor mAccess;
+    openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
     float mVoxelSize, mBackground; ///< world units; voxels
     Coord mLow;                    ///< the leaf's origin
     Leaf::NodeMaskType mVoxels;    ///< whose gradients and feet are known
