@@ -15,6 +15,7 @@
 #include <limits>
 #include <mutex>
 #include <optional>
+#include <tuple>
 
 namespace mpuvdb
 {
@@ -26,8 +27,15 @@ using openvdb::Coord;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN(); ///< [derived: no number]
 /// Places that are sorted at once. [free: memory]
 constexpr std::size_t kBatch = std::size_t(1) << 22;
-/// Places of a task, and rays and places far from the surface. [free: grain size]
+/// Places of a task, and rays of one, or far places between two checks for a stop. [free: grain
+/// size]
 constexpr std::size_t kPlaces = 8192, kFarPlaces = 256;
+/// Cells along a cube for which triangles are gathered, and places in one from which on they are.
+/// [free: the same answers]
+constexpr int kCube = 2;
+constexpr std::size_t kShared = 3;
+/// The cube of a place beyond the band's blocks. [derived: the type's largest]
+constexpr std::uint32_t kNoCube = ~std::uint32_t(0);
 /// Runs of places in one block from which on places are taken as they come, in places: sorting one
 /// costs a hundredth of loading a block. [free: time]
 constexpr std::size_t kLongRun = 64;
@@ -121,8 +129,7 @@ public:
         requireNumbers(places);
         for (std::size_t begin = 0; begin < places.rows; begin += kBatch) {
             const Batch batch{places, begin, std::min(begin + kBatch, places.rows)};
-            const std::vector<std::uint32_t> far = forEachInBand<Sloped>(batch, progress, f);
-            forEachFar(batch, far, progress, f);
+            forEachFar(batch, forEachInBand<Sloped>(batch, progress, f), progress, f);
         }
     }
 
@@ -200,10 +207,22 @@ private:
         return runs * kLongRun > seen;
     }
 
+    /// A place that interpolation does not answer.
+    struct FarPlace {
+        std::uint32_t cube;  ///< a number for it in the task, or kNoCube
+        std::uint32_t index; ///< in the batch
+
+        bool operator<(const FarPlace& other) const
+        {
+            return std::tie(cube, index) < std::tie(other.cube, other.index);
+        }
+    };
+    /// By the tasks that left them.
+    using Far = std::vector<std::vector<FarPlace>>;
+
     /// Answers what interpolation can. @return the places that are left.
     template <bool Sloped, class F>
-    std::vector<std::uint32_t> forEachInBand(const Batch& batch, Interrupter& progress,
-                                             const F& f) const
+    Far forEachInBand(const Batch& batch, Interrupter& progress, const F& f) const
     {
         const auto itemAt = [&](std::size_t n) { return itemOf(batch, n); };
         if (!isScattered(batch)) return forEachItem<Sloped>(batch, itemAt, progress, f);
@@ -218,60 +237,101 @@ private:
 
     /// The same for all items of a batch in the order of @a itemAt(n).
     template <bool Sloped, class ItemAt, class F>
-    std::vector<std::uint32_t> forEachItem(const Batch& batch, const ItemAt& itemAt,
-                                           Interrupter& progress, const F& f) const
+    Far forEachItem(const Batch& batch, const ItemAt& itemAt, Interrupter& progress,
+                    const F& f) const
     {
-        std::vector<std::vector<std::uint32_t>> far((batch.size() + kPlaces - 1) / kPlaces);
+        Far far((batch.size() + kPlaces - 1) / kPlaces);
         const auto band = float(mLevelSet.halfWidth() * mLattice.voxelSize);
         forEachParallel(far.size(), 1, progress, [&](std::size_t task) {
             BandWindow window(mLevelSet.grid().tree(), mLattice.voxelSize);
             std::uint64_t loaded = kFar;
+            std::uint32_t blocks = 0;
             const std::size_t end = std::min((task + 1) * kPlaces, batch.size());
             for (std::size_t n = task * kPlaces; n < end; ++n) {
                 const auto [block, index, at] = itemAt(n);
-                if (block != loaded && block != kFar) window.load(mBlocks.origin(block));
+                if (block != loaded && block != kFar) {
+                    window.load(mBlocks.origin(block));
+                    ++blocks;
+                }
                 loaded = block;
-                if (block == kFar || !window.isSmooth(int(at[0]), int(at[1]), int(at[2]))) {
-                    far[task].push_back(index);
+                if (block == kFar) {
+                    far[task].push_back({kNoCube, index});
+                    continue;
+                }
+                const int x = int(at[0]), y = int(at[1]), z = int(at[2]);
+                const std::uint32_t cube =
+                    (blocks << 6) + std::uint32_t((x / kCube * 4 + y / kCube) * 4 + z / kCube);
+                if (!window.isSmooth(x, y, z)) {
+                    far[task].push_back({cube, index});
                     continue;
                 }
                 Vec3f gradient = Vec3f::Zero();
                 const float value = Sloped ? window.value(at, gradient) : window.value(at);
                 // Beyond the band values are extrapolated, too far.
                 if (std::abs(value) > band)
-                    far[task].push_back(index);
+                    far[task].push_back({cube, index});
                 else
                     f(batch.begin + index, double(value), gradient.cast<double>().normalized());
             }
         });
-        std::vector<std::uint32_t> all;
-        for (const auto& some : far) all.insert(all.end(), some.begin(), some.end());
-        return all;
+        return far;
     }
 
+    /// Answers the places that are left by the nearest triangles.
     template <class F>
-    void forEachFar(const Batch& batch, const std::vector<std::uint32_t>& far,
-                    Interrupter& progress, const F& f) const
+    void forEachFar(const Batch& batch, Far&& far, Interrupter& progress, const F& f) const
     {
-        if (far.empty()) return;
+        const auto isEmptied = [](const auto& some) { return some.empty(); };
+        if (std::all_of(far.begin(), far.end(), isEmptied)) return;
         const SharpSurface* const sharp = isEmpty() ? nullptr : &surface(progress);
-        tbb::parallel_for(
-            tbb::blocked_range<std::size_t>(0, far.size(), kFarPlaces), [&](const auto& range) {
-                progress.check();
-                const BandWindow::Accessor accessor(mLevelSet.grid().tree());
-                SignedTriangles::Hint hint;
-                for (std::size_t n = range.begin(); n < range.end(); ++n) {
-                    const Vec3d place = batch.place(far[n]);
-                    const std::size_t i = batch.begin + far[n];
-                    if (!place.allFinite() || !sharp) {
-                        f(i, sharp || !place.allFinite() ? kNaN : HUGE_VAL, Vec3d::Constant(kNaN));
-                        continue;
-                    }
-                    const auto inside = side(accessor, voxels(place), mLattice.voxelSize);
-                    const SurfaceFoot foot = sharp->nearest(place, inside, hint);
-                    f(i, foot.distance, foot.direction);
+        tbb::parallel_for(std::size_t(0), far.size(), [&](std::size_t task) {
+            std::vector<FarPlace>& places = far[task];
+            std::sort(places.begin(), places.end());
+            forEachFarOf(batch, places, sharp, progress, f);
+        });
+    }
+
+    /// The same for places in the order of their cubes. @param sharp  null without a surface.
+    template <class F>
+    void forEachFarOf(const Batch& batch, const std::vector<FarPlace>& places,
+                      const SharpSurface* sharp, Interrupter& progress, const F& f) const
+    {
+        const BandWindow::Accessor accessor(mLevelSet.grid().tree());
+        SignedTriangles::Hint hint;
+        std::optional<CellTriangles> gathered;
+        if (sharp) gathered.emplace(sharp->triangles().tree(), kCube * mLattice.voxelSize);
+        for (std::size_t n = 0; n < places.size();) {
+            std::size_t end = n + 1; // of the cube
+            while (end < places.size() && places[end].cube == places[n].cube) ++end;
+            const bool share = sharp && places[n].cube != kNoCube && end - n >= kShared;
+            if (share)
+                gathered->gather(middleOfCube(itemOf(batch, places[n].index)) -
+                                 sharp->triangles().mesh().frame);
+            for (; n < end; ++n) {
+                if (n % kFarPlaces == 0) progress.check();
+                const Vec3d place = batch.place(places[n].index);
+                const std::size_t i = batch.begin + places[n].index;
+                if (!place.allFinite() || !sharp) {
+                    f(i, sharp || !place.allFinite() ? kNaN : HUGE_VAL, Vec3d::Constant(kNaN));
+                    continue;
                 }
-            });
+                const auto near = share ? sharp->triangles().nearest(place, *gathered)
+                                        : sharp->triangles().nearest(place, hint);
+                const auto inside = side(accessor, voxels(place), mLattice.voxelSize);
+                const SurfaceFoot foot = sharp->nearest(place, inside, near);
+                f(i, foot.distance, foot.direction);
+            }
+        }
+    }
+
+    /// The middle of the cube of cells that holds a place of a block, world units.
+    Vec3d middleOfCube(const Item& item) const
+    {
+        const Coord block = mBlocks.origin(item.block);
+        Vec3d middle;
+        for (int axis = 0; axis < 3; ++axis)
+            middle[axis] = block[axis] + kCube * (int(item.at[axis]) / kCube + 0.5);
+        return mLattice.origin + mLattice.voxelSize * middle;
     }
 
     LevelSet mLevelSet;

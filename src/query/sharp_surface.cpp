@@ -103,9 +103,8 @@ std::optional<SurfaceFoot> SharpSurface::refined(const Vec3d& p, const Vec3d& pl
 }
 
 SurfaceFoot SharpSurface::nearest(const Vec3d& p, std::optional<bool> inside,
-                                  SignedTriangles::Hint& hint) const
+                                  const SignedTriangles::Near& near) const
 {
-    const SignedTriangles::Near near = mTriangles.nearest(p, hint);
     if (isSmooth(near.slot)) {
         const std::optional<SurfaceFoot> foot = refined(p, near.place);
         // It may be farther than the triangle by as much as that lies off the zero set.

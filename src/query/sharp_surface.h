@@ -30,10 +30,11 @@ public:
     /// @throws LimitError, Interrupted.
     SharpSurface(const LevelSet& levelSet, const Field* field, Interrupter& progress);
 
-    /// The nearest place to @a p, which is finite. @param inside  whether @a p is, where that is
-    /// known. @param hint  see SignedTriangles.
+    const SignedTriangles& triangles() const { return mTriangles; }
+    /// The nearest place to @a p, which is finite. @param near  that of the triangles.
+    /// @param inside  whether @a p is, where that is known.
     SurfaceFoot nearest(const Vec3d& p, std::optional<bool> inside,
-                        SignedTriangles::Hint& hint) const;
+                        const SignedTriangles::Near& near) const;
 
     /// The first place that a ray meets: origin + t * direction. @return t, infinite for none.
     double firstHit(const Vec3d& origin, const Vec3d& direction, Vec3d& normal) const;

@@ -31,9 +31,24 @@ SignedTriangles::Near SignedTriangles::nearest(const Vec3d& p, Hint& hint) const
     const Vec3d from = p - mMesh.frame;
     const double most = (hint.distance + (p - hint.place).norm()) * kRoundings + mSame;
     std::size_t slot = 0;
-    const double distance = std::sqrt(mTree.squaredDistance(from, most * most, slot));
-    hint = {p, distance};
-    return {mMesh.frame + NearestPlace(from, cornersOf(slot)).place, distance, slot};
+    const double square = mTree.squaredDistance(from, most * most, slot);
+    hint = {p, std::sqrt(square)};
+    return nearOn(slot, from, square);
+}
+
+SignedTriangles::Near SignedTriangles::nearest(const Vec3d& p, CellTriangles& gathered) const
+{
+    const Vec3d from = p - mMesh.frame;
+    std::size_t slot = 0;
+    const double square = gathered.squaredDistance(from, slot);
+    return nearOn(slot, from, square);
+}
+
+SignedTriangles::Near SignedTriangles::nearOn(std::size_t slot, const Vec3d& from,
+                                              double squaredDistance) const
+{
+    return {mMesh.frame + NearestPlace(from, cornersOf(slot)).place, std::sqrt(squaredDistance),
+            slot};
 }
 
 /// By the nearest triangle where it lies straight below p, else by the normals of all that are

@@ -1,5 +1,6 @@
 // Triangles with two sides: the nearest place, and the side on which it is seen.
 #pragma once
+#include "cell_triangles.h"
 #include "spatial/triangle_tree.h"
 
 #include <cmath>
@@ -33,6 +34,8 @@ public:
     /// The place nearest to @a p, world units. It does not depend on @a hint, which saves time, and
     /// becomes that of @a p.
     Near nearest(const Vec3d& p, Hint& hint) const;
+    /// The same by the triangles gathered about @a p.
+    Near nearest(const Vec3d& p, CellTriangles& gathered) const;
     /// Whether @a p, to which @a near is nearest, is behind the triangles.
     bool isBehind(const Vec3d& p, const Near& near) const;
     /// Unit; zero for a triangle without area.
@@ -40,6 +43,7 @@ public:
 
 private:
     std::array<Vec3d, 3> cornersOf(std::size_t slot) const;
+    Near nearOn(std::size_t slot, const Vec3d& from, double squaredDistance) const;
 
     Mesh mMesh;
     double mSame;

@@ -23,12 +23,6 @@ constexpr std::size_t kLeafTriangles = 4; ///< of a leaf; [free: the same distan
 constexpr int kCylinderLevels = 6;
 constexpr int kCurveBits = 21; ///< per axis; [derived: what mortonKey() takes]
 
-double squaredDistanceTo(const TriangleTree::Corners& corners, const Vec3d& p)
-{
-    return squaredDistance(
-        p, {corners[0].cast<double>(), corners[1].cast<double>(), corners[2].cast<double>()});
-}
-
 /// A ray, and its intersections. The axes are permuted and sheared so that the ray runs along z:
 /// then triangles on both sides of an edge compute the same product for it, and none lets a ray
 /// through that the other would have met [Woop13].
@@ -191,24 +185,29 @@ void TriangleTree::sortTriangles(const Mesh& mesh)
     for (std::size_t slot = 0; slot < keys.size(); ++slot) mOrder[slot] = keys[slot].second;
 }
 
+double TriangleTree::squaredDistanceTo(std::size_t slot, const Vec3d& p) const
+{
+    const auto& [a, b, c] = mCorners[slot];
+    return mpuvdb::squaredDistance(p, {a.cast<double>(), b.cast<double>(), c.cast<double>()});
+}
+
 double TriangleTree::squaredDistance(const Vec3d& p, std::size_t& slot) const
 {
-    return search(p, squaredDistanceTo(mCorners[slot], p), slot);
+    return search(p, squaredDistanceTo(slot, p), slot);
 }
 
 double TriangleTree::squaredDistance(const Vec3d& p, double below, std::size_t& slot) const
 {
-    // What is as near as the nearest is never left out, and the first of these in the order of the
-    // search is found, whatever bound it begins with.
     const std::size_t none = size();
     slot = none;
     const double found = search(p, below, slot);
     if (slot != none) return found;
     slot = 0; // where squares are infinite none is below
-    return search(p, squaredDistanceTo(mCorners[slot], p), slot);
+    return search(p, squaredDistanceTo(slot, p), slot);
 }
 
-/// The squared distance from @a p to the nearest triangle, if that is below @a best, and its slot.
+/// The squared distance from @a p to the nearest triangle, if that is at most @a best, and its
+/// slot, if that is nearer or before @a slot.
 double TriangleTree::search(const Vec3d& p, double best, std::size_t& slot) const
 {
     struct Entry {
@@ -220,12 +219,12 @@ double TriangleTree::search(const Vec3d& p, double best, std::size_t& slot) cons
     stack[height++] = {1, squaredBound(1, p)};
     while (height > 0) {
         const Entry entry = stack[--height];
-        if (!(entry.distance2 < best)) continue;
+        if (!(entry.distance2 <= best)) continue;
         if (entry.node >= mLeaves) {
             const std::size_t leaf = entry.node - mLeaves;
             for (std::size_t s = firstSlot(leaf); s < firstSlot(leaf + 1); ++s) {
-                const double distance2 = squaredDistanceTo(mCorners[s], p);
-                if (!(distance2 < best)) continue;
+                const double distance2 = squaredDistanceTo(s, p);
+                if (!(distance2 < best || (distance2 == best && s < slot))) continue;
                 best = distance2;
                 slot = s;
             }
@@ -257,7 +256,7 @@ bool TriangleTree::isWithin(const Vec3d& p, double distance, std::size_t& slot) 
             }
             const std::size_t leaf = node - mLeaves;
             for (std::size_t s = firstSlot(leaf); s < firstSlot(leaf + 1); ++s) {
-                if (squaredDistanceTo(mCorners[s], p) > most) continue;
+                if (squaredDistanceTo(s, p) > most) continue;
                 slot = s;
                 return true;
             }

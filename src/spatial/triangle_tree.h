@@ -40,12 +40,13 @@ public:
     std::size_t firstSlot(std::size_t leaf) const { return leaf * size() / mLeaves; }
     const Box& leafBox(std::size_t leaf) const { return mBoxes[mLeaves + leaf]; }
 
-    /// Squared distance from @a p, relative to the mesh's frame, to the nearest triangle.
+    /// Squared distance from @a p, relative to the mesh's frame, to the triangle at @a slot.
+    double squaredDistanceTo(std::size_t slot, const Vec3d& p) const;
+    /// The same to the nearest triangle, the one of the least slot where several are equally near.
     /// @param slot  where to look first; becomes the slot of the triangle found.
     double squaredDistance(const Vec3d& p, std::size_t& slot) const;
     /// The same, where some triangle is known to be nearer than @a below, squared, which saves
-    /// time. Of several that are equally near, which one is found depends on @a p alone.
-    /// @param slot  becomes that of the triangle found.
+    /// time. @param slot  becomes that of the triangle found.
     double squaredDistance(const Vec3d& p, double below, std::size_t& slot) const;
 
     /// Whether a triangle is at most @a distance from @a p, relative to the mesh's frame.
@@ -185,7 +186,10 @@ private:
     {
         const Vec3d lower = mBoxes[node].min().cast<double>() - p;
         const Vec3d upper = p - mBoxes[node].max().cast<double>();
-        const double box = lower.cwiseMax(upper).cwiseMax(0).squaredNorm();
+        /// Factor for squares of triangles' distances that roundings make too small. [derived: of
+        /// doubles, where a thousandth is left of what is subtracted]
+        constexpr double kRoundings = 1 - 0x1p-40;
+        const double box = kRoundings * lower.cwiseMax(upper).cwiseMax(0).squaredNorm();
         if (node < mFirstCylinder) return box;
         return std::max(box, mCylinders[node - mFirstCylinder].squaredDistance(p - middle(node)));
     }
