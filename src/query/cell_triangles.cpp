@@ -23,9 +23,7 @@ constexpr float kFloats = 1e-5f;
 
 } // namespace
 
-CellTriangles::CellTriangles(const TriangleTree& tree, double size) : mTree(tree), mSize(size)
-{
-}
+CellTriangles::CellTriangles(const TriangleTree& tree, double size) : mTree(tree), mSize(size) {}
 
 void CellTriangles::Group::set(std::size_t lane, const std::array<Vec3d, 3>& corners)
 {
@@ -40,7 +38,8 @@ void CellTriangles::Group::set(std::size_t lane, const std::array<Vec3d, 3>& cor
     }
     const Vec3d area = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     const Vec3d unit = area.squaredNorm() > 0 ? area.normalized() : Vec3d::Zero();
-    for (std::size_t axis = 0; axis < 3; ++axis) normal[axis][lane] = float(unit[Eigen::Index(axis)]);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        normal[axis][lane] = float(unit[Eigen::Index(axis)]);
 }
 
 void CellTriangles::gather(const Vec3d& middle)
@@ -95,7 +94,8 @@ void CellTriangles::squaredDistances(const Group& group, const Vec3f& p, Numbers
     for (std::size_t k = 0; k < 3; ++k) {
         const std::array<Lanes, 3> along = vectorsAt(group.edge[k]);
         from = vectorsAt(group.corner[k]);
-        for (std::size_t axis = 0; axis < 3; ++axis) from[axis] = p[Eigen::Index(axis)] - from[axis];
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            from[axis] = p[Eigen::Index(axis)] - from[axis];
         Lanes t = lanesAt<Lanes>(group.inverse[k].data()) *
                   (along[0] * from[0] + along[1] * from[1] + along[2] * from[2]);
         t = t > 0 ? t : Lanes{};
@@ -133,7 +133,8 @@ double CellTriangles::squaredDistance(const Vec3d& p, std::size_t& slot)
     const float most = least * (1 + kFloats) + kFloats;
     double best = HUGE_VAL;
     for (std::size_t g = 0; g < count; ++g)
-        for (std::uint64_t bits = bitsOf(lanesAt<Lanes>(mDistances[g].data()) <= most); bits; bits &= bits - 1) {
+        for (std::uint64_t bits = bitsOf(lanesAt<Lanes>(mDistances[g].data()) <= most); bits;
+             bits &= bits - 1) {
             const std::size_t s = mGroups[g].slots[std::size_t(__builtin_ctzll(bits))];
             const double distance2 = mTree.squaredDistanceTo(s, p);
             if (!(distance2 < best || (distance2 == best && s < slot))) continue;

@@ -52,7 +52,7 @@ private:
     double mSize;
     std::size_t mSlot = 0; ///< nearest to the middle
     Vec3d mMiddle = Vec3d::Zero();
-    std::vector<Near> mNear; ///< by distance from the middle
+    std::vector<Near> mNear;           ///< by distance from the middle
     std::size_t mCount = 0, mMade = 0; ///< groups of mNear, and how many of them are made
     std::vector<Group> mGroups;
     std::vector<Numbers> mDistances; ///< squared, of the groups' triangles

@@ -3,6 +3,7 @@
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import unittest
@@ -14,6 +15,19 @@ from fixture import FolderTest
 
 SCRIPTS = pathlib.Path(os.environ["MPUVDB_EXAMPLES"])
 COMMAND = os.environ.get("MPUVDB_COMMAND")
+BLENDER = shutil.which("blender")
+# Prints a line for each grid that Blender reads of the files named: the file and the grid.
+READ_GRIDS = """
+import bpy, pathlib, sys
+for path in sys.argv[sys.argv.index("--") + 1:]:
+    bpy.ops.object.volume_import(filepath=path)
+    volume = bpy.context.object.data
+    volume.grids.load()
+    if volume.grids.error_message:
+        sys.exit(f"{path}: {volume.grids.error_message}")
+    for grid in volume.grids:
+        print("GRID", pathlib.Path(path).name, grid.name)
+"""
 DATA = os.environ.get("MPUVDB_DATA_DIR")
 
 
@@ -88,7 +102,18 @@ class MadeUp(ScriptTest):
 
 
 class Recipes(ScriptTest):
-    """The scripts of Houdini's recipes: what they claim, read from what they print and write."""
+    """The scripts of Houdini's recipes: what they claim, read from what they print and write; and
+    where Blender is installed it opens all their grids."""
+
+    def tearDown(self):
+        files = sorted(self.folder.glob("*.vdb"))
+        if BLENDER and files:
+            call = [BLENDER, "-b", "--python-exit-code", "1", "--python-expr", READ_GRIDS, "--"]
+            ended = subprocess.run([*call, *map(str, files)], capture_output=True, text=True)
+            self.assertEqual(ended.returncode, 0, ended.stdout + ended.stderr)
+            for file in files:
+                self.assertIn(f"GRID {file.name} ", ended.stdout)
+        super().tearDown()
 
     def number(self, text, pattern):
         found = re.search(pattern, text)
@@ -155,6 +180,12 @@ class Recipes(ScriptTest):
             self.assertIn(f"name: {name}", text)
         for name in ("lookdev.glb", "lookdev.usda"):
             self.assertTrue((self.folder / name).exists())
+
+    @unittest.skipIf(COMMAND is None, "the command is not built")
+    def test_farm_tiles(self):
+        text = self.run_shell("farm_tiles.sh")
+        self.assertIn("the same bytes as at once", text)
+        self.made("farm.vdb")
 
     @unittest.skipIf(COMMAND is None, "the command is not built")
     def test_scan_to_print(self):
