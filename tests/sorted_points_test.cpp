@@ -157,7 +157,7 @@ TEST(SortedPoints, GathersEveryNthOfTheSurroundings)
     const SortedPoints points = sorted(cloudOf(positions, random, true));
     PointBatch found;
     BatchFilter filter;
-    for (const std::size_t wanted : {1u, 2u, 7u, 63u, 64u, 100u, 200u, 1000u})
+    for (const std::size_t wanted : {1u, 2u, 7u, 100u, 1023u, 1024u, 1500u, 2100u})
         for (const OctreeCell& cell : {OctreeCell{}, OctreeCell{1, 0, 0, 0}}) {
             // All of them are in the ball.
             const std::size_t stride =

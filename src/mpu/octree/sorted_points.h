@@ -158,8 +158,9 @@ public:
 
 private:
     using Floats = std::array<StoredArray<float>, 7>;
-    /// Stride of the points that are kept beside all. [free: time; it takes 2 % more memory]
-    static constexpr std::size_t kThinning = 64;
+    /// Stride of the points that are kept beside all. [free: time; below it, strides span few
+    /// pages]
+    static constexpr std::size_t kThinning = 1024;
     /// Points of a cell up to which they are counted one by one. [free: time]
     static constexpr std::size_t kMaxScanPoints = 32;
 
