@@ -27,8 +27,8 @@ struct SampleSettings {
     std::optional<Box3d> region;
 };
 
-/// Least margin around a region that is sampled too, voxels. [derived: two blocks; restored values
-/// reach less far, and it grows where signs are decided beyond it]
+/// Least margin around a region that is sampled too, voxels. [derived: the block about it in which
+/// values are restored, and the one that those look at; it grows where signs are decided beyond]
 constexpr int kRegionMargin = 16;
 
 /// The voxels with their centers in @a region (world units).

@@ -43,16 +43,21 @@ void Band::findUnsupported(const Vec3i& first, int count, BlockSampler& sampler,
 
 void Band::searchUnsupported()
 {
-    constexpr int kCube = 8; // blocks along the edge of the largest cubes; [free: grain]
+    constexpr double kMostCubes = 1 << 15; // of the largest edge; [free: grain]
     const BlockBox& box = mZone->known;
-    const Vec3i cubes = (box.last - box.first) / kCube + Vec3i::Ones();
+    int edge = 4; // blocks
+    Vec3i cubes;
+    do {
+        edge *= 2;
+        cubes = (box.last - box.first) / edge + Vec3i::Ones();
+    } while (cubes.cast<double>().prod() > kMostCubes);
     tbb::enumerable_thread_specific<std::unique_ptr<BlockSampler>> samplers(
         [&] { return mField.sampler(mLattice, double(mBackground)); });
-    std::vector<std::vector<Vec3i>> found(std::size_t(cubes.cast<std::int64_t>().prod()));
+    std::vector<std::vector<Vec3i>> found(std::size_t(cubes.prod()));
     forEachParallel(found.size(), 1, mProgress, [&](std::size_t n) {
         const Vec3i cube(int(n) % cubes[0], int(n) / cubes[0] % cubes[1],
                          int(n) / (cubes[0] * cubes[1]));
-        findUnsupported(box.first + kCube * cube, kCube, *samplers.local(), found[n]);
+        findUnsupported(box.first + edge * cube, edge, *samplers.local(), found[n]);
     });
     std::vector<Vec3i> blocks;
     for (const auto& some : found) blocks.insert(blocks.end(), some.begin(), some.end());

@@ -140,10 +140,8 @@ private:
         app.add_option_function<std::vector<std::string>>(
                "--region", [this](const std::vector<std::string>& words) { setRegion(words); },
                "Only the voxels in this box (X0 Y0 Z0 X1 Y1 Z1), active and with values as\n"
-               "without it, but where islands, handles or jumps that are closed reach from it\n"
-               "farther than 32 voxels. Outside of it nothing is active: the band ends at its\n"
-               "sides (check finds that), and there may be no mesh. All points are read and\n"
-               "fitted")
+               "without it. Outside of it nothing is active: the band ends at its sides (check\n"
+               "finds that), and there may be no mesh. All points are read and fitted")
             ->type_name("LENGTH")
             ->expected(6)
             ->group("Grid");
