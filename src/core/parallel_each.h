@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <utility>
 #include <vector>
 
 namespace mpuvdb
@@ -22,24 +23,43 @@ void forEachParallel(std::size_t count, std::size_t grain, const Interrupter& pr
     });
 }
 
+/// All that is in @a parts, in their order; each is freed once it is copied.
+template <class T>
+std::vector<T> joined(std::vector<std::vector<T>>&& parts)
+{
+    if (parts.size() == 1) return std::move(parts.front());
+    std::size_t size = 0;
+    for (const std::vector<T>& part : parts) size += part.size();
+    std::vector<T> result;
+    result.reserve(size);
+    for (std::vector<T>& part : parts) {
+        result.insert(result.end(), part.begin(), part.end());
+        std::vector<T>().swap(part);
+    }
+    return result;
+}
+
 /// Call f(i, found), which appends to @a found, for i below @a count. @return all that was
 /// appended, in the order of i.
 template <class T, class F>
 std::vector<T> gatherParallel(std::size_t count, std::size_t grain, const Interrupter& progress,
                               F&& f)
 {
-    std::vector<std::vector<T>> chunks((count + grain - 1) / grain);
-    forEachParallel(chunks.size(), 1, progress, [&](std::size_t chunk) {
-        const std::size_t end = std::min((chunk + 1) * grain, count);
-        for (std::size_t i = chunk * grain; i < end; ++i) f(i, chunks[chunk]);
-    });
-    std::size_t size = 0;
-    for (const std::vector<T>& found : chunks) size += found.size();
-    std::vector<T> result;
-    result.reserve(size);
-    for (const std::vector<T>& found : chunks)
-        result.insert(result.end(), found.begin(), found.end());
-    return result;
+    // What some hundred chunks found becomes one array: large ones find room beyond the memory's
+    // limit, many small ones do not. [free: 64 cores have eight chunks each]
+    constexpr std::size_t kTogether = 512;
+    std::vector<std::vector<T>> parts;
+    for (std::size_t first = 0; first < count; first += kTogether * grain) {
+        const std::size_t here = std::min(count - first, kTogether * grain);
+        std::vector<std::vector<T>> chunks((here + grain - 1) / grain);
+        forEachParallel(chunks.size(), 1, progress, [&](std::size_t chunk) {
+            const std::size_t begin = first + chunk * grain;
+            const std::size_t end = std::min(begin + grain, first + here);
+            for (std::size_t i = begin; i < end; ++i) f(i, chunks[chunk]);
+        });
+        parts.push_back(joined(std::move(chunks)));
+    }
+    return joined(std::move(parts));
 }
 
 } // namespace mpuvdb
