@@ -27,12 +27,6 @@ std::vector<Vec3f> localPositions(const std::vector<Vec3d>& positions)
 
 } // namespace
 
-void appendPolygon(const std::vector<std::int64_t>& corners, Triangles& triangles)
-{
-    const auto at = [&](std::size_t i) { return std::uint32_t(corners[i]); };
-    for (std::size_t i = 2; i < corners.size(); ++i) triangles.push_back({at(0), at(i - 1), at(i)});
-}
-
 void appendStrips(const std::vector<std::int64_t>& corners, Triangles& triangles)
 {
     std::size_t start = 0;

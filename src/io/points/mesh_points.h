@@ -5,8 +5,6 @@
 namespace mpuvdb
 {
 
-/// Appends the fan of a polygon; none for less than three corners.
-void appendPolygon(const std::vector<std::int64_t>& corners, Triangles& triangles);
 /// Appends triangle strips, separated by negative numbers.
 void appendStrips(const std::vector<std::int64_t>& corners, Triangles& triangles);
 /// The first corner that is not a vertex, or null if all are; negative ones are accepted where they

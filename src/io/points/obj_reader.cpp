@@ -2,6 +2,7 @@
 #include "files/line_reader.h"
 #include "files/text_scan.h"
 #include "mesh_points.h"
+#include "polygons.h"
 #include "readers.h"
 
 #include <mpuvdb/error.h>
@@ -184,7 +185,7 @@ FilePoints readObj(const ByteSource& source, const ScalarNames&, Interrupter& pr
 
     FilePoints result;
     result.unit = "vertex";
-    Triangles triangles;
+    Faces faces;
     std::vector<std::int64_t> polygon;
     auto corner = file.corners.begin();
     for (const ObjRows::Face& face : file.faces) {
@@ -193,14 +194,14 @@ FilePoints readObj(const ByteSource& source, const ScalarNames&, Interrupter& pr
         if (const std::int64_t* bad = findBadCorner(polygon, file.points.size(), false))
             throwBadCorner(*bad + 1, file.points.size(),
                            fmt::format("{}: line {}", source.name(), face.line));
-        appendPolygon(polygon, triangles);
+        faces.append(polygon);
     }
     if (file.points.rawColors.size() != file.points.size()) file.points.rawColors.clear();
     // Without faces, as many normals as vertices are theirs, in order.
-    if (triangles.empty() && file.normals.size() == file.points.size())
+    if (faces.triangles.empty() && file.normals.size() == file.points.size())
         file.points.normals = std::move(file.normals);
+    result.triangles = cutPolygons(std::move(faces), file.points.positions, progress);
     result.blocks.push_back(std::move(file.points));
-    result.triangles = std::move(triangles);
     return result;
 }
 

@@ -2,6 +2,7 @@
 #include "files/line_reader.h"
 #include "files/text_scan.h"
 #include "mesh_points.h"
+#include "polygons.h"
 #include "readers.h"
 #include "surplus.h"
 
@@ -28,7 +29,7 @@ public:
         FilePoints result;
         result.unit = "vertex";
         result.blocks.push_back(readVertices());
-        result.triangles = readFaces();
+        result.triangles = cutPolygons(readFaces(), result.blocks.front().positions, mProgress);
         noteSurplus(result, rowsLeft(mLines, mProgress),
                     fmt::format("{} vertices and {} faces", mVertices, mFaces));
         return result;
@@ -109,9 +110,9 @@ private:
         return block;
     }
 
-    Triangles readFaces()
+    Faces readFaces()
     {
-        Triangles triangles;
+        Faces faces;
         std::vector<std::int64_t> corners;
         for (std::uint64_t f = 0; f < mFaces; ++f) {
             LineScanner scan(line("its last face"));
@@ -126,9 +127,9 @@ private:
             if (const std::int64_t* bad = findBadCorner(corners, mVertices, false))
                 throwBadCorner(*bad, mVertices,
                                fmt::format("{}: line {}", mSource.name(), mLines.line()));
-            appendPolygon(corners, triangles);
+            faces.append(corners);
         }
-        return triangles;
+        return faces;
     }
 
     const ByteSource& mSource;

@@ -3,6 +3,7 @@
 #include "files/text_scan.h"
 #include "mesh_points.h"
 #include "ply_header.h"
+#include "polygons.h"
 #include "range_grid.h"
 #include "readers.h"
 #include "surplus.h"
@@ -72,7 +73,7 @@ Plan planFor(const ByteSource& source, const PlyHeader& header, const PlyElement
 // The contents of rows of one element.
 struct Rows {
     PointBlock points;
-    Triangles triangles;
+    Faces faces;
     std::vector<std::uint32_t> grid;
     RowValues values{};
     std::vector<std::int64_t> corners;
@@ -88,9 +89,9 @@ void appendRow(const Plan& plan, std::uint64_t index, Rows& rows)
     if (const std::int64_t* bad = findBadCorner(rows.corners, plan.vertices, strips))
         throwBadCorner(*bad, plan.vertices, fmt::format("{} {}", plan.where, index));
     if (plan.kind == Kind::Faces)
-        appendPolygon(rows.corners, rows.triangles);
+        rows.faces.append(rows.corners);
     else if (plan.kind == Kind::Strips)
-        appendStrips(rows.corners, rows.triangles);
+        appendStrips(rows.corners, rows.faces.triangles);
     else
         rows.grid.push_back(rows.corners.empty() ? RangeGrid::kMissed
                                                  : std::uint32_t(rows.corners.front()));
@@ -201,6 +202,9 @@ public:
         for (const PlyProperty& property : mHeader.find("vertex")->properties)
             if (!property.isList && isNamedScalar(attributeOf(property.name, {})))
                 mResult.scalarNames.push_back(property.name);
+        if (!mFaces.triangles.empty())
+            mResult.triangles =
+                cutPolygons(std::move(mFaces), mResult.joined().positions, mProgress);
         addGridNormals();
         return std::move(mResult);
     }
@@ -301,8 +305,7 @@ private:
     void merge(Rows&& rows)
     {
         if (rows.points.size() > 0) mResult.blocks.push_back(std::move(rows.points));
-        mResult.triangles.insert(mResult.triangles.end(), rows.triangles.begin(),
-                                 rows.triangles.end());
+        mFaces.append(std::move(rows.faces));
         mGrid.insert(mGrid.end(), rows.grid.begin(), rows.grid.end());
     }
 
@@ -342,6 +345,7 @@ private:
     Interrupter& mProgress;
     PlyHeader mHeader;
     FilePoints mResult;
+    Faces mFaces;
     std::vector<std::uint32_t> mGrid;
 };
 
