@@ -446,6 +446,38 @@ TEST_F(IoTest, GridsGiveVerticesTheirAttributesAndTrimmingKeepsThem)
     }
 }
 
+// The command writes them so; other grids with voxels stand beside them.
+TEST_F(IoTest, CompressedAttributesGiveTheBytesOfThoseWithVoxels)
+{
+    Interrupter progress;
+    auto options = settings();
+    options.coverage = true;
+    const ReconstructResult made =
+        reconstruct(sphere(20000, Vec3d(3, -40, 1e3)), options, &progress);
+    const auto attributes = made.field->attributes({"heat", kColorName, "confidence"});
+    const auto bytesOf = [&](const char* name, const openvdb::GridCPtrVec& grids) {
+        openvdb::GridCPtrVec beside{made.coverage};
+        beside.insert(beside.end(), grids.begin(), grids.end());
+        writeLevelSet(path(name), made.levelSet(), {{"mpuvdb:a", "b"}}, beside, &progress);
+        std::ifstream in(path(name), std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    const auto grids = sampleAttributes(made.levelSet(), *attributes, &progress);
+    const std::string whole = bytesOf("whole.vdb", {grids.begin(), grids.end()});
+    for (const int threads : {1, 8}) {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                        std::size_t(threads));
+        EXPECT_TRUE(bytesOf("compressed.vdb",
+                            compressAttributes(made.levelSet(), *attributes, &progress)) == whole)
+            << threads << " threads";
+    }
+    for (const auto& grid : readGrids(path("compressed.vdb")))
+        EXPECT_GT(grid->activeVoxelCount(), 0u);
+    Interrupter stopped;
+    stopped.stop();
+    EXPECT_THROW(compressAttributes(made.levelSet(), *attributes, &stopped), Interrupted);
+}
+
 TEST_F(IoTest, ScalarsAreReadByName)
 {
     const std::string ascii = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"

@@ -18,6 +18,7 @@ namespace mpuvdb
 {
 
 class Interrupter;
+class SurfaceAttributes;
 
 /// Reads points: PLY, Stanford .conf scan sets, XYZ/PTS/PWN/TXT, PTX, OBJ, OFF, STL, PCD, LAS; "-"
 /// is stdin (PLY or text). A mesh gives its vertices with area-weighted normals, a range grid
@@ -177,6 +178,14 @@ openvdb::GridPtrVec readGrids(const std::filesystem::path& file, std::uint64_t m
 /// empty.
 /// @throws IoError, InputError (as readLevelSet()).
 openvdb::GridCPtrVec readGridHeads(const std::filesystem::path& file);
+
+/// The grids that sampleAttributes() makes, for writeLevelSet(): they have no voxels in memory, but
+/// their leaves as the file will have them, a quarter of the bytes or less. Nothing else can be
+/// done with them. @param interrupter  may stop the writing, too; has to outlive the grids.
+/// @throws as sampleAttributes().
+openvdb::GridCPtrVec compressAttributes(const LevelSet& levelSet,
+                                        const SurfaceAttributes& attributes,
+                                        Interrupter* interrupter = nullptr);
 
 /// Writes a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the
 /// grids of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.

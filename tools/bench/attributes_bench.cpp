@@ -8,7 +8,6 @@
 // and the part of a deviation from point to point that is left.
 #include "timing.h"
 
-#include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/clean.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/io.h>
@@ -101,8 +100,7 @@ Parts run(const PointCloud& given, std::optional<double> voxels, bool keepNormal
         std::unique_ptr<const SurfaceAttributes> attributes;
         grid.add([&] {
             attributes = made->field->attributes({kColorName});
-            for (const auto& g : sampleAttributes(made->levelSet(), *attributes, &progress))
-                colors.push_back(g);
+            colors = compressAttributes(made->levelSet(), *attributes, &progress);
         });
         plain.add([&] { writeLevelSet(file, made->levelSet(), {}, {}, &progress); });
         colored.add([&] { writeLevelSet(file, made->levelSet(), {}, colors, &progress); });

@@ -99,12 +99,21 @@ public:
             const auto metadata = CloudOptions::metadata(prepared.report);
             return reconstructInTasks(session, std::move(prepared), *beyond, metadata, mOutput);
         }
-        ReconstructResult made =
-            sampleFit(fitPoints(std::move(prepared), interrupter), interrupter);
+        FittedPoints fitted = fitPoints(std::move(prepared), interrupter);
+        // Their grids are only written: they need no voxels in memory.
+        const std::vector<std::string> attributes = std::move(fitted.options.attributes);
+        fitted.options.attributes.clear();
+        ReconstructResult made = sampleFit(fitted, interrupter);
+        openvdb::GridCPtrVec beside;
+        if (made.coverage) beside.push_back(made.coverage);
+        if (!attributes.empty())
+            for (const auto& grid : compressAttributes(
+                     made.levelSet(), *made.field->attributes(attributes), interrupter))
+                beside.push_back(grid);
         describe(session, made);
         const CheckReport checked = checkOf(made, session);
         session.report()["check"] = toJson(checked);
-        writeGrids(session, made);
+        writeGrids(session, made, std::move(beside));
         ExitCode meshCode = ExitCode::Ok;
         if (!mMesh.path.empty()) meshCode = writeMesh(session, made);
         session.progress().endStage();
@@ -176,10 +185,9 @@ private:
 
     bool wantsCoverage() const { return mCloud.coverage || !mCloud.holes.close; }
 
-    void writeGrids(Session& session, const ReconstructResult& made) const
+    void writeGrids(Session& session, const ReconstructResult& made,
+                    openvdb::GridCPtrVec&& beside) const
     {
-        openvdb::GridCPtrVec beside(made.attributes.begin(), made.attributes.end());
-        if (made.coverage) beside.insert(beside.begin(), made.coverage);
         std::map<std::string, std::string> metadata = CloudOptions::metadata(made.report);
         metadata["mpuvdb:max_error"] = fmt::format("{}", made.report.fit.maxError);
         writeLevelSet(mOutput, made.levelSet(), metadata, beside, &session.progress());

@@ -22,16 +22,6 @@ using openvdb::GridBase;
 /// Leaves compressed at a time. [free: memory]
 constexpr std::size_t kBatch = 4096;
 
-bool isInside(float value)
-{
-    return value < 0;
-}
-
-bool isInside(const openvdb::Vec3s&)
-{
-    return false;
-}
-
 std::vector<char> headOf(const GridBase& grid)
 {
     std::ostringstream out;
@@ -60,21 +50,9 @@ void save(ArrayFileWriter& file, const std::string& prefix, const GridT& grid, c
         std::vector<std::string> made(count);
         tbb::parallel_for(std::size_t(0), count, [&](std::size_t n) {
             progress.check();
-            const Leaf& leaf = *leaves[begin + n];
-            std::ostringstream out;
-            openvdb::io::setVersion(out, {}, openvdb::OPENVDB_FILE_VERSION);
-            openvdb::io::setDataCompression(out, leafCompression());
-            openvdb::io::setGridBackgroundValuePtr(out, &background);
-            leaf.writeBuffers(out, grid.saveFloatAsHalf());
-            made[n] = out.str();
-            LeafHead& head = heads[begin + n];
-            head.origin = {leaf.origin()[0], leaf.origin()[1], leaf.origin()[2]};
-            head.bytes = std::uint32_t(made[n].size());
-            for (std::size_t w = 0; w < head.mask.size(); ++w)
-                head.mask[w] =
-                    leaf.getValueMask().template getWord<std::uint64_t>(openvdb::Index(w));
-            head.firstInside = isInside(leaf.getFirstValue());
-            head.lastInside = isInside(leaf.getLastValue());
+            LeafCompressor<Leaf> compressor(background, grid.saveFloatAsHalf());
+            heads[begin + n] = compressor.add(*leaves[begin + n]);
+            made[n] = compressor.take();
         });
         for (const std::string& leaf : made) bytes.insert(bytes.end(), leaf.begin(), leaf.end());
     }

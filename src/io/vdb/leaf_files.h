@@ -1,9 +1,6 @@
 // Grids in parts: compressed leaves in files, and one grid of the leaves of many files.
 #pragma once
-#include "files/array_file.h"
-#include <mpuvdb/interrupter.h>
-
-#include <openvdb/openvdb.h>
+#include "leaf_format.h"
 
 #include <functional>
 #include <string>
@@ -18,6 +15,12 @@ namespace mpuvdb
 /// @throws IoError, Interrupted.
 void saveLeaves(ArrayFileWriter& file, const std::string& prefix, const openvdb::GridBase& grid,
                 const openvdb::CoordBBox& box, const Interrupter& progress);
+
+/// Leaves in memory, each compressed as in a .vdb file.
+struct CompressedLeaves {
+    std::vector<LeafHead> heads;
+    std::string bytes; ///< of all, one after the other
+};
 
 /// What is taken of the leaves in files.
 struct LeafRegion {
@@ -54,6 +57,12 @@ std::vector<openvdb::Coord> nodesWithLeaves(const ArrayFile& file, const std::st
 
 /// Whether @a file has leaves of the grid.
 bool hasLeaves(const ArrayFile& file, const std::string& prefix);
+
+/// The same of the @a leaves in memory, without tiles. @param head  of floats or vectors of floats,
+/// without voxels.
+openvdb::GridBase::Ptr gridOfLeaves(const openvdb::GridBase& head,
+                                    std::vector<CompressedLeaves>&& leaves,
+                                    const Interrupter& progress);
 
 /// Whether @a grid was made by gridOfLeaves().
 bool isOfLeaves(const openvdb::GridBase& grid);

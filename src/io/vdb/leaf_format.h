@@ -3,11 +3,14 @@
 #include "files/array_file.h"
 #include <mpuvdb/interrupter.h>
 
+#include <openvdb/io/io.h>
 #include <openvdb/openvdb.h>
 
 #include <array>
 #include <cstdint>
+#include <sstream>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 namespace mpuvdb
@@ -44,6 +47,51 @@ constexpr std::size_t kKindAt = 64;
 
 /// How leaves are compressed.
 std::uint32_t leafCompression();
+
+/// Compresses leaves, one after the other.
+template <typename Leaf>
+class LeafCompressor
+{
+public:
+    /// @param background  of the grid. @param asHalf  floats are written as half floats.
+    LeafCompressor(const typename Leaf::ValueType& background, bool asHalf)
+        : mBackground(background), mAsHalf(asHalf)
+    {
+        openvdb::io::setVersion(mOut, {}, openvdb::OPENVDB_FILE_VERSION);
+        openvdb::io::setDataCompression(mOut, leafCompression());
+        openvdb::io::setGridBackgroundValuePtr(mOut, &mBackground);
+    }
+    LeafCompressor(const LeafCompressor&) = delete;
+    LeafCompressor& operator=(const LeafCompressor&) = delete;
+
+    LeafHead add(const Leaf& leaf)
+    {
+        const auto begin = mOut.tellp();
+        leaf.writeBuffers(mOut, mAsHalf);
+        LeafHead head;
+        head.origin = {leaf.origin()[0], leaf.origin()[1], leaf.origin()[2]};
+        head.bytes = std::uint32_t(mOut.tellp() - begin);
+        for (std::size_t w = 0; w < head.mask.size(); ++w)
+            head.mask[w] = leaf.getValueMask().template getWord<std::uint64_t>(openvdb::Index(w));
+        if constexpr (std::is_same_v<typename Leaf::ValueType, float>) {
+            head.firstInside = leaf.getFirstValue() < 0;
+            head.lastInside = leaf.getLastValue() < 0;
+        }
+        return head;
+    }
+    /// The bytes of the leaves that were added since the last call.
+    std::string take()
+    {
+        std::string bytes = mOut.str();
+        mOut.str({});
+        return bytes;
+    }
+
+private:
+    std::ostringstream mOut;
+    typename Leaf::ValueType mBackground;
+    bool mAsHalf;
+};
 
 /// The places of the leaves of @a files in @a box, file after file.
 /// @throws InputError (damaged files), Interrupted.

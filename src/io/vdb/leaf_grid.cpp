@@ -9,7 +9,7 @@
 #include <openvdb/io/io.h>
 
 #include <algorithm>
-#include <sstream>
+#include <memory>
 
 namespace mpuvdb
 {
@@ -20,7 +20,7 @@ using openvdb::Coord;
 using openvdb::CoordBBox;
 using openvdb::GridBase;
 
-/// A grid whose leaves have masks, and no voxels: those are copied from files.
+/// A grid whose leaves have masks, and no voxels: those are copied from where they are compressed.
 class OfLeaves
 {
 public:
@@ -58,9 +58,10 @@ public:
     using Tree = typename GridT::TreeType;
     using Leaf = typename Tree::LeafNodeType;
 
+    /// @param bytes  of the leaves at @a places, unless these are of files.
     GridOfLeaves(const typename Tree::Ptr& tree, std::vector<LeafPlace>&& places,
-                 const Interrupter& progress)
-        : GridT(tree), mPlaces(std::move(places)), mProgress(progress)
+                 std::shared_ptr<const void> bytes, const Interrupter& progress)
+        : GridT(tree), mPlaces(std::move(places)), mBytes(std::move(bytes)), mProgress(progress)
     {
     }
 
@@ -99,6 +100,7 @@ public:
 
 private:
     std::vector<LeafPlace> mPlaces; ///< by the leaves' transient data
+    std::shared_ptr<const void> mBytes;
     const Interrupter& mProgress;
 };
 
@@ -121,33 +123,68 @@ void fillSigns(openvdb::FloatTree& tree, const std::vector<LeafPlace>& places,
                 }
 }
 
+/// A tree of leaves without voxels. @throws InputError if two are in one place.
+template <typename Tree>
+typename Tree::Ptr treeOf(const std::vector<LeafPlace>& places,
+                          const typename Tree::ValueType& background)
+{
+    using Leaf = typename Tree::LeafNodeType;
+    auto tree = std::make_shared<Tree>(background);
+    openvdb::tree::ValueAccessor<Tree> to(*tree);
+    for (std::size_t n = 0; n < places.size(); ++n) {
+        auto leaf =
+            std::make_unique<Leaf>(openvdb::PartialCreate(), places[n].origin(), background, false);
+        leaf->setValueMask(places[n].mask<typename Leaf::NodeMaskType>());
+        leaf->setTransientData(openvdb::Index32(n));
+        to.addLeaf(leaf.release());
+    }
+    if (tree->leafCount() != places.size()) damagedLeaves();
+    return tree;
+}
+
+template <typename GridT>
+GridBase::Ptr withHead(openvdb::SharedPtr<GridT> grid, const GridT& head)
+{
+    grid->insertMeta(head);
+    grid->setTransform(head.transform().copy());
+    return grid;
+}
+
 template <typename GridT>
 GridBase::Ptr joined(const GridT& head, const std::vector<ArrayFile>& files,
                      const std::string& prefix, const LeafRegion& region,
                      const Interrupter& progress)
 {
     using Tree = typename GridT::TreeType;
-    using Leaf = typename Tree::LeafNodeType;
     const auto background =
         files.front().template value<typename GridT::ValueType>(prefix + "background");
-    auto tree = std::make_shared<Tree>(background);
     std::vector<LeafPlace> places = leafPlaces(files, prefix, region.box, progress);
-    for (std::size_t n = 0; n < places.size(); ++n) {
-        auto leaf =
-            std::make_unique<Leaf>(openvdb::PartialCreate(), places[n].origin(), background, false);
-        leaf->setValueMask(places[n].mask<typename Leaf::NodeMaskType>());
-        leaf->setTransientData(openvdb::Index32(n));
-        tree->addLeaf(leaf.release());
-    }
-    if (tree->leafCount() != places.size()) damagedLeaves(); // two of one place
+    const auto tree = treeOf<Tree>(places, background);
     if constexpr (std::is_same_v<Tree, openvdb::FloatTree>)
         if (head.getGridClass() == openvdb::GRID_LEVEL_SET)
             fillSigns(*tree, places, region, progress);
-    auto grid =
-        openvdb::SharedPtr<GridT>(new GridOfLeaves<GridT>(tree, std::move(places), progress));
-    grid->insertMeta(head);
-    grid->setTransform(head.transform().copy());
-    return grid;
+    return withHead(openvdb::SharedPtr<GridT>(
+                        new GridOfLeaves<GridT>(tree, std::move(places), nullptr, progress)),
+                    head);
+}
+
+template <typename GridT>
+GridBase::Ptr joined(const GridT& head, std::vector<CompressedLeaves>&& leaves,
+                     const Interrupter& progress)
+{
+    const auto bytes = std::make_shared<const std::vector<CompressedLeaves>>(std::move(leaves));
+    std::vector<LeafPlace> places;
+    for (const CompressedLeaves& some : *bytes) {
+        const char* at = some.bytes.data();
+        for (const LeafHead& leaf : some.heads) {
+            places.push_back({&leaf, at});
+            at += leaf.bytes;
+        }
+    }
+    const auto tree = treeOf<typename GridT::TreeType>(places, head.background());
+    return withHead(openvdb::SharedPtr<GridT>(
+                        new GridOfLeaves<GridT>(tree, std::move(places), bytes, progress)),
+                    head);
 }
 
 } // namespace
@@ -161,6 +198,14 @@ GridBase::Ptr gridOfLeaves(const std::vector<ArrayFile>& files, const std::strin
         return joined(static_cast<const openvdb::FloatGrid&>(*head), files, prefix, region,
                       progress);
     return joined(static_cast<const openvdb::Vec3SGrid&>(*head), files, prefix, region, progress);
+}
+
+GridBase::Ptr gridOfLeaves(const GridBase& head, std::vector<CompressedLeaves>&& leaves,
+                           const Interrupter& progress)
+{
+    if (head.isType<openvdb::FloatGrid>())
+        return joined(static_cast<const openvdb::FloatGrid&>(head), std::move(leaves), progress);
+    return joined(static_cast<const openvdb::Vec3SGrid&>(head), std::move(leaves), progress);
 }
 
 bool isOfLeaves(const GridBase& grid)

@@ -194,21 +194,23 @@ public:
     }
     void writeTo(std::ostream& out, openvdb::GridCPtrVec grids, const Interrupter& progress) const
     {
-        if (std::all_of(grids.begin(), grids.end(),
-                        [](const auto& grid) { return isOfLeaves(*grid); })) {
-            writeLeaves(out, grids);
-            return;
-        }
         for (GridBase::ConstPtr& grid : grids) grid = compressingInParallel(grid, progress);
-        Archive::write(out, grids, /*seekable=*/true, {});
+        if (std::any_of(grids.begin(), grids.end(),
+                        [](const auto& grid) { return isOfLeaves(*grid); }))
+            writeWithLeaves(out, grids);
+        else
+            Archive::write(out, grids, /*seekable=*/true, {});
     }
 
 private:
-    /// Archive::write() for grids without voxels, which it would look at.
-    void writeLeaves(std::ostream& out, const openvdb::GridCPtrVec& grids) const
+    /// Archive::write() for grids some of which have no voxels, which it would look at; all have
+    /// names and trees of their own.
+    void writeWithLeaves(std::ostream& out, const openvdb::GridCPtrVec& grids) const
     {
         openvdb::io::StreamMetadata::Ptr ofStream(new openvdb::io::StreamMetadata);
         openvdb::io::setStreamMetadataPtr(out, ofStream, /*transfer=*/false);
+        openvdb::io::setDataCompression(out, compression());
+        openvdb::io::setWriteGridStatsMetadata(out, isGridStatsMetadataEnabled());
         writeHeader(out, /*seekable=*/true);
         openvdb::MetaMap().writeMeta(out);
         const auto count = std::int32_t(grids.size());
@@ -216,21 +218,31 @@ private:
         for (const GridBase::ConstPtr& grid : grids) {
             openvdb::io::GridDescriptor place(grid->getName(), grid->type(),
                                               grid->saveFloatAsHalf());
-            place.writeHeader(out);
-            const auto positions = out.tellp();
-            place.writeStreamPos(out); // to be written again
-            place.setGridPos(out.tellp());
-            setGridCompression(out, *grid);
-            fileMetadata(*grid).writeMeta(out);
-            grid->writeTransform(out);
-            grid->writeTopology(out);
-            place.setBlockPos(out.tellp());
-            grid->writeBuffers(out);
-            place.setEndPos(out.tellp());
-            out.seekp(positions);
-            place.writeStreamPos(out);
-            place.seekToEnd(out);
+            if (isOfLeaves(*grid))
+                writeLeaves(out, place, *grid);
+            else
+                writeGrid(place, grid, out, /*seekable=*/true);
+            openvdb::io::setDataCompression(out, compression());
         }
+    }
+
+    void writeLeaves(std::ostream& out, openvdb::io::GridDescriptor& place,
+                     const GridBase& grid) const
+    {
+        place.writeHeader(out);
+        const auto positions = out.tellp();
+        place.writeStreamPos(out); // to be written again
+        place.setGridPos(out.tellp());
+        setGridCompression(out, grid);
+        fileMetadata(grid).writeMeta(out);
+        grid.writeTransform(out);
+        grid.writeTopology(out);
+        place.setBlockPos(out.tellp());
+        grid.writeBuffers(out);
+        place.setEndPos(out.tellp());
+        out.seekp(positions);
+        place.writeStreamPos(out);
+        place.seekToEnd(out);
     }
 };
 

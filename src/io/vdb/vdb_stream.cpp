@@ -1,5 +1,6 @@
 #include "vdb_stream.h"
 
+#include "leaf_files.h"
 #include "vdb_layout.h"
 
 #include <mpuvdb/error.h>
@@ -198,6 +199,7 @@ GridBase::Ptr VdbReader::read(const GridDescriptor& descriptor)
 GridBase::ConstPtr compressingInParallel(const GridBase::ConstPtr& grid,
                                          const Interrupter& progress)
 {
+    if (isOfLeaves(*grid)) return grid;
     if (grid->isType<openvdb::FloatGrid>()) return inParallel<openvdb::FloatGrid>(*grid, progress);
     if (grid->isType<openvdb::Vec3SGrid>()) return inParallel<openvdb::Vec3SGrid>(*grid, progress);
     return grid;

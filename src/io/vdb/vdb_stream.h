@@ -75,8 +75,9 @@ private:
 };
 
 /// A grid that shares @a grid's tree, whose leaves are compressed on all threads when an archive
-/// writes it: the same bytes, in less time. Grids of other types than FloatGrid and Vec3SGrid are
-/// returned as they are. @param progress  may stop the writing; has to outlive the grid.
+/// writes it: the same bytes, in less time. Grids of other types than FloatGrid and Vec3SGrid, and
+/// those of compressed leaves, are returned as they are. @param progress  may stop the writing; has
+/// to outlive the grid.
 openvdb::GridBase::ConstPtr compressingInParallel(const openvdb::GridBase::ConstPtr& grid,
                                                   const Interrupter& progress);
 
