@@ -560,5 +560,42 @@ TEST(Repair, EstimatesItsMemory)
     EXPECT_THROW(voxelize(mesh, settings, RepairSettings{}, &progress), LimitError);
 }
 
+// --- What is told of it
+
+const MeshExplained& explainedOf(const LevelSet& levelSet)
+{
+    return std::get<MeshExplained>(levelSet.explained()->by);
+}
+
+// Holes that are closed are what repair is for.
+TEST(RepairExplained, NothingIsToldOfHolesThatWereClosed)
+{
+    Mesh torus = test::torusPart(1, 0.3, 100, 50);
+    for (std::size_t n = torus.triangles.size(); n > 0; n -= 2000)
+        torus.triangles.erase(torus.triangles.begin() + std::ptrdiff_t(n - 2000));
+    Mesh box = test::boxPart({0, 0, 0}, {1, 1, 1});
+    box.triangles.erase(box.triangles.begin(), box.triangles.begin() + 2);
+    for (const Mesh& mesh : {torus, box})
+        for (const double voxelSize : {0.02, 0.0125, 0.01}) {
+            const MeshExplained& e = explainedOf(repaired(mesh, voxelSize));
+            EXPECT_TRUE(e.findings.empty()) << e.findings.front();
+            EXPECT_NEAR(e.volumeIn, e.volumeOut, e.volumeExplained + 1e-3 * e.volumeOut);
+        }
+}
+
+// A wall buries the faces that it stands on.
+TEST(RepairExplained, NothingIsToldOfWallsThatTouchASolid)
+{
+    Mesh box = test::boxPart({0, 0, 0}, {1, 1, 1}), fin;
+    fin.positions = {Vec3f(1, .5f, 0), Vec3f(2, .5f, 0), Vec3f(2, .5f, 1), Vec3f(1, .5f, 1)};
+    fin.triangles = {{0, 1, 2}, {0, 2, 3}};
+    for (const double thickness : {0.08, 0.2}) {
+        RepairSettings repair;
+        repair.thickness = thickness;
+        const LevelSet made = repaired(test::soupOf({box, fin}), 0.01, repair);
+        EXPECT_TRUE(explainedOf(made).findings.empty()) << explainedOf(made).findings.front();
+    }
+}
+
 } // namespace
 } // namespace mpuvdb

@@ -381,6 +381,58 @@ TEST(MeshExplained, KnowsTheSolidOfItsParts)
     EXPECT_TRUE(e.findings.empty());
 }
 
+// A mesh that faces inward as a whole is turned, and all of it is the solid's boundary.
+TEST(MeshExplained, NothingIsToldOfMeshesThatFaceInward)
+{
+    std::vector<Mesh> meshes = {test::boxPart({0, 0, 0}, {40, 30, 20}),
+                                test::torusPart(20, 8, 40, 20),
+                                test::soupOf({test::ballPart(15, 12), [] {
+                                                  Mesh inner = test::ballPart(8, 12);
+                                                  test::turnInward(inner);
+                                                  return inner;
+                                              }()})};
+    for (Mesh& mesh : meshes) {
+        const MeshExplained right = explained(mesh, 1);
+        for (Mesh::Triangle& t : mesh.triangles) std::swap(t[1], t[2]);
+        const MeshExplained e = explained(mesh, 1);
+        EXPECT_TRUE(e.insideOut);
+        EXPECT_TRUE(e.findings.empty()) << e.findings.front();
+        EXPECT_NEAR(e.areaIn, right.areaIn, 1e-5 * right.areaIn);
+        EXPECT_NEAR(e.volumeIn, right.volumeIn, 1e-5 * right.volumeIn);
+        EXPECT_EQ(e.cavitiesIn, right.cavitiesIn);
+    }
+}
+
+// Far from the origin, too: the volume is that of the mesh with its holes closed.
+TEST(MeshExplained, NothingIsToldOfHolesSmallerThanAVoxel)
+{
+    for (const Vec3d& middle : {Vec3d(0, 0, 0), Vec3d(300, -200, 100)}) {
+        Mesh mesh = test::torusPart(20, 8, 200, 80);
+        test::move(mesh, Eigen::Matrix3d::Identity(), middle);
+        const MeshExplained whole = explained(mesh, 1.5);
+        Random random(4);
+        for (int n = 0; n < 25; ++n)
+            mesh.triangles.erase(mesh.triangles.begin() +
+                                 std::ptrdiff_t(random.below(mesh.triangles.size())));
+        const MeshExplained e = explained(mesh, 1.5);
+        EXPECT_GT(e.openEdges, 0u);
+        EXPECT_NEAR(e.volumeIn, whole.volumeIn, 1e-4 * whole.volumeIn);
+        EXPECT_TRUE(e.findings.empty()) << e.findings.front();
+    }
+}
+
+// The voxel size that is named shows a gap as it shows a wall.
+TEST(MeshExplained, GapsThinnerThanAVoxelAreTold)
+{
+    const Mesh mesh = test::soupOf(
+        {test::boxPart({0, 0, 0}, {20.3, 20, 20}), test::boxPart({20.5, 0, 0}, {40, 20, 20})});
+    ASSERT_EQ(explained(mesh, 1).findings.size(), 1u);
+    EXPECT_TRUE(explained(mesh, 0.05).findings.empty());
+    const std::string told = explained(mesh, 1).findings[0];
+    const auto at = told.find("Voxels of ") + std::string("Voxels of ").size();
+    EXPECT_NEAR(std::stod(told.substr(at)), 0.1, 0.051) << told; // to a factor of two
+}
+
 TEST(MeshExplained, WallsThinnerThanAVoxelAreTold)
 {
     MPUVDB_CASE(file, "T08-thin-tube.stl");

@@ -333,7 +333,7 @@ TEST_F(ReadMesh, LeavesOutVerticesWithoutTriangles)
                                     "4 1 2 3 4\n3 1 2 3\n");
     EXPECT_EQ(mesh.positions.size(), 4u);
     ASSERT_EQ(mesh.triangles.size(), 3u);
-    EXPECT_EQ(mesh.world(mesh.triangles[0][1]), Vec3d(1, 0, 0));
+    EXPECT_EQ(mesh.world(mesh.triangles[2][1]), Vec3d(1, 0, 0));
     EXPECT_EQ(mesh.frame, Vec3d(0.5, 0.5, 0));
     EXPECT_THROW(read("points.xyz", "0 0 0\n1 0 0\n0 1 0\n"), InputError);
     EXPECT_THROW(read("bare.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), InputError);

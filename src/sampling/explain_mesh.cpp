@@ -26,9 +26,10 @@ constexpr double kMaxMissed = 0.01;
 /// [derived: (|k| + |l|) h^2 / 8 over its surface, by its volume, at a radius of 2 h]
 constexpr double kSmallBallShare = 3.0 / 16;
 
-/// The places around which all voxels are on one side; voxels on the surface are on both.
+/// The places around which all voxels are on one side, or, where walls may bury the surface,
+/// outside; voxels on the surface are on both.
 std::vector<TrianglePlace> missedPlaces(const std::vector<TrianglePlace>& places,
-                                        const Vec3d& shift, const LevelSet& levelSet,
+                                        const Vec3d& shift, const LevelSet& levelSet, bool hasWalls,
                                         Interrupter& progress)
 {
     const auto on = float(kTouch * levelSet.voxelSize());
@@ -47,7 +48,7 @@ std::vector<TrianglePlace> missedPlaces(const std::vector<TrianglePlace>& places
                     inside = inside || value < on;
                     outside = outside || value > -on;
                 }
-                isMissed[n] = !(inside && outside);
+                isMissed[n] = !inside || !(outside || hasWalls);
             }
         });
     std::vector<TrianglePlace> result;
@@ -56,25 +57,33 @@ std::vector<TrianglePlace> missedPlaces(const std::vector<TrianglePlace>& places
     return result;
 }
 
-/// Lower quartile of the thickness of the walls at @a places, world units, to a factor of two; at
-/// most two voxels.
-double thicknessAt(const std::vector<TrianglePlace>& places, const SolidBoundary& solid,
-                   double voxelSize)
+/// Thickness of the wall or the gap at a place, to a factor of two, world units; at most a voxel.
+double thicknessAt(const TrianglePlace& place, const SolidBoundary& solid, double voxelSize)
 {
-    constexpr std::size_t kMaxPlaces = 32; ///< [tuned: explained_test]
-    constexpr int kHalvings = 8;           ///< of a voxel at most [tuned: explained_test]
+    constexpr int kHalvings = 8; ///< of a voxel at most [tuned: explained_test]
+    double depth = voxelSize;
+    for (int k = 0; k < kHalvings; ++k, depth /= 2)
+        if (solid.isInside(place.position - depth * place.normal) &&
+            !solid.isInside(place.position + depth * place.normal))
+            break;
+    return depth;
+}
+
+/// Thickness of walls and gaps that voxels miss: the lower quartile of those at the places that are
+/// @a missed, else the least at all @a places. World units.
+double missedThickness(const std::vector<TrianglePlace>& places,
+                       const std::vector<TrianglePlace>& missed, const SolidBoundary& solid,
+                       double voxelSize)
+{
+    constexpr std::size_t kMaxPlaces = 256; ///< [free: time, where something is found]
+    const std::vector<TrianglePlace>& some = missed.empty() ? places : missed;
     std::vector<double> found;
-    const std::size_t stride = places.size() / kMaxPlaces + 1;
-    for (std::size_t n = 0; n < places.size(); n += stride) {
-        double depth = voxelSize;
-        for (int k = 0; k < kHalvings; ++k, depth /= 2)
-            if (solid.isInside(places[n].position - depth * places[n].normal)) break;
-        found.push_back(depth);
-    }
-    if (found.empty()) return 2 * voxelSize;
-    const auto middle = found.begin() + std::ptrdiff_t(found.size() / 4);
-    std::nth_element(found.begin(), middle, found.end());
-    return *middle;
+    for (std::size_t n = 0; n < some.size(); n += some.size() / kMaxPlaces + 1)
+        found.push_back(thicknessAt(some[n], solid, voxelSize));
+    const auto at =
+        found.begin() + (missed.empty() ? std::ptrdiff_t(0) : std::ptrdiff_t(found.size() / 4));
+    std::nth_element(found.begin(), at, found.end());
+    return *at;
 }
 
 /// Add findings to @a e. @param missed  the places that are missed.
@@ -83,7 +92,8 @@ void addFindings(MeshExplained& e, const std::vector<TrianglePlace>& places,
 {
     // Walls made of sheets are in the result only.
     const bool isMesh = solid.sheets() == nullptr;
-    const bool volumeDiffers = isMesh && std::abs(e.volumeOut - e.volumeIn) > e.volumeExplained;
+    const bool volumeDiffers = isMesh && !solid.report().isClosedAnew &&
+                               std::abs(e.volumeOut - e.volumeIn) > e.volumeExplained;
     // The number of parts is undefined where parts meet.
     const bool isSplintered = isMesh && !solid.report().isCut && e.partsOut > e.partsIn;
     if (volumeDiffers || isSplintered || e.missed > kMaxMissed)
@@ -92,14 +102,15 @@ void addFindings(MeshExplained& e, const std::vector<TrianglePlace>& places,
             "{:.6g} in {} parts became {:.6g} in {}, and {:.1f} % of its surface is missed. Voxels "
             "of {:.3g} would show them",
             h, e.volumeIn, e.partsIn, e.volumeOut, e.partsOut, 100 * e.missed,
-            thicknessAt(missed.empty() ? places : missed, solid, h) / 2));
-    if (e.areaOfNothing > kMaxMissed * e.areaIn)
+            missedThickness(places, missed, solid, h) / 2));
+    const double area = e.areaIn + e.areaWithin + e.areaOfNothing; // of the mesh
+    if (e.areaOfNothing > kMaxMissed * area)
         e.findings.push_back(fmt::format(
             "parts of the mesh with an area of {:.4g} ({:.0f} % of its surface) enclose nothing: "
             "they face inward and lie in no other part, or have no inside. Turn or close them, or "
             "repair the mesh (--repair turns and closes, --thicken LENGTH makes walls of open "
             "surfaces)",
-            e.areaOfNothing, 100 * e.areaOfNothing / e.areaIn));
+            e.areaOfNothing, 100 * e.areaOfNothing / area));
 }
 
 } // namespace
@@ -132,7 +143,8 @@ MeshExplained explainMesh(const SolidBoundary& solid, const Vec3d& shift, const 
     };
     if (solid.isEmpty()) return e; // of walls only
     const std::vector<TrianglePlace> places = placesOn(solid.tree().size(), kPlaces, corners),
-                                     missed = missedPlaces(places, shift, levelSet, progress);
+                                     missed = missedPlaces(places, shift, levelSet, solid.sheets(),
+                                                           progress);
     e.missed = double(missed.size()) / double(kPlaces);
     addFindings(e, places, missed, solid, h);
     return e;

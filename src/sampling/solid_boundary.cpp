@@ -51,19 +51,63 @@ UnionFind surfacesOf(const OrientedTriangles& triangles, const std::vector<Conta
     return surfaces;
 }
 
+/// Volume of the cones that close the holes between triangles that bound a solid, each from the
+/// middle of its rim: what their sum of volumes lacks.
+double volumeOfHoles(const OrientedTriangles& triangles, const std::vector<std::uint8_t>& bounds)
+{
+    struct Rim {
+        std::uint32_t from, to;
+        double times;
+    };
+    struct Middle {
+        Vec3d sum = Vec3d::Zero();
+        double length = 0;
+    };
+    const std::vector<Vec3f>& positions = triangles.mesh.positions;
+    std::vector<Rim> rims;
+    UnionFind holes(positions.size());
+    for (std::uint32_t n = 0; n < triangles.neighbors.size(); ++n)
+        for (std::size_t k = 0; k < 3; ++k) {
+            if (!bounds[n] || triangles.neighbors[n][k] != kNoTriangle) continue;
+            const Mesh::Triangle& t = triangles.mesh.triangles[n];
+            const double times = triangles.multiplicity.empty() ? 1 : triangles.multiplicity[n];
+            rims.push_back({t[k], t[(k + 1) % 3], times});
+            holes.join(t[k], t[(k + 1) % 3]);
+        }
+    std::unordered_map<std::uint32_t, Middle> middles; // of rims, by hole
+    for (const Rim& rim : rims) {
+        const Vec3d a = positions[rim.from].cast<double>(), b = positions[rim.to].cast<double>();
+        Middle& middle = middles[holes.find(rim.from)];
+        middle.sum += (b - a).norm() * (a + b) / 2;
+        middle.length += (b - a).norm();
+    }
+    double volume = 0;
+    for (const Rim& rim : rims) {
+        const Middle& middle = middles[holes.find(rim.from)];
+        if (middle.length > 0)
+            volume += rim.times / 6 *
+                      (middle.sum / middle.length)
+                          .dot(positions[rim.to].cast<double>().cross(
+                              positions[rim.from].cast<double>()));
+    }
+    return volume;
+}
+
 /// Add the areas and volumes of the pieces to @a report, and count parts and cavities.
 void measure(const OrientedTriangles& triangles, const SolidFaces& faces, double sign,
              UnionFind surfaces, SolidBoundary::Report& report)
 {
     std::unordered_map<std::uint32_t, double> volumes; // of surfaces
+    std::vector<std::uint8_t> bounds(triangles.mesh.triangles.size(), 0);
     faces.forEach([&](const Corners& corners, const FaceSides& sides, std::uint32_t triangle) {
         const double area = areaOf(corners);
         if (!sides.bounds(sign)) {
             (sides.isWithin(sign) ? report.areaWithin : report.areaOfNothing) += area;
             return;
         }
+        bounds[triangle] = 1;
         // Coincident faces share the boundary.
-        const double layers = sign * (sides.back - sides.front);
+        const double layers = sides.back - sides.front;
         const double times = triangles.multiplicity.empty() ? 1 : triangles.multiplicity[triangle];
         const double share = times * layers / std::max(1.0, layers * layers);
         const double volume = sign * volumeOf(corners) * std::abs(share);
@@ -71,6 +115,7 @@ void measure(const OrientedTriangles& triangles, const SolidFaces& faces, double
         report.volume += volume;
         volumes[surfaces.find(triangle)] += volume;
     });
+    report.volume += sign * volumeOfHoles(triangles, bounds);
     for (const auto& [surface, volume] : volumes) ++(volume > 0 ? report.parts : report.cavities);
 }
 
@@ -155,6 +200,7 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const Rep
     mReport.insideOut = !closes && !isSolid(1) && isSolid(-1);
     const double sign = mReport.insideOut ? -1 : 1;
     mReport.isCut = closes || !contacts.empty();
+    mReport.isClosedAnew = closes;
     mReport.bending = bendingOf(mTriangles, contacts);
     measure(mTriangles, faces, sign, surfacesOf(mTriangles, contacts), mReport);
     if (!isSolid(sign)) {
@@ -233,7 +279,6 @@ void SolidBoundary::addClosure(const std::vector<std::array<Vec3d, 2>>& starts,
         const Corners corners = {mClosure.positions[t[0]], mClosure.positions[t[1]],
                                  mClosure.positions[t[2]]};
         mReport.area += areaOf(corners);
-        mReport.volume += volumeOf(corners);
     }
     // Seams are at most as bent as creases, in each of their cells as long as its edges.
     mReport.bending += M_PI / 2 * lattice.voxelSize * double(mClosure.seam.size());

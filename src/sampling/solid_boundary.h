@@ -29,6 +29,7 @@ public:
         std::uint64_t parts = 0;     ///< surfaces of the boundary that enclose parts of the solid
         std::uint64_t cavities = 0;  ///< surfaces that enclose cavities
         bool isCut = false;          ///< triangles of the mesh meet that are no neighbors
+        bool isClosedAnew = false;   ///< holes were closed by repair: the volume is not exact
         std::uint64_t openEdges = 0; ///< edges of the mesh whose triangles do not cancel
         std::uint64_t turned = 0;    ///< triangles turned to face as their neighbors do
         bool insideOut = false;      ///< all parts faced inward, and were turned
