@@ -170,6 +170,32 @@ PointCloud cloudOf(std::vector<Vec3f> positions)
     return cloud;
 }
 
+// A handful of points says nothing of a solid; scans from one side say enough.
+TEST(PointsExplained, SurfacesThatLeaveThePointsAreTold)
+{
+    for (const std::size_t count : {4u, 5u, 8u}) {
+        PointCloud cloud;
+        for (std::size_t n = 0; n < count; ++n) {
+            const double z = 1 - (2 * double(n) + 1) / double(count), r = std::sqrt(1 - z * z),
+                         turn = M_PI * (3 - std::sqrt(5.0)) * double(n);
+            cloud.positions.push_back(
+                Vec3d(r * std::cos(turn), r * std::sin(turn), z).cast<float>());
+        }
+        const PointsExplained e = explained(cloud);
+        ASSERT_FALSE(e.findings.empty()) << count;
+        EXPECT_NE(e.findings.back().find("beyond the points"), std::string::npos);
+    }
+    for (const char* solid : {"sphere(1)", "torus(1,0.4)", "box(2,2,0.05)", "gear(12,1,0.5)"}) {
+        ScanSettings s;
+        s.points = 10000;
+        s.pattern = ScanSettings::Pattern::Scan;
+        s.viewpoints = {Vec3d(1, 0, 5)};
+        Interrupter progress;
+        const PointsExplained e = explained(scan(*parseSolid(solid), s, &progress));
+        EXPECT_TRUE(e.findings.empty()) << solid << ": " << e.findings.front();
+    }
+}
+
 TEST(PointsExplained, ThePointsOfASolidAreTold)
 {
     const auto ball = [](const Vec3d& p) { return p.norm() < 1; };

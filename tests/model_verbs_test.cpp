@@ -207,6 +207,9 @@ TEST_F(ModelVerbs, MotionsKeepVolumes)
     command({"resample", "box.vdb", "-o", "fine.vdb", "--voxel-size", "0.5vx"});
     EXPECT_NEAR(volumeOf(folder / "fine.vdb"), 1, tolerance);
     command({"transform", "box.vdb", "-o", "x.vdb", "--scale", "0"}, 2);
+    const Ended tiny = command({"transform", "box.vdb", "-o", "x.vdb", "--scale", "0.001"}, 2);
+    EXPECT_NE(tiny.err.find("--with-voxels"), std::string::npos) << tiny.err;
+    command({"transform", "box.vdb", "-o", "x.vdb", "--scale", "0.001", "--with-voxels"});
 }
 
 TEST_F(ModelVerbs, ComponentsAreListedAndKept)

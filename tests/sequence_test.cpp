@@ -188,6 +188,11 @@ TEST_F(SequenceTest, WhatCannotBeASequenceIsAUsageErrorBeforeAnyWork)
     mpuvdb({"reconstruct", "in.####.ply", "-o", "out.####.vdb", "--frames", "2-1"}, 2);
     mpuvdb({"reconstruct", "in.####.ply", "-o", "out.####.vdb", "--frames", "1-2", "--jobs", "0"},
            2);
+    for (const char* range : {"3-1", "1,3", "a", "1-3x0"}) {
+        const Ended ended =
+            mpuvdb({"twist", "a.vdb", "-o", "t.####.vdb", "--turn", "$F", "--frames", range}, 2);
+        EXPECT_NE(ended.err.find(std::string("--frames ") + range), std::string::npos) << ended.err;
+    }
     EXPECT_EQ(folder.names(), (Words{"in.0001.ply", "in.0002.ply"}));
 }
 

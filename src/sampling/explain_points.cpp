@@ -69,6 +69,7 @@ Sample sampleAt(const Accessor& band, const Vec3d& x)
 struct Counts {
     std::uint64_t points = 0, within = 0, against = 0;
     double largest = 0;
+    Box3d box; ///< from the points' frame
 
     void add(const Counts& other)
     {
@@ -76,6 +77,7 @@ struct Counts {
         within += other.within;
         against += other.against;
         largest = std::max(largest, other.largest);
+        box.extend(other.box);
     }
 };
 
@@ -102,6 +104,7 @@ Counts countPoints(const LevelSet& levelSet, const MpuField& field, double limit
             const Sample s = sampleAt(band, (p + shift) / lattice.voxelSize);
             const double distance = std::abs(s.value);
             ++counts[n].points;
+            counts[n].box.extend(p);
             counts[n].within += distance <= limit;
             counts[n].largest = std::max(counts[n].largest, distance);
             const Vec3d normal(points.nx[i], points.ny[i], points.nz[i]);
@@ -187,6 +190,33 @@ void addFindings(PointsExplained& e, double voxelSize, const PointStatistics& po
             100 * (1 - e.within), e.limit, points.noise, voxelSize));
 }
 
+/// Tell of a surface that leaves the points: they are too few for one, or look into the void.
+void compareExtent(PointsExplained& e, const LevelSet& levelSet, const Counts& counts,
+                   const Vec3d& frame)
+{
+    /// Distance from the box of the points, in its diagonals. [derived: a cap of a ball that is
+    /// seen from 30 degrees about its middle is completed that far]
+    constexpr double kMaxBeyond = 1;
+    openvdb::CoordBBox voxels;
+    if (counts.points == 0 || !levelSet.grid().tree().evalActiveVoxelBoundingBox(voxels)) return;
+    const Lattice lattice = levelSet.lattice();
+    const auto corner = [&](const openvdb::Coord& c, double inward) {
+        return Vec3d(lattice.origin +
+                     lattice.voxelSize * (Vec3d(c.x(), c.y(), c.z()).array() + inward).matrix() -
+                     frame);
+    };
+    const Vec3d low = counts.box.min() - corner(voxels.min(), levelSet.halfWidth()),
+                high = corner(voxels.max(), -levelSet.halfWidth()) - counts.box.max();
+    const double beyond = std::max(low.maxCoeff(), high.maxCoeff()),
+                 diagonal = counts.box.diagonal().norm();
+    if (!(beyond > kMaxBeyond * diagonal + levelSet.voxelSize())) return;
+    e.findings.push_back(fmt::format(
+        "the surface reaches {:.3g} beyond the points, farther than all of them reach ({:.3g}): "
+        "{} points do not enclose anything, or their normals look into the void. Give more points, "
+        "or estimate their normals (--normals estimate)",
+        beyond, diagonal, counts.points));
+}
+
 } // namespace
 
 PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
@@ -213,6 +243,7 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     e.area = blocks.sums().area;
     e.parts = parts.parts;
     e.cavities = parts.cavities;
+    compareExtent(e, levelSet, counts, points.frame);
     if (points.mesh) compareWithMesh(e, levelSet, *points.mesh, e.limit + fit.points.spacing / 2);
     return e;
 }

@@ -278,12 +278,30 @@ protected:
             if (!(mScale.minCoeff() == mScale.maxCoeff()))
                 throw UsageError("--with-voxels: voxels have to stay cubes. Scale all axes alike");
             shape.voxelSize *= std::abs(mScale.x());
+        } else {
+            requireVoxels(solid);
         }
         settings()["voxel_size"] = shape.voxelSize;
         return Shape(solid).moved(motion).evaluate(shape, &session.progress());
     }
 
 private:
+    /// @throws UsageError where the scaled solid is smaller than the voxels, which stay.
+    void requireVoxels(const LevelSet& solid) const
+    {
+        constexpr double kLeast = 2; ///< voxels [derived: one of them is inside]
+        openvdb::CoordBBox voxels;
+        if (!solid.grid().tree().evalActiveVoxelBoundingBox(voxels)) return;
+        const openvdb::Vec3d sides = voxels.dim().asVec3d() - openvdb::Vec3d(2 * solid.halfWidth());
+        const double longest =
+            (mScale.array() * Vec3d(sides[0], sides[1], sides[2]).array()).abs().maxCoeff();
+        if (longest < kLeast)
+            throw UsageError(fmt::format("--scale: the solid would be {:.2g} voxels long, as "
+                                         "voxels stay {:.6g}. Scale them, "
+                                         "too (--with-voxels), or resample to smaller ones first",
+                                         longest, solid.voxelSize()));
+    }
+
     static Vec3d parseScale(const std::string& text)
     {
         const bool single = text.find(',') == std::string::npos;

@@ -438,7 +438,7 @@ std::vector<std::string> firstFrameOf(const std::vector<std::string>& words)
             const std::string range = isNext ? words[n + 1] : words[n].substr(option.size() + 1);
             return wordsOf(words, parseFrames(range).front());
         } catch (const UsageError&) {
-            return words; // the parser says so
+            return wordsOf(words, 0); // the parser says so, and of nothing else
         }
     }
     return words;
