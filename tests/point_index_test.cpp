@@ -97,6 +97,22 @@ TEST(KeyOrder, IsThatOfAStableSort)
     }
 }
 
+// Large arrays are taken by shorter digits; equal keys keep their order there, too.
+TEST(RadixSort, OfLargeArrays)
+{
+    constexpr std::size_t kCount = (std::size_t(1) << 25) + 12345; // of 8 bytes
+    std::vector<std::uint64_t> items(kCount);
+    for (std::size_t n = 0; n < kCount; ++n) // keys of 20 bits, each 32 times, and numbers
+        items[n] = (n * 0x9e3779b97f4a7c15u >> 44) << 32 | n;
+    Interrupter progress;
+    radixSort(
+        items, 32, 52, [](std::uint64_t item) { return item; }, progress);
+    EXPECT_TRUE(std::is_sorted(items.begin(), items.end()));
+    std::vector<bool> isThere(kCount);
+    for (const std::uint64_t item : items) isThere[item & 0xffffffff] = true;
+    EXPECT_EQ(std::count(isThere.begin(), isThere.end(), true), std::ptrdiff_t(kCount));
+}
+
 TEST(PointIndex, HoldsEachPointOnceAndCopiesTogetherWhateverTheOrderAndTheThreads)
 {
     forEachCloud([](const Positions& positions, Random& random) {
