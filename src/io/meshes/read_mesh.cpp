@@ -67,7 +67,7 @@ Mesh readMesh(const std::filesystem::path& file, Interrupter* interrupter, BadVe
             fmt::format("{} scalars are too many. Name at most {}", scalars.size(), kMaxScalars));
     std::error_code error;
     const auto bytes = std::filesystem::file_size(file, error);
-    progress.beginStage("read", error ? 1 : double(bytes));
+    progress.beginStage("read", error ? HUGE_VAL : double(bytes));
     FilePoints points = readFormat(file, scalars, progress);
     if (points.triangles.empty())
         throw InputError(

@@ -13,6 +13,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
 
 namespace mpuvdb
@@ -144,13 +145,15 @@ void gatherSetNotes(const std::vector<Part>& parts, std::vector<FilePoints>& inp
     }
 }
 
+/// Bytes to read; infinite where some come from a pipe, so that no share is told of.
 double bytesOf(const std::vector<Part>& parts)
 {
     double bytes = 0;
     for (const Part& part : parts) {
         std::error_code error;
         const auto size = std::filesystem::file_size(part.scan.file, error);
-        if (!error) bytes += double(size);
+        if (error) return HUGE_VAL;
+        bytes += double(size);
     }
     return bytes;
 }
