@@ -83,6 +83,30 @@ TEST_F(ColumnNamesTest, OfPositionsAreFoundWhereTheyAre)
               std::string::npos);
 }
 
+// Characters as they are, but for those that move or hide others.
+TEST_F(ColumnNamesTest, AreShownAsTheyAreWritten)
+{
+    const auto shown = [&](const std::string& name) {
+        const std::string message = error("a.csv", concat("time,range,", name, "\n1,2,3\n"));
+        const std::size_t from = message.find("'range', ");
+        return from == std::string::npos
+                   ? message
+                   : message.substr(from + 9, message.find(", but") - from - 9);
+    };
+    for (const char* name : {"H\xc3\xb6he", "\xe9\xab\x98\xe3\x81\x95", "\xf0\x9f\x93\x8f m", "~"})
+        EXPECT_EQ(shown(concat("a", name)), concat("'a", name, "'"));
+    EXPECT_EQ(shown("a\xf6k"), "'a?k'");                    // Latin-1
+    EXPECT_EQ(shown("a\xc3"), "'a?'");                      // cut off
+    EXPECT_EQ(shown("a\xc0\xafk"), "'a??k'");               // of more bytes than it needs
+    EXPECT_EQ(shown("a\xed\xa0\x80k"), "'a???k'");          // half a pair of UTF-16
+    EXPECT_EQ(shown("a\x1b[31mb\x7f"), "'a?[31mb?'");       // a terminal's commands
+    EXPECT_EQ(shown("a\xc2\x9bk\xe2\x80\xaem"), "'a?k?m'"); // in one character, and backwards
+    std::string many = "a", first = "'a";
+    for (int i = 0; i < 60; ++i) many += "\xc3\xb6";
+    for (int i = 0; i < 39; ++i) first += "\xc3\xb6";
+    EXPECT_EQ(shown(many), first + "...'");
+}
+
 // The same number of words as of columns makes no header of a sentence.
 TEST_F(ColumnNamesTest, AreNoneInProse)
 {

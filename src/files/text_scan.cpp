@@ -74,6 +74,15 @@ bool parseAnyNumber(std::string_view word, double& value)
     return true;
 }
 
+/// Whether a terminal shows @a code where it stands: it is no control character, and none that
+/// breaks lines or turns the direction of writing.
+bool isPrintable(char32_t code)
+{
+    const bool isControl = code < 0x20 || (code >= 0x7f && code < 0xa0);
+    const bool movesText = (code >= 0x2028 && code <= 0x202e) || (code >= 0x2066 && code <= 0x2069);
+    return !isControl && !movesText;
+}
+
 } // namespace
 
 bool FieldScanner::next(std::string_view& field)
@@ -133,12 +142,42 @@ std::string lowerCase(std::string_view text)
     return lower;
 }
 
+std::size_t characterOf(std::string_view text, char32_t& code)
+{
+    if (text.empty()) return 0;
+    const auto first = static_cast<unsigned char>(text.front());
+    const std::size_t bytes = first < 0x80             ? 1
+                              : (first & 0xe0) == 0xc0 ? 2
+                              : (first & 0xf0) == 0xe0 ? 3
+                              : (first & 0xf8) == 0xf0 ? 4
+                                                       : 0;
+    if (bytes == 0 || bytes > text.size()) return 0;
+    code = bytes == 1 ? first : first & (0xffu >> (bytes + 1));
+    for (const char next : text.substr(1, bytes - 1)) {
+        if ((next & 0xc0) != 0x80) return 0;
+        code = (code << 6) | char32_t(next & 0x3f);
+    }
+    // The least number that needs so many bytes; the surrogates of UTF-16 are no characters.
+    constexpr char32_t kLeast[] = {0, 0x80, 0x800, 0x10000}; // [derived: UTF-8]
+    const bool isOne = code >= kLeast[bytes - 1] && code <= 0x10ffff && (code & ~0x7ffu) != 0xd800;
+    return isOne ? bytes : 0;
+}
+
 std::string inQuotes(std::string_view text)
 {
-    std::string shown(text.substr(0, 40));
-    for (char& c : shown)
-        if (c < ' ' || c > '~') c = '?';
-    return "'" + shown + (text.size() > 40 ? "..." : "") + "'";
+    constexpr std::size_t kMaxCharacters = 40; ///< shown [free: a message's length]
+    std::string shown;
+    for (std::size_t count = 0; !text.empty(); ++count) {
+        if (count == kMaxCharacters) return "'" + shown + "...'";
+        char32_t code = 0;
+        const std::size_t bytes = characterOf(text, code);
+        if (bytes > 0 && isPrintable(code))
+            shown += text.substr(0, bytes);
+        else
+            shown += '?';
+        text.remove_prefix(std::max<std::size_t>(bytes, 1));
+    }
+    return "'" + shown + "'";
 }
 
 std::string listInQuotes(const std::vector<std::string>& names)

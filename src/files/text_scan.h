@@ -68,7 +68,11 @@ private:
 /// @a text in lower case (ASCII).
 std::string lowerCase(std::string_view text);
 
-/// At most 40 characters of @a text, fit for an error message.
+/// The first character of @a text, UTF-8. @return its bytes; 0 if there is none, or no valid one.
+std::size_t characterOf(std::string_view text, char32_t& code);
+
+/// At most 40 characters of @a text, fit for an error message: control characters and bytes that
+/// are not UTF-8 are question marks.
 std::string inQuotes(std::string_view text);
 
 /// The first twenty of @a names, and how many more there are.
