@@ -83,6 +83,46 @@ TEST_F(ColumnNamesTest, OfPositionsAreFoundWhereTheyAre)
               std::string::npos);
 }
 
+// With the height and the northing first, where names tell.
+TEST_F(ColumnNamesTest, OfOtherLanguagesAreFound)
+{
+    expectPosition("Punkt;Rechtswert;Hochwert;H\xc3\xb6he\n" + rows(4, ";"));
+    expectPosition("Nr\tOSTWERT (m)\tNORDWERT (m)\tH\xd6HE (m)\n" + rows(4, "\t")); // Latin-1
+    expectPosition("Hochwert Rechtswert Hoehe\n0 0.5 7.25\n" + rows(3, " ").substr(11),
+                   Vec3d(0.5, 0, 7.25));
+    expectPosition("Est;Nord;Altitude\n" + rows(3, ";"));
+    expectPosition("id,Este,Norte,Cota\n" + rows(4, ","));
+    expectPosition("Est (m),Nord (m),Quota (m)\n" + rows(3, ","));
+    expectPosition("# n Este Norte Elevaci\xc3\xb3n\n" + rows(4, " "));
+    expectPosition("# Este Norte Elevacio\xcc\x81n\n" + rows(3, " ")); // a letter and its accent
+    expectPosition("x;y;H\xc3\xb6he\n" + rows(3, ";"));
+    // What is half a position in any language is none, nor is a length, or a degree.
+    expectRefused("Rechtswert;H\xc3\xb6he;Code\n" + rows(3, ";"), "H\xc3\xb6he");
+    expectRefused("L\xc3\xa4nge;Breite;H\xc3\xb6he\n" + rows(3, ";"), "L\xc3\xa4nge");
+    expectRefused("Latitud,Longitud,Altura\n" + rows(3, ","), "Altura", true);
+    expectRefused("Este Oeste Cota\n" + rows(3, " "), "Oeste");
+}
+
+TEST_F(ColumnNamesTest, OfVectorsComponentsAreFound)
+{
+    expectPosition("\"Points:0\",\"Points:1\",\"Points:2\"\n" + rows(3, ","));
+    expectPosition("scalar,Points_Magnitude,Points_0,Points_1,Points_2\n" + rows(5, ","));
+    expectPosition("id;P[x];P[y];P[z]\n" + rows(4, ";"));
+    expectPosition("ptnum P.x P.y P.z\n" + rows(4, " "));
+    expectPosition("Points:0,Points:1,Other:0,x,y,z\n" + rows(6, ",")); // usual names come first
+    expectRefused("Points:0,Points:1,Normals:2\n" + rows(3, ","), "Normals:2");
+    expectRefused("Points:0,P[y],Points:2\n" + rows(3, ","), "P[y]");
+    const PointCloud cloud =
+        read("a.csv", "Normals:0,Normals:1,Normals:2,Points:0,Points:1,Points:2,Cd[r],Cd[g],Cd[b]\n"
+                      "0,0,1,1,2,3,0.2,0.4,1\n0,1,0,4,5,6,0,0,0\n")
+            .cloud;
+    ASSERT_EQ(cloud.size(), 2u);
+    EXPECT_LT((cloud.world(1) - Vec3d(4, 5, 6)).norm(), 1e-6);
+    ASSERT_TRUE(cloud.hasNormals());
+    EXPECT_EQ(cloud.normals[0], Vec3f::UnitZ());
+    EXPECT_EQ(cloud.colors.at(0), (PointCloud::Rgb{51, 102, 255}));
+}
+
 // Characters as they are, but for those that move or hide others.
 TEST_F(ColumnNamesTest, AreShownAsTheyAreWritten)
 {

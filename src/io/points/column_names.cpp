@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <unordered_map>
 #include <unordered_set>
 
 namespace mpuvdb
@@ -34,9 +35,33 @@ std::string_view trimmed(std::string_view text)
     return text.substr(0, text.find_last_not_of(kAround) + 1);
 }
 
-/// The words of a name in lower case: "gpsTime" and "GPS_time" have two.
-std::vector<std::string> wordsOf(std::string_view name)
+/// @a name with the letters of Western Europe as those without marks, "Höhe" as "Hohe": in UTF-8,
+/// or in Latin-1 where it is not UTF-8, which programs for tables write.
+std::string withoutAccents(std::string_view name)
 {
+    // Of the characters 0xc0 to 0xff. [derived: Unicode]
+    constexpr std::string_view kLetters =
+        "AAAAAAACEEEEIIIIDNOOOOO*OUUUUYTsaaaaaaaceeeeiiiidnooooo/ouuuuyty";
+    std::string plain;
+    while (!name.empty()) {
+        char32_t code = 0;
+        const std::size_t bytes = characterOf(name, code);
+        if (bytes == 0) code = static_cast<unsigned char>(name.front());
+        const std::string_view same = name.substr(0, std::max<std::size_t>(bytes, 1));
+        name.remove_prefix(same.size());
+        if (code >= 0x300 && code < 0x370) continue; // a mark on the letter before
+        if (code >= 0xc0 && code <= 0xff)
+            plain += kLetters[code - 0xc0];
+        else
+            plain += same;
+    }
+    return plain;
+}
+
+/// The words of a name in lower case and without accents: "gpsTime" and "GPS_time" have two.
+std::vector<std::string> wordsOf(std::string_view written)
+{
+    const std::string name = withoutAccents(written);
     std::vector<std::string> words;
     bool goesOn = false;
     for (std::size_t at = 0; at < name.size(); ++at) {
@@ -44,7 +69,7 @@ std::vector<std::string> wordsOf(std::string_view name)
         const bool afterSmall = at > 0 && name[at - 1] >= 'a' && name[at - 1] <= 'z';
         if (isLetter(name[at])) {
             if (!goesOn || (isCapital && afterSmall)) words.emplace_back();
-            words.back() += lowerCase(name.substr(at, 1));
+            words.back() += lowerCase(std::string_view(name).substr(at, 1));
         }
         goesOn = isLetter(name[at]);
     }
@@ -108,9 +133,11 @@ bool meansAxis(const std::string& name, const Words& axis)
 /// Makes columns with other names of an axis that axis, where none has the usual name.
 void findAxes(const std::vector<std::string>& names, ColumnLayout& layout)
 {
-    static const Words axes[3] = {{"x", "easting", "east", "e"},
-                                  {"y", "northing", "north", "n"},
-                                  {"z", "elevation", "height", "altitude", "elev", "alt", "h"}};
+    static const Words axes[3] = {
+        {"x", "easting", "east", "e", "rechtswert", "ostwert", "ost", "est", "este"},
+        {"y", "northing", "north", "n", "hochwert", "nordwert", "nord", "norte"},
+        {"z", "elevation", "height", "altitude", "elev", "alt", "h", "hohe", "hoehe", "quota",
+         "cota", "altitud", "altura", "altezza", "hauteur", "elevacion", "elevacao", "elevazione"}};
     for (std::size_t a = 0; a < 3; ++a) {
         std::vector<Attribute>& columns = layout.columns;
         if (std::find(columns.begin(), columns.end(), Attribute(a)) != columns.end()) continue;
@@ -122,11 +149,76 @@ void findAxes(const std::vector<std::string>& names, ColumnLayout& layout)
     }
 }
 
+/// A name that says a component of a vector, in the ways of ParaView ("Points:0", "Points_0") and
+/// Houdini ("P[x]", "P.x").
+struct Component {
+    std::string vector; ///< in lower case, with the mark behind it; empty: it is none
+    std::size_t index = 0;
+};
+
+Component componentOf(std::string_view name)
+{
+    if (!name.empty() && name.back() == ']') name.remove_suffix(1);
+    if (name.size() < 3) return {};
+    const char mark = name[name.size() - 2];
+    if (std::string_view(":_.[").find(mark) == std::string_view::npos) return {};
+    for (const std::string_view letters : {"012", "xyz", "rgb"}) {
+        const std::size_t index = letters.find(lowerCase(name.substr(name.size() - 1)));
+        if (index != std::string_view::npos)
+            return {lowerCase(name.substr(0, name.size() - 1)), index};
+    }
+    return {};
+}
+
+/// Makes the three components of a vector, where all are there, what the vector's name says.
+void findVectors(const std::vector<std::string>& names, ColumnLayout& layout)
+{
+    static const std::unordered_map<std::string, Attribute> vectors = {
+        {"points", Attribute::X},
+        {"point", Attribute::X},
+        {"p", Attribute::X},
+        {"position", Attribute::X},
+        {"positions", Attribute::X},
+        {"coordinates", Attribute::X},
+        {"normals", Attribute::NormalX},
+        {"normal", Attribute::NormalX},
+        {"n", Attribute::NormalX},
+        {"cd", Attribute::Red},
+        {"rgb", Attribute::Red},
+        {"colors", Attribute::Red},
+        {"color", Attribute::Red}};
+    std::vector<Component> parts;
+    for (const std::string& name : names) parts.push_back(componentOf(name));
+    const auto find = [&](const std::string& vector, std::size_t index) {
+        const auto at = std::find_if(parts.begin(), parts.end(), [&](const Component& part) {
+            return part.vector == vector && part.index == index;
+        });
+        return std::size_t(at - parts.begin());
+    };
+    for (const Component& part : parts) {
+        if (part.vector.empty() || part.index != 0) continue;
+        const auto means = vectors.find(part.vector.substr(0, part.vector.size() - 1));
+        if (means == vectors.end()) continue;
+        const std::size_t at[3] = {find(part.vector, 0), find(part.vector, 1),
+                                   find(part.vector, 2)};
+        std::vector<Attribute>& columns = layout.columns;
+        bool isFree = true;
+        for (std::size_t c = 0; c < 3; ++c) {
+            const auto a = Attribute(std::size_t(means->second) + c);
+            isFree = isFree && at[c] < parts.size() && columns[at[c]] == Attribute::None &&
+                     std::find(columns.begin(), columns.end(), a) == columns.end();
+        }
+        for (std::size_t c = 0; isFree && c < 3; ++c)
+            columns[at[c]] = Attribute(std::size_t(means->second) + c);
+    }
+}
+
 ColumnLayout layoutOf(const std::vector<std::string>& names, const ScalarNames& scalars)
 {
     ColumnLayout layout;
     layout.names = names;
     for (const std::string& name : names) layout.columns.push_back(attributeOf(name, scalars));
+    findVectors(names, layout);
     if (!AttributeSet(layout.columns).position) findAxes(names, layout);
     if (!AttributeSet(layout.columns).position) layout.columns.clear();
     return layout;
@@ -169,6 +261,11 @@ bool looksLikeName(const std::string& name)
                                 "elev",
                                 "easting",
                                 "northing",
+                                "rechtswert",
+                                "hochwert",
+                                "hohe",
+                                "quota",
+                                "cota",
                                 "shot",
                                 "shotnumber",
                                 "red",
@@ -234,8 +331,8 @@ bool ColumnNames::areDegrees() const
             axis |= word == "x" || word == "y";
             degrees |= word == "deg" || word == "degree" || word == "degrees";
             if (word == "lon" || word == "long" || word == "lng" || word == "lat") return true;
-            if (word.find("longitude") != std::string::npos) return true;
-            if (word.find("latitude") != std::string::npos) return true;
+            if (word.find("longitud") != std::string::npos) return true;
+            if (word.find("latitud") != std::string::npos) return true;
         }
         return axis && degrees;
     };
