@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <unordered_map>
 
 namespace mpuvdb
@@ -90,6 +91,7 @@ FilePoints readText(const ByteSource& source, Interrupter& progress)
     while (lines.next(line)) {
         if ((lines.line() & 0xfff) == 0) progress.check();
         LineScanner scan(line);
+        if (scan.atEndOrComment()) continue;
         const std::string keyword = lowerCase(scan.word());
         ended = keyword == "endsolid";
         if (keyword != "vertex") continue;
@@ -108,18 +110,28 @@ FilePoints readText(const ByteSource& source, Interrupter& progress)
     return welder.finish();
 }
 
+// Whether @a head has only characters of texts: the count in a binary one has a byte below 9,
+// unless there are 151 million triangles.
+bool isText(const std::string& head)
+{
+    return std::none_of(head.begin(), head.end(), [](char c) {
+        return (c >= 0 && c < '\t') || (c > '\r' && c < ' ') || c == 0x7f;
+    });
+}
+
 } // namespace
 
 FilePoints readStl(const ByteSource& source, const ScalarNames&, Interrupter& progress)
 {
-    // Binary files may begin with "solid" too: their size decides.
+    // Binary files may begin with "solid" too, and texts with something else: the size decides,
+    // and where it is that of neither, the characters.
     const std::string head = source.head(kHeaderBytes);
     if (head.size() == kHeaderBytes) {
         const auto triangles =
             std::uint32_t(loadInteger(ScalarType::UInt32, head.data() + 80, false));
         const bool fits = source.size() >= kHeaderBytes + kTriangleBytes * std::uint64_t(triangles);
-        if (lowerCase(head.substr(0, 5)) != "solid" || (fits && triangles > 0))
-            return readBinary(source, triangles, progress);
+        const bool mayBeText = lowerCase(head.substr(0, 5)) == "solid" || isText(head);
+        if (!mayBeText || (fits && triangles > 0)) return readBinary(source, triangles, progress);
     }
     return readText(source, progress);
 }
