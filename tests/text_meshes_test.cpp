@@ -39,5 +39,25 @@ TEST_F(TextMeshes, StlIsTextByItsCharacters)
     }
 }
 
+TEST_F(TextMeshes, CallsOfOtherFilesAreSaid)
+{
+    const std::string part = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    const auto notes = [&](const std::string& text) {
+        const PointInput input = read("a.obj", text);
+        std::string all;
+        for (const std::string& note : input.notes) all += note + "\n";
+        return all;
+    };
+    EXPECT_NE(notes(part + "call other.obj\n").find("line 5 calls 'other.obj'"), std::string::npos);
+    EXPECT_NE(notes("# a set\ncall a.obj\n" + part + "call \"b.obj\" 7\n")
+                  .find("line 2 calls 'a.obj', '\"b.obj\"'"),
+              std::string::npos);
+    EXPECT_EQ(notes("# call me\no call\n" + part).find("calls"), std::string::npos);
+    Interrupter progress;
+    readMesh(put("m.obj", part + "call other.obj\n"), &progress);
+    ASSERT_FALSE(progress.notes().empty());
+    EXPECT_NE(progress.notes()[0].find("'other.obj'"), std::string::npos);
+}
+
 } // namespace
 } // namespace mpuvdb::test

@@ -30,6 +30,11 @@ struct ObjRows {
         std::uint64_t line;
     };
     std::vector<Face> faces;
+    struct Call {
+        std::string file;
+        std::uint64_t line;
+    };
+    std::vector<Call> calls; ///< of other files, which are not read
     /// A backslash continues a face in the next line, which may be the first of the next batch.
     bool goesOn = false;
     std::vector<std::int64_t> cornersBefore; ///< of first lines that continue another batch's
@@ -122,6 +127,8 @@ void parseLine(const ByteSource& source, std::string_view line, std::uint64_t nu
         rows.normals.emplace_back(float(x), float(y), float(z));
     } else if (keyword == "f") {
         good = parseFace(scan, number, rows);
+    } else if (keyword == "call") {
+        rows.calls.push_back({std::string(scan.word()), number});
     }
     if (!good) throwBadLine(source, number, line);
 }
@@ -131,6 +138,7 @@ struct ObjFile {
     std::vector<Vec3f> normals;
     std::vector<std::int64_t> corners; // zero-based
     std::vector<ObjRows::Face> faces;
+    std::vector<ObjRows::Call> calls;
 
     void merge(const ByteSource& source, ObjRows&& rows)
     {
@@ -144,6 +152,7 @@ struct ObjFile {
             faces.push_back(face);
             for (; corner != end; ++corner) append(source, *corner, faces.back());
         }
+        calls.insert(calls.end(), rows.calls.begin(), rows.calls.end());
         goesOn = rows.goesOn && (goesOn || rows.begun);
         PointBlock block;
         block.positions = std::move(rows.positions);
@@ -168,6 +177,18 @@ private:
     bool goesOn = false; ///< the last face, in the next batch
 };
 
+// Says which other files are parts of this one.
+void noteCalls(const std::vector<ObjRows::Call>& calls, FilePoints& result)
+{
+    if (calls.empty()) return;
+    std::vector<std::string> files;
+    for (const ObjRows::Call& call : calls) files.push_back(call.file);
+    result.notes.push_back(fmt::format("line {} calls {}, which is not read: its points and faces "
+                                       "are missing. Name it as an input "
+                                       "of its own, or export all as one file",
+                                       calls.front().line, listInQuotes(files)));
+}
+
 } // namespace
 
 FilePoints readObj(const ByteSource& source, const ScalarNames&, Interrupter& progress)
@@ -185,6 +206,7 @@ FilePoints readObj(const ByteSource& source, const ScalarNames&, Interrupter& pr
 
     FilePoints result;
     result.unit = "vertex";
+    noteCalls(file.calls, result);
     Faces faces;
     std::vector<std::int64_t> polygon;
     auto corner = file.corners.begin();
