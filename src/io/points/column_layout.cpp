@@ -32,10 +32,12 @@ bool areUnit(const Rows& rows, std::size_t first)
     });
 }
 
-bool areBytes(const Rows& rows, std::size_t first)
+/// Whether three columns hold whole numbers from 0 to @a largest.
+bool areWhole(const Rows& rows, std::size_t first, double largest)
 {
-    return mostTriples(rows, first, [](const double* t) {
-        return std::all_of(t, t + 3, [](double v) { return isWhole(v) && v >= 0 && v <= 255; });
+    return mostTriples(rows, first, [=](const double* t) {
+        return std::all_of(t, t + 3,
+                           [=](double v) { return isWhole(v) && v >= 0 && v <= largest; });
     });
 }
 
@@ -71,11 +73,21 @@ ColumnLayout layoutFromValues(const Rows& rows)
                layout.columns[first + 2] == Attribute::None;
     };
     for (const std::size_t first : {std::size_t(3), std::size_t(4), std::size_t(6)})
-        if (isFree(first) && areBytes(rows, first)) {
+        if (isFree(first) && areWhole(rows, first, 255)) {
             assign(layout, first, Attribute::Red);
             return layout;
         }
-    // Six columns that are not bytes: colors in [0,1], or normals that are not normalized.
+    // Numbers of 16 bits may be something else: a color stands before normals or at the end, where
+    // an intensity would make three numbers before the last one look like it.
+    const auto ends = [&](std::size_t last) {
+        return last == columns || layout.columns[last] == Attribute::NormalX;
+    };
+    for (const std::size_t first : {std::size_t(3), std::size_t(4), std::size_t(6)})
+        if (isFree(first) && ends(first + 3) && areWhole(rows, first, 65535)) {
+            assign(layout, first, Attribute::Red);
+            return layout;
+        }
+    // Six columns that are no such numbers: colors in [0,1], or normals that are not normalized.
     if (columns == 6 && isFree(3)) {
         assign(layout, 3, areFractions(rows, 3) ? Attribute::Red : Attribute::NormalX);
     }
