@@ -10,7 +10,202 @@ namespace mpuvdb::test
 namespace
 {
 
-using PlainColumns = IoTest;
+/// A point of a ball, which does not come in any order.
+Vec3d ballPoint(int i, double radius)
+{
+    const double z = 1 - (2 * i + 1) / 300.0, s = std::sqrt(1 - z * z), turn = 2.399963 * i;
+    return radius * Vec3d(s * std::cos(turn), s * std::sin(turn), z);
+}
+
+class PlainColumns : public IoTest
+{
+protected:
+    /// Rows of a ball's points around @a middle, the i-th between before(i) and after(i).
+    template <class Before, class After>
+    static std::string ball(const Before& before, const After& after,
+                            const std::string& separator = " ", double radius = 90,
+                            const Vec3d& middle = Vec3d::Zero())
+    {
+        std::string text;
+        for (int i = 0; i < kPoints; ++i) {
+            const Vec3d p = middle + ballPoint(i * 67 % kPoints, radius);
+            for (const std::string& field : before(i)) text += field + separator;
+            text += concat(std::to_string(p.x()), separator, std::to_string(p.y()), separator,
+                           std::to_string(p.z()));
+            for (const std::string& field : after(i)) text += separator + field;
+            text += "\n";
+        }
+        return text;
+    }
+    using Fields = std::vector<std::string>;
+    static Fields none(int) { return {}; }
+
+    /// That the points of @a input lie on the ball; the first of its notes says @a note.
+    void expectBall(const PointInput& input, const std::string& note, double radius = 90,
+                    const Vec3d& middle = Vec3d::Zero()) const
+    {
+        ASSERT_EQ(input.cloud.size(), std::size_t(kPoints));
+        for (std::size_t i = 0; i < input.cloud.size(); ++i)
+            EXPECT_NEAR((input.cloud.world(i) - middle).norm(), radius, 1e-5 * radius + 1e-6);
+        EXPECT_EQ(!input.notes.empty(), !note.empty());
+        if (!input.notes.empty()) {
+            EXPECT_NE(input.notes[0].find(note), std::string::npos) << input.notes[0];
+        }
+    }
+    static constexpr int kPoints = 300;
+};
+
+TEST_F(PlainColumns, BeforePositionsMayNumberOrTimeTheRows)
+{
+    const auto from = [](int first, int step) {
+        return [=](int i) { return Fields{std::to_string(first + step * i)}; };
+    };
+    const auto time = [](double first, double step) {
+        return [=](int i) { return Fields{std::to_string(first + step * i)}; };
+    };
+    const auto gap = [](int i) { return Fields{std::to_string(5 + i + i * i % 7 * 3)}; };
+    const auto rgb = [](int i) { return Fields{std::to_string(i % 256), "20", "30"}; };
+    const auto up = [](int) { return Fields{"0", "0", "1"}; };
+    const Vec3d utm(432100, 5412300, 410);
+    for (const char* separator : {" ", ",", ";", "\t"}) {
+        SCOPED_TRACE(separator);
+        for (const auto& [first, step] : {std::pair(1, 1), {0, 1}, {1000, 1}, {1, 10}})
+            expectBall(read("id.xyz", ball(from(first, step), none, separator)),
+                       "column 1 numbers the rows: x, y and z are columns 2, 3 and 4");
+        expectBall(read("unix.xyz", ball(time(1.6e9, 0.001), none, separator)), "column 1 times");
+        expectBall(read("utm.xyz", ball(time(1.6e9, 0.25), none, separator, 9, utm)),
+                   "column 1 times", 9, utm);
+        const PointInput colors = read("rgb.xyz", ball(from(1, 1), rgb, separator));
+        expectBall(colors, "column 1 numbers");
+        EXPECT_EQ(colors.cloud.colors.at(7), (PointCloud::Rgb{7, 20, 30}));
+        const PointInput normals = read("n.xyz", ball(time(1.6e9, 0.001), up, separator));
+        expectBall(normals, "column 1 times");
+        EXPECT_TRUE(normals.cloud.hasNormals());
+    }
+    expectBall(read("gaps.xyz",
+                    "# id and points\n" +
+                        ball([](int i) { return Fields{std::to_string(3 * i + i % 3)}; }, none)),
+               "column 1 numbers");
+    const PointInput both = read(
+        "both.txt",
+        ball(
+            [](int i) {
+                return Fields{std::to_string(i), std::to_string(1.7e9 + i / 7)}; // in whole seconds
+            },
+            rgb, ",", 0.1));
+    expectBall(both, "column 1 numbers the rows, column 2 times the rows: x, y and z are columns 3",
+               0.1);
+    EXPECT_FALSE(both.cloud.colors.empty());
+    EXPECT_EQ(read("gap.xyz", ball(gap, none)).notes.size(), 0u) << "it does not rise";
+}
+
+// A raster's rows are longer than what is looked at.
+TEST_F(PlainColumns, OfRastersMayBeNumbered)
+{
+    std::string text;
+    for (int i = 0; i < 4500; ++i)
+        text += concat(std::to_string(i + 1), " ", std::to_string(i % 1500), " ",
+                       std::to_string(i / 1500), " ", std::to_string(std::sin(0.01 * i)), "\n");
+    const PointInput input = read("a.xyz", text);
+    EXPECT_LT((input.cloud.world(1501) - Vec3d(1, 1, std::sin(15.01))).norm(), 1e-4);
+    ASSERT_FALSE(input.notes.empty());
+    EXPECT_NE(input.notes[0].find("column 1 numbers the rows"), std::string::npos);
+}
+
+// Millimeters beside numbers, which are as whole as they are.
+TEST_F(PlainColumns, OfWholeCoordinatesMayBeNumbered)
+{
+    std::string text;
+    for (int i = 0; i < kPoints; ++i) {
+        const Vec3d p = ballPoint(i * 67 % kPoints, 9000);
+        text += concat(std::to_string(i + 1), "\t", std::to_string(std::lround(p.x())), "\t",
+                       std::to_string(std::lround(p.y())), "\t", std::to_string(std::lround(p.z())),
+                       "\t7\t8\t9\n");
+    }
+    const PointInput input = read("mm.txt", text);
+    ASSERT_EQ(input.cloud.size(), std::size_t(kPoints));
+    EXPECT_FALSE(input.cloud.colors.empty());
+    for (std::size_t i = 0; i < input.cloud.size(); ++i)
+        EXPECT_NEAR(input.cloud.world(i).norm(), 9000, 2);
+}
+
+TEST_F(PlainColumns, ThatMayBeXOrATimeAreRefused)
+{
+    const auto even = [](int i) { return Fields{std::to_string(0.01 * i)}; };
+    const auto ofDay = [](int i) { return Fields{std::to_string(34567.5 + 0.01 * i * i)}; };
+    for (const std::string& text :
+         {ball(even, none), ball(even, none, ";", 0.5), ball(ofDay, none, ",", 30)}) {
+        const std::string message = error("a.xyz", text);
+        EXPECT_NE(message.find("column 1 rises"), std::string::npos) << message;
+        EXPECT_NE(message.find("Name the columns"), std::string::npos) << message;
+    }
+    // As it says.
+    expectBall(read("a.xyz", "time x y z\n" + ball(even, none)), "");
+    EXPECT_EQ(read("a.xyz", "x y z i\n" + ball(even, none)).cloud.size(), std::size_t(kPoints));
+    // Two scans behind each other.
+    std::string scan;
+    for (int part = 0; part < 4; ++part)
+        scan += ball([=](int i) { return Fields{std::to_string(i + part * kPoints)}; }, none);
+    EXPECT_EQ(read("a.xyz", scan).cloud.size(), std::size_t(kPoints));
+    EXPECT_NE(error("a.xyz", scan + scan).find("column 1 rises"), std::string::npos);
+}
+
+// Clouds that are sorted, or lie on a raster, with something behind their positions.
+TEST_F(PlainColumns, OfPositionsThatRiseStayPositions)
+{
+    const auto expectFirst = [&](const std::string& text, const Vec3d& first) {
+        SCOPED_TRACE(text.substr(0, text.find('\n')));
+        const PointInput input = read("a.xyz", text);
+        EXPECT_LT((input.cloud.world(0) - first).norm(), 1e-5);
+        EXPECT_TRUE(input.notes.empty()) << input.notes[0];
+    };
+    const auto row = [](double x, double y, double z, const std::string& behind, int i) {
+        const std::string fraction = concat(" ", std::to_string(std::cos(7.0 * i)));
+        return concat(std::to_string(x), " ", std::to_string(y), " ", std::to_string(z),
+                      behind == "fraction" ? fraction : behind, "\n");
+    };
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> uniform(0, 10);
+    std::vector<Vec3d> sorted(2000);
+    for (Vec3d& p : sorted) p = Vec3d(uniform(random), uniform(random), uniform(random));
+    std::sort(sorted.begin(), sorted.end(), [](auto& a, auto& b) { return a.x() < b.x(); });
+    for (const char* behind : {"", "fraction", " 17", " -3", " 0 0 1", " 10 20 30", " 7 10 20 30"})
+        for (const Vec3d& offset : {Vec3d(0, 0, 0), Vec3d(432100, 5412300, 410)}) {
+            std::string text;
+            for (int i = 0; i < 2000; ++i) {
+                const Vec3d p = sorted[std::size_t(i)] + offset + Vec3d(1e-5 * i, 0, 0);
+                text += row(p.x(), p.y(), p.z(), behind, i);
+            }
+            expectFirst(text, sorted[0] + offset);
+        }
+    for (const int width : {40, 1500})
+        for (const char* behind : {"", "fraction", " 12"}) {
+            std::string raster, camera, rolled, shifted, turned;
+            for (int i = 0; i < 3 * width; ++i) {
+                const int x = i % width, y = i / width;
+                const double z = std::sin(0.01 * i);
+                raster += row(x, y, z, behind, i);
+                camera += row(0.5 * x + 0.1 * std::sin(i), y + 0.1 * std::cos(i), z, behind, i);
+                rolled += row(0.5 * x, 0.25 * x - y, z, behind, i);
+                shifted += row(x, y + 0.5, z, behind, i);
+                turned += row(x, -0.34 * x - y, z, behind, i);
+            }
+            expectFirst(raster, Vec3d(0, 0, 0));
+            expectFirst(camera, Vec3d(0, 0.1, 0));
+            expectFirst(rolled, Vec3d(0, 0, 0));
+            expectFirst(shifted, Vec3d(0, 0.5, 0));
+            expectFirst(turned, Vec3d(0, 0, 0));
+        }
+    // A lathe's: x goes on evenly.
+    for (const char* behind : {"", " 12", " 10 20 30", " 0 0.6 0.8"}) {
+        std::string text;
+        for (int i = 0; i < 1500; ++i)
+            text += row(0.01 * i, std::cos(0.1 * i), std::sin(0.1 * i), behind, i);
+        expectFirst(text, Vec3d(0, 1, 0));
+    }
+    // Too few rows to say.
+    expectFirst("1 0.5 3.5 2.5\n2 1.5 0.5 7.5\n3 0.5 0.25 0.5\n", Vec3d(1, 0.5, 3.5));
+}
 
 // Whole numbers that are no bytes, between black and white of 16 bits, with what stands beside
 // them.

@@ -56,8 +56,16 @@ void assign(ColumnLayout& layout, std::size_t first, Attribute attribute)
 
 } // namespace
 
-ColumnLayout layoutFromValues(const Rows& rows)
+ColumnLayout layoutFromValues(const Rows& rows, std::size_t leading)
 {
+    if (leading > 0) {
+        Rows behind;
+        for (const auto& row : rows)
+            behind.emplace_back(row.begin() + std::ptrdiff_t(leading), row.end());
+        ColumnLayout layout = layoutFromValues(behind);
+        layout.columns.insert(layout.columns.begin(), leading, Attribute::None);
+        return layout;
+    }
     ColumnLayout layout;
     layout.columns.assign(rows.front().size(), Attribute::None);
     assign(layout, 0, Attribute::X);

@@ -12,8 +12,10 @@ struct ColumnLayout {
 };
 
 /// The layout by the values of some rows, all of the same length of at least three: positions
-/// first; then triples of unit length are normals, triples of whole numbers in [0,255] colors, and so
-/// are those in [0,65535] at the end or before normals.
-ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows);
+/// first, behind @a leading columns without a meaning; then triples of unit length are normals,
+/// triples of whole numbers in [0,255] colors, and so are those in [0,65535] at the end or before
+/// normals.
+ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows,
+                              std::size_t leading = 0);
 
 } // namespace mpuvdb

@@ -2,6 +2,7 @@
 #include "column_names.h"
 #include "files/line_reader.h"
 #include "files/text_scan.h"
+#include "leading_columns.h"
 #include "readers.h"
 
 #include <mpuvdb/error.h>
@@ -18,6 +19,9 @@ namespace
 
 /// The rows whose values decide the meaning of columns. [tuned: io_read_test]
 constexpr std::size_t kSampleRows = 1000;
+/// Rows in which a column rises that numbers or times them. [derived: rows of a raster, along which
+/// x rises, have fewer than 65536 columns]
+constexpr std::size_t kRisingRows = 1 << 16;
 
 // The header of the file.
 struct Preamble {
@@ -31,6 +35,7 @@ struct Preamble {
     ColumnNames comment;        ///< before the first row, the last one of words
     ColumnNames words;          ///< a first line of words, none of them a position
     std::string wordLine, firstRow;
+    std::string leading; ///< a note about the columns before x; empty: there are none
 };
 
 struct Rows {
@@ -72,6 +77,7 @@ public:
         for (std::size_t c = 0; c < mBegin.layout.names.size(); ++c)
             if (isNamedScalar(mBegin.layout.columns[c]) && !mBegin.layout.names[c].empty())
                 result.scalarNames.push_back(mBegin.layout.names[c]);
+        if (!mBegin.leading.empty()) result.notes.push_back(mBegin.leading);
         if (mBegin.hasCount) compareCount(result, counted);
         return result;
     }
@@ -216,11 +222,58 @@ private:
                 fmt::format("{}: holds no points. Check what was exported.", mSource.name()));
         if (mBegin.layout.columns.size() != columns) {
             refuseOtherColumns(columns);
-            mBegin.layout = layoutFromValues(sample);
+            const bool named = !mBegin.layout.columns.empty(); // x, y and z the first
+            mBegin.layout = layoutFromValues(sample, named ? 0 : leadingColumns(sample));
         }
         mBegin.has = AttributeSet(mBegin.layout.columns);
         mBegin.has.colors = mBegin.has.colors && !mBegin.has.packedRgb;
         mBegin.has.packedRgb = mBegin.has.byteColors = false;
+    }
+
+    /// The number of columns before x, which number or time the rows.
+    std::size_t leadingColumns(const std::vector<std::vector<double>>& sample)
+    {
+        for (std::size_t column = 0;; ++column) {
+            Leading meaning = leadingColumn(sample, column);
+            if (meaning != Leading::Coordinate && !risesOn(column))
+                meaning = leadingIfItFalls(meaning);
+            if (meaning == Leading::Unclear)
+                throw InputError(fmt::format(
+                    "{}: column {} rises from row to row: it may be x, or number or time the rows. "
+                    "Name the columns in the first line, such as 'x y z intensity' or 'time x y "
+                    "z'.",
+                    mSource.name(), column + 1));
+            if (meaning == Leading::Coordinate) {
+                if (column > 0)
+                    mBegin.leading += fmt::format(": x, y and z are columns {}, {} and {}",
+                                                  column + 1, column + 2, column + 3);
+                return column;
+            }
+            mBegin.leading +=
+                fmt::format("{}column {} {} the rows", column == 0 ? "" : ", ", column + 1,
+                            meaning == Leading::Time ? "times" : "numbers");
+        }
+    }
+
+    /// Whether a column rises in all of the first rows.
+    bool risesOn(std::size_t column) const
+    {
+        LineReader lines(mSource);
+        std::string_view line;
+        double before = -std::numeric_limits<double>::infinity();
+        for (std::size_t rows = 0; rows < kRisingRows && lines.next(line);) {
+            if ((lines.line() & 0xfff) == 0) mProgress.check();
+            LineScanner scan(line);
+            if (scan.atEndOrComment() || (mBegin.tagged && scan.word() != "p")) continue;
+            double value = 0;
+            std::size_t read = 0;
+            while (read <= column && scan.number(value)) ++read;
+            if (read <= column || scan.atEndOrComment()) continue; // the number of points
+            if (!(value > before)) return false;
+            before = value;
+            ++rows;
+        }
+        return true;
     }
 
     // Refuses names that do not fit the columns.
