@@ -1,6 +1,7 @@
 // The bytes of one input: a regular file read piecewise, or a pipe read to its end.
 #pragma once
 #include "decimal_commas.h"
+#include "digit_groups.h"
 
 #include <atomic>
 #include <cstdint>
@@ -37,6 +38,9 @@ public:
     /// The meaning of commas in its text, set by the first reader of lines that can decide.
     Commas commas() const { return mCommas.load(std::memory_order_relaxed); }
     void setCommas(Commas commas) const { mCommas.store(commas, std::memory_order_relaxed); }
+    /// What groups the digits of a table, in the same way.
+    Groups groups() const { return mGroups.load(std::memory_order_relaxed); }
+    void setGroups(Groups groups) const { mGroups.store(groups, std::memory_order_relaxed); }
 
 private:
     void readPipe(Interrupter& progress);
@@ -47,6 +51,7 @@ private:
     int mFile = -1;
     bool mIsPipe = false;
     mutable std::atomic<Commas> mCommas{Commas::Unknown};
+    mutable std::atomic<Groups> mGroups{Groups::Unknown};
 };
 
 /// Walks through binary data that has no fixed stride.

@@ -24,10 +24,21 @@ bool isBlank(const char* begin, const char* end)
     return std::all_of(begin, end, [](char c) { return c == ' ' || c == '\t' || c == '\r'; });
 }
 
+bool isSaid(Groups groups)
+{
+    return groups == Groups::Dots || groups == Groups::Blanks;
+}
+
 } // namespace
 
 LineReader::LineReader(const ByteSource& source, std::uint64_t offset, std::uint64_t linesBefore)
-    : mSource(source), mBase(offset), mLine(linesBefore)
+    : LineReader(source, offset, linesBefore, false)
+{
+}
+
+LineReader::LineReader(const ByteSource& source, std::uint64_t offset, std::uint64_t linesBefore,
+                       bool isTable)
+    : mSource(source), mBase(offset), mLine(linesBefore), mIsTable(isTable)
 {
     refill();
     constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
@@ -36,7 +47,54 @@ LineReader::LineReader(const ByteSource& source, std::uint64_t offset, std::uint
         mAt = kByteOrderMark.size();
     const auto begin = mBuffer.begin(), end = begin + std::ptrdiff_t(mEnd);
     if (std::find(begin, end, '\n') == end && std::find(begin, end, '\r') != end) mNewline = '\r';
+    detectGroups();
     detectCommas();
+}
+
+// The lines in the buffer that end in it.
+std::string_view LineReader::wholeLines() const
+{
+    const std::string_view piece(mBuffer.data() + mAt, mEnd - mAt);
+    const bool isLast = mBase + mEnd >= mSource.size();
+    return piece.substr(0, isLast ? piece.size() : piece.rfind(mNewline) + 1); // none: 0
+}
+
+// The first rows; those from the next point on, of which there is none for long where all is whole;
+// and some of the others.
+void LineReader::addGroupEvidence(std::string_view lines)
+{
+    const auto addRows = [&](std::size_t at, std::size_t step) {
+        for (std::size_t rows = 0; rows < kMaxEvidenceRows && at < lines.size(); ++rows) {
+            const std::size_t after = std::min(lines.find(mNewline, at), lines.size());
+            mGroupEvidence.add(lines.substr(at, after - at));
+            const std::size_t next = std::max(after, at + step);
+            at = std::min(lines.find(mNewline, next), lines.size()) + 1;
+        }
+        return std::min(at, lines.size());
+    };
+    const std::size_t read = addRows(0, 0);
+    const std::size_t point = std::min(lines.find('.', read), lines.size());
+    const std::size_t pointed = addRows(std::max(read, lines.rfind(mNewline, point) + 1), 0);
+    addRows(pointed < lines.size() ? pointed : read, (lines.size() - read) / kMaxEvidenceRows + 1);
+}
+
+// Rows before the decision were read as if there were no groups: they have to be the same.
+void LineReader::detectGroups()
+{
+    if (!mIsTable) return;
+    const std::string_view lines = wholeLines();
+    if (mSource.groups() == Groups::Unknown) {
+        const bool wereThere = mGroupEvidence.any();
+        addGroupEvidence(lines);
+        const auto groups = mGroupEvidence.decide();
+        if (!groups || (isSaid(*groups) && wereThere))
+            throw InputError(fmt::format(
+                "{}: {}: it is not clear whether its dots or blanks separate thousands. Export the "
+                "file without separators of thousands.",
+                mSource.name(), inQuotes(mGroupEvidence.example())));
+        mSource.setGroups(*groups);
+    }
+    mDropsGroups = mDropsGroups || isSaid(mSource.groups()) || hasGroupMarks(lines);
 }
 
 // Each piece is searched until the meaning is decided: text without commas reads the same.
@@ -44,16 +102,17 @@ void LineReader::detectCommas()
 {
     mDecimalCommas = mSource.commas() == Commas::Decimal;
     if (mSource.commas() != Commas::Unknown) return;
-    const std::string_view piece(mBuffer.data() + mAt, mEnd - mAt);
-    const bool isLast = mBase + mEnd >= mSource.size();
-    const std::size_t end = isLast ? piece.size() : piece.rfind(mNewline) + 1; // none: 0
+    const std::string_view piece = wholeLines();
+    const std::size_t end = piece.size();
     CommaEvidence evidence;
     std::string_view firstRow;
     for (std::size_t at = piece.find(','); at < end && evidence.rows() < kMaxEvidenceRows;) {
         const std::size_t begin = at == 0 ? 0 : piece.rfind(mNewline, at - 1) + 1;
         const std::size_t after = std::min(piece.find(mNewline, at), end);
         const std::size_t before = evidence.rows();
-        evidence.add(piece.substr(begin, after - begin));
+        std::string row(piece.substr(begin, after - begin));
+        if (mDropsGroups) dropGroups(row.data(), row.data() + row.size(), mSource.groups());
+        evidence.add(row);
         if (before == 0 && evidence.rows() > 0) firstRow = piece.substr(begin, after - begin);
         at = piece.find(',', after);
     }
@@ -95,6 +154,11 @@ bool LineReader::refill()
 void LineReader::takeLine(std::size_t bytes, const char*& begin, const char*& end)
 {
     char* const line = mBuffer.data() + mAt;
+    if (mDropsGroups && !dropGroups(line, line + bytes, mSource.groups()))
+        throw InputError(
+            fmt::format("{}: line {}: {} has decimal points, and dots separate thousands in the "
+                        "rows before. Export the file without separators of thousands.",
+                        mSource.name(), mLine + 1, inQuotes({line, bytes})));
     if (mDecimalCommas) commasToPoints(line, line + bytes);
     begin = line;
     end = line + bytes;
@@ -117,6 +181,7 @@ bool LineReader::nextLine(const char*& begin, const char*& end, bool whole)
         if (whole) return false;
         searched = left;
         if (refill()) {
+            detectGroups();
             detectCommas();
             continue;
         }

@@ -22,13 +22,16 @@ struct LineBatch {
 };
 
 /// Reads lines that end in LF, CRLF or, in files that have no LF, CR. Holds one piece of the input.
-/// Decimal commas become points, so that the readers of all formats see the same numbers.
+/// Decimal commas become points, so that the readers of all formats see the same numbers, and the
+/// separators of thousands in a table's numbers go.
 class LineReader
 {
 public:
     /// @throws InputError, as all that reads on, where the meaning of commas is not clear.
     explicit LineReader(const ByteSource& source, std::uint64_t offset = 0,
                         std::uint64_t linesBefore = 0);
+    /// Reads a table, a number's digits in groups or not.
+    static LineReader ofTable(const ByteSource& source) { return {source, 0, 0, true}; }
     /// The next line that is not blank, without its end; valid until the next call.
     /// @return false at the end of the input.
     bool next(std::string_view& line);
@@ -41,9 +44,14 @@ public:
     std::vector<LineBatch> nextBatches(std::uint64_t maxLines);
 
 private:
+    LineReader(const ByteSource& source, std::uint64_t offset, std::uint64_t linesBefore,
+               bool isTable);
     /// @param whole  take the line only if it is all in the buffer, which then does not move.
     bool nextLine(const char*& begin, const char*& end, bool whole = false);
     bool refill();
+    std::string_view wholeLines() const;
+    void addGroupEvidence(std::string_view lines);
+    void detectGroups();
     void detectCommas();
     [[noreturn]] void throwAmbiguousCommas(std::string_view row) const;
     void takeLine(std::size_t bytes, const char*& begin, const char*& end);
@@ -55,6 +63,8 @@ private:
     std::uint64_t mLine;
     char mNewline = '\n';
     bool mDecimalCommas = false;
+    bool mIsTable = false, mDropsGroups = false;
+    GroupEvidence mGroupEvidence;
 };
 
 /// Call f(line, number) for every line of @a batch that is not blank.

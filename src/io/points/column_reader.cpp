@@ -61,7 +61,7 @@ public:
         readPreamble();
         FilePoints result;
         std::uint64_t counted = 0;
-        LineReader lines(mSource);
+        LineReader lines = LineReader::ofTable(mSource);
         parseLines<Rows>(
             lines, std::numeric_limits<std::uint64_t>::max(), mProgress,
             [&](const LineBatch& batch, Rows& rows) {
@@ -92,7 +92,7 @@ private:
 
     void readPreamble()
     {
-        LineReader lines(mSource);
+        LineReader lines = LineReader::ofTable(mSource);
         std::vector<std::vector<double>> sample;
         std::string_view line;
         bool first = true;
@@ -258,7 +258,7 @@ private:
     /// Whether a column rises in all of the first rows.
     bool risesOn(std::size_t column) const
     {
-        LineReader lines(mSource);
+        LineReader lines = LineReader::ofTable(mSource);
         std::string_view line;
         double before = -std::numeric_limits<double>::infinity();
         for (std::size_t rows = 0; rows < kRisingRows && lines.next(line);) {

@@ -80,6 +80,10 @@ FilePoints readFormat(const std::filesystem::path& file, const ScalarNames& scal
     scaleColors(points, progress);
     if (source.commas() == Commas::Decimal)
         points.notes.insert(points.notes.begin(), "its numbers have decimal commas");
+    if (source.groups() == Groups::Dots || source.groups() == Groups::Blanks)
+        points.notes.insert(points.notes.begin(),
+                            fmt::format("{} group the digits of its numbers",
+                                        source.groups() == Groups::Dots ? "dots" : "blanks"));
     return points;
 }
 

@@ -1,0 +1,63 @@
+// Separators between the digits of large numbers in a text: 1.234.567, 1 234 567, 1'234'567.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace mpuvdb
+{
+
+/// What groups the digits of a whole table, besides apostrophes and blanks that do not break a
+/// line, which can do nothing else.
+enum class Groups : std::uint8_t {
+    Unknown, ///< not decided so far
+    None,    ///< dots are decimal points, and blanks separate numbers
+    Dots,
+    Blanks ///< within columns that something else separates
+};
+
+/// Evidence from rows of a table about what groups their digits.
+class GroupEvidence
+{
+public:
+    /// Add a line. Lines with fewer than three numbers are no evidence.
+    void add(std::string_view line);
+    /// Whether a number was there that is read in another way with groups.
+    bool any() const { return !mExample.empty(); }
+    /// The first row with such a number.
+    const std::string& example() const { return mExample; }
+    /// The meaning that fits all rows. None where two of them do.
+    std::optional<Groups> decide() const;
+
+private:
+    void addDots(std::string_view line);
+    void addBlanks(std::string_view line);
+    void noteExample(std::string_view line);
+    bool columnMixes() const;
+
+    struct Column {
+        bool dotted = false; ///< like 1.234
+        bool small = false;  ///< whole, and not 0
+    };
+    std::vector<Column> mColumns;
+    std::string mExample;
+    bool mDots = true;       ///< dots may group: all numbers are like 1.234 or 123
+    bool mTwoDots = false;   ///< a number has two, which no decimal point explains
+    std::size_t mDotted = 0; ///< numbers like 1.234
+    bool mBlanks = true;     ///< blanks may group: what they part is like 1 234
+    bool mBlanked = false;   ///< there are numbers like 1 234
+    bool mZeroGroup = false; ///< one is like 1 034: nobody writes a whole number as 034
+    std::size_t mLeast = SIZE_MAX, mMost = 0; ///< numbers of a row, if blanks separate them
+};
+
+/// Whether @a text has a separator that can only group digits.
+bool hasGroupMarks(std::string_view text);
+
+/// Take the separators of groups out of the numbers of a line, which keeps its length: apostrophes,
+/// blanks that do not break a line, and what @a groups says. @return whether all numbers fit it.
+bool dropGroups(char* begin, char* end, Groups groups);
+
+} // namespace mpuvdb
