@@ -113,8 +113,11 @@ void GroupEvidence::addDots(std::string_view line)
         return;
     for (std::size_t at = 1; at + 1 < line.size(); ++at) // as a decimal comma
         fits = fits && !(line[at] == ',' && isDigit(line[at - 1]) && isDigit(line[at + 1]));
-    mDots = fits;
-    if (!fits) return;
+    if (!fits) {
+        mBroken = mDotted >= kSureDots && columnMixes();
+        mDots = false;
+        return;
+    }
     if (mColumns.size() < numbers.size()) mColumns.resize(numbers.size());
     for (std::size_t c = 0; c < numbers.size(); ++c) {
         const auto dots = std::count(numbers[c].begin(), numbers[c].end(), '.');
@@ -163,6 +166,7 @@ bool GroupEvidence::columnMixes() const
 
 std::optional<Groups> GroupEvidence::decide() const
 {
+    if (mBroken) return std::nullopt;
     if (mBlanks && mBlanked) {
         if (mZeroGroup || mLeast < mMost) return Groups::Blanks;
         return std::nullopt;

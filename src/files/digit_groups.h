@@ -46,6 +46,7 @@ private:
     std::string mExample;
     bool mDots = true;       ///< dots may group: all numbers are like 1.234 or 123
     bool mTwoDots = false;   ///< a number has two, which no decimal point explains
+    bool mBroken = false;    ///< a decimal point came after rows that dots seemed to group
     std::size_t mDotted = 0; ///< numbers like 1.234
     bool mBlanks = true;     ///< blanks may group: what they part is like 1 234
     bool mBlanked = false;   ///< there are numbers like 1 234
