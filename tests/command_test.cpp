@@ -408,6 +408,8 @@ TEST_F(CommandTest, NormalsAreEstimatedAndInsideOutIsCuredAndSaid)
     writeFile(mFolder / "inward.xyz", inward);
     const Ended kept = mpuvdb({"reconstruct", "inward.xyz", "-o", "b.vdb", "--normals", "keep"});
     EXPECT_NE(kept.err.find("turn them with --flip-normals"), std::string::npos) << kept.err;
+    const Ended room = mpuvdb({"reconstruct", "bare.xyz", "-o", "b.vdb", "--viewpoint", "0,0,0"});
+    EXPECT_NE(room.err.find("that is right for a room"), std::string::npos) << room.err;
     const auto cured = [&](const Words& options) {
         Words words{"reconstruct", "inward.xyz", "-o",       "b.vdb",
                     "--mesh",      "b.ply",      "--report", "b.json"};

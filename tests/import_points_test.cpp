@@ -184,21 +184,5 @@ TEST(Clean, DoesWhatItIsTold)
     EXPECT_FALSE(report.inward);
 }
 
-// Whoever stood in a room sees walls that look at him: they are not inside out.
-TEST(Clean, RoomsThatAreSeenFromWithinAreNotInward)
-{
-    PointCloud cloud = sphere(5000);
-    for (Vec3f& normal : cloud.normals) normal = -normal;
-    CleanSettings settings;
-    settings.normals = NormalsFrom::Keep;
-    Interrupter progress;
-    EXPECT_TRUE(clean(cloud, settings, &progress).inward);
-    cloud.viewpoints = {{Vec3d(0.2, 0.1, 0)}};
-    EXPECT_FALSE(clean(cloud, settings, &progress).inward);
-    settings.flipNormals = true;
-    clean(cloud, settings, &progress);
-    EXPECT_TRUE(clean(cloud, settings, &progress).inward) << "flipped twice";
-}
-
 } // namespace
 } // namespace mpuvdb

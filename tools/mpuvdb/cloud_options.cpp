@@ -170,8 +170,10 @@ void CloudOptions::describeCleaning(Session& session, const ReconstructReport& m
     if (report.inward)
         session.warn(fmt::format("the normals point inward, so that inside and outside are "
                                  "exchanged; {}",
-                                 mFlipNormals ? "do without --flip-normals"
-                                              : "turn them with --flip-normals"));
+                                 mFlipNormals          ? "do without --flip-normals"
+                                 : mViewpoints.empty() ? "turn them with --flip-normals"
+                                                       : "that is right for a room with the "
+                                                         "viewpoint in it, else name another"));
 }
 
 void CloudOptions::describeSettings(Session& session, const ReconstructReport& made) const

@@ -42,9 +42,7 @@ public:
             s.fillSolid = fillSolid && s.noise > kOfSheet * s.spacing;
         }
         if (mSettings.flipNormals) flipNormals(mCloud);
-        // Scanners see what looks at them: one that stood within a room does not contradict.
-        mReport.inward =
-            (mCloud.viewpoints.empty() || mSettings.flipNormals) && pointsInward(mCloud);
+        mReport.inward = pointsInward(mCloud);
         return mReport;
     }
 
