@@ -1,39 +1,14 @@
 #include "column_layout.h"
 
-#include <algorithm>
-#include <cmath>
+#include "sample_rows.h"
 
 namespace mpuvdb
 {
 namespace
 {
 
-using Rows = std::vector<std::vector<double>>;
-
-bool isWhole(double v)
-{
-    return v == std::floor(v);
-}
-
-// Whether f holds for the three values from @a first on in at least 95 % of the rows.
-template <class F>
-bool mostTriples(const Rows& rows, std::size_t first, const F& f)
-{
-    if (first + 3 > rows.front().size()) return false;
-    const auto good = std::count_if(rows.begin(), rows.end(),
-                                    [&](const auto& row) { return f(row.data() + first); });
-    return 20 * std::size_t(good) >= 19 * rows.size();
-}
-
-bool areUnit(const Rows& rows, std::size_t first)
-{
-    return mostTriples(rows, first, [](const double* t) {
-        return std::abs(t[0] * t[0] + t[1] * t[1] + t[2] * t[2] - 1) < 0.1;
-    });
-}
-
 /// Whether three columns hold whole numbers from 0 to @a largest.
-bool areWhole(const Rows& rows, std::size_t first, double largest)
+bool areWhole(const SampleRows& rows, std::size_t first, double largest)
 {
     return mostTriples(rows, first, [=](const double* t) {
         return std::all_of(t, t + 3,
@@ -41,7 +16,7 @@ bool areWhole(const Rows& rows, std::size_t first, double largest)
     });
 }
 
-bool areFractions(const Rows& rows, std::size_t first)
+bool areFractions(const SampleRows& rows, std::size_t first)
 {
     return mostTriples(rows, first, [](const double* t) {
         return std::all_of(t, t + 3, [](double v) { return v >= 0 && v <= 1; });
@@ -56,10 +31,10 @@ void assign(ColumnLayout& layout, std::size_t first, Attribute attribute)
 
 } // namespace
 
-ColumnLayout layoutFromValues(const Rows& rows, std::size_t leading)
+ColumnLayout layoutFromValues(const SampleRows& rows, std::size_t leading)
 {
     if (leading > 0) {
-        Rows behind;
+        SampleRows behind;
         for (const auto& row : rows)
             behind.emplace_back(row.begin() + std::ptrdiff_t(leading), row.end());
         ColumnLayout layout = layoutFromValues(behind);

@@ -1,14 +1,11 @@
 #include "leading_columns.h"
 
-#include <algorithm>
-#include <cmath>
+#include "sample_rows.h"
 
 namespace mpuvdb
 {
 namespace
 {
-
-using Rows = std::vector<std::vector<double>>;
 
 /// Least rows whose order says something. [derived: so many numbers without an order rise with
 /// probability 1 / 8!, 2.5e-5]
@@ -28,43 +25,38 @@ constexpr double kEvenSteps = 0.5;
 
 /// Whether f(value before, value) holds from row to row.
 template <class F>
-bool always(const Rows& rows, std::size_t column, const F& f)
+bool always(const SampleRows& rows, std::size_t column, const F& f)
 {
     return std::adjacent_find(rows.begin(), rows.end(), [&](const auto& a, const auto& b) {
                return !f(a[column], b[column]);
            }) == rows.end();
 }
 
-bool isWhole(double v)
-{
-    return v == std::floor(v);
-}
-
 template <class F>
-std::size_t count(const Rows& rows, std::size_t column, const F& f)
+std::size_t count(const SampleRows& rows, std::size_t column, const F& f)
 {
     return std::size_t(
         std::count_if(rows.begin(), rows.end(), [&](const auto& row) { return f(row[column]); }));
 }
 
-bool areWhole(const Rows& rows, std::size_t column)
+bool areWhole(const SampleRows& rows, std::size_t column)
 {
     return count(rows, column, isWhole) == rows.size();
 }
 
-bool areFractions(const Rows& rows, std::size_t column)
+bool areFractions(const SampleRows& rows, std::size_t column)
 {
     return 2 * count(rows, column, isWhole) < rows.size();
 }
 
-bool riseAndFall(const Rows& rows, std::size_t column)
+bool riseAndFall(const SampleRows& rows, std::size_t column)
 {
     return !always(rows, column, [](double a, double b) { return a <= b; }) &&
            !always(rows, column, [](double a, double b) { return a >= b; });
 }
 
 /// The least of a column over the largest magnitude in the three behind it.
-double ratioToOthers(const Rows& rows, std::size_t column)
+double ratioToOthers(const SampleRows& rows, std::size_t column)
 {
     double least = rows.front()[column], largest = 0;
     for (const auto& row : rows) {
@@ -75,7 +67,7 @@ double ratioToOthers(const Rows& rows, std::size_t column)
     return largest > 0 ? least / largest : 0;
 }
 
-bool haveEvenSteps(const Rows& rows, std::size_t column)
+bool haveEvenSteps(const SampleRows& rows, std::size_t column)
 {
     const double steps = double(rows.size() - 1);
     const double mean = (rows.back()[column] - rows.front()[column]) / steps;
@@ -87,24 +79,7 @@ bool haveEvenSteps(const Rows& rows, std::size_t column)
     return std::sqrt(sum / steps) < kEvenSteps * std::abs(mean);
 }
 
-/// Whether f holds for the three values from @a column on in at least 95 % of the rows.
-template <class F>
-bool mostTriples(const Rows& rows, std::size_t column, const F& f)
-{
-    if (column + 3 > rows.front().size()) return false;
-    const auto good = std::count_if(rows.begin(), rows.end(),
-                                    [&](const auto& row) { return f(row.data() + column); });
-    return 20 * std::size_t(good) >= 19 * rows.size();
-}
-
-bool areNormals(const Rows& rows, std::size_t column)
-{
-    return mostTriples(rows, column, [](const double* t) {
-        return std::abs(t[0] * t[0] + t[1] * t[1] + t[2] * t[2] - 1) < 0.1;
-    });
-}
-
-bool areColors(const Rows& rows, std::size_t column)
+bool areColors(const SampleRows& rows, std::size_t column)
 {
     return mostTriples(rows, column, [](const double* t) {
         return std::all_of(t, t + 3, [](double v) { return isWhole(v) && v >= 0; });
@@ -114,7 +89,7 @@ bool areColors(const Rows& rows, std::size_t column)
 /// Whether whole numbers that rise are no coordinate: they count from 0 or 1, or those beside them
 /// have fractions, which all coordinates have or none. Along a line of a raster that lies straight,
 /// y is constant; of one that lies askew, y has even steps, and z is behind it.
-bool areNumbers(const Rows& rows, std::size_t column)
+bool areNumbers(const SampleRows& rows, std::size_t column)
 {
     const auto isConstant = [&](std::size_t c) {
         return always(rows, c, [](double a, double b) { return a == b; });
@@ -130,7 +105,7 @@ bool areNumbers(const Rows& rows, std::size_t column)
 
 } // namespace
 
-Leading leadingColumn(const Rows& rows, std::size_t column)
+Leading leadingColumn(const SampleRows& rows, std::size_t column)
 {
     if (rows.size() < kMinRows || rows.front().size() < column + 4) return Leading::Coordinate;
     const bool finite = std::all_of(rows.begin(), rows.end(), [&](const auto& row) {
@@ -141,7 +116,7 @@ Leading leadingColumn(const Rows& rows, std::size_t column)
     const double ratio = ratioToOthers(rows, column);
     if (rows.front()[column] >= kLeastTime && ratio >= kTimeRatio) return Leading::Time;
     if (!always(rows, column, [](double a, double b) { return a < b; }) ||
-        areNormals(rows, column + 3))
+        areUnit(rows, column + 3))
         return Leading::Coordinate;
     if (areNumbers(rows, column)) return Leading::Number;
     // An intensity in whole numbers makes the three before it a position, and so does a color.
