@@ -4,7 +4,7 @@
 #include "winding_number.h"
 #include <mpuvdb/field.h>
 
-#include <openvdb/math/Coord.h>
+#include <openvdb/Types.h>
 
 #include <array>
 #include <vector>

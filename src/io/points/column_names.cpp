@@ -188,6 +188,7 @@ void findVectors(const std::vector<std::string>& names, ColumnLayout& layout)
         {"colors", Attribute::Red},
         {"color", Attribute::Red}};
     std::vector<Component> parts;
+    parts.reserve(names.size());
     for (const std::string& name : names) parts.push_back(componentOf(name));
     const auto find = [&](const std::string& vector, std::size_t index) {
         const auto at = std::find_if(parts.begin(), parts.end(), [&](const Component& part) {

@@ -102,6 +102,7 @@ openvdb::GridCPtrVec compressAttributes(const LevelSet& levelSet,
         [&] { return Thread(levelSet, attributes, heads); });
     tbb::parallel_for(std::size_t(0), groups.size(), [&](std::size_t n) {
         std::vector<CompressedLeaves*> to;
+        to.reserve(leaves.size());
         for (auto& some : leaves) to.push_back(&some[n]);
         threads.local().compress(groups[n], to);
         progress.advance();
