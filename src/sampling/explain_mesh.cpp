@@ -80,6 +80,7 @@ double missedThickness(const std::vector<TrianglePlace>& places,
     std::vector<double> found;
     for (std::size_t n = 0; n < some.size(); n += some.size() / kMaxPlaces + 1)
         found.push_back(thicknessAt(some[n], solid, voxelSize));
+    if (found.empty()) return voxelSize; // triangles without area have no places
     const auto at =
         found.begin() + (missed.empty() ? std::ptrdiff_t(0) : std::ptrdiff_t(found.size() / 4));
     std::nth_element(found.begin(), at, found.end());
