@@ -29,8 +29,10 @@ struct MeshRepair {
 
 /// Comparison of a mesh with the level set of its solid.
 struct MeshExplained {
-    double volumeIn = 0, volumeOut = 0; ///< of the mesh's solid and of the level set's, world units
-                                        ///< cubed
+    /// Volumes of the mesh's solid and of the level set's, world units cubed. Holes of the mesh
+    /// count as if cones over their rims closed them; where repair closed them otherwise, the two
+    /// are not compared.
+    double volumeIn = 0, volumeOut = 0;
     double areaIn = 0, areaOut = 0;     ///< of their boundaries, world units squared
     std::uint64_t partsIn = 0;          ///< surfaces that enclose parts of the mesh's solid
     std::uint64_t partsOut = 0;         ///< connected parts of the level set's solid
