@@ -33,11 +33,11 @@ struct MeshExplained {
     /// count as if cones over their rims closed them; where repair closed them otherwise, the two
     /// are not compared.
     double volumeIn = 0, volumeOut = 0;
-    double areaIn = 0, areaOut = 0;     ///< of their boundaries, world units squared
-    std::uint64_t partsIn = 0;          ///< surfaces that enclose parts of the mesh's solid
-    std::uint64_t partsOut = 0;         ///< connected parts of the level set's solid
-    std::uint64_t cavitiesIn = 0;       ///< surfaces that enclose cavities of the mesh's solid
-    std::uint64_t cavitiesOut = 0;      ///< connected cavities of the level set's solid
+    double areaIn = 0, areaOut = 0; ///< of their boundaries, world units squared
+    std::uint64_t partsIn = 0;      ///< surfaces that enclose parts of the mesh's solid
+    std::uint64_t partsOut = 0;     ///< connected parts of the level set's solid
+    std::uint64_t cavitiesIn = 0;   ///< surfaces that enclose cavities of the mesh's solid
+    std::uint64_t cavitiesOut = 0;  ///< connected cavities of the level set's solid
     /// The difference of the volumes that the voxel size h explains, world units cubed: h^2 / 4
     /// times the integral of the surface's curvatures (over a mesh the sum of edge lengths times
     /// angles between normals). Half of it is the error of linear interpolation, half that of the
