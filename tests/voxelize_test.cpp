@@ -445,6 +445,25 @@ TEST(Resample, KeepsValuesWhereVoxelsCoincide)
     EXPECT_THROW(resample(levelSet, shifted, 1, &progress), UsageError);
 }
 
+TEST(Resample, TellsWhereVoxelsAreTooLarge)
+{
+    const double radius = 1;
+    const LevelSet levelSet = sampled(*solidField("sphere(1)"), radius / 12);
+    const auto notes = [&](double voxelSize) {
+        Interrupter progress;
+        resample(levelSet, {Vec3d::Zero(), voxelSize}, 3, &progress);
+        return progress.notes();
+    };
+    for (const double diameter : {40.0, 12.0, 6.0}) // voxels
+        EXPECT_TRUE(notes(2 * radius / diameter).empty()) << diameter;
+    for (const double diameter : {2.5, 1.5}) {
+        const auto said = notes(2 * radius / diameter);
+        ASSERT_EQ(said.size(), 1u) << diameter;
+        EXPECT_NE(said[0].find("too large for the solid: its volume was 4.19"), std::string::npos)
+            << said[0];
+    }
+}
+
 TEST(Resample, KeepsWhatIsEmpty)
 {
     auto grid = openvdb::FloatGrid::create(0.3f);

@@ -53,7 +53,8 @@ struct OneLattice {
 OneLattice onOneLattice(const std::vector<LevelSet>& inputs, double voxelSize = 0,
                         Interrupter* interrupter = nullptr);
 
-/// @a levelSet resampled on @a lattice in a band of @a halfWidth of its voxels, in [1.5, 1000].
+/// @a levelSet resampled on @a lattice in a band of @a halfWidth of its voxels, in [1.5, 1000]. The
+/// interrupter gets a note where larger voxels change the volume by more than 3/16.
 /// @throws UsageError for settings out of range, LimitError for voxels too large for any band,
 /// Interrupted.
 LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfWidth,

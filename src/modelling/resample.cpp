@@ -2,6 +2,8 @@
 
 #include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
+#include "solid_measures.h"
+#include "surface/surface_integrals.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -43,6 +45,20 @@ bool isPartOf(const Lattice& to, const Lattice& from)
 double beyond(const Lattice& from, const Lattice& to)
 {
     return isPartOf(to, from) ? 0 : kStencil;
+}
+
+/// Note where larger voxels change the volume by more than they change that of the smallest ball
+/// that a band resolves.
+void noteLoss(const LevelSet& fine, const LevelSet& coarse, Interrupter& progress)
+{
+    /// Share of the volume. [derived: of a ball four voxels across, see MeshExplained]
+    constexpr double kMost = 3.0 / 16;
+    const double before = integrateSurface(measurable(fine, progress), progress).volume,
+                 after = integrateSurface(measurable(coarse, progress), progress).volume;
+    if (std::abs(after - before) > kMost * before)
+        progress.note(fmt::format("voxels of {:.4g} are too large for the solid: its volume was "
+                                  "{:.4g} and is {:.4g}. Take smaller ones",
+                                  coarse.voxelSize(), before, after));
 }
 
 } // namespace
@@ -87,6 +103,7 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
     settings.halfWidth = std::min(known < halfWidth * (1 - kRounding) ? known : halfWidth, 100.0);
     settings.name = name;
     const LevelSet result = sampleField(*makeGridField(source), settings, &progress);
+    if (ratio > 1) noteLoss(source, result, progress);
     return settings.halfWidth < halfWidth ? withHalfWidth(result, halfWidth, &progress) : result;
 }
 
