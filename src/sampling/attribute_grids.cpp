@@ -50,12 +50,19 @@ public:
     {
     }
 
-    AttributeVoxels addLike(const FloatTree::LeafNodeType& leaf)
+    /// @param values  see AttributeValues::forEach().
+    void addLike(const FloatTree::LeafNodeType& leaf, const float* values)
     {
-        AttributeVoxels voxels;
-        if (mHasColors) voxels.color = mColors.addLike(leaf);
-        for (Made<FloatTree>& scalar : mScalars) voxels.scalars.push_back(scalar.addLike(leaf));
-        return voxels;
+        openvdb::Vec3s* const color = mHasColors ? mColors.addLike(leaf) : nullptr;
+        std::vector<float*> scalars;
+        for (Made<FloatTree>& scalar : mScalars) scalars.push_back(scalar.addLike(leaf));
+        for (auto voxel = leaf.valueMask().beginOn(); voxel; ++voxel) {
+            if (color) {
+                color[voxel.pos()] = openvdb::Vec3s(values);
+                values += 3;
+            }
+            for (float* const scalar : scalars) scalar[voxel.pos()] = *values++;
+        }
     }
     void moveTo(const std::vector<openvdb::GridBase::Ptr>& grids)
     {
@@ -78,15 +85,16 @@ std::vector<openvdb::GridBase::Ptr> sampleAttributes(const LevelSet& levelSet,
 {
     Interrupter& progress = orSilent(interrupter);
     std::vector<openvdb::GridBase::Ptr> grids = attributeGridHeads(levelSet, attributes);
-    const std::vector<LeafGroup> groups = leafGroups(levelSet.grid().tree());
+    const std::vector<LeafGroup> groups = leafGroups(levelSet.grid().tree()).all;
     progress.beginStage("attributes", double(groups.size()));
     std::vector<MadeLeaves> made;
     for (std::size_t n = 0; n < groups.size(); ++n) made.emplace_back(attributes);
-    tbb::enumerable_thread_specific<AttributeValues> values(
+    tbb::enumerable_thread_specific<AttributeValues> evaluators(
         [&] { return AttributeValues(levelSet, attributes); });
     tbb::parallel_for(std::size_t(0), groups.size(), [&](std::size_t n) {
-        values.local().forEach(
-            groups[n], [&](const auto& leaf, const auto& set) { set(made[n].addLike(leaf)); });
+        evaluators.local().forEach(groups[n], [&](const auto& leaf, const float* values) {
+            made[n].addLike(leaf, values);
+        });
         progress.advance();
     });
     for (MadeLeaves& some : made) some.moveTo(grids);

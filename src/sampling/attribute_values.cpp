@@ -36,16 +36,19 @@ GridBase::Ptr headOf(const LevelSet& levelSet, const std::string& name)
 
 } // namespace
 
-std::vector<LeafGroup> leafGroups(const FloatTree& band)
+LeafGroups leafGroups(const FloatTree& band)
 {
     /// Binary logarithm of the cube's edge, voxels. [free: time]
     constexpr int kEdgeBits = 5;
-    std::map<openvdb::Coord, LeafGroup> groups;
-    for (auto leaf = band.cbeginLeaf(); leaf; ++leaf)
-        groups[leaf->origin() >> kEdgeBits].push_back(&*leaf);
-    std::vector<LeafGroup> result;
-    result.reserve(groups.size());
-    for (auto& [cube, group] : groups) result.push_back(std::move(group));
+    std::map<openvdb::Coord, std::uint32_t> groupOf; // of a cube
+    LeafGroups result;
+    for (auto leaf = band.cbeginLeaf(); leaf; ++leaf) {
+        const auto [at, isNew] =
+            groupOf.emplace(leaf->origin() >> kEdgeBits, std::uint32_t(result.all.size()));
+        if (isNew) result.all.emplace_back();
+        result.all[at->second].push_back(&*leaf);
+        result.ofLeaves.push_back(at->second);
+    }
     return result;
 }
 
@@ -66,7 +69,8 @@ std::vector<GridBase::Ptr> attributeGridHeads(const LevelSet& levelSet,
 }
 
 AttributeValues::AttributeValues(const LevelSet& levelSet, const SurfaceAttributes& attributes)
-    : mBand(levelSet.grid(), levelSet.lattice()), mAttributes(attributes)
+    : mBand(levelSet.grid(), levelSet.lattice()), mAttributes(attributes),
+      mChannels((attributes.hasColors() ? 3 : 0) + attributes.scalarNames().size())
 {
 }
 
@@ -81,21 +85,6 @@ void AttributeValues::evaluate(const LeafGroup& group)
         place += leaf->onVoxelCount();
     }
     mAttributes.evaluate(mPlaces, mValues);
-}
-
-const float* AttributeValues::set(const Leaf& leaf, const AttributeVoxels& voxels,
-                                  const float* next)
-{
-    for (openvdb::Index word = 0; word < Leaf::DIM; ++word)
-        for (auto left = leaf.valueMask().getWord<std::uint64_t>(word); left; left &= left - 1) {
-            const auto n = 64 * word + openvdb::Index(__builtin_ctzll(left));
-            if (voxels.color) {
-                voxels.color[n] = openvdb::Vec3s(next);
-                next += 3;
-            }
-            for (float* const scalar : voxels.scalars) scalar[n] = *next++;
-        }
-    return next;
 }
 
 } // namespace mpuvdb

@@ -2,6 +2,8 @@
 #pragma once
 #include "leaf_format.h"
 
+#include <openvdb/io/DelayedLoadMetadata.h>
+
 #include <functional>
 #include <string>
 #include <vector>
@@ -15,12 +17,6 @@ namespace mpuvdb
 /// @throws IoError, Interrupted.
 void saveLeaves(ArrayFileWriter& file, const std::string& prefix, const openvdb::GridBase& grid,
                 const openvdb::CoordBBox& box, const Interrupter& progress);
-
-/// Leaves in memory, each compressed as in a .vdb file.
-struct CompressedLeaves {
-    std::vector<LeafHead> heads;
-    std::string bytes; ///< of all, one after the other
-};
 
 /// What is taken of the leaves in files.
 struct LeafRegion {
@@ -58,17 +54,19 @@ std::vector<openvdb::Coord> nodesWithLeaves(const ArrayFile& file, const std::st
 /// Whether @a file has leaves of the grid.
 bool hasLeaves(const ArrayFile& file, const std::string& prefix);
 
-/// The same of the @a leaves in memory, without tiles. @param head  of floats or vectors of floats,
-/// without voxels.
-openvdb::GridBase::Ptr gridOfLeaves(const openvdb::GridBase& head,
-                                    std::vector<CompressedLeaves>&& leaves,
-                                    const Interrupter& progress);
+/// A grid for a writer of .vdb files that has its leaves as the file will have them, and no voxels.
+class OfLeaves
+{
+public:
+    virtual ~OfLeaves() = default;
+    /// The metadata, with those that a .vdb file has of its voxels: OpenVDB's writer would look at
+    /// the voxels themselves.
+    virtual openvdb::MetaMap fileMetadata() const = 0;
+};
 
-/// Whether @a grid was made by gridOfLeaves().
-bool isOfLeaves(const openvdb::GridBase& grid);
-
-/// The metadata of a grid made by gridOfLeaves(), with those that a .vdb file has of its voxels:
-/// OpenVDB's writer would look at the voxels themselves.
-openvdb::MetaMap fileMetadata(const openvdb::GridBase& grid);
+/// Add to @a metadata what a .vdb file says of how its leaves are stored.
+/// @param bytes  what reading them takes.
+void addLeafMetadata(openvdb::MetaMap& metadata, std::uint64_t bytes,
+                     const openvdb::io::DelayedLoadMetadata& leaves);
 
 } // namespace mpuvdb

@@ -20,14 +20,6 @@ using openvdb::Coord;
 using openvdb::CoordBBox;
 using openvdb::GridBase;
 
-/// A grid whose leaves have masks, and no voxels: those are copied from where they are compressed.
-class OfLeaves
-{
-public:
-    virtual ~OfLeaves() = default;
-    virtual openvdb::MetaMap fileMetadata() const = 0;
-};
-
 /// The kind of a leaf's inactive voxels, see openvdb::io::MaskCompress.
 std::int8_t kindOf(const char* bytes)
 {
@@ -58,10 +50,9 @@ public:
     using Tree = typename GridT::TreeType;
     using Leaf = typename Tree::LeafNodeType;
 
-    /// @param bytes  of the leaves at @a places, unless these are of files.
     GridOfLeaves(const typename Tree::Ptr& tree, std::vector<LeafPlace>&& places,
-                 std::shared_ptr<const void> bytes, const Interrupter& progress)
-        : GridT(tree), mPlaces(std::move(places)), mBytes(std::move(bytes)), mProgress(progress)
+                 const Interrupter& progress)
+        : GridT(tree), mPlaces(std::move(places)), mProgress(progress)
     {
     }
 
@@ -80,11 +71,6 @@ public:
         // As if the voxels were there: files say what reading them takes.
         const auto bytes =
             this->memUsage() + mPlaces.size() * Leaf::SIZE * sizeof(typename Leaf::ValueType);
-        copy->insertMeta(GridBase::META_FILE_MEM_BYTES,
-                         openvdb::Int64Metadata(openvdb::Int64(bytes)));
-        copy->insertMeta(
-            GridBase::META_FILE_COMPRESSION,
-            openvdb::StringMetadata(openvdb::io::compressionToString(leafCompression())));
         openvdb::io::DelayedLoadMetadata delayed;
         delayed.resizeMask(mPlaces.size());
         delayed.resizeCompressedSize(mPlaces.size());
@@ -94,13 +80,12 @@ public:
             delayed.setMask(n, kindOf(place.bytes));
             delayed.setCompressedSize(n, activeBytes(place, sizeof(typename Leaf::ValueType)));
         }
-        copy->insertMeta(GridBase::META_FILE_DELAYED_LOAD, delayed);
+        addLeafMetadata(*copy, bytes, delayed);
         return *copy;
     }
 
 private:
     std::vector<LeafPlace> mPlaces; ///< by the leaves' transient data
-    std::shared_ptr<const void> mBytes;
     const Interrupter& mProgress;
 };
 
@@ -143,14 +128,6 @@ typename Tree::Ptr treeOf(const std::vector<LeafPlace>& places,
 }
 
 template <typename GridT>
-GridBase::Ptr withHead(openvdb::SharedPtr<GridT> grid, const GridT& head)
-{
-    grid->insertMeta(head);
-    grid->setTransform(head.transform().copy());
-    return grid;
-}
-
-template <typename GridT>
 GridBase::Ptr joined(const GridT& head, const std::vector<ArrayFile>& files,
                      const std::string& prefix, const LeafRegion& region,
                      const Interrupter& progress)
@@ -163,28 +140,11 @@ GridBase::Ptr joined(const GridT& head, const std::vector<ArrayFile>& files,
     if constexpr (std::is_same_v<Tree, openvdb::FloatTree>)
         if (head.getGridClass() == openvdb::GRID_LEVEL_SET)
             fillSigns(*tree, places, region, progress);
-    return withHead(openvdb::SharedPtr<GridT>(
-                        new GridOfLeaves<GridT>(tree, std::move(places), nullptr, progress)),
-                    head);
-}
-
-template <typename GridT>
-GridBase::Ptr joined(const GridT& head, std::vector<CompressedLeaves>&& leaves,
-                     const Interrupter& progress)
-{
-    const auto bytes = std::make_shared<const std::vector<CompressedLeaves>>(std::move(leaves));
-    std::vector<LeafPlace> places;
-    for (const CompressedLeaves& some : *bytes) {
-        const char* at = some.bytes.data();
-        for (const LeafHead& leaf : some.heads) {
-            places.push_back({&leaf, at});
-            at += leaf.bytes;
-        }
-    }
-    const auto tree = treeOf<typename GridT::TreeType>(places, head.background());
-    return withHead(openvdb::SharedPtr<GridT>(
-                        new GridOfLeaves<GridT>(tree, std::move(places), bytes, progress)),
-                    head);
+    const openvdb::SharedPtr<GridT> grid(
+        new GridOfLeaves<GridT>(tree, std::move(places), progress));
+    grid->insertMeta(head);
+    grid->setTransform(head.transform().copy());
+    return grid;
 }
 
 } // namespace
@@ -200,22 +160,15 @@ GridBase::Ptr gridOfLeaves(const std::vector<ArrayFile>& files, const std::strin
     return joined(static_cast<const openvdb::Vec3SGrid&>(*head), files, prefix, region, progress);
 }
 
-GridBase::Ptr gridOfLeaves(const GridBase& head, std::vector<CompressedLeaves>&& leaves,
-                           const Interrupter& progress)
+void addLeafMetadata(openvdb::MetaMap& metadata, std::uint64_t bytes,
+                     const openvdb::io::DelayedLoadMetadata& leaves)
 {
-    if (head.isType<openvdb::FloatGrid>())
-        return joined(static_cast<const openvdb::FloatGrid&>(head), std::move(leaves), progress);
-    return joined(static_cast<const openvdb::Vec3SGrid&>(head), std::move(leaves), progress);
-}
-
-bool isOfLeaves(const GridBase& grid)
-{
-    return dynamic_cast<const OfLeaves*>(&grid) != nullptr;
-}
-
-openvdb::MetaMap fileMetadata(const GridBase& grid)
-{
-    return dynamic_cast<const OfLeaves&>(grid).fileMetadata();
+    metadata.insertMeta(GridBase::META_FILE_MEM_BYTES,
+                        openvdb::Int64Metadata(openvdb::Int64(bytes)));
+    metadata.insertMeta(
+        GridBase::META_FILE_COMPRESSION,
+        openvdb::StringMetadata(openvdb::io::compressionToString(leafCompression())));
+    metadata.insertMeta(GridBase::META_FILE_DELAYED_LOAD, leaves);
 }
 
 } // namespace mpuvdb

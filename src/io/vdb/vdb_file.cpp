@@ -196,7 +196,7 @@ public:
     {
         for (GridBase::ConstPtr& grid : grids) grid = compressingInParallel(grid, progress);
         if (std::any_of(grids.begin(), grids.end(),
-                        [](const auto& grid) { return isOfLeaves(*grid); }))
+                        [](const auto& grid) { return dynamic_cast<const OfLeaves*>(&*grid); }))
             writeWithLeaves(out, grids);
         else
             Archive::write(out, grids, /*seekable=*/true, {});
@@ -218,23 +218,23 @@ private:
         for (const GridBase::ConstPtr& grid : grids) {
             openvdb::io::GridDescriptor place(grid->getName(), grid->type(),
                                               grid->saveFloatAsHalf());
-            if (isOfLeaves(*grid))
-                writeLeaves(out, place, *grid);
+            if (const auto* const leaves = dynamic_cast<const OfLeaves*>(&*grid))
+                writeLeaves(out, place, *grid, leaves->fileMetadata());
             else
                 writeGrid(place, grid, out, /*seekable=*/true);
             openvdb::io::setDataCompression(out, compression());
         }
     }
 
-    void writeLeaves(std::ostream& out, openvdb::io::GridDescriptor& place,
-                     const GridBase& grid) const
+    void writeLeaves(std::ostream& out, openvdb::io::GridDescriptor& place, const GridBase& grid,
+                     const openvdb::MetaMap& metadata) const
     {
         place.writeHeader(out);
         const auto positions = out.tellp();
         place.writeStreamPos(out); // to be written again
         place.setGridPos(out.tellp());
         setGridCompression(out, grid);
-        fileMetadata(grid).writeMeta(out);
+        metadata.writeMeta(out);
         grid.writeTransform(out);
         grid.writeTopology(out);
         place.setBlockPos(out.tellp());

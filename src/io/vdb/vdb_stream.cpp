@@ -199,7 +199,7 @@ GridBase::Ptr VdbReader::read(const GridDescriptor& descriptor)
 GridBase::ConstPtr compressingInParallel(const GridBase::ConstPtr& grid,
                                          const Interrupter& progress)
 {
-    if (isOfLeaves(*grid)) return grid;
+    if (dynamic_cast<const OfLeaves*>(&*grid)) return grid;
     if (grid->isType<openvdb::FloatGrid>()) return inParallel<openvdb::FloatGrid>(*grid, progress);
     if (grid->isType<openvdb::Vec3SGrid>()) return inParallel<openvdb::Vec3SGrid>(*grid, progress);
     return grid;

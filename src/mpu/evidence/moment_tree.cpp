@@ -1,6 +1,7 @@
 #include "moment_tree.h"
 
 #include "core/clones.h"
+#include "core/lanes.h"
 
 #include <algorithm>
 #include <array>
@@ -23,8 +24,6 @@ constexpr float kMinConfidence = 1e-9f;
 /// dozen points one of 0.8 spacings. [tuned: attributes_bench; 1.2 leaves 8 % more noise, 1.4 blurs
 /// 15 % more]
 constexpr float kStepSpacings = 1.3f;
-/// Least buckets of a spacing. [derived: 64 points give it to an eighth]
-constexpr std::uint32_t kMinSpacingBuckets = 8;
 /// Finest level, with steps an eighth of the usual: windows of finer ones cost too much.
 /// [tuned: attributes_bench, time]
 constexpr int kMinLevel = -3;
@@ -71,51 +70,107 @@ MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
     sumUp();
 }
 
+/// Of a mean of 1.
+float MomentTree::confidenceOf(std::uint32_t point) const
+{
+    return std::max(mPoints.confidence[point] * mPerConfidence, kMinConfidence);
+}
+
 /// @param area  that is the point's, in those of points with the median spacing.
-void MomentTree::sumsOf(std::uint32_t point, float area, float* sums) const
+template <bool kIsFirst>
+void MomentTree::addSums(std::uint32_t point, float area, float* sums) const
 {
     using Four = float __attribute__((vector_size(16)));
-    const float confidence = std::max(mPoints.confidence[point] * mPerConfidence, kMinConfidence);
-    const float weight = confidence * area;
+    const float weight = confidenceOf(point) * area;
     const auto quantity = [&](std::size_t n) {
         if (n > mChannels.size()) return 0.0f;
         return n == 0 ? weight : weight * (mChannels[n - 1][point] - mReferences[n - 1]);
     };
-    for (std::size_t n = 0; n < mLength / 4; n += 4) {
+    for (std::size_t n = 0; n < mLength / 4; n += 4, sums += kLanes) {
         const Four four{quantity(n), quantity(n + 1), quantity(n + 2), quantity(n + 3)};
-        const Four moments[] = {four, four * mPoints.nx[point], four * mPoints.ny[point],
-                                four * mPoints.nz[point]};
-        std::memcpy(sums + 4 * n, moments, sizeof moments);
+        Four moments[] = {four, four * mPoints.nx[point], four * mPoints.ny[point],
+                          four * mPoints.nz[point]};
+        if (!kIsFirst)
+            for (std::size_t k = 0; k < 4; ++k) moments[k] += lanesAt<Four>(sums + 4 * k);
+        std::memcpy(sums, moments, sizeof moments);
     }
+}
+
+void MomentTree::sumsOf(std::uint32_t point, float area, float* sums) const
+{
+    addSums<true>(point, area, sums);
+}
+
+BucketTree::Bucket MomentTree::bucketsOf(std::uint32_t node) const
+{
+    const auto& nodes = mTree.nodes();
+    std::uint32_t first = node, last = node;
+    while (!nodes[first].leaf) ++first;
+    while (!nodes[last].leaf) last = nodes[last].second;
+    return {nodes[first].second, nodes[last].second + 1};
+}
+
+BucketTree::Bucket MomentTree::pointsOf(std::uint32_t node) const
+{
+    const BucketTree::Bucket buckets = bucketsOf(node);
+    return {mTree.buckets()[buckets.begin].begin, mTree.buckets()[buckets.end - 1].end};
+}
+
+/// The center of weight of a place's points.
+Vec3f MomentTree::middleOf(const Place& place) const
+{
+    const BucketTree::Bucket points = pointsOf(place.node);
+    Vec3f middle = position(points.begin);
+    float sum = confidenceOf(points.begin);
+    for (std::uint32_t n = points.begin + 1; n < points.end; ++n) {
+        const float confidence = confidenceOf(n);
+        sum += confidence;
+        middle += confidence / sum * (position(n) - middle);
+    }
+    return middle;
+}
+
+/// Set the sums of a place's points.
+void MomentTree::sumsOf(const Place& place, float* sums) const
+{
+    const BucketTree::Bucket points = pointsOf(place.node);
+    const float area = areaAt(place.group);
+    addSums<true>(points.begin, area, sums);
+    for (std::uint32_t n = points.begin + 1; n < points.end; ++n) addSums<false>(n, area, sums);
+}
+
+/// The groups that have no others below.
+std::vector<MomentTree::Place> MomentTree::lastGroups() const
+{
+    std::vector<Place> all;
+    if (mTree.nodes().empty()) return all;
+    all.push_back({});
+    while (2 * all.size() < mFinest.size()) {
+        std::vector<Place> below;
+        below.reserve(2 * all.size());
+        for (const Place& place : all)
+            for (const Place& child : childrenOf(place)) below.push_back(child);
+        all.swap(below);
+    }
+    return all;
 }
 
 void MomentTree::sumUp()
 {
-    const auto& nodes = mTree.nodes();
-    mSums.assign(nodes.size() * mLength, 0);
-    mMiddles.assign(nodes.size(), Vec3f::Zero());
-    const auto sumsAt = [this](std::size_t node) { return mSums.data() + node * mLength; };
-    const auto add = [&](std::size_t at, const float* from, const Vec3f& middle) {
-        float* const into = sumsAt(at);
-        for (std::size_t i = 0; i < mLength; ++i) into[i] += from[i];
-        mMiddles[at] += from[0] / into[0] * (middle - mMiddles[at]);
-    };
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, nodes.size()), [&](const auto& range) {
-        std::vector<float> sums(mLength);
-        for (std::size_t at = range.begin(); at < range.end(); ++at) {
-            if (!nodes[at].leaf) continue;
-            const BucketTree::Bucket& bucket = mTree.bucketOf(std::uint32_t(at));
-            const float area = areaAt(at);
-            for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
-                sumsOf(n, area, sums.data());
-                add(at, sums.data(), position(n));
-            }
-        }
+    mSums.resize(mFinest.size() * mLength);
+    mMiddles.resize(mFinest.size());
+    const std::vector<Place> last = lastGroups();
+    tbb::parallel_for(std::size_t(0), last.size(), [&](std::size_t n) {
+        mMiddles[last[n].group] = middleOf(last[n]);
+        sumsOf(last[n], mSums.data() + last[n].group * mLength);
     });
-    for (std::size_t at = nodes.size(); at-- > 0;)
-        if (!nodes[at].leaf)
-            for (const std::size_t child : {at + 1, std::size_t(nodes[at].second)})
-                add(at, sumsAt(child), mMiddles[child]);
+    for (std::size_t group = mFinest.size() / 2; group-- > 1;) {
+        float* const sums = mSums.data() + group * mLength;
+        const float *const first = mSums.data() + 2 * group * mLength, *second = first + mLength;
+        for (std::size_t i = 0; i < mLength; ++i) sums[i] = first[i] + second[i];
+        mMiddles[group] = mMiddles[2 * group] +
+                          second[0] / sums[0] * (mMiddles[2 * group + 1] - mMiddles[2 * group]);
+    }
 }
 
 /// The spacing by the distance to the third neighbor, the least in a bucket; 0 for too few points.
@@ -125,47 +180,68 @@ float MomentTree::spacingIn(const BucketTree::Bucket& bucket) const
     return count < 4 ? 0 : std::sqrt(float(M_PI) / 3 * leastToThird(mPoints, bucket.begin, count));
 }
 
-/// Set each point's finest level by the spacing about it.
+/// Set each group's finest level by the spacing about it.
 void MomentTree::findLevels()
 {
     struct Spacings {
         float sum = 0;
         std::uint32_t count = 0;
+
+        float mean() const { return sum / float(count); }
     };
-    const auto& nodes = mTree.nodes();
     std::vector<float> all(mTree.buckets().size());
+    std::size_t size = 2; // of the heap
+    while (all.size() / size >= kMinGroupBuckets) size *= 2;
+    mFinest.assign(size, 0);
     tbb::parallel_for(std::size_t(0), all.size(),
                       [&](std::size_t n) { all[n] = spacingIn(mTree.buckets()[n]); });
-    const std::vector<Spacings> spacings = mTree.perNode<Spacings>(
-        [&](std::uint32_t bucket) {
-            return all[bucket] > 0 ? Spacings{all[bucket], 1} : Spacings{};
-        },
-        [](const Spacings& a, const Spacings& b) {
-            return Spacings{a.sum + b.sum, a.count + b.count};
-        });
+    std::vector<Spacings> spacings(size);
+    for (const Place& place : lastGroups()) {
+        const BucketTree::Bucket buckets = bucketsOf(place.node);
+        for (std::uint32_t n = buckets.begin; n < buckets.end; ++n)
+            if (all[n] > 0) {
+                spacings[place.group].sum += all[n];
+                ++spacings[place.group].count;
+            }
+    }
+    for (std::size_t group = size / 2; group-- > 1;)
+        spacings[group] = {spacings[2 * group].sum + spacings[2 * group + 1].sum,
+                           spacings[2 * group].count + spacings[2 * group + 1].count};
     all.erase(std::remove(all.begin(), all.end(), 0.0f), all.end());
-    mFinest.assign(nodes.size(), 0);
     if (all.empty()) {
-        if (!nodes.empty()) mStep = std::max(nodes[0].box.diagonal().norm(), 1e-30f);
+        if (!mTree.nodes().empty())
+            mStep = std::max(mTree.nodes()[0].box.diagonal().norm(), 1e-30f);
         return;
     }
     std::nth_element(all.begin(), all.begin() + std::ptrdiff_t(all.size() / 2), all.end());
     const float median = all[all.size() / 2];
     mStep = kStepSpacings * median;
-    // Downwards: nodes with too few buckets take the spacing of the node above.
-    std::vector<float> known(nodes.size(), median);
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
-        if (n == 0 || spacings[n].count >= kMinSpacingBuckets)
-            known[n] = spacings[n].sum / float(spacings[n].count);
-        if (nodes[n].leaf) continue;
-        known[n + 1] = known[n];
-        known[nodes[n].second] = known[n];
+    // Downwards: groups with too few spacings take that of the group above.
+    std::vector<float> known(size, spacings[1].mean());
+    for (std::size_t group = 2; group < size; ++group)
+        known[group] =
+            spacings[group].count >= kMinGroupBuckets ? spacings[group].mean() : known[group / 2];
+    for (std::size_t group = size; group-- > 1;)
+        mFinest[group] =
+            2 * group < size
+                ? std::min(mFinest[2 * group], mFinest[2 * group + 1])
+                : std::max(kMinLevel, int(std::floor(std::log2(known[group] / median) + 0.5f)));
+}
+
+/// Set @a best to the least level at leaves below @a at, if it is less.
+/// @param levelOf  lower bound for the points of a place, and exact for leaves.
+template <typename LevelOf>
+void MomentTree::lessen(int& best, const Place& at, const LevelOf& levelOf) const
+{
+    if (mTree.nodes()[at.node].leaf) {
+        best = std::min(best, levelOf(at));
+        return;
     }
-    std::vector<int> finest(nodes.size());
-    for (std::size_t n = nodes.size(); n-- > 0;)
-        mFinest[n] = nodes[n].leaf
-                         ? std::max(kMinLevel, int(std::floor(std::log2(known[n] / median) + 0.5f)))
-                         : std::min(mFinest[n + 1], mFinest[nodes[n].second]);
+    std::array<Place, 2> children = childrenOf(at);
+    std::array<int, 2> levels = {levelOf(children[0]), levelOf(children[1])};
+    const std::size_t first = levels[1] < levels[0] ? 1 : 0;
+    if (levels[first] < best) lessen(best, children[first], levelOf);
+    if (levels[1 - first] < best) lessen(best, children[1 - first], levelOf);
 }
 
 int MomentTree::finestLevel(const Eigen::AlignedBox3f& box) const
@@ -179,18 +255,16 @@ int MomentTree::finestLevel(const Eigen::AlignedBox3f& box) const
         return levelFor(0) < kMinFineLevel ? levelFor(0)
                                            : std::max(kMinFineLevel, levelFor(kMinFineLevel));
     };
-    const auto levelOf = [&](std::uint32_t node) {
-        const Eigen::AlignedBox3f& b = mTree.nodes()[node].box;
+    const auto levelOf = [&](const Place& place) {
+        const Eigen::AlignedBox3f& b = mTree.nodes()[place.node].box;
         const float apart =
             (b.min() - box.max()).cwiseMax(box.min() - b.max()).cwiseMax(0.0f).maxCoeff();
-        int level = mFinest[node];
+        int level = mFinest[place.group];
         if (apart > 0) level = std::max(level, firstReaching(apart));
         return level;
     };
     int best = std::numeric_limits<int>::max();
-    mTree.search([&](std::uint32_t node) { return float(levelOf(node)); },
-                 [&] { return float(best) - 1; },
-                 [&](std::uint32_t leaf) { best = std::min(best, levelOf(leaf)); });
+    if (!mTree.nodes().empty()) lessen(best, {}, levelOf);
     return best;
 }
 

@@ -4,6 +4,7 @@
 #include "mpu/octree/sorted_points.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -54,7 +55,7 @@ public:
     template <typename F>
     void forEach(const Eigen::AlignedBox3f& box, int level, F add) const
     {
-        if (!mTree.nodes().empty()) visit(0, box, level, step(level) * step(level), add);
+        if (!mTree.nodes().empty()) visit({}, box, level, step(level) * step(level), add);
     }
 
 private:
@@ -62,32 +63,62 @@ private:
     /// % more time, and waves of ten spacings are 1 % nearer]
     static constexpr int kMinFineLevel = 2;
 
+    /// A node of the tree and its group: the last of the nodes above, or itself, with at least
+    /// kMinGroupBuckets buckets. Groups are numbered as in a heap: the children of g are 2g and
+    /// 2g + 1.
+    struct Place {
+        std::uint32_t node = 0, group = 1;
+        bool isGroup = true;
+    };
+    /// Least buckets of a group. [derived: 64 points give their spacing to an eighth]
+    static constexpr std::uint32_t kMinGroupBuckets = 8;
+
+    std::array<Place, 2> childrenOf(const Place& place) const
+    {
+        const std::uint32_t first = place.node + 1, second = mTree.nodes()[place.node].second;
+        if (place.isGroup && 2 * place.group < mFinest.size())
+            return {{{first, 2 * place.group, true}, {second, 2 * place.group + 1, true}}};
+        return {{{first, place.group, false}, {second, place.group, false}}};
+    }
     template <typename F>
-    void visit(std::uint32_t at, const Eigen::AlignedBox3f& box, int level, float whole,
+    void visit(const Place& at, const Eigen::AlignedBox3f& box, int level, float whole,
                F& add) const
     {
-        const BucketTree::Node& node = mTree.nodes()[at];
-        if (mFinest[at] > level || !node.box.intersects(box)) return;
+        const BucketTree::Node& node = mTree.nodes()[at.node];
+        if (mFinest[at.group] > level || !node.box.intersects(box)) return;
         if (node.box.diagonal().squaredNorm() <= whole) {
-            if (float* const sums = add(mMiddles[at]))
-                std::copy_n(mSums.data() + at * mLength, mLength, sums);
+            if (at.isGroup) {
+                if (float* const sums = add(mMiddles[at.group]))
+                    std::copy_n(mSums.data() + at.group * mLength, mLength, sums);
+            } else if (float* const sums = add(middleOf(at))) {
+                sumsOf(at, sums);
+            }
         } else if (!node.leaf) {
-            visit(at + 1, box, level, whole, add);
-            visit(node.second, box, level, whole, add);
+            for (const Place& child : childrenOf(at)) visit(child, box, level, whole, add);
         } else {
-            const BucketTree::Bucket& bucket = mTree.bucketOf(at);
-            const float area = areaAt(at);
+            const BucketTree::Bucket& bucket = mTree.bucketOf(at.node);
+            const float area = areaAt(at.group);
             for (std::uint32_t n = bucket.begin; n < bucket.end; ++n)
                 if (float* const sums = add(position(n))) sumsOf(n, area, sums);
         }
     }
 
     Vec3f position(std::uint32_t n) const { return {mPoints.x[n], mPoints.y[n], mPoints.z[n]}; }
-    float areaAt(std::size_t leaf) const { return std::ldexp(1.0f, 2 * mFinest[leaf]); }
+    float areaAt(std::uint32_t group) const { return std::ldexp(1.0f, 2 * mFinest[group]); }
+    float confidenceOf(std::uint32_t point) const;
+    template <bool kIsFirst>
+    void addSums(std::uint32_t point, float area, float* sums) const;
     void sumsOf(std::uint32_t point, float area, float* sums) const;
-    void sumUp();
+    Vec3f middleOf(const Place& place) const;
+    void sumsOf(const Place& place, float* sums) const;
+    BucketTree::Bucket bucketsOf(std::uint32_t node) const;
+    BucketTree::Bucket pointsOf(std::uint32_t node) const;
+    std::vector<Place> lastGroups() const;
     void findLevels();
+    void sumUp();
     float spacingIn(const BucketTree::Bucket& bucket) const;
+    template <typename LevelOf>
+    void lessen(int& best, const Place& at, const LevelOf& levelOf) const;
 
     PointArrays mPoints;
     Channels mChannels;
@@ -95,9 +126,9 @@ private:
     std::size_t mLength;
     float mStep = 1, mPerConfidence = 1;
     std::vector<float> mReferences;
-    std::vector<int> mFinest;    ///< of the nodes: the finest level of their points
-    std::vector<Vec3f> mMiddles; ///< of the nodes' points
-    std::vector<float> mSums;    ///< of the nodes
+    std::vector<int> mFinest;    ///< of the groups: the finest level of their points
+    std::vector<Vec3f> mMiddles; ///< of the groups' points
+    std::vector<float> mSums;    ///< of the groups
 };
 
 } // namespace mpuvdb
