@@ -271,6 +271,29 @@ TEST(Combine, VolumesAddUp)
 
 // --- Blends
 
+// What lies in one of two boxes but not in both touches itself along edges, here of the lattice.
+TEST(Combine, PartsThatTouchAlongEdgesStayApart)
+{
+    Interrupter progress;
+    const LevelSet a = solidLevelSet("box(20, 20, 20)", 1),
+                   b = solidLevelSet("translate(box(20, 20, 20), 10, 10, -10)", 1);
+    const LevelSet aOnly = combine(Boolean::Difference, {a, b}, 0, &progress),
+                   bOnly = combine(Boolean::Difference, {b, a}, 0, &progress);
+    const LevelSet both = combine(Boolean::Union, {aOnly, bOnly}, 0, &progress);
+    for (const LevelSet* const result : {&aOnly, &bOnly, &both}) {
+        expectSound(*result);
+        for (auto voxel = result->grid().cbeginValueOn(); voxel; ++voxel)
+            ASSERT_FALSE(*voxel == 0 && std::signbit(*voxel)) << voxel.getCoord();
+    }
+    EXPECT_EQ(components(both, &progress).size(), 2u);
+    EXPECT_EQ(components(combine(Boolean::Union, {a, b}, 0, &progress), &progress).size(), 1u);
+    // Face to face they are one, with no wall between.
+    const LevelSet beside = solidLevelSet("translate(box(20, 20, 20), 20, 0, 0)", 1);
+    const LevelSet one = combine(Boolean::Union, {a, beside}, 0, &progress);
+    EXPECT_EQ(components(one, &progress).size(), 1u);
+    EXPECT_LT(one.grid().tree().getValue(openvdb::Coord(10, 0, 0)), -2);
+}
+
 TEST(Combine, BlendsOfNearlyParallelSurfacesAreSound)
 {
     constexpr unsigned kSeed = 7;

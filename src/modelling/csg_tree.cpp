@@ -62,7 +62,10 @@ public:
     {
         const Leaf* const a = mA.probeConstLeaf(leaf.origin());
         const Leaf* const b = mB.probeConstLeaf(leaf.origin());
-        if (!a || !b) return;
+        if (!a || !b) {
+            if (b && mSigns.b != mSigns.result) withoutNegativeZeros(leaf);
+            return;
+        }
         mergeValues(*a, *b, leaf);
         Leaf::NodeMaskType inBoth = a->getValueMask();
         inBoth &= b->getValueMask();
@@ -79,6 +82,12 @@ public:
     }
 
 private:
+    /// The sign counts where distances are restored: OpenVDB turns the values of what is subtracted.
+    static void withoutNegativeZeros(Leaf& leaf)
+    {
+        float* const values = leaf.buffer().data();
+        for (openvdb::Index i = 0; i < Leaf::SIZE; ++i) values[i] += 0.0f;
+    }
     void mergeValues(const Leaf& a, const Leaf& b, Leaf& leaf) const
     {
         const float *const as = a.buffer().data(), *const bs = b.buffer().data();
@@ -89,7 +98,6 @@ private:
             const float u = mSigns.a * as[i], v = mSigns.b * bs[i];
             const bool on = (u <= v && a.isValueOn(i)) || (v <= u && b.isValueOn(i));
             active.set(i, on);
-            // No negative zero: the sign counts where distances are restored.
             values[i] = on ? mSigns.result * std::min(u, v) + 0.0f
                            : std::copysign(background, mSigns.result * std::min(u, v));
         }
@@ -120,7 +128,8 @@ private:
                 if (answer.place == CreaseFinder::Place::Crease && least < -kDeep)
                     place(answer, i, leaf);
                 // Between two touching solids values are 0, and all is inside.
-                if (answer.place == CreaseFinder::Place::Buried && least >= 0)
+                if (answer.place == CreaseFinder::Place::Buried && least >= 0 &&
+                    !isBesideOutside(a, b, at))
                     leaf.setValueOnly(i, -mSigns.result * std::numeric_limits<float>::min());
                 continue;
             }
@@ -130,6 +139,16 @@ private:
             known.exact.set(i, isKnown);
         }
         mKnown.push_back(known);
+    }
+
+    /// Whether a voxel around @a at is outside both: solids may touch along an edge only.
+    static bool isBesideOutside(const SolidReader& a, const SolidReader& b, const Coord& at)
+    {
+        for (int n = 0; n < 27; ++n) {
+            const Coord beside = at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+            if (std::min(a.valueAt(beside), b.valueAt(beside)) > kTouchingGap) return true;
+        }
+        return false;
     }
 
     /// Whether the answer gives a sharp union's value.
