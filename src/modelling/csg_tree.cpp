@@ -82,7 +82,8 @@ public:
     }
 
 private:
-    /// The sign counts where distances are restored: OpenVDB turns the values of what is subtracted.
+    /// The sign counts where distances are restored: OpenVDB turns the values of what is
+    /// subtracted.
     static void withoutNegativeZeros(Leaf& leaf)
     {
         float* const values = leaf.buffer().data();
