@@ -150,6 +150,26 @@ TEST_F(CommandTest, WhatPointsDoNotExplainIsTold)
     EXPECT_FALSE(std::filesystem::exists(mFolder / "bar.vdb"));
 }
 
+TEST_F(CommandTest, ARegionWithoutSurfaceIsTold)
+{
+    const Ended far =
+        mpuvdb({"reconstruct", scan(), "-o", "far.vdb", "--region", "5", "5", "5", "6", "6", "6"});
+    EXPECT_EQ(far.status, 0) << far.err;
+    EXPECT_NE(far.err.find("no point lies in the region"), std::string::npos) << far.err;
+    EXPECT_NE(far.err.find("the surface does not reach the region"), std::string::npos) << far.err;
+}
+
+// A program that starts this one may have more.
+TEST_F(CommandTest, PeakMemoryIsItsOwn)
+{
+    constexpr std::size_t kBytes = std::size_t(600) << 20;
+    const std::string held(kBytes, 'x');
+    const Ended ended = mpuvdb({"info", scan(), "--report", "r.json"});
+    ASSERT_EQ(ended.status, 0) << ended.err;
+    for (const json& stage : readJson("r.json")["stages"])
+        EXPECT_LT(stage["peak_bytes"].get<double>(), double(held.size()) / 2) << stage;
+}
+
 TEST_F(CommandTest, ReconstructEchoesAndReportsWhatItResolved)
 {
     const Ended ended =

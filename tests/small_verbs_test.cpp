@@ -106,6 +106,8 @@ TEST_F(SmallVerbs, ClipIsClosedAndSharp)
     const Ended none = mpuvdb({"clip", "box.vdb", "-o", "none.vdb", "--box", "open", "open", "9",
                                "open", "open", "open"});
     EXPECT_NE(none.err.find("nothing is left"), std::string::npos) << none.err;
+    const Ended empty = mpuvdb({"mesh", "none.vdb", "-o", "none.ply"});
+    EXPECT_NE(empty.err.find("the mesh is empty"), std::string::npos) << empty.err;
     const Ended all =
         mpuvdb({"clip", "box.vdb", "-o", "all.vdb", "--box", "-9", "-9", "-9", "9", "9", "9"});
     EXPECT_NEAR(volumeOf("all.vdb"), 8, second);

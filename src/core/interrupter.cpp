@@ -1,25 +1,13 @@
 #include <mpuvdb/interrupter.h>
 
 #include "cpu_time.h"
+#include "peak_memory.h"
 #include <mpuvdb/error.h>
 
 #include <algorithm>
-#include <sys/resource.h>
 
 namespace mpuvdb
 {
-namespace
-{
-
-std::uint64_t peakResidentBytes()
-{
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    return std::uint64_t(usage.ru_maxrss) * 1024;
-}
-
-} // namespace
-
 Interrupter& Interrupter::silent()
 {
     static Interrupter none{Silent{}};

@@ -1,3 +1,4 @@
+#include "core/peak_memory.h"
 #include "files/array_file.h"
 #include "files/atomic_file.h"
 #include "files/content_hash.h"
@@ -17,7 +18,6 @@
 
 #include <csignal>
 #include <fmt/format.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -43,13 +43,6 @@ std::string hostName()
     char name[256] = {};
     ::gethostname(name, sizeof name - 1);
     return name;
-}
-
-std::uint64_t peakBytes()
-{
-    rusage usage{};
-    ::getrusage(RUSAGE_SELF, &usage);
-    return std::uint64_t(usage.ru_maxrss) * 1024;
 }
 
 void makeFolder(const fs::path& folder)
@@ -335,7 +328,7 @@ void Job::run(std::size_t n, Interrupter* interrupter) const
     record.hash = contentHash(result, progress);
     record.host = hostName();
     record.bytes = fs::file_size(result);
-    record.peakBytes = peakBytes();
+    record.peakBytes = peakResidentBytes();
     record.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     // Somebody else may have done it meanwhile.

@@ -120,6 +120,7 @@ Json toJson(const PointsExplained& explained)
 std::string explainedText(const PointsExplained& explained)
 {
     const PointsExplained& e = explained;
+    if (e.points == 0) return "no point lies in the region";
     const std::string ofMesh =
         e.mesh ? fmt::format(", {:.4g} % of the mesh", 100 * e.meshWithin) : "";
     return fmt::format(

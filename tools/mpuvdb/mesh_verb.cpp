@@ -301,6 +301,8 @@ ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session
     Mesh mesh = extractMesh(levelSet, {output.field, output.shape.strict}, &session.progress());
     if (output.trim.coverage) mesh = trimmed(std::move(mesh), output.trim, session);
     if (output.addAttributes) output.addAttributes(mesh, session.progress());
+    if (mesh.triangles.empty())
+        session.warn(fmt::format("{}: nothing is there: the mesh is empty", output.path));
     return MeshWriter(levelSet, output, session).write(std::move(mesh));
 }
 

@@ -120,6 +120,9 @@ public:
         summarize(session, made);
         const PointsExplained& explained = made.report.explained;
         session.note("explained   " + explainedText(explained));
+        if (made.grid->activeVoxelCount() == 0)
+            session.warn(fmt::format("{}: nothing is there: the surface does not reach the region",
+                                     mOutput));
         for (const CheckFinding& finding : checked.findings)
             session.warn(fmt::format("{}: {}", mOutput, findingText(finding)));
         for (const std::string& finding : explained.findings)
