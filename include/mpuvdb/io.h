@@ -181,7 +181,8 @@ openvdb::GridCPtrVec readGridHeads(const std::filesystem::path& file);
 
 /// The grids that sampleAttributes() makes, for writeLevelSet(): they have no voxels in memory, but
 /// their leaves as the file will have them, a quarter of the bytes or less. Nothing else can be
-/// done with them. @param interrupter  may stop the writing, too; has to outlive the grids.
+/// done with them. @param levelSet  its tree is to stay as it is until they are written.
+/// @param interrupter  may stop the writing, too; has to outlive the grids.
 /// @throws as sampleAttributes().
 openvdb::GridCPtrVec compressAttributes(const LevelSet& levelSet,
                                         const SurfaceAttributes& attributes,

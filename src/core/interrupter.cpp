@@ -8,6 +8,7 @@
 
 namespace mpuvdb
 {
+
 Interrupter& Interrupter::silent()
 {
     static Interrupter none{Silent{}};

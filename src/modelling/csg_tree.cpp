@@ -82,8 +82,8 @@ public:
     }
 
 private:
-    /// The sign counts where distances are restored: OpenVDB turns the values of what is
-    /// subtracted.
+    /// OpenVDB negates the values of the solid that is subtracted, zeros too, and where distances
+    /// are restored the sign of a zero counts.
     static void withoutNegativeZeros(Leaf& leaf)
     {
         float* const values = leaf.buffer().data();
@@ -99,6 +99,7 @@ private:
             const float u = mSigns.a * as[i], v = mSigns.b * bs[i];
             const bool on = (u <= v && a.isValueOn(i)) || (v <= u && b.isValueOn(i));
             active.set(i, on);
+            // No negative zero, see withoutNegativeZeros().
             values[i] = on ? mSigns.result * std::min(u, v) + 0.0f
                            : std::copysign(background, mSigns.result * std::min(u, v));
         }

@@ -2,6 +2,7 @@
 
 #include "grid/band_limits.h"
 #include "grid/transform_lattice.h"
+#include "sampling/solid_blocks.h"
 #include "solid_measures.h"
 #include "surface/surface_integrals.h"
 
@@ -51,14 +52,14 @@ double beyond(const Lattice& from, const Lattice& to)
 /// that a band resolves.
 void noteLoss(const LevelSet& fine, const LevelSet& coarse, Interrupter& progress)
 {
-    /// Share of the volume. [derived: of a ball four voxels across, see MeshExplained]
-    constexpr double kMost = 3.0 / 16;
-    const double before = integrateSurface(measurable(fine, progress), progress).volume,
+    // Sums over the fine voxels are nearly exact, in a fraction of the time of their surface.
+    const double sum = SolidBlocks(fine, progress).sums().volume,
                  after = integrateSurface(measurable(coarse, progress), progress).volume;
-    if (std::abs(after - before) > kMost * before)
-        progress.note(fmt::format("voxels of {:.4g} are too large for the solid: its volume was "
-                                  "{:.4g} and is {:.4g}. Take smaller ones",
-                                  coarse.voxelSize(), before, after));
+    if (std::abs(after - sum) <= kSmallBallShare * sum) return;
+    const double before = integrateSurface(measurable(fine, progress), progress).volume;
+    progress.note(fmt::format("voxels of {:.4g} are too large for the solid: its volume was {:.4g} "
+                              "and is {:.4g}. Take smaller ones",
+                              coarse.voxelSize(), before, after));
 }
 
 } // namespace
@@ -103,7 +104,7 @@ LevelSet resample(const LevelSet& levelSet, const Lattice& lattice, double halfW
     settings.halfWidth = std::min(known < halfWidth * (1 - kRounding) ? known : halfWidth, 100.0);
     settings.name = name;
     const LevelSet result = sampleField(*makeGridField(source), settings, &progress);
-    if (ratio > 1) noteLoss(source, result, progress);
+    if (ratio > 1) noteLoss(levelSet, result, progress);
     return settings.halfWidth < halfWidth ? withHalfWidth(result, halfWidth, &progress) : result;
 }
 

@@ -22,10 +22,6 @@ constexpr std::size_t kPlaces = 4096;
 /// [tuned: explained_test]
 constexpr double kMaxMissed = 0.01;
 
-/// Share of the volume of a ball four voxels across that linear interpolation may remove.
-/// [derived: (|k| + |l|) h^2 / 8 over its surface, by its volume, at a radius of 2 h]
-constexpr double kSmallBallShare = 3.0 / 16;
-
 /// The places around which all voxels are on one side, or, where walls may bury the surface,
 /// outside; voxels on the surface are on both.
 std::vector<TrianglePlace> missedPlaces(const std::vector<TrianglePlace>& places,

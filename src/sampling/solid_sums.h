@@ -7,6 +7,11 @@
 namespace mpuvdb
 {
 
+/// Share of the volume of a ball four voxels across, the smallest that a band resolves, that linear
+/// interpolation may remove.
+/// [derived: (|k| + |l|) h^2 / 8 over its surface, by its volume, at a radius of 2 h]
+constexpr double kSmallBallShare = 3.0 / 16;
+
 struct SolidSums {
     double volume = 0, area = 0; ///< cubed and squared: voxels of a leaf, world units of a solid
 };

@@ -167,6 +167,7 @@ public:
         addLeafMetadata(metadata, memUsage(), delayed);
         return metadata;
     }
+    /// Masks of the band's nodes, without tiles, as OpenVDB's trees write them.
     /// [derived: OpenVDB's format]
     void writeTopology(std::ostream& out) const override
     {
