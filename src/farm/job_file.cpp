@@ -164,6 +164,7 @@ std::optional<TaskRecord> TaskRecord::read(const fs::path& file)
         record.explained.limit = explained.at("limit");
         record.explained.within = explained.at("within");
         record.explained.largest = explained.at("largest");
+        record.explained.beyondBand = explained.at("beyond_band");
         record.explained.against = explained.at("against");
         record.explained.unsupported = explained.at("unsupported");
         return std::optional(std::move(record));
@@ -185,6 +186,7 @@ void TaskRecord::write(const fs::path& file) const
                        {"limit", explained.limit},
                        {"within", explained.within},
                        {"largest", explained.largest},
+                       {"beyond_band", explained.beyondBand},
                        {"against", explained.against},
                        {"unsupported", explained.unsupported}}}});
 }

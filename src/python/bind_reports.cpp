@@ -179,6 +179,8 @@ void bindPointsExplained(py::module_& module)
         .def_readonly("within", &E::within, "Share of the points that are explained.")
         .def_readonly("largest", &E::largest,
                       "Largest distance, world units, up to the band's width.")
+        .def_readonly("beyond_band", &E::beyondBand,
+                      "Number of points that are that far away, or farther.")
         .def_readonly("against", &E::against,
                       "Share of the points whose normals look against the surface's.")
         .def_readonly("unsupported", &E::unsupported,

@@ -27,7 +27,7 @@ constexpr double kMaxVoxelError = 0.5;
 /// Largest share of the points beyond the limit. [derived: erfc(1.5 / sqrt 2): beyond three
 /// deviations of noise twice as large as measured]
 constexpr double kMaxUnexplained = 0.1336;
-/// Distance up to which points support the surface, spacings. [derived: MpuField::coverage()]
+/// Distance up to which points support the surface, spacings. [tuned: explained_test]
 constexpr double kSupportReach = 5;
 
 /// The value between eight voxels, and its gradient per voxel.
@@ -67,7 +67,7 @@ Sample sampleAt(const Accessor& band, const Vec3d& x)
 
 /// Counts over some of the points.
 struct Counts {
-    std::uint64_t points = 0, within = 0, against = 0;
+    std::uint64_t points = 0, within = 0, against = 0, beyondBand = 0;
     double largest = 0;
     Box3d box; ///< from the points' frame
 
@@ -76,6 +76,7 @@ struct Counts {
         points += other.points;
         within += other.within;
         against += other.against;
+        beyondBand += other.beyondBand;
         largest = std::max(largest, other.largest);
         box.extend(other.box);
     }
@@ -94,6 +95,7 @@ Counts countPoints(const LevelSet& levelSet, const MpuField& field, double limit
             tasks.emplace_back(at, std::min(at + kTogether, range.second));
     const Lattice lattice = levelSet.lattice();
     const Vec3d shift = points.frame - lattice.origin;
+    const double background = levelSet.grid().background();
     std::vector<Counts> counts(tasks.size());
     tbb::parallel_for(std::size_t(0), counts.size(), [&](std::size_t n) {
         progress.check();
@@ -106,6 +108,7 @@ Counts countPoints(const LevelSet& levelSet, const MpuField& field, double limit
             ++counts[n].points;
             counts[n].box.extend(p);
             counts[n].within += distance <= limit;
+            counts[n].beyondBand += distance >= background;
             counts[n].largest = std::max(counts[n].largest, distance);
             const Vec3d normal(points.nx[i], points.ny[i], points.nz[i]);
             counts[n].against += s.gradient.dot(normal) < 0;
@@ -234,6 +237,7 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     e.within = counts.points ? double(counts.within) * each : 1;
     e.against = double(counts.against) * each;
     e.largest = counts.largest;
+    e.beyondBand = counts.beyondBand;
     e.unsupported = unsupportedShare(levelSet, field, progress);
     addFindings(e, levelSet.voxelSize(), fit.points);
     if (region) return e; // the rest applies to the whole
@@ -258,6 +262,7 @@ PointsExplained joinExplained(const std::vector<std::pair<PointsExplained, std::
         whole.points += part.points;
         whole.limit = std::max(whole.limit, part.limit);
         whole.largest = std::max(whole.largest, part.largest);
+        whole.beyondBand += part.beyondBand;
         within += part.within * count;
         against += part.against * count;
         unsupported += part.unsupported * double(active);

@@ -104,9 +104,16 @@ std::string explainedText(const MeshExplained& explained)
 Json toJson(const PointsExplained& explained)
 {
     const PointsExplained& e = explained;
-    Json json = {{"points", e.points},    {"limit", e.limit},     {"within", e.within},
-                 {"largest", e.largest},  {"against", e.against}, {"unsupported", e.unsupported},
-                 {"volume", e.volume},    {"area", e.area},       {"parts", e.parts},
+    Json json = {{"points", e.points},
+                 {"limit", e.limit},
+                 {"within", e.within},
+                 {"largest", e.largest},
+                 {"beyond_band", e.beyondBand},
+                 {"against", e.against},
+                 {"unsupported", e.unsupported},
+                 {"volume", e.volume},
+                 {"area", e.area},
+                 {"parts", e.parts},
                  {"cavities", e.cavities}};
     if (e.mesh)
         json["mesh"] = {{"area", e.mesh->area},         {"volume", e.mesh->volume},
@@ -117,16 +124,21 @@ Json toJson(const PointsExplained& explained)
     return json;
 }
 
+std::string farthestText(const PointsExplained& explained)
+{
+    return fmt::format("{}{:.3g}", explained.beyondBand ? "at least " : "", explained.largest);
+}
+
 std::string explainedText(const PointsExplained& explained)
 {
     const PointsExplained& e = explained;
     if (e.points == 0) return "no point lies in the region";
     const std::string ofMesh =
         e.mesh ? fmt::format(", {:.4g} % of the mesh", 100 * e.meshWithin) : "";
-    return fmt::format(
-        "{:.4g} % of the points{} within {:.3g} of the surface, the farthest {:.3g}; "
-        "{:.2g} % look against it; {:.2g} % of it is far from any; parts {}",
-        100 * e.within, ofMesh, e.limit, e.largest, 100 * e.against, 100 * e.unsupported, e.parts);
+    return fmt::format("{:.4g} % of the points{} within {:.3g} of the surface, the farthest {}; "
+                       "{:.2g} % look against it; {:.2g} % of it is far from any; parts {}",
+                       100 * e.within, ofMesh, e.limit, farthestText(e), 100 * e.against,
+                       100 * e.unsupported, e.parts);
 }
 
 Json toJson(const LevelSet& levelSet)

@@ -24,6 +24,9 @@ std::vector<std::string> repairText(const MeshRepair& repair);
 /// reconstruct()'s comparison of the level set with the points.
 Json toJson(const PointsExplained& explained);
 
+/// The largest distance of a point; "at least" where points lie beyond the band.
+std::string farthestText(const PointsExplained& explained);
+
 /// The comparison in a line.
 std::string explainedText(const PointsExplained& explained);
 

@@ -394,8 +394,8 @@ ExitCode describeJob(Session& session, const JobResult& result, const std::strin
     session.report()["grid"] = {{"active_voxels", result.voxels}};
     session.note(fmt::format("grid        {} active voxels: {}", result.voxels, file));
     session.note(fmt::format("explained   {:.2f} % of the points within {:.3g} of the surface, the "
-                             "farthest {:.3g}; {:.2g} % of the surface has none near",
-                             100 * e.within, e.limit, e.largest, 100 * e.unsupported));
+                             "farthest {}; {:.2g} % of the surface has none near",
+                             100 * e.within, e.limit, farthestText(e), 100 * e.unsupported));
     session.note("time        " + session.timesText());
     for (const std::string& fault : result.faults) session.warn(fmt::format("{}: {}", file, fault));
     for (const std::string& finding : e.findings)

@@ -1,5 +1,7 @@
 #include "data_coverage.h"
 
+#include "points_around.h"
+
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -14,15 +16,20 @@ namespace mpuvdb
 namespace
 {
 
-/// Distances between which coverage falls from 1 to 0, spacings. [tuned: coverage_test]
-constexpr float kFullRatio = 2.5f, kMaxRatio = 5;
+/// Distance up to which points count, spacings: holes as wide as twice this are closed.
+/// [tuned: coverage_test]
+constexpr float kReach = 3.75f;
+/// Distances beyond the points between which coverage falls from 1 to 0, spacings. [derived: the
+/// outermost points stand for half a spacing more, and the next would be a whole one away]
+constexpr float kFull = 0.5f, kNone = 1.0f;
 constexpr std::size_t kBucketPoints = 40; ///< points of a bucket [tuned: coverage_test]
-/// Points remembered that supported places before. [free: time]
+/// Points remembered that surrounded places before. [free: time]
 constexpr std::size_t kMaxWitnesses = 16;
 
-float coverageOf(float ratio)
+/// @param beyond  distance beyond the points, spacings.
+float coverageOf(float beyond)
 {
-    const float t = std::clamp((ratio - kFullRatio) / (kMaxRatio - kFullRatio), 0.0f, 1.0f);
+    const float t = std::clamp((beyond - kFull) / (kNone - kFull), 0.0f, 1.0f);
     return 1 - t * t * (3 - 2 * t);
 }
 
@@ -82,13 +89,15 @@ DataCoverage::DataCoverage(const SortedPoints& points, const Vec3d& frame, Inter
     measureSpacings(progress);
 }
 
-inline float DataCoverage::ratioOf(std::uint32_t n, float spacing, const Vec3f& p,
+/// The distance of a point in spacings, in which points that face away are farther.
+inline float DataCoverage::ratioOf(const Spaced& point, const Vec3f& offset,
                                    const Vec3f& normal) const
 {
+    const std::uint32_t n = point.point;
     const float cosine =
         mPoints.nx[n] * normal[0] + mPoints.ny[n] * normal[1] + mPoints.nz[n] * normal[2];
-    const float reach = spacing * std::clamp(1 + 2 * cosine, 0.0f, 1.0f);
-    return reach > 0 ? (position(n) - p).norm() / reach : kMaxRatio;
+    const float scale = point.spacing * std::clamp(1 + 2 * cosine, 0.0f, 1.0f);
+    return scale > 0 ? offset.norm() / scale : kReach;
 }
 
 /// Measure the spacing at one point of each bucket, then take the median of its neighbors' buckets,
@@ -139,47 +148,55 @@ void DataCoverage::gather(Neighbors& neighbors) const
         });
 }
 
-DataCoverage::Support DataCoverage::bestSupport(const Vec3f& p, const Vec3f& normal) const
+float DataCoverage::search(const Vec3f& p, const Vec3f& normal, PointsAround& around,
+                           std::vector<Spaced>& surrounding) const
 {
     constexpr float kStop = -1; ///< reach that ends a search [derived: below all squares]
-    Support best{kMaxRatio};
+    float least = kReach, spacing = 0;
     mTree.search(
         [&](std::uint32_t node) { // squared ratio
             const float widest = mSpacings[node];
             const float d2 = mTree.nodes()[node].box.squaredExteriorDistance(p);
-            return widest > 0 ? d2 / (widest * widest) : kMaxRatio * kMaxRatio;
+            return widest > 0 ? d2 / (widest * widest) : kReach * kReach;
         },
-        [&] { return best.ratio > kFullRatio ? best.ratio * best.ratio : kStop; },
+        [&] { return around.surround() ? kStop : kReach * kReach; },
         [&](std::uint32_t leaf) {
             const BucketTree::Bucket& bucket = mTree.bucketOf(leaf);
-            const float spacing = mSpacings[leaf];
             for (std::uint32_t n = bucket.begin; n < bucket.end; ++n) {
-                const float ratio = ratioOf(n, spacing, p, normal);
-                if (ratio < best.ratio) best = {ratio, n, spacing};
+                const Spaced point{n, mSpacings[leaf]};
+                const Vec3f offset = position(n) - p;
+                const float ratio = ratioOf(point, offset, normal);
+                if (!(ratio < kReach)) continue;
+                if (around.add(offset)) surrounding.push_back(point);
+                if (ratio < least || spacing == 0) spacing = point.spacing;
+                least = std::min(least, ratio);
             }
         });
-    return best;
+    if (around.surround()) return 0;
+    return spacing > 0 ? around.distanceToHull() / spacing : kNone;
 }
 
 void DataCoverage::evaluate(const std::vector<SurfacePlace>& places,
                             std::vector<float>& values) const
 {
     values.resize(places.size());
-    std::array<Support, kMaxWitnesses> witnesses; // points that supported places before
+    PointsAround around;
+    std::vector<Spaced> surrounding;
+    std::array<Spaced, kMaxWitnesses> witnesses; // points that surrounded places before
     std::size_t count = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
         const Vec3f p = (places[i].position - mFrame).cast<float>();
         const Vec3f normal = places[i].normal.cast<float>();
-        const auto known = std::min(count, kMaxWitnesses);
-        if (std::any_of(witnesses.begin(), witnesses.begin() + known, [&](const Support& w) {
-                return ratioOf(w.point, w.spacing, p, normal) <= kFullRatio;
-            })) {
-            values[i] = 1;
-            continue;
+        around.start(normal);
+        for (std::size_t w = std::min(count, kMaxWitnesses); w-- > 0 && !around.surround();) {
+            const Vec3f offset = position(witnesses[w].point) - p;
+            if (ratioOf(witnesses[w], offset, normal) < kReach) around.add(offset);
         }
-        const Support best = bestSupport(p, normal);
-        values[i] = coverageOf(best.ratio);
-        if (best.ratio <= kFullRatio) witnesses[count++ % kMaxWitnesses] = best;
+        values[i] = 1;
+        if (around.surround()) continue;
+        surrounding.clear();
+        values[i] = coverageOf(search(p, normal, around, surrounding));
+        for (const Spaced& point : surrounding) witnesses[count++ % kMaxWitnesses] = point;
     }
 }
 

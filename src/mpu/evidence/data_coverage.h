@@ -1,4 +1,4 @@
-// Support of a surface by points: distances to them in units of their own spacing.
+// Support of a surface by points: whether they lie all around a place of it.
 #pragma once
 #include "mpu/octree/sorted_points.h"
 
@@ -6,6 +6,8 @@
 
 namespace mpuvdb
 {
+
+class PointsAround;
 
 /// Coverage by the formula of MpuField::coverage(). Points are in buckets of one spacing each,
 /// under a tree of boxes.
@@ -22,18 +24,21 @@ public:
 private:
     /// The points nearest to a place, nearest first.
     class Neighbors;
-    /// The point that supports a place best so far.
-    struct Support {
-        float ratio = 0;
-        std::uint32_t point = 0;
-        float spacing = 0;
+    /// A point, and the spacing of those about it.
+    struct Spaced {
+        std::uint32_t point;
+        float spacing;
     };
 
     Vec3f position(std::size_t n) const { return {mPoints.x[n], mPoints.y[n], mPoints.z[n]}; }
     void measureSpacings(Interrupter& progress);
     void gather(Neighbors& neighbors) const;
-    float ratioOf(std::uint32_t point, float spacing, const Vec3f& p, const Vec3f& normal) const;
-    Support bestSupport(const Vec3f& p, const Vec3f& normal) const;
+    float ratioOf(const Spaced& point, const Vec3f& offset, const Vec3f& normal) const;
+    /// Add the points that count at @a p to @a around until they surround it, and append those
+    /// that are the first in their direction to @a surrounding.
+    /// @return distance of @a p beyond them, spacings.
+    float search(const Vec3f& p, const Vec3f& normal, PointsAround& around,
+                 std::vector<Spaced>& surrounding) const;
 
     PointArrays mPoints;
     Vec3d mFrame;
