@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/LevelSetSphere.h>
 
 #include <cmath>
 #include <fstream>
@@ -500,6 +502,19 @@ TEST_F(CommandTest, CheckAcceptsOursAndRefusesWhatIsNoVdb)
     const Ended half = mpuvdb({"check", "half.vdb"});
     EXPECT_EQ(half.status, 3) << half.err;
     EXPECT_NE(half.err.find("half.vdb"), std::string::npos);
+}
+
+TEST_F(CommandTest, MeshTellsOfSignsThatDisagree)
+{
+    // The band alone is negated, as programs do that turn active values only.
+    const auto grid = openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(1, {}, 0.1f);
+    grid->setName("surface");
+    for (auto v = grid->beginValueOn(); v; ++v) v.setValue(-*v);
+    openvdb::io::File(mFolder / "turned.vdb").write({grid});
+    const Ended turned = mpuvdb({"mesh", "turned.vdb", "-o", "a.ply", "-q"});
+    EXPECT_EQ(turned.status, 4) << turned.err;
+    EXPECT_NE(turned.err.find("without a band of distances"), std::string::npos) << turned.err;
+    EXPECT_EQ(mpuvdb({"offset", "turned.vdb", "-o", "b.vdb", "--distance", "0.1"}).status, 3);
 }
 
 TEST_F(CommandTest, MeshAndRenderWriteTheirFormats)

@@ -371,7 +371,7 @@ TEST_F(ModelVerbs, ValuesThatAreNoDistancesAreRefusedWithACure)
         const double edge = 8 * kVoxel;
         EXPECT_NEAR(volumeOf(folder / "mended.vdb"),
                     file == "open.vdb" ? edge * edge * edge : ballVolume, tolerance);
-        command({"mesh", file, "-o", "shown.ply"});
+        command({"mesh", file, "-o", "shown.ply"}, file == "open.vdb" ? 4 : 0);
     }
     EXPECT_FALSE(fs::exists(folder / "x.vdb"));
 }
@@ -419,6 +419,76 @@ TEST_F(ModelVerbs, TwistsFarFromTheAxisNameTheCenter)
         command({"twist", "away.vdb", "-o", "there.vdb", "--turn", "90", "--center", "100,-8,3"});
     EXPECT_EQ(there.err.find("off the axis"), std::string::npos) << there.err;
     EXPECT_NEAR(volumeOf(folder / "there.vdb"), ballVolume, tolerance);
+    for (const std::vector<std::string>& words :
+         {std::vector<std::string>{"bend", "--angle", "10"}, {"taper", "--end-factor", "0.9"}}) {
+        std::vector<std::string> all{words[0], "away.vdb", "-o", words[0] + ".vdb"};
+        all.insert(all.end(), words.begin() + 1, words.end());
+        EXPECT_NE(command(all).err.find("--center 100,-8,3"), std::string::npos) << words[0];
+    }
+    EXPECT_NE(command({"bend", "ball.vdb", "-o", "x.vdb", "--angle", "9", "--towards", "z"}, 2)
+                  .err.find("--towards"),
+              std::string::npos);
+}
+
+TEST_F(ModelVerbs, SayWhereNothingComesOfIt)
+{
+    const auto says = [&](std::vector<std::string> words, const std::string& what, int status = 0) {
+        const std::string said = command(std::move(words), status).err;
+        EXPECT_NE(said.find(what), std::string::npos) << said;
+    };
+    const auto saysNothing = [&](std::vector<std::string> words, const std::string& what) {
+        const std::string said = command(std::move(words)).err;
+        EXPECT_EQ(said.find(what), std::string::npos) << said;
+    };
+    // Walls that meet in the middle of the ball.
+    says({"shell", "ball.vdb", "-o", "x.vdb", "--thickness", "1.5"}, "nothing of it is hollow");
+    saysNothing({"shell", "ball.vdb", "-o", "x.vdb", "--thickness", "0.7"}, "hollow");
+    saysNothing({"shell", "ball.vdb", "-o", "x.vdb", "--thickness", "3", "--wall", "outward"},
+                "hollow");
+    // A mask that is a level set, one that lies elsewhere, and one that is there.
+    says({"smooth", "ball.vdb", "-o", "x.vdb", "--mask", "box.vdb"}, "is a level set", 3);
+    command({"transform", "box.vdb", "-o", "away.vdb", "--translate", "9,0,0"});
+    command({"fog", "away.vdb", "-o", "far.vdb"});
+    command({"fog", "box.vdb", "-o", "near.vdb"});
+    says({"smooth", "ball.vdb", "-o", "x.vdb", "--mask", "far.vdb"}, "nothing was smoothed");
+    saysNothing({"smooth", "ball.vdb", "-o", "x.vdb", "--mask", "near.vdb"}, "nothing");
+    // Nothing has a distance from an empty level set.
+    command({"clip", "ball.vdb", "-o", "empty.vdb", "--box", "5", "5", "5", "6", "6", "6"});
+    command({"sample", "sphere(1)", "-o", "points.ply", "--points", "1000"});
+    says({"measure", "empty.vdb", "--points", "points.ply", "-o", "x.ply"}, "is empty", 3);
+    says({"info", "ball.vdb", "--against", "empty.vdb"}, "is empty", 3);
+    EXPECT_FALSE(fs::exists(folder / "x.ply"));
+}
+
+TEST_F(ModelVerbs, LevelSetsAreComparedWithPointsAndMeshes)
+{
+    command({"sample", "sphere(1)", "-o", "points.ply", "--points", "1000"});
+    command({"mesh", "box.vdb", "-o", "box.ply"});
+    for (const std::string other : {"points.ply", "box.ply", "box.vdb"}) {
+        const Ended told = command({"info", "ball.vdb", "--against", other, "--json"});
+        const json mesh = json::parse(told.out)["files"][0]["mesh"];
+        EXPECT_NEAR(mesh["volume"], ballVolume, tolerance);
+        const double largest = mesh["against"]["distance_from_it"]["max"];
+        // Points of the ball are on it; the box's far corners are beside it.
+        const double truth = other == "points.ply" ? 0 : std::sqrt(1.4 * 1.4 + 0.5) - 1;
+        EXPECT_NEAR(largest, truth, kVoxel) << other;
+    }
+}
+
+TEST_F(ModelVerbs, NumbersMayBeginWithTheirPoint)
+{
+    command({"clip", "ball.vdb", "-o", "a.vdb", "--box", "-.5", "-.5", "-.5", ".5", ".5", ".5"});
+    command(
+        {"clip", "ball.vdb", "-o", "b.vdb", "--box", "-0.5", "-0.5", "-0.5", "0.5", "0.5", "0.5"});
+    EXPECT_NEAR(volumeOf(folder / "a.vdb"), volumeOf(folder / "b.vdb"), 1e-12);
+}
+
+TEST_F(ModelVerbs, MemoryOfATaperIsThatOfItsNarrowEnd)
+{
+    // A bar a hundred times as long as it is thick, drawn out at its far end.
+    command({"sample", "box(0.2,0.2,20)", "-o", "bar.ply", "--points", "60000"});
+    command({"reconstruct", "bar.ply", "-o", "bar.vdb", "--voxel-size", "0.02"});
+    command({"taper", "bar.vdb", "-o", "x.vdb", "--end-factor", "0.3", "--max-memory", "1G"});
 }
 
 TEST_F(ModelVerbs, ChecksTellWhereThereIsNoLevelSet)

@@ -88,6 +88,20 @@ TEST(Particles, ALoneParticleIsItsBall)
         }
 }
 
+TEST(Particles, JoinWhereTheyAreLessThanThreeRadiiApart)
+{
+    const double r = 1, ball = 4 * M_PI / 3;
+    for (const double apart : {1.5, 2.0, 2.4, 2.9, 3.2, 4.0}) {
+        SCOPED_TRACE(apart);
+        const SolidMeasures pair =
+            measure(surfaceOf({Vec3d::Zero(), Vec3d(apart, 0.1, 0)}, r, 0.1).levelSet());
+        EXPECT_EQ(pair.surfaces, apart < 3.06 ? 1u : 2u);
+        EXPECT_EQ(pair.genus, 0);
+        // Joined, at most a third more; apart, what the other's kernel adds at its end.
+        EXPECT_LT(pair.volume, (apart < 3.06 ? 1.37 : 1.03) * 2 * ball);
+    }
+}
+
 TEST(Particles, SpheresAreTheirUnion)
 {
     const double r = 1, h = 0.1, apart = 1.4, half = apart / 2;

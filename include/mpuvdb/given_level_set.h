@@ -22,11 +22,14 @@ class Interrupter;
 LevelSet levelSetFromGrid(const openvdb::FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
                           Interrupter* interrupter = nullptr);
 
+/// What is wrong, for the user, where more than one in ten faces between inside and outside lie
+/// beside an inactive voxel or tile, where there is no distance; else empty. @throws Interrupted.
+std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
+
 /// Require that the values of @a levelSet are roughly distances; check() is stricter.
 /// @param cure  last sentence of the error's text: how to make distances of them.
 /// @throws InputError if the median slope beside the zero set, where a distance has 1, is outside
-/// [0.4, 2.5], or if more than one in ten faces between inside and outside lie beside an inactive
-/// voxel or tile, where there is no distance; Interrupted.
+/// [0.4, 2.5], or if missingBand() finds something; Interrupted.
 void requireDistances(const LevelSet& levelSet, const std::string& cure,
                       Interrupter* interrupter = nullptr);
 

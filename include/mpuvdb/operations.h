@@ -74,15 +74,16 @@ struct SmoothSettings {
     int iterations = 1; ///< in [1, 1000]
     int width = 1;      ///< voxels, in [1, 32]; not for MeanCurvature
     /// Blends from the input to the filtered surface by values in [0,1], inactive ones too; of any
-    /// lattice. Null: filtered everywhere.
+    /// lattice, and no level set. Null: filtered everywhere.
     openvdb::FloatGrid::ConstPtr mask;
 };
 
 /// The smoothed surface. Bands are widened to what the filter reads, so that planes stay in place.
 /// Away from the mask nothing changes, to the bit. The time of a median grows with the cube of its
 /// width.
-/// @throws UsageError for settings out of range, InputError for a mask that is not finite,
-/// Interrupted.
+/// A note says if the mask is 0 on all of the surface.
+/// @throws UsageError for settings out of range, InputError for a mask that is not finite or a
+/// level set, Interrupted.
 LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings,
                 Interrupter* interrupter = nullptr);
 

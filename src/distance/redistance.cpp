@@ -10,6 +10,7 @@
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <fmt/format.h>
 #include <limits>
@@ -305,6 +306,22 @@ void requireRepresentableDistance(const char* what, double distance, double voxe
                                      kMaxDistance, kMaxDistance * voxelSize));
 }
 
+/// Whether a voxel is inside @a solid and outside @a wall, which has a band's voxels there.
+bool isHollow(const FloatTree& solid, const FloatTree& wall, const Interrupter& progress)
+{
+    std::vector<const FloatTree::LeafNodeType*> leaves;
+    wall.getNodes(leaves);
+    std::atomic<bool> found{false};
+    tbb::parallel_for(std::size_t(0), leaves.size(), [&](std::size_t n) {
+        if (found) return;
+        progress.check();
+        const openvdb::tree::ValueAccessor<const FloatTree, false> before(solid);
+        for (auto voxel = leaves[n]->cbeginValueOn(); voxel && !found; ++voxel)
+            if (*voxel > 0 && before.getValue(voxel.getCoord()) < 0) found = true;
+    });
+    return found;
+}
+
 } // namespace
 
 LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Interrupter* interrupter)
@@ -369,7 +386,13 @@ LevelSet shell(const LevelSet& levelSet, double thickness, Wall wall, Interrupte
     const FloatGrid::Ptr hollow =
         remade(levelSet.grid(), Own::Judged, {reach + middle + half, reach + half - middle}, maker,
                progress, 1 - kCreaseShare);
-    return LevelSet(repairOffsetCreases(*hollow, -1, halfWidth, progress));
+    const LevelSet result(repairOffsetCreases(*hollow, -1, halfWidth, progress));
+    if (!levelSet.grid().empty() &&
+        !isHollow(levelSet.grid().tree(), result.grid().tree(), progress))
+        progress.note(fmt::format("the solid is nowhere thicker than its walls of {:.4g} on both "
+                                  "sides: nothing of it is hollow",
+                                  thickness));
+    return result;
 }
 
 } // namespace mpuvdb

@@ -392,13 +392,24 @@ LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::stri
     return isFull || band.odd > 0 ? LevelSet(cutOff(*grid, background)) : given;
 }
 
+std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter)
+{
+    /// Share of faces that may be beside inactive voxels. [tuned: given_level_set_test]
+    constexpr double kMaxOpen = 0.1;
+    const FloatGrid& grid = levelSet.grid();
+    const Faces faces = facesOf(grid, orSilent(interrupter));
+    if (double(faces.open) <= kMaxOpen * double(faces.all)) return {};
+    return fmt::format(
+        "grid '{}': inside meets outside without a band of distances between them, at {} of {} "
+        "faces (first at voxel {}, {}, {})",
+        grid.getName(), faces.open, faces.all, faces.first.x(), faces.first.y(), faces.first.z());
+}
+
 void requireDistances(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
     /// Median slopes of distances that were edited elsewhere. [tuned: given_level_set_test]
     constexpr double kMinSlope = 0.4, kMaxSlope = 2.5;
-    /// Share of faces that may be beside inactive voxels. [tuned: given_level_set_test]
-    constexpr double kMaxOpen = 0.1;
     const FloatGrid& grid = levelSet.grid();
     const double slope = medianSlope(grid, levelSet.voxelSize(), progress);
     if (!(slope >= kMinSlope && slope <= kMaxSlope))
@@ -407,13 +418,8 @@ void requireDistances(const LevelSet& levelSet, const std::string& cure, Interru
                         "the surface they change by {:.3g} per unit, where a distance "
                         "changes by 1. {}",
                         grid.getName(), slope, cure));
-    const Faces faces = facesOf(grid, progress);
-    if (double(faces.open) > kMaxOpen * double(faces.all))
-        throw InputError(fmt::format(
-            "grid '{}': inside meets outside without a band of distances between them, at {} of {} "
-            "faces (first at voxel {}, {}, {}). {}",
-            grid.getName(), faces.open, faces.all, faces.first.x(), faces.first.y(),
-            faces.first.z(), cure));
+    const std::string missing = missingBand(levelSet, &progress);
+    if (!missing.empty()) throw InputError(fmt::format("{}. {}", missing, cure));
 }
 
 } // namespace mpuvdb

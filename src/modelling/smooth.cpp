@@ -77,6 +77,15 @@ LevelSet changedOnly(const LevelSet& before, const LevelSet& after, openvdb::Mas
     return LevelSet(grid);
 }
 
+void requireMask(const FloatGrid& mask)
+{
+    requireFinite(mask);
+    if (mask.getGridClass() == openvdb::GRID_LEVEL_SET)
+        throw InputError(fmt::format("smooth: the mask '{}' is a level set, whose values are "
+                                     "distances. Give shares from 0 to 1, as mpuvdb fog makes them",
+                                     mask.getName()));
+}
+
 } // namespace
 
 void requireSmoothSettings(const SmoothSettings& settings)
@@ -94,10 +103,11 @@ LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Interr
 {
     Interrupter& progress = orSilent(interrupter);
     requireSmoothSettings(settings);
-    if (settings.mask) requireFinite(*settings.mask);
+    if (settings.mask) requireMask(*settings.mask);
     const double halfWidth = levelSet.halfWidth();
     progress.beginStage("smooth", passesOf(settings));
     LevelSet result = levelSet;
+    bool isChanged = false;
     for (int done = 0; done < passesOf(settings) && !result.grid().empty();) {
         const FilterPass pass = nextPass(settings, done);
         const LevelSet wide =
@@ -106,12 +116,17 @@ LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Interr
         const auto changed = changedVoxels(wide.grid().tree(), filtered->tree());
         progress.check();
         if (!changed->empty()) {
+            isChanged = true;
             const LevelSet after = redistance(*filtered, halfWidth, &progress);
             result = settings.mask ? changedOnly(result, after, *changed, progress) : after;
         }
         done += pass.steps;
         progress.advance(pass.steps);
     }
+    if (settings.mask && !isChanged && !levelSet.grid().empty())
+        progress.note(fmt::format("the mask '{}' is 0 wherever the surface is: nothing was "
+                                  "smoothed. Look where it lies with mpuvdb info",
+                                  settings.mask->getName()));
     progress.endStage();
     return result;
 }

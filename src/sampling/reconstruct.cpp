@@ -78,7 +78,7 @@ Box3d resolveRegion(const std::array<Length, 6>& region, const ResolvedSettings&
         box.min()[Eigen::Index(axis)] = at(0);
         box.max()[Eigen::Index(axis)] = at(1);
     }
-    if (box.isEmpty())
+    if (!(box.sizes().minCoeff() > 0))
         throw UsageError("the region is empty: give the lower corner first, x0 y0 z0 x1 y1 z1");
     return box;
 }

@@ -139,16 +139,17 @@ protected:
     }
 
 private:
-    /// The stretch where @a box is moved to: the image of the whole may hold the center of a bend,
-    /// those of its parts do not.
+    /// The stretch where @a box is moved to. The image of the whole may hold the center of a bend,
+    /// or both ends of a taper; those of its parts do not.
     double stretchOver(const Box3d& box) const
     {
         // Parts along a side of the box. [derived: those of a bar as thick as a bend's radius end
         // well before the center]
         constexpr int kPartsPerSide = 16;
+        constexpr double kLittle = 2; ///< not worth a closer look [free: time]
         if (box.isEmpty()) return 1;
         const double whole = mWarp->stretch(bounds());
-        if (std::isfinite(whole) || !isFinite(box)) return whole;
+        if (whole <= kLittle || !isFinite(box)) return whole;
         const Vec3d size = box.sizes() / kPartsPerSide;
         double most = 1;
         for (int x = 0; x < kPartsPerSide; ++x)
@@ -157,7 +158,7 @@ private:
                     const Vec3d low = box.min() + size.cwiseProduct(Vec3d(x, y, z));
                     most = std::max(most, mWarp->stretch(mWarp->image(Box3d(low, low + size))));
                 }
-        return most;
+        return std::min(whole, most);
     }
 
     std::shared_ptr<const Warp> mWarp;

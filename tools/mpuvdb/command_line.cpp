@@ -129,6 +129,13 @@ std::optional<std::string> unknownWord(const CLI::App& root)
     throw UsageError(fmt::format("{}: {}\nSee {} --help", who, what, who));
 }
 
+/// Make -0.5 of -.5, which CLI11 takes for an option.
+void leadWithDigit(std::string& word)
+{
+    if (word.size() > 2 && word[0] == '-' && word[1] == '.' && word[2] >= '0' && word[2] <= '9')
+        word.insert(1, "0");
+}
+
 class Parser
 {
 public:
@@ -156,7 +163,9 @@ public:
     {
         try {
             // CLI11 takes words without the program's name, the last one first.
-            mRoot.parse(std::vector<std::string>(words.rbegin(), words.rend() - 1));
+            std::vector<std::string> reversed(words.rbegin(), words.rend() - 1);
+            std::for_each(reversed.begin(), reversed.end(), leadWithDigit);
+            mRoot.parse(std::move(reversed));
         } catch (const CLI::CallForVersion& version) {
             printText(std::string(version.what()) + "\n");
             return {};

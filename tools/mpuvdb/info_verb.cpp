@@ -78,6 +78,13 @@ Json describePoints(const PointInput& input, Interrupter& progress)
     return json;
 }
 
+/// The mesh of a file's level set.
+Mesh meshOf(const std::string& file, Session& session)
+{
+    return extractMesh(readLevelSet(file, {}, session.options().maxBytes, Validation::SignsOnly),
+                       {}, &session.progress());
+}
+
 /// The file of --against: a mesh, or points where it has no triangles.
 struct Other {
     std::string file;
@@ -89,9 +96,11 @@ struct Other {
         Interrupter& progress = session.progress();
         progress.beginStage("read");
         if (extensionOf(file) == ".vdb") {
-            mesh = extractMesh(
-                readLevelSet(file, {}, session.options().maxBytes, Validation::SignsOnly), {},
-                &progress);
+            mesh = meshOf(file, session);
+            if (mesh.triangles.empty())
+                throw InputError(fmt::format("{}: the level set is empty, and there is nothing to "
+                                             "compare with. Name another file for --against",
+                                             file));
             return;
         }
         PointInput input = readPoints({file}, BadPoints::Drop, {}, {}, &progress);
@@ -270,21 +279,18 @@ private:
             if (isMesh)
                 json["mesh"] =
                     describeMesh(readMesh(file, &progress), other, mDeviations, progress);
-            if (other && !isMesh) throwNoMesh(file);
+            if (other && !isMesh)
+                throw UsageError(fmt::format("{}: --against measures meshes and level sets in "
+                                             "files, and this is neither. Name one (.ply, .obj, "
+                                             ".off, .stl, .vdb), and this as --against",
+                                             file));
             return json;
         }
-        if (other) throwNoMesh(file);
         json["grids"] = Json::array();
         for (const openvdb::GridBase::Ptr& grid : readGrids(file, session.options().maxBytes))
             json["grids"].push_back(describeGrid(*grid));
+        if (other) json["mesh"] = describeMesh(meshOf(file, session), other, mDeviations, progress);
         return json;
-    }
-
-    [[noreturn]] static void throwNoMesh(const std::string& file)
-    {
-        throw UsageError(fmt::format("{}: --against measures meshes in files, and this is none. "
-                                     "Name one (.ply, .obj, .off, .stl), and this as --against",
-                                     file));
     }
 
     std::vector<std::string> mInputs;

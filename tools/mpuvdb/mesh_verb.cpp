@@ -2,6 +2,7 @@
 #include "level_set_verb.h"
 #include "standard_output.h"
 
+#include <mpuvdb/given_level_set.h>
 #include <mpuvdb/io.h>
 
 #include <algorithm>
@@ -83,7 +84,11 @@ private:
             mMesh.addAttributes = [&grids](Mesh& mesh, Interrupter& progress) {
                 for (const auto& grid : grids) addAttribute(mesh, *grid, &progress);
             };
-        return writeMeshOf(levelSet, mMesh, session);
+        const ExitCode code = writeMeshOf(levelSet, mMesh, session);
+        const std::string missing = missingBand(levelSet, &session.progress());
+        if (missing.empty()) return code;
+        session.warn(missing + ". The mesh follows the signs: look at it, and see mpuvdb check");
+        return ExitCode::CheckFailed;
     }
 
     /// The attributes' grids. @throws InputError where one that is named is missing.

@@ -12,6 +12,30 @@ namespace
 
 constexpr double kRadians = M_PI / 180;
 
+/// How far a solid lies off an axis.
+struct OffAxis {
+    double size = 0, off = 0; ///< of the solid across the axis, and of its middle from it
+    std::string where, cure;  ///< for the user
+
+    /// @param box  of the solid, not empty.
+    OffAxis(const Box3d& box, const Axis& axis)
+    {
+        const Vec3d along = axis.direction.normalized(), center = box.center();
+        const auto across = [&](const Vec3d& v) { return (v - v.dot(along) * along).norm(); };
+        size = (box.sizes() - box.sizes().dot(along.cwiseAbs()) * along.cwiseAbs()).norm();
+        off = across(center - axis.origin);
+        where = fmt::format("the solid lies {:.4g} off the axis, {:.3g} times its size across", off,
+                            off / std::max(size, 1e-300));
+        cure = fmt::format("--center {:.6g},{:.6g},{:.6g} puts the axis through it", center[0],
+                           center[1], center[2]);
+    }
+    bool isFar() const
+    {
+        constexpr double kMaxOffAxis = 5; // sizes of the solid
+        return off > kMaxOffAxis * size;
+    }
+};
+
 /// Checks whether a twist draws out a solid that is far off the axis.
 /// @param rate  radians per world unit.
 /// @throws UsageError where the solid would become thinner than two voxels.
@@ -19,28 +43,18 @@ void requireNearAxis(const Box3d& box, const Axis& axis, double rate, double vox
                      Session& session)
 {
     constexpr double kMinThickness = 2; // voxels
-    constexpr double kMaxOffAxis = 5;   // sizes of the solid
     if (box.isEmpty() || rate == 0) return;
-    const Vec3d along = axis.direction.normalized();
-    const auto across = [&](const Vec3d& v) { return (v - v.dot(along) * along).norm(); };
-    const double size = (box.sizes() - box.sizes().dot(along.cwiseAbs()) * along.cwiseAbs()).norm();
-    const Vec3d center = box.center();
-    const double off = across(center - axis.origin), nearest = off - size / 2;
-    const double growth = std::abs(rate) * nearest;
-    if (!(nearest > 0)) return;
-    const std::string where =
-        fmt::format("the solid lies {:.4g} off the axis, {:.3g} times its size across", off,
-                    off / std::max(size, 1e-300));
-    const std::string cure = fmt::format("--center {:.6g},{:.6g},{:.6g} puts the axis through it",
-                                         center[0], center[1], center[2]);
-    if (growth > 1 && size / growth < kMinThickness * voxelSize)
+    const OffAxis solid(box, axis);
+    const double growth = std::abs(rate) * (solid.off - solid.size / 2);
+    if (!(growth > 1)) return;
+    if (solid.size / growth < kMinThickness * voxelSize)
         throw UsageError(fmt::format("{}: {:.4g} degrees per unit draw it out to a sheet {:.2g} "
                                      "voxels thick. {}",
-                                     where, std::abs(rate) / kRadians, size / growth / voxelSize,
-                                     cure));
-    if (off > kMaxOffAxis * size && growth > 1)
+                                     solid.where, std::abs(rate) / kRadians,
+                                     solid.size / growth / voxelSize, solid.cure));
+    if (solid.isFar())
         session.warn(fmt::format("{}: it is drawn out, to about {:.2g} times its surface. {}",
-                                 where, growth, cure));
+                                 solid.where, growth, solid.cure));
 }
 
 class TwistVerb final : public LevelSetVerb
@@ -117,7 +131,7 @@ protected:
     };
 
     /// The axis, and where it begins and ends. @throws UsageError.
-    Part partOf(const GridInput& input)
+    Part partOf(const GridInput& input, Session& session)
     {
         Part part{{mCenter.value_or(Vec3d::Zero()), mAxis.value_or(Vec3d::UnitZ())}, 0, 0};
         if (!(part.axis.direction.norm() > 0)) throw UsageError("--axis 0,0,0: is not a direction");
@@ -128,6 +142,9 @@ protected:
             const double half = along.cwiseAbs().dot(box.sizes()) / 2;
             part.from = middle - half;
             part.to = middle + half;
+            const OffAxis solid(box, part.axis);
+            if (solid.isFar())
+                session.warn(fmt::format("{}: it moves far. {}", solid.where, solid.cure));
         }
         if (mFrom) part.from = input.resolve(*mFrom);
         if (mTo) part.to = input.resolve(*mTo);
@@ -173,8 +190,11 @@ protected:
         if (!(std::abs(mAngle) <= 360))
             throw UsageError(fmt::format("--angle {}: must be from -360 to 360", mAngle));
         const LevelSet& solid = inputs.front().levelSet;
-        const Part part = partOf(inputs.front());
+        const Part part = partOf(inputs.front(), session);
         const Vec3d side = mTowards.value_or(Vec3d::UnitX());
+        if (side.cross(part.axis.direction).isZero())
+            throw UsageError("--towards: is along --axis, and a solid is bent across it. Name "
+                             "another direction for one of them");
         const double curvature = mAngle * kRadians / (part.to - part.from);
         settings()["angle"] = mAngle;
         settings()["towards"] = toJson(side);
@@ -220,7 +240,7 @@ protected:
             if (!(factor > 0 && std::isfinite(factor)))
                 throw UsageError(fmt::format("{} {}: must be above 0", name, factor));
         const LevelSet& solid = inputs.front().levelSet;
-        const Part part = partOf(inputs.front());
+        const Part part = partOf(inputs.front(), session);
         settings()["start_factor"] = mStart;
         settings()["end_factor"] = mEnd;
         return Shape(solid)

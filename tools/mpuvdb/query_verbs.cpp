@@ -2,6 +2,7 @@
 #include "level_set_verb.h"
 
 #include <mpuvdb/analysis.h>
+#include <mpuvdb/error.h>
 #include <mpuvdb/queries.h>
 
 #include <algorithm>
@@ -50,6 +51,10 @@ public:
     {
         session.checkFiles({{"-o", mOutput, {".ply"}}}, {mInput, mPoints});
         const GridInput input = readGridInput(mInput, mGrid, session);
+        if (input.levelSet.grid().empty())
+            throw InputError(fmt::format("{}: the level set is empty, and nothing has a distance "
+                                         "from it. Name one that holds a surface",
+                                         mInput));
         Interrupter& progress = session.progress();
         progress.beginStage("read points");
         PointInput points = readPoints({mPoints}, BadPoints::Drop, {}, {}, &progress);
