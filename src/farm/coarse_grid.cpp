@@ -34,8 +34,8 @@ constexpr double kHalfWidth = 3;
 constexpr double kCrossingWidth = 2;
 /// Voxels of the coarser grid about a part. [derived: a leaf, in which the band's distances end]
 constexpr int kBeside = kBlockDim;
-/// Voxels of the finer grid about these. [derived: whole leaves: the wider band, and its stencil]
-constexpr int kFineBeside = 2 * kBlockDim;
+/// Voxels of the finer grid about these. [derived: a leaf: the wider band, and its stencil]
+constexpr int kFineBeside = kBlockDim;
 /// Voxels beside a part that check() looks at. [derived: its own stencil; the cut's are farther]
 constexpr int kChecked = 2;
 
@@ -49,9 +49,9 @@ CoordBBox finer(const CoordBBox& box)
     return {times(box.min(), 0), times(box.max(), 1).offsetBy(-1)};
 }
 
-/// Every fourth value of @a fine on each axis, in @a box (coarse voxels) and as far as the surface
+/// Every second value of @a fine on each axis, in @a box (coarse voxels) and as far as the surface
 /// is near.
-FloatGrid::Ptr everyFourth(const FloatGrid& fine, const CoordBBox& box, Interrupter& progress)
+FloatGrid::Ptr everySecond(const FloatGrid& fine, const CoordBBox& box, Interrupter& progress)
 {
     const float background = float(kCrossingWidth * kCoarsening * fine.voxelSize()[0]);
     const Coord blocks(box.dim()[0] / kBlockDim, box.dim()[1] / kBlockDim,
@@ -112,7 +112,7 @@ std::optional<LevelSet> coarserPart(const PartedGrid& fine, const std::string& p
     const auto part = openvdb::gridPtrCast<FloatGrid>(readLeaves(files, prefix, box, progress));
     if (part->tree().leafCount() == 0) return std::nullopt;
     const LevelSet wide = withHalfWidth(LevelSet(part), kCrossingWidth * kCoarsening, &progress);
-    const FloatGrid::Ptr values = everyFourth(wide.grid(), around, progress);
+    const FloatGrid::Ptr values = everySecond(wide.grid(), around, progress);
     if (!isCrossed(*values)) return std::nullopt;
     setLattice(*values, lattice);
     values->setGridClass(openvdb::GRID_LEVEL_SET);

@@ -11,11 +11,11 @@ namespace mpuvdb
 
 class Interrupter;
 
-/// How many voxels of a coarser grid's edge are one. [derived: a coarse level has a sixteenth of
-/// the voxels, and two of them span the 16 that layouts ask for]
-constexpr int kCoarsening = 4;
+/// How many voxels of the finer grid's edge are one of the coarser. [derived: the least, for which
+/// the band is widened least]
+constexpr int kCoarsening = 2;
 
-/// A coarser level set: its voxel (i,j,k) is the finer grid's voxel (4i,4j,4k). Where its surface
+/// A coarser level set: its voxel (i,j,k) is the finer grid's voxel (2i,2j,2k). Where its surface
 /// lies, values are the exact distances to the finer surface; in the rest of its band of 3 voxels
 /// they are measured from its own zero set. So it is a level set in its own right, and parts of a
 /// solid that are thinner than its voxels may be missing from it.

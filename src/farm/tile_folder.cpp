@@ -30,8 +30,9 @@ constexpr int kVersion = 1;
 /// Voxels that a tile's file has beyond the tile. [derived: a leaf, whose bytes are copied; renders
 /// interpolate two voxels beyond a place]
 constexpr int kOverlap = kBlockDim;
-/// Coarser levels. [derived: kCoarsening and its square]
-constexpr int kLevels = 2;
+/// How many voxels of the finer grid's edge are one of the coarser levels. [derived: each has a
+/// sixteenth of the voxels of the one before, and 16 are what layouts ask for]
+constexpr int kLevels[] = {4, 16};
 
 constexpr const char* kIndex = "index.json";
 constexpr const char* kLayer = "volume.usda";
@@ -142,10 +143,11 @@ private:
         fs::create_directory(parts);
         std::vector<std::string> faults;
         PartedGrid grid = mGrid;
-        for (int level = 1, factor = kCoarsening; level <= kLevels;
-             ++level, factor *= kCoarsening) {
-            grid = coarserGrid(grid, mContent.levelSet, parts / std::to_string(factor), faults,
-                               mProgress);
+        int voxels = 1; // of the finest grid along one of the coarser
+        for (const int factor : kLevels) {
+            for (; voxels < factor && !grid.parts().empty(); voxels *= kCoarsening)
+                grid = coarserGrid(grid, mContent.levelSet, parts / std::to_string(voxels), faults,
+                                   mProgress);
             if (grid.parts().empty()) break; // nothing is as large as its voxels
             const openvdb::GridBase::Ptr whole =
                 gridOfLeaves(grid.files(), mContent.levelSet, {}, mProgress);
@@ -155,7 +157,7 @@ private:
             about["voxel_size"] = grid.lattice().voxelSize;
             about["active_voxels"] = whole->activeVoxelCount();
             mLevels.push_back(std::move(about));
-            if (level == 1) mVolumes.push_back({mFolder / name, /*isProxy=*/true});
+            if (factor == kLevels[0]) mVolumes.push_back({mFolder / name, /*isProxy=*/true});
         }
         fs::remove_all(parts);
         return faults;
