@@ -434,6 +434,33 @@ TEST(Redistancing, AThinSlabKeepsBothSides)
     expectSigns(wide, exact, 30);
 }
 
+TEST(Redistancing, WideBandsOfReconstructedSolidsAreSound)
+{
+    // Outside their edges fits are the larger of the faces' distances: too small, by more the
+    // farther from the edge.
+    for (const std::string description : {"box(2, 1.5, 1)", "cylinder(1, 2)", "cone(1, 1)",
+                                          "difference(box(2, 1.5, 1), cylinder(0.4, 3))"}) {
+        ReconstructOptions options;
+        options.voxelSize = Length{0.015, Length::Unit::World};
+        Interrupter progress;
+        const ReconstructResult made =
+            reconstruct(test::randomScan(description, 40000), options, &progress);
+        const LevelSet narrow = made.levelSet();
+        for (const double halfWidth : {5, 10}) {
+            SCOPED_TRACE(fmt::format("{}, {} voxels", description, halfWidth));
+            const LevelSet wide = withHalfWidth(narrow, halfWidth, &progress);
+            expectSound(wide);
+            // Values that define the zero set stay: a third of the distance outside an edge of 45
+            // degrees.
+            const auto at = wide.grid().getConstAccessor();
+            for (auto it = narrow.grid().cbeginValueOn(); it; ++it) {
+                if (!(std::abs(*it) < narrow.voxelSize() / 3)) continue;
+                ASSERT_EQ(at.getValue(it.getCoord()), *it) << it.getCoord();
+            }
+        }
+    }
+}
+
 TEST(Redistancing, AnEmptyGridStaysEmpty)
 {
     Interrupter progress;

@@ -6,7 +6,9 @@ namespace mpuvdb
 {
 
 /// The same surface with a band of @a halfWidth voxels: values in the old band stay unchanged, new
-/// ones are distances (world units) to the surface. @param halfWidth  in [1.5, 1000].
+/// ones are distances (world units) to the surface. Where values are no distances, as outside edges
+/// of fits, a wider band keeps those within a voxel of the surface, and goes over to distances.
+/// @param halfWidth  in [1.5, 1000].
 /// @throws UsageError (half-width), LimitError (number of voxels beside the surface), Interrupted.
 LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth,
                        Interrupter* interrupter = nullptr);
