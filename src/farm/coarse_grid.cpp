@@ -111,7 +111,8 @@ std::optional<LevelSet> coarserPart(const PartedGrid& fine, const std::string& p
     if (files.empty()) return std::nullopt;
     const auto part = openvdb::gridPtrCast<FloatGrid>(readLeaves(files, prefix, box, progress));
     if (part->tree().leafCount() == 0) return std::nullopt;
-    const LevelSet wide = withHalfWidth(LevelSet(part), kCrossingWidth * kCoarsening, &progress);
+    // Measured anew: whether its values are distances would be judged for each part by itself.
+    const LevelSet wide = redistance(*part, kCrossingWidth * kCoarsening, &progress);
     const FloatGrid::Ptr values = everySecond(wide.grid(), around, progress);
     if (!isCrossed(*values)) return std::nullopt;
     setLattice(*values, lattice);

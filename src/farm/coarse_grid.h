@@ -16,7 +16,7 @@ class Interrupter;
 constexpr int kCoarsening = 2;
 
 /// A coarser level set: its voxel (i,j,k) is the finer grid's voxel (2i,2j,2k). Where its surface
-/// lies, values are the exact distances to the finer surface; in the rest of its band of 3 voxels
+/// lies, values are the distances to the finer surface; in the rest of its band of 3 voxels
 /// they are measured from its own zero set. So it is a level set in its own right, and parts of a
 /// solid that are thinner than its voxels may be missing from it.
 /// @param fine  a level set in parts, with names that begin with @a prefix. @param folder  gets a
