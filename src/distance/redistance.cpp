@@ -331,8 +331,8 @@ LevelSet withHalfWidth(const LevelSet& levelSet, double halfWidth, Interrupter* 
     const auto reach = float(halfWidth);
     const bool isWider = halfWidth > levelSet.halfWidth();
     const BandMaker maker(halfWidth, levelSet.voxelSize(), changed([](float d) { return d; }));
-    const FloatGrid::Ptr made = remade(levelSet.grid(), isWider ? Own::Judged : Own::Kept,
-                                       {reach, reach}, maker, progress);
+    const FloatGrid::Ptr made =
+        remade(levelSet.grid(), isWider ? Own::Judged : Own::Kept, {reach, reach}, maker, progress);
     if (halfWidth < levelSet.halfWidth())
         completeBand(made->tree(), levelSet.voxelSize(), progress);
     return LevelSet(made);
