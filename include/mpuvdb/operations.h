@@ -81,7 +81,7 @@ struct SmoothSettings {
 /// The smoothed surface. Bands are widened to what the filter reads, so that planes stay in place.
 /// Away from the mask nothing changes, to the bit. The time of a median grows with the cube of its
 /// width.
-/// A note says if the mask is 0 on all of the surface.
+/// A note says if the mask is 0 wherever the filter changes the surface.
 /// @throws UsageError for settings out of range, InputError for a mask that is not finite or a
 /// level set, Interrupted.
 LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings,

@@ -124,8 +124,8 @@ LevelSet smooth(const LevelSet& levelSet, const SmoothSettings& settings, Interr
         progress.advance(pass.steps);
     }
     if (settings.mask && !isChanged && !levelSet.grid().empty())
-        progress.note(fmt::format("the mask '{}' is 0 wherever the surface is: nothing was "
-                                  "smoothed. Look where it lies with mpuvdb info",
+        progress.note(fmt::format("nothing was smoothed: the mask '{}' is 0 wherever the "
+                                  "filter changes the surface. Look where it lies with mpuvdb info",
                                   settings.mask->getName()));
     progress.endStage();
     return result;

@@ -17,11 +17,11 @@ public:
     /// of eight.
     bool add(const Vec3f& offset);
 
-    bool empty() const { return mOffsets.empty(); }
     /// Whether the points are known to lie all around the place: by the eighths of the circle that
     /// have points, so that it may be false where they do.
     bool surround() const;
-    /// The distance in the tangent plane from the place to the convex hull of the points.
+    /// The distance in the tangent plane from the place to the convex hull of the points, of which
+    /// there is at least one.
     float distanceToHull() const;
 
 private:
