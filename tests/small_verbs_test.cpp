@@ -10,7 +10,9 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <array>
 #include <cmath>
+#include <random>
 #include <regex>
 
 namespace mpuvdb::test
@@ -215,33 +217,81 @@ TEST_F(SmallVerbs, ContoursLieOnTheSurfaceAndRunRoundIt)
                                 Eigen::Affine3d(Eigen::Translation3d(3, 0.2, 1))),
                 h);
     for (const double height : {1.0, 1.0 + 0.37, 1.0 - 0.411}) {
-        const std::vector<Contour> contours = contoursOf(torus, {2, height});
+        const std::vector<Contour> contours = slicesOf(torus, 2, {height}).front().contours;
         ASSERT_EQ(contours.size(), 2u);
         const double half = std::sqrt(0.36 - (height - 1) * (height - 1));
         const bool isFirstOuter = contours[0].area > 0;
         const Contour &outer = contours[isFirstOuter ? 0 : 1], &inner = contours[isFirstOuter];
         const Eigen::Vector2d center(3, 0.2);
-        EXPECT_LT(offCircle(outer, center, 1.5 + half), 0.01);
-        EXPECT_LT(offCircle(inner, center, 1.5 - half), 0.01);
-        // A chord of a voxel's diagonal lies below its arc by h^2 / (4 r).
-        const auto within = [](double r) { return 2 * M_PI * r * (h * h / (4 * r) + 0.01 * h); };
+        // A mesh's chord of a voxel's diagonal lies below its arc, of radius 0.6, by h^2 / (4 r).
+        constexpr double kChord = h * h / (4 * 0.6) + 0.01 * h;
+        EXPECT_LT(offCircle(outer, center, 1.5 + half), kChord / h);
+        EXPECT_LT(offCircle(inner, center, 1.5 - half), kChord / h);
+        const auto within = [](double r) { return 2 * M_PI * r * kChord; };
         EXPECT_NEAR(outer.area, M_PI * std::pow(1.5 + half, 2), within(1.5 + half));
         EXPECT_NEAR(inner.area, -M_PI * std::pow(1.5 - half, 2), within(1.5 - half));
     }
     // Across x, y points right and z up: two circles, both outer.
-    const std::vector<Contour> across = contoursOf(torus, {0, 3});
+    const std::vector<Contour> across = slicesOf(torus, 0, {3}).front().contours;
     ASSERT_EQ(across.size(), 2u);
     double sum = 0;
     for (const Contour& contour : across) {
         EXPECT_GT(contour.area, 0);
         const double side = contour.points.front().x() > 0.2 ? 1.5 : -1.5;
-        EXPECT_LT(offCircle(contour, {0.2 + side, 1}, 0.6), 0.01);
+        EXPECT_LT(offCircle(contour, {0.2 + side, 1}, 0.6), h / (4 * 0.6) + 0.01);
         sum += side;
     }
     EXPECT_EQ(sum, 0);
-    EXPECT_TRUE(contoursOf(torus, {2, 9}).empty());
-    EXPECT_THROW(contoursOf(torus, {3, 0}), UsageError);
-    EXPECT_THROW(contoursOf(torus, {2, std::nan("")}), UsageError);
+    EXPECT_TRUE(slicesOf(torus, 2, {9}).front().contours.empty());
+    EXPECT_THROW(slicesOf(torus, 3, {0}), UsageError);
+    EXPECT_THROW(slicesOf(torus, 2, {std::nan("")}), UsageError);
+    const std::vector<Slice> slices = slicesOf(torus, 2, {1.2, -7, 0.9});
+    ASSERT_EQ(slices.size(), 3u) << "in the order of the heights";
+    EXPECT_EQ(slices[0].height, 1.2);
+    EXPECT_EQ(slices[1].contours.size() + 10 * slices[2].contours.size(), 20u);
+    EXPECT_EQ(slicesOf(torus, 2, {0.9}).front().contours.back().points,
+              slices[2].contours.back().points);
+}
+
+/// The distance of @a p from a rectangle's outline.
+double offRectangle(const Eigen::Vector2d& p, const Eigen::Vector2d& half)
+{
+    const Eigen::Vector2d over = p.cwiseAbs() - half;
+    return over.maxCoeff() < 0 ? -over.maxCoeff() : over.cwiseMax(0).norm();
+}
+
+TEST_F(SmallVerbs, ContoursHaveTheCornersOfTheSolid)
+{
+    const Eigen::Vector2d half(0.7, 0.45);
+    const std::array<Eigen::Vector2d, 4> corners = {
+        {{0.7, 0.45}, {-0.7, 0.45}, {-0.7, -0.45}, {0.7, -0.45}}};
+    std::mt19937 random(20261127);
+    std::uniform_real_distribution<double> any(-1, 1);
+    for (int trial = 0; trial < 8; ++trial) {
+        const double angle = M_PI * any(random);
+        const Eigen::Vector2d at(any(random), any(random));
+        const Eigen::Affine3d moved =
+            Eigen::Translation3d(at.x(), at.y(), 0) * Eigen::AngleAxisd(angle, Vec3d::UnitZ());
+        const LevelSet box =
+            sampled(*makeMovedField(makeSolidField(parseSolid("box(1.4,0.9,1)")), moved), h);
+        const std::vector<Slice> slices = slicesOf(box, 2, {-0.31, 0, 0.5, 0.17});
+        EXPECT_LE(slices[2].contours.size(), 1u) << "the top lies in the plane";
+        for (const std::size_t n : {0, 1, 3}) {
+            ASSERT_EQ(slices[n].contours.size(), 1u);
+            const Contour& contour = slices[n].contours.front();
+            // Of the mesh's edges, as sharp_mesh_test has them.
+            constexpr double kWithin = 0.1;
+            std::array<double, 4> nearest{9, 9, 9, 9};
+            for (const Eigen::Vector2d& point : contour.points) {
+                const Eigen::Vector2d p = Eigen::Rotation2Dd(-angle) * (point - at);
+                EXPECT_LT(offRectangle(p, half) / h, kWithin) << "trial " << trial;
+                for (std::size_t c = 0; c < 4; ++c)
+                    nearest[c] = std::min(nearest[c], (p - corners[c]).norm() / h);
+            }
+            for (const double apart : nearest) EXPECT_LT(apart, kWithin) << "trial " << trial;
+            EXPECT_NEAR(contour.area, 4 * half.prod(), kWithin * h * 4 * half.sum());
+        }
+    }
 }
 
 TEST_F(SmallVerbs, SliceWritesSvgInMillimetersAndPictures)

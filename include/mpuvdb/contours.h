@@ -29,20 +29,20 @@ struct Contour {
     double area = 0;                     ///< that it encloses, world units squared; < 0 for a hole
 };
 
-/// The contours of the solid on @a plane: marching squares on the plane's own lattice of voxels
-/// [Lorensen87], with crossings of the cubic interpolation of the distances. A point lies within a
-/// hundredth of a voxel of a surface whose radii are above ten voxels; chords between neighbors are
-/// at most a voxel's diagonal long.
-/// @throws UsageError for another axis or a height that is not finite, InputError where the band
-/// ends within the plane, so that contours are not closed; Interrupted.
-std::vector<Contour> contoursOf(const LevelSet& levelSet, const SlicePlane& plane,
-                                Interrupter* interrupter = nullptr);
-
 /// The contours at a height, world units.
 struct Slice {
     double height = 0;
     std::vector<Contour> contours;
 };
+
+/// The contours of the solid at each of @a heights across @a axis (0: x, 1: y, 2: z): those of its
+/// mesh, extractMesh(), so that edges and corners are as sharp. A point lies within a hundredth of
+/// a voxel and h^2 / (4 r) of a surface of radius r, h the voxel size. Where the surface lies in a
+/// plane, the slice is that of the solid just below it. The same for any number of threads.
+/// @param heights  world units, finite, in any order; slices have the same.
+/// @throws UsageError for settings out of range, LimitError (see extractMesh()), Interrupted.
+std::vector<Slice> slicesOf(const LevelSet& levelSet, int axis, const std::vector<double>& heights,
+                            Interrupter* interrupter = nullptr);
 
 /// Writes slices across one axis as SVG in millimeters, a group for each with its height in
 /// millimeters ("data-height"). The second axis of the plane points up. The page is @a bounds, with

@@ -3,6 +3,7 @@
 
 #include "render/slice_picture.h"
 #include <mpuvdb/contours.h>
+#include <mpuvdb/given_level_set.h>
 
 #include <algorithm>
 #include <cmath>
@@ -78,7 +79,10 @@ public:
             writeSvg(input.levelSet, heights, session);
         session.progress().endStage();
         session.note("time        " + session.timesText());
-        return ExitCode::Ok;
+        const std::string missing = missingBand(input.levelSet, &session.progress());
+        if (missing.empty()) return ExitCode::Ok;
+        session.warn(missing + ". The slices follow the signs: look at them, and see mpuvdb check");
+        return ExitCode::CheckFailed;
     }
 
 private:
@@ -121,17 +125,15 @@ private:
 
     void writeSvg(const LevelSet& levelSet, const std::vector<double>& heights, Session& session)
     {
-        std::vector<Slice> slices;
+        const std::vector<Slice> slices = slicesOf(levelSet, mAxis, heights, &session.progress());
         Json list = Json::array();
         std::size_t contours = 0;
-        session.progress().beginStage("slice", double(heights.size()));
-        for (const double height : heights) {
-            slices.push_back({height, contoursOf(levelSet, {mAxis, height}, &session.progress())});
+        for (const Slice& slice : slices) {
             double area = 0;
-            for (const Contour& contour : slices.back().contours) area += contour.area;
-            contours += slices.back().contours.size();
+            for (const Contour& contour : slice.contours) area += contour.area;
+            contours += slice.contours.size();
             list.push_back(
-                {{"height", height}, {"contours", slices.back().contours.size()}, {"area", area}});
+                {{"height", slice.height}, {"contours", slice.contours.size()}, {"area", area}});
         }
         session.report()["slices"] = list;
         writeContours(mOutput, slices, mAxis, levelSet.bounds(), mMetersPerUnit,
