@@ -40,7 +40,7 @@ inline CheckReport checked(const LevelSet& levelSet, double gradientTolerance = 
     return check(levelSet.grid(), gradientTolerance, openvdb::CoordBBox::inf(), &progress);
 }
 
-inline void expectSound(const LevelSet& levelSet, double gradientTolerance = 0.1)
+inline void expectSoundCreases(const LevelSet& levelSet, double gradientTolerance = 0.1)
 {
     const CheckReport report = checked(levelSet, gradientTolerance);
     EXPECT_TRUE(report.sound()) << texts(report);

@@ -13,11 +13,7 @@ namespace
 {
 
 using test::sampled;
-
-FieldPtr solidField(const std::string& description)
-{
-    return makeSolidField(parseSolid(description));
-}
+using test::solidField;
 
 Box3d cube(double half)
 {

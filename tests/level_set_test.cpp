@@ -18,13 +18,13 @@ namespace
 using openvdb::Coord;
 using openvdb::FloatGrid;
 
-constexpr float kVoxel = 0.05f;
+constexpr float kBallVoxel = 0.05f;
 
 /// A sphere of radius 20 voxels about the origin.
 FloatGrid::Ptr sphere(float halfWidth = 3)
 {
-    return openvdb::tools::createLevelSetSphere<FloatGrid>(20 * kVoxel, openvdb::Vec3f(0), kVoxel,
-                                                           halfWidth);
+    return openvdb::tools::createLevelSetSphere<FloatGrid>(20 * kBallVoxel, openvdb::Vec3f(0),
+                                                           kBallVoxel, halfWidth);
 }
 
 CheckReport checked(const FloatGrid& grid)
@@ -143,13 +143,13 @@ TEST(Check, ReportsAFlippedInactiveVoxelAndTile)
     const Coord voxel(16, 0, 0);
     ASSERT_FALSE(grid->tree().isValueOn(voxel));
     ASSERT_TRUE(grid->tree().probeConstLeaf(voxel));
-    grid->tree().setValueOnly(voxel, kVoxel * 3);
+    grid->tree().setValueOnly(voxel, kBallVoxel * 3);
     expectFound(*grid, "sign changes", voxel);
 
     grid = sphere();
     ASSERT_FALSE(grid->tree().probeConstLeaf(Coord(0)));
     ASSERT_LT(grid->tree().getValue(Coord(0)), 0);
-    grid->tree().addTile(1, Coord(0), 3 * kVoxel, false);
+    grid->tree().addTile(1, Coord(0), 3 * kBallVoxel, false);
     // Named is a voxel that touches the tile.
     const CheckReport report = checked(*grid);
     ASSERT_TRUE(find(report, "sign changes")) << texts(report);
@@ -176,7 +176,7 @@ TEST(Check, ReportsAHoleInTheBand)
     for (const Coord at : {Coord(20, 0, 0), Coord(0, 0, -21), Coord(12, 11, 11)}) {
         auto grid = sphere();
         const float value = grid->tree().getValue(at);
-        grid->tree().setValueOff(at, value < 0 ? -3 * kVoxel : 3 * kVoxel);
+        grid->tree().setValueOff(at, value < 0 ? -3 * kBallVoxel : 3 * kBallVoxel);
         const CheckReport report = checked(*grid);
         const CheckFinding* hole = find(report, "missing");
         ASSERT_TRUE(hole) << texts(report);
@@ -190,8 +190,8 @@ TEST(Check, ReportsBandsNarrowerThanPromised)
     // The inner half deactivated from two voxels on.
     auto grid = sphere();
     for (auto v = grid->beginValueOn(); v; ++v)
-        if (*v < -1.95f * kVoxel) {
-            v.setValue(-3 * kVoxel);
+        if (*v < -1.95f * kBallVoxel) {
+            v.setValue(-3 * kBallVoxel);
             v.setActiveState(false);
         }
     const CheckReport narrow = checked(*grid);
@@ -202,11 +202,11 @@ TEST(Check, ReportsBandsNarrowerThanPromised)
 
     // A background that promises more than there is: the inactive values disagree, too.
     grid = sphere();
-    openvdb::tools::changeBackground(grid->tree(), 5 * kVoxel);
+    openvdb::tools::changeBackground(grid->tree(), 5 * kBallVoxel);
     EXPECT_TRUE(find(checked(*grid), "missing")) << texts(checked(*grid));
     // And less.
     grid = sphere();
-    openvdb::tools::changeBackground(grid->tree(), 2 * kVoxel);
+    openvdb::tools::changeBackground(grid->tree(), 2 * kBallVoxel);
     EXPECT_TRUE(find(checked(*grid), "beyond the background")) << texts(checked(*grid));
 }
 
@@ -214,19 +214,19 @@ TEST(Check, ReportsValuesBeyondTheBackground)
 {
     auto grid = sphere();
     const Coord at(-22, 5, 0);
-    grid->tree().setValueOnly(at, 3.01f * kVoxel);
+    grid->tree().setValueOnly(at, 3.01f * kBallVoxel);
     expectOnly(*grid, "beyond the background", at, 1);
 
     grid = sphere();
     const Coord inactive(16, 0, 0);
-    grid->tree().setValueOnly(inactive, -2 * kVoxel);
+    grid->tree().setValueOnly(inactive, -2 * kBallVoxel);
     expectOnly(*grid, "inactive values", inactive, 1);
 }
 
 TEST(Check, ReportsActiveTiles)
 {
     auto grid = sphere();
-    grid->tree().addTile(1, Coord(40, 40, 40), 3 * kVoxel, true);
+    grid->tree().addTile(1, Coord(40, 40, 40), 3 * kBallVoxel, true);
     expectOnly(*grid, "active tiles", Coord(40, 40, 40), 512);
 }
 
@@ -235,7 +235,7 @@ TEST(Check, ReportsWhatIsNoDistance)
     for (const float factor : {2.f, 0.5f}) {
         auto grid = sphere();
         for (auto v = grid->beginValueOn(); v; ++v)
-            v.setValue(std::max(-3 * kVoxel, std::min(3 * kVoxel, *v * factor)));
+            v.setValue(std::max(-3 * kBallVoxel, std::min(3 * kBallVoxel, *v * factor)));
         const CheckReport report = checked(*grid);
         ASSERT_TRUE(find(report, "not a distance")) << texts(report);
         EXPECT_GT(find(report, "not a distance")->count, report.activeVoxels / 4);
@@ -276,9 +276,9 @@ TEST(Check, ReportsClassTransformAndBackground)
     expectOnly(*grid, "not cubes", Coord(), 0);
 
     grid = sphere();
-    grid->tree().root().setBackground(-3 * kVoxel, false);
+    grid->tree().root().setBackground(-3 * kBallVoxel, false);
     expectOnly(*grid, "background", Coord(), 0);
-    grid->tree().root().setBackground(0.5f * kVoxel, false);
+    grid->tree().root().setBackground(0.5f * kBallVoxel, false);
     expectOnly(*grid, "background is 0.5 voxels", Coord(), 0);
 }
 
@@ -316,7 +316,7 @@ TEST(LevelSetClass, TellsItsLattice)
     auto grid = sphere(4);
     grid->transform().postTranslate(openvdb::Vec3d(5e6, -1, 2));
     const LevelSet levelSet(grid);
-    EXPECT_DOUBLE_EQ(levelSet.voxelSize(), double(kVoxel));
+    EXPECT_DOUBLE_EQ(levelSet.voxelSize(), double(kBallVoxel));
     EXPECT_NEAR(levelSet.halfWidth(), 4, 1e-6);
     EXPECT_EQ(levelSet.lattice().origin, Vec3d(5e6, -1, 2));
 }

@@ -189,7 +189,7 @@ struct Planes {
     Vec3d apex = Vec3d::Zero();
 };
 
-using Boolean = std::function<double(const Planes&, const Vec3d&)>;
+using Combination = std::function<double(const Planes&, const Vec3d&)>;
 
 double unite(const Planes& planes, const Vec3d& y)
 {
@@ -206,7 +206,7 @@ double intersect(const Planes& planes, const Vec3d& y)
 }
 
 /// Points of the zero set of @a solid, which consists of parts of the planes.
-CellPoints cornerPoints(const Planes& planes, const Boolean& solid, std::size_t perFace,
+CellPoints cornerPoints(const Planes& planes, const Combination& solid, std::size_t perFace,
                         Random& random)
 {
     std::vector<Vec3d> positions, normals;
@@ -224,7 +224,7 @@ CellPoints cornerPoints(const Planes& planes, const Boolean& solid, std::size_t 
     return cellOf(positions, normals, 1);
 }
 
-void expectReproduced(const Planes& planes, const Boolean& solid, std::size_t perFace,
+void expectReproduced(const Planes& planes, const Combination& solid, std::size_t perFace,
                       Random& random)
 {
     const CellPoints points = cornerPoints(planes, solid, perFace, random);
@@ -271,7 +271,7 @@ TEST(FitSharp, ReproducesEdges)
 
 TEST(FitSharp, ReproducesCornersOfThreeFacesOfAllConvexities)
 {
-    const Boolean solids[] = {
+    const Combination solids[] = {
         intersect, unite,
         [](const Planes& f, const Vec3d& y) {
             return std::min(f.value(0, y), std::max(f.value(1, y), f.value(2, y)));
@@ -282,7 +282,7 @@ TEST(FitSharp, ReproducesCornersOfThreeFacesOfAllConvexities)
     for (std::uint64_t seed = 1; seed <= 60; ++seed) {
         Random random(seed);
         Planes planes = tiltedCorner(10, random);
-        for (const Boolean& solid : solids) {
+        for (const Combination& solid : solids) {
             for (int turn = 0; turn < 3; ++turn) {
                 SCOPED_TRACE(testing::Message() << "seed " << seed << ", solid " << &solid - solids
                                                 << ", turn " << turn);
@@ -321,11 +321,12 @@ TEST(FitSharp, LeavesCornersOfFourFacesThatAreNeitherToOthers)
 {
     Random random(5);
     const Planes planes = hippedRoof(random);
-    const Boolean mixed = [](const Planes& f, const Vec3d& y) {
+    const Combination mixed = [](const Planes& f, const Vec3d& y) {
         return std::min(std::max(f.value(0, y), f.value(2, y)),
                         std::max(f.value(1, y), f.value(3, y)));
     };
-    // Neither Boolean of the four faces fits; the general quadric is offered too, the best kept.
+    // Neither Combination of the four faces fits; the general quadric is offered too, the best
+    // kept.
     CellPoints scratch;
     const CellPoints points = cornerPoints(planes, mixed, 7, random);
     const std::optional<LocalFit> sharp = fitSharp(points, scratch);

@@ -2,6 +2,7 @@
 #pragma once
 #include "field_fixture.h"
 
+#include <mpuvdb/fields.h>
 #include <mpuvdb/mesh.h>
 #include <mpuvdb/operations.h>
 
@@ -11,6 +12,11 @@
 
 namespace mpuvdb::test
 {
+
+inline FieldPtr solidField(const std::string& description)
+{
+    return makeSolidField(parseSolid(description));
+}
 
 inline LevelSet sampled(const Field& field, double voxelSize, double halfWidth = 3,
                         const Vec3d& origin = Vec3d::Zero())

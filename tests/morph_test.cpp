@@ -1,4 +1,5 @@
 // Surfaces between two others.
+#include "modelling_fixture.h"
 #include "solid_level_set.h"
 
 #include <cmath>
@@ -17,14 +18,6 @@ LevelSet morphed(const LevelSet& a, const LevelSet& b, double t, Morphing how)
 {
     Interrupter progress;
     return morph(a, b, t, how, &progress);
-}
-
-void expectSound(const LevelSet& levelSet)
-{
-    Interrupter progress;
-    const CheckReport report =
-        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
-    EXPECT_TRUE(report.sound()) << texts(report);
 }
 
 /// Mean and largest | |x| - r | of a sphere's values, voxels.

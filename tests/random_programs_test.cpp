@@ -45,7 +45,7 @@ Known filleted(const Known& sharp, const Known& a, const Known& b, double radius
 }
 
 /// A shape, and what is known of its solid.
-struct Program {
+struct KnownProgram {
     Shape shape;
     std::function<Known(const Vec3d&)> known;
     bool outsideIsExact = false; ///< where known.high > 0, that is the distance
@@ -63,7 +63,7 @@ class Programs
 public:
     Programs(std::uint64_t seed, double voxelSize) : mRandom(seed), mVoxelSize(voxelSize) {}
 
-    Program make(int nodes)
+    KnownProgram make(int nodes)
     {
         if (nodes <= 1) return leaf();
         if (nodes == 2) return unary(make(1));
@@ -88,7 +88,7 @@ private:
                Eigen::Scaling(scale);
     }
 
-    Program moved(const Program& p, const Eigen::Affine3d& motion, double scale)
+    KnownProgram moved(const KnownProgram& p, const Eigen::Affine3d& motion, double scale)
     {
         const Eigen::Affine3d back = motion.inverse();
         return {p.shape.moved(motion),
@@ -99,7 +99,7 @@ private:
                 p.outsideIsExact};
     }
 
-    Program leaf()
+    KnownProgram leaf()
     {
         static const char* const kSolids[] = {"sphere(0.7)",     "box(1,0.8,1.2)",
                                               "torus(0.6,0.3)",  "capsule(0.35,0.9)",
@@ -107,12 +107,12 @@ private:
                                               "cone(0.6,1.2)",   "roundedbox(1,0.8,0.9,0.2)"};
         const char* const name = kSolids[mRandom.below(std::size(kSolids))];
         const auto solid = parseSolid(name);
-        const Program p{source(solid, name),
-                        [solid](const Vec3d& at) {
-                            const double d = solid->distance(at);
-                            return Known{d, d};
-                        },
-                        true};
+        const KnownProgram p{source(solid, name),
+                             [solid](const Vec3d& at) {
+                                 const double d = solid->distance(at);
+                                 return Known{d, d};
+                             },
+                             true};
         return moved(p, motion(0.5, 1), 1);
     }
 
@@ -128,10 +128,10 @@ private:
         return Shape(std::make_shared<Mesh>(extractMesh(grid, {}, &progress)), name + " as a mesh");
     }
 
-    Program boolean(int nodes)
+    KnownProgram boolean(int nodes)
     {
         const int left = 1 + int(mRandom.below(std::size_t(nodes - 1)));
-        Program a = make(left), b = make(nodes - left);
+        KnownProgram a = make(left), b = make(nodes - left);
         const auto kind = Boolean(mRandom.below(3));
         const double radius = mRandom.below(3) == 0 ? length(1, 4) : 0;
         const Shape shape = Shape::combine(kind, {a.shape, b.shape}, radius);
@@ -146,10 +146,10 @@ private:
         return {shape, known, exact};
     }
 
-    Program morph(int nodes)
+    KnownProgram morph(int nodes)
     {
         const int left = 1 + int(mRandom.below(std::size_t(nodes - 1)));
-        Program a = make(left), b = make(nodes - left);
+        KnownProgram a = make(left), b = make(nodes - left);
         const auto how = mRandom.below(2) ? Morphing::Linear : Morphing::Advection;
         return {Shape::morph(a.shape, b.shape, mRandom.uniform(0, 1), how),
                 [f = a.known, g = b.known](const Vec3d& at) {
@@ -159,7 +159,7 @@ private:
                 false};
     }
 
-    Program unary(const Program& p)
+    KnownProgram unary(const KnownProgram& p)
     {
         switch (mRandom.below(5)) {
         case 0:
@@ -183,7 +183,7 @@ private:
         }
     }
 
-    Program offset(const Program& p)
+    KnownProgram offset(const KnownProgram& p)
     {
         const double by = length(-4, 6);
         return {p.shape.offset(by),
@@ -194,7 +194,7 @@ private:
                 by > 0 && p.outsideIsExact};
     }
 
-    Program shell(const Program& p)
+    KnownProgram shell(const KnownProgram& p)
     {
         const double thickness = length(3, 6);
         const auto wall = Wall(mRandom.below(3));
@@ -213,7 +213,7 @@ private:
                 false};
     }
 
-    Program twist(const Program& p)
+    KnownProgram twist(const KnownProgram& p)
     {
         const auto warp =
             makeTwist({mRandom.inCube(0.2), mRandom.direction()}, mRandom.uniform(-1, 1));
@@ -247,7 +247,7 @@ bool soundButForRim(const LevelSet& made)
 }
 
 /// Random places of which something is known have the sign that is known.
-int judge(const LevelSet& made, const Program& program, Random& random)
+int judge(const LevelSet& made, const KnownProgram& program, Random& random)
 {
     const double h = made.voxelSize();
     // Within a cell's diagonal of the surface the nearest voxel may lie on its other side.
@@ -278,7 +278,7 @@ void runPrograms(std::uint64_t first, int count)
         Random random(seed);
         // Most are small; one in a hundred has thirty nodes.
         const int nodes = seed % 100 == 0 ? 30 : 2 + int(seed % 6);
-        const Program program = programs.make(nodes);
+        const KnownProgram program = programs.make(nodes);
         SCOPED_TRACE(fmt::format("seed {}", seed));
         Interrupter progress;
         const LevelSet made = program.shape.evaluate(settings, &progress);

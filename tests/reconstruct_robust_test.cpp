@@ -31,7 +31,7 @@ test::Uncleaned voxelsOf(double voxelSize)
     return settings;
 }
 
-ReconstructResult reconstructed(PointCloud cloud, double voxelSize)
+ReconstructResult reconstructedAt(PointCloud cloud, double voxelSize)
 {
     Interrupter progress;
     return reconstruct(std::move(cloud), voxelsOf(voxelSize), &progress);
@@ -92,7 +92,7 @@ TEST(Reconstruct, InventsWithoutACrease)
             cloud.normals.push_back(whole.normals[i]);
         }
         const double h = 0.02;
-        const ReconstructResult result = reconstructed(cloud, h);
+        const ReconstructResult result = reconstructedAt(cloud, h);
         // Turns within a voxel, from well within the data to well within the hole, the surface's
         // own among them: where support ends, and the largest per place on the rim.
         std::vector<double> atSeam, largest;
@@ -156,12 +156,12 @@ TEST(Reconstruct, GivesTheSameBytesForAnyThreadsAndAnyOrder)
     for (std::size_t n = 0; n < clouds.size(); ++n) {
         SCOPED_TRACE(n);
         const double h = 2.0 / 48;
-        const ReconstructResult first = reconstructed(clouds[n], h);
+        const ReconstructResult first = reconstructedAt(clouds[n], h);
         const std::string bytes = test::treeBytes(first.levelSet().grid());
         for (const std::size_t threads : {1u, 2u, 8u}) {
             tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
             const ReconstructResult other =
-                reconstructed(test::shuffled(clouds[n], 10 + threads), h);
+                reconstructedAt(test::shuffled(clouds[n], 10 + threads), h);
             EXPECT_TRUE(bytes == test::treeBytes(other.levelSet().grid())) << threads;
             EXPECT_EQ(first.field->statistics().cells, other.field->statistics().cells);
             EXPECT_EQ(first.field->statistics().maxError, other.field->statistics().maxError);
@@ -178,7 +178,7 @@ TEST(Reconstruct, GivesTheSameGridFarFromTheOrigin)
     const PointCloud cloud = test::randomScan("torus(1, 0.4)", 16000);
     PointCloud moved = cloud;
     moved.frame += shift;
-    const ReconstructResult near = reconstructed(cloud, h), there = reconstructed(moved, h);
+    const ReconstructResult near = reconstructedAt(cloud, h), there = reconstructedAt(moved, h);
 
     const Lattice lattice = there.levelSet().lattice();
     const Vec3d offset = (shift - lattice.origin + near.levelSet().lattice().origin) / h;
@@ -209,7 +209,7 @@ TEST(Reconstruct, GivesTheRightSurfaceOfPointsScannedFarFromTheOrigin)
     const std::string description = "translate(sphere(1), 5000000, 5000000, -5000000)";
     const auto solid = parseSolid(description);
     const double h = 1.0 / 32;
-    const ReconstructResult r = reconstructed(test::randomScan(description, 13000), h);
+    const ReconstructResult r = reconstructedAt(test::randomScan(description, 13000), h);
     double worst = 0;
     for (auto v = r.levelSet().grid().cbeginValueOn(); v; ++v) {
         const double d = solid->distance(test::worldOf(r.levelSet().lattice(), v.getCoord()));
@@ -346,7 +346,7 @@ TEST(Reconstruct, StopsWithinAQuarterOfASecond)
     const PointCloud cloud = test::scanOf("blob(1, 8, 0.1)", scan);
     const double h = 2.2 / 200;
     const Clock::time_point start = Clock::now();
-    reconstructed(cloud, h);
+    reconstructedAt(cloud, h);
     const Milliseconds whole = Clock::now() - start;
     for (const double part : {0.05, 0.3, 0.5, 0.7, 0.9}) {
         Milliseconds best(1e9);
@@ -396,7 +396,7 @@ void expectDefined(const PointCloud& cloud, double voxelSize)
 {
     Interrupter progress;
     try {
-        const ReconstructResult r = reconstructed(cloud, voxelSize);
+        const ReconstructResult r = reconstructedAt(cloud, voxelSize);
         const MeshReport mesh = measure(extractMesh(r.levelSet(), {}, &progress));
         EXPECT_EQ(mesh.boundaryEdges, 0u);
         EXPECT_EQ(mesh.nonManifoldEdges, 0u);
@@ -444,7 +444,7 @@ TEST(Reconstruct, ClosesAFlatSheetBehind)
         for (const double voxelSize : {0.01, 0.02, 0.03, 0.05, 0.08}) {
             SCOPED_TRACE(fmt::format("{} {}", round ? "disc" : "square", voxelSize));
             const ReconstructResult made =
-                reconstructed(cloudOf(points, Vec3d::UnitZ()), voxelSize);
+                reconstructedAt(cloudOf(points, Vec3d::UnitZ()), voxelSize);
             Interrupter progress;
             const MeshReport mesh = measure(extractMesh(made.levelSet(), {}, &progress));
             EXPECT_EQ(mesh.components, 1u);

@@ -1,5 +1,5 @@
 // Points to level set: how near the surface comes, how fast it converges, what shape it has.
-#include "field_fixture.h"
+#include "modelling_fixture.h"
 #include "uncleaned.h"
 
 #include <mpuvdb/mesh.h>
@@ -15,6 +15,7 @@ namespace
 {
 
 using openvdb::Coord;
+using test::expectSound;
 
 /// A solid with its longest side and its area: for points a voxel apart.
 struct Model {
@@ -49,14 +50,6 @@ MeshReport meshOf(const LevelSet& levelSet)
 {
     Interrupter progress;
     return measure(extractMesh(levelSet, {}, &progress));
-}
-
-void expectSound(const LevelSet& levelSet)
-{
-    Interrupter progress;
-    const CheckReport report =
-        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
-    EXPECT_TRUE(report.sound()) << test::texts(report);
 }
 
 /// A closed surface in one piece (or @a components), Euler characteristic as given.
@@ -229,7 +222,7 @@ TEST(Reconstruct, ConvergesWithTheSquareOfTheVoxelSize)
 
 // --- Topology
 
-struct Shape {
+struct KnownShape {
     const char* description;
     double points, voxelSize;
     std::uint64_t components;
@@ -237,18 +230,18 @@ struct Shape {
     double wall = 5; ///< thinnest, voxels
 };
 
-void PrintTo(const Shape& shape, std::ostream* out)
+void PrintTo(const KnownShape& shape, std::ostream* out)
 {
     *out << shape.description;
 }
 
-class ReconstructShape : public testing::TestWithParam<Shape>
+class ReconstructShape : public testing::TestWithParam<KnownShape>
 {
 };
 
 TEST_P(ReconstructShape, HasItsTopology)
 {
-    const Shape& shape = GetParam();
+    const KnownShape& shape = GetParam();
     const ReconstructResult r =
         reconstructed(test::randomScan(shape.description, shape.points), shape.voxelSize);
     expectTopology(r.levelSet(), shape.components, shape.euler);
@@ -257,24 +250,27 @@ TEST_P(ReconstructShape, HasItsTopology)
 
 INSTANTIATE_TEST_SUITE_P(
     Complete, ReconstructShape,
-    testing::Values(Shape{"sphere(1)", 12000, 2.0 / 64, 1, 2},
-                    Shape{"torus(1, 0.4)", 12000, 2.8 / 64, 1, 0},
-                    Shape{"blob(1, 8, 0.1)", 20000, 2.2 / 72, 1, 2},
-                    // Two spheres, four voxels apart.
-                    Shape{"union(translate(sphere(1), 1.0625, 0, 0),"
-                          "translate(sphere(1), -1.0625, 0, 0))",
-                          24000, 1.0 / 32, 2, 4},
-                    // Two slabs eight voxels thick, four apart.
-                    Shape{"union(translate(box(1, 1, 0.2), 0.01, 0, 0.15),"
-                          "translate(box(1, 1, 0.2), 0.01, 0, -0.15))",
-                          20000, 1.0 / 40, 2, 4},
-                    // A voxel and a half thick.
-                    Shape{"rotate(slab(1, 1, 0.0375), 1, 2, 3, 20)", 12000, 1.0 / 40, 1, 2, 1.5},
-                    // Thin, and curved: a ball's wall of five voxels.
-                    Shape{"difference(sphere(1), sphere(0.84375))", 30000, 1.0 / 32, 2, 4},
-                    // A box through which a hole goes.
-                    Shape{"difference(box(1, 1, 0.6), cylinder(0.25, 2))", 20000, 1.0 / 50, 1, 0}),
-    [](const testing::TestParamInfo<Shape>& shape) { return "No" + std::to_string(shape.index); });
+    testing::Values(
+        KnownShape{"sphere(1)", 12000, 2.0 / 64, 1, 2},
+        KnownShape{"torus(1, 0.4)", 12000, 2.8 / 64, 1, 0},
+        KnownShape{"blob(1, 8, 0.1)", 20000, 2.2 / 72, 1, 2},
+        // Two spheres, four voxels apart.
+        KnownShape{"union(translate(sphere(1), 1.0625, 0, 0),"
+                   "translate(sphere(1), -1.0625, 0, 0))",
+                   24000, 1.0 / 32, 2, 4},
+        // Two slabs eight voxels thick, four apart.
+        KnownShape{"union(translate(box(1, 1, 0.2), 0.01, 0, 0.15),"
+                   "translate(box(1, 1, 0.2), 0.01, 0, -0.15))",
+                   20000, 1.0 / 40, 2, 4},
+        // A voxel and a half thick.
+        KnownShape{"rotate(slab(1, 1, 0.0375), 1, 2, 3, 20)", 12000, 1.0 / 40, 1, 2, 1.5},
+        // Thin, and curved: a ball's wall of five voxels.
+        KnownShape{"difference(sphere(1), sphere(0.84375))", 30000, 1.0 / 32, 2, 4},
+        // A box through which a hole goes.
+        KnownShape{"difference(box(1, 1, 0.6), cylinder(0.25, 2))", 20000, 1.0 / 50, 1, 0}),
+    [](const testing::TestParamInfo<KnownShape>& shape) {
+        return "No" + std::to_string(shape.index);
+    });
 
 // --- Incomplete data
 

@@ -72,7 +72,7 @@ void expectErrors(const LevelSet& levelSet, const Distance& distance, double mea
     EXPECT_LE(errors.largest, largest) << "at " << errors.worst;
 }
 
-void expectSound(const LevelSet& levelSet, double gradientTolerance = 0.03)
+void expectSoundGrid(const LevelSet& levelSet, double gradientTolerance = 0.03)
 {
     Interrupter progress;
     const CheckReport report =
@@ -125,7 +125,7 @@ TEST_P(Redistance, WidensToTheExactDistance)
     const LevelSet narrow = sampled(GetParam().solid);
     const LevelSet wide = withHalfWidth(narrow, 6, &progress);
     EXPECT_DOUBLE_EQ(wide.halfWidth(), sampled("sphere(1)", kVoxel, 6).halfWidth());
-    expectSound(wide);
+    expectSoundGrid(wide);
     const auto exact = [&](const Vec3d& p) { return solid->distance(p); };
     expectErrors(wide, exact, GetParam().mean, GetParam().largest);
     expectSigns(wide, exact, 40);
@@ -139,7 +139,7 @@ TEST_P(Redistance, MakesDistancesOfOtherValues)
     Interrupter progress;
     const auto solid = parseSolid(GetParam().solid);
     const LevelSet made = redistance(*distorted(sampled(GetParam().solid)), 4, &progress);
-    expectSound(made);
+    expectSoundGrid(made);
     expectErrors(
         made, [&](const Vec3d& p) { return solid->distance(p); }, 0.012 + GetParam().mean,
         GetParam().largestDistorted);
@@ -150,7 +150,7 @@ TEST_P(Redistance, OffsetsAreTheDistanceLessTheShift)
     Interrupter progress;
     const auto solid = parseSolid(GetParam().solid);
     const LevelSet grown = offset(sampled(GetParam().solid), 7 * kVoxel, &progress);
-    expectSound(grown);
+    expectSoundGrid(grown);
     const auto exact = [&](const Vec3d& p) { return solid->distance(p) - 7 * kVoxel; };
     expectErrors(grown, exact, GetParam().mean, GetParam().largest);
     expectSigns(grown, exact, 50);
@@ -189,11 +189,11 @@ TEST(Redistancing, IsExactBesideTheCreasesOfBooleans)
         Eigen::AngleAxisd(40 * M_PI / 180, Vec3d(1, 2, 3).normalized()).toRotationMatrix();
     const auto exact = [&](const Vec3d& p) { return tubeDistance(p, turn, 0.45, 0.9, 1); };
     const LevelSet made = redistance(tube.grid(), 4, &progress);
-    expectSound(made);
+    expectSoundGrid(made);
     expectErrors(made, exact, 0.003, 0.15);
     // Inward, where all creases stay creases.
     const LevelSet shrunk = offset(tube, -2.5 * kVoxel, &progress);
-    expectSound(shrunk);
+    expectSoundGrid(shrunk);
     const double by = 5 * kVoxel;
     expectErrors(
         shrunk,
@@ -289,7 +289,7 @@ TEST(Offset, InwardReachesIntoTheFullInside)
     Interrupter progress;
     const LevelSet ball = sampled("sphere(1.5)");
     const LevelSet shrunk = offset(ball, -20 * kVoxel, &progress);
-    expectSound(shrunk);
+    expectSoundGrid(shrunk);
     const auto exact = [](const Vec3d& p) { return p.norm() - 1.5 + 20 * kVoxel; };
     expectErrors(shrunk, exact, 0.01, 0.06);
     expectSigns(shrunk, exact, 45);
@@ -343,7 +343,7 @@ TEST(Offset, KeepsTheTipsOfAcuteEdges)
             const LevelSet grown = offset(both, shift * kVoxel, &progress);
             expectErrors(
                 grown, [&](const Vec3d& p) { return lens(p) - shift * kVoxel; }, 0.05, 0.5);
-            expectSound(grown);
+            expectSoundGrid(grown);
         }
     }
 }
@@ -369,7 +369,7 @@ TEST(Offset, ToNothingIsEmpty)
     const LevelSet gone = offset(sampled("sphere(0.3)"), -0.5, &progress);
     EXPECT_EQ(gone.grid().activeVoxelCount(), 0u);
     EXPECT_GT(gone.grid().getConstAccessor().getValue({0, 0, 0}), 0);
-    expectSound(gone);
+    expectSoundGrid(gone);
 }
 
 TEST(Offset, BallsThatMeetHaveADistanceInTheirCrease)
@@ -379,7 +379,7 @@ TEST(Offset, BallsThatMeetHaveADistanceInTheirCrease)
     const LevelSet grown =
         offset(sampled("union(translate(sphere(0.5),-0.65,0,0),translate(sphere(0.5),0.65,0,0))"),
                shift, &progress);
-    expectSound(grown);
+    expectSoundGrid(grown);
     const double r = radius + shift, crease = std::sqrt(r * r - apart * apart);
     const auto exact = [&](const Vec3d& p) {
         const Vec3d q(std::abs(p[0]), p[1], p[2]);
@@ -413,7 +413,7 @@ TEST(Shell, IsAWallBesideTheSurface)
         {Wall::Inward, 1 - thickness / 2}, {Wall::Centered, 1}, {Wall::Outward, 1 + thickness / 2}};
     for (const auto& [wall, middle] : walls) {
         const LevelSet made = shell(ball, thickness, wall, &progress);
-        expectSound(made);
+        expectSoundGrid(made);
         const auto exact = [&, m = middle](const Vec3d& p) {
             return std::abs(p.norm() - m) - thickness / 2;
         };
@@ -449,7 +449,7 @@ TEST(Redistancing, WideBandsOfReconstructedSolidsAreSound)
         for (const double halfWidth : {5, 10}) {
             SCOPED_TRACE(fmt::format("{}, {} voxels", description, halfWidth));
             const LevelSet wide = withHalfWidth(narrow, halfWidth, &progress);
-            expectSound(wide);
+            expectSoundGrid(wide);
             // Values that define the zero set stay: a third of the distance outside an edge of 45
             // degrees.
             const auto at = wide.grid().getConstAccessor();

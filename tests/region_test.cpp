@@ -126,7 +126,7 @@ TEST(Region, IsTheSameAsTheWholeOnScans)
         clean(input.cloud, {}, &progress);
         test::Uncleaned settings;
         settings.voxels = 250;
-        expectSameInRegions(input.cloud, settings, 6, 5, 60);
+        expectSameInRegions(input.cloud, settings, 6, 3, 60);
     }
 }
 

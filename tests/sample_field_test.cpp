@@ -1,5 +1,5 @@
 // Fields of known values, sampled: the band is complete, closed and signed.
-#include "field_fixture.h"
+#include "modelling_fixture.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/fields.h>
@@ -21,16 +21,7 @@ namespace
 
 using openvdb::Coord;
 using Accessor = openvdb::FloatGrid::ConstAccessor;
-
-LevelSet sampled(const Field& field, double voxelSize, double halfWidth = 3,
-                 const Vec3d& origin = Vec3d::Zero())
-{
-    SampleSettings settings;
-    settings.lattice = {origin, voxelSize};
-    settings.halfWidth = halfWidth;
-    Interrupter progress;
-    return sampleField(field, settings, &progress);
-}
+using test::sampled;
 
 CheckReport checked(const LevelSet& levelSet)
 {

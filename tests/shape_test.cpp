@@ -1,4 +1,6 @@
 // Shapes: what is planned, that it is enough, and that it is no more than is needed.
+#include "modelling_fixture.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/scan_sampler.h>
@@ -16,6 +18,8 @@ namespace mpuvdb
 {
 namespace
 {
+
+using test::expectSound;
 
 Shape solid(const std::string& description)
 {
@@ -39,14 +43,6 @@ LevelSet evaluated(const Shape& shape, const ShapeSettings& settings)
 {
     Interrupter progress;
     return shape.evaluate(settings, &progress);
-}
-
-void expectSound(const LevelSet& levelSet)
-{
-    Interrupter progress;
-    const CheckReport report =
-        check(levelSet.grid(), kGradientTolerance, openvdb::CoordBBox::inf(), &progress);
-    for (const CheckFinding& finding : report.findings) ADD_FAILURE() << finding.what;
 }
 
 double volume(const LevelSet& levelSet)

@@ -23,7 +23,7 @@ namespace
 using nlohmann::json;
 using Words = std::vector<std::string>;
 
-LevelSet solid(const std::string& text, double voxelSize)
+LevelSet sampledSolid(const std::string& text, double voxelSize)
 {
     return sampled(*makeSolidField(parseSolid(text)), voxelSize);
 }
@@ -61,12 +61,12 @@ constexpr double h = 0.05;
 
 TEST_F(SmallVerbs, MergeKeepsGridsAndNamesThemByTheirFiles)
 {
-    const LevelSet ball = solid("sphere(0.5)", h);
+    const LevelSet ball = sampledSolid("sphere(0.5)", h);
     auto heat = openvdb::FloatGrid::create(0);
     heat->setName("heat");
     heat->fill(openvdb::CoordBBox(openvdb::Coord(0), openvdb::Coord(3)), 7);
     write("ball.vdb", ball, {heat});
-    write("box.vdb", solid("box(1,1,1)", h));
+    write("box.vdb", sampledSolid("box(1,1,1)", h));
     const Ended ended = mpuvdb({"merge", "ball.vdb", "box.vdb", "-o", "all.vdb"});
     EXPECT_EQ(gridsOf("all.vdb"), (Words{"box", "heat", "surface"}));
     EXPECT_NE(ended.err.find("'surface' of box.vdb: 'box'"), std::string::npos) << ended.err;
@@ -87,7 +87,7 @@ TEST_F(SmallVerbs, MergeKeepsGridsAndNamesThemByTheirFiles)
 // A box clipped by a box is a box: its distances are known, at edges and corners too.
 TEST_F(SmallVerbs, ClipIsClosedAndSharp)
 {
-    write("box.vdb", solid("box(2,2,2)", h));
+    write("box.vdb", sampledSolid("box(2,2,2)", h));
     mpuvdb({"clip", "box.vdb", "-o", "part.vdb", "--box", "0.1", "-0.5", "open", "open", "0.7",
             "0.3"});
     const LevelSet part = read("part.vdb");
@@ -98,7 +98,7 @@ TEST_F(SmallVerbs, ClipIsClosedAndSharp)
     EXPECT_LT(off.largest, 0.02) << "voxels";
     EXPECT_EQ(off.wrongSigns, 0u);
 
-    write("ball.vdb", solid("sphere(0.8)", h));
+    write("ball.vdb", sampledSolid("sphere(0.8)", h));
     mpuvdb({"clip", "box.vdb", "-o", "in.vdb", "--mask", "ball.vdb"});
     mpuvdb({"clip", "box.vdb", "-o", "out.vdb", "--mask", "ball.vdb:surface", "--outside"});
     const double ball = 4 * M_PI / 3 * std::pow(0.8, 3), second = 10 * h * h;
@@ -122,7 +122,7 @@ TEST_F(SmallVerbs, ClipIsClosedAndSharp)
 
 TEST_F(SmallVerbs, BendAndTaperHaveTheVolumesOfTheirFormulas)
 {
-    write("bar.vdb", solid("box(0.4,0.6,2)", h / 2));
+    write("bar.vdb", sampledSolid("box(0.4,0.6,2)", h / 2));
     const double second = 20 * h * h / 4; // of the voxel size, as areas are below 10
     // By Pappus, a bar bent about its middle keeps its volume.
     mpuvdb({"bend", "bar.vdb", "-o", "arch.vdb", "--angle", "180", "--from=-1", "--to", "1",
@@ -185,8 +185,8 @@ TEST_F(SmallVerbs, ExclusiveOrHasTheDistancesOfBothSurfaces)
 
 TEST_F(SmallVerbs, EachInputMayNameItsGrid)
 {
-    write("ball.vdb", solid("sphere(0.5)", h));
-    write("box.vdb", solid("box(1,1,1)", h));
+    write("ball.vdb", sampledSolid("sphere(0.5)", h));
+    write("box.vdb", sampledSolid("box(1,1,1)", h));
     mpuvdb({"merge", "ball=ball.vdb", "box=box.vdb", "-o", "all.vdb"});
     mpuvdb({"intersection", "all.vdb:ball", "box.vdb", "-o", "one.vdb"});
     mpuvdb({"intersection", "ball.vdb", "box.vdb", "-o", "two.vdb"});
@@ -296,7 +296,7 @@ TEST_F(SmallVerbs, ContoursHaveTheCornersOfTheSolid)
 
 TEST_F(SmallVerbs, SliceWritesSvgInMillimetersAndPictures)
 {
-    write("part.vdb", solid("difference(box(2,2,1),cylinder(0.4,3))", h));
+    write("part.vdb", sampledSolid("difference(box(2,2,1),cylinder(0.4,3))", h));
     mpuvdb({"slice", "part.vdb", "-o", "one.svg", "--height", "0.1", "--units", "cm"});
     const std::string svg = readFile(folder / "one.svg");
     const std::regex number(R"re(data-height="([^"]*)")re");
@@ -428,8 +428,8 @@ TEST_F(SmallVerbs, EveryVerbOfOneGridTakesItsName)
         grid->setName(name);
         return LevelSet(grid);
     };
-    write("both.vdb", named(solid("sphere(0.5)", h), "small"),
-          {named(solid("sphere(1)", h), "large").gridPtr()});
+    write("both.vdb", named(sampledSolid("sphere(0.5)", h), "small"),
+          {named(sampledSolid("sphere(1)", h), "large").gridPtr()});
     const double volume = 4 * M_PI / 3;
     for (const auto& [name, radius] :
          {std::pair<std::string, double>("small", 0.5), {"large", 1}}) {
@@ -459,7 +459,7 @@ TEST_F(SmallVerbs, EveryVerbOfOneGridTakesItsName)
 TEST_F(SmallVerbs, OpenCutsAreLeftOutOfMeshes)
 {
     const double radius = 1, height = 0.313;
-    write("ball.vdb", solid("sphere(1)", h));
+    write("ball.vdb", sampledSolid("sphere(1)", h));
     const auto meshOf = [&](const Words& options, bool isOutside) {
         Words words = {"clip", "ball.vdb", "-o", "part.vdb", "--open"};
         words.insert(words.end(), options.begin(), options.end());
@@ -493,7 +493,7 @@ TEST_F(SmallVerbs, OpenCutsAreLeftOutOfMeshes)
     Words outside = box;
     outside.push_back("--outside");
     meshOf(outside, true);
-    write("slab.vdb", solid("translate(box(4,4,2),0,0,1.313)", h));
+    write("slab.vdb", sampledSolid("translate(box(4,4,2),0,0,1.313)", h));
     meshOf({"--mask", "slab.vdb"}, false);
     // A cut of what was cut: both cuts are open.
     mpuvdb({"clip", "part.vdb", "-o", "quarter.vdb", "--open", "--box", "0.1", "open", "open",

@@ -40,14 +40,14 @@ double oblateArea(double a, double c)
     return 2 * M_PI * a * a * (1 + (1 - e * e) / e * std::atanh(e));
 }
 
-struct Shape {
+struct KnownShape {
     std::string solid;
     double volume, area;
     int handles;
     bool smooth;
 };
 
-const Shape kShapes[] = {
+const KnownShape kShapes[] = {
     {"translate(sphere(1),0.013,0.027,0.011)", 4 * M_PI / 3, 4 * M_PI, 0, true},
     {"torus(1,0.4)", 2 * M_PI* M_PI * 0.16, 4 * M_PI* M_PI * 0.4, 1, true},
     {"capsule(0.5,1)", M_PI * 0.25 + M_PI / 6, M_PI + M_PI, 0, true},
@@ -58,7 +58,7 @@ const Shape kShapes[] = {
 
 TEST(Measure, ConvergesAndIsAtLeastAsExactAsOpenVdb)
 {
-    for (const Shape& shape : kShapes) {
+    for (const KnownShape& shape : kShapes) {
         SCOPED_TRACE(shape.solid);
         Errors before{1, 1};
         for (const double h : {0.1, 0.05, 0.025}) {
@@ -81,7 +81,7 @@ TEST(Measure, ConvergesAndIsAtLeastAsExactAsOpenVdb)
 
 TEST(Measure, NeedsNoWideBand)
 {
-    for (const Shape& shape : kShapes) {
+    for (const KnownShape& shape : kShapes) {
         SCOPED_TRACE(shape.solid);
         const SolidMeasures wide = measured(solidLevelSet(shape.solid, 0.05, 5));
         for (const double halfWidth : {1.5, 2.0, 3.0}) {
@@ -96,7 +96,7 @@ TEST(Measure, NeedsNoWideBand)
 
 TEST(Measure, CountsSurfacesAndHandles)
 {
-    for (const Shape& shape : kShapes) {
+    for (const KnownShape& shape : kShapes) {
         const SolidMeasures m = measured(solidLevelSet(shape.solid, 0.05));
         EXPECT_EQ(m.surfaces, 1u) << shape.solid;
         EXPECT_EQ(m.eulerCharacteristic, 2 - 2 * shape.handles) << shape.solid;

@@ -80,7 +80,7 @@ Mesh randomParts(Random& random)
     return test::soupOf(parts);
 }
 
-LevelSet voxelized(const Mesh& mesh, double voxelSize = 1)
+LevelSet voxelizedAt(const Mesh& mesh, double voxelSize = 1)
 {
     SampleSettings settings;
     settings.lattice = {Vec3d::Zero(), voxelSize};
@@ -141,7 +141,7 @@ TEST(VoxelizeParts, AgreeWithTheirWindingNumbers)
         SCOPED_TRACE(fmt::format("seed {}", n));
         Random random{std::uint64_t(n)};
         const Mesh mesh = randomParts(random);
-        const LevelSet levelSet = voxelized(mesh);
+        const LevelSet levelSet = voxelizedAt(mesh);
         openvdb::CoordBBox box = levelSet.grid().evalActiveVoxelBoundingBox();
         for (int k = 0; k < kPlaces; ++k) {
             const openvdb::Coord voxel = randomVoxel(box, random);
@@ -203,7 +203,7 @@ TEST(VoxelizeParts, MayBeOffsetAndHollowed)
         }
         const Mesh mesh = test::soupOf(parts);
         const std::vector<Vec3d> boundary = boundaryPlaces(mesh, random, kPerArea);
-        const LevelSet solid = voxelized(mesh);
+        const LevelSet solid = voxelizedAt(mesh);
         Interrupter progress;
         const LevelSet grown = offset(solid, 2, &progress), shrunk = offset(solid, -1.2, &progress),
                        hollow = shell(solid, 2.2, Wall::Inward, &progress);
@@ -258,7 +258,7 @@ TEST(VoxelizeParts, OverlappingBoxesAreOneSolid)
             std::vector<Mesh> parts = {test::boxPart({0, 0, 0}, {4, 4, 4}),
                                        test::boxPart({2, 1, 1}, {6, 3, 3})};
             for (Mesh& part : parts) test::move(part, Eigen::Matrix3d::Identity(), shift);
-            const LevelSet solid = voxelized(test::soupOf(parts), h);
+            const LevelSet solid = voxelizedAt(test::soupOf(parts), h);
             const double edges = 12 * 4 + 8 * 2 + 4 * 2;
             expectParts(solid, {72}, kOfEdges * edges * h * h);
             expectParts(offset(solid, -0.4, &progress), {3.2 * 3.2 * 3.2 + 2 * 1.2 * 1.2 + 0.128},
@@ -283,7 +283,7 @@ TEST(VoxelizeParts, CasesOfPeople)
                           Case{"T03-touching-boxes.obj", 0.09, -0.4, {72}, {35.65}, 0.01}}) {
         SCOPED_TRACE(fmt::format("{} at {}", c.name, c.voxelSize));
         MPUVDB_CASE(file, c.name);
-        const LevelSet solid = voxelized(readMesh(file, &progress), c.voxelSize);
+        const LevelSet solid = voxelizedAt(readMesh(file, &progress), c.voxelSize);
         expectParts(solid, c.whole, c.tolerance * c.whole.volume);
         expectParts(offset(solid, c.shift, &progress), c.moved, c.tolerance * c.moved.volume);
     }
@@ -303,7 +303,7 @@ TEST(VoxelizeParts, PartsThatTouchAtAnAngleAreOneSolid)
         for (Mesh& part : parts) test::move(part, turn, by);
         const double volume = 9 * 16 * 14 + 11 * 8 * 6 + 11 * 2 * 6;
         const double edges = 4 * (9 + 16 + 14) + 4 * 11 + 4 * (10 + 6);
-        expectParts(voxelized(test::soupOf(parts)), {volume}, kOfEdges * edges);
+        expectParts(voxelizedAt(test::soupOf(parts)), {volume}, kOfEdges * edges);
     }
 }
 
@@ -314,11 +314,11 @@ TEST(VoxelizeParts, NestedPartsAreCavitiesAndWhatLiesInThem)
                                test::ballPart(8, 9)};
     const double outer = measure(parts[0]).volume, middle = measure(parts[1]).volume,
                  inner = measure(parts[2]).volume;
-    expectParts(voxelized(test::soupOf(parts)), {outer}, 0.01 * outer);
+    expectParts(voxelizedAt(test::soupOf(parts)), {outer}, 0.01 * outer);
     test::turnInward(parts[1]);
-    expectParts(voxelized(test::soupOf(parts)), {outer - middle + inner, 2}, 0.01 * outer);
+    expectParts(voxelizedAt(test::soupOf(parts)), {outer - middle + inner, 2}, 0.01 * outer);
     test::turnInward(parts[2]);
-    expectParts(voxelized(test::soupOf(parts)), {outer - middle}, 0.01 * outer);
+    expectParts(voxelizedAt(test::soupOf(parts)), {outer - middle}, 0.01 * outer);
 }
 
 TEST(VoxelizeParts, CopiesCountOnce)
@@ -327,23 +327,23 @@ TEST(VoxelizeParts, CopiesCountOnce)
     Mesh back = ring;
     test::turnInward(back);
     const double volume = measure(ring).volume;
-    const LevelSet once = voxelized(ring);
-    EXPECT_EQ(test::treeBytes(voxelized(test::soupOf({ring, ring, ring})).grid()),
+    const LevelSet once = voxelizedAt(ring);
+    EXPECT_EQ(test::treeBytes(voxelizedAt(test::soupOf({ring, ring, ring})).grid()),
               test::treeBytes(once.grid()));
-    EXPECT_EQ(test::treeBytes(voxelized(back).grid()), test::treeBytes(once.grid()));
+    EXPECT_EQ(test::treeBytes(voxelizedAt(back).grid()), test::treeBytes(once.grid()));
     expectParts(once, {volume}, 0.01 * volume);
-    EXPECT_THROW(voxelized(test::soupOf({ring, back})), InputError);
+    EXPECT_THROW(voxelizedAt(test::soupOf({ring, back})), InputError);
 }
 
 // Some exporters turn single faces; all others tell the right side.
 TEST(VoxelizeParts, FacesThatContradictTheirNeighborsAreTurned)
 {
     Mesh ring = test::torusPart(12, 5, 40, 20);
-    const LevelSet right = voxelized(ring);
+    const LevelSet right = voxelizedAt(ring);
     Random random(3);
     for (Mesh::Triangle& t : ring.triangles)
         if (random.uniform() < 0.3) std::swap(t[1], t[2]);
-    EXPECT_EQ(test::treeBytes(voxelized(ring).grid()), test::treeBytes(right.grid()));
+    EXPECT_EQ(test::treeBytes(voxelizedAt(ring).grid()), test::treeBytes(right.grid()));
 }
 
 // --- What came out, held against what came in

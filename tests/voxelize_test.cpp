@@ -18,12 +18,8 @@ namespace
 {
 
 using test::sampled;
+using test::solidField;
 using Exact = std::function<double(const Vec3d&)>;
-
-FieldPtr solidField(const std::string& description)
-{
-    return makeSolidField(parseSolid(description));
-}
 
 Exact exactly(const std::string& description)
 {

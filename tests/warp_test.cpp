@@ -10,12 +10,8 @@ namespace
 {
 
 using test::sampled;
+using test::solidField;
 using WarpPtr = std::shared_ptr<const Warp>;
-
-FieldPtr solidField(const std::string& description)
-{
-    return makeSolidField(parseSolid(description));
-}
 
 Axis tilted()
 {

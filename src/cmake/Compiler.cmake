@@ -23,6 +23,10 @@ target_compile_options(mpuvdb_options INTERFACE
     -Wall -Wextra -Wconversion -Wno-sign-conversion -Wshadow
     -ffp-contract=off -fno-math-errno -fno-trapping-math
     ${MPUVDB_ERRORS})
+if(CMAKE_UNITY_BUILD)
+    # Sources compiled as one see each other's names, and are no longer main files.
+    target_compile_options(mpuvdb_options INTERFACE -Wno-shadow $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+endif()
 if(MPUVDB_SANITIZE)
     set(MPUVDB_WATCHED -fsanitize=${MPUVDB_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all
         -Wno-error -O1 -g1 -UNDEBUG) # under sanitizers g++ warns falsely

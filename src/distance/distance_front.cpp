@@ -26,8 +26,6 @@ using Leaf = SurfacePatches::Leaf;
 using openvdb::Coord;
 
 constexpr std::uint32_t kNoNode = ~std::uint32_t(0); ///< number of none [derived: type's largest]
-constexpr float kInfinity =
-    std::numeric_limits<float>::infinity(); ///< distance [derived: the type]
 /// Step of the bound, voxels. [tuned: offset_bench]
 constexpr float kBoundStep = 4;
 /// Step, voxels, in which a leaf propagates its nearer voxels first. [tuned: offset_bench]

@@ -7,14 +7,6 @@
 
 namespace mpuvdb
 {
-namespace
-{
-
-constexpr float kInfinity =
-    std::numeric_limits<float>::infinity(); ///< distance [derived: the type]
-
-} // namespace
-
 using openvdb::Coord;
 
 /// The minimum of the distances that are offered for a voxel.

@@ -5,6 +5,9 @@
 namespace mpuvdb
 {
 
+/// The distance that nothing is known of. [derived: the type]
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
 /// Distances from the surface up to which values are computed, voxels; 0: not on that side.
 struct Reach {
     float outside = 0, inside = 0;

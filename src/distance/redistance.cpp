@@ -25,8 +25,6 @@ using openvdb::Coord;
 using openvdb::FloatGrid;
 using openvdb::FloatTree;
 
-constexpr float kInfinity =
-    std::numeric_limits<float>::infinity(); ///< distance [derived: the type]
 /// Largest offset or thickness, voxels. [derived: floats there resolve a hundredth of a voxel]
 constexpr double kMaxDistance = 1e5;
 /// Excess of the distance to an offset's surface over a value, voxels, from which on the value is

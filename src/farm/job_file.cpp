@@ -18,7 +18,7 @@ namespace
 namespace fs = std::filesystem;
 
 /// Version of the files' format. [derived: the first]
-constexpr int kVersion = 1;
+constexpr int kJobVersion = 1;
 
 /// The JSON of @a file; null if there is no such file. @throws InputError (damaged).
 JobJson readJson(const fs::path& file)
@@ -84,7 +84,7 @@ void JobPlan::write(const fs::path& folder)
     mInputs = JobJson::array();
     for (const std::string& path : options.inputs) mInputs.push_back(lookOf(path));
     const Vec3d& o = grid.lattice.origin;
-    JobJson json = {{"mpuvdb_job", kVersion},
+    JobJson json = {{"mpuvdb_job", kJobVersion},
                     {"build", options.build},
                     {"inputs", mInputs},
                     {"points", points},
@@ -110,7 +110,7 @@ JobPlan JobPlan::read(const fs::path& folder)
         throw InputError(
             fmt::format("{}: there is no job: plan one with mpuvdb plan", folder.string()));
     return withJson(file, [&] {
-        if (json.at("mpuvdb_job") != kVersion)
+        if (json.at("mpuvdb_job") != kJobVersion)
             throw InputError(
                 fmt::format("{}: of another version of mpuvdb: plan the job again", file.string()));
         JobPlan plan;

@@ -26,7 +26,7 @@ using openvdb::Coord;
 using openvdb::CoordBBox;
 
 /// Version of the index's format. [derived: the first]
-constexpr int kVersion = 1;
+constexpr int kFolderVersion = 1;
 /// Voxels that a tile's file has beyond the tile. [derived: a leaf, whose bytes are copied; renders
 /// interpolate two voxels beyond a place]
 constexpr int kOverlap = kBlockDim;
@@ -166,7 +166,7 @@ private:
     void writeIndex() const
     {
         const Vec3d& o = mGrid.lattice().origin;
-        Json index = {{"mpuvdb_tiles", kVersion}};
+        Json index = {{"mpuvdb_tiles", kFolderVersion}};
         index.update(mContent.about);
         index["voxel_size"] = mGrid.lattice().voxelSize;
         index["origin"] = {o[0], o[1], o[2]};

@@ -1,4 +1,5 @@
 #include "array_file.h"
+#include "system_message.h"
 
 #include "mapped_pages.h"
 
@@ -33,7 +34,7 @@ constexpr std::size_t kMostArrays = 256;
 [[noreturn]] void failed(const std::filesystem::path& file, const char* what, int error)
 {
     throw IoError(fmt::format("{}: cannot be {}: {}. Free some space, or use another disk",
-                              file.string(), what, std::generic_category().message(error)),
+                              file.string(), what, systemMessage(error)),
                   error);
 }
 

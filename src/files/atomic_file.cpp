@@ -1,5 +1,6 @@
 // Output that appears whole or not at all: a temporary file beside the target, flushed and renamed.
 #include "atomic_file.h"
+#include "system_message.h"
 #include <mpuvdb/error.h>
 
 #include <atomic>
@@ -30,12 +31,7 @@ static_assert(std::atomic<int>::is_always_lock_free, "a signal handler reads it"
 /// Most files written at once. [free: a table's size]
 constexpr int kMaxFiles = 64;
 Slot gSlots[kMaxFiles];
-std::atomic<unsigned> gCounter{0};
-
-std::string reason(int error)
-{
-    return std::generic_category().message(error);
-}
+std::atomic<unsigned> gFiles{0};
 
 Slot& claimSlot(const fs::path& file)
 {
@@ -80,7 +76,7 @@ public:
         if (!flushed)
             throw IoError(fmt::format("{}: cannot flush to disk: {}. Free some space, or write to "
                                       "another disk",
-                                      mPath.string(), reason(error)),
+                                      mPath.string(), systemMessage(error)),
                           error);
     }
 
@@ -89,7 +85,7 @@ public:
         if (std::rename(mPath.c_str(), target.c_str()) != 0)
             throw IoError(
                 fmt::format("{}: cannot put the new file in place: {}. Choose another name",
-                            target.string(), reason(errno)),
+                            target.string(), systemMessage(errno)),
                 errno);
         mRenamed = true;
     }
@@ -101,7 +97,7 @@ private:
         const std::string stem = target.filename().string().substr(0, 200);
         for (;;) {
             mPath = target.parent_path() /
-                    fmt::format(".{}.{}-{}.tmp", stem, ::getpid(), gCounter.fetch_add(1));
+                    fmt::format(".{}.{}-{}.tmp", stem, ::getpid(), gFiles.fetch_add(1));
             if (mPath.native().size() >= sizeof mSlot.path) fail(target, ENAMETOOLONG);
             std::memcpy(mSlot.path, mPath.c_str(), mPath.native().size() + 1);
             mSlot.state.store(Slot::Live);
@@ -124,7 +120,7 @@ private:
             throw IoError(fmt::format("{}: there is no folder {}. Create it, or write elsewhere",
                                       target.string(), folder.string()));
         throw IoError(fmt::format("{}: cannot create a file in {}: {}. Write elsewhere",
-                                  target.string(), folder.string(), reason(error)),
+                                  target.string(), folder.string(), systemMessage(error)),
                       error);
     }
 
@@ -176,7 +172,7 @@ void refuseUnwritable(const fs::path& target)
     if (::access(target.c_str(), W_OK) != 0)
         throw IoError(fmt::format("{}: is write-protected: {}. Change its permissions or choose "
                                   "another name",
-                                  target.string(), reason(errno)));
+                                  target.string(), systemMessage(errno)));
 }
 
 /// Make a rename outlast a power cut. Errors are ignored: the file is in place, and some file

@@ -1,5 +1,6 @@
 // A folder beside the target that is put in its place once all its files are there.
 #include "atomic_folder.h"
+#include "system_message.h"
 
 #include <mpuvdb/error.h>
 
@@ -24,12 +25,7 @@ namespace fs = std::filesystem;
 /// The path of the temporary folder, for signal handlers to read. One folder is written at a time.
 char gPath[PATH_MAX];
 std::atomic<bool> gIsLive{false};
-std::atomic<unsigned> gCounter{0};
-
-std::string reason(int error)
-{
-    return std::generic_category().message(error);
-}
+std::atomic<unsigned> gFolders{0};
 
 /// Entries of folders as the kernel gives them (getdents64(2)).
 struct Entry {
@@ -74,7 +70,7 @@ void flush(const fs::path& path)
     if (!flushed && !fs::is_directory(path))
         throw IoError(fmt::format("{}: cannot flush to disk: {}. Free some space, or write to "
                                   "another disk",
-                                  path.string(), reason(error)),
+                                  path.string(), systemMessage(error)),
                       error);
 }
 
@@ -87,7 +83,7 @@ public:
         const std::string stem = target.filename().string().substr(0, 200);
         do {
             mPath = target.parent_path() /
-                    fmt::format(".{}.{}-{}.tmp", stem, ::getpid(), gCounter.fetch_add(1));
+                    fmt::format(".{}.{}-{}.tmp", stem, ::getpid(), gFolders.fetch_add(1));
             if (mPath.native().size() >= sizeof gPath)
                 throw IoError(
                     fmt::format("{}: the name is too long. Choose a shorter one", target.string()));
@@ -96,7 +92,7 @@ public:
         if (errno != 0)
             throw IoError(fmt::format("{}: cannot make a folder in {}: {}. Write elsewhere",
                                       target.string(), target.parent_path().string(),
-                                      reason(errno)),
+                                      systemMessage(errno)),
                           errno);
         std::memcpy(gPath, mPath.c_str(), mPath.native().size() + 1);
         gIsLive = true;
@@ -123,7 +119,7 @@ public:
             !putAside(target))
             throw IoError(fmt::format("{}: cannot put the new folder in place: {}. Choose another "
                                       "name",
-                                      target.string(), reason(errno)),
+                                      target.string(), systemMessage(errno)),
                           errno);
         flush(target.parent_path());
     }

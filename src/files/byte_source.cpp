@@ -1,4 +1,5 @@
 #include "byte_source.h"
+#include "system_message.h"
 
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -25,7 +26,7 @@ constexpr std::size_t kPipedBytes = std::size_t(4) << 20;
 [[noreturn]] void throwCannotRead(const std::string& name, int error)
 {
     throw IoError(fmt::format("{}: cannot be read: {}. Check the name and its permissions.", name,
-                              std::strerror(error)));
+                              systemMessage(error)));
 }
 
 [[noreturn]] void throwEnds(const ByteSource& source)

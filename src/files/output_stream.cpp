@@ -1,4 +1,5 @@
 #include "output_stream.h"
+#include "system_message.h"
 
 #include "atomic_file.h"
 #include <mpuvdb/error.h>
@@ -24,7 +25,7 @@ void writeThrough(std::ostream& stream, const std::string& name,
     stream.flush();
     if (!stream)
         throw IoError(fmt::format("{}: cannot be written: {}. Check the disk and its permissions.",
-                                  name, std::strerror(errno != 0 ? errno : EIO)));
+                                  name, systemMessage(errno != 0 ? errno : EIO)));
 }
 
 } // namespace

@@ -15,7 +15,7 @@ namespace
 
 using Leaf = openvdb::FloatTree::LeafNodeType;
 
-constexpr std::size_t kGrain = 64; // leaves; [free: the same bubbles]
+constexpr std::size_t kBubbleGrain = 64; // leaves; [free: the same bubbles]
 
 /// The connected parts of the voxels outside in each leaf.
 struct OutsideParts {
@@ -40,7 +40,7 @@ OutsideParts partsOf(openvdb::FloatTree& tree, Interrupter& progress)
     std::sort(all.leaves.begin(), all.leaves.end(),
               [](const Leaf* a, const Leaf* b) { return a->origin() < b->origin(); });
     all.parts.resize(all.leaves.size());
-    forEachParallel(all.leaves.size(), kGrain, progress, [&](std::size_t n) {
+    forEachParallel(all.leaves.size(), kBubbleGrain, progress, [&](std::size_t n) {
         const float* const values = all.leaves[n]->buffer().data();
         appendConnectedParts(wordsWhere(values, [](float v) { return !(v < 0); }), all.parts[n]);
     });
@@ -62,7 +62,7 @@ std::uint64_t fillBubbles(openvdb::FloatTree& tree, std::uint64_t most, Interrup
     UnionFind components(count);
     std::vector<char> isOpen(count, 0);
     for (std::size_t n = 0; n < all.leaves.size(); ++n) {
-        if (n % kGrain == 0) progress.check();
+        if (n % kBubbleGrain == 0) progress.check();
         for (int face = 0; face < 6; ++face) {
             const int axis = face / 2;
             const bool upper = face % 2;

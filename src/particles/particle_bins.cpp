@@ -16,7 +16,7 @@ constexpr int kKeyBits = 20; ///< of a bin's place along an axis [derived: three
 constexpr double kMostBins = (1 << kKeyBits) - 1;
 /// Numbers behind the last place that may be read. [derived: a register of eight]
 constexpr std::size_t kPadding = 8;
-constexpr std::size_t kGrain = 1 << 14; // particles; [free: the same bins]
+constexpr std::size_t kBinGrain = 1 << 14; // particles; [free: the same bins]
 
 std::uint64_t keyOf(const Vec3i& bin)
 {
@@ -48,7 +48,7 @@ ParticleBins::ParticleBins(const std::vector<Vec3f>& positions, const std::vecto
         size, 3 * kKeyBits, [&](std::uint32_t n) { return keyOfParticle(of[n]); }, progress);
     for (std::vector<float>* const numbers : {&mX, &mY, &mZ, &mRadius, &mVolume})
         numbers->resize(size + kPadding);
-    forEachParallel(size, kGrain, progress, [&](std::size_t n) {
+    forEachParallel(size, kBinGrain, progress, [&](std::size_t n) {
         const std::uint32_t i = of[mOrder[n]];
         mOrder[n] = i;
         mX[n] = positions[i].x();
@@ -58,7 +58,7 @@ ParticleBins::ParticleBins(const std::vector<Vec3f>& positions, const std::vecto
         mVolume[n] = float(std::pow(double(radii[i]) / unit, 3));
     });
     for (std::uint32_t n = 0; n < size; ++n) {
-        if (n % kGrain == 0) progress.check();
+        if (n % kBinGrain == 0) progress.check();
         const std::uint64_t key = keyOfParticle(mOrder[n]);
         if (mKeys.empty() || key != mKeys.back()) {
             mKeys.push_back(key);
@@ -86,7 +86,7 @@ ParticleOctaves binParticles(const std::vector<Vec3f>& positions, const std::vec
     const int first = std::ilogb(*low);
     byOctave.resize(std::size_t(std::ilogb(*high) - first + 1));
     for (std::uint32_t i = 0; i < positions.size(); ++i) {
-        if (i % kGrain == 0) progress.check();
+        if (i % kBinGrain == 0) progress.check();
         bounds.extend(positions[i].cast<double>());
         byOctave[std::size_t(std::ilogb(radii[i]) - first)].push_back(i);
     }

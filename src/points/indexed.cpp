@@ -7,14 +7,14 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 1 << 14; // points; [free: the same order]
+constexpr std::size_t kReadGrain = 1 << 14; // points; [free: the same order]
 
 template <class T>
 void permute(std::vector<T>& values, const std::vector<std::uint32_t>& order)
 {
     if (values.empty()) return;
     std::vector<T> permuted(values.size());
-    forEachParallel(order.size(), kGrain, Interrupter::silent(),
+    forEachParallel(order.size(), kReadGrain, Interrupter::silent(),
                     [&](std::size_t n) { permuted[n] = values[order[n]]; });
     values.swap(permuted);
 }
@@ -34,7 +34,7 @@ std::shared_ptr<const PointIndex> sortPoints(PointCloud& cloud, Interrupter& pro
     const auto index = known.use_count() == 1 ? std::const_pointer_cast<PointIndex>(known)
                                               : std::make_shared<PointIndex>(*known);
     const std::vector<std::uint32_t>& order = index->order();
-    forEachParallel(cloud.size(), kGrain, Interrupter::silent(),
+    forEachParallel(cloud.size(), kReadGrain, Interrupter::silent(),
                     [&](std::size_t n) { cloud.positions[n] = (*index)[n]; });
     permute(cloud.normals, order);
     permute(cloud.confidence, order);

@@ -133,18 +133,18 @@ py::object raycast(Source source, const py::object& origins, const py::object& d
     return py::make_tuple(hits, normals.array);
 }
 
-#define MPUVDB_POINTS_DOC " points: (n, 3), world units, floats or doubles of any strides."
+#define MPUVDB_PLACES_DOC " points: (n, 3), world units, floats or doubles of any strides."
 #define MPUVDB_DISTANCE_DOC                                                                        \
     "Signed distances (n,) from points to the surface, world units, negative inside: anywhere in " \
     "space, creases and ridges included. In the band, smooth surfaces of radius r > 7 voxels are " \
     "exact to about 0.02 / r^2 voxels. NaN for a point that is not finite; infinite if there is "  \
-    "no surface." MPUVDB_POINTS_DOC
+    "no surface." MPUVDB_PLACES_DOC
 #define MPUVDB_GRADIENT_DOC                                                                        \
     "Gradients (n, 3) of the signed distance at points: unit vectors from the nearest place of "   \
-    "the surface outside, to it inside; on the surface its normals." MPUVDB_POINTS_DOC
+    "the surface outside, to it inside; on the surface its normals." MPUVDB_PLACES_DOC
 #define MPUVDB_CLOSEST_DOC                                                                         \
-    "The places (n, 3) of the surface that are nearest to points, world units." MPUVDB_POINTS_DOC
-#define MPUVDB_CONTAINS_DOC "Whether points are inside: bool (n,)." MPUVDB_POINTS_DOC
+    "The places (n, 3) of the surface that are nearest to points, world units." MPUVDB_PLACES_DOC
+#define MPUVDB_CONTAINS_DOC "Whether points are inside: bool (n,)." MPUVDB_PLACES_DOC
 #define MPUVDB_RAYCAST_DOC                                                                         \
     "(hits, normals) of rays from origins (n, 3) along directions (n, 3) of any length: they "     \
     "first meet the surface, from either side, at origins + hits * directions; hits (n,) is "      \

@@ -41,7 +41,7 @@ py::dict reportOf(const ReconstructReport& made)
                     "warnings"_a = made.warnings);
 }
 
-Mesh meshOf(const ReconstructResult& made, Interrupter& progress)
+Mesh extractedMesh(const ReconstructResult& made, Interrupter& progress)
 {
     ExtractSettings settings;
     settings.field = made.field.get();
@@ -90,7 +90,7 @@ void bindReconstruction(py::module_& module)
         .def(
             "to_mesh",
             [](const R& r, const py::object& progress) {
-                return run(progress, [&](Interrupter& p) { return meshOf(r, p); });
+                return run(progress, [&](Interrupter& p) { return extractedMesh(r, p); });
             },
             "progress"_a = py::none(),
             "The mesh of the level set, with the attributes that were asked "

@@ -19,13 +19,14 @@ namespace
 constexpr double kPoint = 1e-6;
 /// Distance of two faces meant to touch, roundings of a mesh's largest coordinate as a float.
 /// [derived: each of the two is rounded along three axes]
-constexpr double kRoundings = 4;
+constexpr double kContactRoundings = 4;
 
 ContactLengths lengthsFor(const Mesh& mesh, double voxelSize)
 {
     float largest = 0;
     for (const Vec3f& p : mesh.positions) largest = std::max(largest, p.cwiseAbs().maxCoeff());
-    const double rounding = kRoundings * double(std::numeric_limits<float>::epsilon() * largest);
+    const double rounding =
+        kContactRoundings * double(std::numeric_limits<float>::epsilon() * largest);
     return {std::max(kTouch * voxelSize, rounding), kPoint * voxelSize};
 }
 

@@ -17,9 +17,9 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 1 << 14;   // points; [free: the same results]
-constexpr std::size_t kBucketPoints = 16; // of a leaf; [free: the same results]
-constexpr int kAxisBits = 21;             // [derived: three of them fill a key of 64 bits]
+constexpr std::size_t kIndexGrain = 1 << 14; // points; [free: the same results]
+constexpr std::size_t kBucketPoints = 16;    // of a leaf; [free: the same results]
+constexpr int kAxisBits = 21;                // [derived: three of them fill a key of 64 bits]
 
 /// The cube about positions, in steps of a Morton key.
 class KeyLattice
@@ -65,7 +65,7 @@ std::vector<std::uint32_t> sortedOrder(const std::vector<Vec3f>& positions, Inte
 PointIndex::PointIndex(const std::vector<Vec3f>& positions, Interrupter& progress)
     : mOrder(sortedOrder(positions, progress)), mX(size()), mY(size()), mZ(size())
 {
-    forEachParallel(size(), kGrain, progress, [&](std::size_t n) {
+    forEachParallel(size(), kIndexGrain, progress, [&](std::size_t n) {
         const Vec3f& p = positions[mOrder[n]];
         mX[n] = p.x();
         mY[n] = p.y();
@@ -87,7 +87,7 @@ bool PointIndex::isOf(const std::vector<Vec3f>& positions, Interrupter& progress
 {
     if (positions.size() != size()) return false;
     std::atomic<bool> isOf{true};
-    forEachParallel(size(), kGrain, progress, [&](std::size_t n) {
+    forEachParallel(size(), kIndexGrain, progress, [&](std::size_t n) {
         if ((*this)[n] != positions[mOrder[n]]) isOf = false;
     });
     return isOf;
@@ -103,7 +103,7 @@ std::shared_ptr<const PointIndex> PointIndex::kept(const std::vector<std::uint8_
 {
     const auto result = std::shared_ptr<PointIndex>(new PointIndex);
     for (std::size_t n = 0; n < size(); ++n) {
-        if (n % kGrain == 0) progress.check();
+        if (n % kIndexGrain == 0) progress.check();
         if (!keep[mOrder[n]]) continue;
         result->mOrder.push_back(mOrder[n]);
         result->mX.push_back(mX[n]);

@@ -29,7 +29,7 @@ constexpr float kMinSpread = 0.01f;
 /// Largest distance of a vertex from its cell, voxels: the tip of an edge crosses no edge between
 /// voxels. [tuned: offset_bench]
 constexpr float kMaxOutside = 3;
-constexpr float kBallAllowance = 0.1f; ///< reduction of EmptyBalls, voxels [tuned: offset_bench]
+constexpr float kFacetAllowance = 0.1f; ///< reduction of EmptyBalls, voxels [tuned: offset_bench]
 /// Items between two looks at the interrupter. [free: response time]
 constexpr std::size_t kCheckInterval = 1 << 12;
 
@@ -218,7 +218,7 @@ private:
             corners[n] = cornerOf(int(n) & 7) + (n < 8 ? Coord(0, 0, 0) : other);
             slope = std::max(slope, values.slopeAt(cell + corners[n]));
         }
-        EmptyBalls empty(slope, kBallAllowance);
+        EmptyBalls empty(slope, kFacetAllowance);
         for (std::size_t n = 0; n < count; ++n) empty.add(corners[n], values.at(cell + corners[n]));
         return !empty.contain(place);
     }

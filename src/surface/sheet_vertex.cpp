@@ -38,7 +38,7 @@ constexpr float kNoCrossing = 1e6f;
 
 /// Largest distance of a crease vertex outside its cell, voxels: held at the wall, a vertex beside
 /// a crease that just misses its cell would fold its triangles over. [tuned: sharp_mesh_test]
-constexpr double kMaxOutside = 0.5;
+constexpr double kOutsideCell = 0.5;
 
 /// Distance of vertices from the walls of their cell where the surface leaves them free, voxels: no
 /// two coincide where the surface passes through a voxel. [tuned: mesh_test]
@@ -47,7 +47,7 @@ constexpr float kInset = 0.05f;
 /// Error of prediction, voxels, from which on a plane has no weight. [tuned: sharp_mesh_test]
 constexpr float kMaxPlaneError = 0.4f;
 
-Vec3f cornerOf(int c)
+Vec3f cornerPlace(int c)
 {
     return Vec3f(float(c >> 2 & 1), float(c >> 1 & 1), float(c & 1));
 }
@@ -203,7 +203,7 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
     Vec3f mean = Vec3f::Zero();
     for (unsigned edges = cell.sheets().edges[std::size_t(sheet)]; edges; edges &= edges - 1) {
         const int e = __builtin_ctz(edges);
-        const Vec3f low = cornerOf(cellEdge(e).low);
+        const Vec3f low = cornerPlace(cellEdge(e).low);
         const auto n = std::size_t(found.count++);
         crossing[n] = &valueCrossing(at + low.cast<int>(), e / 4);
         found.edge[n] = e;
@@ -310,9 +310,9 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
     for (int n = 0; n < crossings.count; ++n) {
         CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
         if (mValues[home + stepTo(ends.low)] >= 0) std::swap(ends.low, ends.high);
-        const Vec3f from = cornerOf(ends.low), along = cornerOf(ends.high) - from;
+        const Vec3f from = cornerPlace(ends.low), along = cornerPlace(ends.high) - from;
         const Plane& inner = planeAt(at + from.cast<int>());
-        const Plane& outer = planeAt(at + cornerOf(ends.high).cast<int>());
+        const Plane& outer = planeAt(at + cornerPlace(ends.high).cast<int>());
         // Beside a crease one end alone may look steep; a multiple of distances is steep at both.
         const float steepness = std::min(inner.steepness, outer.steepness);
         // Place along the edge, from inside to outside, where it crosses the plane of one end.
@@ -352,7 +352,7 @@ const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, in
     /// sharp_mesh_test]
     constexpr double kMaxDisagreement = 0.06;
     const CellEdge ends = cellEdge(edge);
-    const Vec3i low = at + cornerOf(ends.low).cast<int>();
+    const Vec3i low = at + cornerPlace(ends.low).cast<int>();
     if (mFieldCrossings.empty()) mFieldCrossings.resize(3 * kVoxels);
     FieldCrossing& found = mFieldCrossings[edgeIndex(low, edge / 4)];
     if (found.block == mBlock) return found;
@@ -392,7 +392,7 @@ void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Pl
 {
     for (std::size_t n = 0; n < std::size_t(crossings.count); ++n) {
         const int edge = crossings.edge[n];
-        const Vec3f from = cornerOf(cellEdge(edge).low), axis = Vec3f::Unit(edge / 4);
+        const Vec3f from = cornerPlace(cellEdge(edge).low), axis = Vec3f::Unit(edge / 4);
         const FieldCrossing& found = fieldCrossing(at, edge, (crossings.point[n] - from).dot(axis));
         if (found.isFound) planes.add(found.normal, from + found.at * axis, 1);
     }
@@ -454,11 +454,11 @@ bool SheetPlacer::liesOnFold(const Vec3i& at, const Crossings& crossings)
     };
     for (int n = 0; n < crossings.count; ++n) {
         const CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
-        if (!isFlat(cornerOf(ends.low)) && !isFlat(cornerOf(ends.high))) return false;
+        if (!isFlat(cornerPlace(ends.low)) && !isFlat(cornerPlace(ends.high))) return false;
     }
     Planes planes(crossings.mean);
     addGridPlanes(at, crossings, planes);
-    const Quadric::Minimum fold = planes.quadric().minimum(kMaxOutside, kMinFaceEigenvalue);
+    const Quadric::Minimum fold = planes.quadric().minimum(kOutsideCell, kMinFaceEigenvalue);
     const Vec3d middle = Vec3d::Constant(0.5);
     const Vec3d nearest = fold.place + fold.free * (middle - fold.place);
     return fold.rank > 1 && (nearest - middle).cwiseAbs().maxCoeff() <= 0.5;
@@ -481,7 +481,7 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
         if (planes.count() > 0) {
             // Obtuse folds move vertices of their own cells alone: triangles stay well shaped.
             const double beyond =
-                areSmooth ? -double(kInset) : (freedom == Freedom::Near ? kMaxOutside : 0);
+                areSmooth ? -double(kInset) : (freedom == Freedom::Near ? kOutsideCell : 0);
             const Quadric::Minimum minimum =
                 planes.quadric().minimum(beyond, areSmooth ? kMinFaceEigenvalue : kMinEigenvalue);
             inCell = minimum.place.cast<float>();

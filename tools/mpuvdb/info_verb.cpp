@@ -20,11 +20,11 @@ namespace mpuvdb::command
 namespace
 {
 
-Json toJson(const openvdb::Coord& c)
+Json listOf(const openvdb::Coord& c)
 {
     return {c.x(), c.y(), c.z()};
 }
-Json toJson(const openvdb::Vec3d& v)
+Json listOf(const openvdb::Vec3d& v)
 {
     return {v.x(), v.y(), v.z()};
 }
@@ -35,7 +35,7 @@ Json describeGrid(const openvdb::GridBase& grid)
     Json json{{"name", grid.getName()},
               {"type", grid.type()},
               {"class", openvdb::GridBase::gridClassToString(grid.getGridClass())},
-              {"voxel_size", toJson(grid.voxelSize())},
+              {"voxel_size", listOf(grid.voxelSize())},
               {"active_voxels", grid.activeVoxelCount()},
               {"bytes", grid.memUsage()}};
     if (const auto* const floats = dynamic_cast<const openvdb::FloatGrid*>(&grid)) {
@@ -44,9 +44,9 @@ Json describeGrid(const openvdb::GridBase& grid)
             json["half_width"] = double(floats->background()) / grid.voxelSize().x();
     }
     if (!box.empty()) {
-        json["voxels"] = {{"min", toJson(box.min())}, {"max", toJson(box.max())}};
-        json["world"] = {{"min", toJson(grid.indexToWorld(box.min()))},
-                         {"max", toJson(grid.indexToWorld(box.max()))}};
+        json["voxels"] = {{"min", listOf(box.min())}, {"max", listOf(box.max())}};
+        json["world"] = {{"min", listOf(grid.indexToWorld(box.min()))},
+                         {"max", listOf(grid.indexToWorld(box.max()))}};
     }
     Json metadata = Json::object();
     for (auto item = grid.beginMeta(); item != grid.endMeta(); ++item)
@@ -66,8 +66,8 @@ Json describePoints(const PointInput& input, Interrupter& progress)
               {"colors", !cloud.colors.empty()},
               {"scalars", input.scalarNames},
               {"world",
-               {{"min", command::toJson(Vec3d(cloud.frame + box.min()))},
-                {"max", command::toJson(Vec3d(cloud.frame + box.max()))}}},
+               {{"min", toJson(Vec3d(cloud.frame + box.min()))},
+                {"max", toJson(Vec3d(cloud.frame + box.max()))}}},
               {"diagonal", box.diagonal().norm()}};
     const PointStatistics statistics = measure(cloud, &progress);
     json["spacing"] = statistics.spacing;
@@ -169,14 +169,14 @@ Json writeDeviations(Mesh mesh, const Other& other, const DeviationOutput& outpu
 Json describeMesh(const Mesh& mesh, const std::optional<Other>& other,
                   const DeviationOutput& deviations, Interrupter& progress)
 {
-    Json json = command::toJson(measure(mesh));
+    Json json = toJson(measure(mesh));
     json["self_intersections"] = findSelfIntersections(mesh, &progress).size();
     json["colors"] = !mesh.colors.empty();
     if (!other) return json;
     const TwoWayDistances both = other->distancesFrom(mesh, progress);
     json["against"] = {{"file", other->file},
-                       {"distance_to_it", command::toJson(both.there)},
-                       {"distance_from_it", command::toJson(both.back)}};
+                       {"distance_to_it", toJson(both.there)},
+                       {"distance_from_it", toJson(both.back)}};
     if (deviations.isWanted())
         json["against"]["deviation"] = writeDeviations(mesh, *other, deviations, progress);
     return json;

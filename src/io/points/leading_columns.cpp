@@ -44,7 +44,7 @@ bool areWhole(const SampleRows& rows, std::size_t column)
     return count(rows, column, isWhole) == rows.size();
 }
 
-bool areFractions(const SampleRows& rows, std::size_t column)
+bool areMostlyBroken(const SampleRows& rows, std::size_t column)
 {
     return 2 * count(rows, column, isWhole) < rows.size();
 }
@@ -100,7 +100,7 @@ bool areNumbers(const SampleRows& rows, std::size_t column)
                         always(rows, column, [](double a, double b) { return b == a + 1; });
     const bool isEven = haveEvenSteps(rows, column + 1);
     return (counts && !(isEven && !isConstant(column + 2))) ||
-           (!isEven && areFractions(rows, column + 1) && areFractions(rows, column + 2));
+           (!isEven && areMostlyBroken(rows, column + 1) && areMostlyBroken(rows, column + 2));
 }
 
 } // namespace
@@ -121,8 +121,8 @@ Leading leadingColumn(const SampleRows& rows, std::size_t column)
     if (areNumbers(rows, column)) return Leading::Number;
     // An intensity in whole numbers makes the three before it a position, and so does a color.
     const bool areAttributes = areColors(rows, column + 3) ||
-                               (areWhole(rows, column + 3) && areFractions(rows, column + 1) &&
-                                areFractions(rows, column + 2));
+                               (areWhole(rows, column + 3) && areMostlyBroken(rows, column + 1) &&
+                                areMostlyBroken(rows, column + 2));
     const bool othersTurn = riseAndFall(rows, column + 1) && riseAndFall(rows, column + 2) &&
                             riseAndFall(rows, column + 3);
     const bool mayBeTime = haveEvenSteps(rows, column) || ratio >= kFarRatio;

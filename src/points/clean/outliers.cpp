@@ -39,7 +39,7 @@ constexpr double kCellSpacings = 5;
 /// The least width of a cell in standard deviations of the noise. [derived: points of a plane lie
 /// within two to either side, all but one in twenty]
 constexpr double kCellNoises = 4;
-constexpr std::size_t kGrain = 256; // cells or points; [free: the same outliers]
+constexpr std::size_t kOutlierGrain = 256; // cells or points; [free: the same outliers]
 
 /// The grid's cells, joined where they share a face. A nearly empty cell joins no others: outliers
 /// would hang together, and on surfaces.
@@ -58,7 +58,7 @@ public:
             });
         };
         for (const auto& [a, b] :
-             gatherParallel<Pair>(mWeights.size(), kGrain, progress, findPairs))
+             gatherParallel<Pair>(mWeights.size(), kOutlierGrain, progress, findPairs))
             mGroups.join(a, b);
         mPoints.assign(mWeights.size(), 0);
         for (std::uint32_t c = 0; c < mWeights.size(); ++c) mPoints[mGroups.find(c)] += mWeights[c];
@@ -142,7 +142,7 @@ private:
 
     void findNeighbors(const KdTree& tree, const std::vector<char>& asked)
     {
-        forEachParallel(mPositions.size(), kGrain, mProgress, [&](std::size_t i) {
+        forEachParallel(mPositions.size(), kOutlierGrain, mProgress, [&](std::size_t i) {
             if (!asked[i]) return;
             std::vector<std::uint32_t> indices(reachable() + 1);
             std::vector<float> squared(indices.size());
@@ -163,7 +163,7 @@ private:
     void findPlanar()
     {
         mPlanar.resize(mDoubtful);
-        forEachParallel(mDoubtful, kGrain, mProgress,
+        forEachParallel(mDoubtful, kOutlierGrain, mProgress,
                         [&](std::size_t i) { mPlanar[i] = isPlanar(i); });
     }
 
@@ -412,9 +412,10 @@ private:
     {
         std::vector<std::uint32_t> chosen(mApart.empty() ? 0 : mApart.size() + mSurface.size());
         std::copy(mApart.begin(), mApart.end(), chosen.begin());
-        forEachParallel(chosen.size() - mApart.size(), kGrain, mProgress, [&](std::size_t n) {
-            chosen[mApart.size() + n] = representative(mCells, mCells.cells()[mSurface[n]]);
-        });
+        forEachParallel(
+            chosen.size() - mApart.size(), kOutlierGrain, mProgress, [&](std::size_t n) {
+                chosen[mApart.size() + n] = representative(mCells, mCells.cells()[mSurface[n]]);
+            });
         PointCloud sparse;
         for (const std::uint32_t i : chosen) sparse.positions.push_back(mPositions[i]);
         if (!mNormals.empty())

@@ -26,7 +26,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 1024; // points; [free: the same normals]
+constexpr std::size_t kNormalGrain = 1024; // points; [free: the same normals]
 /// The neighbors per plane where there is no noise. [tuned: estimate_normals_test]
 constexpr double kFewestChosen = 12;
 
@@ -90,29 +90,30 @@ PlaneGraph fitPlanes(const std::vector<Vec3f>& positions, std::size_t neighbors,
     std::vector<LocalPlane> planes(count);
     const SpanningNeighbors neighborhoods(positions, std::min(neighbors, count - 1), noise);
     std::atomic<std::uint64_t> onLines{0};
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kGrain), [&](const auto& range) {
-        progress.advance(double(range.size()) / double(count));
-        std::vector<std::uint32_t> members;
-        std::uint64_t withoutPlane = 0;
-        for (std::size_t i = range.begin(); i < range.end(); ++i) {
-            withoutPlane += neighborhoods.about(i, members) ? 0 : 1;
-            planes[i] = sheetPlaneOf(positions, members, planeOf(positions, members), noise);
-            // The point is its own nearest; distinct positions can round to the same distance.
-            const auto self = std::find(members.begin(), members.end(), std::uint32_t(i));
-            if (self != members.end()) members.erase(self);
-            std::copy_n(members.begin(), links, linked.begin() + std::ptrdiff_t(i * links));
-        }
-        onLines += withoutPlane;
-    });
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(0, count, kNormalGrain), [&](const auto& range) {
+            progress.advance(double(range.size()) / double(count));
+            std::vector<std::uint32_t> members;
+            std::uint64_t withoutPlane = 0;
+            for (std::size_t i = range.begin(); i < range.end(); ++i) {
+                withoutPlane += neighborhoods.about(i, members) ? 0 : 1;
+                planes[i] = sheetPlaneOf(positions, members, planeOf(positions, members), noise);
+                // The point is its own nearest; distinct positions can round to the same distance.
+                const auto self = std::find(members.begin(), members.end(), std::uint32_t(i));
+                if (self != members.end()) members.erase(self);
+                std::copy_n(members.begin(), links, linked.begin() + std::ptrdiff_t(i * links));
+            }
+            onLines += withoutPlane;
+        });
     PlaneGraph graph;
     graph.onLines = onLines;
     graph.normals.resize(count);
-    forEachParallel(count, kGrain, progress, [&](std::size_t i) {
+    forEachParallel(count, kNormalGrain, progress, [&](std::size_t i) {
         graph.normals[i] =
             sharpened(positions, planes, std::uint32_t(i), &linked[i * links], links, noise);
     });
     graph.links.resize(linked.size());
-    forEachParallel(count, kGrain, progress, [&](std::size_t i) {
+    forEachParallel(count, kNormalGrain, progress, [&](std::size_t i) {
         for (std::size_t k = i * links; k < (i + 1) * links; ++k) {
             const std::uint32_t q = linked[k];
             const Vec3f apart = positions[q] - positions[i];
@@ -151,7 +152,7 @@ void orient(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& toSca
     std::vector<char> inward = findInwardParts({positions, graph.normals, found.parts}, progress);
     const std::uint32_t seen = found.parts[scanners];
     if (seen != scanners) inward[seen] = found.turned[scanners];
-    forEachParallel(positions.size(), kGrain, progress, [&](std::size_t i) {
+    forEachParallel(positions.size(), kNormalGrain, progress, [&](std::size_t i) {
         if (inward[found.parts[i]]) graph.normals[i] = -graph.normals[i];
     });
 }
@@ -294,7 +295,7 @@ EstimatedNormals estimateNormals(PointCloud& cloud, const PointIndex& index,
     if (statistics.noise > kLittle * statistics.spacing)
         pass(neighbors.value_or(neighborsFor(statistics)), statistics.noise);
     cloud.normals.resize(cloud.size());
-    forEachParallel(cloud.size(), kGrain, progress,
+    forEachParallel(cloud.size(), kNormalGrain, progress,
                     [&](std::size_t i) { cloud.normals[i] = distinct.normals[placeOf[i]]; });
     return used;
 }

@@ -25,7 +25,7 @@ constexpr double kCellSpacings = 5; // [tuned: clean_points_test]
 constexpr double kReachSpacings = 3;
 /// The standard deviations by which points of a plane may be off it. [derived: 19 of 20 lie within]
 constexpr double kNoises = 2;
-constexpr std::size_t kGrain = 256; // cells; [free: the same normals]
+constexpr std::size_t kFlipGrain = 256; // cells; [free: the same normals]
 /// The share of flipped normals from which on voters may be wrong. [tuned: clean_points_test]
 constexpr double kMany = 0.015;
 
@@ -83,7 +83,7 @@ private:
         std::vector<std::uint32_t> asked = cells;
         for (int round = 0; round < kRounds && !asked.empty(); ++round) {
             const auto outvoted = gatherParallel<PointInCell>(
-                asked.size(), kGrain, progress,
+                asked.size(), kFlipGrain, progress,
                 [&](std::size_t n, auto& found) { ask(asked[n], against, found); });
             turned += outvoted.size();
             for (const PointInCell& found : outvoted) mNormals.turn(found.point);
@@ -101,7 +101,8 @@ private:
         const auto findMixed = [&](std::size_t c, std::vector<std::uint32_t>& mixed) {
             if (isMixed(mCells.cells()[c])) mixed.push_back(std::uint32_t(c));
         };
-        return gatherParallel<std::uint32_t>(mCells.cells().size(), kGrain, progress, findMixed);
+        return gatherParallel<std::uint32_t>(mCells.cells().size(), kFlipGrain, progress,
+                                             findMixed);
     }
 
     bool isMixed(const PointCells::Cell& cell) const
@@ -201,7 +202,8 @@ public:
           mNormals(normals), mProgress(progress)
     {
         mPatchlets.resize(2 * cells.cells().size());
-        forEachParallel(cells.cells().size(), kGrain, progress, [&](std::size_t c) { average(c); });
+        forEachParallel(cells.cells().size(), kFlipGrain, progress,
+                        [&](std::size_t c) { average(c); });
     }
 
     void run()
@@ -274,7 +276,8 @@ private:
                 for (const std::uint32_t side : {first, second}) linkToSheet(side, other, links);
             });
         };
-        return gatherParallel<OrientationLink>(mCells.cells().size(), kGrain, mProgress, linkCell);
+        return gatherParallel<OrientationLink>(mCells.cells().size(), kFlipGrain, mProgress,
+                                               linkCell);
     }
 
     /// Heights of two patchlets over each other's planes.

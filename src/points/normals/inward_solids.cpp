@@ -18,7 +18,7 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kGrain = 256; // cells; [free: the same parts]
+constexpr std::size_t kSolidGrain = 256; // cells; [free: the same parts]
 /// The mean number of points in a pixel. [derived: none is empty by chance where points lie at
 /// random]
 constexpr double kPerPixel = 48;
@@ -28,7 +28,7 @@ std::vector<Vec3f> middlesOf(const PointCells& cells, Interrupter& progress)
 {
     const PointIndex& index = cells.index();
     std::vector<Vec3f> middles(cells.cells().size());
-    forEachParallel(middles.size(), kGrain, progress, [&](std::size_t c) {
+    forEachParallel(middles.size(), kSolidGrain, progress, [&](std::size_t c) {
         const PointCells::Cell& cell = cells.cells()[c];
         const Vec3f base = index[cells.begin(cell)->begin];
         Vec3f sum = Vec3f::Zero();
@@ -47,7 +47,7 @@ std::vector<std::uint32_t> partsOf(const PointCells& cells, Interrupter& progres
     const std::size_t nearest = std::min(kNearest, middles.size() - 1);
     std::vector<std::uint32_t> near(middles.size() * nearest);
     const KdTree tree(middles);
-    forEachParallel(middles.size(), kGrain, progress, [&](std::size_t c) {
+    forEachParallel(middles.size(), kSolidGrain, progress, [&](std::size_t c) {
         std::vector<std::uint32_t> indices(nearest + 1);
         std::vector<float> squared(nearest + 1);
         tree.nearest(middles[c], indices, squared);
