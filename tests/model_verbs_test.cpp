@@ -425,9 +425,12 @@ TEST_F(ModelVerbs, TwistsFarFromTheAxisNameTheCenter)
         all.insert(all.end(), words.begin() + 1, words.end());
         EXPECT_NE(command(all).err.find("--center 100,-8,3"), std::string::npos) << words[0];
     }
-    EXPECT_NE(command({"bend", "ball.vdb", "-o", "x.vdb", "--angle", "9", "--towards", "z"}, 2)
-                  .err.find("--towards"),
-              std::string::npos);
+    const Ended along =
+        command({"bend", "ball.vdb", "-o", "x.vdb", "--angle", "9", "--towards", "z"}, 2);
+    EXPECT_NE(along.err.find("--towards"), std::string::npos) << along.err;
+    // A library's message that begins with the verb's name does not say it twice.
+    const Ended none = command({"shell", "ball.vdb", "-o", "x.vdb", "--thickness", "0"}, 2);
+    EXPECT_NE(none.err.find("mpuvdb shell: thickness is 0"), std::string::npos) << none.err;
 }
 
 TEST_F(ModelVerbs, SayWhereNothingComesOfIt)

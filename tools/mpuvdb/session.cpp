@@ -84,7 +84,9 @@ void Session::warn(const std::string& message)
 
 void Session::fail(const char* type, const std::string& message)
 {
-    mDisplay.print(fmt::format("mpuvdb {}: {}", mVerb, message));
+    // The library's messages begin with its function, which often has the verb's name.
+    const std::string verb = mVerb + ": ";
+    mDisplay.print("mpuvdb " + (message.rfind(verb, 0) == 0 ? message : verb + message));
     mReport["error"] = {{"type", type}, {"message", message}};
 }
 
