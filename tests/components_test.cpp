@@ -7,12 +7,11 @@
 
 #include <cmath>
 
-namespace mpuvdb
+namespace mpuvdb::test
 {
 namespace
 {
 
-using namespace test;
 using openvdb::Coord;
 using openvdb::FloatGrid;
 
@@ -199,4 +198,4 @@ TEST(Components, CanBeStopped)
 }
 
 } // namespace
-} // namespace mpuvdb
+} // namespace mpuvdb::test

@@ -8,12 +8,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-namespace mpuvdb
+namespace mpuvdb::test
 {
 namespace
 {
-
-using namespace test;
 
 class FarmTest : public JobFixture
 {
@@ -246,4 +244,4 @@ TEST_F(FarmTest, AStopLeavesNothing)
 }
 
 } // namespace
-} // namespace mpuvdb
+} // namespace mpuvdb::test

@@ -6,12 +6,11 @@
 
 #include <cmath>
 
-namespace mpuvdb
+namespace mpuvdb::test
 {
 namespace
 {
 
-using namespace test;
 using openvdb::Coord;
 using openvdb::FloatGrid;
 
@@ -248,4 +247,4 @@ TEST(Isosurface, OfALinearDensityIsExact)
 }
 
 } // namespace
-} // namespace mpuvdb
+} // namespace mpuvdb::test

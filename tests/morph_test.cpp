@@ -4,12 +4,11 @@
 
 #include <cmath>
 
-namespace mpuvdb
+namespace mpuvdb::test
 {
 namespace
 {
 
-using namespace test;
 using openvdb::Coord;
 
 constexpr Morphing kBoth[] = {Morphing::Linear, Morphing::Advection};
@@ -171,4 +170,4 @@ TEST(Morph, CanBeStopped)
 }
 
 } // namespace
-} // namespace mpuvdb
+} // namespace mpuvdb::test

@@ -395,7 +395,7 @@ TEST_F(ParticleFiles, PointGridsAreParticles)
     }
     EXPECT_THROW(readParticles({file}, {"age"}), InputError);
     const auto empty = mFolder / "empty.vdb";
-    writeLevelSet(empty, emptyLevelSet({}, 3), {});
+    writeLevelSet(empty, emptyLevelSet(Lattice{}, 3), {});
     EXPECT_THROW(readParticles({empty}), InputError);
 }
 

@@ -11,12 +11,10 @@
 #include <ctime>
 #include <iostream>
 
-namespace mpuvdb
+namespace mpuvdb::test
 {
 namespace
 {
-
-using namespace test;
 
 struct Errors {
     double volume = 0, area = 0; ///< relative
@@ -259,4 +257,4 @@ TEST(Measure, CanBeStopped)
 }
 
 } // namespace
-} // namespace mpuvdb
+} // namespace mpuvdb::test

@@ -14,12 +14,11 @@
 #include <regex>
 #include <set>
 
-namespace mpuvdb
+namespace mpuvdb::test
 {
 namespace
 {
 
-using namespace test;
 using Json = nlohmann::json;
 
 class TileFolderTest : public JobFixture
@@ -309,4 +308,4 @@ TEST_F(TileFolderTest, BlenderOpensATileAndACoarserLevel)
 }
 
 } // namespace
-} // namespace mpuvdb
+} // namespace mpuvdb::test

@@ -9,12 +9,10 @@
 
 #include <cstring>
 
-namespace mpuvdb
+namespace mpuvdb::test
 {
 namespace
 {
-
-using namespace test;
 
 template <typename T>
 bool sameBytes(const std::vector<T>& a, const std::vector<T>& b)
@@ -115,4 +113,4 @@ TEST_F(TileMeshTest, DoesNotDependOnTheThreads)
 }
 
 } // namespace
-} // namespace mpuvdb
+} // namespace mpuvdb::test
