@@ -152,7 +152,7 @@ TEST_F(EstimateTest, RefusesBeforeTheWorkAndSaysWhatFits)
 TEST_F(EstimateTest, VerbsForeseeWhatTheyTake)
 {
     sample("blob(1,20,0.05)", "blob.ply", {"--points", "100000"});
-    reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "150"});
+    reconstruct({"blob.ply", "-o", "a.vdb", "--voxels", "200"});
     ASSERT_EQ(mpuvdb({"transform", "a.vdb", "-o", "b.vdb", "--translate", "0.6,0,0"}).status, 0);
     for (const Words& verb : std::vector<Words>{
              {"offset", "a.vdb", "--distance", "20vx"},
