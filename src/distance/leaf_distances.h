@@ -1,6 +1,7 @@
 // The distances of a leaf, and how far they are wanted.
 #pragma once
 #include <cstdint>
+#include <limits>
 
 namespace mpuvdb
 {
