@@ -50,14 +50,14 @@ void CellTriangles::gather(const Vec3d& middle)
     // the middle, which is at most as much farther from it.
     const double reach = nearest + 2 * kHalfDiagonal * mSize;
     mNear.clear();
-    mTree.forEachNear(middle, reach, [&](std::size_t slot) {
-        const double distance2 = mTree.squaredDistanceTo(slot, middle);
-        if (distance2 <= reach * reach) mNear.push_back({distance2, std::uint32_t(slot)});
+    mTree.forEachLeafNear(middle, reach, [&](std::size_t leaf) {
+        const double distance2 = mTree.squaredBoundOfLeaf(leaf, middle);
+        if (distance2 <= reach * reach) mNear.push_back({distance2, std::uint32_t(leaf)});
     });
     std::sort(mNear.begin(), mNear.end(), [](const Near& a, const Near& b) {
-        return a.distance2 < b.distance2 || (a.distance2 == b.distance2 && a.slot < b.slot);
+        return a.distance2 < b.distance2 || (a.distance2 == b.distance2 && a.leaf < b.leaf);
     });
-    mCount = (mNear.size() + kLanes - 1) / kLanes;
+    mCount = (mNear.size() + kGroupLeaves - 1) / kGroupLeaves;
     mMade = 0;
     if (mGroups.size() < mCount) {
         mGroups.resize(mCount);
@@ -68,13 +68,18 @@ void CellTriangles::gather(const Vec3d& middle)
 void CellTriangles::makeNext()
 {
     Group& group = mGroups[mMade];
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        // Lanes beyond the last triangle repeat it.
-        const Near& near = mNear[std::min(mMade * kLanes + lane, mNear.size() - 1)];
-        group.slots[lane] = near.slot;
+    std::size_t lane = 0;
+    const std::size_t begin = mMade * kGroupLeaves;
+    for (std::size_t n = begin; n < std::min(begin + kGroupLeaves, mNear.size()); ++n)
+        for (std::size_t slot = mTree.firstSlot(mNear[n].leaf);
+             slot < mTree.firstSlot(mNear[n].leaf + 1); ++slot)
+            group.slots[lane++] = std::uint32_t(slot);
+    // Lanes beyond the last triangle repeat it.
+    for (; lane < kLanes; ++lane) group.slots[lane] = group.slots[lane - 1];
+    for (lane = 0; lane < kLanes; ++lane) {
         std::array<Vec3d, 3> corners;
         for (std::size_t k = 0; k < 3; ++k)
-            corners[k] = (mTree.corners(near.slot)[k].cast<double>() - mMiddle) / mSize;
+            corners[k] = (mTree.corners(group.slots[lane])[k].cast<double>() - mMiddle) / mSize;
         group.set(lane, corners);
     }
     ++mMade;
@@ -122,7 +127,7 @@ double CellTriangles::squaredDistance(const Vec3d& p, std::size_t& slot)
     float least = HUGE_VALF, root = HUGE_VALF;
     std::size_t count = 0;
     for (; count < mCount; ++count) {
-        const auto nearest = float(std::sqrt(mNear[count * kLanes].distance2) / mSize);
+        const auto nearest = float(std::sqrt(mNear[count * kGroupLeaves].distance2) / mSize);
         if (nearest - off > root * (1 + kFloats) + kFloats) break;
         if (count == mMade) makeNext();
         squaredDistances(mGroups[count], place, mDistances[count]);

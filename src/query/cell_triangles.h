@@ -39,10 +39,12 @@ private:
 
         void set(std::size_t lane, const std::array<Vec3d, 3>& corners);
     };
-    /// A triangle, and its squared distance from the middle.
+    /// Leaves of the tree in a group. [derived: a leaf has at most four triangles]
+    static constexpr std::size_t kGroupLeaves = kLanes / TriangleTree::kLeafTriangles;
+    /// A leaf of the tree, and a lower bound of the squared distance from the middle to it.
     struct Near {
         double distance2;
-        std::uint32_t slot;
+        std::uint32_t leaf;
     };
 
     void makeNext();

@@ -15,9 +15,11 @@ namespace mpuvdb
 
 /// Sort @a items by the bits of key(item) from the @a from-th up to before the @a to-th; items that
 /// are equal in them keep their order. The least significant digit comes first, and each is taken
-/// of equal chunks in parallel. @throws Interrupted.
+/// of equal chunks in parallel. @param other  memory, which becomes as large as @a items.
+/// @throws Interrupted.
 template <class Item, class Key>
-void radixSort(std::vector<Item>& items, int from, int to, Key key, Interrupter& progress)
+void radixSort(std::vector<Item>& items, std::vector<Item>& other, int from, int to, Key key,
+               Interrupter& progress)
 {
     // A chunk's counts of 2^11 digits fit the first cache. Large arrays may lie in files, where
     // each digit fills a page of up to 2 MB at a time: half a gigabyte of them has to stay in
@@ -27,7 +29,7 @@ void radixSort(std::vector<Item>& items, int from, int to, Key key, Interrupter&
     const std::size_t digits = std::size_t(1) << digitBits;
     constexpr std::size_t kChunk = std::size_t(1) << 16; // items; [free: the order is the same]
     const std::size_t chunks = (items.size() + kChunk - 1) / kChunk;
-    std::vector<Item> other(items.size());
+    other.resize(items.size());
     std::vector<std::uint32_t> starts(chunks * digits); // of runs of digits, by chunk
     const auto forEachChunk = [&](auto f) {
         tbb::parallel_for(std::size_t(0), chunks, [&](std::size_t chunk) {
@@ -53,6 +55,14 @@ void radixSort(std::vector<Item>& items, int from, int to, Key key, Interrupter&
         });
         items.swap(other);
     }
+}
+
+/// The same with memory of its own.
+template <class Item, class Key>
+void radixSort(std::vector<Item>& items, int from, int to, Key key, Interrupter& progress)
+{
+    std::vector<Item> other;
+    radixSort(items, other, from, to, key, progress);
 }
 
 } // namespace mpuvdb

@@ -18,7 +18,6 @@ namespace mpuvdb
 namespace
 {
 
-constexpr std::size_t kLeafTriangles = 4; ///< of a leaf; [free: the same distances]
 /// Levels above the leaves whose nodes have cylinders. [free: time]
 constexpr int kCylinderLevels = 6;
 constexpr int kCurveBits = 21; ///< per axis; [derived: what mortonKey() takes]

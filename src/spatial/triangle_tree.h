@@ -21,6 +21,8 @@ class TriangleTree
 public:
     using Corners = std::array<Vec3f, 3>; ///< relative to the mesh's frame
     using Box = Eigen::AlignedBox3f;
+    /// Most triangles of a leaf. [free: the same distances]
+    static constexpr std::size_t kLeafTriangles = 4;
 
     /// @param mesh  has triangles; need not outlive this. @throws Interrupted.
     TriangleTree(const Mesh& mesh, Interrupter& progress);
@@ -61,16 +63,28 @@ public:
     /// Call f(slot) for all triangles that are at most @a distance from @a p, and for some that are
     /// a little farther.
     template <class F>
-    void forEachNear(const Vec3d& p, double distance, const F& f, std::size_t node = 1) const
+    void forEachNear(const Vec3d& p, double distance, const F& f) const
+    {
+        forEachLeafNear(p, distance, [&](std::size_t leaf) {
+            for (std::size_t s = firstSlot(leaf); s < firstSlot(leaf + 1); ++s) f(s);
+        });
+    }
+    /// Call f(leaf) for all leaves whose boxes are at most @a distance from @a p.
+    template <class F>
+    void forEachLeafNear(const Vec3d& p, double distance, const F& f, std::size_t node = 1) const
     {
         if (mBoxes[node].cast<double>().squaredExteriorDistance(p) > distance * distance) return;
         if (node >= mLeaves) {
-            for (std::size_t s = firstSlot(node - mLeaves); s < firstSlot(node - mLeaves + 1); ++s)
-                f(s);
+            f(node - mLeaves);
             return;
         }
-        forEachNear(p, distance, f, 2 * node);
-        forEachNear(p, distance, f, 2 * node + 1);
+        forEachLeafNear(p, distance, f, 2 * node);
+        forEachLeafNear(p, distance, f, 2 * node + 1);
+    }
+    /// A lower bound of the squared distance from @a p to the triangles of a leaf.
+    double squaredBoundOfLeaf(std::size_t leaf, const Vec3d& p) const
+    {
+        return squaredBound(mLeaves + leaf, p);
     }
 
     /// Call f(slot) for all triangles that the segment from @a a to @a b meets, and for some that
