@@ -2,8 +2,6 @@
 #include "solid_level_set.h"
 
 #include <fmt/format.h>
-#include <openvdb/tools/Composite.h>
-#include <openvdb/tools/LevelSetSphere.h>
 
 #include <cmath>
 
@@ -118,12 +116,20 @@ TEST(Components, ThroughTilesOfAllSizesAreOne)
 LevelSet manyBalls(int n, double voxelSize)
 {
     const auto grid = openvdb::createLevelSet<FloatGrid>(voxelSize, 3);
+    auto voxels = grid->getAccessor();
     for (int k = 0; k < n * n * n; ++k) {
-        const double r = voxelSize * (3 + 0.001 * (k * 7919 % (n * n * n)));
-        const openvdb::Vec3f center(float(k % n), float(k / n % n), float(k / n / n));
-        auto one = openvdb::tools::createLevelSetSphere<FloatGrid>(
-            float(r), center * float(20 * voxelSize), float(voxelSize), 3);
-        openvdb::tools::csgUnion(*grid, *one);
+        const double r = 3 + 0.001 * (k * 7919 % (n * n * n)); // voxels; bands of 3 reach 8
+        const openvdb::Coord center(20 * (k % n), 20 * (k / n % n), 20 * (k / n / n));
+        for (int x = -8; x <= 8; ++x)
+            for (int y = -8; y <= 8; ++y)
+                for (int z = -8; z <= 8; ++z) {
+                    const double distance = std::sqrt(x * x + y * y + z * z) - r;
+                    const openvdb::Coord at = center.offsetBy(x, y, z);
+                    if (std::abs(distance) < 3)
+                        voxels.setValue(at, float(voxelSize * distance));
+                    else if (distance < 0)
+                        voxels.setValueOff(at, float(-3 * voxelSize));
+                }
     }
     return LevelSet(grid);
 }

@@ -155,14 +155,15 @@ TEST(QueriesTest, GradientsAreUnitAndLeadToTheSurface)
 
 TEST(QueriesTest, OnTheSurfaceGradientsAreNormals)
 {
-    const Queries queries(Ball(0.05).levelSet);
+    const Ball ball(0.05);
+    const Queries queries(ball.levelSet);
     std::vector<Vec3d> places = randomPlaces(2, 1000), surface(1000), normals(1000);
     queries.closestPoints(places, surface.data());
     std::vector<double> distances(1000);
     queries.distances(surface, distances.data(), normals.data());
     for (std::size_t i = 0; i < surface.size(); ++i) {
         ASSERT_NEAR(distances[i], 0, 5e-3 * 0.05);
-        ASSERT_GT(normals[i].dot((surface[i] - Ball(0.5).center).normalized()), 0.999);
+        ASSERT_GT(normals[i].dot((surface[i] - ball.center).normalized()), 0.999);
     }
 }
 
