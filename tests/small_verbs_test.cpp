@@ -313,6 +313,12 @@ TEST_F(SmallVerbs, SliceWritesSvgInMillimetersAndPictures)
         EXPECT_NEAR(slices[n]["area"], 4 - M_PI * 0.16, 10 * h * h);
         EXPECT_EQ(slices[n]["contours"], 2);
     }
+    // A corner on a lattice point has several vertices of the mesh about it.
+    write("bar.vdb", sampledSolid("box(0.4,0.4,2)", 0.02));
+    mpuvdb({"slice", "bar.vdb", "-o", "bar.svg", "--every", "0.02"});
+    const std::string bar = readFile(folder / "bar.svg");
+    const std::regex twice(R"([ML]([-0-9.]+ [-0-9.]+) L\1 )");
+    EXPECT_FALSE(std::regex_search(bar, twice)) << "a segment without length";
     mpuvdb({"slice", "part.vdb", "-o", "x.png", "--axis", "y", "--pixels", "64"});
     EXPECT_EQ(readFile(folder / "x.png").substr(1, 3), "PNG");
     mpuvdb({"slice", "part.vdb", "-o", "p.##.png", "--height", "0.$F", "--frames", "1-3x2"});

@@ -44,16 +44,28 @@ public:
                            mSize.x(), mSize.y(), mDigits);
     }
 
-    std::string point(const Eigen::Vector2d& p) const
+    /// The closed path of a contour. Vertices that do not differ in what is written are one:
+    /// there are such at corners, and readers stumble over segments without length.
+    std::string path(const Contour& contour) const
     {
-        return fmt::format("{:.{}f} {:.{}f}", mScale * (p.x() - mOrigin.x()), mDigits,
-                           mScale * (mOrigin.y() - p.y()), mDigits);
+        std::vector<std::string> points;
+        for (const Eigen::Vector2d& p : contour.points)
+            if (std::string here = point(p); points.empty() || here != points.back())
+                points.push_back(std::move(here));
+        while (points.size() > 1 && points.back() == points.front()) points.pop_back();
+        return fmt::format("M{} Z", fmt::join(points, " L"));
     }
 
     double millimeters(double length) const { return mScale * length; }
     double lineWidth() const { return mSize.maxCoeff() / 1000; }
 
 private:
+    std::string point(const Eigen::Vector2d& p) const
+    {
+        return fmt::format("{:.{}f} {:.{}f}", mScale * (p.x() - mOrigin.x()), mDigits,
+                           mScale * (mOrigin.y() - p.y()), mDigits);
+    }
+
     double mScale; ///< millimeters per world unit
     Eigen::Vector2d mOrigin, mSize;
     int mDigits = 0;
@@ -78,12 +90,7 @@ void writeContours(const fs::path& file, const std::vector<Slice>& slices, int a
                                  "xyz"[axis], page.millimeters(slice.height), page.lineWidth()));
             for (const Contour& contour : slice.contours) {
                 progress.check();
-                const char* before = "M";
-                for (const Eigen::Vector2d& point : contour.points) {
-                    out.text(before + page.point(point));
-                    before = " L";
-                }
-                out.text(" Z\n");
+                if (!contour.points.empty()) out.text(page.path(contour) + "\n");
             }
             out.text("\"/>\n</g>\n");
         }
