@@ -6,6 +6,7 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 output=${OUTPUT:-.}
+mkdir -p "$output"
 
 "${PYTHON:-/usr/bin/python3}" "$here/scan_to_surface.py" -o "$output" --voxels "${VOXELS:-120}" > "$output/scan.txt"
 mpuvdb fog "$output/scan.vdb" -o "$output/lookdev.vdb" --keep-surface --quiet

@@ -1,6 +1,12 @@
+#include "grid/solid_bounds.h"
 #include <mpuvdb/error.h>
+#include <mpuvdb/fields.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/level_set.h>
+#include <mpuvdb/scan_sampler.h>
+#include <mpuvdb/shape.h>
+
+#include <fmt/format.h>
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/ChangeBackground.h>
@@ -9,6 +15,7 @@
 
 #include <cstdlib>
 #include <limits>
+#include <random>
 
 namespace mpuvdb
 {
@@ -368,6 +375,48 @@ TEST(Lattice, RefusesNonsense)
     EXPECT_THROW(latticeFor(Box3d(Vec3d::Zero(), Vec3d(1, 1, infinity)), 1), InputError);
     EXPECT_THROW(latticeFor(unit, 1e-12), LimitError);
     EXPECT_THROW(latticeFor(Box3d(Vec3d(1e18, 0, 0), Vec3d(1e18, 1, 1)), 1), LimitError);
+}
+
+TEST(SolidBounds, AreThoseOfTheSurface)
+{
+    // A voxel's line across the box's side passes the extreme place at sqrt(1/2) voxels or less,
+    // and a voxel of the band lies on it two voxels or more away: the distance is longer by the
+    // square over twice that.
+    constexpr double kCorner = 0.5 / (2 * 2);
+    const unsigned seed = 3;
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    const auto one = [&] { return Vec3d(unit(random), unit(random), unit(random)); };
+    for (int trial = 0; trial < 20; ++trial) {
+        SCOPED_TRACE(testing::Message() << "seed " << seed << ", trial " << trial);
+        const Eigen::Affine3d turn = Eigen::Translation3d(5 * one()) *
+                                     Eigen::AngleAxisd(3 * unit(random), one().normalized());
+        const Vec3d half = Vec3d(15, 11, 8) + one();
+        const double h = 0.7;
+        const Shape box(makeSolidField(parseSolid(fmt::format("box({},{},{})", 2 * h * half[0],
+                                                              2 * h * half[1], 2 * h * half[2]))),
+                        "box");
+        Eigen::Affine3d motion = turn;
+        motion.translation() *= h;
+        const Box3d found = solidBounds(box.moved(motion).evaluate({h, 3, 0}));
+        Box3d exact;
+        for (int corner = 0; corner < 8; ++corner)
+            exact.extend(Vec3d(
+                motion * (h * half.cwiseProduct(Vec3d(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1,
+                                                      corner & 4 ? 1 : -1)))));
+        for (int axis = 0; axis < 3; ++axis) {
+            EXPECT_NEAR((found.min()[axis] - exact.min()[axis]) / h, kCorner / 2,
+                        kCorner / 2 + 1e-3);
+            EXPECT_NEAR((exact.max()[axis] - found.max()[axis]) / h, kCorner / 2,
+                        kCorner / 2 + 1e-3);
+        }
+    }
+    const Box3d ball = solidBounds(LevelSet(sphere()));
+    for (int axis = 0; axis < 3; ++axis) {
+        EXPECT_NEAR(ball.min()[axis], -20 * kBallVoxel, 1e-5);
+        EXPECT_NEAR(ball.max()[axis], 20 * kBallVoxel, 1e-5);
+    }
+    EXPECT_TRUE(solidBounds(emptyLevelSet({Vec3d::Zero(), 1}, 3)).isEmpty());
 }
 
 } // namespace

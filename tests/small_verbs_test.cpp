@@ -125,21 +125,22 @@ TEST_F(SmallVerbs, BendAndTaperHaveTheVolumesOfTheirFormulas)
     write("bar.vdb", sampledSolid("box(0.4,0.6,2)", h / 2));
     const double second = 20 * h * h / 4; // of the voxel size, as areas are below 10
     // By Pappus, a bar bent about its middle keeps its volume.
-    mpuvdb({"bend", "bar.vdb", "-o", "arch.vdb", "--angle", "180", "--from=-1", "--to", "1",
-            "--report", "r.json"});
+    mpuvdb({"bend", "bar.vdb", "-o", "arch.vdb", "--angle", "180", "--report", "r.json"});
     expectSound(read("arch.vdb"));
     EXPECT_NEAR(volumeOf("arch.vdb"), 0.4 * 0.6 * 2, second);
     const Box3d arch = measure(read("arch.vdb")).bounds;
     const double radius = 2 / M_PI;
     EXPECT_NEAR(arch.sizes().x(), 2 * (radius + 0.2), h) << "its outer half circle";
     EXPECT_NEAR(arch.sizes().z(), radius + 0.2, h);
-    EXPECT_EQ(json::parse(readFile(folder / "r.json"))["settings"]["angle"], 180);
+    const json settings = json::parse(readFile(folder / "r.json"))["settings"];
+    EXPECT_EQ(settings["angle"], 180);
+    EXPECT_NEAR(settings["from"], -1, 1e-6) << "the solid's end, not its band's";
+    EXPECT_NEAR(settings["to"], 1, 1e-6);
     mpuvdb({"bend", "bar.vdb", "-o", "other.vdb", "--angle", "180", "--towards=-x", "--from=-1",
             "--to", "1"});
     EXPECT_NEAR(measure(read("other.vdb")).bounds.max().x(), -arch.min().x(), h / 10);
 
-    mpuvdb(
-        {"taper", "bar.vdb", "-o", "spire.vdb", "--end-factor", "0.4", "--from=-1", "--to", "1"});
+    mpuvdb({"taper", "bar.vdb", "-o", "spire.vdb", "--end-factor", "0.4"});
     expectSound(read("spire.vdb"));
     EXPECT_NEAR(volumeOf("spire.vdb"), 0.4 * 0.6 * 2 * (1 + 0.4 + 0.16) / 3, second);
     mpuvdb({"taper", "bar.vdb", "-o", "wide.vdb", "--start-factor", "2", "--end-factor", "2"});

@@ -1,6 +1,7 @@
 // Leaves of shapes: fields, level sets, meshes.
 #include "core/whole_triangle.h"
 #include "grid/band_limits.h"
+#include "grid/solid_bounds.h"
 #include "grid/transform_lattice.h"
 #include "modelling/resample.h"
 #include "sampling/band.h"
@@ -121,7 +122,7 @@ class GridNode final : public Shape::Node
 {
 public:
     GridNode(LevelSet levelSet, std::string name)
-        : Node(std::move(name), {}, levelSet.bounds()), mLevelSet(std::move(levelSet)),
+        : Node(std::move(name), {}, solidBounds(levelSet)), mLevelSet(std::move(levelSet)),
           mLattice(mLevelSet.lattice())
     {
     }
