@@ -336,8 +336,10 @@ private:
     {
         const Coord block = mBlocks.origin(item.block);
         Vec3d middle;
-        for (int axis = 0; axis < 3; ++axis)
-            middle[axis] = block[axis] + kCube * (int(item.at[axis]) / kCube + 0.5);
+        for (int axis = 0; axis < 3; ++axis) {
+            const int cube = int(item.at[axis]) / kCube;
+            middle[axis] = block[axis] + kCube * (cube + 0.5);
+        }
         return mLattice.origin + mLattice.voxelSize * middle;
     }
 
