@@ -379,9 +379,8 @@ TEST(Lattice, RefusesNonsense)
 
 TEST(SolidBounds, AreThoseOfTheSurface)
 {
-    // A voxel's line across the box's side passes the extreme place at sqrt(1/2) voxels or less,
-    // and a voxel of the band lies on it two voxels or more away: the distance is longer by the
-    // square over twice that.
+    // In the band, above a corner, lies a voxel at a height t of two voxels or more and at most
+    // s = sqrt(1/2) voxels beside it. Its distance to the corner exceeds t by s^2 / (2 t) or less.
     constexpr double kCorner = 0.5 / (2 * 2);
     const unsigned seed = 3;
     std::mt19937 random(seed);

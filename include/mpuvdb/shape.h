@@ -72,7 +72,8 @@ public:
     static Shape morph(const Shape& a, const Shape& b, double t, Morphing how);
     /// @}
 
-    /// A box that holds the solid, world units; infinite where the solid is.
+    /// A box around the solid, world units; infinite where the solid is. That of a level set may be
+    /// an eighth of a voxel too small at corners.
     Box3d bounds() const;
     /// The voxel size of the finest level set in the expression, world units; 0 without any.
     double voxelSize() const;

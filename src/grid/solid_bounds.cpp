@@ -3,7 +3,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
 
-#include <algorithm>
+#include <cmath>
 #include <vector>
 
 namespace mpuvdb
@@ -13,9 +13,10 @@ namespace
 
 using Leaf = openvdb::FloatTree::LeafNodeType;
 
-/// A box grown by what voxels say of the solid's extent. Inside, the solid holds the ball of the
-/// voxel's distance; outside, it has a place at that distance. So no side of the solid's box lies
-/// before the place at the voxel less its value, and some voxel's foot lies straight across.
+/// The box of a solid by the distances of voxels. A ball of that radius about a voxel inside lies
+/// in the solid, and one about a voxel outside touches it. So along each axis the solid reaches at
+/// least as far as a voxel's coordinate less its value, and just as far where the voxel's nearest
+/// place on the surface is the farthest one and lies along the axis.
 class Extent
 {
 public:
@@ -34,7 +35,7 @@ public:
         mLow = mLow.cwiseMin(other.mLow);
         mHigh = mHigh.cwiseMax(other.mHigh);
     }
-    /// Within @a box, beyond which values that are no distances may reach.
+    /// The part of it in @a box: values that are no distances may reach farther.
     Box3d within(const Box3d& box) const { return Box3d(mLow, mHigh).intersection(box); }
 
 private:

@@ -5,9 +5,9 @@
 namespace mpuvdb
 {
 
-/// Box of the solid, world units, by the distances of the active voxels: exact where faces or
-/// smooth extrema are near a voxel's line across the side, and up to an eighth of a voxel too small
-/// at corners. Empty without active voxels.
+/// Box of the solid, world units, by the distances of the active voxels; empty without any. It is
+/// exact where a face lies along its side. At corners it is too small by up to an eighth of a
+/// voxel, in bands of three voxels; more in narrower ones.
 Box3d solidBounds(const LevelSet& levelSet);
 
 } // namespace mpuvdb
