@@ -130,6 +130,81 @@ TEST(QueriesTest, CreasesAreRightInsideAndOutside)
     EXPECT_LT(from[2], 0.4 * kVoxel);
 }
 
+/// Places up to two voxels from the surface of @a exact.
+template <class Exact>
+std::vector<Vec3d> placesBeside(const Exact& exact, double reach, double voxelSize)
+{
+    std::vector<Vec3d> places;
+    for (const Vec3d& p : randomPlaces(reach, 400000))
+        if (std::abs(exact.distance(p)) < 2 * voxelSize) places.push_back(p);
+    return places;
+}
+
+TEST(QueriesTest, EdgesAndCornersOfPlanesAreExact)
+{
+    constexpr double kVoxel = 0.04, kFloats = 1e-5;
+    const TurnedBox box;
+    const auto places = placesBeside(box, 1.4, kVoxel);
+    std::vector<double> beside = distancesOf(Queries(box.shape.evaluate({kVoxel, 3, 0})), places);
+    auto errors = errorQuantiles(places, beside, box, {0.99, 0.999});
+    EXPECT_LT(errors[0], 1e-3 * kVoxel + kFloats);
+    EXPECT_LT(errors[1], 5e-3 * kVoxel); // cubic cells that a crease's end touches
+    // As a cavity, whose complement is convex.
+    const Shape ball(makeSolidField(parseSolid("sphere(2)")), "ball");
+    const LevelSet cavity = (ball - box.shape).evaluate({kVoxel, 3, 0});
+    beside = distancesOf(Queries(cavity), places);
+    for (double& distance : beside) distance = -distance;
+    errors = errorQuantiles(places, beside, box, {0.99, 0.999});
+    EXPECT_LT(errors[0], 1e-3 * kVoxel + kFloats);
+    EXPECT_LT(errors[1], 5e-3 * kVoxel);
+}
+
+TEST(QueriesTest, GradientsAboutEdgesLeadToTheSurface)
+{
+    constexpr double kVoxel = 0.04;
+    const TurnedBox box;
+    const auto places = placesBeside(box, 1.4, kVoxel);
+    std::vector<Vec3d> feet(places.size());
+    Queries(box.shape.evaluate({kVoxel, 3, 0})).closestPoints(places, feet.data());
+    std::vector<double> off;
+    for (const Vec3d& foot : feet) off.push_back(std::abs(box.distance(foot)));
+    std::sort(off.begin(), off.end());
+    EXPECT_LT(off[off.size() * 99 / 100], 2e-3 * kVoxel);
+    EXPECT_LT(off[off.size() * 999 / 1000], 0.02 * kVoxel);
+}
+
+TEST(QueriesTest, BesideCurvedCreasesOneSideAnswers)
+{
+    /// A cylinder about the z axis.
+    struct Cylinder {
+        double radius = 1, half = 0.7;
+
+        double distance(const Vec3d& p) const
+        {
+            const double beside = std::hypot(p[0], p[1]) - radius, above = std::abs(p[2]) - half;
+            return std::hypot(std::max(beside, 0.0), std::max(above, 0.0)) +
+                   std::min(0.0, std::max(beside, above));
+        }
+    };
+    constexpr double kVoxel = 0.04;
+    const Shape shape(makeSolidField(parseSolid("cylinder(1,1.4)")), "cylinder");
+    const auto places = placesBeside(Cylinder(), 1.4, kVoxel);
+    const auto distances = distancesOf(Queries(shape.evaluate({kVoxel, 3, 0})), places);
+    const auto errors = errorQuantiles(places, distances, Cylinder(), {0.5, 0.99, 0.999});
+    // Parabolas err by a sixteenth of third differences, which are below 0.1 voxel, and edges of
+    // triangles of a voxel along the rim by their sagitta.
+    EXPECT_LT(errors[0], 1e-4 * kVoxel);
+    EXPECT_LT(errors[1], 0.1 / 16 * 2 * kVoxel + kVoxel * kVoxel / 8);
+    EXPECT_LT(errors[2], 0.1 * kVoxel);
+    // Balls as small as the band is wide.
+    const Ball ball(0.2);
+    const auto near = placesBeside(ball, 1.6, 0.2);
+    const auto small =
+        errorQuantiles(near, distancesOf(Queries(ball.levelSet), near), ball, {0.99, 0.999});
+    EXPECT_LT(small[0], 0.1 / 8 * 0.2);
+    EXPECT_LT(small[1], 0.1 / 4 * 0.2);
+}
+
 TEST(QueriesTest, GradientsAreUnitAndLeadToTheSurface)
 {
     const Ball ball(0.05);

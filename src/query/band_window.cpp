@@ -16,23 +16,29 @@ using Eight = float __attribute__((vector_size(32)));
 
 /// Third difference of neighboring values, voxels, from which on a ridge of the distance may pass:
 /// where slopes jump by s, cubic interpolation errs by at most 0.19 s, and a third difference along
-/// an axis is at least s / 2 / sqrt(3). [derived: 1.15 / r^2, the largest of a ball of r = 3.4
+/// an axis is at least s / 2 / sqrt(3). A parabola errs by no more than its own third difference
+/// where one passes after all. [derived: 1.15 / r^2, the largest of a ball of r = 3.4
 /// voxels, whose center lies just beyond the default band]
 constexpr float kRough = 0.1f;
 /// Passes of extrapolation: as many voxels beyond the band are filled. [derived: the cube of 64
 /// voxels about a place in the band reaches two voxels farther]
 constexpr int kPasses = 6;
 
-/// The weights of four values about a place at @a t between the inner two [Catmull74].
-Four weightsAt(float t)
+/// The weights of four values about a place at @a t between the inner two: cubic [Catmull74], or,
+/// where a crease passes on the lower or the upper @a side, of the parabola of the other three.
+[[gnu::always_inline]] inline Four weightsAt(float t, int side)
 {
+    if (side < 0) return Four{0, 0.5f * (1 - t) * (2 - t), t * (2 - t), -0.5f * t * (1 - t)};
+    if (side > 0) return Four{-0.5f * t * (1 - t), 1 - t * t, 0.5f * t * (1 + t), 0};
     return Four{t * (-0.5f + t * (1 - 0.5f * t)), 1 + t * t * (-2.5f + 1.5f * t),
                 t * (0.5f + t * (2 - 1.5f * t)), t * t * (-0.5f + 0.5f * t)};
 }
 
 /// The derivatives of weightsAt().
-Four slopesAt(float t)
+[[gnu::always_inline]] inline Four slopesAt(float t, int side)
 {
+    if (side < 0) return Four{0, t - 1.5f, 2 - 2 * t, t - 0.5f};
+    if (side > 0) return Four{t - 0.5f, -2 * t, t + 0.5f, 0};
     return Four{-0.5f + t * (2 - 1.5f * t), t * (-5 + 4.5f * t), 0.5f + t * (4 - 4.5f * t),
                 t * (-1 + 1.5f * t)};
 }
@@ -43,6 +49,13 @@ Four slopesAt(float t)
     using Words = std::int32_t __attribute__((vector_size(32)));
     const Words lanes = Words{1, 2, 4, 8, 16, 32, 64, 128} & std::int32_t(bits);
     return lanes != 0 ? Eight{1, 1, 1, 1, 1, 1, 1, 1} : Eight{};
+}
+
+/// The third differences of the values from @a at on, @a step floats apart, in eight rows.
+[[gnu::always_inline]] inline Eight thirdDifference(const float* at, int step)
+{
+    return lanesAt<Eight>(at + 3 * step) - lanesAt<Eight>(at) +
+           3 * (lanesAt<Eight>(at + step) - lanesAt<Eight>(at + 2 * step));
 }
 
 float sum(const Four& v)
@@ -71,8 +84,18 @@ void BandWindow::load(const openvdb::Coord& origin)
     for (int n = 0; n < 27; ++n) loadLeaf({n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1});
     const Bits known = mKnown;
     extrapolate();
-    keepWhole(known);
-    dropRough(known);
+    mSmooth = wholeCells(mKnown);
+    const Cells inBand = touchedCells(known), torn = touchedCells(mTorn);
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        for (std::size_t y = 0; y < kBlockDim; ++y)
+            mSmooth[x][y] &= std::uint8_t(inBand[x][y] & ~torn[x][y]);
+    mFound = mSmooth;
+    std::array<Bits, 3> rough{};
+    mIsSmooth = !findRough(known, rough);
+    Bits sure = mKnown;
+    for (std::size_t x = 0; x < kEdge; ++x)
+        for (std::size_t y = 0; y < kEdge; ++y) sure[x][y] &= std::uint16_t(~mTorn[x][y]);
+    if (!mIsSmooth) findSides(sure, rough);
 }
 
 void BandWindow::loadLeaf(const openvdb::Coord& side)
@@ -111,7 +134,8 @@ void BandWindow::extrapolate()
 }
 
 /// Fills the voxels about the block's cells that have three known ones next to each other on some
-/// side: by the mean of the parabolas through those. @return whether there were some.
+/// side: by the mean of the parabolas through those. Where they differ, or the third difference
+/// from there on is large, a crease may pass between. @return whether there were some.
 bool BandWindow::extrapolateRows(const Bits& known)
 {
     /// Of the cells' 64 voxels. [derived: a cell's own and those beside it]
@@ -137,6 +161,9 @@ bool BandWindow::extrapolateRows(const Bits& known)
                 row(x, y + 1) & row(x, y + 2) & row(x, y + 3) & missing,
                 own << 1 & own << 2 & own << 3 & missing,
                 own >> 1 & own >> 2 & own >> 3 & missing};
+            const std::array<unsigned, 6> next = {row(x - 4, y) & from[0], row(x + 4, y) & from[1],
+                                                  row(x, y - 4) & from[2], row(x, y + 4) & from[3],
+                                                  own << 4 & from[4],      own >> 4 & from[5]};
             unsigned fillable = 0;
             for (const unsigned bits : from) fillable |= bits;
             if (fillable == 0) continue;
@@ -145,43 +172,64 @@ bool BandWindow::extrapolateRows(const Bits& known)
             for (int half = 0; half < 2; ++half) {
                 float* const at = &mValues[index(x, y, 8 * half)];
                 Eight total{}, count{}, low = kMost - Eight{}, high = Eight{} - kMost;
+                unsigned torn = 0;
                 for (std::size_t side = 0; side < from.size(); ++side) {
                     if ((from[side] >> 8 * half & 0xff) == 0) continue;
                     const int step = kSteps[side / 2] * (side % 2 ? 1 : -1);
                     const Eight chosen = onesWhere(from[side] >> 8 * half);
-                    total +=
-                        chosen * (3 * (lanesAt<Eight>(at + step) - lanesAt<Eight>(at + 2 * step)) +
-                                  lanesAt<Eight>(at + 3 * step));
+                    const Eight found =
+                        3 * (lanesAt<Eight>(at + step) - lanesAt<Eight>(at + 2 * step)) +
+                        lanesAt<Eight>(at + 3 * step);
+                    total += chosen * found;
                     count += chosen;
+                    if (const unsigned bits = next[side] >> 8 * half & 0xff)
+                        torn |=
+                            unsigned(bitsOf(magnitude(thirdDifference(at + step, step)) > limit)) &
+                            bits;
+                    low = chosen > 0 && found < low ? found : low;
+                    high = chosen > 0 && found > high ? found : high;
                 }
                 const Eight kept = lanesAt<Eight>(at);
                 const Eight mean = count > 0 ? total / count : kept;
                 std::memcpy(at, &mean, sizeof mean);
-                mTorn[std::size_t(x)][std::size_t(y)] |=
-                    std::uint16_t(bitsOf(high - low > limit) << 8 * half);
+                torn |= unsigned(bitsOf(high - low > limit));
+                mTorn[std::size_t(x)][std::size_t(y)] |= std::uint16_t(torn << 8 * half);
             }
         }
     return filled;
 }
 
-/// Marks cells with a corner in the band whose 64 voxels are known, or filled.
-void BandWindow::keepWhole(const Bits& known)
+/// The cells whose 64 voxels are all among @a voxels.
+BandWindow::Cells BandWindow::wholeCells(const Bits& voxels)
 {
     Bits along{}; // bit z: voxels y .. y + 3 and z .. z + 3 are there
     for (std::size_t x = kBelow - 1; x <= kBelow + kBlockDim + 1; ++x)
         for (std::size_t y = kBelow - 1; y < kBelow - 1 + kBlockDim; ++y) {
-            const auto& rows = mKnown[x];
+            const auto& rows = voxels[x];
             along[x][y] = fourFrom(rows[y] & rows[y + 1] & rows[y + 2] & rows[y + 3]);
         }
+    Cells cells{};
     for (std::size_t x = 0; x < kBlockDim; ++x)
         for (std::size_t y = 0; y < kBlockDim; ++y) {
-            unsigned whole = 0xffff, corner = 0;
+            unsigned whole = 0xffff;
             for (std::size_t i = 0; i < 4; ++i) whole &= along[x + kBelow - 1 + i][y + kBelow - 1];
-            for (std::size_t i = kBelow; i < kBelow + 2; ++i)
-                for (std::size_t j = kBelow; j < kBelow + 2; ++j) corner |= known[x + i][y + j];
-            corner |= corner >> 1;
-            mSmooth[x][y] = std::uint8_t(whole >> (kBelow - 1) & corner >> kBelow);
+            cells[x][y] = std::uint8_t(whole >> (kBelow - 1));
         }
+    return cells;
+}
+
+/// The cells with a corner among @a voxels.
+BandWindow::Cells BandWindow::touchedCells(const Bits& voxels)
+{
+    Cells cells{};
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        for (std::size_t y = 0; y < kBlockDim; ++y) {
+            unsigned corners = 0;
+            for (std::size_t i = kBelow; i < kBelow + 2; ++i)
+                for (std::size_t j = kBelow; j < kBelow + 2; ++j) corners |= voxels[x + i][y + j];
+            cells[x][y] = std::uint8_t((corners | corners >> 1) >> kBelow);
+        }
+    return cells;
 }
 
 /// Of the voxels @a from of row (x,y), those with a large third difference of the four values from
@@ -195,59 +243,90 @@ void BandWindow::keepWhole(const Bits& known)
     for (int half = 0; half < 2; ++half) {
         if ((from >> 8 * half & 0xff) == 0) continue;
         const float* const at = &mValues[index(x, y, 8 * half)];
-        const Eight third = lanesAt<Eight>(at + 3 * step) - lanesAt<Eight>(at) +
-                            3 * (lanesAt<Eight>(at + step) - lanesAt<Eight>(at + 2 * step));
-        bits |= unsigned(bitsOf(magnitude(third) > limit)) << 8 * half;
+        bits |= unsigned(bitsOf(magnitude(thirdDifference(at, step)) > limit)) << 8 * half;
     }
     return bits & from;
 }
 
-/// Unmarks cells with a torn corner, or a large third difference beside or across them along the
-/// lines through their corners.
-void BandWindow::dropRough(const Bits& known)
+/// Finds large third differences along the lines through the cells' corners. @param rough  by axis,
+/// bit z of row (x,y): of the four voxels from there on. @return whether there are some.
+bool BandWindow::findRough(const Bits& known, std::array<Bits, 3>& rough) const
 {
     /// Corners of the block's cells. [derived: the block's own voxels, and the next]
     constexpr int kFirst = kBelow, kLast = kBelow + kBlockDim;
-    Bits rough{}; // bit z of row (x,y): of the cell with this lower corner
     const auto row = [&](int x, int y) -> unsigned {
         return known[std::size_t(x)][std::size_t(y)];
     };
-    /// Marks the cells at bits of the rows from (x,y) back to (x - alongX, y - alongY).
-    const auto mark = [&](int x, int alongX, int y, int alongY, unsigned bits) {
-        for (int i = x; i >= x - alongX; --i)
-            for (int j = y; j >= y - alongY; --j)
-                rough[std::size_t(i)][std::size_t(j)] |= std::uint16_t(bits);
+    unsigned any = 0;
+    const auto find = [&](int x, int y, int axis, unsigned whole) {
+        const unsigned bits = roughBits(x, y, axis, whole);
+        rough[std::size_t(axis)][std::size_t(x)][std::size_t(y)] = std::uint16_t(bits);
+        any |= bits;
     };
     for (int x = 0; x <= kLast; ++x)
         for (int y = 0; y <= kLast; ++y) {
-            const bool isX = x >= kFirst, isY = y >= kFirst;
-            const unsigned torn = mTorn[std::size_t(x)][std::size_t(y)];
-            if (torn && isX && isY) mark(x, 1, y, 1, torn | torn >> 1);
             if (row(x, y) == 0) continue;
-            if (isX && isY) {
-                const unsigned z = roughBits(x, y, 2, fourFrom(std::uint16_t(row(x, y))));
-                if (z) mark(x, 1, y, 1, z | z << 1 | z << 2);
+            if (y >= kFirst && x < kLast)
+                find(x, y, 0, row(x, y) & row(x + 1, y) & row(x + 2, y) & row(x + 3, y));
+            if (x >= kFirst && y < kLast)
+                find(x, y, 1, row(x, y) & row(x, y + 1) & row(x, y + 2) & row(x, y + 3));
+            if (x >= kFirst && y >= kFirst) find(x, y, 2, fourFrom(std::uint16_t(row(x, y))));
+        }
+    return any != 0;
+}
+
+/// Finds on which sides of cells creases pass, and unmarks the cells with one on both sides, or
+/// with one and values that are extrapolated, perhaps across it.
+void BandWindow::findSides(const Bits& known, const std::array<Bits, 3>& rough)
+{
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        for (std::size_t y = 0; y < kBlockDim; ++y) {
+            const std::size_t i = x + kBelow, j = y + kBelow;
+            for (std::size_t axis = 0; axis < 3; ++axis) {
+                const Bits& of = rough[axis];
+                /// Of the cells, those of which a line through corners is rough from @a before
+                /// voxels below the cell on.
+                const auto cells = [&](std::size_t before) {
+                    const std::size_t a = axis == 0 ? i - before : i,
+                                      b = axis == 1 ? j - before : j;
+                    unsigned bits = of[a][b];
+                    if (axis != 0) bits |= of[a + 1][b];
+                    if (axis != 1) bits |= of[a][b + 1];
+                    if (axis == 2) bits |= of[a + 1][b + 1];
+                    return (axis == 2 ? bits << before : bits | bits >> 1) >> kBelow;
+                };
+                const unsigned below = cells(2), above = cells(0);
+                mBelow[axis][x][y] = std::uint8_t(below);
+                mAbove[axis][x][y] = std::uint8_t(above);
+                mFound[x][y] &= std::uint8_t(~(below & above));
+                mSmooth[x][y] &= std::uint8_t(~(below | cells(1) | above));
             }
-            if (isY && x < kLast) {
-                const unsigned whole = row(x, y) & row(x + 1, y) & row(x + 2, y) & row(x + 3, y);
-                const unsigned across = roughBits(x, y, 0, whole);
-                if (across) mark(x + 2, 2, y, 1, across | across >> 1);
-            }
-            if (isX && y < kLast) {
-                const unsigned whole = row(x, y) & row(x, y + 1) & row(x, y + 2) & row(x, y + 3);
-                const unsigned across = roughBits(x, y, 1, whole);
-                if (across) mark(x, 1, y + 2, 2, across | across >> 1);
+            for (unsigned left = mFound[x][y] & ~mSmooth[x][y]; left; left &= left - 1) {
+                const int z = __builtin_ctz(left);
+                if (!isWhole(known, int(x), int(y), z)) mFound[x][y] &= std::uint8_t(~(1u << z));
             }
         }
-    for (std::size_t x = 0; x < kBlockDim; ++x)
-        for (std::size_t y = 0; y < kBlockDim; ++y)
-            mSmooth[x][y] &= std::uint8_t(~(rough[x + kBelow][y + kBelow] >> kBelow));
+}
+
+/// Whether all voxels from which value() takes a cell's values are among @a voxels.
+bool BandWindow::isWhole(const Bits& voxels, int x, int y, int z) const
+{
+    const auto first = [&](std::size_t axis) { return side(axis, x, y, z) < 0 ? 0 : -1; };
+    const auto last = [&](std::size_t axis) { return side(axis, x, y, z) > 0 ? 1 : 2; };
+    unsigned row = 0xffff;
+    for (int i = first(0); i <= last(0); ++i)
+        for (int j = first(1); j <= last(1); ++j)
+            row &= voxels[std::size_t(x + kBelow + i)][std::size_t(y + kBelow + j)];
+    for (int k = first(2); k <= last(2); ++k)
+        if (!(row >> (z + kBelow + k) & 1)) return false;
+    return true;
 }
 
 float BandWindow::value(const Vec3f& place) const
 {
     const int x = int(place[0]), y = int(place[1]), z = int(place[2]);
-    const Four alongX = weightsAt(place[0] - float(x)), alongY = weightsAt(place[1] - float(y));
+    const Four alongX = weightsAt(place[0] - float(x), side(0, x, y, z));
+    const Four alongY = weightsAt(place[1] - float(y), side(1, x, y, z));
     const float* const first = &mValues[index(x + kBelow - 1, y + kBelow - 1, z + kBelow - 1)];
     Four rows{};
     for (int i = 0; i < 4; ++i) {
@@ -257,15 +336,17 @@ float BandWindow::value(const Vec3f& place) const
             (alongY[2] * lanesAt<Four>(at + 2 * kRow) + alongY[3] * lanesAt<Four>(at + 3 * kRow));
         rows += alongX[i] * plane;
     }
-    return sum(rows * weightsAt(place[2] - float(z)));
+    return sum(rows * weightsAt(place[2] - float(z), side(2, x, y, z)));
 }
 
 float BandWindow::value(const Vec3f& place, Vec3f& gradient) const
 {
     const int x = int(place[0]), y = int(place[1]), z = int(place[2]);
     const float s = place[0] - float(x), t = place[1] - float(y), u = place[2] - float(z);
-    const Four alongX = weightsAt(s), alongY = weightsAt(t), alongZ = weightsAt(u);
-    const Four slopeX = slopesAt(s), slopeY = slopesAt(t);
+    const int sideX = side(0, x, y, z), sideY = side(1, x, y, z), sideZ = side(2, x, y, z);
+    const Four alongX = weightsAt(s, sideX), slopeX = slopesAt(s, sideX);
+    const Four alongY = weightsAt(t, sideY), slopeY = slopesAt(t, sideY);
+    const Four alongZ = weightsAt(u, sideZ);
     const float* const first = &mValues[index(x + kBelow - 1, y + kBelow - 1, z + kBelow - 1)];
     Four rows{}, byX{}, byY{};
     for (int i = 0; i < 4; ++i) {
@@ -279,7 +360,8 @@ float BandWindow::value(const Vec3f& place, Vec3f& gradient) const
         byX += slopeX[i] * plane;
         byY += alongX[i] * sloped;
     }
-    gradient = Vec3f(sum(byX * alongZ), sum(byY * alongZ), sum(rows * slopesAt(u))) / mVoxelSize;
+    gradient =
+        Vec3f(sum(byX * alongZ), sum(byY * alongZ), sum(rows * slopesAt(u, sideZ))) / mVoxelSize;
     return sum(rows * alongZ);
 }
 

@@ -17,7 +17,8 @@ namespace mpuvdb
 /// Cubic interpolation [Catmull74] needs the 64 voxels about a cell. Where the band ends, those
 /// that miss are extrapolated by parabolas along the axes. It is the distance where the values are
 /// smooth, and not where a ridge or a crease of the distance passes: there third differences of
-/// neighboring values are large, and the cell is not smooth().
+/// neighboring values are large. Beside a cell that such a crease misses, the voxels across it are
+/// left out, and parabolas take the cubic's place [Harten87].
 class BandWindow
 {
 public:
@@ -31,12 +32,12 @@ public:
     void load(const openvdb::Coord& origin);
     const openvdb::Coord& origin() const { return mOrigin; }
 
-    /// Whether interpolation is a distance in the cell at (x,y,z) of the block.
-    bool isSmooth(int x, int y, int z) const
-    {
-        return mSmooth[std::size_t(x)][std::size_t(y)] >> z & 1;
-    }
-    /// The value, world units, at @a place, voxels from the block's origin, in [0, 8).
+    /// Whether the values about the cell at (x,y,z) of the block are smooth.
+    bool isSmooth(int x, int y, int z) const { return isIn(mSmooth, x, y, z); }
+    /// Whether interpolation is a distance in the cell at (x,y,z).
+    bool isKnown(int x, int y, int z) const { return isIn(mFound, x, y, z); }
+    /// The value, world units, at @a place, voxels from the block's origin, in [0, 8), in a cell
+    /// that isKnown().
     float value(const Vec3f& place) const;
     /// The same with its gradient, dimensionless.
     float value(const Vec3f& place, Vec3f& gradient) const;
@@ -53,6 +54,13 @@ private:
     /// Bit z of row (x,y) is that of the voxel at (x,y,z).
     using Bits = std::array<std::array<std::uint16_t, kEdge>, kEdge>;
 
+    /// Bit z of row (x,y) is that of the cell at (x,y,z).
+    using Cells = std::array<std::array<std::uint8_t, kBlockDim>, kBlockDim>;
+
+    static bool isIn(const Cells& cells, int x, int y, int z)
+    {
+        return cells[std::size_t(x)][std::size_t(y)] >> z & 1;
+    }
     static std::size_t index(int x, int y, int z)
     {
         return (std::size_t(x) * kEdge + std::size_t(y)) * kRow + std::size_t(z);
@@ -60,17 +68,30 @@ private:
     void loadLeaf(const openvdb::Coord& side);
     void extrapolate();
     MPUVDB_CLONES bool extrapolateRows(const Bits& known);
-    void keepWhole(const Bits& known);
-    MPUVDB_CLONES void dropRough(const Bits& known);
+    static Cells wholeCells(const Bits& voxels);
+    static Cells touchedCells(const Bits& voxels);
+    MPUVDB_CLONES bool findRough(const Bits& known, std::array<Bits, 3>& rough) const;
+    void findSides(const Bits& known, const std::array<Bits, 3>& rough);
+    bool isWhole(const Bits& voxels, int x, int y, int z) const;
     unsigned roughBits(int x, int y, int axis, unsigned from) const;
+    /// Along an axis, the side of a cell on which a crease passes: -1 the lower, 1 the upper, else
+    /// 0.
+    int side(std::size_t axis, int x, int y, int z) const
+    {
+        return mIsSmooth ? 0 : int(isIn(mAbove[axis], x, y, z)) - int(isIn(mBelow[axis], x, y, z));
+    }
 
     Accessor mAccessor;
     float mVoxelSize;
     openvdb::Coord mOrigin;
     alignas(64) std::array<float, kEdge * kEdge * kRow + kRow> mValues{}; ///< all finite
-    Bits mKnown{}; ///< in the band, or extrapolated
-    Bits mTorn{};  ///< extrapolated, and not the same from all sides
-    std::array<std::array<std::uint8_t, kBlockDim>, kBlockDim> mSmooth{};
+    Bits mKnown{};         ///< in the band, or extrapolated
+    Bits mTorn{};          ///< extrapolated, perhaps across a crease
+    Cells mFound{};        ///< cells where interpolation is a distance
+    Cells mSmooth{};       ///< those of them where no crease passes beside them
+    bool mIsSmooth = true; ///< all of them are
+    /// By axis, cells beside which a crease passes on the lower and the upper side.
+    std::array<Cells, 3> mBelow{}, mAbove{};
 };
 
 } // namespace mpuvdb

@@ -1,5 +1,6 @@
 #include "band_window.h"
 #include "core/parallel_each.h"
+#include "polyhedron_distance.h"
 #include "sharp_surface.h"
 #include "spatial/radix_sort.h"
 #include <mpuvdb/error.h>
@@ -105,6 +106,59 @@ private:
     Coord mFirst;
     std::array<std::uint64_t, 3> mCount{};
     int mBits = 1;
+};
+
+/// The distance at places of a block, where its voxels' values tell. For one thread.
+class BlockDistance
+{
+public:
+    explicit BlockDistance(const LevelSet& levelSet)
+        : mWindow(levelSet.grid().tree(), levelSet.voxelSize()),
+          mPolyhedron(levelSet.grid().tree(), levelSet.voxelSize()),
+          mBand(levelSet.halfWidth() * levelSet.voxelSize())
+    {
+    }
+
+    void load(const Coord& origin)
+    {
+        mWindow.load(origin);
+        mIsSearched = false;
+    }
+    /// The signed distance of @a at, voxels from the block's origin, world units; none where values
+    /// do not tell. @param gradient  set if @a Sloped, unit.
+    template <bool Sloped>
+    std::optional<double> find(const Vec3f& at, Vec3d& gradient)
+    {
+        const int x = int(at[0]), y = int(at[1]), z = int(at[2]);
+        double value = 0;
+        if (!mWindow.isSmooth(x, y, z) && isOfPlanes(x, y, z)) {
+            value = mPolyhedron.value(at.cast<double>(), gradient);
+        } else if (!mWindow.isKnown(x, y, z)) {
+            return {};
+        } else if (Sloped) {
+            Vec3f slope;
+            value = double(mWindow.value(at, slope));
+            gradient = slope.cast<double>().normalized();
+        } else {
+            value = double(mWindow.value(at));
+        }
+        // Beyond the band values are extrapolated, too far.
+        if (std::abs(value) > mBand) return {};
+        return value;
+    }
+
+private:
+    bool isOfPlanes(int x, int y, int z)
+    {
+        if (!mIsSearched) mPolyhedron.load(mWindow.origin());
+        mIsSearched = true;
+        return mPolyhedron.explains(x, y, z);
+    }
+
+    BandWindow mWindow;
+    PolyhedronDistance mPolyhedron;
+    bool mIsSearched = false; ///< the block, for planes
+    double mBand;             ///< world units
 };
 
 } // namespace
@@ -248,16 +302,15 @@ private:
                     const F& f) const
     {
         Far far((batch.size() + kPlaces - 1) / kPlaces);
-        const auto band = float(mLevelSet.halfWidth() * mLattice.voxelSize);
         forEachParallel(far.size(), 1, progress, [&](std::size_t task) {
-            BandWindow window(mLevelSet.grid().tree(), mLattice.voxelSize);
+            BlockDistance distance(mLevelSet);
             std::uint64_t loaded = kFar;
             std::uint32_t blocks = 0;
             const std::size_t end = std::min((task + 1) * kPlaces, batch.size());
             for (std::size_t n = task * kPlaces; n < end; ++n) {
                 const auto [block, index, at] = itemAt(n);
                 if (block != loaded && block != kFar) {
-                    window.load(mBlocks.origin(block));
+                    distance.load(mBlocks.origin(block));
                     ++blocks;
                 }
                 loaded = block;
@@ -265,23 +318,23 @@ private:
                     far[task].push_back({kNoCube, index});
                     continue;
                 }
-                const int x = int(at[0]), y = int(at[1]), z = int(at[2]);
-                const std::uint32_t cube =
-                    (blocks << 6) + std::uint32_t((x / kCube * 4 + y / kCube) * 4 + z / kCube);
-                if (!window.isSmooth(x, y, z)) {
-                    far[task].push_back({cube, index});
-                    continue;
-                }
-                Vec3f gradient = Vec3f::Zero();
-                const float value = Sloped ? window.value(at, gradient) : window.value(at);
-                // Beyond the band values are extrapolated, too far.
-                if (std::abs(value) > band)
-                    far[task].push_back({cube, index});
+                Vec3d gradient = Vec3d::Zero();
+                if (const auto found = distance.template find<Sloped>(at, gradient))
+                    f(batch.begin + index, *found, gradient);
                 else
-                    f(batch.begin + index, double(value), gradient.cast<double>().normalized());
+                    far[task].push_back({cubeOf(blocks, at), index});
             }
         });
         return far;
+    }
+
+    /// A number for the cube of cells that holds @a at in the task's block @a block.
+    static std::uint32_t cubeOf(std::uint32_t block, const Vec3f& at)
+    {
+        std::uint32_t cube = block;
+        for (int axis = 0; axis < 3; ++axis)
+            cube = cube * (kBlockDim / kCube) + std::uint32_t(int(at[axis]) / kCube);
+        return cube;
     }
 
     /// Answers the places that are left by the nearest triangles.

@@ -33,6 +33,13 @@ struct Case {
     Distance exact;
 };
 
+double cylinderDistance(const Vec3d& p, double radius, double half)
+{
+    const double beside = std::hypot(p[0], p[1]) - radius, above = std::abs(p[2]) - half;
+    return std::hypot(std::max(beside, 0.0), std::max(above, 0.0)) +
+           std::min(0.0, std::max(beside, above));
+}
+
 double boxDistance(const Vec3d& p, const Vec3d& half)
 {
     const Vec3d d = p.cwiseAbs() - half;
@@ -59,6 +66,8 @@ std::vector<Case> cases()
     const Vec3d half(60, 40, 30);
     add("turned box", solid("box(120,80,60)").moved(turn),
         [=](const Vec3d& p) { return boxDistance(turn.inverse() * p, half); });
+    add("turned cylinder", solid("cylinder(30,80)").moved(turn),
+        [=](const Vec3d& p) { return cylinderDistance(turn.inverse() * p, 30, 40); });
     return all;
 }
 
