@@ -115,7 +115,7 @@ void PolyhedronDistance::addMeet(std::array<std::size_t, 3> planes, std::size_t 
 /// The cells with a corner in the band of which no corner speaks against the polyhedron.
 PolyhedronDistance::Cells PolyhedronDistance::explainedCells() const
 {
-    constexpr int kCorners = kBlockDim + 1;
+    constexpr int kCorners = kBlockDim + 1; // along an axis [derived: one more than cells]
     using Corners = std::array<std::array<unsigned, kCorners>, kCorners>; // bit z of row (x,y)
     Corners inBand{}, against{};
     for (int x = 0; x < kCorners; ++x)

@@ -16,7 +16,6 @@
 #include <limits>
 #include <mutex>
 #include <optional>
-#include <tuple>
 
 namespace mpuvdb
 {
@@ -35,8 +34,8 @@ constexpr std::size_t kPlaces = 8192, kFarPlaces = 256;
 /// [free: the same answers]
 constexpr int kCube = 2;
 constexpr std::size_t kShared = 3;
-/// The cube of a place beyond the band's blocks. [derived: the type's largest]
-constexpr std::uint32_t kNoCube = ~std::uint32_t(0);
+/// Bits of a cube's number in its block. [derived: 4 cubes of 2 cells along each axis]
+constexpr int kCubeBits = 6;
 /// Runs of places in one block from which on places are taken as they come, in places: sorting one
 /// costs a hundredth of loading a block. [free: time]
 constexpr std::size_t kLongRun = 64;
@@ -182,9 +181,14 @@ public:
     {
         requireNumbers(places);
         Order order;
+        std::vector<FarPlace> far, scratch;
         for (std::size_t begin = 0; begin < places.rows; begin += kBatch) {
             const Batch batch{places, begin, std::min(begin + kBatch, places.rows)};
-            forEachFar(batch, forEachInBand<Sloped>(batch, order, progress, f), progress, f);
+            forEachInBand<Sloped>(batch, order, far, progress, f);
+            // Many at once, as places of a cube share its triangles.
+            if (far.size() < kBatch && batch.end < places.rows) continue;
+            forEachFar(places, far, scratch, progress, f);
+            far.clear();
         }
     }
 
@@ -269,108 +273,105 @@ private:
 
     /// A place that interpolation does not answer.
     struct FarPlace {
-        std::uint32_t cube;  ///< a number for it in the task, or kNoCube
-        std::uint32_t index; ///< in the batch
-
-        bool operator<(const FarPlace& other) const
-        {
-            return std::tie(cube, index) < std::tie(other.cube, other.index);
-        }
+        std::uint64_t cube; ///< key of the cube of cells that holds it, or kFar
+        std::size_t index;  ///< row
     };
-    /// By the tasks that left them.
-    using Far = std::vector<std::vector<FarPlace>>;
 
-    /// Answers what interpolation can. @return the places that are left.
+    /// Answers what interpolation can. @param far  the places that are left are added to it.
     template <bool Sloped, class F>
-    Far forEachInBand(const Batch& batch, Order& order, Interrupter& progress, const F& f) const
+    void forEachInBand(const Batch& batch, Order& order, std::vector<FarPlace>& far,
+                       Interrupter& progress, const F& f) const
     {
         const auto itemAt = [&](std::size_t n) { return itemOf(batch, n); };
-        if (!isScattered(batch)) return forEachItem<Sloped>(batch, itemAt, progress, f);
+        if (!isScattered(batch)) {
+            forEachItem<Sloped>(batch, itemAt, far, progress, f);
+            return;
+        }
         order.items.resize(batch.size());
         forEachParallel(batch.size(), kPlaces, progress,
                         [&](std::size_t n) { order.items[n] = itemAt(n); });
         radixSort(
             order.items, order.scratch, 0, mBlocks.bits(),
             [](const Item& item) { return item.block; }, progress);
-        return forEachItem<Sloped>(
-            batch, [&](std::size_t n) { return order.items[n]; }, progress, f);
+        forEachItem<Sloped>(
+            batch, [&](std::size_t n) { return order.items[n]; }, far, progress, f);
     }
 
     /// The same for all items of a batch in the order of @a itemAt(n).
     template <bool Sloped, class ItemAt, class F>
-    Far forEachItem(const Batch& batch, const ItemAt& itemAt, Interrupter& progress,
-                    const F& f) const
+    void forEachItem(const Batch& batch, const ItemAt& itemAt, std::vector<FarPlace>& far,
+                     Interrupter& progress, const F& f) const
     {
-        Far far((batch.size() + kPlaces - 1) / kPlaces);
-        forEachParallel(far.size(), 1, progress, [&](std::size_t task) {
+        std::vector<std::vector<FarPlace>> left((batch.size() + kPlaces - 1) / kPlaces); // by task
+        forEachParallel(left.size(), 1, progress, [&](std::size_t task) {
             BlockDistance distance(mLevelSet);
             std::uint64_t loaded = kFar;
-            std::uint32_t blocks = 0;
             const std::size_t end = std::min((task + 1) * kPlaces, batch.size());
             for (std::size_t n = task * kPlaces; n < end; ++n) {
                 const auto [block, index, at] = itemAt(n);
-                if (block != loaded && block != kFar) {
-                    distance.load(mBlocks.origin(block));
-                    ++blocks;
-                }
-                loaded = block;
+                const std::size_t row = batch.begin + index;
                 if (block == kFar) {
-                    far[task].push_back({kNoCube, index});
+                    left[task].push_back({kFar, row});
                     continue;
                 }
+                if (block != loaded) distance.load(mBlocks.origin(block));
+                loaded = block;
                 Vec3d gradient = Vec3d::Zero();
                 if (const auto found = distance.template find<Sloped>(at, gradient))
-                    f(batch.begin + index, *found, gradient);
+                    f(row, *found, gradient);
                 else
-                    far[task].push_back({cubeOf(blocks, at), index});
+                    left[task].push_back({cubeOf(block, at), row});
             }
         });
-        return far;
+        for (const auto& some : left) far.insert(far.end(), some.begin(), some.end());
     }
 
-    /// A number for the cube of cells that holds @a at in the task's block @a block.
-    static std::uint32_t cubeOf(std::uint32_t block, const Vec3f& at)
+    /// The key of the cube of cells that holds @a at in a block.
+    static std::uint64_t cubeOf(std::uint64_t block, const Vec3f& at)
     {
-        std::uint32_t cube = block;
+        std::uint64_t cube = block;
         for (int axis = 0; axis < 3; ++axis)
-            cube = cube * (kBlockDim / kCube) + std::uint32_t(int(at[axis]) / kCube);
+            cube = cube * (kBlockDim / kCube) + std::uint64_t(int(at[axis]) / kCube);
         return cube;
     }
 
     /// Answers the places that are left by the nearest triangles.
     template <class F>
-    void forEachFar(const Batch& batch, Far&& far, Interrupter& progress, const F& f) const
+    void forEachFar(const NumberView& places, std::vector<FarPlace>& far,
+                    std::vector<FarPlace>& scratch, Interrupter& progress, const F& f) const
     {
-        const auto isEmptied = [](const auto& some) { return some.empty(); };
-        if (std::all_of(far.begin(), far.end(), isEmptied)) return;
+        if (far.empty()) return;
         const SharpSurface* const sharp = isEmpty() ? nullptr : &surface(progress);
-        tbb::parallel_for(std::size_t(0), far.size(), [&](std::size_t task) {
-            std::vector<FarPlace>& places = far[task];
-            std::sort(places.begin(), places.end());
-            forEachFarOf(batch, places, sharp, progress, f);
+        radixSort(
+            far, scratch, 0, mBlocks.bits() + kCubeBits,
+            [](const FarPlace& place) { return place.cube; }, progress);
+        const std::size_t tasks = (far.size() + kPlaces - 1) / kPlaces;
+        tbb::parallel_for(std::size_t(0), tasks, [&](std::size_t task) {
+            const std::size_t end = std::min((task + 1) * kPlaces, far.size());
+            forEachFarOf(places, &far[task * kPlaces], end - task * kPlaces, sharp, progress, f);
         });
     }
 
-    /// The same for places in the order of their cubes. @param sharp  null without a surface.
+    /// The same for @a count places in the order of their cubes. @param sharp  null without a
+    /// surface.
     template <class F>
-    void forEachFarOf(const Batch& batch, const std::vector<FarPlace>& places,
+    void forEachFarOf(const NumberView& places, const FarPlace* far, std::size_t count,
                       const SharpSurface* sharp, Interrupter& progress, const F& f) const
     {
         const BandWindow::Accessor accessor(mLevelSet.grid().tree());
         SignedTriangles::Hint hint;
         std::optional<CellTriangles> gathered;
         if (sharp) gathered.emplace(sharp->triangles().tree(), kCube * mLattice.voxelSize);
-        for (std::size_t n = 0; n < places.size();) {
+        for (std::size_t n = 0; n < count;) {
             std::size_t end = n + 1; // of the cube
-            while (end < places.size() && places[end].cube == places[n].cube) ++end;
-            const bool share = sharp && places[n].cube != kNoCube && end - n >= kShared;
+            while (end < count && far[end].cube == far[n].cube) ++end;
+            const bool share = sharp && far[n].cube != kFar && end - n >= kShared;
             if (share)
-                gathered->gather(middleOfCube(itemOf(batch, places[n].index)) -
-                                 sharp->triangles().mesh().frame);
+                gathered->gather(middleOfCube(far[n].cube) - sharp->triangles().mesh().frame);
             for (; n < end; ++n) {
                 if (n % kFarPlaces == 0) progress.check();
-                const Vec3d place = batch.place(places[n].index);
-                const std::size_t i = batch.begin + places[n].index;
+                const std::size_t i = far[n].index;
+                const Vec3d place = placeAt(places, i);
                 if (!place.allFinite() || !sharp) {
                     f(i, sharp || !place.allFinite() ? kNaN : HUGE_VAL, Vec3d::Constant(kNaN));
                     continue;
@@ -384,15 +385,13 @@ private:
         }
     }
 
-    /// The middle of the cube of cells that holds a place of a block, world units.
-    Vec3d middleOfCube(const Item& item) const
+    /// The middle of a cube of cells, world units.
+    Vec3d middleOfCube(std::uint64_t cube) const
     {
-        const Coord block = mBlocks.origin(item.block);
+        const Coord block = mBlocks.origin(cube >> kCubeBits);
         Vec3d middle;
-        for (int axis = 0; axis < 3; ++axis) {
-            const int cube = int(item.at[axis]) / kCube;
-            middle[axis] = block[axis] + kCube * (cube + 0.5);
-        }
+        for (int axis = 2; axis >= 0; --axis, cube /= kBlockDim / kCube)
+            middle[axis] = block[axis] + kCube * (double(cube % (kBlockDim / kCube)) + 0.5);
         return mLattice.origin + mLattice.voxelSize * middle;
     }
 
