@@ -83,6 +83,8 @@ void BandWindow::load(const openvdb::Coord& origin)
     mTorn = {};
     for (int n = 0; n < 27; ++n) loadLeaf({n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1});
     const Bits known = mKnown;
+    std::array<Bits, 3> rough{};
+    mIsSmooth = !findRough(known, rough);
     extrapolate();
     mSmooth = wholeCells(mKnown);
     const Cells inBand = touchedCells(known), torn = touchedCells(mTorn);
@@ -90,12 +92,7 @@ void BandWindow::load(const openvdb::Coord& origin)
         for (std::size_t y = 0; y < kBlockDim; ++y)
             mSmooth[x][y] &= std::uint8_t(inBand[x][y] & ~torn[x][y]);
     mFound = mSmooth;
-    std::array<Bits, 3> rough{};
-    mIsSmooth = !findRough(known, rough);
-    Bits sure = mKnown;
-    for (std::size_t x = 0; x < kEdge; ++x)
-        for (std::size_t y = 0; y < kEdge; ++y) sure[x][y] &= std::uint16_t(~mTorn[x][y]);
-    if (!mIsSmooth) findSides(sure, rough);
+    if (!mIsSmooth) findSides(rough);
 }
 
 void BandWindow::loadLeaf(const openvdb::Coord& side)
@@ -134,8 +131,9 @@ void BandWindow::extrapolate()
 }
 
 /// Fills the voxels about the block's cells that have three known ones next to each other on some
-/// side: by the mean of the parabolas through those. Where they differ, or the third difference
-/// from there on is large, a crease may pass between. @return whether there were some.
+/// side: by the mean of the parabolas through those. In a block with creases, where these
+/// differ or the third difference from there on is large, one may pass between. @return whether
+/// there were some.
 bool BandWindow::extrapolateRows(const Bits& known)
 {
     /// Of the cells' 64 voxels. [derived: a cell's own and those beside it]
@@ -182,6 +180,7 @@ bool BandWindow::extrapolateRows(const Bits& known)
                         lanesAt<Eight>(at + 3 * step);
                     total += chosen * found;
                     count += chosen;
+                    if (mIsSmooth) continue;
                     if (const unsigned bits = next[side] >> 8 * half & 0xff)
                         torn |=
                             unsigned(bitsOf(magnitude(thirdDifference(at + step, step)) > limit)) &
@@ -277,8 +276,11 @@ bool BandWindow::findRough(const Bits& known, std::array<Bits, 3>& rough) const
 
 /// Finds on which sides of cells creases pass, and unmarks the cells with one on both sides, or
 /// with one and values that are extrapolated, perhaps across it.
-void BandWindow::findSides(const Bits& known, const std::array<Bits, 3>& rough)
+void BandWindow::findSides(const std::array<Bits, 3>& rough)
 {
+    Bits sure = mKnown;
+    for (std::size_t x = 0; x < kEdge; ++x)
+        for (std::size_t y = 0; y < kEdge; ++y) sure[x][y] &= std::uint16_t(~mTorn[x][y]);
     for (std::size_t x = 0; x < kBlockDim; ++x)
         for (std::size_t y = 0; y < kBlockDim; ++y) {
             const std::size_t i = x + kBelow, j = y + kBelow;
@@ -303,7 +305,7 @@ void BandWindow::findSides(const Bits& known, const std::array<Bits, 3>& rough)
             }
             for (unsigned left = mFound[x][y] & ~mSmooth[x][y]; left; left &= left - 1) {
                 const int z = __builtin_ctz(left);
-                if (!isWhole(known, int(x), int(y), z)) mFound[x][y] &= std::uint8_t(~(1u << z));
+                if (!isWhole(sure, int(x), int(y), z)) mFound[x][y] &= std::uint8_t(~(1u << z));
             }
         }
 }

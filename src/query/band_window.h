@@ -71,7 +71,7 @@ private:
     static Cells wholeCells(const Bits& voxels);
     static Cells touchedCells(const Bits& voxels);
     MPUVDB_CLONES bool findRough(const Bits& known, std::array<Bits, 3>& rough) const;
-    void findSides(const Bits& known, const std::array<Bits, 3>& rough);
+    void findSides(const std::array<Bits, 3>& rough);
     bool isWhole(const Bits& voxels, int x, int y, int z) const;
     unsigned roughBits(int x, int y, int axis, unsigned from) const;
     /// Along an axis, the side of a cell on which a crease passes: -1 the lower, 1 the upper, else

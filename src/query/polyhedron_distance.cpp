@@ -37,23 +37,27 @@ void PolyhedronDistance::load(const openvdb::Coord& origin)
     findPlanes();
     if (mPlanes.empty() || mPlanes.size() > kMostPlanes) return;
     findMeets();
+    const Corners inBand = cornersInBand();
+    Cells touched{};
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        for (std::size_t y = 0; y < kBlockDim; ++y)
+            touched[x][y] = std::uint8_t(cellsAt(inBand, x, y));
     mSide = 1;
-    mExplained = explainedCells();
+    mExplained = explainedCells(touched);
+    if (mExplained == touched) return;
+    const auto turn = [this] {
+        mSide = -mSide;
+        for (Plane& plane : mPlanes) plane = {-plane.normal, -plane.offset};
+    };
+    turn();
+    const Cells concave = explainedCells(touched);
     const auto count = [](const Cells& cells) {
         int sum = 0;
         for (const auto& rows : cells)
             for (const unsigned row : rows) sum += __builtin_popcount(row);
         return sum;
     };
-    const int convex = count(mExplained);
-    if (convex == kBlockDim * kBlockDim * kBlockDim) return;
-    const auto turn = [this] {
-        mSide = -mSide;
-        for (Plane& plane : mPlanes) plane = {-plane.normal, -plane.offset};
-    };
-    turn();
-    const Cells concave = explainedCells();
-    if (count(concave) > convex)
+    if (count(concave) > count(mExplained))
         mExplained = concave;
     else
         turn();
@@ -112,28 +116,44 @@ void PolyhedronDistance::addMeet(std::array<std::size_t, 3> planes, std::size_t 
     mMeets.push_back({planes, count, products.inverse()});
 }
 
-/// The cells with a corner in the band of which no corner speaks against the polyhedron.
-PolyhedronDistance::Cells PolyhedronDistance::explainedCells() const
+PolyhedronDistance::Corners PolyhedronDistance::cornersInBand() const
 {
-    constexpr int kCorners = kBlockDim + 1; // along an axis [derived: one more than cells]
-    using Corners = std::array<std::array<unsigned, kCorners>, kCorners>; // bit z of row (x,y)
-    Corners inBand{}, against{};
+    Corners corners{};
     for (int x = 0; x < kCorners; ++x)
         for (int y = 0; y < kCorners; ++y)
-            for (int z = 0; z < kCorners; ++z) {
-                const float value = mValues[mValues.index(x, y, z)];
-                inBand[std::size_t(x)][std::size_t(y)] |= unsigned(isInBand(value)) << z;
-                against[std::size_t(x)][std::size_t(y)] |= unsigned(!explainsVoxel(x, y, z)) << z;
-            }
-    const auto some = [](const Corners& of, std::size_t x, std::size_t y) {
-        const unsigned row = of[x][y] | of[x][y + 1] | of[x + 1][y] | of[x + 1][y + 1];
-        return row | row >> 1;
-    };
-    Cells cells{};
+            for (int z = 0; z < kCorners; ++z)
+                corners[std::size_t(x)][std::size_t(y)] |=
+                    unsigned(isInBand(mValues[mValues.index(x, y, z)])) << z;
+    return corners;
+}
+
+/// Bits of the cells of row (x,y) that have one of @a corners.
+unsigned PolyhedronDistance::cellsAt(const Corners& corners, std::size_t x, std::size_t y)
+{
+    const unsigned row =
+        corners[x][y] | corners[x][y + 1] | corners[x + 1][y] | corners[x + 1][y + 1];
+    return row | row >> 1;
+}
+
+/// Those of @a cells of which no corner speaks against the polyhedron.
+PolyhedronDistance::Cells PolyhedronDistance::explainedCells(const Cells& cells) const
+{
+    Corners asked{}, against{};
     for (std::size_t x = 0; x < kBlockDim; ++x)
         for (std::size_t y = 0; y < kBlockDim; ++y)
-            cells[x][y] = std::uint8_t(some(inBand, x, y) & ~some(against, x, y));
-    return cells;
+            for (std::size_t n = 0; n < 4; ++n)
+                asked[x + n / 2][y + n % 2] |= unsigned(cells[x][y]) | unsigned(cells[x][y]) << 1;
+    for (std::size_t x = 0; x < kCorners; ++x)
+        for (std::size_t y = 0; y < kCorners; ++y)
+            for (unsigned left = asked[x][y]; left; left &= left - 1) {
+                const int z = __builtin_ctz(left);
+                against[x][y] |= unsigned(!explainsVoxel(int(x), int(y), z)) << z;
+            }
+    Cells explained{};
+    for (std::size_t x = 0; x < kBlockDim; ++x)
+        for (std::size_t y = 0; y < kBlockDim; ++y)
+            explained[x][y] = std::uint8_t(cells[x][y] & ~cellsAt(against, x, y));
+    return explained;
 }
 
 /// Whether a voxel's value in the band is the distance to the polyhedron, or a voxel beyond the

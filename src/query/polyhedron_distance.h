@@ -35,7 +35,7 @@ public:
     double value(const Vec3d& place, Vec3d& gradient) const;
 
 private:
-    /// Most planes about a block. [free: four are a plate's corner; one more takes twice the time]
+    /// Most planes about a block. [derived: the corner of a plate that is thinner than a block]
     static constexpr std::size_t kMostPlanes = 4;
     /// Voxels around the block that planes are looked for in. [derived: a place's nearest face is
     /// up to three voxels away in the default band, and from its corner on it takes three more
@@ -43,6 +43,11 @@ private:
     static constexpr int kMargin = 6;
     /// Bit z of row (x,y) is that of the cell at (x,y,z).
     using Cells = std::array<std::array<std::uint8_t, kBlockDim>, kBlockDim>;
+
+    /// Corners of cells along an axis. [derived: one more than cells]
+    static constexpr int kCorners = kBlockDim + 1;
+    /// Bit z of row (x,y) is that of the corner at (x,y,z).
+    using Corners = std::array<std::array<unsigned, kCorners>, kCorners>;
 
     struct Plane {
         Vec3d normal;  ///< unit, out of the convex side
@@ -62,7 +67,9 @@ private:
     void addPlaneAt(int x, int y, int z);
     void findMeets();
     void addMeet(std::array<std::size_t, 3> planes, std::size_t count);
-    Cells explainedCells() const;
+    Corners cornersInBand() const;
+    static unsigned cellsAt(const Corners& corners, std::size_t x, std::size_t y);
+    Cells explainedCells(const Cells& cells) const;
     bool explainsVoxel(int x, int y, int z) const;
     double distance(const Vec3d& place, Vec3d& gradient) const;
 

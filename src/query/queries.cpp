@@ -70,6 +70,11 @@ public:
         const Coord last = box.max() >> 3;
         for (int axis = 0; axis < 3; ++axis)
             mCount[std::size_t(axis)] = std::uint64_t(last[axis] - mFirst[axis]) + 1;
+        const double blocks = double(mCount[0]) * double(mCount[1]) * double(mCount[2]);
+        if (blocks > kMostBlocks) {
+            mCount = {};
+            return;
+        }
         const std::uint64_t all = mCount[0] * mCount[1] * mCount[2];
         while (all >> mBits) ++mBits;
     }
@@ -99,6 +104,9 @@ public:
     }
 
 private:
+    /// Most blocks that keys number; parts that are farther apart have none. [derived: with the
+    /// bits of cubes and rounded as doubles, keys are below 2^63]
+    static constexpr double kMostBlocks = 0x1p56;
     /// The last place in a block, voxels from its origin. [derived: the float below 8]
     static constexpr float kLast = 8 - 0x1p-21f;
 
