@@ -372,6 +372,19 @@ TEST(QueriesTest, EmptyLevelSetsAndPlacesThatAreNotFinite)
     EXPECT_TRUE(distancesOf(ball, std::vector<Vec3d>()).empty());
 }
 
+TEST(QueriesTest, PartsThatAreFarApart)
+{
+    constexpr double kApart = 8e6; // voxels: a box of 2^60 blocks
+    const Shape ball(makeSolidField(parseSolid("sphere(10)")), "ball");
+    const Vec3d corner = Vec3d::Constant(kApart);
+    const Shape other = ball.moved(Eigen::Affine3d(Eigen::Translation3d(corner)));
+    const std::vector<Vec3d> places = {
+        {11, 0, 0}, corner + Vec3d(12, 0, 0), corner + Vec3d(0, -9, 0)};
+    const auto found = distancesOf(Queries((ball | other).evaluate({1, 3, 0})), places);
+    const std::vector<double> exact = {1, 2, -1};
+    for (std::size_t n = 0; n < exact.size(); ++n) EXPECT_NEAR(found[n], exact[n], 0.02) << n;
+}
+
 TEST(QueriesTest, RefusesWhatIsNoPlaceOrNoDirection)
 {
     const Queries ball(Ball(0.1).levelSet);

@@ -317,8 +317,10 @@ bool BandWindow::isWhole(const Bits& voxels, int x, int y, int z) const
     const auto last = [&](std::size_t axis) { return side(axis, x, y, z) > 0 ? 1 : 2; };
     unsigned row = 0xffff;
     for (int i = first(0); i <= last(0); ++i)
-        for (int j = first(1); j <= last(1); ++j)
-            row &= voxels[std::size_t(x + kBelow + i)][std::size_t(y + kBelow + j)];
+        for (int j = first(1); j <= last(1); ++j) {
+            const int atX = x + kBelow + i, atY = y + kBelow + j;
+            row &= voxels[std::size_t(atX)][std::size_t(atY)];
+        }
     for (int k = first(2); k <= last(2); ++k)
         if (!(row >> (z + kBelow + k) & 1)) return false;
     return true;
