@@ -148,7 +148,7 @@ TEST(QueriesTest, EdgesAndCornersOfPlanesAreExact)
     std::vector<double> beside = distancesOf(Queries(box.shape.evaluate({kVoxel, 3, 0})), places);
     auto errors = errorQuantiles(places, beside, box, {0.99, 0.999});
     EXPECT_LT(errors[0], 1e-3 * kVoxel + kFloats);
-    EXPECT_LT(errors[1], 5e-3 * kVoxel); // cubic cells that a crease's end touches
+    EXPECT_LT(errors[1], 5e-3 * kVoxel); // cells beside creases where interpolation is cubic
     // As a cavity, whose complement is convex.
     const Shape ball(makeSolidField(parseSolid("sphere(2)")), "ball");
     const LevelSet cavity = (ball - box.shape).evaluate({kVoxel, 3, 0});

@@ -17,11 +17,11 @@ class Interrupter;
 /// are safe to call from many threads, and give the same bits for any number of them.
 ///
 /// In the band where values are smooth, cubic interpolation of them is the distance. About creases
-/// where a few planes meet, it is that to those planes; beside other creases and ridges, that of
-/// the values on the place's side of them. Elsewhere, in cells that creases cross and beyond the
-/// band, it is the distance to the surface with its creases as extractMesh() finds it, and where
-/// that is curved, to the zero set of the interpolation. It is extracted by the first question that
-/// needs it, and kept.
+/// where a few planes meet, it is that to those planes; beside other creases and ridges, that by
+/// interpolation of the values on the place's side of them. Elsewhere, in cells that creases cross
+/// and beyond the band, it is the distance to the surface with its creases as extractMesh() finds
+/// it, and where that is curved, to the zero set of the interpolation. It is extracted by the first
+/// question that needs it, and kept.
 ///
 /// Of each function: @param places  3 numbers in a row, world units, at any strides. Results have
 /// room for a row each. @throws UsageError for numbers that are bytes, LimitError (as

@@ -91,7 +91,7 @@ void BandWindow::load(const openvdb::Coord& origin)
     for (std::size_t x = 0; x < kBlockDim; ++x)
         for (std::size_t y = 0; y < kBlockDim; ++y)
             mSmooth[x][y] &= std::uint8_t(inBand[x][y] & ~torn[x][y]);
-    mFound = mSmooth;
+    mUsable = mSmooth;
     if (!mIsSmooth) findSides(rough);
 }
 
@@ -300,12 +300,12 @@ void BandWindow::findSides(const std::array<Bits, 3>& rough)
                 const unsigned below = cells(2), above = cells(0);
                 mBelow[axis][x][y] = std::uint8_t(below);
                 mAbove[axis][x][y] = std::uint8_t(above);
-                mFound[x][y] &= std::uint8_t(~(below & above));
+                mUsable[x][y] &= std::uint8_t(~(below & above));
                 mSmooth[x][y] &= std::uint8_t(~(below | cells(1) | above));
             }
-            for (unsigned left = mFound[x][y] & ~mSmooth[x][y]; left; left &= left - 1) {
+            for (unsigned left = mUsable[x][y] & ~mSmooth[x][y]; left; left &= left - 1) {
                 const int z = __builtin_ctz(left);
-                if (!isWhole(sure, int(x), int(y), z)) mFound[x][y] &= std::uint8_t(~(1u << z));
+                if (!isWhole(sure, int(x), int(y), z)) mUsable[x][y] &= std::uint8_t(~(1u << z));
             }
         }
 }

@@ -35,9 +35,9 @@ public:
     /// Whether the values about the cell at (x,y,z) of the block are smooth.
     bool isSmooth(int x, int y, int z) const { return isIn(mSmooth, x, y, z); }
     /// Whether interpolation is a distance in the cell at (x,y,z).
-    bool isKnown(int x, int y, int z) const { return isIn(mFound, x, y, z); }
+    bool canInterpolate(int x, int y, int z) const { return isIn(mUsable, x, y, z); }
     /// The value, world units, at @a place, voxels from the block's origin, in [0, 8), in a cell
-    /// that isKnown().
+    /// where it canInterpolate().
     float value(const Vec3f& place) const;
     /// The same with its gradient, dimensionless.
     float value(const Vec3f& place, Vec3f& gradient) const;
@@ -87,7 +87,7 @@ private:
     alignas(64) std::array<float, kEdge * kEdge * kRow + kRow> mValues{}; ///< all finite
     Bits mKnown{};         ///< in the band, or extrapolated
     Bits mTorn{};          ///< extrapolated, perhaps across a crease
-    Cells mFound{};        ///< cells where interpolation is a distance
+    Cells mUsable{};       ///< cells where interpolation is a distance
     Cells mSmooth{};       ///< those of them where no crease passes beside them
     bool mIsSmooth = true; ///< all of them are
     /// By axis, cells beside which a crease passes on the lower and the upper side.

@@ -8,8 +8,8 @@ namespace mpuvdb
 namespace
 {
 
-/// Error of values, voxels, up to which they are a polyhedron's distances. The planes are nearer to
-/// the truth. [derived: what distances within the creases of Booleans are off, docs/accuracy.md]
+/// Error of values, voxels, up to which they are a polyhedron's distances. [derived: the hundredth
+/// of a voxel that answers about edges may be off, docs/limits.md]
 constexpr double kExact = 1e-2;
 /// Second difference of values, voxels, up to which they are a plane's. [derived: at a block's
 /// other end, 14 voxels away, the plane is off by a thousandth of a voxel]
@@ -112,7 +112,7 @@ void PolyhedronDistance::addMeet(std::array<std::size_t, 3> planes, std::size_t 
         for (std::size_t j = 0; j < count; ++j)
             products(Eigen::Index(i), Eigen::Index(j)) =
                 mPlanes[planes[i]].normal.dot(mPlanes[planes[j]].normal);
-    if (products.determinant() < kParallel) return; // they are parallel, or to one line
+    if (products.determinant() < kParallel) return; // two are parallel, or all three to one line
     mMeets.push_back({planes, count, products.inverse()});
 }
 
@@ -135,7 +135,7 @@ unsigned PolyhedronDistance::cellsAt(const Corners& corners, std::size_t x, std:
     return row | row >> 1;
 }
 
-/// Those of @a cells of which no corner speaks against the polyhedron.
+/// Those of @a cells all of whose corners have the distance to the polyhedron.
 PolyhedronDistance::Cells PolyhedronDistance::explainedCells(const Cells& cells) const
 {
     Corners asked{}, against{};

@@ -115,7 +115,7 @@ private:
     int mBits = 1;
 };
 
-/// The distance at places of a block, where its voxels' values tell. For one thread.
+/// The distance at places of a block by its voxels' values, without triangles. For one thread.
 class BlockDistance
 {
 public:
@@ -131,8 +131,8 @@ public:
         mWindow.load(origin);
         mIsSearched = false;
     }
-    /// The signed distance of @a at, voxels from the block's origin, world units; none where values
-    /// do not tell. @param gradient  set if @a Sloped, unit.
+    /// The signed distance of @a at, voxels from the block's origin, world units; none where the
+    /// values do not give it. @param gradient  set if @a Sloped, unit.
     template <bool Sloped>
     std::optional<double> find(const Vec3f& at, Vec3d& gradient)
     {
@@ -140,7 +140,7 @@ public:
         double value = 0;
         if (!mWindow.isSmooth(x, y, z) && isOfPlanes(x, y, z)) {
             value = mPolyhedron.value(at.cast<double>(), gradient);
-        } else if (!mWindow.isKnown(x, y, z)) {
+        } else if (!mWindow.canInterpolate(x, y, z)) {
             return {};
         } else if (Sloped) {
             Vec3f slope;
@@ -164,7 +164,7 @@ private:
 
     BandWindow mWindow;
     PolyhedronDistance mPolyhedron;
-    bool mIsSearched = false; ///< the block, for planes
+    bool mIsSearched = false; ///< the block has been searched for planes
     double mBand;             ///< world units
 };
 
