@@ -27,8 +27,8 @@ constexpr int kSolved = kNodes + 2 * kHalo + 1;
 constexpr double kMissed = 0.5;
 /// Nodes along an edge of those that are kept. [derived: the block and the fades around]
 constexpr int kKept = kNodes + 2 * kFade;
-/// Halved nodes along an edge whose curvature is kept. [derived: a block, and one on each side]
-constexpr int kCurved = kNodes / 2 + 2;
+/// Cycles of the solver. [tuned: coarse_sign_test]
+constexpr int kCycles = 2;
 
 struct ByPlace {
     bool operator()(const Vec3i& a, const Vec3i& b) const
@@ -99,24 +99,22 @@ std::vector<float> middleOf(const std::vector<float>& values, const NodeGrid& gr
     return middle;
 }
 
-/// Trilinear value at @a x, in steps from the first of @a n values along each axis.
-float interpolated(const std::vector<float>& values, const NodeGrid& grid, const Vec3d& x)
+/// Laplacian, per square of a step, of values at the nodes of a grid's box: that of the nearest
+/// interior node.
+std::vector<float> bendOnBox(const NodeGrid& grid, const std::vector<float>& values)
 {
-    int first[3];
-    double f[3];
-    for (int k = 0; k < 3; ++k) {
-        const int last = grid.n[std::size_t(k)] - 1;
-        const double at = std::clamp(x[k], 0.0, double(last));
-        first[k] = std::min(int(at), last - 1);
-        f[k] = at - first[k];
-    }
-    double sum = 0;
-    for (int corner = 0; corner < 8; ++corner) {
-        const int i = corner >> 2, j = corner >> 1 & 1, k = corner & 1;
-        const double weight = (i ? f[0] : 1 - f[0]) * (j ? f[1] : 1 - f[1]) * (k ? f[2] : 1 - f[2]);
-        sum += weight * double(values[grid.index(first[0] + i, first[1] + j, first[2] + k)]);
-    }
-    return float(sum);
+    const std::size_t plane = grid.index(1, 0, 0), row = grid.index(0, 1, 0);
+    std::vector<float> bend(grid.size(), 0.0f);
+    const auto inside = [&](int n, std::size_t axis) { return std::clamp(n, 1, grid.n[axis] - 2); };
+    for (int i = 0; i < grid.n[0]; ++i)
+        for (int j = 0; j < grid.n[1]; ++j)
+            for (int k = 0; k < grid.n[2]; k += grid.borderStep(i, j)) {
+                const float* const at =
+                    &values[grid.index(inside(i, 0), inside(j, 1), inside(k, 2))];
+                bend[grid.index(i, j, k)] = (at[plane] + *(at - plane)) + (at[row] + *(at - row)) +
+                                            (at[1] + at[-1]) - 6 * *at;
+            }
+    return bend;
 }
 
 double smoothRise(double t)
@@ -130,7 +128,7 @@ double smoothRise(double t)
 /// Data of a grid, of the nodes that have any.
 struct CoarseRefiner::SparseData {
     std::vector<std::uint32_t> nodes;
-    std::vector<float> values; ///< weight, distance, and the normal if there is one, of each
+    std::vector<float> values; ///< weight and distance of each
 
     SparseData() = default;
     explicit SparseData(const NodeData& data)
@@ -140,20 +138,16 @@ struct CoarseRefiner::SparseData {
             nodes.push_back(std::uint32_t(n));
             values.push_back(data.weight[n]);
             values.push_back(data.distance[n]);
-            for (const auto& normal : data.normal)
-                if (!normal.empty()) values.push_back(normal[n]);
         }
     }
 
-    NodeData on(const NodeGrid& grid, bool withNormals) const
+    NodeData on(const NodeGrid& grid) const
     {
-        NodeData data(grid, withNormals);
+        NodeData data(grid);
         const float* value = values.data();
         for (const std::uint32_t n : nodes) {
             data.weight[n] = *value++;
             data.distance[n] = *value++;
-            for (auto& normal : data.normal)
-                if (withNormals) normal[n] = *value++;
         }
         return data;
     }
@@ -162,29 +156,9 @@ struct CoarseRefiner::SparseData {
 /// A block that is made.
 struct CoarseRefiner::Part {
     Vec3i at;
-    SparseData data, halfData;
+    SparseData data;
     std::vector<float> u; ///< its solution: kKept nodes along each axis
-    Concavity concavity;
 };
-
-float CoarseRefiner::rootValue(const CoarseLevels& levels, const std::vector<float>& values,
-                               const Vec3d& cell) const
-{
-    return interpolated(values, halved(levels.root().grid), (cell - Vec3d::Constant(0.5)) / 2);
-}
-
-float CoarseRefiner::concavityAt(const CoarseLevels& levels, const Vec3d& cell) const
-{
-    int level = 0;
-    std::size_t index = 0;
-    const CoarseBlock* const block = levels.find(cell, level, index);
-    if (!block) return rootValue(levels, mRoot.concave, cell);
-    const Vec3d x = cell * double(1 << level) - (kNodes * block->at).cast<double>();
-    return interpolated(mConcavity[std::size_t(level) - 1][index],
-                        NodeGrid{{kCurved, kCurved, kCurved}},
-                        (x - Vec3d::Constant(0.5)) / 2 + Vec3d::Ones()) *
-           float(1 << level);
-}
 
 Nodes CoarseRefiner::nodesAbout(const CoarseLevels& levels, const Vec3i& at, int level)
 {
@@ -196,13 +170,9 @@ Nodes CoarseRefiner::nodesAbout(const CoarseLevels& levels, const Vec3i& at, int
 void CoarseRefiner::gather(const CoarseLevels& levels, Part& part, int level,
                            Interrupter& progress) const
 {
-    const auto dataAt = [&](const Nodes& where, bool withNormals) {
-        return SparseData(splat(mSource.near(where, dipoleSize(where.step)), where, mNoise,
-                                withNormals, progress));
-    };
     const Nodes nodes = nodesAbout(levels, part.at, level);
-    part.data = dataAt(nodes, false);
-    if (!part.data.nodes.empty()) part.halfData = dataAt(nodes.halved(), true);
+    part.data =
+        SparseData(splat(mSource.near(nodes, dipoleSize(nodes.step)), nodes, mNoise, progress));
 }
 
 bool CoarseRefiner::isMissed(const CoarseLevels& levels, const Vec3i& at, int level,
@@ -220,24 +190,13 @@ void CoarseRefiner::solve(const CoarseLevels& levels, Part& part, int level,
                           Interrupter& progress) const
 {
     const Vec3i low = kNodes * part.at - Vec3i::Constant(kHalo);
-    const NodeGrid grid = nodesAbout(levels, part.at, level).grid, half = halved(grid);
-    const auto scale = float(1 << level);
-    Curvature curvature{std::vector<float>(half.size()), std::vector<float>(half.size())};
-    std::vector<float> border(half.size());
-    for (int i = 0; i < half.n[0]; ++i)
-        for (int j = 0; j < half.n[1]; ++j)
-            for (int k = 0; k < half.n[2]; ++k) {
-                const std::size_t n = half.index(i, j, k);
-                const Vec3d cell =
-                    ((low + 2 * Vec3i(i, j, k)).cast<double>() + Vec3d::Constant(0.5)) / scale;
-                curvature.divergence[n] = rootValue(levels, mRoot.divergence, cell) / scale;
-                if (k % half.borderStep(i, j) == 0) border[n] = concavityAt(levels, cell) / scale;
-            }
-    curvature.concave = spreadConcavity(half, part.halfData.on(half, true), border, progress);
-    const std::vector<float> u = fillBetween(grid, part.data.on(grid, false), curvature,
-                                             levels.coefficients(low, kSolved, level), progress);
+    const NodeGrid grid = nodesAbout(levels, part.at, level).grid;
+    const std::vector<float> above = levels.coefficients(low, kSolved, level);
+    NodeData data = part.data.on(grid);
+    const std::vector<float> u =
+        TensionSpline(grid, std::move(data.weight), progress)
+            .solve(std::move(data.distance), above, bendOnBox(grid, above), kCycles);
     part.u = middleOf(u, grid, kKept);
-    part.concavity = middleOf(curvature.concave, half, kCurved);
 }
 
 namespace
@@ -407,17 +366,12 @@ void CoarseRefiner::refine(CoarseLevels& levels, const Unseen& unseen, double le
         if (parts.empty()) return;
         for (int pass = 0; pass < kPasses; ++pass) {
             forEachPart(parts, progress, [&](Part& part) { solve(levels, part, level, progress); });
-            if (pass > 0) {
-                levels.removeLast();
-                mConcavity.pop_back();
-            }
+            if (pass > 0) levels.removeLast();
             std::vector<CoarseBlock> blocks(parts.size());
             tbb::parallel_for(std::size_t(0), parts.size(), [&](std::size_t n) {
                 blocks[n] = blended(levels, parts[n].at, level, neighborhood(parts, parts[n].at));
             });
             levels.add(std::move(blocks));
-            mConcavity.emplace_back();
-            for (Part& part : parts) mConcavity.back().push_back(std::move(part.concavity));
         }
     }
 }

@@ -18,10 +18,9 @@ struct Unseen {
 class CoarseRefiner
 {
 public:
-    /// @param noise  standard deviation of the points, world units. @param root  the curvature at
-    /// the nodes of the halved root grid.
-    CoarseRefiner(const DipoleSource& source, const RootCube& cube, double noise, Curvature root)
-        : mSource(source), mCube(cube), mNoise(noise), mRoot(std::move(root))
+    /// @param noise  standard deviation of the points, world units.
+    CoarseRefiner(const DipoleSource& source, const RootCube& cube, double noise)
+        : mSource(source), mCube(cube), mNoise(noise)
     {
     }
 
@@ -37,8 +36,6 @@ public:
                                   const Unseen& unseen, double least);
 
 private:
-    /// Concave curvature at the halved nodes of a block and one more on each side.
-    using Concavity = std::vector<float>;
     struct SparseData;
     struct Part;
 
@@ -51,15 +48,10 @@ private:
     bool isMissed(const CoarseLevels& levels, const Vec3i& at, int level,
                   const Value& coarse) const;
     void solve(const CoarseLevels& levels, Part& part, int level, Interrupter& progress) const;
-    float concavityAt(const CoarseLevels& levels, const Vec3d& cell) const;
-    float rootValue(const CoarseLevels& levels, const std::vector<float>& values,
-                    const Vec3d& cell) const;
 
     const DipoleSource& mSource;
     const RootCube& mCube;
     double mNoise;
-    Curvature mRoot;
-    std::vector<std::vector<Concavity>> mConcavity; ///< of the blocks of each level
 };
 
 } // namespace mpuvdb

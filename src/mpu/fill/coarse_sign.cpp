@@ -1,6 +1,5 @@
 #include "coarse_sign.h"
 
-#include "coarse_fill.h"
 #include "coarse_refiner.h"
 #include "core/clones.h"
 #include "files/array_file.h"
@@ -25,6 +24,11 @@ constexpr double kPadding = 0.2;
 constexpr int kMaxNodes = 96; ///< nodes along the longest side [tuned: unseen_bench, time]
 /// Least step, in spacings of the points. [derived: nodes then have several points around]
 constexpr double kMinStep = 3;
+/// Value on the grid's box, in distances from the points: above 0, so that every surface closes
+/// inside. The surface that nobody saw is nearer than the points. [tuned: unseen_bench]
+constexpr float kBorderShare = 0.5f;
+/// Cycles of the solver. [tuned: unseen_bench: more change nothing]
+constexpr int kCycles = 6;
 /// Largest cubes of dipoles for distances from the box, node steps. [tuned: unseen_bench, time]
 constexpr double kBorderDipoleSize = 9;
 
@@ -69,24 +73,24 @@ float nearestSquared(const Places& places, float x, float y, float z)
     return *std::min_element(least, least + kLanes);
 }
 
-/// Distance from the nodes of the box to the nearest dipole, node steps; 0 at the other nodes.
-std::vector<float> borderDistance(const std::vector<Dipole>& dipoles, const Nodes& nodes,
-                                  Interrupter& progress)
+/// Values for the nodes of the box, node steps; 0 at the other nodes.
+std::vector<float> borderValues(const std::vector<Dipole>& dipoles, const Nodes& nodes,
+                                Interrupter& progress)
 {
     const Places places(dipoles);
     const NodeGrid& grid = nodes.grid;
-    std::vector<float> distance(grid.size(), 0.0f);
+    std::vector<float> values(grid.size(), 0.0f);
     tbb::parallel_for(0, grid.n[0], [&](int i) {
         progress.check();
         for (int j = 0; j < grid.n[1]; ++j) {
             for (int k = 0; k < grid.n[2]; k += grid.borderStep(i, j)) {
                 const Vec3f at = nodes.at(i, j, k).cast<float>();
-                distance[grid.index(i, j, k)] =
-                    std::sqrt(nearestSquared(places, at[0], at[1], at[2])) / float(nodes.step);
+                const float distance = std::sqrt(nearestSquared(places, at[0], at[1], at[2]));
+                values[grid.index(i, j, k)] = kBorderShare * distance / float(nodes.step);
             }
         }
     });
-    return distance;
+    return values;
 }
 
 /// Nodes, @a step apart, in a box around the points.
@@ -163,8 +167,8 @@ template <typename T>
 std::uint64_t CoarseSign::makingPeakBytes(const SortedPoints& some, const Box3d& bounds,
                                           const RootCube& root, const Unseen& unseen, double share)
 {
-    /// Bytes of a node: data, right-hand side, border, solver. [tuned: estimate_test]
-    constexpr std::uint64_t kNodeBytes = 32;
+    /// Bytes of a node: data, border, unknowns, residual. [tuned: estimate_test]
+    constexpr std::uint64_t kNodeBytes = 36;
     /// Bytes of a block that may be wanted. [derived: of two in five, which are made, the block
     /// itself, its solution, and its data]
     constexpr double kBlockBytes = 2 * sizeof(CoarseBlock);
@@ -184,23 +188,12 @@ CoarseSign::CoarseSign(const SortedPoints& points, const Box3d& bounds, const Ro
     const NodeBox box(bounds, spacing);
     const Nodes nodes = box.nodes(bounds);
     mSlopeFloor = 0.45 / (box.extent / box.step);
-    const auto dataAt = [&](const Nodes& where, bool withNormals) {
-        return splat(source.all(dipoleSize(where.step)), where, noise, withNormals, progress);
-    };
-    // Curvature is smooth: half as many nodes along each axis do.
-    Curvature curvature;
-    {
-        const Nodes half = nodes.halved();
-        const NodeData data = dataAt(half, true);
-        curvature.divergence = spreadDivergence(half.grid, data, progress);
-        curvature.concave =
-            spreadConcavity(half.grid, data, std::vector<float>(half.grid.size(), 0.0f), progress);
-    }
-    std::vector<float> border =
-        outsideBorder(borderDistance(source.all(kBorderDipoleSize * box.step), nodes, progress));
-    mLevels = CoarseLevels(
-        nodes, fillBetween(nodes.grid, dataAt(nodes, false), curvature, border, progress));
-    CoarseRefiner(source, root, noise, std::move(curvature))
+    NodeData data = splat(source.all(dipoleSize(nodes.step)), nodes, noise, progress);
+    const std::vector<float> border =
+        borderValues(source.all(kBorderDipoleSize * box.step), nodes, progress);
+    mLevels = CoarseLevels(nodes, TensionSpline(nodes.grid, std::move(data.weight), progress)
+                                      .solve(std::move(data.distance), border, {}, kCycles));
+    CoarseRefiner(source, root, noise)
         .refine(
             mLevels, unseen, leastStep(spacing, unseen, noise),
             [this](const Vec3d& p) { return evaluate(p).value; }, progress);

@@ -1,8 +1,7 @@
 // A coarse signed field of the whole model, for where no data support the local fits.
 //
-// It is a nearly harmonic function with the points' signed distance near them. By the maximum
-// principle the zero set of a harmonic function ends on data, so nothing is invented in free space;
-// a curvature term lets openings close as the data around them bend.
+// It is a spline under tension through the points' signed distance near them: beyond the rim of
+// data it goes on as they bend, and farther away it is harmonic, so that nothing is invented there.
 #pragma once
 #include "coarse_refiner.h"
 #include <mpuvdb/field.h>

@@ -1,8 +1,7 @@
-// Points as data at the nodes of a grid: their signed distance, and their normal, at nodes close to
-// them.
+// Points as data at the nodes of a grid: their signed distance at nodes close to them.
 #pragma once
-#include "coarse_fill.h"
 #include "mpu/octree/sorted_points.h"
+#include "tension_spline.h"
 
 #include <functional>
 #include <vector>
@@ -17,8 +16,16 @@ struct Nodes {
     double step = 1; ///< distance between nodes, world units
 
     Vec3d at(int i, int j, int k) const { return corner + step * Vec3d(i, j, k); }
-    /// Every other node.
-    Nodes halved() const { return {mpuvdb::halved(grid), corner, 2 * step}; }
+};
+
+/// Data at the nodes near them.
+struct NodeData {
+    explicit NodeData(const NodeGrid& grid) : weight(grid.size(), 0.0f), distance(grid.size(), 0.0f)
+    {
+    }
+
+    std::vector<float> weight;   ///< 0 where there are none
+    std::vector<float> distance; ///< signed, node steps
 };
 
 /// The points of a small cube merged into one: mean position, weighted sum of normals.
@@ -58,6 +65,6 @@ double dipoleSize(double step);
 /// Data at the interior nodes close to points.
 /// @param noise  standard deviation of the points, world units.
 NodeData splat(const std::vector<Dipole>& dipoles, const Nodes& nodes, double noise,
-               bool withNormals, Interrupter& progress);
+               Interrupter& progress);
 
 } // namespace mpuvdb
