@@ -28,7 +28,7 @@ constexpr double kMissed = 0.5;
 /// Nodes along an edge of those that are kept. [derived: the block and the fades around]
 constexpr int kKept = kNodes + 2 * kFade;
 /// Cycles of the solver. [tuned: coarse_sign_test]
-constexpr int kCycles = 2;
+constexpr int kBlockCycles = 2;
 
 struct ByPlace {
     bool operator()(const Vec3i& a, const Vec3i& b) const
@@ -195,7 +195,7 @@ void CoarseRefiner::solve(const CoarseLevels& levels, Part& part, int level,
     NodeData data = part.data.on(grid);
     const std::vector<float> u =
         TensionSpline(grid, std::move(data.weight), progress)
-            .solve(std::move(data.distance), above, bendOnBox(grid, above), kCycles);
+            .solve(std::move(data.distance), above, bendOnBox(grid, above), kBlockCycles);
     part.u = middleOf(u, grid, kKept);
 }
 

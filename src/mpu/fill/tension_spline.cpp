@@ -66,11 +66,11 @@ void sumAround(const float* from, const Strides& fine, int count, float* sums)
         }
 }
 
-/// Means of 27 fine nodes at the coarse interior nodes; 0 on the box.
-std::vector<float> restricted(const NodeGrid& fine, const std::vector<float>& from,
-                              const NodeGrid& coarse)
+/// Means of 27 fine interior nodes at the coarse interior nodes.
+void restrictTo(const NodeGrid& fine, const std::vector<float>& from, const NodeGrid& coarse,
+                std::vector<float>& to)
 {
-    std::vector<float> to(coarse.size(), 0.0f);
+    to.resize(coarse.size());
     const Strides strides(fine);
     const int count = coarse.n[2] - 2;
     forEachRow(coarse, [&](int i, int j) {
@@ -78,7 +78,6 @@ std::vector<float> restricted(const NodeGrid& fine, const std::vector<float>& fr
         sumAround(&from[fine.index(2 * i, 2 * j, 2)], strides, count, row);
         for (int k = 0; k < count; ++k) row[k] *= 1.0f / 64.0f;
     });
-    return to;
 }
 
 /// Trilinear interpolation between four rows of @a count + 1 coarse nodes, added to or assigned to
@@ -194,8 +193,9 @@ TensionSpline::TensionSpline(const NodeGrid& grid, std::vector<float> weight, In
         if (*std::min_element(coarse.n.begin(), coarse.n.end()) < 3) break;
         if (!std::all_of(fine.grid.n.begin(), fine.grid.n.end(), [](int n) { return n % 2 == 1; }))
             break;
-        mLevels.push_back(
-            {coarse, 2 * fine.step, restricted(fine.grid, fine.weight, coarse), {}, {}});
+        Level level{coarse, 2 * fine.step, {}, {}, {}};
+        restrictTo(fine.grid, fine.weight, coarse, level.weight);
+        mLevels.push_back(std::move(level));
     }
 }
 
@@ -227,14 +227,16 @@ void TensionSpline::relax(Level& level, int sweeps) const
         });
 }
 
-std::vector<float> TensionSpline::residual(Level& level, std::size_t equation) const
+void TensionSpline::restrictResidual(Level& fine, Level& coarse)
 {
-    std::vector<float> residual(level.grid.size(), 0.0f);
-    forEachRow(level.grid, [&](int i, int j) {
-        residualRow(rowOf(level, i, j), equation, level.grid.n[2] - 2,
-                    &residual[level.grid.index(i, j, 1)]);
-    });
-    return residual;
+    mResidual.resize(std::max(mResidual.size(), fine.grid.size()));
+    for (std::size_t equation = 0; equation < 3; ++equation) {
+        forEachRow(fine.grid, [&](int i, int j) {
+            residualRow(rowOf(fine, i, j), equation, fine.grid.n[2] - 2,
+                        &mResidual[fine.grid.index(i, j, 1)]);
+        });
+        restrictTo(fine.grid, mResidual, coarse.grid, coarse.b[equation]);
+    }
 }
 
 void TensionSpline::cycle(std::size_t n)
@@ -247,11 +249,9 @@ void TensionSpline::cycle(std::size_t n)
     }
     relax(fine, kSweeps);
     Level& coarse = mLevels[n + 1];
-    // The values of the full multigrid pass are not needed any more.
-    for (std::size_t c = 0; c < 3; ++c) {
-        coarse.b[c] = restricted(fine.grid, residual(fine, c), coarse.grid);
-        coarse.u[c].assign(coarse.grid.size(), 0.0f);
-    }
+    // What the full multigrid pass left there is not needed any more.
+    restrictResidual(fine, coarse);
+    for (std::vector<float>& u : coarse.u) u.assign(coarse.grid.size(), 0.0f);
     cycle(n + 1);
     for (std::size_t c = 0; c < 3; ++c)
         prolong(coarse.grid, coarse.u[c], fine.grid, fine.u[c], true);
@@ -280,8 +280,10 @@ std::vector<float> TensionSpline::solve(std::vector<float> data, const std::vect
             level.u[c].assign(level.grid.size(), 0.0f);
             level.b[c].clear();
         }
-        level.b[2] = n == 0 ? std::move(data)
-                            : restricted(mLevels[n - 1].grid, mLevels[n - 1].b[2], level.grid);
+        if (n == 0)
+            level.b[2] = std::move(data);
+        else
+            restrictTo(mLevels[n - 1].grid, mLevels[n - 1].b[2], level.grid, level.b[2]);
     }
     for (std::size_t n = mLevels.size(); n-- > 0;) {
         mProgress.check();

@@ -77,11 +77,13 @@ private:
                     std::vector<float>& u) const;
     void cycle(std::size_t level);
     void relax(Level& level, int sweeps) const;
-    std::vector<float> residual(Level& level, std::size_t equation) const;
+    /// Make the residuals of @a fine the right-hand sides of @a coarse.
+    void restrictResidual(Level& fine, Level& coarse);
     Row rowOf(Level& level, int i, int j) const;
 
-    std::vector<Level> mLevels; ///< finest first
-    std::vector<float> mNone;   ///< a row of zeros
+    std::vector<Level> mLevels;   ///< finest first
+    std::vector<float> mNone;     ///< a row of zeros
+    std::vector<float> mResidual; ///< of one equation
     Interrupter& mProgress;
 };
 
