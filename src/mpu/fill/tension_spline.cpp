@@ -274,17 +274,14 @@ std::vector<float> TensionSpline::solve(std::vector<float> data, const std::vect
                                         const std::vector<float>& bend, int cycles)
 {
     for (std::size_t n = 0; n < data.size(); ++n) data[n] *= mLevels[0].weight[n];
-    for (std::size_t n = 0; n < mLevels.size(); ++n) {
-        Level& level = mLevels[n];
+    for (Level& level : mLevels)
         for (std::size_t c = 0; c < 3; ++c) {
             level.u[c].assign(level.grid.size(), 0.0f);
             level.b[c].clear();
         }
-        if (n == 0)
-            level.b[2] = std::move(data);
-        else
-            restrictTo(mLevels[n - 1].grid, mLevels[n - 1].b[2], level.grid, level.b[2]);
-    }
+    mLevels[0].b[2] = std::move(data);
+    for (std::size_t n = 1; n < mLevels.size(); ++n)
+        restrictTo(mLevels[n - 1].grid, mLevels[n - 1].b[2], mLevels[n].grid, mLevels[n].b[2]);
     for (std::size_t n = mLevels.size(); n-- > 0;) {
         mProgress.check();
         Level& level = mLevels[n];
