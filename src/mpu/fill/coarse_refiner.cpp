@@ -27,7 +27,7 @@ constexpr int kSolved = kNodes + 2 * kHalo + 1;
 constexpr double kMissed = 0.5;
 /// Nodes along an edge of those that are kept. [derived: the block and the fades around]
 constexpr int kKept = kNodes + 2 * kFade;
-/// Cycles of the solver. [tuned: coarse_sign_test]
+/// Cycles of the solver. [tuned: unseen_bench pieces; one and three differ by less than 4 %]
 constexpr int kBlockCycles = 2;
 
 struct ByPlace {

@@ -10,6 +10,16 @@
 
 namespace mpuvdb
 {
+
+/// A row of nodes of a level, from its first interior node on.
+struct SplineRow {
+    float* u[3];
+    const float* b[3];
+    const float* weight;
+    std::ptrdiff_t di, dj; ///< to the next plane and row
+    float scale;           ///< of second differences: 1 / step^2
+};
+
 namespace
 {
 
@@ -17,9 +27,12 @@ namespace
 constexpr float kTension2 = TensionSpline::kTension * TensionSpline::kTension;
 /// Weights of the squares of Laplacian and gradient. [derived: by the tension]
 constexpr float kBendShare = 2 * kTension2, kSlopeShare = kTension2 * kTension2;
-constexpr int kSweeps = 3;          ///< before and after a coarser level [tuned: coarse_sign_test]
-constexpr int kCoarsestSweeps = 40; ///< sweeps on the coarsest level [tuned: coarse_sign_test]
-/// Cycles on the levels but the finest. [tuned: coarse_sign_test]
+/// Sweeps before and after a coarser level. [tuned: unseen_bench; with two, cycles do not converge
+/// on parts]
+constexpr int kSweeps = 3;
+/// Sweeps on the coarsest level. [tuned: unseen_bench; 200 give the same]
+constexpr int kCoarsestSweeps = 40;
+/// Cycles on the levels but the finest. [tuned: unseen_bench; no other number was tried]
 constexpr int kCoarseCycles = 3;
 
 /// Most nodes of a grid that one thread loops over. [free: grain]
@@ -112,19 +125,10 @@ void prolong(const NodeGrid& coarse, const std::vector<float>& from, const NodeG
     });
 }
 
-/// A row of nodes of a level, from its first interior node on.
-struct NodeRow {
-    float* u[3];
-    const float* b[3];
-    const float* weight;
-    std::ptrdiff_t di, dj; ///< to the next plane and row
-    float scale;           ///< of second differences: 1 / step^2
-};
-
 /// Relax the three unknowns of every other node of a row together, from @a first on. All are
 /// computed, which is faster than to skip half of them.
 MPUVDB_WIDE_CLONES
-void relaxRow(const NodeRow& row, int count, int first)
+void relaxRow(const SplineRow& row, int count, int first)
 {
     constexpr int kStrip = 64; ///< nodes at once, even [free: a buffer's size]
     const std::ptrdiff_t di = row.di, dj = row.dj;
@@ -159,7 +163,7 @@ void relaxRow(const NodeRow& row, int count, int first)
 
 /// Set the residual of an equation at the nodes of a row.
 MPUVDB_WIDE_CLONES
-void residualRow(const NodeRow& row, std::size_t equation, int count, float* residual)
+void residualRow(const SplineRow& row, std::size_t equation, int count, float* residual)
 {
     const std::ptrdiff_t di = row.di, dj = row.dj;
     const float* const u = row.u[equation];
@@ -183,7 +187,7 @@ void residualRow(const NodeRow& row, std::size_t equation, int count, float* res
 } // namespace
 
 TensionSpline::TensionSpline(const NodeGrid& grid, std::vector<float> weight, Interrupter& progress)
-    : mNone(std::size_t(grid.n[2]), 0.0f), mProgress(progress)
+    : mNone(std::size_t(grid.n[2]), 0.0f), mResidual(grid.size()), mProgress(progress)
 {
     mLevels.push_back({grid, 1, std::move(weight), {}, {}});
     for (;;) {
@@ -199,15 +203,12 @@ TensionSpline::TensionSpline(const NodeGrid& grid, std::vector<float> weight, In
     }
 }
 
-struct TensionSpline::Row : NodeRow {
-};
-
 /// The row (i, j) of a level.
-TensionSpline::Row TensionSpline::rowOf(Level& level, int i, int j) const
+SplineRow TensionSpline::rowOf(Level& level, int i, int j) const
 {
     const std::size_t n = level.grid.index(i, j, 1);
     const Strides next(level.grid);
-    Row row;
+    SplineRow row;
     for (std::size_t c = 0; c < 3; ++c) {
         row.u[c] = &level.u[c][n];
         row.b[c] = level.b[c].empty() ? mNone.data() : &level.b[c][n];
@@ -229,7 +230,6 @@ void TensionSpline::relax(Level& level, int sweeps) const
 
 void TensionSpline::restrictResidual(Level& fine, Level& coarse)
 {
-    mResidual.resize(std::max(mResidual.size(), fine.grid.size()));
     for (std::size_t equation = 0; equation < 3; ++equation) {
         forEachRow(fine.grid, [&](int i, int j) {
             residualRow(rowOf(fine, i, j), equation, fine.grid.n[2] - 2,
