@@ -79,7 +79,7 @@ private:
     void relax(Level& level, int sweeps) const;
     /// Make the residuals of @a fine the right-hand sides of @a coarse.
     void restrictResidual(Level& fine, Level& coarse);
-    SplineRow rowOf(Level& level, int i, int j) const;
+    SplineRow rowOf(Level& level, int i, int j, bool odd) const;
 
     std::vector<Level> mLevels;   ///< finest first
     std::vector<float> mNone;     ///< a row of zeros
