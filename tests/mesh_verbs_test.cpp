@@ -5,10 +5,15 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <functional>
 #include <set>
+#include <sstream>
+#include <string>
+#include <vector>
 
 namespace mpuvdb::test
 {
@@ -60,8 +65,101 @@ protected:
         return json::parse(bytes.substr(20, length));
     }
 
+    /// The largest difference of the attribute height, on the mesh of a level set, from what it is
+    /// to be at a vertex.
+    template <typename F>
+    double farthestHeight(const std::string& levelSet, const F& heightAt)
+    {
+        command({"mesh", levelSet, "-o", "heights.ply", "--attributes", "height"});
+        const std::string bytes = readFile(folder / "heights.ply");
+        std::istringstream head(bytes.substr(0, bytes.find("end_header")));
+        std::size_t vertices = 0;
+        std::vector<std::string> names; // of the vertices' numbers, all of them floats
+        for (std::string line; std::getline(head, line);) {
+            std::istringstream words(line);
+            std::string first, second, third;
+            words >> first >> second >> third;
+            if (first == "element" && second == "vertex") vertices = std::stoul(third);
+            if (first == "property" && second == "float") names.push_back(third);
+        }
+        const auto slot = [&](const char* name) {
+            return std::size_t(std::find(names.begin(), names.end(), name) - names.begin());
+        };
+        EXPECT_GT(vertices, 500u) << levelSet;
+        EXPECT_LT(slot("height"), names.size()) << levelSet;
+        double farthest = 0;
+        std::vector<float> numbers(names.size());
+        const char* from = bytes.data() + bytes.find("end_header\n") + 11;
+        for (std::size_t n = 0; n < vertices; ++n, from += numbers.size() * sizeof(float)) {
+            std::memcpy(numbers.data(), from, numbers.size() * sizeof(float));
+            const std::array<double, 3> at = {numbers[slot("x")], numbers[slot("y")],
+                                              numbers[slot("z")]};
+            farthest = std::max(farthest, std::abs(numbers[slot("height")] - heightAt(at)));
+        }
+        return farthest;
+    }
+
     TemporaryFolder folder;
 };
+
+/// Each place has the attributes of where it was, or of what was nearest to it.
+TEST_F(MeshVerbs, AttributesFollowTheSurface)
+{
+    using Place = std::array<double, 3>;
+    command({"reconstruct", "ball.ply", "-o", "ball.vdb", "--voxels", "40", "--coverage",
+             "--attributes", "Cd,height"});
+    // Among the voxels' trilinear means and the points' own weights.
+    constexpr double kNear = 12; // millimeters: a quarter of a voxel
+    const auto up = [](const Place& p) { return 1000 * p[2]; };
+    const auto radial = [](const Place& p) {
+        return 1000 * p[2] / std::sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+    };
+    EXPECT_LT(farthestHeight("ball.vdb", up), kNear);
+    const struct {
+        std::vector<std::string> verb;
+        std::function<double(const Place&)> height;
+    } cases[] = {
+        {{"transform", "--rotate", "90,0,0"}, [](const Place& p) { return -1000 * p[1]; }},
+        {{"transform", "--scale", "2", "--with-voxels"}, [](const Place& p) { return 500 * p[2]; }},
+        {{"transform", "--scale", "1,1,-1", "--translate", "0,0,5"},
+         [](const Place& p) { return 1000 * (5 - p[2]); }},
+        {{"twist", "--degrees-per-unit", "60"}, up},
+        {{"taper", "--end-factor", "0.5"}, up},
+        {{"offset", "--distance", "0.4"}, radial},
+        {{"offset", "--distance=-0.4"}, radial},
+        {{"shell", "--thickness", "0.3"}, radial},
+        {{"smooth"}, radial},
+        {{"clip", "--box", "-2", "-2", "-2", "2", "2", "0.8"}, radial},
+        {{"resample", "--voxel-size", "0.07"}, up}};
+    for (const auto& each : cases) {
+        std::vector<std::string> words = {each.verb[0], "ball.vdb", "-o", "made.vdb"};
+        words.insert(words.end(), each.verb.begin() + 1, each.verb.end());
+        command(words);
+        EXPECT_LT(farthestHeight("made.vdb", each.height), 2 * kNear)
+            << each.verb[0] << ' ' << each.verb.back();
+        std::set<std::string> names;
+        for (const json& grid : gridsOf("made.vdb")) names.insert(grid["name"]);
+        EXPECT_EQ(names, (std::set<std::string>{"Cd", "coverage", "height", "surface"}));
+        // All of it was seen: nothing is trimmed.
+        const json whole = json::parse(command({"info", "heights.ply", "--json"}).out);
+        command({"mesh", "made.vdb", "-o", "open.ply", "--holes", "open"});
+        const json open = json::parse(command({"info", "open.ply", "--json"}).out);
+        const auto areaOf = [](const json& of) {
+            return of["files"][0]["mesh"]["area"].get<double>();
+        };
+        EXPECT_GT(areaOf(open), 0.99 * areaOf(whole)) << each.verb[0] << ' ' << each.verb.back();
+    }
+}
+
+TEST_F(MeshVerbs, WhatWasMeasuredOfAnotherSurfaceIsLeftOut)
+{
+    command({"reconstruct", "ball.ply", "-o", "ball.vdb", "--voxels", "30"});
+    command({"analyze", "ball.vdb", "-o", "measured.vdb"});
+    const Ended moved =
+        command({"transform", "measured.vdb", "-o", "moved.vdb", "--scale", "2", "--with-voxels"});
+    EXPECT_NE(moved.err.find("'thickness' is of the surface as it was"), std::string::npos);
+    for (const json& grid : gridsOf("moved.vdb")) EXPECT_NE(grid["name"], "thickness");
+}
 
 TEST_F(MeshVerbs, ColorsGoFromThePointsToTheGridAndTheMeshes)
 {

@@ -5,6 +5,7 @@
 #include "uncleaned.h"
 
 #include <mpuvdb/mesh.h>
+#include <mpuvdb/operations.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <gtest/gtest.h>
@@ -227,6 +228,27 @@ MpuSettings settingsFor(const PointCloud& cloud, double voxelSize)
 
 // Thrown along the normals points are thinner outside: windows across a sphere of radius r see it
 // at r - 2 noise^2 / r. The rest of the bias must be small beside that.
+/// So few points that any ball about one holds much of the shape, which is no noise.
+TEST(Noise, OfAFewExactPointsIsNone)
+{
+    for (const std::size_t count : {30u, 40u, 50u}) {
+        PointCloud cloud;
+        for (std::size_t n = 0; n < count; ++n) { // a spiral from pole to pole
+            const double z = 1 - (2 * double(n) + 1) / double(count), r = std::sqrt(1 - z * z);
+            const double turn = double(n) * M_PI * (3 - std::sqrt(5.0));
+            cloud.normals.push_back(Vec3d(r * std::cos(turn), r * std::sin(turn), z).cast<float>());
+        }
+        cloud.positions = cloud.normals;
+        Interrupter progress;
+        EXPECT_LT(measure(cloud, &progress).noise, 1e-5) << count; // rounding
+        const auto made = reconstruct(PointInput(std::move(cloud)), {}, &progress);
+        // Flat between points, the volume is less by the spacing squared, to 15 %.
+        EXPECT_NEAR(measure(made.levelSet()).volume, 4.0 / 3 * M_PI * (1 - 5.0 / double(count)),
+                    0.15 * 4)
+            << count;
+    }
+}
+
 TEST(Noise, MovesNoSphere)
 {
     constexpr double kNoise = 0.06, kShift = 2 * kNoise * kNoise;

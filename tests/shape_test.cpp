@@ -269,22 +269,16 @@ struct Example {
 class Examples
 {
 public:
-    explicit Examples(unsigned seed) : mRandom(seed) {}
+    /// @param reach  largest coordinate of the leaves' centers: with much of it some lie apart.
+    Examples(unsigned seed, double reach) : mRandom(seed), mReach(reach) {}
 
+    /// An expression with so many leaves, or fewer with some of those made before it in it again.
     Example make(int nodes)
     {
-        if (nodes <= 1) return leaf();
-        const int left = 1 + int(uniform(0, nodes - 1));
-        const Example a = make(left), b = make(nodes - left);
-        const auto f = a.function, g = b.function;
-        switch (int(uniform(0, 3))) {
-        case 0:
-            return {a.shape | b.shape, [f, g](const Vec3d& p) { return std::min(f(p), g(p)); }};
-        case 1:
-            return {a.shape - b.shape, [f, g](const Vec3d& p) { return std::max(f(p), -g(p)); }};
-        default:
-            return {a.shape & b.shape, [f, g](const Vec3d& p) { return std::max(f(p), g(p)); }};
-        }
+        const bool isShared = !mMade.empty() && uniform(0, 4) < 1;
+        if (isShared) return mMade[std::size_t(uniform(0, double(mMade.size())))];
+        mMade.push_back(nodes <= 1 ? leaf() : combined(nodes));
+        return mMade.back();
     }
 
     double uniform(double low, double high)
@@ -299,12 +293,31 @@ public:
     }
 
 private:
+    Example combined(int nodes)
+    {
+        const int left = 1 + int(uniform(0, nodes - 1));
+        const Example a = make(left), b = make(nodes - left);
+        const auto f = a.function, g = b.function;
+        switch (int(uniform(0, 4))) {
+        case 0:
+            return {a.shape | b.shape, [f, g](const Vec3d& p) { return std::min(f(p), g(p)); }};
+        case 1:
+            return {a.shape - b.shape, [f, g](const Vec3d& p) { return std::max(f(p), -g(p)); }};
+        case 2:
+            return {(a.shape - b.shape) | (b.shape - a.shape), [f, g](const Vec3d& p) {
+                        return std::max(std::min(f(p), g(p)), -std::max(f(p), g(p)));
+                    }};
+        default:
+            return {a.shape & b.shape, [f, g](const Vec3d& p) { return std::max(f(p), g(p)); }};
+        }
+    }
+
     Example leaf()
     {
         static const char* const kSolids[] = {"sphere(0.7)", "box(1,0.8,1.2)", "torus(0.6,0.25)",
                                               "capsule(0.3,0.9)", "cylinder(0.5,1)"};
         const auto solid = parseSolid(kSolids[std::size_t(uniform(0, 5))]);
-        const Eigen::Affine3d motion = Eigen::Translation3d(place(0.5)) *
+        const Eigen::Affine3d motion = Eigen::Translation3d(place(mReach)) *
                                        Eigen::AngleAxisd(uniform(0, 3), place(1).normalized());
         const Eigen::Affine3d back = motion.inverse();
         return {Shape(makeSolidField(solid), "leaf").moved(motion),
@@ -312,22 +325,36 @@ private:
     }
 
     std::mt19937 mRandom;
+    double mReach;
+    std::vector<Example> mMade;
 };
+
+/// As xor is made: each operand is there twice, and asks for nothing of the other.
+TEST(Shape, SolidsThatLieApartStayWhereTheyAreShared)
+{
+    const Shape a = solid("box(1,1,1)"), b = movedBy(solid("box(1,1,1)"), {2, 0, 0}), c = a - b;
+    const ShapeSettings settings = voxels(0.05);
+    const double one = volume(evaluated(a, settings));
+    EXPECT_NEAR(volume(evaluated(c | (b - a), settings)), 2 * one, 1e-3);
+    EXPECT_NEAR(volume(evaluated(a | (b - a), settings)), 2 * one, 1e-3);
+    EXPECT_NEAR(volume(evaluated((c | (c | b)) - c, settings)), one, 1e-3);
+}
 
 TEST(Shape, RandomProgramsAgreeWithTheirFunctions)
 {
     const unsigned seed = 20261121;
     std::printf("seed %u\n", seed);
-    Examples examples(seed);
     const double h = 0.05;
-    for (int n = 0; n < 24; ++n) {
+    for (int n = 0; n < 48; ++n) {
+        const double reach = n % 2 == 0 ? 0.5 : 1.5;
+        Examples examples(seed + unsigned(n), reach);
         const Example example = examples.make(2 + n % 14);
         const LevelSet made = evaluated(example.shape, voxels(h));
         SCOPED_TRACE(fmt::format("program {}\n{}", n, example.shape.explain(voxels(h))));
         expectSound(made);
         int judged = 0;
         for (int k = 0; k < 2000; ++k) {
-            const Vec3d p = examples.place(1.2);
+            const Vec3d p = examples.place(0.7 + reach);
             const double exact = example.function(p);
             // Within a cell's diagonal of the surface the nearest voxel may lie on its other side.
             if (std::abs(exact) < std::sqrt(3.0) * h) continue;

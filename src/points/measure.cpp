@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace mpuvdb
 {
@@ -169,6 +170,23 @@ double robustNoise(const std::vector<Neighborhood>& neighborhoods, std::size_t k
     return std::sqrt(std::max(0.0, (growth * half * half - whole * whole) / (growth - 1)));
 }
 
+/// The standard deviation of positions by which points are off the arcs that their normals make
+/// with the nearest neighbors': the way from one point of an arc to another is perpendicular to the
+/// mean of the normals. Not less than the noise, where the normals know nothing of it.
+double arcNoise(const std::vector<Neighborhood>& neighborhoods)
+{
+    constexpr std::size_t kNearest = 4; // [derived: those of a lattice's point]
+    std::vector<double> off;
+    for (const Neighborhood& n : neighborhoods)
+        for (std::size_t i = 0; i < std::min(kNearest, n.neighbors.size()); ++i)
+            if (n.neighbors[i].normal.dot(n.normal) > 0)
+                off.push_back(std::abs(double((n.neighbors[i].position - n.center)
+                                                  .dot(n.neighbors[i].normal + n.normal))) /
+                              2);
+    if (off.empty()) return std::numeric_limits<double>::max();
+    return quantile(std::move(off), 0.5) / (-kLowerQuartile.deviations * std::sqrt(2.0));
+}
+
 double medianReach(const std::vector<Neighborhood>& neighborhoods)
 {
     std::vector<double> reach;
@@ -227,6 +245,9 @@ PointStatistics measure(const PointCloud& cloud, const PointIndex& index, Interr
     // The part of the points in a ball up to which it says whether they fill a solid. [tuned:
     // explained_test; larger parts are thick for the solid's own shape]
     constexpr std::size_t kOfWhole = 16;
+    // The part of the points in a ball from which on their arcs tell the noise, too. [derived: a
+    // quadratic is off a quarter of a sphere by an eightieth of its radius]
+    constexpr std::size_t kMuch = 4;
     PointStatistics result;
     const PointIndex* among = &index;
     std::shared_ptr<const PointIndex> sparse;
@@ -246,6 +267,9 @@ PointStatistics measure(const PointCloud& cloud, const PointIndex& index, Interr
         // What a quadratic lacks is cubic, what a line lacks quadratic.
         const std::size_t used = std::min(k, found);
         result.noise = robustNoise(neighborhoods, used, heightResidual, 8, progress);
+        // A quadratic lacks much of the shape in a ball that holds so much of it.
+        if (used * kMuch > index.size() && cloud.hasNormals())
+            result.noise = std::min(result.noise, arcNoise(neighborhoods));
         if (k == kFewest && cloud.hasNormals()) // known however thick the noise of the positions
             result.normalNoise = robustNoise(neighborhoods, used, normalResidual, 4, progress);
         const bool isThin = result.noise < kThin * medianReach(neighborhoods);

@@ -101,11 +101,14 @@ void ShapePlan::propagateRequests(double halfWidth)
             if (region.isEmpty()) continue;
             input.request.halfWidth = std::max(input.request.halfWidth, more.halfWidth);
             input.request.region.extend(region);
-            ++input.uses;
         }
     }
-    for (Task& task : mTasks)
-        if (task.isRequested()) task.area = task.node->area(task.request.region);
+    for (Task& task : mTasks) {
+        if (!task.isRequested()) continue;
+        task.area = task.node->area(task.request.region);
+        // One that asks for nothing of an input is given what others ask for, and is a use, too.
+        for (const std::size_t input : task.inputs) ++mTasks[input].uses;
+    }
 }
 
 std::uint64_t ShapePlan::Task::bytes() const

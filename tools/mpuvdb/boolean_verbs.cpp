@@ -1,5 +1,5 @@
 // mpuvdb union, intersection, difference, xor, clip: solids as one, or parts of one.
-#include "level_set_verb.h"
+#include "carried_grids.h"
 
 #include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/carried_attributes.h>
@@ -40,8 +40,14 @@ protected:
                 return grid->getName() == other->getName();
             });
         };
+        const auto isOperand = [&](const openvdb::GridBase::ConstPtr& other) {
+            return std::any_of(inputs.begin(), inputs.end(), [&](const GridInput& input) {
+                return input.file == inputs.front().file &&
+                       input.levelSet.grid().getName() == other->getName();
+            });
+        };
         for (const openvdb::GridBase::ConstPtr& other : inputs.front().others)
-            if (!isCarried(other)) grids.push_back(other);
+            if (!isCarried(other) && !isOperand(other)) grids.push_back(other);
         return grids;
     }
 };
@@ -187,17 +193,18 @@ protected:
     openvdb::GridCPtrVec gridsBeside(const LevelSet& made, const std::vector<GridInput>& inputs,
                                      Session& session) const override
     {
-        const openvdb::GridCPtrVec& others = inputs.front().others;
-        if (!mTool) return others;
+        if (!mTool) return LevelSetVerb::gridsBeside(made, inputs, session);
         openvdb::FloatGrid::ConstPtr own; // the solid's coverage
-        openvdb::GridCPtrVec grids;
-        for (const openvdb::GridBase::ConstPtr& other : others) {
+        GridInput solid = inputs.front();
+        const auto isCoverage = [&](const openvdb::GridBase::ConstPtr& other) {
             const auto floats = openvdb::gridConstPtrCast<openvdb::FloatGrid>(other);
-            if (floats && other->getName() == kCoverageName)
-                own = floats;
-            else
-                grids.push_back(other);
-        }
+            if (!floats || other->getName() != kCoverageName) return false;
+            own = floats;
+            return true;
+        };
+        solid.others.erase(std::remove_if(solid.others.begin(), solid.others.end(), isCoverage),
+                           solid.others.end());
+        openvdb::GridCPtrVec grids = carriedGrids(made, solid, {}, session);
         grids.push_back(
             sampleCoverage(made, *coverageOfCut(inputs.front().levelSet, *mTool, std::move(own)),
                            &session.progress()));

@@ -1,5 +1,7 @@
 #include "level_set_verb.h"
 
+#include "carried_grids.h"
+
 #include "memory_limit.h"
 #include "standard_output.h"
 
@@ -54,8 +56,8 @@ GridInput readGridInput(const std::string& text, const std::string& grid, Sessio
     }
     session.hold(there->levelSet.grid().memUsage());
     for (const auto& other : there->others) session.hold(other->memUsage());
-    const auto size = there->levelSet.grid().evalActiveVoxelDim().asVec3d();
-    const double diagonal = size.length() * there->levelSet.voxelSize();
+    const Box3d box = Shape(there->levelSet).bounds();
+    const double diagonal = box.isEmpty() ? 0 : box.diagonal().norm();
     return {file, std::move(there->levelSet), std::move(there->others), diagonal};
 }
 
@@ -117,10 +119,11 @@ void LevelSetVerb::addOptions(CLI::App& app)
     addOwnOptions(app);
 }
 
-openvdb::GridCPtrVec LevelSetVerb::gridsBeside(const LevelSet&,
-                                               const std::vector<GridInput>& inputs, Session&) const
+openvdb::GridCPtrVec LevelSetVerb::gridsBeside(const LevelSet& made,
+                                               const std::vector<GridInput>& inputs,
+                                               Session& session) const
 {
-    return inputs.front().others;
+    return carriedGrids(made, inputs.front(), mWayBack, session);
 }
 
 ExitCode LevelSetVerb::run(Session& session)

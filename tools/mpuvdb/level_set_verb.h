@@ -5,6 +5,9 @@
 
 #include <mpuvdb/shape.h>
 
+#include <functional>
+#include <vector>
+
 namespace mpuvdb::command
 {
 
@@ -13,7 +16,7 @@ struct GridInput {
     std::string file;
     LevelSet levelSet;
     openvdb::GridCPtrVec others;
-    double diagonal = 0; ///< of the box of its active voxels, world units
+    double diagonal = 0; ///< of the solid's box, world units
 
     /// @a length in world units.
     double resolve(const Length& length) const
@@ -47,7 +50,7 @@ ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
 openvdb::GridCPtrVec besides(openvdb::GridCPtrVec others, const std::string& name,
                              Session& session);
 
-/// Level sets in, one level set out; grids beside them pass through.
+/// Level sets in, one level set out; grids beside them are carried.
 class LevelSetVerb : public Verb
 {
 public:
@@ -65,9 +68,12 @@ protected:
     virtual std::vector<std::string> otherInputs() const { return {}; }
     /// What it makes; settings() becomes what the options came to.
     virtual LevelSet make(const std::vector<GridInput>& inputs, Session& session) = 0;
-    /// The grids to write beside what was made: by default the first file's other grids.
+    /// The grids to write beside what was made: by default those of carriedGrids().
     virtual openvdb::GridCPtrVec
     gridsBeside(const LevelSet& made, const std::vector<GridInput>& inputs, Session& session) const;
+    /// Where places of the result's surface were before, if they moved; set by make().
+    std::function<void(std::vector<Vec3d>& places)>& wayBack() { return mWayBack; }
+    const std::function<void(std::vector<Vec3d>& places)>& wayBack() const { return mWayBack; }
     /// Resolved settings, for the report and as metadata of the grid.
     Json& settings() { return mSettings; }
 
@@ -75,6 +81,7 @@ private:
     std::vector<std::string> mInputs;
     std::string mOutput, mGrid;
     Json mSettings = Json::object();
+    std::function<void(std::vector<Vec3d>& places)> mWayBack;
 };
 
 /// Declare --voxel-size, of the result of several level sets.

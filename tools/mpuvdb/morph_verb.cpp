@@ -1,5 +1,5 @@
 // mpuvdb morph: solids between two others, one frame or many.
-#include "level_set_verb.h"
+#include "carried_grids.h"
 
 #include <array>
 #include <fmt/format.h>
@@ -71,12 +71,13 @@ public:
         session.note(fmt::format("morph       at {:.4g}", t));
         const LevelSet made = Shape::morph(Shape(ends[0]), Shape(ends[1]), t, how())
                                   .evaluate(settingsLike(ends, session), &session.progress());
-        const ExitCode code = writeGridOutput(made, mOutput,
-                                              {{"mpuvdb:version", MPUVDB_VERSION},
-                                               {"mpuvdb:operation", "morph"},
-                                               {"mpuvdb:at", fmt::format("{}", t)},
-                                               {"mpuvdb:method", mMethod}},
-                                              inputs.front().others, session);
+        const ExitCode code =
+            writeGridOutput(made, mOutput,
+                            {{"mpuvdb:version", MPUVDB_VERSION},
+                             {"mpuvdb:operation", "morph"},
+                             {"mpuvdb:at", fmt::format("{}", t)},
+                             {"mpuvdb:method", mMethod}},
+                            carriedGrids(made, inputs.front(), {}, session), session);
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return code;

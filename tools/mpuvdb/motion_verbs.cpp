@@ -1,9 +1,13 @@
 // mpuvdb twist, bend, taper, transform, resample: a solid deformed, moved, or on other voxels.
 #include "level_set_verb.h"
 
+#include <mpuvdb/fields.h>
+
 #include <fmt/format.h>
 
 #include <cmath>
+#include <memory>
+#include <vector>
 
 namespace mpuvdb::command
 {
@@ -57,7 +61,24 @@ void requireNearAxis(const Box3d& box, const Axis& axis, double rate, double vox
                                  solid.where, growth, solid.cure));
 }
 
-class TwistVerb final : public LevelSetVerb
+/// A verb that deforms a solid.
+class WarpVerb : public LevelSetVerb
+{
+protected:
+    LevelSet warped(const LevelSet& solid, const std::shared_ptr<const Warp>& warp,
+                    Session& session)
+    {
+        wayBack() = [warp](std::vector<Vec3d>& places) {
+            const std::vector<Vec3d> there = places;
+            warp->inverses(there, places);
+        };
+        return Shape(solid)
+            .warped(warp, text().name)
+            .evaluate(settingsLike(solid, session), &session.progress());
+    }
+};
+
+class TwistVerb final : public WarpVerb
 {
 public:
     VerbText text() const override
@@ -102,8 +123,7 @@ protected:
         settings()["center"] = toJson(axis.origin);
         session.note(fmt::format("twist       {:.4g} degrees per unit", rate));
         requireNearAxis(shape.bounds(), axis, rate * kRadians, solid.voxelSize(), session);
-        return shape.warped(makeTwist(axis, rate * kRadians), "twist")
-            .evaluate(settingsLike(solid, session), &session.progress());
+        return warped(solid, makeTwist(axis, rate * kRadians), session);
     }
 
 private:
@@ -112,7 +132,7 @@ private:
 };
 
 /// The part of an axis that a deformation covers, and what its verbs have in common.
-class AlongAxisVerb : public LevelSetVerb
+class AlongAxisVerb : public WarpVerb
 {
 protected:
     void addAxisOptions(CLI::App& app)
@@ -201,9 +221,7 @@ protected:
         if (curvature != 0)
             session.note(fmt::format("bend        the axis becomes a circle of radius {:.4g}",
                                      std::abs(1 / curvature)));
-        return Shape(solid)
-            .warped(makeBend(part.axis, side, curvature, part.from, part.to), "bend")
-            .evaluate(settingsLike(solid, session), &session.progress());
+        return warped(solid, makeBend(part.axis, side, curvature, part.from, part.to), session);
     }
 
 private:
@@ -243,9 +261,7 @@ protected:
         const Part part = partOf(inputs.front(), session);
         settings()["start_factor"] = mStart;
         settings()["end_factor"] = mEnd;
-        return Shape(solid)
-            .warped(makeTaper(part.axis, part.from, part.to, mStart, mEnd), "taper")
-            .evaluate(settingsLike(solid, session), &session.progress());
+        return warped(solid, makeTaper(part.axis, part.from, part.to, mStart, mEnd), session);
     }
 
 private:
@@ -302,6 +318,9 @@ protected:
             requireVoxels(solid);
         }
         settings()["voxel_size"] = shape.voxelSize;
+        wayBack() = [back = motion.inverse()](std::vector<Vec3d>& places) {
+            for (Vec3d& p : places) p = back * p;
+        };
         return Shape(solid).moved(motion).evaluate(shape, &session.progress());
     }
 

@@ -1,0 +1,21 @@
+// The grids beside a level set, for what an operation makes of it.
+#pragma once
+#include "level_set_verb.h"
+
+#include <functional>
+#include <vector>
+
+namespace mpuvdb::command
+{
+
+/// Moves places of a result's surface to where they were before the operation; empty: they stayed.
+using WayBack = std::function<void(std::vector<Vec3d>& places)>;
+
+/// The grids of @a input for @a made. Attributes of the surface (colors, scalars, the coverage) are
+/// sampled anew: each place has those of the place of the old surface nearest to where it was. What
+/// analyze measured is left out, as it is no more so, and a warning says it; other grids go along
+/// as they are.
+openvdb::GridCPtrVec carriedGrids(const LevelSet& made, const GridInput& input,
+                                  const WayBack& wayBack, Session& session);
+
+} // namespace mpuvdb::command
