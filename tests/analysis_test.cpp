@@ -55,6 +55,17 @@ TEST(AnalysisTest, ThicknessIsThatOfTheWall)
     EXPECT_NEAR(at(0.3, -0.4, -0.2), 0.4, 0.02 * 0.4);
 }
 
+/// Where the surface goes through a voxel, the voxel's edges cross it in one place: a ball between
+/// two of these has no radius.
+TEST(AnalysisTest, ThicknessIsThatOfTheWallOnVoxels)
+{
+    const LevelSet ball = solidLevelSet("difference(sphere(1),sphere(0.8))", 0.05);
+    const auto thickness =
+        named<openvdb::FloatGrid>(analyze(ball, {false, false, true}), "thickness");
+    for (auto voxel = thickness->cbeginValueOn(); voxel; ++voxel)
+        ASSERT_NEAR(*voxel, 0.2, 0.05 * 0.2) << voxel.getCoord();
+}
+
 TEST(AnalysisTest, TheSameOnAnyThreads)
 {
     const LevelSet part = solidLevelSet("difference(box(2,2,1),cylinder(0.4,3))", 0.05);

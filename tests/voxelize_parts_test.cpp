@@ -445,6 +445,21 @@ TEST(MeshExplained, WallsThinnerThanAVoxelAreTold)
 
 // Rods and plates, alone and beside what is thick enough, at any angle; the voxel size that is
 // named would do.
+// Its faces lie on voxels, and no voxel is inside: all of it is missed, though voxels touch it.
+TEST(MeshExplained, WallsBetweenVoxelsAreToldWithWhatShowsThem)
+{
+    const Mesh plate = test::boxPart({0, 0, 0.03}, {64, 64, 0.99}); // as explained() has voxels
+    const MeshExplained e = explained(plate, 1);
+    EXPECT_EQ(e.partsOut, 0u);
+    EXPECT_EQ(e.missed, 1);
+    ASSERT_EQ(e.findings.size(), 1u);
+    const std::string& text = e.findings.front();
+    const std::string before = "Voxels of ";
+    const double named = std::stod(text.substr(text.rfind(before) + before.size()));
+    EXPECT_GT(named, 0.96 / 8) << text; // no smaller than they have to be, to a factor of eight
+    EXPECT_TRUE(explained(plate, named).findings.empty()) << text;
+}
+
 TEST(MeshExplained, ThinRodsAndPlatesAreTold)
 {
     Random random(11);

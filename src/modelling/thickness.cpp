@@ -149,7 +149,10 @@ private:
     {
         // [derived: the squared sine of half the angle of kNeighbors]
         constexpr float kSquaredSine = (1 - kNeighbors) / 2;
-        return height > 0 && height * height > kSquaredSine * squaredDistance;
+        // Voxels: edges that meet where the surface is cross it in one place, to rounding. [derived:
+        // a tenth of the thinnest wall that a level set has]
+        constexpr float kLeastHeight = 0.1f;
+        return height > kLeastHeight && height * height > kSquaredSine * squaredDistance;
     }
 
     void setRadius(float radius, const Vec3f& p, const Vec3f& n)

@@ -104,11 +104,20 @@ LevelSet levelSetOf(const py::array_t<float>& values, const Vec3d& origin, doubl
     const Values in = values.unchecked<3>();
     openvdb::tree::ValueAccessor<openvdb::FloatTree> accessor(grid->tree());
     const float background = grid->background();
+    bool isInside = false, isWithin = false; // some values, of the solid and of the band
     forEachVoxel(
         in, progress, [](float v) { return v <= 0; },
         [&](const openvdb::Coord& at, float v) {
-            if (std::abs(v) < background) accessor.setValue(at, v);
+            isInside = isInside || v <= 0;
+            if (!(std::abs(v) < background)) return;
+            isWithin = true;
+            accessor.setValue(at, v);
         });
+    if (isInside && !isWithin)
+        throw InputError(fmt::format("values: none is nearer to 0 than {:.4g}, the width of the "
+                                     "band: they are no distances. Give signed distances, world "
+                                     "units, or make a level set by isosurface()",
+                                     background));
     openvdb::tools::signedFloodFill(grid->tree());
     openvdb::tools::pruneLevelSet(grid->tree());
     return LevelSet(grid);

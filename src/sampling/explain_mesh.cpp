@@ -66,7 +66,8 @@ double thicknessAt(const TrianglePlace& place, const SolidBoundary& solid, doubl
 }
 
 /// Thickness of walls and gaps that voxels miss: the lower quartile of those at the places that are
-/// @a missed, else the least at all @a places. World units.
+/// @a missed, else what a hundredth of all @a places is thinner than: beside an edge, places are
+/// as near to another face as one likes. World units.
 double missedThickness(const std::vector<TrianglePlace>& places,
                        const std::vector<TrianglePlace>& missed, const SolidBoundary& solid,
                        double voxelSize)
@@ -77,8 +78,8 @@ double missedThickness(const std::vector<TrianglePlace>& places,
     for (std::size_t n = 0; n < some.size(); n += some.size() / kMaxPlaces + 1)
         found.push_back(thicknessAt(some[n], solid, voxelSize));
     if (found.empty()) return voxelSize; // triangles without area have no places
-    const auto at =
-        found.begin() + (missed.empty() ? std::ptrdiff_t(0) : std::ptrdiff_t(found.size() / 4));
+    const double share = missed.empty() ? kMaxMissed : 0.25;
+    const auto at = found.begin() + std::ptrdiff_t(share * double(found.size()));
     std::nth_element(found.begin(), at, found.end());
     return *at;
 }
@@ -139,9 +140,11 @@ MeshExplained explainMesh(const SolidBoundary& solid, const Vec3d& shift, const 
         return std::array<Vec3d, 3>{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>()};
     };
     if (solid.isEmpty()) return e; // of walls only
-    const std::vector<TrianglePlace> places = placesOn(solid.tree().size(), kPlaces, corners),
-                                     missed = missedPlaces(places, shift, levelSet, solid.sheets(),
-                                                           progress);
+    const std::vector<TrianglePlace> places = placesOn(solid.tree().size(), kPlaces, corners);
+    // Faces that lie on voxels are there, but bound nothing where nothing is inside.
+    const std::vector<TrianglePlace> missed =
+        counts.parts == 0 ? places
+                          : missedPlaces(places, shift, levelSet, solid.sheets(), progress);
     e.missed = double(missed.size()) / double(kPlaces);
     addFindings(e, places, missed, solid, h);
     return e;

@@ -66,9 +66,9 @@ Json toJson(const MeshExplained& explained)
     return json;
 }
 
-std::vector<std::string> repairText(const MeshRepair& repair)
+std::vector<std::string> repairText(const MeshExplained& explained)
 {
-    const MeshRepair& r = repair;
+    const MeshRepair& r = *explained.repair;
     std::vector<std::string> lines;
     if (r.dropped > 0)
         lines.push_back(fmt::format("{} triangles with vertices that are not finite, or not "
@@ -88,7 +88,7 @@ std::vector<std::string> repairText(const MeshRepair& repair)
     if (r.sheets > 0)
         lines.push_back(
             fmt::format("{} open surfaces of area {:.4g} were made walls", r.sheets, r.sheetsArea));
-    if (lines.empty()) lines.push_back("nothing was broken");
+    if (lines.empty() && explained.turned == 0) lines.push_back("nothing was broken");
     return lines;
 }
 

@@ -18,8 +18,9 @@ Json toJson(const MeshExplained& explained);
 /// The comparison in a line.
 std::string explainedText(const MeshExplained& explained);
 
-/// What was repaired, a line for each kind; "nothing" if there was none.
-std::vector<std::string> repairText(const MeshRepair& repair);
+/// What was repaired of a mesh that repair looked at, a line for each kind; "nothing" if it was
+/// sound.
+std::vector<std::string> repairText(const MeshExplained& explained);
 
 /// reconstruct()'s comparison of the level set with the points.
 Json toJson(const PointsExplained& explained);

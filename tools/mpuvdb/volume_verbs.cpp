@@ -321,7 +321,7 @@ public:
                                      "neighbors, and were turned",
                                      explained.turned));
         if (explained.repair)
-            for (const std::string& line : repairText(*explained.repair))
+            for (const std::string& line : repairText(explained))
                 session.note("repair      " + line);
         for (const std::string& finding : explained.findings)
             session.warn(fmt::format("{}: {}", mInput, finding));
