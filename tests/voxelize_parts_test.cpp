@@ -348,10 +348,11 @@ TEST(VoxelizeParts, FacesThatContradictTheirNeighborsAreTurned)
 
 // --- What came out, held against what came in
 
-MeshExplained explained(const Mesh& mesh, double voxelSize)
+MeshExplained explained(const Mesh& mesh, double voxelSize,
+                        const Vec3d& origin = Vec3d(0.01, 0.02, 0.03))
 {
     SampleSettings settings;
-    settings.lattice = {Vec3d(0.01, 0.02, 0.03), voxelSize};
+    settings.lattice = {origin, voxelSize};
     Interrupter progress;
     return std::get<MeshExplained>(voxelize(mesh, settings, &progress).explained()->by);
 }
@@ -448,8 +449,8 @@ TEST(MeshExplained, WallsThinnerThanAVoxelAreTold)
 // Its faces lie on voxels, and no voxel is inside: all of it is missed, though voxels touch it.
 TEST(MeshExplained, WallsBetweenVoxelsAreToldWithWhatShowsThem)
 {
-    const Mesh plate = test::boxPart({0, 0, 0.03}, {64, 64, 0.99}); // as explained() has voxels
-    const MeshExplained e = explained(plate, 1);
+    const Mesh plate = test::boxPart({0, 0, 0}, {64, 64, 0.96});
+    const MeshExplained e = explained(plate, 1, Vec3d::Zero());
     EXPECT_EQ(e.partsOut, 0u);
     EXPECT_EQ(e.missed, 1);
     ASSERT_EQ(e.findings.size(), 1u);
@@ -457,7 +458,7 @@ TEST(MeshExplained, WallsBetweenVoxelsAreToldWithWhatShowsThem)
     const std::string before = "Voxels of ";
     const double named = std::stod(text.substr(text.rfind(before) + before.size()));
     EXPECT_GT(named, 0.96 / 8) << text; // no smaller than they have to be, to a factor of eight
-    EXPECT_TRUE(explained(plate, named).findings.empty()) << text;
+    EXPECT_TRUE(explained(plate, named, Vec3d::Zero()).findings.empty()) << text;
 }
 
 TEST(MeshExplained, ThinRodsAndPlatesAreTold)

@@ -149,8 +149,8 @@ private:
     {
         // [derived: the squared sine of half the angle of kNeighbors]
         constexpr float kSquaredSine = (1 - kNeighbors) / 2;
-        // Voxels: edges that meet where the surface is cross it in one place, to rounding. [derived:
-        // a tenth of the thinnest wall that a level set has]
+        // Voxels: edges that meet where the surface is cross it in one place, to rounding.
+        // [derived: a tenth of the thinnest wall that a level set has]
         constexpr float kLeastHeight = 0.1f;
         return height > kLeastHeight && height * height > kSquaredSine * squaredDistance;
     }
