@@ -64,6 +64,27 @@ TEST(ContourNormals, AreRightHoweverFarApartTheLinesAre)
             }
 }
 
+/// At a waist neighbors are bent both ways, and half of them lie exactly on a contour's own plane,
+/// which is not the surface's.
+TEST(ContourNormals, OfAVase)
+{
+    for (const auto& [rings, points] :
+         {std::pair(20, 200), {15, 300}, {10, 200}, {10, 400}, {40, 100}})
+        for (const double turn : {0.0, 0.3, 1.0, 1.7}) { // of each ring against the one below
+            PointCloud cloud;
+            for (int i = 0; i < rings; ++i)
+                for (int k = 0; k < points; ++k) {
+                    const double z = 3 * (i + 0.5) / rings, r = 1 + 0.3 * std::sin(3 * z),
+                                 angle = 2 * M_PI * k / points + turn * i;
+                    const Vec3d out(std::cos(angle), std::sin(angle), 0);
+                    cloud.positions.push_back((r * out + Vec3d(0, 0, z)).cast<float>());
+                    cloud.normals.push_back(
+                        (out - Vec3d(0, 0, 0.9 * std::cos(3 * z))).normalized().cast<float>());
+                }
+            EXPECT_EQ(wrongOf(std::move(cloud)).side, 0) << rings << " rings, turn " << turn;
+        }
+}
+
 TEST(ContourNormals, ScanLinesOverAField)
 {
     const auto height = [](double x, double y) {
