@@ -72,11 +72,11 @@ public:
         session.report()["settings"] = {{"axis", std::string(1, "xyz"[mAxis])},
                                         {"heights", heights},
                                         {"meters_per_unit", mMetersPerUnit}};
-        if (extensionOf(mOutput) == ".png")
-            writeSlicePicture(mOutput, input.levelSet, {mAxis, onlyOf(heights)}, mPixels,
-                              &session.progress());
-        else
-            writeSvg(input.levelSet, heights, session);
+        const bool isMet = extensionOf(mOutput) == ".png"
+                               ? writePicture(input.levelSet, onlyOf(heights), session)
+                               : writeSvg(input.levelSet, heights, session);
+        if (!isMet)
+            session.warn("no slice meets the solid. Its box is printed by mpuvdb components");
         session.progress().endStage();
         session.note("time        " + session.timesText());
         const std::string missing = missingBand(input.levelSet, &session.progress());
@@ -123,7 +123,16 @@ private:
         return heights.front();
     }
 
-    void writeSvg(const LevelSet& levelSet, const std::vector<double>& heights, Session& session)
+    /// @return whether the slice meets the solid's box.
+    bool writePicture(const LevelSet& levelSet, double height, Session& session)
+    {
+        writeSlicePicture(mOutput, levelSet, {mAxis, height}, mPixels, &session.progress());
+        const Box3d box = Shape(levelSet).bounds();
+        return !box.isEmpty() && box.min()[mAxis] <= height && height <= box.max()[mAxis];
+    }
+
+    /// @return whether a slice meets the solid.
+    bool writeSvg(const LevelSet& levelSet, const std::vector<double>& heights, Session& session)
     {
         const std::vector<Slice> slices = slicesOf(levelSet, mAxis, heights, &session.progress());
         Json list = Json::array();
@@ -140,8 +149,7 @@ private:
                       &session.progress());
         session.note(
             fmt::format("slices      {} with {} contours: {}", slices.size(), contours, mOutput));
-        if (contours == 0)
-            session.warn("no slice meets the solid. Its box is printed by mpuvdb components");
+        return contours > 0;
     }
 
     std::string mInput, mOutput, mGrid;
