@@ -250,5 +250,45 @@ TEST_F(PlainColumns, ColorsOf16BitsAreToldFromNormals)
         read("s.xyz", "0 0 0 300 2 3 400 0.5\n1 2 3 400 5 6 700 0.5\n").cloud.colors.empty());
 }
 
+// In PTS an intensity stands before the color, though it is a number as colors are.
+TEST_F(PlainColumns, OfPtsHaveTheIntensityBeforeTheColor)
+{
+    const std::string count = std::to_string(kPoints) + "\n";
+    const auto with = [](const std::string& intensity, const std::string& behind) {
+        return ball(none, [=](int i) {
+            return Fields{intensity.empty() ? std::to_string(i % 256) : intensity, behind};
+        });
+    };
+    const auto expectColor = [&](const std::string& name, const std::string& text,
+                                 const PointCloud::Rgb& rgb, bool normals = false) {
+        SCOPED_TRACE(text.substr(0, text.find('\n')));
+        const PointInput input = read(name, text);
+        expectBall(input, "");
+        EXPECT_EQ(input.cloud.hasNormals(), normals);
+        ASSERT_EQ(input.cloud.colors.size(), std::size_t(kPoints));
+        for (const PointCloud::Rgb& color : input.cloud.colors) EXPECT_EQ(color, rgb);
+    };
+    for (const std::string& before : {std::string(), count})
+        for (const char* intensity : {"", "0", "255", "17", "0.5", "-1203"}) {
+            expectColor("a.pts", before + with(intensity, "10 20 30"), {10, 20, 30});
+            expectColor("A.PTS", before + with(intensity, "10 20 30 0 0 1"), {10, 20, 30}, true);
+            expectColor("f.pts", before + with(intensity, "0.2 0.4 1"), {51, 102, 255});
+            expectColor("w.pts", before + with(intensity, "257 0 65535"), {1, 0, 255});
+        }
+    // What is no color's order, or no PTS, is as its numbers say.
+    expectColor("n.pts", with("0", "0 1 10 20 30"), {10, 20, 30}, true);
+    expectColor("c.pts", with("10", "20 30"), {10, 20, 30});
+    expectColor("last.pts", with("10", "20 30 -700"), {10, 20, 30});
+    expectColor("wide.pts", with("10", "20 30 1023"), {10, 20, 30});
+    expectColor("a.xyz", with("10", "20 30 40"), {10, 20, 30});
+    expectColor("a.txt", count + with("10", "20 30 40"), {10, 20, 30});
+    const PointInput numbered = read("i.pts", ball([](int i) { return Fields{std::to_string(i)}; },
+                                                   [](int) {
+                                                       return Fields{"7", "10", "20", "30"};
+                                                   }));
+    expectBall(numbered, "column 1 numbers the rows");
+    EXPECT_EQ(numbered.cloud.colors.at(9), (PointCloud::Rgb{10, 20, 30}));
+}
+
 } // namespace
 } // namespace mpuvdb::test

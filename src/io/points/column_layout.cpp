@@ -31,13 +31,13 @@ void assign(ColumnLayout& layout, std::size_t first, Attribute attribute)
 
 } // namespace
 
-ColumnLayout layoutFromValues(const SampleRows& rows, std::size_t leading)
+ColumnLayout layoutFromValues(const SampleRows& rows, ColumnOrder order, std::size_t leading)
 {
     if (leading > 0) {
         SampleRows behind;
         for (const auto& row : rows)
             behind.emplace_back(row.begin() + std::ptrdiff_t(leading), row.end());
-        ColumnLayout layout = layoutFromValues(behind);
+        ColumnLayout layout = layoutFromValues(behind, order);
         layout.columns.insert(layout.columns.begin(), leading, Attribute::None);
         return layout;
     }
@@ -55,6 +55,16 @@ ColumnLayout layoutFromValues(const SampleRows& rows, std::size_t leading)
         return first + 3 <= columns && layout.columns[first] == Attribute::None &&
                layout.columns[first + 2] == Attribute::None;
     };
+    // What stands before normals or at the end.
+    const auto ends = [&](std::size_t last) {
+        return last == columns || layout.columns[last] == Attribute::NormalX;
+    };
+    // An intensity may be such a number as colors are.
+    if (order == ColumnOrder::IntensityFirst && isFree(4) && ends(7) &&
+        (areWhole(rows, 4, 255) || areFractions(rows, 4))) {
+        assign(layout, 4, Attribute::Red);
+        return layout;
+    }
     for (const std::size_t first : {std::size_t(3), std::size_t(4), std::size_t(6)})
         if (isFree(first) && areWhole(rows, first, 255)) {
             assign(layout, first, Attribute::Red);
@@ -62,9 +72,6 @@ ColumnLayout layoutFromValues(const SampleRows& rows, std::size_t leading)
         }
     // Numbers of 16 bits may be something else: a color stands before normals or at the end, where
     // an intensity would make three numbers before the last one look like it.
-    const auto ends = [&](std::size_t last) {
-        return last == columns || layout.columns[last] == Attribute::NormalX;
-    };
     for (const std::size_t first : {std::size_t(3), std::size_t(4), std::size_t(6)})
         if (isFree(first) && ends(first + 3) && areWhole(rows, first, 65535)) {
             assign(layout, first, Attribute::Red);

@@ -11,11 +11,17 @@ struct ColumnLayout {
     std::vector<std::string> names; ///< of the columns, or none
 };
 
+/// What a file's format says of columns without names.
+enum class ColumnOrder : std::uint8_t {
+    Free,           ///< nothing
+    IntensityFirst, ///< of the four behind a position the first is the intensity of a color
+};
+
 /// The layout by the values of some rows, all of the same length of at least three: positions
 /// first, behind @a leading columns without a meaning; then triples of unit length are normals,
 /// triples of whole numbers in [0,255] colors, and so are those in [0,65535] at the end or before
 /// normals.
-ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows,
+ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows, ColumnOrder order,
                               std::size_t leading = 0);
 
 } // namespace mpuvdb

@@ -51,8 +51,9 @@ bool isTag(std::string_view word)
 class ColumnReader
 {
 public:
-    ColumnReader(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
-        : mSource(source), mScalars(scalars), mProgress(progress)
+    ColumnReader(const ByteSource& source, ColumnOrder order, const ScalarNames& scalars,
+                 Interrupter& progress)
+        : mSource(source), mOrder(order), mScalars(scalars), mProgress(progress)
     {
     }
 
@@ -223,7 +224,7 @@ private:
         if (mBegin.layout.columns.size() != columns) {
             refuseOtherColumns(columns);
             const bool named = !mBegin.layout.columns.empty(); // x, y and z the first
-            mBegin.layout = layoutFromValues(sample, named ? 0 : leadingColumns(sample));
+            mBegin.layout = layoutFromValues(sample, mOrder, named ? 0 : leadingColumns(sample));
         }
         mBegin.has = AttributeSet(mBegin.layout.columns);
         mBegin.has.colors = mBegin.has.colors && !mBegin.has.packedRgb;
@@ -360,6 +361,7 @@ private:
     }
 
     const ByteSource& mSource;
+    const ColumnOrder mOrder;
     const ScalarNames& mScalars;
     Interrupter& mProgress;
     Preamble mBegin;
@@ -369,7 +371,12 @@ private:
 
 FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
 {
-    return ColumnReader(source, scalars, progress).read();
+    return ColumnReader(source, ColumnOrder::Free, scalars, progress).read();
+}
+
+FilePoints readPts(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress)
+{
+    return ColumnReader(source, ColumnOrder::IntensityFirst, scalars, progress).read();
 }
 
 } // namespace mpuvdb

@@ -44,7 +44,7 @@ Reader readerByExtension(const std::string& extension)
         {".ply", readPly},        {".obj", readObj},     {".off", readOff},
         {".stl", readStl},        {".pcd", readPcd},     {".las", readLas},
         {".ptx", readPtx},        {".xyz", readColumns}, {".xyzn", readColumns},
-        {".xyzrgb", readColumns}, {".pts", readColumns}, {".pwn", readColumns},
+        {".xyzrgb", readColumns}, {".pts", readPts},     {".pwn", readColumns},
         {".txt", readColumns},    {".csv", readColumns}, {".asc", readColumns},
         {".tsv", readColumns},
     };

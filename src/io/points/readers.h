@@ -9,8 +9,10 @@ namespace mpuvdb
 {
 
 FilePoints readPly(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
-/// XYZ, PTS, PWN, TXT, CSV: numbers in columns, whose meaning follows from names or values.
+/// XYZ, PWN, TXT, CSV: numbers in columns, whose meaning follows from names or values.
 FilePoints readColumns(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
+/// PTS: such columns, with an intensity before a color.
+FilePoints readPts(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readPtx(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readObj(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
 FilePoints readOff(const ByteSource& source, const ScalarNames& scalars, Interrupter& progress);
