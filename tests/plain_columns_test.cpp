@@ -250,6 +250,50 @@ TEST_F(PlainColumns, ColorsOf16BitsAreToldFromNormals)
         read("s.xyz", "0 0 0 300 2 3 400 0.5\n1 2 3 400 5 6 700 0.5\n").cloud.colors.empty());
 }
 
+// Fractions are colors where positions and normals leave nothing else.
+TEST_F(PlainColumns, OfFractionsAreColorsBesideNormals)
+{
+    const auto color = [](int i) { return concat("0.2 0.4 ", i % 2 ? "1" : "0.6"); };
+    const auto normal = [](int i) { return i % 2 ? "0 0 1" : "0 -0.6 0.8"; };
+    const auto rows = [&](const auto& behind) {
+        return ball(none, [&](int i) { return Fields{behind(i)}; });
+    };
+    const auto expectBoth = [&](const std::string& text, const std::string& note = "") {
+        SCOPED_TRACE(text.substr(0, text.find('\n')));
+        const PointInput input = read("a.xyz", text);
+        expectBall(input, note);
+        ASSERT_TRUE(input.cloud.hasNormals());
+        ASSERT_EQ(input.cloud.colors.size(), std::size_t(kPoints));
+        for (std::size_t i = 0; i < std::size_t(kPoints); ++i) {
+            const bool odd = i % 2 == 1;
+            const Vec3f expected = odd ? Vec3f(0, 0, 1) : Vec3f(0, -0.6f, 0.8f);
+            EXPECT_LT((input.cloud.normals[i] - expected).norm(), 1e-6f);
+            EXPECT_EQ(input.cloud.colors[i],
+                      (PointCloud::Rgb{51, 102, std::uint8_t(odd ? 255 : 153)}));
+        }
+    };
+    const auto after = rows([&](int i) { return concat(normal(i), " ", color(i)); });
+    expectBoth(after);
+    expectBoth(rows([&](int i) { return concat(color(i), " ", normal(i)); }));
+    expectBoth(std::to_string(kPoints) + "\n" + after);
+    expectBoth(ball([](int i) { return Fields{std::to_string(i)}; },
+                    [&](int i) { return Fields{concat(normal(i), " ", color(i))}; }),
+               "column 1 numbers the rows");
+    // Three fractions of several, numbers beyond 1, or beside no normals are no colors.
+    const auto expectNone = [&](const std::string& behind, bool normals) {
+        SCOPED_TRACE(behind);
+        const PointInput input = read("b.xyz", rows([&](int) { return behind; }));
+        expectBall(input, "");
+        EXPECT_TRUE(input.cloud.colors.empty());
+        EXPECT_EQ(input.cloud.hasNormals(), normals);
+    };
+    for (const char* behind : {" 0.2 0.4 0.6 0.5", " 0.2 0.4", " 0.2 0.4 1.5", " -0.2 0.4 0.5"})
+        expectNone(concat("0 0 1", behind), true);
+    expectNone("0.2 0.4 0.6 0.2 0.4 0.6", false);
+    expectNone("3.5 4.5 5.5 0.2 0.4 0.6", false);
+    expectNone("0.2 0.4 0.6 3.5 4.5 5.5", false);
+}
+
 // In PTS an intensity stands before the color, though it is a number as colors are.
 TEST_F(PlainColumns, OfPtsHaveTheIntensityBeforeTheColor)
 {

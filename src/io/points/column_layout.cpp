@@ -81,6 +81,12 @@ ColumnLayout layoutFromValues(const SampleRows& rows, ColumnOrder order, std::si
     if (columns == 6 && isFree(3)) {
         assign(layout, 3, areFractions(rows, 3) ? Attribute::Red : Attribute::NormalX);
     }
+    // Fractions may be anything: they are colors where they are all that positions and normals
+    // leave.
+    if (columns == 9 && isFree(3) != isFree(6)) {
+        const std::size_t left = isFree(3) ? 3 : 6;
+        if (areFractions(rows, left)) assign(layout, left, Attribute::Red);
+    }
     return layout;
 }
 

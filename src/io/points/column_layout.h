@@ -20,7 +20,7 @@ enum class ColumnOrder : std::uint8_t {
 /// The layout by the values of some rows, all of the same length of at least three: positions
 /// first, behind @a leading columns without a meaning; then triples of unit length are normals,
 /// triples of whole numbers in [0,255] colors, and so are those in [0,65535] at the end or before
-/// normals.
+/// normals, and fractions where nothing else is left beside positions and normals.
 ColumnLayout layoutFromValues(const std::vector<std::vector<double>>& rows, ColumnOrder order,
                               std::size_t leading = 0);
 
