@@ -112,6 +112,50 @@ TEST_F(PlainColumns, OfRastersMayBeNumbered)
     EXPECT_NE(input.notes[0].find("column 1 numbers the rows"), std::string::npos);
 }
 
+// A box's points face by face: x is constant for longer than what is looked at first.
+TEST_F(PlainColumns, OfFlatFacesMayBeNumbered)
+{
+    const auto box = [](int face, const Vec3d& corner, const auto& before) {
+        std::string text;
+        for (int i = 0; i < 3 * face; ++i) {
+            const double u = std::fmod(0.6180339 * i, 1), v = std::fmod(0.7548776 * i, 1);
+            const Vec3d p = corner + (i < face       ? Vec3d(0, u, v)
+                                      : i < 2 * face ? Vec3d(1, u, v)
+                                                     : Vec3d(u, 0, v));
+            text += concat(before(i), " ", std::to_string(p.x()), " ", std::to_string(p.y()), " ",
+                           std::to_string(p.z()), "\n");
+        }
+        return text;
+    };
+    const auto from = [](int first, int step) {
+        return [=](int i) { return std::to_string(first + step * i); };
+    };
+    const auto expectBox = [&](int face, const Vec3d& corner, const auto& before) {
+        SCOPED_TRACE(concat(std::to_string(face), " from ", before(0)));
+        const PointInput input = read("a.xyz", box(face, corner, before));
+        ASSERT_EQ(input.cloud.size(), std::size_t(3 * face));
+        for (std::size_t i = 0; i < std::size_t(face); ++i)
+            ASSERT_NEAR(input.cloud.world(i).x(), corner.x(), 1e-5);
+        ASSERT_FALSE(input.notes.empty());
+        EXPECT_NE(input.notes[0].find("column 1 numbers the rows"), std::string::npos);
+    };
+    const Vec3d whole(0, 0, 0), half(-0.5, -0.5, -0.5);
+    for (const int face : {400, 1500, 20000, 70000}) { // the last longer than a raster's line
+        expectBox(face, whole, from(0, 1));
+        expectBox(face, half, from(1, 1));
+        expectBox(face, half, from(1000, 10));
+    }
+    // x steps evenly for long.
+    std::string lines;
+    for (int i = 0; i < 6000; ++i)
+        lines += concat(std::to_string(i), " ", std::to_string(0.001 * (i % 2000)), " ",
+                        std::to_string(i / 2000), " ", std::to_string(std::sin(0.01 * i)), "\n");
+    EXPECT_NEAR(read("b.xyz", lines).cloud.world(1000).x(), 1, 1e-5);
+    // What may be a time is refused as it is where x varies at once.
+    const auto even = [](int i) { return std::to_string(0.01 * i); };
+    EXPECT_NE(error("t.xyz", box(1500, half, even)).find("column 1 rises"), std::string::npos);
+}
+
 // Millimeters beside numbers, which are as whole as they are.
 TEST_F(PlainColumns, OfWholeCoordinatesMayBeNumbered)
 {

@@ -19,9 +19,6 @@ namespace
 
 /// The rows whose values decide the meaning of columns. [tuned: io_read_test]
 constexpr std::size_t kSampleRows = 1000;
-/// Rows in which a column rises that numbers or times them. [derived: rows of a raster, along which
-/// x rises, have fewer than 65536 columns]
-constexpr std::size_t kRisingRows = 1 << 16;
 
 // The header of the file.
 struct Preamble {
@@ -236,6 +233,9 @@ private:
     {
         for (std::size_t column = 0;; ++column) {
             Leading meaning = leadingColumn(sample, column);
+            if (meaning == Leading::Coordinate && sample.size() == kSampleRows &&
+                mayBeRasterLine(sample, column))
+                meaning = leadingColumn(firstRows(kRisingRows), column);
             if (meaning != Leading::Coordinate && !risesOn(column))
                 meaning = leadingIfItFalls(meaning);
             if (meaning == Leading::Unclear)
@@ -254,6 +254,19 @@ private:
                 fmt::format("{}column {} {} the rows", column == 0 ? "" : ", ", column + 1,
                             meaning == Leading::Time ? "times" : "numbers");
         }
+    }
+
+    /// The first rows, at most @a most, that are as long as the first.
+    std::vector<std::vector<double>> firstRows(std::size_t most)
+    {
+        LineReader lines = LineReader::ofTable(mSource);
+        std::vector<std::vector<double>> rows;
+        std::string_view line;
+        while (rows.size() < most && lines.next(line)) {
+            if ((lines.line() & 0xfff) == 0) mProgress.check();
+            if (!LineScanner(line).atEndOrComment()) takeSample(line, lines.line(), rows);
+        }
+        return rows;
     }
 
     /// Whether a column rises in all of the first rows.

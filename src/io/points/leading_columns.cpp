@@ -49,6 +49,16 @@ bool areMostlyBroken(const SampleRows& rows, std::size_t column)
     return 2 * count(rows, column, isWhole) < rows.size();
 }
 
+bool isConstant(const SampleRows& rows, std::size_t column)
+{
+    return always(rows, column, [](double a, double b) { return a == b; });
+}
+
+bool rises(const SampleRows& rows, std::size_t column)
+{
+    return always(rows, column, [](double a, double b) { return a < b; });
+}
+
 bool riseAndFall(const SampleRows& rows, std::size_t column)
 {
     return !always(rows, column, [](double a, double b) { return a <= b; }) &&
@@ -88,19 +98,19 @@ bool areColors(const SampleRows& rows, std::size_t column)
 
 /// Whether whole numbers that rise are no coordinate: they count from 0 or 1, or those beside them
 /// have fractions, which all coordinates have or none. Along a line of a raster that lies straight,
-/// y is constant; of one that lies askew, y has even steps, and z is behind it.
+/// y is constant; of one that lies askew, y has even steps, and z is behind it. A flat
+/// face may have x constant for longer than any line.
 bool areNumbers(const SampleRows& rows, std::size_t column)
 {
-    const auto isConstant = [&](std::size_t c) {
-        return always(rows, c, [](double a, double b) { return a == b; });
-    };
-    if (!areWhole(rows, column) || isConstant(column + 1)) return false;
+    const bool liesStraight = isConstant(rows, column + 1);
+    if (!areWhole(rows, column) || (liesStraight && rows.size() < kRisingRows)) return false;
     const double first = rows.front()[column];
     const bool counts = (first == 0 || first == 1) &&
                         always(rows, column, [](double a, double b) { return b == a + 1; });
     const bool isEven = haveEvenSteps(rows, column + 1);
-    return (counts && !(isEven && !isConstant(column + 2))) ||
-           (!isEven && areMostlyBroken(rows, column + 1) && areMostlyBroken(rows, column + 2));
+    return (counts && !(isEven && !isConstant(rows, column + 2))) ||
+           (!isEven && (liesStraight || areMostlyBroken(rows, column + 1)) &&
+            areMostlyBroken(rows, column + 2));
 }
 
 } // namespace
@@ -115,9 +125,7 @@ Leading leadingColumn(const SampleRows& rows, std::size_t column)
         return Leading::Coordinate;
     const double ratio = ratioToOthers(rows, column);
     if (rows.front()[column] >= kLeastTime && ratio >= kTimeRatio) return Leading::Time;
-    if (!always(rows, column, [](double a, double b) { return a < b; }) ||
-        areUnit(rows, column + 3))
-        return Leading::Coordinate;
+    if (!rises(rows, column) || areUnit(rows, column + 3)) return Leading::Coordinate;
     if (areNumbers(rows, column)) return Leading::Number;
     // An intensity in whole numbers makes the three before it a position, and so does a color.
     const bool areAttributes = areColors(rows, column + 3) ||
@@ -127,6 +135,12 @@ Leading leadingColumn(const SampleRows& rows, std::size_t column)
                             riseAndFall(rows, column + 3);
     const bool mayBeTime = haveEvenSteps(rows, column) || ratio >= kFarRatio;
     return othersTurn && mayBeTime && !areAttributes ? Leading::Unclear : Leading::Coordinate;
+}
+
+bool mayBeRasterLine(const SampleRows& rows, std::size_t column)
+{
+    if (rows.front().size() < column + 4 || !rises(rows, column)) return false;
+    return isConstant(rows, column + 1) || haveEvenSteps(rows, column + 1);
 }
 
 Leading leadingIfItFalls(Leading seemed)

@@ -15,9 +15,17 @@ enum class Leading : std::uint8_t {
     Unclear     ///< it may be x, or number or time the rows
 };
 
+/// Rows in which a column rises that numbers or times them. [derived: rows of a raster, along which
+/// x rises, have fewer than 65536 columns]
+constexpr std::size_t kRisingRows = 1 << 16;
+
 /// What column @a column of some @a rows is, all of the same length, if no column before it is a
 /// coordinate. Three columns alone are always x, y and z.
 Leading leadingColumn(const std::vector<std::vector<double>>& rows, std::size_t column);
+
+/// Whether @a rows may be a part of a raster's line, along which @a column rises and the next one
+/// lies straight, so that only the rows behind them tell numbers from coordinates.
+bool mayBeRasterLine(const std::vector<std::vector<double>>& rows, std::size_t column);
 
 /// What a column that seemed to be @a seemed is where it does not rise in the rows that follow.
 Leading leadingIfItFalls(Leading seemed);
