@@ -167,6 +167,39 @@ TEST_F(ColumnNamesTest, AreNoneInProse)
         }
 }
 
+// Comments of other marks than # and //, as they stand before names and rows, and between rows.
+TEST_F(ColumnNamesTest, MayFollowCommentsOfAnyMark)
+{
+    for (const std::string mark : {";", ";;", "; ", " ;", "%", "!", "% ", "#"})
+        for (const char* said :
+             {"a", "a scan of mine", "made by me", "12 points", "2024-05-01", "p 1 2 3",
+              "made by A; in meters", "x right, y ahead and z up", "---;---;---;"}) {
+            const std::string comment = concat(mark, said, "\n");
+            expectPosition(comment + rows(3, " "));
+            expectPosition(concat(comment, mark, "\n", comment, comment, rows(3, ",")));
+            expectPosition(comment + rows(3, ";"));
+            expectPosition(concat(comment, "9\n", rows(3, " ")));
+            expectPosition(concat(comment, "x;y;z\n", rows(3, ";")));
+            const bool isName = mark[0] == '%' || mark[0] == '!'; // in the first column
+            expectPosition(concat(comment, "id,x,y,z\n", isName ? "" : comment, rows(4, ",")));
+            const std::string some = rows(4, "\t");
+            const std::size_t half = some.find('\n') + 1;
+            expectPosition(concat("id x y z\n", some.substr(0, half), comment, some.substr(half)));
+        }
+    // Names in a comment, before others.
+    expectPosition("; intensity x y z\n; made by me\n" + rows(4, " "));
+    expectPosition("% made by me\n% intensity x y z\n" + rows(4, " "));
+    expectRefused("; made by me\n; time range intensity angle\n" + rows(4, " "), "intensity");
+    // A ';' that separates fields, the first of which are empty.
+    const auto count = [&](const std::string& text) { return read("b.csv", text).cloud.size(); };
+    EXPECT_EQ(count(";x;y;z\np1;1;2;3\n;4;5;6\n"), 2u);
+    EXPECT_EQ(count("name;x;y;z;note\n;1;2;3;a\n;4;5;6;b\n"), 2u);
+    EXPECT_EQ(count("; made by me\nname;x;y;z;note\n;1;2;3;a\n;4;5;6;b\n"), 2u);
+    EXPECT_EQ(count("name,x,y,z\n%a,1,2,3\n!b,4,5,6\n"), 2u);
+    EXPECT_EQ(count(";1;2;3\n;4;5;6\n"), 2u);
+    EXPECT_NE(error("c.csv", "1;2;3\n;b;6\n").find("line 2"), std::string::npos);
+}
+
 TEST_F(ColumnNamesTest, OfTheCasesAreRefusedOrTaken)
 {
     MPUVDB_CASE(lvis, "T16-lvis-header.txt");

@@ -32,7 +32,8 @@ struct Preamble {
     ColumnNames comment;        ///< before the first row, the last one of words
     ColumnNames words;          ///< a first line of words, none of them a position
     std::string wordLine, firstRow;
-    std::string leading; ///< a note about the columns before x; empty: there are none
+    std::uint64_t rowLine = 0; ///< number of the first row's line; 0: it is not known yet
+    std::string leading;       ///< a note about the columns before x; empty: there are none
 };
 
 struct Rows {
@@ -95,12 +96,11 @@ private:
         std::string_view line;
         bool first = true;
         while (sample.size() < kSampleRows && lines.next(line)) {
-            LineScanner scan(line);
-            if (scan.atEndOrComment()) {
-                if (sample.empty()) readComment(line, lines.line());
+            if (isComment(line, lines.line())) {
+                if (sample.empty() && mBegin.nameLine == 0) readComment(line, lines.line());
                 continue;
             }
-            LineScanner ahead = scan;
+            LineScanner ahead(line);
             const bool tagged = isTag(ahead.word()) && (first || mBegin.tagged);
             if (first && readFirstLine(line, lines.line())) {
                 first = false;
@@ -113,7 +113,35 @@ private:
         chooseLayout(sample);
     }
 
-    // Reads a comment: some programs write names as one.
+    /// Whether a line is a comment. One of ';', '%' or '!' goes on with something else than a row
+    /// of numbers, and is no list of names; where rows may begin with it, it stands before them.
+    bool isComment(std::string_view line, std::uint64_t number) const
+    {
+        LineScanner scan(line);
+        if (scan.atEndOrComment()) return true;
+        const char mark = line[line.find_first_not_of(" \t")];
+        if (mark != ';' && mark != '%' && mark != '!') return false;
+        const std::uint64_t table = mBegin.nameLine > 0 ? mBegin.nameLine : mBegin.rowLine;
+        const bool rowsMayBeginSo =
+            mark == ';' ? mBegin.separator == ';' || mBegin.firstRow.find(';') != std::string::npos
+                        : mBegin.separator != 0;
+        if (table > 0 && number > table && rowsMayBeginSo) return false;
+        double value = 0;
+        while (!scan.atEndOrComment())
+            if (!scan.number(value)) return !listsPositions(line);
+        return false;
+    }
+
+    /// Whether a line is a list of names, positions among them, which something else than blanks
+    /// parts.
+    bool listsPositions(std::string_view line) const
+    {
+        const ColumnNames list = columnNames(line, 0);
+        return list.separator != ' ' &&
+               layoutFromNames(line, mScalars).columns.size() == list.names.size();
+    }
+
+    // Reads a comment before the rows: some programs write names as one.
     void readComment(std::string_view line, std::uint64_t number)
     {
         const ColumnLayout named = layoutFromNames(line, mScalars);
@@ -152,7 +180,11 @@ private:
         LineScanner scan(line);
         if (mBegin.tagged && scan.word() != "p") return;
         std::vector<double> row;
-        if (sample.empty()) mBegin.separator = separatorOfFields(line);
+        if (sample.empty()) {
+            mBegin.separator = separatorOfFields(line);
+            mBegin.firstRow = line;
+            mBegin.rowLine = number;
+        }
         if (mBegin.separator) {
             parseFields(line, number, [&](std::size_t, double value) { row.push_back(value); });
             sample.push_back(std::move(row));
@@ -165,7 +197,6 @@ private:
         }
         if (row.size() == 1 && mBegin.hasCount) return;
         if (row.size() < 3) throwBad(number, line, "has fewer than three numbers");
-        if (sample.empty()) mBegin.firstRow = line;
         if (sample.empty() || row.size() == sample.front().size()) sample.push_back(std::move(row));
     }
 
@@ -264,7 +295,7 @@ private:
         std::string_view line;
         while (rows.size() < most && lines.next(line)) {
             if ((lines.line() & 0xfff) == 0) mProgress.check();
-            if (!LineScanner(line).atEndOrComment()) takeSample(line, lines.line(), rows);
+            if (!isComment(line, lines.line())) takeSample(line, lines.line(), rows);
         }
         return rows;
     }
@@ -278,7 +309,7 @@ private:
         for (std::size_t rows = 0; rows < kRisingRows && lines.next(line);) {
             if ((lines.line() & 0xfff) == 0) mProgress.check();
             LineScanner scan(line);
-            if (scan.atEndOrComment() || (mBegin.tagged && scan.word() != "p")) continue;
+            if (isComment(line, lines.line()) || (mBegin.tagged && scan.word() != "p")) continue;
             double value = 0;
             std::size_t read = 0;
             while (read <= column && scan.number(value)) ++read;
@@ -314,7 +345,7 @@ private:
     void parseLine(std::string_view line, std::uint64_t number, Rows& rows) const
     {
         LineScanner scan(line);
-        if (scan.atEndOrComment() || number == mBegin.nameLine) return;
+        if (number == mBegin.nameLine || isComment(line, number)) return;
         if (mBegin.tagged && scan.word() != "p") return;
         RowValues row{};
         if (mBegin.separator) {
