@@ -203,6 +203,38 @@ TEST_F(IoTest, ColumnsOfTextBesideNamedOnes)
               std::string::npos);
 }
 
+// Every value in quotes, as programs for tables write them, or some.
+TEST_F(IoTest, ColumnsOfTextMayStandInQuotes)
+{
+    for (const char* const separator : {",", ";", "\t", " ", ", "})
+        for (const char* const header : {"", "# made by me\n", "\"x\",\"y\",\"z\"\n", "2\n"}) {
+            std::string all = header, some = header;
+            for (int i = 0; i < 2; ++i) {
+                const std::string x = std::to_string(i), quoted = "\"" + x + ".5\"";
+                all += concat(quoted, separator, "\"-2.5e1\"", separator, "\" 3.25 \"\r\n");
+                some += concat(x, ".5", separator, "\"-25\"", separator, "3.25\n");
+            }
+            for (const std::string& text : {all, some}) {
+                SCOPED_TRACE(text);
+                const PointCloud cloud = read("quoted.csv", text).cloud;
+                ASSERT_EQ(cloud.size(), 2u);
+                for (std::size_t i = 0; i < 2; ++i)
+                    expectWorld(cloud, i, Vec3d(double(i) + 0.5, -25, 3.25));
+            }
+        }
+    const PointCloud colored = read("c.csv", "\"0.5\",\"1\",\"2\",\"10\",\"20\",\"30\"\n"
+                                             "\"1.5\",\"1\",\"2\",\"40\",\"50\",\"60\"\n")
+                                   .cloud;
+    EXPECT_EQ(colored.colors.at(1), (Rgb{40, 50, 60}));
+    // What is missing, is several numbers, or has one quote only is no number.
+    for (const char* const second : {"\"\"", "\"1 500\"", "\"1,5,3\"", "\"1.5", "\"a\"", "1\"5"})
+        EXPECT_NE(error("bad.csv", concat("\"1.5\",\"2.5\",\"3.5\",\"7\"\n\"1.5\",", second,
+                                          ",\"3.5\",\"7\"\n"))
+                      .find("line 2"),
+                  std::string::npos)
+            << second;
+}
+
 TEST_F(IoTest, PlyListsInsideVerticesAreSkipped)
 {
     const std::string properties =

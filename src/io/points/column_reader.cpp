@@ -46,6 +46,23 @@ bool isTag(std::string_view word)
     return word.size() == 1 && word.front() >= 'a' && word.front() <= 'z';
 }
 
+/// Reader of the values of @a row without the quotes around each of them, for which @a unquoted is
+/// the room; with them where more than one number or word is within.
+LineScanner scanRow(std::string_view row, std::string& unquoted)
+{
+    if (row.find('"') == std::string_view::npos) return LineScanner(row);
+    unquoted = row;
+    for (;;) {
+        const std::size_t open = unquoted.find('"');
+        if (open == std::string::npos) return LineScanner(unquoted);
+        const std::size_t close = std::min(unquoted.find('"', open + 1), unquoted.size());
+        LineScanner inside(std::string_view(unquoted).substr(open + 1, close - open - 1));
+        if (close == unquoted.size() || inside.word().empty() || !inside.atEnd())
+            return LineScanner(row);
+        unquoted[open] = unquoted[close] = ' ';
+    }
+}
+
 class ColumnReader
 {
 public:
@@ -117,8 +134,7 @@ private:
     /// of numbers, and is no list of names; where rows may begin with it, it stands before them.
     bool isComment(std::string_view line, std::uint64_t number) const
     {
-        LineScanner scan(line);
-        if (scan.atEndOrComment()) return true;
+        if (LineScanner(line).atEndOrComment()) return true;
         const char mark = line[line.find_first_not_of(" \t")];
         if (mark != ';' && mark != '%' && mark != '!') return false;
         const std::uint64_t table = mBegin.nameLine > 0 ? mBegin.nameLine : mBegin.rowLine;
@@ -127,8 +143,10 @@ private:
                         : mBegin.separator != 0;
         if (table > 0 && number > table && rowsMayBeginSo) return false;
         double value = 0;
-        while (!scan.atEndOrComment())
-            if (!scan.number(value)) return !listsPositions(line);
+        std::string unquoted;
+        LineScanner row = scanRow(line, unquoted);
+        while (!row.atEndOrComment())
+            if (!row.number(value)) return !listsPositions(line);
         return false;
     }
 
@@ -177,7 +195,8 @@ private:
     void takeSample(std::string_view line, std::uint64_t number,
                     std::vector<std::vector<double>>& sample)
     {
-        LineScanner scan(line);
+        std::string unquoted;
+        LineScanner scan = scanRow(line, unquoted);
         if (mBegin.tagged && scan.word() != "p") return;
         std::vector<double> row;
         if (sample.empty()) {
@@ -305,10 +324,11 @@ private:
     {
         LineReader lines = LineReader::ofTable(mSource);
         std::string_view line;
+        std::string unquoted;
         double before = -std::numeric_limits<double>::infinity();
         for (std::size_t rows = 0; rows < kRisingRows && lines.next(line);) {
             if ((lines.line() & 0xfff) == 0) mProgress.check();
-            LineScanner scan(line);
+            LineScanner scan = scanRow(line, unquoted);
             if (isComment(line, lines.line()) || (mBegin.tagged && scan.word() != "p")) continue;
             double value = 0;
             std::size_t read = 0;
@@ -344,9 +364,7 @@ private:
 
     void parseLine(std::string_view line, std::uint64_t number, Rows& rows) const
     {
-        LineScanner scan(line);
         if (number == mBegin.nameLine || isComment(line, number)) return;
-        if (mBegin.tagged && scan.word() != "p") return;
         RowValues row{};
         if (mBegin.separator) {
             parseFields(line, number, [&](std::size_t column, double value) {
@@ -356,6 +374,9 @@ private:
             rows.points.append(row, mBegin.has);
             return;
         }
+        std::string unquoted;
+        LineScanner scan = scanRow(line, unquoted);
+        if (mBegin.tagged && scan.word() != "p") return;
         std::size_t column = 0;
         for (; column < mBegin.layout.columns.size() && !scan.atEndOrComment(); ++column) {
             double value = 0;
