@@ -103,6 +103,33 @@ TEST_F(ColumnNamesTest, OfOtherLanguagesAreFound)
     expectRefused("Este Oeste Cota\n" + rows(3, " "), "Oeste");
 }
 
+TEST_F(ColumnNamesTest, OfColorsInOtherLanguagesAreFound)
+{
+    const auto colors = [&](const std::string& header) {
+        SCOPED_TRACE(header);
+        return read("a.csv", header + "\n1;2;3;10;20;30\n4;5;6;40;50;255\n").cloud.colors;
+    };
+    const std::vector<PointCloud::Rgb> expected = {{10, 20, 30}, {40, 50, 255}};
+    for (const char* names :
+         {"Rot;Gr\xc3\xbcn;Blau", "ROT;GR\xc3\x9cN;BLAU", "rot;gr\xfcn;blau", "Rot;Gruen;Blau",
+          "rot;Grun;blau", "rot;gru\xcc\x88n;blau", "rouge;vert;bleu", "Rouge;Vert;Bleu",
+          "rojo;verde;azul", "rosso;verde;blu", "rood;groen;blauw", "vermelho;verde;azul",
+          "Red;Gr\xc3\xbcn;Blau", "Rot (0-255);Gr\xc3\xbcn (0-255);Blau (0-255)",
+          "\"Rot\";\"Gr\xc3\xbcn\";\"Blau\""}) {
+        EXPECT_EQ(colors(concat("x;y;z;", names)), expected);
+        EXPECT_EQ(colors(concat("Rechtswert;Hochwert;H\xc3\xb6he;", names)), expected);
+        EXPECT_EQ(colors(concat("# Est (m);Nord (m);Altitude (m);", names)), expected);
+    }
+    for (const char* names : {"rot;vert;speed", "rot x;rot y;rot z", "Rotation;Gr\xc3\xbcn;Blau"})
+        EXPECT_TRUE(colors(concat("x;y;z;", names)).empty());
+    // What is asked for by its name is no color.
+    Interrupter progress;
+    const auto file = put("s.csv", "x;y;z;Rot;Gr\xc3\xbcn;Blau\n1;2;3;10;20;30\n4;5;6;40;50;255\n");
+    const PointInput input = readPoints({file}, BadPoints::Drop, {}, {"Rot"}, &progress);
+    EXPECT_TRUE(input.cloud.colors.empty());
+    EXPECT_EQ(input.cloud.scalars.at(0).values, (std::vector<float>{10, 40}));
+}
+
 TEST_F(ColumnNamesTest, OfVectorsComponentsAreFound)
 {
     expectPosition("\"Points:0\",\"Points:1\",\"Points:2\"\n" + rows(3, ","));

@@ -113,24 +113,40 @@ char separatorOf(std::string_view line)
     return ' ';
 }
 
-/// Whether @a name means an axis: it has one of the words @a axis, and else only units and words
-/// for positions.
-bool meansAxis(const std::string& name, const Words& axis)
+/// Whether @a name means what one of @a words does: else it has only units and words for positions.
+bool means(const std::string& name, const Words& words)
 {
     static const Words around = {"m",      "mm",          "cm",       "km",     "ft",    "feet",
                                  "meter",  "meters",      "metre",    "metres", "in",    "inch",
                                  "coord",  "coordinate",  "pos",      "point",  "local", "utm",
                                  "coords", "coordinates", "position", "points", "world", "global"};
-    std::size_t axes = 0;
+    std::size_t found = 0;
     for (const std::string& word : wordsOf(name))
-        if (axis.count(word) > 0)
-            ++axes;
+        if (words.count(word) > 0)
+            ++found;
         else if (around.count(word) == 0)
             return false;
-    return axes == 1;
+    return found == 1;
 }
 
-/// Makes columns with other names of an axis that axis, where none has the usual name.
+/// Makes columns whose names mean one of three attributes from @a first on that attribute, where
+/// none has its usual name.
+void findWords(const std::vector<std::string>& names, Attribute first, const Words (&words)[3],
+               ColumnLayout& layout)
+{
+    for (std::size_t a = 0; a < 3; ++a) {
+        const auto attribute = Attribute(std::size_t(first) + a);
+        std::vector<Attribute>& columns = layout.columns;
+        if (std::find(columns.begin(), columns.end(), attribute) != columns.end()) continue;
+        for (std::size_t n = 0; n < names.size(); ++n)
+            if (columns[n] == Attribute::None && means(names[n], words[a])) {
+                columns[n] = attribute;
+                break;
+            }
+    }
+}
+
+/// Finds axes by other names.
 void findAxes(const std::vector<std::string>& names, ColumnLayout& layout)
 {
     static const Words axes[3] = {
@@ -138,15 +154,19 @@ void findAxes(const std::vector<std::string>& names, ColumnLayout& layout)
         {"y", "northing", "north", "n", "hochwert", "nordwert", "nord", "norte"},
         {"z", "elevation", "height", "altitude", "elev", "alt", "h", "hohe", "hoehe", "quota",
          "cota", "altitud", "altura", "altezza", "hauteur", "elevacion", "elevacao", "elevazione"}};
-    for (std::size_t a = 0; a < 3; ++a) {
-        std::vector<Attribute>& columns = layout.columns;
-        if (std::find(columns.begin(), columns.end(), Attribute(a)) != columns.end()) continue;
-        for (std::size_t n = 0; n < names.size(); ++n)
-            if (columns[n] == Attribute::None && meansAxis(names[n], axes[a])) {
-                columns[n] = Attribute(a);
-                break;
-            }
-    }
+    findWords(names, Attribute::X, axes, layout);
+}
+
+/// Finds colors by other names, where all three are there: alone each may mean something else, such
+/// as "rot" a rotation.
+void findColors(const std::vector<std::string>& names, ColumnLayout& layout)
+{
+    static const Words colors[3] = {{"red", "rot", "rouge", "rojo", "rosso", "rood", "vermelho"},
+                                    {"green", "grun", "gruen", "vert", "verde", "groen"},
+                                    {"blue", "blau", "bleu", "azul", "blu", "blauw"}};
+    ColumnLayout found = layout;
+    findWords(names, Attribute::Red, colors, found);
+    if (AttributeSet(found.columns).colors) layout = found;
 }
 
 /// A name that says a component of a vector, in the ways of ParaView ("Points:0", "Points_0") and
@@ -221,6 +241,7 @@ ColumnLayout layoutOf(const std::vector<std::string>& names, const ScalarNames& 
     for (const std::string& name : names) layout.columns.push_back(attributeOf(name, scalars));
     findVectors(names, layout);
     if (!AttributeSet(layout.columns).position) findAxes(names, layout);
+    if (!AttributeSet(layout.columns).colors) findColors(names, layout);
     if (!AttributeSet(layout.columns).position) layout.columns.clear();
     return layout;
 }

@@ -25,7 +25,8 @@ ColumnNames columnNames(std::string_view line, std::uint64_t number);
 
 /// The layout by the names of a line, which may have some of the @a scalars. Without x, y and z,
 /// "X (m)", "easting", "northing" and "elevation" are positions, in some languages, and so are the
-/// components of vectors: "Points:0", "P[x]". @return no columns if there is no position.
+/// components of vectors: "Points:0", "P[x]". Colors have names in these languages, too. @return no
+/// columns if there is no position.
 ColumnLayout layoutFromNames(std::string_view line, const ScalarNames& scalars);
 
 /// Whether a comment directly before @a row, of @a columns numbers, names them: there are as many
