@@ -263,6 +263,22 @@ TEST(PointsExplained, PartsThinnerThanAVoxelAreTold)
     EXPECT_TRUE(explained(both, 0.02).findings.empty());
 }
 
+// One in thirty points, all of another part.
+TEST(PointsExplained, APartThatIsLostIsToldThoughItsPointsAreFew)
+{
+    PointCloud both = sample("sphere(1)", 29000);
+    const PointCloud small = sample("sphere(0.06)", 1000);
+    for (std::size_t i = 0; i < small.size(); ++i) {
+        const Vec3d p = small.world(i) + Vec3d(0.1, 0.1, 3.1) - both.frame;
+        both.positions.push_back(p.cast<float>());
+        both.normals.push_back(small.normals[i]);
+    }
+    const PointsExplained coarse = explained(both, 0.2);
+    ASSERT_EQ(coarse.findings.size(), 1u);
+    EXPECT_NE(coarse.findings[0].find("beyond its band"), std::string::npos);
+    EXPECT_TRUE(explained(both, 0.02).findings.empty());
+}
+
 // --- Meshes whose vertices are the points
 
 PointCloud verticesOf(const Mesh& mesh, const std::string& extension)

@@ -27,6 +27,9 @@ constexpr double kMaxVoxelError = 0.5;
 /// Largest share of the points beyond the limit. [derived: erfc(1.5 / sqrt 2): beyond three
 /// deviations of noise twice as large as measured]
 constexpr double kMaxUnexplained = 0.1336;
+/// Largest share of the points beyond the band, where that is wider than the limit. [derived: three
+/// times what normal noise leaves beyond the limit]
+constexpr double kMaxLost = 0.01;
 /// Distance up to which points support the surface, spacings. [tuned: explained_test]
 constexpr double kSupportReach = 5;
 
@@ -191,6 +194,12 @@ void addFindings(PointsExplained& e, double voxelSize, const PointStatistics& po
             "tolerance, and three times the noise of {:.2g}): it does not show what they do. Look "
             "at their normals and noise; smaller voxels than {:.4g} show thinner parts",
             100 * (1 - e.within), e.limit, points.noise, voxelSize));
+    else if (e.largest > e.limit && double(e.beyondBand) > kMaxLost * double(e.points))
+        e.findings.push_back(fmt::format(
+            "{:.1f} % of the points are farther than {:.3g} from the surface, beyond its band: "
+            "what they show is not there. Smaller voxels than {:.4g} show smaller parts; points "
+            "of none are outliers",
+            100 * double(e.beyondBand) / double(e.points), e.largest, voxelSize));
 }
 
 /// Tell of a surface that leaves the points: they are too few for one, or look into the void.
