@@ -241,7 +241,9 @@ TEST_F(ModelVerbs, OtherGridsPassThrough)
     const auto density = openvdb::FloatGrid::create(0.25f);
     density->setName("density");
     density->tree().setValue(openvdb::Coord(1, 2, 3), 0.5f);
-    write(folder / "several.vdb", solid("sphere(1)"), {density});
+    const LevelSet ball = solid("sphere(1)");
+    density->setTransform(ball.grid().transform().copy());
+    write(folder / "several.vdb", ball, {density});
     command({"offset", "several.vdb", "-o", "grown.vdb", "--distance", "0.1"});
     bool found = false;
     for (const auto& grid : readGrids(folder / "grown.vdb"))

@@ -22,12 +22,13 @@ std::unique_ptr<SurfaceAttributes> attributesOfMesh(const Mesh& mesh,
 /// An operand of a Boolean, and the grids of its file that hold attributes of its surface.
 struct Operand {
     LevelSet levelSet;
-    openvdb::GridCPtrVec grids; ///< grids of another type than float and Vec3f are left out
+    openvdb::GridCPtrVec grids; ///< all of them, see attributesOfOperands()
 };
 
 /// The attributes of a Boolean's result: at each place those of the operand whose surface is
-/// nearest, of equals of the first. Colors are those of Vec3f grids called kColorName; an attribute
-/// that only other operands have is 0. Level sets among the grids, and the coverage, are left out.
+/// nearest, of equals of the first. Colors are those of Vec3f grids called kColorName, scalars the
+/// float grids on the voxels of the operand's band; an attribute that only other operands have is
+/// 0. Other grids (level sets, volumes) are left out, and so is the coverage.
 std::unique_ptr<SurfaceAttributes> attributesOfOperands(const std::vector<Operand>& operands);
 
 /// The coverage of a solid that was cut by another one, for the result of the cut: 1 on what is

@@ -29,7 +29,7 @@ std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter = nul
 /// Require that the values of @a levelSet are roughly distances; check() is stricter.
 /// @param cure  last sentence of the error's text: how to make distances of them.
 /// @throws InputError if the median slope beside the zero set, where a distance has 1, is outside
-/// [0.4, 2.5], or if missingBand() finds something; Interrupted.
+/// [2/3, 3/2], or if missingBand() finds something; Interrupted.
 void requireDistances(const LevelSet& levelSet, const std::string& cure,
                       Interrupter* interrupter = nullptr);
 

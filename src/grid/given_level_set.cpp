@@ -408,8 +408,9 @@ std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter)
 void requireDistances(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
 {
     Interrupter& progress = orSilent(interrupter);
-    /// Median slopes of distances that were edited elsewhere. [tuned: given_level_set_test]
-    constexpr double kMinSlope = 0.4, kMaxSlope = 2.5;
+    /// Median slopes of distances, as far as they may be filtered or moved elsewhere. [derived: an
+    /// offset errs by half of its distance at most]
+    constexpr double kMinSlope = 2.0 / 3, kMaxSlope = 1.5;
     const FloatGrid& grid = levelSet.grid();
     const double slope = medianSlope(grid, levelSet.voxelSize(), progress);
     if (!(slope >= kMinSlope && slope <= kMaxSlope))

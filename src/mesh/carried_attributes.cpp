@@ -132,7 +132,8 @@ public:
     explicit OperandAttributes(const std::vector<Operand>& operands)
     {
         for (const Operand& operand : operands)
-            for (const openvdb::GridBase::ConstPtr& grid : operand.grids) addName(*grid);
+            for (const openvdb::GridBase::ConstPtr& grid : operand.grids)
+                addName(*grid, operand.levelSet);
         for (const Operand& operand : operands) {
             Source source{operand.levelSet, nullptr,
                           std::vector<FloatGrid::ConstPtr>(mNames.size())};
@@ -160,10 +161,12 @@ public:
     }
 
 private:
-    static bool isScalar(const openvdb::GridBase& grid)
+    /// Whether @a grid lies on the voxels of the band, as attributes do; volumes do not.
+    static bool isScalar(const openvdb::GridBase& grid, const LevelSet& levelSet)
     {
-        return grid.isType<FloatGrid>() && grid.getGridClass() != openvdb::GRID_LEVEL_SET &&
-               grid.getName() != kCoverageName && grid.transform().isLinear();
+        return grid.isType<FloatGrid>() && grid.getGridClass() == openvdb::GRID_UNKNOWN &&
+               grid.getName() != kCoverageName && grid.transform() == levelSet.grid().transform() &&
+               grid.activeVoxelCount() == levelSet.grid().activeVoxelCount();
     }
 
     static bool isColors(const openvdb::GridBase& grid)
@@ -172,18 +175,19 @@ private:
                grid.transform().isLinear();
     }
 
-    void addName(const openvdb::GridBase& grid)
+    void addName(const openvdb::GridBase& grid, const LevelSet& levelSet)
     {
         mHasColors |= isColors(grid);
         const std::string name = grid.getName();
-        if (isScalar(grid) && std::find(mNames.begin(), mNames.end(), name) == mNames.end())
+        if (isScalar(grid, levelSet) &&
+            std::find(mNames.begin(), mNames.end(), name) == mNames.end())
             mNames.push_back(name);
     }
 
     void place(const openvdb::GridBase::ConstPtr& grid, Source& source) const
     {
         if (isColors(*grid)) source.colors = openvdb::gridConstPtrCast<Vec3SGrid>(grid);
-        if (!isScalar(*grid)) return;
+        if (!isScalar(*grid, source.levelSet)) return;
         const auto at = std::find(mNames.begin(), mNames.end(), grid->getName());
         source.scalars[std::size_t(at - mNames.begin())] =
             openvdb::gridConstPtrCast<FloatGrid>(grid);

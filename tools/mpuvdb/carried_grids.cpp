@@ -58,6 +58,8 @@ public:
     {
     }
 
+    /// Whether it lies on the band's voxels; else nothing of it can be carried.
+    bool isKnown() const { return mValues.channels() == 1; }
     void evaluate(const std::vector<SurfacePlace>& places,
                   std::vector<float>& values) const override
     {
@@ -104,9 +106,13 @@ openvdb::GridCPtrVec carriedGrids(const LevelSet& made, const GridInput& input,
             kept.push_back(other);
     }
     Interrupter* const progress = &session.progress();
-    if (coverage)
-        grids.push_back(
-            sampleCoverage(made, CarriedCoverage(input.levelSet, *coverage, wayBack), progress));
+    if (coverage) {
+        const CarriedCoverage carried(input.levelSet, *coverage, wayBack);
+        if (carried.isKnown())
+            grids.push_back(sampleCoverage(made, carried, progress));
+        else
+            kept.push_back(coverage);
+    }
     const CarriedAttributes attributes(input.levelSet, kept, wayBack);
     if (attributes.channels() > 0)
         for (const auto& grid : sampleAttributes(made, attributes, progress)) grids.push_back(grid);

@@ -2,14 +2,8 @@
 #pragma once
 #include "level_set_verb.h"
 
-#include <functional>
-#include <vector>
-
 namespace mpuvdb::command
 {
-
-/// Moves places of a result's surface to where they were before the operation; empty: they stayed.
-using WayBack = std::function<void(std::vector<Vec3d>& places)>;
 
 /// The grids of @a input for @a made. Attributes of the surface (colors, scalars, the coverage) are
 /// sampled anew: each place has those of the place of the old surface nearest to where it was. What

@@ -50,6 +50,9 @@ ExitCode writeGridOutput(const LevelSet& levelSet, const std::string& output,
 openvdb::GridCPtrVec besides(openvdb::GridCPtrVec others, const std::string& name,
                              Session& session);
 
+/// Moves places of a result's surface to where they were before the operation; empty: they stayed.
+using WayBack = std::function<void(std::vector<Vec3d>& places)>;
+
 /// Level sets in, one level set out; grids beside them are carried.
 class LevelSetVerb : public Verb
 {
@@ -72,8 +75,7 @@ protected:
     virtual openvdb::GridCPtrVec
     gridsBeside(const LevelSet& made, const std::vector<GridInput>& inputs, Session& session) const;
     /// Where places of the result's surface were before, if they moved; set by make().
-    std::function<void(std::vector<Vec3d>& places)>& wayBack() { return mWayBack; }
-    const std::function<void(std::vector<Vec3d>& places)>& wayBack() const { return mWayBack; }
+    WayBack& wayBack() { return mWayBack; }
     /// Resolved settings, for the report and as metadata of the grid.
     Json& settings() { return mSettings; }
 
@@ -81,7 +83,7 @@ private:
     std::vector<std::string> mInputs;
     std::string mOutput, mGrid;
     Json mSettings = Json::object();
-    std::function<void(std::vector<Vec3d>& places)> mWayBack;
+    WayBack mWayBack;
 };
 
 /// Declare --voxel-size, of the result of several level sets.
