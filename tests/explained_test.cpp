@@ -247,16 +247,23 @@ TEST(PointsExplained, TheCaseOfFilledVoxelsIsTold)
     EXPECT_NE(e.findings[0].find("fill a solid"), std::string::npos);
 }
 
-// A ball between the voxels leaves no surface near its points.
-TEST(PointsExplained, PartsThinnerThanAVoxelAreTold)
+/// So many points of a ball of radius 1, and of one that lies between voxels of 0.2.
+PointCloud largeAndSmallBall(std::uint64_t ofLarge, std::uint64_t ofSmall)
 {
-    PointCloud both = sample("sphere(1)", 5000);
-    const PointCloud small = sample("sphere(0.06)", 5000);
+    PointCloud both = sample("sphere(1)", ofLarge);
+    const PointCloud small = sample("sphere(0.06)", ofSmall);
     for (std::size_t i = 0; i < small.size(); ++i) {
         const Vec3d p = small.world(i) + Vec3d(0.1, 0.1, 3.1) - both.frame;
         both.positions.push_back(p.cast<float>());
         both.normals.push_back(small.normals[i]);
     }
+    return both;
+}
+
+// A ball between the voxels leaves no surface near its points.
+TEST(PointsExplained, PartsThinnerThanAVoxelAreTold)
+{
+    const PointCloud both = largeAndSmallBall(5000, 5000);
     const PointsExplained coarse = explained(both, 0.2);
     ASSERT_EQ(coarse.findings.size(), 1u);
     EXPECT_NEAR(coarse.within, 0.5, 0.2);
@@ -266,13 +273,7 @@ TEST(PointsExplained, PartsThinnerThanAVoxelAreTold)
 // One in thirty points, all of another part.
 TEST(PointsExplained, APartThatIsLostIsToldThoughItsPointsAreFew)
 {
-    PointCloud both = sample("sphere(1)", 29000);
-    const PointCloud small = sample("sphere(0.06)", 1000);
-    for (std::size_t i = 0; i < small.size(); ++i) {
-        const Vec3d p = small.world(i) + Vec3d(0.1, 0.1, 3.1) - both.frame;
-        both.positions.push_back(p.cast<float>());
-        both.normals.push_back(small.normals[i]);
-    }
+    const PointCloud both = largeAndSmallBall(29000, 1000);
     const PointsExplained coarse = explained(both, 0.2);
     ASSERT_EQ(coarse.findings.size(), 1u);
     EXPECT_NE(coarse.findings[0].find("beyond its band"), std::string::npos);

@@ -360,7 +360,7 @@ class LevelSets(ShapeTest):
 
     def test_findings(self):
         values, origin = self.ball.to_numpy()
-        squashed = mv.LevelSet.from_numpy(np.pad(values / 2, 1, constant_values=1), origin, 0.05)
+        squashed = mv.LevelSet.from_numpy(np.pad(0.75 * values, 1, constant_values=1), origin, 0.05)
         report = squashed.check()
         self.assertFalse(report)
         self.assertTrue(report.findings[0].what)
