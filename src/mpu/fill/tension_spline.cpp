@@ -203,10 +203,10 @@ template <typename Lanes>
 
 /// The same for all nodes of a row. Those that the last vector shares with the one before it get
 /// what they have: a node's next values do not depend on its last.
-template <typename Lanes>
+/// @tparam kLanes  numbers of a vector.
+template <typename Lanes, int kLanes>
 [[gnu::always_inline]] inline void relaxBy(const SplineRow& row)
 {
-    constexpr int kLanes = sizeof(Lanes) / sizeof(float); // [derived: of the type]
     int k = 0;
     for (; k + kLanes <= row.count; k += kLanes) relaxAt<Lanes>(row, k);
     if (k < row.count) relaxAt<Lanes>(row, row.count - kLanes);
@@ -218,11 +218,11 @@ void relaxRow(const SplineRow& row)
     using Four = float __attribute__((vector_size(16)));
     using Sixteen = float __attribute__((vector_size(64)));
     if (row.count >= 16)
-        relaxBy<Sixteen>(row);
+        relaxBy<Sixteen, 16>(row);
     else if (row.count >= 4)
-        relaxBy<Four>(row);
+        relaxBy<Four, 4>(row);
     else
-        relaxBy<float>(row);
+        relaxBy<float, 1>(row);
 }
 
 /// Set the residual of an equation at the nodes of a row.
