@@ -149,8 +149,9 @@ private:
     {
         // [derived: the squared sine of half the angle of kNeighbors]
         constexpr float kSquaredSine = (1 - kNeighbors) / 2;
-        // Voxels: edges that meet where the surface is cross it in one place, to rounding.
-        // [derived: a tenth of the thinnest wall that a level set has]
+        // The least height, voxels, of another wall: edges that meet in a voxel on the surface
+        // cross it in one place, to rounding. [derived: a tenth of the thinnest wall of a level
+        // set]
         constexpr float kLeastHeight = 0.1f;
         return height > kLeastHeight && height * height > kSquaredSine * squaredDistance;
     }

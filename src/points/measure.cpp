@@ -175,7 +175,8 @@ double robustNoise(const std::vector<Neighborhood>& neighborhoods, std::size_t k
 /// mean of the normals. Not less than the noise, where the normals know nothing of it.
 double arcNoise(const std::vector<Neighborhood>& neighborhoods)
 {
-    constexpr std::size_t kNearest = 4; // [derived: those of a lattice's point]
+    // Neighbors of a point that make arcs with it. [derived: those of a square lattice]
+    constexpr std::size_t kNearest = 4;
     std::vector<double> off;
     for (const Neighborhood& n : neighborhoods)
         for (std::size_t i = 0; i < std::min(kNearest, n.neighbors.size()); ++i)

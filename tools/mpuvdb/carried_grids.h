@@ -7,8 +7,8 @@ namespace mpuvdb::command
 
 /// The grids of @a input for @a made. Attributes of the surface (colors, scalars, the coverage) are
 /// sampled anew: each place has those of the place of the old surface nearest to where it was. What
-/// analyze measured is left out, as it is no more so, and a warning says it; other grids go along
-/// as they are.
+/// analyze measured no longer holds: it is left out, with a warning. Other grids go along as they
+/// are.
 openvdb::GridCPtrVec carriedGrids(const LevelSet& made, const GridInput& input,
                                   const WayBack& wayBack, Session& session);
 

@@ -65,6 +65,7 @@ public:
 private:
     /// The unknowns u, Lap u and Lap Lap u, or the right-hand sides of their equations.
     using Three = std::array<std::vector<float>, 3>;
+    /// Of its arrays each row has the even nodes first, then the odd ones.
     struct Level {
         NodeGrid grid;
         float step;                ///< steps of the finest grid

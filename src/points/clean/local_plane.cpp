@@ -140,8 +140,8 @@ LocalPlane sheetPlaneOf(const std::vector<Vec3f>& positions,
     constexpr float kFarther = 2;
     const LocalPlane sheet =
         planeOf(positions, heights.within(half.normal, kFarther * half.height, members));
-    // Most members may lie on one contour, whose own plane is no sheet of the surface. [derived: of
-    // half a disc, as beside an edge, the ratio of the variances along the plane is 0.28]
+    // The least ratio of the variances along a sheet's plane: most members may lie on one contour,
+    // whose own plane is not the surface's. [derived: half a disc, as beside an edge, has 0.28]
     constexpr double kSpanned = 0.1;
     if (sheet.variances[1] < kSpanned * sheet.variances[2]) return whole;
     const bool flat = sheet.variances[0] < kThick * sheet.variances[1];
