@@ -19,9 +19,11 @@ namespace
 class CarriedAttributes final : public SurfaceAttributes
 {
 public:
-    /// @param grids  those that hold the attributes; of the file that @a solid is from.
-    CarriedAttributes(const LevelSet& solid, const openvdb::GridCPtrVec& grids, WayBack wayBack)
-        : mSolid(solid), mOwn(attributesOfOperands({{solid, grids}})), mWayBack(std::move(wayBack))
+    /// @param solid  as it was; outlives this.
+    /// @param grids  those that hold the attributes; of the solid's file.
+    CarriedAttributes(const Queries& solid, const openvdb::GridCPtrVec& grids, WayBack wayBack)
+        : mSolid(solid), mOwn(attributesOfOperands({{solid.levelSet(), grids}})),
+          mWayBack(std::move(wayBack))
     {
     }
 
@@ -43,7 +45,7 @@ public:
     }
 
 private:
-    Queries mSolid;
+    const Queries& mSolid;
     std::unique_ptr<SurfaceAttributes> mOwn;
     WayBack mWayBack;
 };
@@ -52,7 +54,7 @@ private:
 class CarriedCoverage final : public Coverage
 {
 public:
-    CarriedCoverage(const LevelSet& solid, const openvdb::FloatGrid& coverage,
+    CarriedCoverage(const Queries& solid, const openvdb::FloatGrid& coverage,
                     const WayBack& wayBack)
         : mValues(solid, {renamed(coverage)}, wayBack), mSpacing(coverageScale(coverage))
     {
@@ -106,14 +108,15 @@ openvdb::GridCPtrVec carriedGrids(const LevelSet& made, const GridInput& input,
             kept.push_back(other);
     }
     Interrupter* const progress = &session.progress();
+    const Queries solid(input.levelSet); // one for all: it keeps the surface that it extracts
     if (coverage) {
-        const CarriedCoverage carried(input.levelSet, *coverage, wayBack);
+        const CarriedCoverage carried(solid, *coverage, wayBack);
         if (carried.isKnown())
             grids.push_back(sampleCoverage(made, carried, progress));
         else
             kept.push_back(coverage);
     }
-    const CarriedAttributes attributes(input.levelSet, kept, wayBack);
+    const CarriedAttributes attributes(solid, kept, wayBack);
     if (attributes.channels() > 0)
         for (const auto& grid : sampleAttributes(made, attributes, progress)) grids.push_back(grid);
     const auto isCarried = [&](const openvdb::GridBase::ConstPtr& other) {
