@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <chrono>
 #include <cmath>
 #include <random>
 
@@ -45,6 +46,15 @@ Mesh torus(std::uint32_t across, double small)
     return patch(2 * across, across, true, [=](double u, double v) {
         const double a = 2 * M_PI * u, b = 2 * M_PI * v, r = 1 + small * std::cos(b);
         return Vec3d(r * std::cos(a), r * std::sin(a), small * std::sin(b));
+    });
+}
+
+/// A ball of radius 1 by longitudes and latitudes.
+Mesh ballOf(std::uint32_t across)
+{
+    return patch(across, across / 2, false, [](double u, double v) {
+        const double a = 2 * M_PI * u, b = M_PI * v;
+        return Vec3d(std::sin(b) * std::cos(a), std::sin(b) * std::sin(a), std::cos(b));
     });
 }
 
@@ -182,6 +192,25 @@ TEST(MeshMeasuresTest, WhatOneSideLacksIsFarFromTheOther)
     EXPECT_NEAR(d.back.mean, 1.0 / 36, 2e-4);
     EXPECT_NEAR(d.back.rms, 1.0 / 12, 4e-4);
     EXPECT_NEAR(d.back.max, 0.5, 0.01);
+}
+
+/// All of a surface may be equally far from a speck: places on it need to be no nearer to each
+/// other than distances are told, or each of half a million looks at all triangles.
+TEST(MeshMeasuresTest, SpecksInTheMiddleOfABall)
+{
+    Interrupter progress;
+    const Mesh ball = ballOf(400);
+    for (const float size : {1e-3f, 0.0f}) {
+        Mesh speck;
+        speck.positions = {{0, 0, 0}, {size, 0, 0}, {0, size, 0}};
+        speck.triangles = {{0, 1, 2}};
+        const auto start = std::chrono::steady_clock::now();
+        const TwoWayDistances d = distances(speck, ball, &progress);
+        const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+        EXPECT_NEAR(d.there.mean, 1, 2e-3);
+        EXPECT_NEAR(d.back.mean, 1, 2e-3);
+        EXPECT_LT(took.count(), 20); // it took minutes
+    }
 }
 
 TEST(MeshMeasuresTest, DistancesFarFromTheOriginAndBetweenFrames)

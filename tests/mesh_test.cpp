@@ -82,6 +82,25 @@ TEST(ExtractMesh, ConvergesInAreaAndVolume)
     EXPECT_LT(logVolume.back(), std::log(1e-3));
 }
 
+/// Triangles are on the surface in the mean, so that the volume's error is of higher than second
+/// order, down to balls of four voxels across, whose normals differ as those at creases do.
+TEST(ExtractMesh, KeepsTheVolumeOfSmallBalls)
+{
+    std::mt19937_64 random(4);
+    std::uniform_real_distribution<double> within(0, 1);
+    for (const double r : {2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 20.0})
+        for (int n = 0; n < 4; ++n) {
+            const Vec3d center(within(random), within(random), within(random));
+            const auto ball = [&](const Vec3d& p) { return (p - center).norm() - r; };
+            const MeshReport report = measure(extracted(sampled(ball, int(r) + 6)));
+            expectClosed(report);
+            EXPECT_EQ(report.eulerCharacteristic, 2);
+            const double error = report.volume / (4 * kPi / 3 * r * r * r) - 1;
+            EXPECT_LT(std::abs(error), 0.4 / (r * r * r) + 0.05 / (r * r))
+                << r << " voxels about " << center;
+        }
+}
+
 TEST(ExtractMesh, KeepsATorussGenus)
 {
     const auto torus = [](const Vec3d& p) {

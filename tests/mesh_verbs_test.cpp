@@ -1,6 +1,9 @@
 // Meshes on the command line: formats, attributes, and what info says of them.
 #include "command_process.h"
 
+#include <mpuvdb/io.h>
+
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -249,6 +252,44 @@ TEST_F(MeshVerbs, MeasureWritesDistancesOfPoints)
     command({"measure", "ball.vdb", "--points", "larger.ply", "-o", "no.xyz"}, 2);
     command({"measure", "ball.vdb", "--points", "missing.ply", "-o", "no.ply"}, 3);
     EXPECT_FALSE(std::filesystem::exists(folder / "no.ply"));
+}
+
+TEST_F(MeshVerbs, MeasureTellsOfPointsThatItLeavesOut)
+{
+    command({"sample", "sphere(1.1)", "-o", "larger.xyz", "--points", "200"});
+    command({"reconstruct", "ball.ply", "-o", "ball.vdb", "--voxels", "50"});
+    writeFile(folder / "far.xyz", readFile(folder / "larger.xyz") + "1e5 0 0 1 0 0\n");
+    const Ended ended = command(
+        {"measure", "ball.vdb", "--points", "far.xyz", "-o", "far.ply", "--report", "far.json"});
+    EXPECT_NE(ended.err.find("1 too far"), std::string::npos) << ended.err;
+    EXPECT_EQ(json::parse(readFile(folder / "far.json"))["input"]["dropped"]["too far"], 1);
+}
+
+/// Faces on planes of voxels end the band exactly between voxels' distances.
+TEST_F(MeshVerbs, ScalarsOfMeshesOnTheLatticeFollowThem)
+{
+    std::string text = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\n"
+                       "property float y\nproperty float z\nproperty float stress\n"
+                       "element face 12\nproperty list uchar int vertex_indices\nend_header\n";
+    for (int n = 0; n < 8; ++n)
+        text += fmt::format("{} {} {} {}\n", n & 1, n >> 1 & 1, n >> 2, n >> 2);
+    for (const char* const face : {"0 2 3", "0 3 1", "4 5 7", "4 7 6", "0 1 5", "0 5 4", "2 6 7",
+                                   "2 7 3", "0 4 6", "0 6 2", "1 3 7", "1 7 5"})
+        text += fmt::format("3 {}\n", face);
+    writeFile(folder / "load.ply", text);
+    command({"voxelize", "load.ply", "-o", "load.vdb", "--voxel-size", "0.05", "--attributes",
+             "stress"});
+    command({"transform", "load.vdb", "-o", "moved.vdb", "--translate", "0,0,5"});
+    command({"mesh", "moved.vdb", "-o", "moved.ply", "--attributes", "stress"});
+    const PointInput points = readPoints({folder / "moved.ply"}, BadPoints::Drop, {}, {"stress"});
+    double largest = 0;
+    for (std::size_t n = 0; n < points.cloud.size(); ++n)
+        largest = std::max(largest, std::abs(double(points.cloud.scalars[0].values[n]) -
+                                             (points.cloud.world(n).z() - 5)));
+    EXPECT_LT(largest, 0.05); // a voxel
+    // What a format has no place for is told.
+    const Ended flat = command({"mesh", "moved.vdb", "-o", "moved.obj", "--attributes", "stress"});
+    EXPECT_NE(flat.err.find("stress was left out, as .obj"), std::string::npos) << flat.err;
 }
 
 TEST_F(MeshVerbs, AnalyzeWritesGridsThatMeshesTake)

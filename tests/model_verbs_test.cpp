@@ -460,6 +460,7 @@ TEST_F(ModelVerbs, SayWhereNothingComesOfIt)
     // Nothing has a distance from an empty level set.
     command({"clip", "ball.vdb", "-o", "empty.vdb", "--box", "5", "5", "5", "6", "6", "6"});
     command({"sample", "sphere(1)", "-o", "points.ply", "--points", "1000"});
+    command({"bend", "empty.vdb", "-o", "x.vdb", "--angle", "90"});
     says({"measure", "empty.vdb", "--points", "points.ply", "-o", "x.ply"}, "is empty", 3);
     says({"info", "ball.vdb", "--against", "empty.vdb"}, "is empty", 3);
     EXPECT_FALSE(fs::exists(folder / "x.ply"));

@@ -9,6 +9,7 @@
 #include <openvdb/points/PointConversion.h>
 #include <tbb/global_control.h>
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -42,6 +43,11 @@ std::vector<Vec3d> box(int nx, int ny, int nz, double jitter, unsigned seed = 1)
     return centers;
 }
 
+Particles particlesAt(const std::vector<Vec3d>& centers)
+{
+    return importParticles({NumberView(centers), {}, {}, {}, {}});
+}
+
 ParticleResult surfaceOf(const std::vector<Vec3d>& centers, double radius, double voxelSize,
                          ParticleSurface surface = ParticleSurface::Smooth)
 {
@@ -49,7 +55,7 @@ ParticleResult surfaceOf(const std::vector<Vec3d>& centers, double radius, doubl
     options.surface = surface;
     options.radius = world(radius);
     options.voxelSize = world(voxelSize);
-    return particlesToLevelSet(importParticles({NumberView(centers), {}, {}, {}, {}}), options);
+    return particlesToLevelSet(particlesAt(centers), options);
 }
 
 /// Call visit(world position, value) for all active voxels.
@@ -86,6 +92,44 @@ TEST(Particles, ALoneParticleIsItsBall)
             });
             EXPECT_LT(worst, h * h / r); // the sag of a ball's cap that is two diagonals wide
         }
+}
+
+/// Without radii a ball has the volume of a cube that is as wide as particles are apart, whether
+/// they fill a solid, a layer or a row.
+TEST(Particles, SpacingIsThatOfSolidsLayersAndRows)
+{
+    const double apart = 0.3;
+    std::mt19937_64 random(5);
+    std::uniform_real_distribution<double> shift(-0.1, 0.1); // spacings
+    for (const auto& [x, y, z] :
+         {std::array{14, 14, 14}, std::array{30, 30, 1}, std::array{30, 30, 2}, {100, 1, 1}}) {
+        std::vector<Vec3d> centers;
+        for (int n = 0; n < x * y * z; ++n)
+            centers.push_back(apart * Vec3d(n % x + shift(random), n / x % y + shift(random),
+                                            n / x / y + shift(random)));
+        ParticleOptions options;
+        options.voxelSize = world(0.1);
+        const ParticleReport report = particlesToLevelSet(particlesAt(centers), options).report;
+        ASSERT_TRUE(report.spacing);
+        EXPECT_NEAR(*report.spacing / apart, 1, 0.2) << x << ' ' << y << ' ' << z;
+    }
+}
+
+/// Balls that no voxel meets are told of: as a finding where they are more than a hundredth.
+TEST(Particles, BallsThatVoxelsPassByAreToldOf)
+{
+    for (const int small : {0, 1, 40}) {
+        std::vector<Vec3d> centers;
+        for (int n = 0; n < 150; ++n) centers.push_back(4 * Vec3d(n % 5, n / 5 % 5, n / 25));
+        for (int n = 0; n < small; ++n) centers.push_back(Vec3d(2.21 + 0.4 * n, -6.13, 1.17));
+        Particles particles = particlesAt(centers);
+        particles.radii.assign(150, 1);
+        particles.radii.resize(centers.size(), 0.05f);
+        const ParticleReport report = particlesToLevelSet(std::move(particles)).report;
+        EXPECT_EQ(report.lost, std::uint64_t(small));
+        EXPECT_EQ(report.findings.size(), small == 40 ? 1u : 0u);
+        EXPECT_EQ(report.warnings.size(), small == 1 ? 1u : 0u);
+    }
 }
 
 TEST(Particles, JoinWhereTheyAreLessThanThreeRadiiApart)

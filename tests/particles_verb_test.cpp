@@ -50,8 +50,9 @@ protected:
 TEST_F(ParticlesVerb, WritesSurfaceVelocitiesAndMesh)
 {
     writeFile(folder / "block.ply", ply(8, {"pscale", "vx", "vy", "vz", "age"}, " 0.62 1 2 3 7"));
-    command({"block.ply", "-o", "block.vdb", "--mesh", "block.obj", "--attributes", "age",
-             "--report", "report.json"});
+    const Ended ended = command({"block.ply", "-o", "block.vdb", "--mesh", "block.obj",
+                                 "--attributes", "age", "--report", "report.json"});
+    EXPECT_NE(ended.err.find("age was left out, as .obj"), std::string::npos) << ended.err;
     const json report = json::parse(readFile(folder / "report.json"));
     EXPECT_EQ(report["input"]["particles"], 512);
     EXPECT_NEAR(report["settings"]["voxel_size"].get<double>(), 0.31, 1e-6);

@@ -391,6 +391,22 @@ TEST(Repair, SurfacesSeenFromAboveBecomeBlocks)
     EXPECT_THROW(blockUnder(Mesh(), Vec3d::UnitZ(), depth, &progress), InputError);
 }
 
+/// Voxels on the rim of a block are inside or outside by rounding: none of them is a part.
+TEST(Repair, BlocksOnTheLatticeHaveNoSpecksAtTheirRims)
+{
+    for (const int voxels : {50, 100, 150}) {
+        Mesh terrain = squareMesh(2, 30);
+        for (Vec3f& p : terrain.positions) p[2] = 0.3f * (p[0] + 1) * std::sin(3 * p[1]);
+        SampleSettings settings;
+        settings.lattice.voxelSize = 2.0 / voxels;
+        settings.lattice.origin = Vec3d(-1, -1, 0);
+        const Mesh block = blockUnder(terrain, Vec3d::UnitZ(), 0.5);
+        const LevelSet made = voxelize(block, settings, RepairSettings{});
+        EXPECT_EQ(SolidComponents(made).measures().size(), 1u) << voxels;
+        EXPECT_EQ(measure(extractMesh(made)).components, 1u) << voxels;
+    }
+}
+
 TEST(Repair, LeavesOutDamagedTriangles)
 {
     Mesh mesh = test::ballPart(1, 10);

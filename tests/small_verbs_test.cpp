@@ -84,6 +84,19 @@ TEST_F(SmallVerbs, MergeKeepsGridsAndNamesThemByTheirFiles)
     EXPECT_FALSE(std::filesystem::exists(folder / "x.vdb"));
 }
 
+TEST_F(SmallVerbs, MergeLeavesAJobsInputsAlone)
+{
+    mpuvdb({"sample", "torus(1,0.4)", "-o", "ring.ply", "--points", "3000"});
+    const std::string bytes = readFile(folder / "ring.ply");
+    mpuvdb({"plan", "ring.ply", "--job", "job", "--voxels", "40"});
+    for (const char* const step : {"tile", "gather", "tile"}) mpuvdb({step, "job"});
+    const Ended ended = mpuvdb({"merge", "job", "--mesh", "ring.ply"}, 2);
+    EXPECT_NE(ended.err.find("is also an input"), std::string::npos) << ended.err;
+    EXPECT_EQ(readFile(folder / "ring.ply"), bytes);
+    mpuvdb({"merge", "job", "--mesh", "mesh.ply"});
+    mpuvdb({"tile", "job", "-1"}, 2);
+}
+
 // A box clipped by a box is a box: its distances are known, at edges and corners too.
 TEST_F(SmallVerbs, ClipIsClosedAndSharp)
 {

@@ -117,6 +117,8 @@ public:
     Mesh mesh(std::uint64_t maxBytes = 0, Interrupter* interrupter = nullptr) const;
     /// Bytes of the tiles that are done: about those of their .vdb file.
     std::uint64_t bytes() const;
+    /// The files that the points came from, as absolute paths.
+    const std::vector<std::string>& inputs() const;
 
 private:
     struct Impl;

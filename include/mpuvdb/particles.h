@@ -91,9 +91,11 @@ struct ParticleReport {
     double smallestRadius = 0, medianRadius = 0, largestRadius = 0;
     std::optional<double> spacing; ///< as measured, where no radii were given
     double voxelSize = 0, halfWidth = 0;
+    std::uint64_t lost = 0;   ///< balls that the surface does not reach
     std::uint64_t blocks = 0; ///< of 8 x 8 x 8 voxels that were evaluated
     std::uint64_t bytes = 0;  ///< that the work was estimated to take, the particles included
     std::vector<std::string> notes, warnings;
+    std::vector<std::string> findings; ///< what of the particles is not shown, with the cure
 };
 
 /// Name of the grid of velocities.

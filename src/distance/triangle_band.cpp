@@ -143,9 +143,11 @@ private:
         if (kept.empty()) return;
         keepUpTo(bound(least, radius), kept);
         if (cube.size == 1) {
-            if (!(least < mReach)) return;
+            if (!(least < mReach - mTie)) return; // at its end, which rounding may move
             const auto value = float(least * mTriangles.voxelSize);
-            mLeaf->setValueOn(cube.first, isBehind(kept, center) ? -value : value);
+            // On the surface the side is a matter of rounding: a voxel alone is no part.
+            const bool isInside = least > mTie && isBehind(kept, center);
+            mLeaf->setValueOn(cube.first, isInside ? -value : value);
             return;
         }
         const double step = std::sqrt(3.0) / 4 * cube.size; // to the center of a child

@@ -503,4 +503,9 @@ std::uint64_t Job::bytes() const
     return bytes;
 }
 
+const std::vector<std::string>& Job::inputs() const
+{
+    return mImpl->plan.options.inputs;
+}
+
 } // namespace mpuvdb

@@ -82,7 +82,9 @@ void writeJson(const fs::path& file, const JobJson& json)
 void JobPlan::write(const fs::path& folder)
 {
     mInputs = JobJson::array();
-    for (const std::string& path : options.inputs) mInputs.push_back(lookOf(path));
+    // Other processes may be in other folders.
+    for (const std::string& path : options.inputs)
+        if (path != "-") mInputs.push_back(lookOf(fs::absolute(path).string()));
     const Vec3d& o = grid.lattice.origin;
     JobJson json = {{"mpuvdb_job", kJobVersion},
                     {"build", options.build},
@@ -128,6 +130,7 @@ JobPlan JobPlan::read(const fs::path& folder)
         plan.coverage = json.at("coverage");
         plan.attributes = json.at("attributes").get<std::vector<std::string>>();
         plan.mInputs = json.at("inputs");
+        for (const JobJson& input : plan.mInputs) plan.options.inputs.push_back(input.at("path"));
         return plan;
     });
 }

@@ -17,8 +17,11 @@ namespace mpuvdb
 namespace
 {
 
-/// The number of places on a mesh. [tuned: mesh_measures_test]
+/// The largest number of places on a mesh. [tuned: mesh_measures_test]
 constexpr std::size_t kSamples = 500000;
+/// The least distance of two such places, diagonals of both meshes. [derived: an error is given to
+/// four digits at most, and distances of nearer places differ by less]
+constexpr double kApart = 1e-4;
 /// The number of places that are summed at once. [tuned: time; it changes the sums' rounding alone]
 constexpr std::size_t kBlock = 1024;
 
@@ -30,11 +33,12 @@ double uniform(std::uint64_t n)
     return double((n ^ n >> 31) >> 11) * 0x1p-53;
 }
 
-/// Random places on a mesh, one in each of kSamples equal parts of its area, in the tree's order.
+/// Random places on a mesh, one in each of size() equal parts of its area, in the tree's order.
 class Samples
 {
 public:
-    Samples(const Mesh& mesh, const TriangleTree& tree) : mMesh(mesh), mTree(tree)
+    /// @param apart  least distance of two places, world units.
+    Samples(const Mesh& mesh, const TriangleTree& tree, double apart) : mMesh(mesh), mTree(tree)
     {
         mAreas.reserve(tree.size());
         double sum = 0;
@@ -43,14 +47,17 @@ public:
             sum += (b - a).cast<double>().cross((c - a).cast<double>()).norm();
             mAreas.push_back(sum);
         }
+        const double most = sum / 2 / (apart * apart);
+        mSize = most < double(kSamples) ? std::max(std::size_t(most), std::size_t(1)) : kSamples;
     }
 
-    /// World position of sample @a n of kSamples.
+    std::size_t size() const { return mSize; }
+    /// World position of sample @a n.
     Vec3d operator()(std::size_t n) const
     {
         constexpr std::uint64_t kStep = 0x9e3779b97f4a7c15; // of SplitMix64 [paper: Steele14]
         const std::uint64_t seed = kStep * (3 * n + 1);
-        const double area = (double(n) + uniform(seed)) / double(kSamples) * mAreas.back();
+        const double area = (double(n) + uniform(seed)) / double(mSize) * mAreas.back();
         const auto found = std::upper_bound(mAreas.begin(), mAreas.end(), area);
         const auto slot = std::min(std::size_t(found - mAreas.begin()), mAreas.size() - 1);
         const auto& [a, b, c] = mTree.corners(slot);
@@ -63,6 +70,7 @@ private:
     const Mesh& mMesh;
     const TriangleTree& mTree;
     std::vector<double> mAreas; ///< doubled, up to and with each slot
+    std::size_t mSize = 0;
 };
 
 /// The vertices that triangles use, in the tree's order.
@@ -129,17 +137,24 @@ auto toPoints(const PointCloud& points, const KdTree& tree)
     };
 }
 
-/// Distances from places on @a mesh.
+/// Distances from places on @a mesh. @param diagonal  of both, world units.
 template <class Measure>
-Distances fromMesh(const Mesh& mesh, const TriangleTree& tree, const Measure& measure,
-                   Interrupter& progress)
+Distances fromMesh(const Mesh& mesh, const TriangleTree& tree, double diagonal,
+                   const Measure& measure, Interrupter& progress)
 {
-    const Sums sums = sumOver(kSamples, Samples(mesh, tree), measure, progress);
+    const Samples samples(mesh, tree, kApart * diagonal);
+    const Sums sums = sumOver(samples.size(), samples, measure, progress);
     const std::vector<std::uint32_t> vertices = verticesInOrder(mesh, tree);
     const Sums corners = sumOver(
         vertices.size(), [&](std::size_t n) { return mesh.world(vertices[n]); }, measure, progress);
-    return {sums.distance / double(kSamples), std::sqrt(sums.squared / double(kSamples)),
+    const auto count = double(samples.size());
+    return {sums.distance / count, std::sqrt(sums.squared / count),
             std::sqrt(std::max(sums.largest2, corners.largest2))};
+}
+
+Box3d boxOf(const Mesh& mesh, const TriangleTree& tree)
+{
+    return Box3d(tree.box().cast<double>()).translated(mesh.frame);
 }
 
 void requireTriangles(const Mesh& mesh)
@@ -158,8 +173,10 @@ TwoWayDistances distances(const Mesh& mesh, const Mesh& other, Interrupter* inte
     progress.beginStage("distances", 2.0 * kSamples + double(mesh.positions.size()) +
                                          double(other.positions.size()));
     const TriangleTree first(mesh, progress), second(other, progress);
-    const TwoWayDistances result = {fromMesh(mesh, first, toMesh(other, second), progress),
-                                    fromMesh(other, second, toMesh(mesh, first), progress)};
+    const double diagonal = boxOf(mesh, first).merged(boxOf(other, second)).diagonal().norm();
+    const TwoWayDistances result = {
+        fromMesh(mesh, first, diagonal, toMesh(other, second), progress),
+        fromMesh(other, second, diagonal, toMesh(mesh, first), progress)};
     progress.endStage();
     return result;
 }
@@ -174,7 +191,9 @@ TwoWayDistances distances(const Mesh& mesh, const PointCloud& points, Interrupte
     const TriangleTree triangles(mesh, progress);
     const KdTree tree(points.positions);
     TwoWayDistances result;
-    result.there = fromMesh(mesh, triangles, toPoints(points, tree), progress);
+    const Box3d box = boxOf(mesh, triangles).merged(points.localBounds().translated(points.frame));
+    result.there =
+        fromMesh(mesh, triangles, box.diagonal().norm(), toPoints(points, tree), progress);
     const Sums sums = sumOver(
         points.size(), [&](std::size_t n) { return points.world(n); }, toMesh(mesh, triangles),
         progress);

@@ -26,6 +26,7 @@ namespace
 py::dict reportOf(const ParticleReport& made)
 {
     return py::dict("particles"_a = made.particles, "dropped"_a = made.dropped,
+                    "lost"_a = made.lost, "findings"_a = made.findings,
                     "smallest_radius"_a = made.smallestRadius,
                     "median_radius"_a = made.medianRadius, "largest_radius"_a = made.largestRadius,
                     "spacing"_a = made.spacing, "voxel_size"_a = made.voxelSize,
@@ -49,7 +50,9 @@ void bindResult(py::module_& module)
             "level_set", [](const R& r) { return r.levelSet(); }, "The level set.")
         .def_property_readonly(
             "report", [](const R& r) { return reportOf(r.report); },
-            "What was found and used: particles, dropped (reason to count), smallest_radius, "
+            "What was found and used: particles, dropped (reason to count), lost (balls that the "
+            "surface does not reach), findings (what is not shown, with the cure), "
+            "smallest_radius, "
             "median_radius, largest_radius, spacing (None where radii were given), voxel_size ... "
             "Lengths are world units.")
         .def_property_readonly(
@@ -142,6 +145,7 @@ ParticleResult surfaceOf(Particles&& particles, const ParticleOptions& options, 
 {
     ParticleResult made = particlesToLevelSet(std::move(particles), options, &p);
     for (const std::string& warning : made.report.warnings) p.note(warning);
+    for (const std::string& finding : made.report.findings) p.note(finding);
     return made;
 }
 

@@ -163,8 +163,9 @@ struct SheetPlacer::Crossings {
     std::array<int, 12> edge;
     std::array<Vec3f, 12> point;
     Vec3f mean = Vec3f::Zero();
-    bool areSteep = true; ///< all slopes are those of a distance
-    float cosine = 1;     ///< smallest, between their normals and the mean of these
+    Vec3f normal = Vec3f::Zero(); ///< mean of their normals, unit
+    bool areSteep = true;         ///< all slopes are those of a distance
+    float cosine = 1;             ///< smallest, between their normals and the mean of these
 
     bool areSmooth() const { return areSteep && cosine > kSmoothCosine; }
 };
@@ -200,7 +201,6 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
 {
     Crossings found;
     std::array<const ValueCrossing*, 12> crossing;
-    Vec3f mean = Vec3f::Zero();
     for (unsigned edges = cell.sheets().edges[std::size_t(sheet)]; edges; edges &= edges - 1) {
         const int e = __builtin_ctz(edges);
         const Vec3f low = cornerPlace(cellEdge(e).low);
@@ -211,12 +211,12 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
         found.point[n][e / 4] = crossing[n]->at;
         found.mean += found.point[n];
         found.areSteep &= crossing[n]->isSteep;
-        mean += crossing[n]->normal;
+        found.normal += crossing[n]->normal;
     }
     found.mean *= 1 / float(found.count);
-    mean *= 1 / std::max(mean.norm(), 1e-6f);
+    found.normal *= 1 / std::max(found.normal.norm(), 1e-6f);
     for (std::size_t n = 0; n < std::size_t(found.count); ++n)
-        found.cosine = std::min(found.cosine, crossing[n]->normal.dot(mean));
+        found.cosine = std::min(found.cosine, crossing[n]->normal.dot(found.normal));
     return found;
 }
 
@@ -398,46 +398,96 @@ void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Pl
     }
 }
 
-/// One Newton step to the zero of the trilinear interpolation, and away from the walls.
+/// The values, linear between voxels across an axis, at the faces of a cell across that axis and a
+/// voxel beyond each: in the row through @a p along it.
+template <int kAxis>
+std::array<float, 4> SheetPlacer::rowThrough(int home, const Vec3f& p) const
+{
+    const std::size_t u = (kAxis + 1) % 3, v = (kAxis + 2) % 3;
+    const int along = BlockHalo::kStride[kAxis], stepU = BlockHalo::kStride[u],
+              stepV = BlockHalo::kStride[v];
+    const auto between = [](float low, float high, float t) { return low + t * (high - low); };
+    std::array<float, 4> row;
+    for (int n = 0; n < 4; ++n) {
+        const float* const at = &mValues.value[std::size_t(home + (n - 1) * along)];
+        row[std::size_t(n)] = between(between(at[0], at[stepV], p[int(v)]),
+                                      between(at[stepU], at[stepU + stepV], p[int(v)]), p[int(u)]);
+    }
+    return row;
+}
+
+/// One Newton step to where the mesh is on the surface in the mean, and away from the walls.
+/// Between voxels the values are parabolas along each axis, with the harmonic mean of the second
+/// differences at both ends, and none where these differ in sign: that of a crease beside the cell
+/// does not count [vanLeer74].
 Vec3f SheetPlacer::ontoSurface(const Vec3i& at, Vec3f p) const
 {
+    // Mean depth of a triangle below a surface through its vertices: a twelfth of the sum of the
+    // curvatures times the area of a quad. [derived: a twelfth of the squares of its edges is the
+    // variance of its places]
+    constexpr float kDepth = 1.0f / 12;
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
-    const auto between = [](float low, float high, float t) { return low + t * (high - low); };
-    // For the corners of the face across x (bit 1 is y): the values at p's height, and their rise.
-    std::array<float, 4> column, rise;
-    for (int c = 0; c < 4; ++c) {
-        const float low = mValues[home + stepTo(2 * c)], high = mValues[home + stepTo(2 * c + 1)];
-        rise[std::size_t(c)] = high - low;
-        column[std::size_t(c)] = between(low, high, p.z());
+    float value = 0, bends = 0;
+    Vec3f gradient;
+    const std::array<std::array<float, 4>, 3> rows = {
+        rowThrough<0>(home, p), rowThrough<1>(home, p), rowThrough<2>(home, p)};
+    for (int axis = 0; axis < 3; ++axis) {
+        const std::array<float, 4>& row = rows[std::size_t(axis)];
+        const float t = p[axis];
+        gradient[axis] = row[2] - row[1];
+        if (axis == 0) value += row[1] + t * gradient[axis];
+        const float low = row[2] - row[1] - (row[1] - row[0]),
+                    high = row[3] - row[2] - (row[2] - row[1]);
+        const float bend = low * high > 0 ? 2 * low * high / (low + high) : 0;
+        value -= 0.5f * t * (1 - t) * bend;
+        bends += bend;
     }
-    const float low = between(column[0], column[1], p.y()),
-                high = between(column[2], column[3], p.y());
-    const float value = between(low, high, p.x());
-    const Vec3f gradient(
-        high - low, between(column[1] - column[0], column[3] - column[2], p.x()),
-        between(between(rise[0], rise[1], p.y()), between(rise[2], rise[3], p.y()), p.x()));
     const float square = gradient.squaredNorm();
     if (!(square > 0)) return p;
-    p -= value / square * gradient;
+    // There are as many quads as edges that the surface crosses.
+    const float area = std::sqrt(square) / gradient.lpNorm<1>();
+    p -= (value - kDepth * area * bends) / square * gradient;
     const Vec3f inward = inset(p) - p;
     p += inward - inward.dot(gradient) / square * gradient;
     return p.cwiseMax(-kInset).cwiseMin(1 + kInset);
 }
 
-/// Whether the values are linear from a voxel along each axis, up or down: there is at most one
-/// fold of flat faces. @param most  largest bend, voxels.
-bool SheetPlacer::isStraight(int index, float most) const
+/// Curvature of the values about a voxel along the surface, per voxel: of the second differences up
+/// and down an axis the lesser, as one side of a crease is flat, and the largest of the axes.
+float SheetPlacer::curvatureAt(int index) const
 {
     const auto h = float(mLattice.voxelSize);
     const float here = mValues[index];
+    float most = 0;
     for (const int step : BlockHalo::kStride) {
         const float up = mValues[index + step], down = mValues[index - step];
         if (std::abs(up - down) > 2 * kMaxAxisSlope * h) continue;
         const float bendUp = mValues[index + 2 * step] - 2 * up + here;
         const float bendDown = mValues[index - 2 * step] - 2 * down + here;
-        if (std::min(std::abs(bendUp), std::abs(bendDown)) > most * h) return false;
+        most = std::max(most, std::min(std::abs(bendUp), std::abs(bendDown)));
     }
-    return true;
+    return most / h;
+}
+
+/// Whether a sheet whose normals differ is a strongly curved one: its values bend beyond the cell
+/// as they do in it. On both sides of a crease they are straight.
+bool SheetPlacer::isCurved(const Vec3i& at, const Crossings& crossings)
+{
+    // The share of the normals' turn that has to be the curvature's. [derived: about a ball of two
+    // voxels' radius the lesser bend, a voxel farther off it, is a third to two thirds of the
+    // ball's]
+    constexpr float kCurved = 1.0f / 3;
+    const int home = BlockHalo::index(at.x(), at.y(), at.z());
+    float turn = 0, byCurvature = 0;
+    for (std::size_t n = 0; n < std::size_t(crossings.count); ++n) {
+        const CellEdge ends = cellEdge(crossings.edge[n]);
+        const float curvature =
+            std::min(curvatureAt(home + stepTo(ends.low)), curvatureAt(home + stepTo(ends.high)));
+        const Vec3i low = at + cornerPlace(ends.low).cast<int>();
+        turn += (valueCrossing(low, crossings.edge[n] / 4).normal - crossings.normal).norm();
+        byCurvature += curvature * (crossings.point[n] - crossings.mean).norm();
+    }
+    return byCurvature > kCurved * turn;
 }
 
 /// Whether an obtuse fold of flat faces passes through the cell of a smooth sheet: each crossed
@@ -449,7 +499,7 @@ bool SheetPlacer::liesOnFold(const Vec3i& at, const Crossings& crossings)
     const float most = kMaxBendShare * std::sqrt(2 * (1 - crossings.cosine));
     const auto isFlat = [&](const Vec3f& corner) {
         const Vec3i voxel = at + corner.cast<int>();
-        return isStraight(BlockHalo::index(voxel.x(), voxel.y(), voxel.z()), most) &&
+        return curvatureAt(BlockHalo::index(voxel.x(), voxel.y(), voxel.z())) <= most &&
                planeAt(voxel).error <= most;
     };
     for (int n = 0; n < crossings.count; ++n) {
@@ -472,7 +522,7 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
     const bool areSmooth = crossings.areSmooth();
     if (freedom == Freedom::None) {
         inCell = inset(inCell);
-    } else if (areSmooth && !liesOnFold(at, crossings)) {
+    } else if (areSmooth ? !liesOnFold(at, crossings) : isCurved(at, crossings)) {
         if (cell.sheets().count == 1) inCell = ontoSurface(at, inCell);
     } else {
         Planes planes(crossings.mean);

@@ -88,8 +88,11 @@ private:
     void addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
     const FieldCrossing& fieldCrossing(const Vec3i& at, int edge, float start);
     void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
-    bool isStraight(int index, float most) const;
+    float curvatureAt(int index) const;
+    bool isCurved(const Vec3i& at, const Crossings& crossings);
     bool liesOnFold(const Vec3i& at, const Crossings& crossings);
+    template <int kAxis>
+    std::array<float, 4> rowThrough(int home, const Vec3f& inCell) const;
     Vec3f ontoSurface(const Vec3i& at, Vec3f inCell) const;
 
     std::unique_ptr<PointEvaluator> mField; ///< null: none

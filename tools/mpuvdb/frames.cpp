@@ -18,7 +18,8 @@ constexpr int kMaxWidth = 100; // digits of a frame's number; file systems end n
 
 const std::regex& token()
 {
-    static const std::regex pattern(R"((#+)|%(0(\d+))?d|\$F(\d*))");
+    // A single # is part of a name, such as shot#1.
+    static const std::regex pattern(R"((##+)|%(0(\d+))?d|\$F(\d*))");
     return pattern;
 }
 

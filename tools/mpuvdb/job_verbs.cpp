@@ -87,6 +87,7 @@ public:
     ExitCode run(Session& session) override
     {
         session.checkFiles({}, mCloud.inputs);
+        checkDistinct({{"-o", mOutput, {}}}, mCloud.inputs);
         session.openScratch(mFolder);
         Interrupter* const interrupter = &session.progress();
         PreparedPoints prepared = preparePoints(mCloud.read(session), mCloud.options, interrupter);
@@ -195,7 +196,9 @@ public:
     void addOptions(CLI::App& app) override
     {
         app.add_option("job", mFolder, "The job's folder")->required()->type_name("JOB");
-        app.add_option("task", mTask, "The task, from 0")->type_name("N");
+        app.add_option("task", mTask, "The task, from 0")
+            ->type_name("N")
+            ->check(CLI::NonNegativeNumber);
         app.add_option("--every", mEvery, "Do every Nth task from that one on")
             ->type_name("N")
             ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32));

@@ -140,7 +140,9 @@ private:
         const bool asFolder = !output.empty() && isFolder(job, output);
         std::vector<Output> outputs{{"--mesh", mMesh, meshExtensions()}};
         outputs.push_back({"-o", output, {".vdb"}, false, false, asFolder});
-        session.checkFiles(outputs, mInputs);
+        std::vector<std::string> inputs = job.inputs();
+        inputs.push_back(mInputs[0]);
+        session.checkFiles(outputs, inputs);
         session.openScratch(mInputs[0]);
         Interrupter* const interrupter = &session.progress();
         ExitCode code = ExitCode::Ok;

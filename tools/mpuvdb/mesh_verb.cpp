@@ -289,6 +289,21 @@ private:
     bool mCrossing = false;
 };
 
+/// Warn of attributes for which the format of @a path has no place.
+void warnOfLost(const Mesh& mesh, const std::string& path, Session& session)
+{
+    const std::string format = extensionOf(path);
+    const bool holdsScalars = format != ".obj" && format != ".off" && format != ".stl";
+    std::vector<std::string> lost;
+    if (!mesh.colors.empty() && format == ".stl") lost.push_back(kColorName);
+    for (const NamedScalars& scalars : mesh.scalars)
+        if (!holdsScalars) lost.push_back(scalars.name);
+    if (!lost.empty())
+        session.warn(fmt::format("{}: {} was left out, as {} files have no place for it. Write "
+                                 ".ply, .glb or .usda",
+                                 path, fmt::join(lost, ", "), format));
+}
+
 } // namespace
 
 std::vector<Output> filesOf(const MeshOutput& output, const std::string& option)
@@ -306,6 +321,7 @@ ExitCode writeMeshOf(const LevelSet& levelSet, const MeshOutput& output, Session
     Mesh mesh = extractMesh(levelSet, {output.field, output.shape.strict}, &session.progress());
     if (output.trim.coverage) mesh = trimmed(std::move(mesh), output.trim, session);
     if (output.addAttributes) output.addAttributes(mesh, session.progress());
+    warnOfLost(mesh, output.path, session);
     if (mesh.triangles.empty())
         session.warn(fmt::format("{}: nothing is there: the mesh is empty", output.path));
     return MeshWriter(levelSet, output, session).write(std::move(mesh));

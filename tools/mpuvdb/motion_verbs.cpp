@@ -153,7 +153,8 @@ protected:
     /// The axis, and where it begins and ends. @throws UsageError.
     Part partOf(const GridInput& input, Session& session)
     {
-        Part part{{mCenter.value_or(Vec3d::Zero()), mAxis.value_or(Vec3d::UnitZ())}, 0, 0};
+        Part part{
+            {mCenter.value_or(Vec3d::Zero()), mAxis.value_or(Vec3d::UnitZ())}, 0, 1}; // of nothing
         if (!(part.axis.direction.norm() > 0)) throw UsageError("--axis 0,0,0: is not a direction");
         const Vec3d along = part.axis.direction.normalized();
         const Box3d box = Shape(input.levelSet).bounds();

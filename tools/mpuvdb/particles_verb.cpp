@@ -88,6 +88,8 @@ public:
             writeGridOutput(made.levelSet(), mOutput, metadata(made.report),
                             {made.beside.begin(), made.beside.end()}, session, gradientTolerance());
         if (!mMesh.path.empty()) code = std::max(code, writeMesh(made, session));
+        for (const std::string& finding : made.report.findings) session.warn(finding);
+        if (!made.report.findings.empty()) code = std::max(code, ExitCode::CheckFailed);
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return code;
@@ -145,6 +147,7 @@ private:
             {"velocity", mOptions.velocity}, {"attributes", mAttributes.names}};
         report["input"] = {{"particles", made.particles},
                            {"dropped", made.dropped},
+                           {"lost", made.lost},
                            {"smallest_radius", made.smallestRadius},
                            {"median_radius", made.medianRadius},
                            {"largest_radius", made.largestRadius}};

@@ -32,8 +32,9 @@ public:
             ->required();
         app.add_option(
                "--points", mPoints,
-               "The points: any file that reconstruct takes. Those that are not finite are\n"
-               "left out, and equal ones become one")
+               "The points: any file that reconstruct takes. Those that are not finite, or a\n"
+               "hundred times as far away as the others, are left out, and equal ones become\n"
+               "one")
             ->required()
             ->type_name("FILE");
         app.add_option("-o,--output", mOutput,
@@ -74,6 +75,9 @@ public:
             for (const Vec3d& g : gradients) cloud.normals.push_back(g.cast<float>());
         }
         writePoints(mOutput, cloud, &progress);
+        session.report()["input"] = {{"dropped", points.dropped}};
+        if (const std::string dropped = droppedText(points.dropped); !dropped.empty())
+            session.warn(fmt::format("{}: points without a distance: {}", mPoints, dropped));
         say(distances, input.levelSet.voxelSize(), session);
         progress.endStage();
         session.note("time        " + session.timesText());

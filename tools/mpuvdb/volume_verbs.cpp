@@ -193,12 +193,14 @@ private:
         Json parts = Json::array();
         std::string text;
         for (const ComponentMeasures& part : measures) {
+            // A single voxel at distance 0 has no surface.
+            const bool isNothing = part.bounds.isEmpty();
+            const Vec3d size = isNothing ? Vec3d(Vec3d::Zero()) : Vec3d(part.bounds.sizes());
             parts.push_back({{"volume", part.volume},
                              {"area", part.area},
                              {"genus", part.genus},
-                             {"min", toJson(Vec3d(part.bounds.min()))},
-                             {"max", toJson(Vec3d(part.bounds.max()))}});
-            const Vec3d size = part.bounds.sizes();
+                             {"min", isNothing ? Json() : toJson(Vec3d(part.bounds.min()))},
+                             {"max", isNothing ? Json() : toJson(Vec3d(part.bounds.max()))}});
             text += fmt::format("{}: volume {:.6g}, area {:.6g}, genus {}, size {:.4g} x {:.4g} x "
                                 "{:.4g}\n",
                                 parts.size(), part.volume, part.area, part.genus, size.x(),
