@@ -112,6 +112,27 @@ TEST(PointsExplained, SamplesOfAHalfAreSupportedByHalf)
     EXPECT_TRUE(e.findings.empty());
 }
 
+/// Normals that are none of the points: one for all, directions of view, no signs.
+TEST(PointsExplained, NormalsThatAreNoneAreToldOf)
+{
+    using Turn = Vec3f (*)(const Vec3f& position, const Vec3f& normal);
+    const Turn turns[] = {
+        [](const Vec3f&, const Vec3f&) -> Vec3f { return Vec3f::UnitZ(); },
+        [](const Vec3f&, const Vec3f&) -> Vec3f { return Vec3f(0.3f, -0.5f, 0.8f).normalized(); },
+        [](const Vec3f& p, const Vec3f&) -> Vec3f { return (Vec3f(4, 0, 0) - p).normalized(); },
+        [](const Vec3f&, const Vec3f& n) -> Vec3f { return n.cwiseAbs(); }};
+    for (const char* const solid : {"sphere(1)", "torus(1,0.4)", "union(sphere(1),box(2.2,1,1))"})
+        for (const Turn turn : turns) {
+            PointCloud cloud = sample(solid, 20000);
+            for (std::size_t n = 0; n < cloud.size(); ++n)
+                cloud.normals[n] = turn(cloud.positions[n], cloud.normals[n]);
+            const PointsExplained e = explained(std::move(cloud));
+            EXPECT_GT(e.against, 0.1875) << solid; // a quarter of random directions'
+            ASSERT_FALSE(e.findings.empty()) << solid;
+            EXPECT_NE(e.findings.back().find("--normals estimate"), std::string::npos);
+        }
+}
+
 TEST(PointsExplained, OneThreadAndManySayTheSame)
 {
     const auto numbers = [] {

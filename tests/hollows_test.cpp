@@ -116,7 +116,7 @@ TEST(UnseenParts, AreNearTheSolid)
     // are narrower than curvatures reach, .007 and .029.
     for (const Limit& limit :
          {Limit{"gear(12, 1, 0.5)", 5, 0.0116, 0.038}, Limit{"blob(1, 20, 0.05)", 3, 0.01, 0.042},
-          Limit{"torus(1, 0.4)", 3, 0.002, 0.011},
+          Limit{"torus(1, 0.4)", 3, 0.0022, 0.011},
           Limit{"difference(box(2, 2, 1), cylinder(0.4, 3))", 4, 0.044, 0.14},
           Limit{"difference(sphere(1), cylinder(0.35, 3))", 4, 0.1, 0.31}}) {
         SCOPED_TRACE(limit.solid);

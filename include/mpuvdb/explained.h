@@ -64,7 +64,7 @@ struct PointsExplained {
     double within = 1;  ///< share of the points within the limit, in [0, 1]
     double largest = 0; ///< largest distance of a point, world units; at most the band's half-width
     std::uint64_t beyondBand = 0; ///< points that are that far away, or farther
-    /// Share of the points whose normals oppose the surface's, in [0, 1].
+    /// Share of the points whose normals are more than 60 degrees off the surface's, in [0, 1].
     double against = 0;
     /// Share of the surface without a point within five spacings of its block of 8 x 8 x 8 voxels.
     double unsupported = 0;

@@ -30,6 +30,12 @@ constexpr double kMaxUnexplained = 0.1336;
 /// Largest share of the points beyond the band, where that is wider than the limit. [derived: three
 /// times what normal noise leaves beyond the limit]
 constexpr double kMaxLost = 0.01;
+/// Cosine of 60 degrees, by which a normal is off the surface's. [derived: three times the noise of
+/// the worst normals that scans have]
+constexpr double kOff = 0.5;
+/// Largest share of the points whose normals are off. [derived: of directions at random three
+/// quarters are, which the surface follows in half of the places; half of that is left to edges]
+constexpr double kMaxOff = 0.1875;
 /// Distance up to which points support the surface, spacings. [tuned: explained_test]
 constexpr double kSupportReach = 5;
 
@@ -70,7 +76,7 @@ Sample sampleAt(const Accessor& band, const Vec3d& x)
 
 /// Counts over some of the points.
 struct Counts {
-    std::uint64_t points = 0, within = 0, against = 0, beyondBand = 0;
+    std::uint64_t points = 0, within = 0, off = 0, beyondBand = 0;
     double largest = 0;
     Box3d box; ///< from the points' frame
 
@@ -78,7 +84,7 @@ struct Counts {
     {
         points += other.points;
         within += other.within;
-        against += other.against;
+        off += other.off;
         beyondBand += other.beyondBand;
         largest = std::max(largest, other.largest);
         box.extend(other.box);
@@ -114,7 +120,9 @@ Counts countPoints(const LevelSet& levelSet, const MpuField& field, double limit
             counts[n].beyondBand += distance >= background;
             counts[n].largest = std::max(counts[n].largest, distance);
             const Vec3d normal(points.nx[i], points.ny[i], points.nz[i]);
-            counts[n].against += s.gradient.dot(normal) < 0;
+            const double along = s.gradient.dot(normal);
+            counts[n].off +=
+                along < 0 || along * along < kOff * kOff * s.gradient.squaredNorm();
         }
     });
     Counts all;
@@ -200,6 +208,12 @@ void addFindings(PointsExplained& e, double voxelSize, const PointStatistics& po
             "what they show is not there. Smaller voxels than {:.4g} show smaller parts; points "
             "of none are outliers",
             100 * double(e.beyondBand) / double(e.points), e.largest, voxelSize));
+    if (e.against > kMaxOff)
+        e.findings.push_back(fmt::format(
+            "the normals of {:.0f} % of the points are more than 60 degrees off the surface through "
+            "them: they are none of its points (placeholders, directions of view, components "
+            "without signs?). Estimate them with --normals estimate (Python: orient='estimate')",
+            100 * e.against));
 }
 
 /// Tell of a surface that leaves the points: they are too few for one, or look into the void.
@@ -244,7 +258,7 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     e.points = counts.points;
     const double each = 1 / double(std::max<std::uint64_t>(counts.points, 1));
     e.within = counts.points ? double(counts.within) * each : 1;
-    e.against = double(counts.against) * each;
+    e.against = double(counts.off) * each;
     e.largest = counts.largest;
     e.beyondBand = counts.beyondBand;
     e.unsupported = unsupportedShare(levelSet, field, progress);
@@ -265,7 +279,7 @@ PointsExplained joinExplained(const std::vector<std::pair<PointsExplained, std::
                               const PointStatistics& points, double voxelSize)
 {
     PointsExplained whole;
-    double within = 0, against = 0, unsupported = 0, voxels = 0;
+    double within = 0, off = 0, unsupported = 0, voxels = 0;
     for (const auto& [part, active] : parts) {
         const auto count = double(part.points);
         whole.points += part.points;
@@ -273,13 +287,13 @@ PointsExplained joinExplained(const std::vector<std::pair<PointsExplained, std::
         whole.largest = std::max(whole.largest, part.largest);
         whole.beyondBand += part.beyondBand;
         within += part.within * count;
-        against += part.against * count;
+        off += part.against * count;
         unsupported += part.unsupported * double(active);
         voxels += double(active);
     }
     const double each = 1 / double(std::max<std::uint64_t>(whole.points, 1));
     whole.within = whole.points ? within * each : 1;
-    whole.against = against * each;
+    whole.against = off * each;
     whole.unsupported = voxels > 0 ? unsupported / voxels : 0;
     addFindings(whole, voxelSize, points);
     return whole;

@@ -136,7 +136,7 @@ std::string explainedText(const PointsExplained& explained)
     const std::string ofMesh =
         e.mesh ? fmt::format(", {:.4g} % of the mesh", 100 * e.meshWithin) : "";
     return fmt::format("{:.4g} % of the points{} within {:.3g} of the surface, the farthest {}; "
-                       "{:.2g} % look against it; {:.2g} % of it is far from any; parts {}",
+                       "the normals of {:.2g} % look elsewhere; {:.2g} % of it is far from any; parts {}",
                        100 * e.within, ofMesh, e.limit, farthestText(e), 100 * e.against,
                        100 * e.unsupported, e.parts);
 }
