@@ -181,8 +181,9 @@ void bindPointsExplained(py::module_& module)
                       "Largest distance, world units, up to the band's width.")
         .def_readonly("beyond_band", &E::beyondBand,
                       "Number of points that are that far away, or farther.")
-        .def_readonly("against", &E::against,
-                      "Share of the points whose normals are more than 60 degrees off the surface's.")
+        .def_readonly(
+            "against", &E::against,
+            "Share of the points whose normals are more than 60 degrees off the surface's.")
         .def_readonly("unsupported", &E::unsupported,
                       "Share of the surface without a point within five spacings.")
         .def_readonly("volume", &E::volume, "Of the level set's solid, world units cubed.")

@@ -121,8 +121,7 @@ Counts countPoints(const LevelSet& levelSet, const MpuField& field, double limit
             counts[n].largest = std::max(counts[n].largest, distance);
             const Vec3d normal(points.nx[i], points.ny[i], points.nz[i]);
             const double along = s.gradient.dot(normal);
-            counts[n].off +=
-                along < 0 || along * along < kOff * kOff * s.gradient.squaredNorm();
+            counts[n].off += along < 0 || along * along < kOff * kOff * s.gradient.squaredNorm();
         }
     });
     Counts all;
@@ -210,7 +209,8 @@ void addFindings(PointsExplained& e, double voxelSize, const PointStatistics& po
             100 * double(e.beyondBand) / double(e.points), e.largest, voxelSize));
     if (e.against > kMaxOff)
         e.findings.push_back(fmt::format(
-            "the normals of {:.0f} % of the points are more than 60 degrees off the surface through "
+            "the normals of {:.0f} % of the points are more than 60 degrees off the surface "
+            "through "
             "them: they are none of its points (placeholders, directions of view, components "
             "without signs?). Estimate them with --normals estimate (Python: orient='estimate')",
             100 * e.against));

@@ -135,10 +135,11 @@ std::string explainedText(const PointsExplained& explained)
     if (e.points == 0) return "no point lies in the region";
     const std::string ofMesh =
         e.mesh ? fmt::format(", {:.4g} % of the mesh", 100 * e.meshWithin) : "";
-    return fmt::format("{:.4g} % of the points{} within {:.3g} of the surface, the farthest {}; "
-                       "the normals of {:.2g} % look elsewhere; {:.2g} % of it is far from any; parts {}",
-                       100 * e.within, ofMesh, e.limit, farthestText(e), 100 * e.against,
-                       100 * e.unsupported, e.parts);
+    return fmt::format(
+        "{:.4g} % of the points{} within {:.3g} of the surface, the farthest {}; "
+        "the normals of {:.2g} % look elsewhere; {:.2g} % of it is far from any; parts {}",
+        100 * e.within, ofMesh, e.limit, farthestText(e), 100 * e.against, 100 * e.unsupported,
+        e.parts);
 }
 
 Json toJson(const LevelSet& levelSet)
