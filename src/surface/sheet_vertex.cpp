@@ -44,6 +44,10 @@ constexpr double kOutsideCell = 0.5;
 /// two coincide where the surface passes through a voxel. [tuned: mesh_test]
 constexpr float kInset = 0.05f;
 
+/// Length of the last Newton step, voxels, that leaves an error below a thousandth of a voxel
+/// beside a crease. [tuned: sharp_mesh_test]
+constexpr double kLastStep = 0.02;
+
 /// Error of prediction, voxels, from which on a plane has no weight. [tuned: sharp_mesh_test]
 constexpr float kMaxPlaneError = 0.4f;
 
@@ -344,10 +348,9 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
 const SheetPlacer::FieldCrossing& SheetPlacer::fieldCrossing(const Vec3i& at, int edge, float start)
 {
     constexpr int kNewtonSteps = 6; ///< largest number of steps [tuned: sharp_mesh_test]
-    /// Length of the last Newton step, voxels, that leaves an error below a thousandth of a voxel;
-    /// and the same where the values have the same direction, as off creases.
-    /// [tuned: sharp_mesh_test]
-    constexpr double kLastStep = 0.02, kLastSmoothStep = 0.06;
+    /// Length of the last Newton step, voxels, where the values have the same direction, as off
+    /// creases; see kLastStep. [tuned: sharp_mesh_test]
+    constexpr double kLastSmoothStep = 0.06;
     /// Distance from the zero set, voxels, above which there is no crossing. [tuned:
     /// sharp_mesh_test]
     constexpr double kMaxDisagreement = 0.06;
@@ -396,6 +399,16 @@ void SheetPlacer::addFieldPlanes(const Vec3i& at, const Crossings& crossings, Pl
         const FieldCrossing& found = fieldCrossing(at, edge, (crossings.point[n] - from).dot(axis));
         if (found.isFound) planes.add(found.normal, from + found.at * axis, 1);
     }
+}
+
+/// Whether the field is not zero at a place in a cell: planes that meet there are of a curved
+/// surface, and not of a crease.
+bool SheetPlacer::isOffField(const Vec3i& at, const Vec3f& inCell) const
+{
+    const double h = mLattice.voxelSize;
+    const Vec3d place = mOrigin + at.cast<double>() + inCell.cast<double>();
+    const FieldSample sample = mField->evaluate(mLattice.origin + h * place);
+    return std::abs(sample.value) > kLastStep * h * sample.gradient.norm();
 }
 
 /// The values, linear between voxels across an axis, at the faces of a cell across that axis and a
@@ -520,10 +533,14 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
     SheetVertex vertex;
     Vec3f inCell = crossings.mean;
     const bool areSmooth = crossings.areSmooth();
+    const bool seemsCurved = !areSmooth && isCurved(at, crossings);
+    const auto onSheet = [&] { // of several none is the values' zero alone
+        return cell.sheets().count == 1 ? ontoSurface(at, crossings.mean) : crossings.mean;
+    };
     if (freedom == Freedom::None) {
         inCell = inset(inCell);
-    } else if (areSmooth ? !liesOnFold(at, crossings) : isCurved(at, crossings)) {
-        if (cell.sheets().count == 1) inCell = ontoSurface(at, inCell);
+    } else if (areSmooth ? !liesOnFold(at, crossings) : seemsCurved && !mField) {
+        inCell = onSheet();
     } else {
         Planes planes(crossings.mean);
         if (mField) addFieldPlanes(at, crossings, planes);
@@ -538,6 +555,10 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
             inCell += minimum.free.cast<float>() * (inset(inCell) - inCell);
             if (freedom == Freedom::Half) inCell = 0.5f * (inCell + crossings.mean);
             vertex.feature = !areSmooth && minimum.rank > 1;
+            if (seemsCurved && isOffField(at, inCell)) {
+                inCell = onSheet();
+                vertex.feature = false;
+            }
         }
     }
     vertex.position = at.cast<float>() + inCell;

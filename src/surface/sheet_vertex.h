@@ -88,6 +88,7 @@ private:
     void addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
     const FieldCrossing& fieldCrossing(const Vec3i& at, int edge, float start);
     void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
+    bool isOffField(const Vec3i& at, const Vec3f& inCell) const;
     float curvatureAt(int index) const;
     bool isCurved(const Vec3i& at, const Crossings& crossings);
     bool liesOnFold(const Vec3i& at, const Crossings& crossings);
