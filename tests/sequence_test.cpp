@@ -60,9 +60,6 @@ TEST_F(SequenceTest, AllPatternsTakeTheNumberInPositionalsOptionsAndValues)
     EXPECT_NE(bytes("a.09.usda").find("@./a.009.vdb@"), std::string::npos);
     mpuvdb({"reconstruct", "in.0009.ply", "-o", "one.vdb"});
     EXPECT_EQ(bytes("a.009.vdb"), bytes("one.vdb")) << "as the same command without frames";
-    // A single # beside others is part of a name.
-    mpuvdb({"reconstruct", "in.%04d.ply", "-o", "shot#1.##.vdb", "--frames=7"});
-    EXPECT_TRUE(has("shot#1.07.vdb"));
 }
 
 TEST_F(SequenceTest, AFrameThatFailsIsToldAndStopsNoOther)
