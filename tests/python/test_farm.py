@@ -6,6 +6,7 @@ import pathlib
 import shutil
 import signal
 import subprocess
+import tempfile
 import time
 import unittest
 
@@ -19,20 +20,32 @@ def installed(*programs):
     return all(shutil.which(program) for program in programs)
 
 
+def run(*words):
+    """The command with these words, ended."""
+    return subprocess.run([COMMAND, *map(str, words), "--progress", "none"], capture_output=True, text=True)
+
+
 class JobTest(FolderTest):
+    options = ["--voxels", "320", "--normals", "keep"]
+
+    @classmethod
+    def setUpClass(cls):
+        # A cloud and its grid, which all tests compare with and none writes.
+        folder = tempfile.TemporaryDirectory(prefix="mpuvdb-test-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.cloud = pathlib.Path(folder.name) / "cloud.ply"
+        cls.expected = pathlib.Path(folder.name) / "whole.vdb"
+        run("sample", "difference(box(2,1.5,1), cylinder(0.4,3))", "-o", cls.cloud, "--points", "60000",
+            "--pattern", "random", "--noise", "0.05%").check_returncode()
+        run("reconstruct", cls.cloud, "-o", cls.expected, *cls.options).check_returncode()
+
     def setUp(self):
         super().setUp()
-        self.cloud = self.folder / "cloud.ply"
-        self.call("sample", "difference(box(2,1.5,1), cylinder(0.4,3))", "-o", self.cloud, "--points", "60000",
-                  "--pattern", "random", "--noise", "0.05%")
-        self.options = ["--voxels", "480", "--normals", "keep"]
-        self.expected = self.folder / "whole.vdb"
-        self.call("reconstruct", self.cloud, "-o", self.expected, *self.options)
         self.job = self.folder / "a job"  # engines have to quote it
         self.output = self.folder / "made.vdb"
 
     def call(self, *words, status=0):
-        ended = subprocess.run([COMMAND, *map(str, words), "--progress", "none"], capture_output=True, text=True)
+        ended = run(*words)
         self.assertEqual(ended.returncode, status, ended.stderr)
         return ended.stdout
 
@@ -68,34 +81,35 @@ class EngineTest(JobTest):
             subprocess.run(["umount", str(small)], check=True)
         self.call("tile", self.job)  # there is room again
 
-    def limited(self, limit):
-        """Reconstruct with so much memory; what was said."""
-        ended = subprocess.run([COMMAND, "reconstruct", str(self.cloud), "-o", str(self.output), *self.options,
-                                "--max-memory", limit, "--progress", "none"], capture_output=True, text=True)
-        self.assertEqual(ended.returncode, 0, ended.stderr)
-        return ended.stderr
-
     def test_too_little_memory_for_all_at_once(self):
-        self.call("sample", "torus(1,0.4)", "-o", self.cloud, "--points", "1000000", "--pattern", "random")
-        self.options = ["--voxels", "420"]
-        self.assertNotIn("out of core", self.limited("8G"))
+        cloud = self.folder / "torus.ply"
+        self.call("sample", "torus(1,0.4)", "-o", cloud, "--points", "1000000", "--pattern", "random")
+
+        def limited(limit):
+            """Reconstructs with so much memory; what was said."""
+            ended = run("reconstruct", cloud, "-o", self.output, "--voxels", "420", "--max-memory", limit)
+            self.assertEqual(ended.returncode, 0, ended.stderr)
+            return ended.stderr
+
+        self.assertNotIn("out of core", limited("8G"))
         whole = self.output.read_bytes()
-        self.assertIn("out of core", self.limited("100M"))
+        self.assertIn("out of core", limited("100M"))
         self.assertTrue(self.output.read_bytes() == whole, "the bytes differ")
         self.assertEqual([path.name for path in self.folder.iterdir() if path.name.endswith(".job")], [])
         # A mesh needs the whole.
-        self.call("reconstruct", self.cloud, "-o", self.folder / "b.vdb", "--mesh", self.folder / "b.ply",
-                  *self.options, "--max-memory", "100M", status=5)
+        self.call("reconstruct", cloud, "-o", self.folder / "b.vdb", "--mesh", self.folder / "b.ply",
+                  "--voxels", "420", "--max-memory", "100M", status=5)
 
     def test_a_full_scratch_disk_is_said(self):
-        self.call("sample", "torus(1,0.4)", "-o", self.cloud, "--points", "2000000", "--pattern", "random")
+        cloud = self.folder / "torus.ply"
+        self.call("sample", "torus(1,0.4)", "-o", cloud, "--points", "2000000", "--pattern", "random")
         small = self.folder / "small"
         small.mkdir()
         mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8M", "none", str(small)], capture_output=True)
         if mounted.returncode != 0:
             self.skipTest("no file system may be mounted here")
         try:
-            self.call("plan", self.cloud, "--job", small / "job", "--voxels", "600", "--max-memory", "100M", status=6)
+            self.call("plan", cloud, "--job", small / "job", "--voxels", "600", "--max-memory", "100M", status=6)
             self.assertEqual(list(small.iterdir()), [])
         finally:
             subprocess.run(["umount", str(small)], check=True)
@@ -121,7 +135,7 @@ class EngineTest(JobTest):
         self.assertEqual(sum(tile["active_voxels"] for tile in index["tiles"]), whole["files"][0]["grids"][0]["active_voxels"])
         for level in index["levels"]:
             self.call("check", self.output / level["file"])
-        self.call("reconstruct", self.cloud, "-o", self.expected, *self.options, "--mesh", self.folder / "whole.ply")
+        self.call("reconstruct", self.cloud, "-o", self.folder / "whole.vdb", *self.options, "--mesh", self.folder / "whole.ply")
         self.call("merge", self.job, "--mesh", self.folder / "tiles.ply")
         self.assertEqual((self.folder / "tiles.ply").read_bytes(), (self.folder / "whole.ply").read_bytes())
         # What is small and has no extension is a file; what is there already stays what it is.
