@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -111,6 +112,35 @@ TEST(Region, IsTheSameAsTheWholeOnIncompleteAndNoisyData)
     expectSameInRegions(test::scanOf("blob(1, 20, 0.05)", scan), voxelSize(0.015), 4, 6, 60);
     scan.noise = 0.01;
     expectSameInRegions(test::scanOf("torus(1, 0.2)", scan), voxelSize(0.015), 5, 6, 60);
+}
+
+TEST(Region, IsTheSameAsTheWholeOnCoarseData)
+{
+    // Points six voxels from each other and more: no narrow part is one of the data for certain.
+    expectSameInRegions(test::randomScan("torus(1, 0.4)", 5000), voxelSize(0.01), 7, 6, 40);
+    expectSameInRegions(test::randomScan("difference(sphere(1), sphere(0.96))", 4000),
+                        voxelSize(0.015), 8, 6, 40);
+    expectSameInRegions(test::randomScan("rotate(box(2, 1.5, 0.04), 1, 2, 3, 25)", 2000),
+                        voxelSize(0.015), 9, 6, 40);
+    expectSameInRegions(test::randomScan("blob(1, 20, 0.05)", 3000), voxelSize(0.012), 10, 6, 40);
+}
+
+TEST(Region, OfCoarseDataIsSampledOnce)
+{
+    // Steps of voxels along a smooth surface are narrow all around it; none of them is a handle.
+    const PointCloud cloud = test::randomScan("torus(1, 0.4)", 5000);
+    test::Uncleaned settings = voxelSize(0.01);
+    for (const Vec3d& center : {Vec3d(1.4, 0, 0), Vec3d(0, 1, 0.4), Vec3d(-0.7, 0.7, -0.4)}) {
+        const Vec3d half = Vec3d::Constant(0.3);
+        settings.region = lengths({center - half, center + half});
+        Interrupter progress;
+        reconstruct(PointCloud(cloud), settings, &progress);
+        const std::vector<StageTime> stages = progress.stages();
+        EXPECT_EQ(std::count_if(stages.begin(), stages.end(),
+                                [](const StageTime& stage) { return stage.name == "sample"; }),
+                  1)
+            << center.transpose();
+    }
 }
 
 TEST(Region, IsTheSameAsTheWholeOnScans)

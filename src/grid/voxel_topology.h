@@ -9,7 +9,8 @@ namespace mpuvdb
 /// set.
 using Neighborhood = std::uint32_t;
 
-constexpr Neighborhood kCenter = 1u << 13; ///< mask of the voxel itself
+constexpr Neighborhood kCenter = 1u << 13;           ///< mask of the voxel itself
+constexpr Neighborhood kEverywhere = (1u << 27) - 1; ///< mask of all of them
 /// Mask of the voxels that share a face with the center.
 constexpr Neighborhood kFaceNeighbors =
     1u << 4 | 1u << 10 | 1u << 12 | 1u << 14 | 1u << 16 | 1u << 22;

@@ -141,7 +141,8 @@ private:
         return mZone && ((at.array() == mZone->known.first.array()).any() ||
                          (at.array() == mZone->known.last.array()).any());
     }
-    bool reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow) const;
+    bool reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow,
+                    const std::vector<SignWords>& doubtful) const;
 
     const Field& mField;
     Lattice mLattice;

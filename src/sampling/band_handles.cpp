@@ -77,8 +77,11 @@ int changeBy(const BlockMosaic& mosaic, std::vector<SignWords>& set,
 class Gaps
 {
 public:
-    Gaps(const BlockMosaic& mosaic, std::vector<SignWords> set, std::vector<SignWords> gaps)
-        : mMosaic(mosaic), mSet(std::move(set)), mGaps(std::move(gaps))
+    /// @param isAtBorder  of each block, whether what is beside it is unknown; empty where none is.
+    Gaps(const BlockMosaic& mosaic, std::vector<SignWords> set, std::vector<SignWords> gaps,
+         const std::vector<char>& isAtBorder)
+        : mMosaic(mosaic), mSet(std::move(set)), mGaps(std::move(gaps)), mIsAtBorder(isAtBorder),
+          mTried(mGaps.size()), mDoubtful(isAtBorder.size())
     {
     }
 
@@ -92,29 +95,34 @@ public:
         forEach(mGaps, [&](VoxelId v) { all.push_back({depth(v), v}); });
         std::sort(all.begin(), all.end(), std::greater<Entry>());
         for (const auto& [d, v] : all) turn(mSet, v);
-        std::vector<SignWords> tried(mGaps.size());
+        doubtTheBorder();
         std::priority_queue<Entry> again;
         for (std::size_t n = 0; n < all.size(); ++n) {
             if (n % 4096 == 0) progress.check();
             for (again.push(all[n]); !again.empty();) {
                 const VoxelId v = again.top().second;
                 again.pop();
+                if (isDoubtful(v)) doubtAround(v);
                 const Neighborhood around = mMosaic.neighborhood(mSet, v);
                 if (!isSimple(around)) {
-                    turn(tried, v);
+                    turn(mTried, v);
                     continue;
                 }
                 turn(mSet, v);
                 turn(mGaps, v);
                 mMosaic.forEachAround(v, around & ~kCenter, [&](VoxelId other) {
-                    if (!contains(tried, other)) return;
-                    turn(tried, other);
+                    if (!contains(mTried, other)) return;
+                    turn(mTried, other);
                     again.push({depth(other), other});
                 });
             }
         }
         forEach(mGaps, [&](VoxelId v) { turn(mSet, v); });
     }
+
+    /// Voxels of the gaps, opened or not, that what is unknown may have settled otherwise; empty
+    /// where all is known.
+    std::vector<SignWords> takeDoubtful() { return std::move(mDoubtful); }
 
     /// Connected parts of the gaps whose closing removes handles.
     std::vector<std::vector<VoxelId>> cuts()
@@ -149,8 +157,43 @@ private:
                     f(VoxelId(n * kBlockVoxels + x * 64 + std::size_t(__builtin_ctzll(rest))));
     }
 
+    bool isDoubtful(VoxelId v) const { return !mDoubtful.empty() && contains(mDoubtful, v); }
+
+    /// Doubt the gaps that the blocks at the border touch.
+    void doubtTheBorder()
+    {
+        if (mDoubtful.empty()) return;
+        const std::vector<SignWords> all = mGaps;
+        forEach(all, [&](VoxelId v) {
+            bool touches = false;
+            mMosaic.forEachAround(v, kEverywhere, [&](VoxelId next) {
+                touches |= mIsAtBorder[next / kBlockVoxels] != 0;
+            });
+            if (touches) turn(mDoubtful, v);
+        });
+    }
+    /// Doubt the closed gaps about @a voxel, whose turn has come and is in doubt: theirs depends on
+    /// it. Where theirs has come already they are tried again as it opens, and so on.
+    void doubtAround(VoxelId voxel)
+    {
+        std::vector<VoxelId> rest{voxel};
+        while (!rest.empty()) {
+            const VoxelId v = rest.back();
+            rest.pop_back();
+            const Neighborhood around = mMosaic.neighborhood(mGaps, v) & ~kCenter;
+            mMosaic.forEachAround(v, around, [&](VoxelId next) {
+                if (contains(mDoubtful, next)) return;
+                turn(mDoubtful, next);
+                if (contains(mTried, next)) rest.push_back(next);
+            });
+        }
+    }
+
     const BlockMosaic& mMosaic;
     std::vector<SignWords> mSet, mGaps;
+    const std::vector<char>& mIsAtBorder;
+    std::vector<SignWords> mTried; ///< closed gaps whose turn has come
+    std::vector<SignWords> mDoubtful;
 };
 
 /// Voxels of @a set that share a face with one of @a voxels.
@@ -184,18 +227,27 @@ bool reachesDeep(const BlockMosaic& mosaic, const std::vector<SignWords>& set, V
     return false;
 }
 
+/// The narrow gaps of a side.
+struct NarrowGaps {
+    std::vector<SignWords> voxels;
+    std::vector<SignWords> doubtful{}; ///< of them, after findCuts(); as in Gaps
+};
+
 /// The cuts of the narrow gaps of @a inside and of its complement, cheapest first.
 /// @param depth  depth(voxel) in its side, world units.
 /// @param tunnels, bridges  the narrow gaps of both.
+/// @param isAtBorder  as in Gaps.
 template <typename Depth>
 std::vector<Cut> findCuts(const BlockMosaic& mosaic, const std::vector<SignWords>& inside,
-                          std::vector<SignWords>&& tunnels, std::vector<SignWords>&& bridges,
-                          double voxelSize, Depth depth, Interrupter& progress)
+                          NarrowGaps& tunnels, NarrowGaps& bridges,
+                          const std::vector<char>& isAtBorder, double voxelSize, Depth depth,
+                          Interrupter& progress)
 {
     const auto isDeep = [&](VoxelId v) { return double(depth(v)) >= kMinPartDepth * voxelSize; };
-    const auto cutsOf = [&](std::vector<SignWords> set, std::vector<SignWords> narrow, bool sign) {
-        Gaps gaps(mosaic, std::move(set), std::move(narrow));
+    const auto cutsOf = [&](std::vector<SignWords> set, NarrowGaps& narrow, bool sign) {
+        Gaps gaps(mosaic, std::move(set), narrow.voxels, isAtBorder);
         gaps.open(depth, progress);
+        narrow.doubtful = gaps.takeDoubtful();
         std::vector<Cut> cuts;
         for (std::vector<VoxelId>& voxels : gaps.cuts()) {
             Cut cut{std::move(voxels), sign};
@@ -208,8 +260,8 @@ std::vector<Cut> findCuts(const BlockMosaic& mosaic, const std::vector<SignWords
         return cuts;
     };
     std::vector<Cut> cuts, ofBridges;
-    tbb::parallel_invoke([&] { cuts = cutsOf(inside, std::move(tunnels), false); },
-                         [&] { ofBridges = cutsOf(inverse(inside), std::move(bridges), true); });
+    tbb::parallel_invoke([&] { cuts = cutsOf(inside, tunnels, false); },
+                         [&] { ofBridges = cutsOf(inverse(inside), bridges, true); });
     std::vector<SignWords> rest = inside;
     for (Cut& cut : ofBridges) {
         for (const VoxelId v : cut.voxels) turn(rest, v);
@@ -264,8 +316,10 @@ BlockMosaic Band::mosaic() const
 }
 
 /// Whether a connected part of @a narrow that data do not support reaches from the wanted blocks to
-/// blocks whose neighbors are unknown: how it is cut is decided by all of it.
-bool Band::reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow) const
+/// blocks whose neighbors are unknown, and its voxels there are in @a doubtful: how it is cut is
+/// decided by what is not known.
+bool Band::reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow,
+                      const std::vector<SignWords>& doubtful) const
 {
     for (std::size_t n = 0; n < narrow.size(); ++n) {
         if (!isAtBorder(mBlocks[n].at)) continue;
@@ -276,7 +330,8 @@ bool Band::reachesFar(const BlockMosaic& mosaic, std::vector<SignWords> narrow) 
             mpuvdb::turn(narrow, seed);
             bool reaches = false;
             for (std::size_t k = 0; k < part.size(); ++k) {
-                reaches |= isWanted(mBlocks[part[k] / kBlockVoxels].at);
+                reaches |=
+                    contains(doubtful, part[k]) && isWanted(mBlocks[part[k] / kBlockVoxels].at);
                 mosaic.forEachAround(part[k], mosaic.neighborhood(narrow, part[k]),
                                      [&](VoxelId next) {
                                          if (!contains(narrow, next)) return;
@@ -304,14 +359,18 @@ std::size_t Band::removeHandles()
         const Block& block = mBlocks[v / kBlockVoxels];
         return block.leaf ? std::abs(block.leaf->buffer().data()[v % kBlockVoxels]) : mBackground;
     };
-    std::vector<SignWords> tunnels(inside.size()), bridges(inside.size());
+    NarrowGaps tunnels{std::vector<SignWords>(inside.size())}, bridges = tunnels;
     tbb::parallel_for(std::size_t(0), inside.size(), [&](std::size_t n) {
         if (n % 1024 == 0) mProgress.check();
-        blocks.findNarrow(inside, n, kHalfHandle, tunnels[n], bridges[n]);
+        blocks.findNarrow(inside, n, kHalfHandle, tunnels.voxels[n], bridges.voxels[n]);
     });
-    if (mZone) mIsCertain &= !reachesFar(blocks, tunnels) && !reachesFar(blocks, bridges);
-    const std::vector<Cut> cuts = findCuts(blocks, inside, std::move(tunnels), std::move(bridges),
-                                           mLattice.voxelSize, depth, mProgress);
+    std::vector<char> atBorder(mZone ? mBlocks.size() : 0);
+    for (std::size_t n = 0; n < atBorder.size(); ++n) atBorder[n] = isAtBorder(mBlocks[n].at);
+    const std::vector<Cut> cuts =
+        findCuts(blocks, inside, tunnels, bridges, atBorder, mLattice.voxelSize, depth, mProgress);
+    for (NarrowGaps* gaps : {&tunnels, &bridges})
+        if (mZone && mIsCertain)
+            mIsCertain = !reachesFar(blocks, std::move(gaps->voxels), gaps->doubtful);
     std::vector<SignWords> outside = inverse(inside), settled(inside.size());
     const auto turnAll = [&](const Cut& cut) {
         for (const VoxelId v : cut.voxels)

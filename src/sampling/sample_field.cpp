@@ -146,9 +146,12 @@ LevelSet sampleNarrow(const Field& field, const SampleSettings& settings,
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     grid->setName(settings.name);
     progress.endStage();
-    const LevelSet levelSet =
-        field.isDistance() ? LevelSet(grid) : redistance(*grid, settings.halfWidth, &progress);
-    return region ? cropped(levelSet, *region) : levelSet;
+    if (!field.isDistance()) {
+        const LevelSet measured = redistance(*grid, settings.halfWidth, &progress);
+        return region ? cropped(measured, *region) : measured;
+    }
+    if (region) grid->clip(*region);
+    return LevelSet(grid);
 }
 
 /// The same for wider bands, whose values are all measured from the zero set.
