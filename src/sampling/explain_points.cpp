@@ -1,10 +1,12 @@
 // Comparison of a level set with the points that it was made from.
+#include "core/clones.h"
 #include "count_parts.h"
 #include "solid_blocks.h"
 #include <mpuvdb/explained.h>
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fmt/format.h>
 #include <openvdb/tree/LeafManager.h>
@@ -32,46 +34,119 @@ constexpr double kMaxUnexplained = 0.1336;
 constexpr double kMaxLost = 0.01;
 /// Cosine of 60 degrees, by which a normal is off the surface's. [derived: three times the noise of
 /// the worst normals that scans have]
-constexpr double kOff = 0.5;
+constexpr float kOff = 0.5f;
 /// Largest share of the points whose normals are off. [derived: of directions at random three
 /// quarters are, which the surface follows in half of the places; half of that is left to edges]
 constexpr double kMaxOff = 0.1875;
 /// Distance up to which points support the surface, spacings. [tuned: explained_test]
 constexpr double kSupportReach = 5;
 
-/// The value between eight voxels, and its gradient per voxel.
-struct Sample {
-    double value = 0;
-    Vec3d gradient = Vec3d::Zero();
+/// Values of a band at places that are near each other: it keeps the last leaf of each parity of
+/// position, so that it has all leaves that the corners of a cell are in.
+class BandValues
+{
+public:
+    explicit BandValues(const Tree& band) : mBand(band) { mOrigins.fill(openvdb::Coord::max()); }
+
+    /// The values of the eight voxels from @a base on, z fastest, @a stride apart.
+    void read(const openvdb::Coord& base, float* v, std::size_t stride)
+    {
+        const std::size_t own = enter(base);
+        const auto isWithin = [&](int axis) { return (base[axis] & kLast) != kLast; };
+        if (mData[own] && isWithin(0) && isWithin(1) && isWithin(2)) {
+            const float* const first = mData[own] + Leaf::coordToOffset(base);
+            for (int n = 0; n < 8; ++n)
+                v[std::size_t(n) * stride] = first[(n >> 2) * 64 + (n >> 1 & 1) * 8 + (n & 1)];
+            return;
+        }
+        for (int n = 0; n < 8; ++n) {
+            const openvdb::Coord at = base.offsetBy(n >> 2, n >> 1 & 1, n & 1);
+            const std::size_t k = enter(at);
+            v[std::size_t(n) * stride] = mData[k] ? mData[k][Leaf::coordToOffset(at)] : mTiles[k];
+        }
+    }
+    /// Bring the leaf of @a voxel closer.
+    void prefetch(const openvdb::Coord& voxel) { enter(voxel); }
+
+private:
+    static constexpr int kLast = int(Leaf::DIM) - 1; ///< of a leaf's voxels [derived: the tree]
+
+    /// Where the leaf or tile of @a voxel is kept.
+    std::size_t enter(const openvdb::Coord& voxel)
+    {
+        const openvdb::Coord origin = voxel & ~kLast;
+        const auto parity = [&](int axis) { return std::size_t(voxel[axis] >> Leaf::LOG2DIM & 1); };
+        const std::size_t k = 4 * parity(0) + 2 * parity(1) + parity(2);
+        if (mOrigins[k] != origin) keep(k, origin);
+        return k;
+    }
+    void keep(std::size_t k, const openvdb::Coord& origin)
+    {
+        constexpr int kTogether = 16; ///< floats of a cache line [free: time]
+        const Leaf* const leaf = mBand.probeConstLeaf(origin);
+        mOrigins[k] = origin;
+        mData[k] = leaf ? leaf->buffer().data() : nullptr;
+        mTiles[k] = leaf ? 0 : mBand.getValue(origin);
+        // All of its rows are on their way together, not one after the other.
+        for (int n = 0; leaf && n < kBlockVoxels; n += kTogether) __builtin_prefetch(mData[k] + n);
+    }
+
+    Accessor mBand;
+    std::array<openvdb::Coord, 8> mOrigins;
+    std::array<const float*, 8> mData{}; ///< of leaves
+    std::array<float, 8> mTiles{};       ///< of tiles and the background
 };
 
-/// The values of the eight voxels from @a base on, z fastest.
-void valuesFrom(const Accessor& band, const openvdb::Coord& base, float* v)
-{
-    const Leaf* const leaf = band.probeConstLeaf(base);
-    const auto within = [&](int k) { return (base[k] & int(Leaf::DIM - 1)) < int(Leaf::DIM - 1); };
-    if (leaf && within(0) && within(1) && within(2)) {
-        const float* const first = leaf->buffer().data() + Leaf::coordToOffset(base);
-        for (int n = 0; n < 8; ++n) v[n] = first[(n >> 2) * 64 + (n >> 1 & 1) * 8 + (n & 1)];
-    } else {
-        for (int n = 0; n < 8; ++n) v[n] = band.getValue(base.offsetBy(n >> 2, n >> 1 & 1, n & 1));
-    }
-}
+/// Places that are looked at together, for vector units.
+struct Places {
+    static constexpr std::size_t kSize = 64; ///< [free: time]
 
-Sample sampleAt(const Accessor& band, const Vec3d& x)
+    std::array<float, kSize> t[3];      ///< place in its cell, voxels
+    std::array<float, kSize> corner[8]; ///< values there, z fastest
+    std::array<float, kSize> normal[3]; ///< unit; of points
+    std::array<float, kSize> distance;  ///< of the place; as the corners' values
+    std::array<float, kSize> off;       ///< 1 where the normal is off the surface's, else 0
+
+    std::array<openvdb::Coord, kSize> base; ///< first corner
+
+    /// Let place @a n be at @a x, voxels.
+    void set(std::size_t n, const Vec3d& x, BandValues& band)
+    {
+        for (int axis = 0; axis < 3; ++axis) {
+            const int towardZero = int(x[axis]); // without a call, which std::floor may be
+            const int below = towardZero - int(x[axis] < towardZero);
+            base[n][axis] = below;
+            t[axis][n] = float(x[axis] - below);
+        }
+        band.prefetch(base[n]);
+    }
+    void read(std::size_t count, BandValues& band)
+    {
+        for (std::size_t n = 0; n < count; ++n) band.read(base[n], &corner[0][n], kSize);
+    }
+};
+
+/// Set distances of @a places, and which normals are off.
+MPUVDB_WIDE_CLONES
+void measure(Places& places)
 {
-    const auto base = openvdb::Coord::floor(openvdb::Vec3d(x[0], x[1], x[2]));
-    const double tx = x[0] - base[0], ty = x[1] - base[1], tz = x[2] - base[2];
-    float v[8];
-    valuesFrom(band, base, v);
-    const auto between = [](double a, double b, double t) { return a + t * (b - a); };
-    const auto alongZ = [&](int n) { return between(double(v[n]), double(v[n + 1]), tz); };
-    const auto riseZ = [&](int n) { return double(v[n + 1]) - double(v[n]); };
-    const double z00 = alongZ(0), z01 = alongZ(2), z10 = alongZ(4), z11 = alongZ(6);
-    const double y0 = between(z00, z01, ty), y1 = between(z10, z11, ty);
-    return {between(y0, y1, tx),
-            {y1 - y0, between(z01 - z00, z11 - z10, tx),
-             between(between(riseZ(0), riseZ(2), ty), between(riseZ(4), riseZ(6), ty), tx)}};
+    const auto& v = places.corner;
+    for (std::size_t n = 0; n < Places::kSize; ++n) {
+        const float x = places.t[0][n], y = places.t[1][n], z = places.t[2][n];
+        const float rise00 = v[1][n] - v[0][n], rise01 = v[3][n] - v[2][n],
+                    rise10 = v[5][n] - v[4][n], rise11 = v[7][n] - v[6][n];
+        const float z00 = v[0][n] + z * rise00, z01 = v[2][n] + z * rise01,
+                    z10 = v[4][n] + z * rise10, z11 = v[6][n] + z * rise11;
+        const float y0 = z00 + y * (z01 - z00), y1 = z10 + y * (z11 - z10);
+        const float rise0 = rise00 + y * (rise01 - rise00), rise1 = rise10 + y * (rise11 - rise10);
+        const float gx = y1 - y0, gy = z01 - z00 + x * (z11 - z10 - (z01 - z00)),
+                    gz = rise0 + x * (rise1 - rise0);
+        const float along =
+            gx * places.normal[0][n] + gy * places.normal[1][n] + gz * places.normal[2][n];
+        const float least = kOff * kOff * (gx * gx + gy * gy + gz * gz);
+        places.distance[n] = std::abs(y0 + x * gx);
+        places.off[n] = along < 0 || along * along < least ? 1.0f : 0.0f;
+    }
 }
 
 /// Counts over some of the points.
@@ -80,6 +155,17 @@ struct Counts {
     double largest = 0;
     Box3d box; ///< from the points' frame
 
+    void add(const Places& places, std::size_t count, double limit, double background)
+    {
+        points += count;
+        for (std::size_t n = 0; n < count; ++n) {
+            const auto distance = double(places.distance[n]);
+            within += distance <= limit;
+            off += places.off[n] != 0;
+            beyondBand += distance >= background;
+            largest = std::max(largest, distance);
+        }
+    }
     void add(const Counts& other)
     {
         points += other.points;
@@ -104,25 +190,30 @@ Counts countPoints(const LevelSet& levelSet, const MpuField& field, double limit
             tasks.emplace_back(at, std::min(at + kTogether, range.second));
     const Lattice lattice = levelSet.lattice();
     const Vec3d shift = points.frame - lattice.origin;
-    const double background = levelSet.grid().background();
+    const double background = levelSet.grid().background(), perVoxel = 1 / lattice.voxelSize;
     std::vector<Counts> counts(tasks.size());
     tbb::parallel_for(std::size_t(0), counts.size(), [&](std::size_t n) {
         progress.check();
-        const Accessor band(levelSet.grid().tree());
+        BandValues band(levelSet.grid().tree());
+        Places places{};
+        std::size_t count = 0;
+        const auto take = [&] {
+            places.read(count, band);
+            measure(places);
+            counts[n].add(places, count, limit, background);
+            count = 0;
+        };
         for (std::size_t i = tasks[n].first; i < tasks[n].second; ++i) {
             const Vec3d p(points.x[i], points.y[i], points.z[i]);
             if (region && !region->contains(Vec3d(p + points.frame))) continue;
-            const Sample s = sampleAt(band, (p + shift) / lattice.voxelSize);
-            const double distance = std::abs(s.value);
-            ++counts[n].points;
             counts[n].box.extend(p);
-            counts[n].within += distance <= limit;
-            counts[n].beyondBand += distance >= background;
-            counts[n].largest = std::max(counts[n].largest, distance);
-            const Vec3d normal(points.nx[i], points.ny[i], points.nz[i]);
-            const double along = s.gradient.dot(normal);
-            counts[n].off += along < 0 || along * along < kOff * kOff * s.gradient.squaredNorm();
+            places.set(count, (p + shift) * perVoxel, band);
+            places.normal[0][count] = points.nx[i];
+            places.normal[1][count] = points.ny[i];
+            places.normal[2][count] = points.nz[i];
+            if (++count == Places::kSize) take();
         }
+        take();
     });
     Counts all;
     for (const Counts& some : counts) all.add(some);
@@ -159,12 +250,18 @@ double unsupportedShare(const LevelSet& levelSet, const MpuField& field, Interru
 double shareWithin(const LevelSet& levelSet, const std::vector<Vec3d>& places, double limit)
 {
     const Lattice lattice = levelSet.lattice();
-    const Accessor band(levelSet.grid().tree());
-    std::size_t within = 0;
-    for (const Vec3d& place : places)
-        within +=
-            std::abs(sampleAt(band, (place - lattice.origin) / lattice.voxelSize).value) <= limit;
-    return double(within) / double(places.size());
+    BandValues band(levelSet.grid().tree());
+    Places some{};
+    Counts counts;
+    for (std::size_t first = 0; first < places.size(); first += Places::kSize) {
+        const std::size_t count = std::min(Places::kSize, places.size() - first);
+        for (std::size_t n = 0; n < count; ++n)
+            some.set(n, (places[first + n] - lattice.origin) / lattice.voxelSize, band);
+        some.read(count, band);
+        measure(some);
+        counts.add(some, count, limit, levelSet.grid().background());
+    }
+    return double(counts.within) / double(places.size());
 }
 
 /// Compare the surface with the mesh whose vertices the points are. @param limit  largest distance

@@ -71,6 +71,7 @@ SolidSums sumLeaf(const Leaf& leaf, const SignWords& inside, const Tree& tree, f
 {
     const float* const values = leaf.buffer().data();
     SolidSums sums = sumPlanes(values, 1 / voxelSize);
+    if (sums.area == 0) return sums; // no voxel is a half from the surface either
     const SignWords crossed = crossedWithin(inside);
     const float half = 0.5f * voxelSize;
     const SignWords near = wordsWhere(values, [=](float value) { return std::abs(value) < half; });

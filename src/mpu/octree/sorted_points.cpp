@@ -349,8 +349,9 @@ void SortedPoints::addRanges(const Box3d& box, const OctreeCell& cell,
 {
     const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), center = mRoot.center(cell);
     const Box3d cube(center - half, center + half);
+    if (!box.intersects(cube)) return;
     const Range range = cellRange(cell);
-    if (range.begin == range.end || !box.intersects(cube)) return;
+    if (range.begin == range.end) return;
     if (box.contains(cube) || range.end - range.begin <= kMaxScanPoints ||
         cell.level == kMaxLevel) {
         if (!ranges.empty() && ranges.back().end == range.begin)
@@ -373,8 +374,9 @@ std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const Oct
 {
     const Vec3d half = Vec3d::Constant(mRoot.size(cell.level) / 2), center = mRoot.center(cell);
     const Box3d cube(center - half, center + half);
+    if (!box.intersects(cube)) return 0;
     const Range range = cellRange(cell);
-    if (range.begin == range.end || !box.intersects(cube)) return 0;
+    if (range.begin == range.end) return 0;
     if (box.contains(cube)) return range.end - range.begin;
     std::size_t count = 0;
     if (range.end - range.begin <= kMaxScanPoints || cell.level == kMaxLevel) {
@@ -382,8 +384,11 @@ std::size_t SortedPoints::countIn(const Box3d& box, std::size_t limit, const Oct
             count += box.contains(Vec3d(mPoints.x[n], mPoints.y[n], mPoints.z[n]));
         return count;
     }
-    for (int octant = 0; octant < 8 && count < limit; ++octant)
-        count += countIn(box, limit, cell.child(octant));
+    // First where most of the box is, so that few points are soon found.
+    const Vec3d toward = box.center() - center;
+    const int first = (toward[0] > 0 ? 1 : 0) | (toward[1] > 0 ? 2 : 0) | (toward[2] > 0 ? 4 : 0);
+    for (int n = 0; n < 8 && count < limit; ++n)
+        count += countIn(box, limit, cell.child(n ^ first));
     return count;
 }
 
