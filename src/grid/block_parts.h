@@ -34,6 +34,14 @@ SignWords wordsWhere(const float* values, const Holds& holds)
     return words;
 }
 
+/// Bring a block's values closer: all of its rows are then on their way together, not one after the
+/// other.
+inline void prefetch(const float* values)
+{
+    constexpr int kTogether = 16; ///< floats of a cache line [free: time]
+    for (int n = 0; n < kBlockVoxels; n += kTogether) __builtin_prefetch(values + n);
+}
+
 /// The face-connected components of @a voxels, ordered by their first voxels.
 std::vector<SignWords> connectedParts(const SignWords& voxels);
 void appendConnectedParts(const SignWords& voxels, std::vector<SignWords>& parts);

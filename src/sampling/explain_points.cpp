@@ -82,13 +82,11 @@ private:
     }
     void keep(std::size_t k, const openvdb::Coord& origin)
     {
-        constexpr int kTogether = 16; ///< floats of a cache line [free: time]
         const Leaf* const leaf = mBand.probeConstLeaf(origin);
         mOrigins[k] = origin;
         mData[k] = leaf ? leaf->buffer().data() : nullptr;
         mTiles[k] = leaf ? 0 : mBand.getValue(origin);
-        // All of its rows are on their way together, not one after the other.
-        for (int n = 0; leaf && n < kBlockVoxels; n += kTogether) __builtin_prefetch(mData[k] + n);
+        if (leaf) mpuvdb::prefetch(mData[k]);
     }
 
     Accessor mBand;
