@@ -34,9 +34,7 @@ public:
         // Neighbors that are asked, and those of them that make the plane. [tuned:
         // clean_points_test]
         constexpr std::size_t kNeighbors = 12, kOnPlane = 9;
-        // Heights over the plane, in spacings and in standard deviations. [tuned:
-        // clean_points_test]
-        constexpr double kOffSpacings = 2, kOffScatter = 5;
+        constexpr double kOffSpacings = 2; // height over the plane; [tuned: clean_points_test]
         while (surroundings.count() < kNeighbors && surroundings.isWithinCells())
             surroundings.lookFarther();
         if (surroundings.count() < kNeighbors) return false;
@@ -53,8 +51,7 @@ public:
         const double squaredRadius = 2 * (plane.variances[1] + plane.variances[2]);
         const double spacing = std::sqrt(M_PI / double(kOnPlane) * squaredRadius);
         const double height = std::abs(plane.height(mPositions[point]));
-        return height > kOffSpacings * spacing &&
-               height > kOffScatter * std::sqrt(plane.variances[0]) && height > kNoises * mNoise;
+        return height > kOffSpacings * spacing && height > kNoises * mNoise;
     }
 
 private:

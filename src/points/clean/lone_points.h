@@ -11,13 +11,13 @@ namespace mpuvdb
 class PointCells;
 class Interrupter;
 
-/// Flag points that have no other near and are off the plane of their neighbors by many times
-/// their scatter; and those about which others are several times closer together, unless they lie
-/// on a plane with those that surround them, as the points of a sparser surface do. Where there are
-/// normals a point stays, too, that goes on from its neighbors as both their normals say: the few
-/// that a scanner saw at the bottom of a fold.
-/// The same for any order of the positions and number of threads, where no two distances are equal.
-/// About 0.05 us of processor time per point, 10 to 30 us for each that has few others near.
+/// Flag points that have no other near and are off the plane of their neighbors; and those about
+/// which others are several times closer together, unless they lie on a plane with those that
+/// surround them, as the points of a sparser surface do. Where there are normals a point stays,
+/// too, that goes on from its neighbors as both their normals say: the few that a scanner saw at
+/// the bottom of a fold. The same for any order of the positions and number of threads, where no
+/// two distances are equal. About 0.05 us of processor time per point, 10 to 30 us for each that
+/// has few others near.
 /// @param normals  of @a positions, unit length; or none.
 /// @param cells    of points of @a positions, a few spacings wide.
 /// @param asked    those of the cells whose points are judged.
