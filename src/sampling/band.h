@@ -79,8 +79,8 @@ public:
     openvdb::FloatTree::Ptr assemble();
 
     bool hasZeroCrossing() const;
-    /// Whether the wanted blocks are those of the whole for certain: no part of the surface whose
-    /// sign was in question reaches from them to the unknown.
+    /// Whether the wanted blocks are those of the whole for certain: no sign of theirs that was in
+    /// question depends on what is unknown.
     bool isCertain() const { return mIsCertain; }
 
     /// Face-connected components of voxels of one sign, over all blocks.

@@ -15,7 +15,6 @@ SolidBlocks::SolidBlocks(const LevelSet& levelSet, Interrupter& progress)
     std::vector<SolidSums> sums(mLeaves.size());
     tbb::parallel_for(std::size_t(0), mLeaves.size(), [&](std::size_t n) {
         if (n % 256 == 0) progress.check();
-        if (n + 1 < mLeaves.size()) prefetch(mLeaves[n + 1]->buffer().data());
         mInside[n] = wordsWhere(mLeaves[n]->buffer().data(), [](float v) { return v < 0; });
         sums[n] = sumLeaf(*mLeaves[n], mInside[n], mTree, float(levelSet.voxelSize()));
     });
