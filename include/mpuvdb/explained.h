@@ -42,7 +42,8 @@ struct MeshExplained {
     /// times the integral of the surface's curvatures (over a mesh the sum of edge lengths times
     /// angles between normals). Half of it is the error of linear interpolation, half that of the
     /// sum over voxels beside edges. At most 3/16 of the volume: the error for a ball four voxels
-    /// across, the smallest that a band resolves.
+    /// across, the smallest that a band resolves. And what the mesh's holes and gaps, smaller than
+    /// a voxel, add to the volume of its faces.
     double volumeExplained = 0;
     /// Share of the mesh's boundary around which all eight voxels are on one side, in [0, 1].
     double missed = 0;

@@ -1,6 +1,7 @@
 #include "solid_boundary.h"
 
 #include "core/union_find.h"
+#include "mesh_holes.h"
 #include "mesh_patches.h"
 #include "solid_faces.h"
 #include <mpuvdb/interrupter.h>
@@ -36,9 +37,11 @@ double areaOf(const Corners& t)
     return (t[1].cast<double>() - a).cross(t[2].cast<double>() - a).norm() / 2;
 }
 
-double volumeOf(const Corners& t)
+/// Volume between a triangle and @a from.
+double volumeOf(const Corners& t, const Vec3d& from)
 {
-    return t[0].cast<double>().dot(t[1].cast<double>().cross(t[2].cast<double>())) / 6;
+    const Vec3d a = t[0].cast<double>() - from, b = t[1].cast<double>() - from;
+    return a.dot(b.cross(t[2].cast<double>() - from)) / 6;
 }
 
 /// Joins the triangles of a mesh that are one surface: neighbors, and those that meet.
@@ -52,95 +55,68 @@ UnionFind surfacesOf(const OrientedTriangles& triangles, const std::vector<Conta
     return surfaces;
 }
 
-/// Volume of the cones that close the holes between triangles that bound a solid, each from the
-/// middle of its rim: what their sum of volumes lacks.
-double volumeOfHoles(const OrientedTriangles& triangles, const std::vector<std::uint8_t>& bounds)
+/// Whether a triangle of @a count bounds the solid.
+std::vector<std::uint8_t> trianglesOf(const SolidFaces& faces, double sign, std::size_t count)
 {
-    struct Rim {
-        std::uint32_t from, to;
-        double times;
-    };
-    struct Middle {
-        Vec3d sum = Vec3d::Zero();
-        double length = 0;
-    };
-    const std::vector<Vec3f>& positions = triangles.mesh.positions;
-    std::vector<Rim> rims;
-    UnionFind holes(positions.size());
-    for (std::uint32_t n = 0; n < triangles.neighbors.size(); ++n)
-        for (std::size_t k = 0; k < 3; ++k) {
-            if (!bounds[n] || triangles.neighbors[n][k] != kNoTriangle) continue;
-            const Mesh::Triangle& t = triangles.mesh.triangles[n];
-            const double times = triangles.multiplicity.empty() ? 1 : triangles.multiplicity[n];
-            rims.push_back({t[k], t[(k + 1) % 3], times});
-            holes.join(t[k], t[(k + 1) % 3]);
-        }
-    std::unordered_map<std::uint32_t, Middle> middles; // of rims, by hole
-    for (const Rim& rim : rims) {
-        const Vec3d a = positions[rim.from].cast<double>(), b = positions[rim.to].cast<double>();
-        Middle& middle = middles[holes.find(rim.from)];
-        middle.sum += (b - a).norm() * (a + b) / 2;
-        middle.length += (b - a).norm();
-    }
-    double volume = 0;
-    for (const Rim& rim : rims) {
-        const Middle& middle = middles[holes.find(rim.from)];
-        if (middle.length > 0)
-            volume += rim.times / 6 *
-                      (middle.sum / middle.length)
-                          .dot(positions[rim.to].cast<double>().cross(
-                              positions[rim.from].cast<double>()));
-    }
-    return volume;
+    std::vector<std::uint8_t> bounds(count, 0);
+    faces.forEach([&](const Corners&, const FaceSides& sides, std::uint32_t triangle) {
+        if (sides.bounds(sign)) bounds[triangle] = 1;
+    });
+    return bounds;
 }
 
 /// Add the areas and volumes of the pieces to @a report, and count parts and cavities.
+/// @param middle  of the mesh: there what is lacking at gaps weighs least.
 void measure(const OrientedTriangles& triangles, const SolidFaces& faces, double sign,
-             UnionFind surfaces, SolidBoundary::Report& report)
+             const Vec3d& middle, const MeshHoles& holes, UnionFind surfaces,
+             SolidBoundary::Report& report)
 {
+    holes.forEachGap([&](std::uint32_t n, std::uint32_t m, double) { surfaces.join(n, m); });
     std::unordered_map<std::uint32_t, double> volumes; // of surfaces
-    std::vector<std::uint8_t> bounds(triangles.mesh.triangles.size(), 0);
     faces.forEach([&](const Corners& corners, const FaceSides& sides, std::uint32_t triangle) {
         const double area = areaOf(corners);
         if (!sides.bounds(sign)) {
             (sides.isWithin(sign) ? report.areaWithin : report.areaOfNothing) += area;
             return;
         }
-        bounds[triangle] = 1;
-        // Coincident faces share the boundary.
-        const double layers = sides.back - sides.front;
+        // Coincident faces share the boundary. Beside gaps the sides are known to a part of one.
+        const double layers = std::round(sides.back - sides.front);
         const double times = triangles.multiplicity.empty() ? 1 : triangles.multiplicity[triangle];
         const double share = times * layers / std::max(1.0, layers * layers);
-        const double volume = sign * volumeOf(corners) * std::abs(share);
+        const double volume = sign * volumeOf(corners, middle) * std::abs(share);
         report.area += area * share;
         report.volume += volume;
         volumes[surfaces.find(triangle)] += volume;
     });
-    report.volume += sign * volumeOfHoles(triangles, bounds);
+    report.volumeOfHoles = sign * holes.volume(middle);
+    report.volume += report.volumeOfHoles;
     for (const auto& [surface, volume] : volumes) ++(volume > 0 ? report.parts : report.cavities);
 }
 
 /// The value of SolidBoundary::Report::bending.
-double bendingOf(const OrientedTriangles& triangles, const std::vector<Contact>& contacts)
+double bendingOf(const OrientedTriangles& triangles, const std::vector<Contact>& contacts,
+                 const MeshHoles& holes)
 {
     const auto at = [&](std::uint32_t vertex) {
         return Vec3d(triangles.mesh.positions[vertex].cast<double>());
     };
-    const auto normalOf = [&](const Mesh::Triangle& t) {
+    const auto normalOf = [&](std::uint32_t n) {
+        const Mesh::Triangle& t = triangles.mesh.triangles[n];
         return Vec3d((at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0])));
     };
     double sum = 0;
+    const auto add = [&](std::uint32_t n, std::uint32_t m, double length) {
+        const Vec3d a = normalOf(n), b = normalOf(m);
+        sum += std::atan2(a.cross(b).norm(), a.dot(b)) * length;
+    };
     for (std::uint32_t n = 0; n < triangles.neighbors.size(); ++n) {
         const Mesh::Triangle& t = triangles.mesh.triangles[n];
-        const Vec3d normal = normalOf(t);
         for (std::size_t k = 0; k < 3; ++k) {
             const std::uint32_t m = triangles.neighbors[n][k];
-            if (m == kNoTriangle || m < n) continue;
-            const Vec3d other = normalOf(triangles.mesh.triangles[m]);
-            const double angle = std::atan2(normal.cross(other).norm(), normal.dot(other));
-            sum += angle * (at(t[(k + 1) % 3]) - at(t[k])).norm();
+            if (m != kNoTriangle && m > n) add(n, m, (at(t[(k + 1) % 3]) - at(t[k])).norm());
         }
     }
+    holes.forEachGap(add);
     for (const Contact& c : contacts) // each is there for both triangles
         if (c.cuts) sum += M_PI / 4 * (c.segment[1] - c.segment[0]).norm();
     return sum;
@@ -202,8 +178,12 @@ SolidBoundary::SolidBoundary(const Mesh& mesh, const Lattice& lattice, const Rep
     const double sign = mReport.insideOut ? -1 : 1;
     mReport.isCut = closes || !contacts.empty();
     mReport.isClosedAnew = closes;
-    mReport.bending = bendingOf(mTriangles, contacts);
-    measure(mTriangles, faces, sign, surfacesOf(mTriangles, contacts), mReport);
+    // Holes wider than a voxel are refused, or closed anew.
+    const MeshHoles holes(mTriangles, trianglesOf(faces, sign, mTriangles.mesh.triangles.size()),
+                          lattice.voxelSize, progress);
+    mReport.bending = bendingOf(mTriangles, contacts, holes);
+    measure(mTriangles, faces, sign, mBox.center(), holes, surfacesOf(mTriangles, contacts),
+            mReport);
     if (!isSolid(sign)) {
         if (repair && repair->thickness > 0 && !mSheets) makeSheet();
         return;

@@ -26,6 +26,7 @@ public:
     /// Measures of the solid and of the mesh's defects.
     struct Report {
         double volume = 0, area = 0; ///< of the solid, world units cubed, squared
+        double volumeOfHoles = 0;    ///< what holes and gaps add to it, known to a part of itself
         std::uint64_t parts = 0;     ///< surfaces of the boundary that enclose parts of the solid
         std::uint64_t cavities = 0;  ///< surfaces that enclose cavities
         bool isCut = false;          ///< triangles of the mesh meet that are no neighbors
@@ -33,9 +34,9 @@ public:
         std::uint64_t openEdges = 0; ///< edges of the mesh whose triangles do not cancel
         std::uint64_t turned = 0;    ///< triangles turned to face as their neighbors do
         bool insideOut = false;      ///< all parts faced inward, and were turned
-        /// Over the mesh's edges the sum of length times the angle between normals, and where its
-        /// parts cross at most pi / 2: the integral of the principal curvatures' magnitudes, world
-        /// units.
+        /// Over the mesh's edges and gaps the sum of length times the angle between normals, and
+        /// where its parts cross at most pi / 2: the integral of the principal curvatures'
+        /// magnitudes, world units.
         double bending = 0;
         double areaWithin = 0;           ///< of triangles inside the solid
         double areaOfNothing = 0;        ///< of parts that face inward and lie in no other
