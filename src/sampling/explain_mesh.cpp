@@ -134,8 +134,8 @@ MeshExplained explainMesh(const SolidBoundary& solid, const Vec3d& shift, const 
     const PartCounts counts = countParts(blocks, progress);
     e.partsOut = counts.parts;
     e.cavitiesOut = counts.cavities;
-    e.volumeExplained = std::min(h * h / 4 * in.bending, kSmallBallShare * in.volume) +
-                        std::abs(in.volumeOfHoles);
+    e.volumeExplained =
+        std::min(h * h / 4 * in.bending, kSmallBallShare * in.volume) + std::abs(in.volumeOfHoles);
     const auto corners = [&](std::size_t slot) {
         const TriangleTree::Corners& t = solid.tree().corners(slot);
         return std::array<Vec3d, 3>{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>()};
