@@ -318,19 +318,25 @@ void compareExtent(PointsExplained& e, const LevelSet& levelSet, const Counts& c
     /// Distance from the box of the points, in its diagonals. [derived: a cap of a ball that is
     /// seen from 30 degrees about its middle is completed that far]
     constexpr double kMaxBeyond = 1;
-    openvdb::CoordBBox voxels;
-    if (counts.points == 0 || !levelSet.grid().tree().evalActiveVoxelBoundingBox(voxels)) return;
+    openvdb::CoordBBox voxels; // of leaves first, which takes no look at voxels
+    if (counts.points == 0 || !levelSet.grid().tree().evalLeafBoundingBox(voxels)) return;
     const Lattice lattice = levelSet.lattice();
     const auto corner = [&](const openvdb::Coord& c, double inward) {
         return Vec3d(lattice.origin +
                      lattice.voxelSize * (Vec3d(c.x(), c.y(), c.z()).array() + inward).matrix() -
                      frame);
     };
-    const Vec3d low = counts.box.min() - corner(voxels.min(), levelSet.halfWidth()),
-                high = corner(voxels.max(), -levelSet.halfWidth()) - counts.box.max();
-    const double beyond = std::max(low.maxCoeff(), high.maxCoeff()),
-                 diagonal = counts.box.diagonal().norm();
-    if (!(beyond > kMaxBeyond * diagonal + levelSet.voxelSize())) return;
+    const auto beyondPoints = [&](const openvdb::CoordBBox& voxels) {
+        const Vec3d low = counts.box.min() - corner(voxels.min(), levelSet.halfWidth()),
+                    high = corner(voxels.max(), -levelSet.halfWidth()) - counts.box.max();
+        return std::max(low.maxCoeff(), high.maxCoeff());
+    };
+    const double diagonal = counts.box.diagonal().norm(),
+                 limit = kMaxBeyond * diagonal + levelSet.voxelSize();
+    if (!(beyondPoints(voxels) > limit)) return;
+    levelSet.grid().tree().evalActiveVoxelBoundingBox(voxels);
+    const double beyond = beyondPoints(voxels);
+    if (!(beyond > limit)) return;
     e.findings.push_back(fmt::format(
         "the surface reaches {:.3g} beyond the points, farther than all of them reach ({:.3g}): "
         "{} points do not enclose anything, or their normals look into the void. Give more points, "

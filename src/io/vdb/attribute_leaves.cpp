@@ -9,7 +9,9 @@
 
 #include <array>
 #include <memory>
-#include <sstream>
+#include <ostream>
+#include <streambuf>
+#include <string>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
@@ -28,20 +30,39 @@ struct Leaves {
     std::string bytes;                ///< of all, one after the other
 };
 
+/// Appends to a string, which keeps its memory when it is emptied.
+class Appender final : public std::streambuf
+{
+public:
+    std::string bytes;
+
+private:
+    std::streamsize xsputn(const char* from, std::streamsize count) override
+    {
+        bytes.append(from, std::size_t(count));
+        return count;
+    }
+    int overflow(int c) override
+    {
+        bytes.push_back(char(c));
+        return c;
+    }
+};
+
 /// Compresses the values of leaves' active voxels as OpenVDB does where all others have the
 /// background. For one thread.
 template <typename Value>
 class Squeezer
 {
 public:
-    explicit Squeezer(bool asHalf) : mAsHalf(asHalf) {}
+    explicit Squeezer(bool asHalf) : mAsHalf(asHalf), mOut(&mTo) {}
 
     /// Memory for the values of a leaf's active voxels, in order.
     Value* values() { return mValues.data(); }
     void addTo(Leaves& leaves, const Band::NodeMaskType& active)
     {
         using namespace openvdb::io;
-        const auto begin = mOut.tellp();
+        const std::size_t begin = mTo.bytes.size();
         active.save(mOut);
         mOut.put(NO_MASK_OR_INACTIVE_VALS);
         if (mAsHalf)
@@ -49,18 +70,19 @@ public:
                 mOut, mValues.data(), active.countOn(), leafCompression());
         else
             writeData(mOut, mValues.data(), active.countOn(), leafCompression());
-        leaves.sizes.push_back(std::uint32_t(mOut.tellp() - begin));
+        leaves.sizes.push_back(std::uint32_t(mTo.bytes.size() - begin));
     }
     void endOf(Leaves& leaves)
     {
-        leaves.bytes = mOut.str();
-        mOut.str({});
+        leaves.bytes.assign(mTo.bytes.data(), mTo.bytes.size());
+        mTo.bytes.clear();
     }
 
 private:
     bool mAsHalf;
     std::array<Value, Band::SIZE> mValues;
-    std::ostringstream mOut;
+    Appender mTo;
+    std::ostream mOut;
 };
 
 /// The memory of one thread.

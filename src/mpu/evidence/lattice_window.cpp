@@ -139,15 +139,14 @@ void LatticeWindow::request(const std::vector<Quad>& positions,
         wanted += std::size_t(!isWanted);
         isWanted = 1;
     }
-    const std::int32_t row = mSize[2], slab = mSize[1] * row;
-    for (std::size_t n = 0; n < wanted; ++n)
-        for (const std::int32_t above : {0, row, slab, slab + row})
-            for (const std::int32_t side : {0, 1}) {
-                std::int32_t& slot = mSlots[std::size_t(mWanted[n] + above + side)];
-                const bool isNew = !slot;
-                slot = isNew ? mUsed : slot;
-                mUsed += isNew ? std::int32_t(mLength) : 0;
-            }
+    mWanted.resize(wanted);
+    for (const std::int32_t first : mWanted)
+        forEachAbout(first, [this](std::size_t node) {
+            std::int32_t& slot = mSlots[node];
+            const bool isNew = !slot;
+            slot = isNew ? mUsed : slot;
+            mUsed += isNew ? std::int32_t(mLength) : 0;
+        });
     mSums.assign(std::size_t(mUsed), 0);
     mPoints.clear();
 }

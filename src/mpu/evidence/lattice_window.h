@@ -33,6 +33,7 @@ public:
     /// @param length  numbers of a node's sums.
     void open(const Eigen::AlignedBox3f& box, float reach, int fine, std::size_t length)
     {
+        forget();
         mFine = fine;
         mStep = reach / float(fine);
         mPerStep = 1 / mStep;
@@ -45,8 +46,11 @@ public:
         mOrigin = Quad::Lanes{float(mFirst[0]), float(mFirst[1]), float(mFirst[2]), 0};
         mStrides = Quad::Lanes{float(mSize[1] * mSize[2]), float(mSize[2]), 1, 0};
         mGiven.resize(kBatchPoints * mLength);
-        mSlots.assign(mSize.cast<std::size_t>().prod(), 0);
-        mIsWanted.assign(mSlots.size(), 0);
+        const auto nodes = mSize.cast<std::size_t>().prod();
+        if (mSlots.size() < nodes) {
+            mSlots.resize(nodes, 0);
+            mIsWanted.resize(nodes, 0);
+        }
         mUsed = std::int32_t(mLength); // the first sums are of nodes that are not requested
     }
     /// Number of nodes around @a box, at most.
@@ -106,14 +110,32 @@ private:
         std::memcpy(&spot, &bits, sizeof spot); // at once: reading the whole waits for parts
         return spot;
     }
+    /// Call f(node) for the eight nodes about a place by the first of them.
+    template <typename F>
+    void forEachAbout(std::int32_t first, F f) const
+    {
+        const std::int32_t row = mSize[2], slab = mSize[1] * row;
+        for (const std::int32_t above : {0, row, slab, slab + row})
+            for (const std::int32_t side : {0, 1}) f(std::size_t(first + above + side));
+    }
+    /// Take back what was requested: few nodes of a window are.
+    void forget()
+    {
+        for (const std::int32_t first : mWanted) {
+            mIsWanted[std::size_t(first)] = 0;
+            forEachAbout(first, [this](std::size_t node) { mSlots[node] = 0; });
+        }
+        mWanted.clear();
+    }
     void scatter();
 
     int mFine = 1;
     float mStep = 1, mPerStep = 1;
     std::size_t mLength = 0;
     Vec3i mFirst, mSize;
-    Quad::Lanes mOrigin, mStrides;       ///< mFirst; from a node to the next one, in mSlots
-    std::vector<std::int32_t> mSlots;    ///< of the nodes, their indices in mSums; 0: none
+    Quad::Lanes mOrigin, mStrides; ///< mFirst; from a node to the next one, in mSlots
+    /// Of the nodes, their indices in mSums; 0: none. All beyond a window's nodes are 0, too.
+    std::vector<std::int32_t> mSlots;
     std::vector<std::uint8_t> mIsWanted; ///< by the first of eight nodes: all are requested
     std::vector<std::int32_t> mWanted;   ///< those first nodes
     std::int32_t mUsed = 0;              ///< size of mSums
