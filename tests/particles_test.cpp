@@ -366,6 +366,12 @@ TEST(Particles, NamesOfRadiiAndVelocities)
     EXPECT_EQ(usd.radius, "width");
     EXPECT_EQ(usd.radiusScale, 0.5);
     EXPECT_EQ(usd.velocity.front(), "velocity_x");
+    for (const std::vector<std::string>& written :
+         {std::vector<std::string>{"v[x]", "v[y]", "v[z]"},
+          {"Velocity:0", "Velocity:1", "Velocity:2"},
+          {"velX", "velY", "velZ"},
+          {"VX", "VY", "VZ"}})
+        EXPECT_EQ(ParticleNames::among(written).velocity, written);
     const ParticleNames none = ParticleNames::among({"intensity", "vx", "vy"});
     EXPECT_TRUE(none.radius.empty());
     EXPECT_TRUE(none.velocity.empty());

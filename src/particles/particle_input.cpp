@@ -1,12 +1,14 @@
 // Particles from points, in memory or read.
 #include <mpuvdb/particles.h>
 
+#include "files/text_scan.h"
 #include <mpuvdb/error.h>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -32,6 +34,20 @@ std::vector<float> take(PointInput& points, const std::string& name)
     return values;
 }
 
+/// What names of a vector's components add to its own: of our files, and as Houdini, ParaView and
+/// others write them.
+constexpr const char* kComponents[][3] = {
+    {"x", "y", "z"},    {"_x", "_y", "_z"}, {".x", ".y", ".z"},    {":x", ":y", ":z"},
+    {"_0", "_1", "_2"}, {":0", ":1", ":2"}, {"[0]", "[1]", "[2]"}, {"[x]", "[y]", "[z]"}};
+
+/// That of @a scalars which is @a name but for capitals.
+std::optional<std::string> named(const std::vector<std::string>& scalars, const std::string& name)
+{
+    for (const std::string& scalar : scalars)
+        if (lowerCase(scalar) == name) return scalar;
+    return {};
+}
+
 } // namespace
 
 ParticleNames ParticleNames::among(const std::vector<std::string>& scalars)
@@ -46,15 +62,14 @@ ParticleNames ParticleNames::among(const std::vector<std::string>& scalars)
             names.radius = name;
             names.radiusScale = scale;
         }
-    std::vector<std::array<std::string, 3>> triples = {{"vx", "vy", "vz"}};
-    for (const char* const name : {"v", "vel", "velocity"})
-        for (const auto& suffixes :
-             {std::array{"_x", "_y", "_z"}, {".x", ".y", ".z"}, {"[0]", "[1]", "[2]"}})
-            triples.push_back({std::string(name) + suffixes[0], std::string(name) + suffixes[1],
-                               std::string(name) + suffixes[2]});
-    for (const auto& triple : triples)
-        if (names.velocity.empty() && std::all_of(triple.begin(), triple.end(), has))
-            names.velocity.assign(triple.begin(), triple.end());
+    for (const char* const vector : {"v", "vel", "velocity", "velocities"})
+        for (const auto& ends : kComponents) {
+            std::vector<std::string> triple;
+            for (const char* const end : ends)
+                if (const auto found = named(scalars, std::string(vector) + end))
+                    triple.push_back(*found);
+            if (names.velocity.empty() && triple.size() == 3) names.velocity = std::move(triple);
+        }
     return names;
 }
 

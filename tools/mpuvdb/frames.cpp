@@ -16,10 +16,12 @@ namespace
 constexpr int kMaxFrames = 100000;
 constexpr int kMaxWidth = 100; // digits of a frame's number; file systems end names at 255 bytes
 
-const std::regex& token()
+/// What stands for a frame's number in @a pattern: a single # only where nothing else does, as it
+/// may be part of a name, such as shot#1.
+const std::regex& tokenOf(const std::string& pattern)
 {
-    static const std::regex pattern(R"((#+)|%(0(\d+))?d|\$F(\d*))");
-    return pattern;
+    static const std::regex plain(R"((##+)|%(0(\d+))?d|\$F(\d*))"), single(R"((#))");
+    return std::regex_search(pattern, plain) ? plain : single;
 }
 
 } // namespace
@@ -44,14 +46,14 @@ std::vector<int> parseFrames(const std::string& text)
 
 bool hasFrame(const std::string& pattern)
 {
-    return std::regex_search(pattern, token());
+    return std::regex_search(pattern, tokenOf(pattern));
 }
 
 std::string frameFile(const std::string& pattern, int frame)
 {
     std::string text;
     std::string::const_iterator rest = pattern.begin();
-    for (std::sregex_iterator at(rest, pattern.end(), token()), end; at != end; ++at) {
+    for (std::sregex_iterator at(rest, pattern.end(), tokenOf(pattern)), end; at != end; ++at) {
         const std::smatch& place = *at;
         const int width = place[1].matched        ? int(place[1].length())
                           : place[3].matched      ? std::atoi(place[3].str().c_str())

@@ -238,14 +238,17 @@ private:
         return std::find(mShared.begin(), mShared.end(), output.option) != mShared.end();
     }
 
-    /// Whether all files of @a frame are there, and at least one.
+    /// Whether all files of @a frame are there, and at least one. An empty one is what is left of
+    /// something that failed.
     bool isThere(const Made& frame) const
     {
         int files = 0;
         for (const Output& output : frame.outputs) {
             if (output.path.empty() || isShared(output)) continue;
             std::error_code ignored;
-            if (!std::filesystem::exists(output.path, ignored)) return false;
+            if (!std::filesystem::exists(output.path, ignored) ||
+                std::filesystem::is_empty(output.path, ignored))
+                return false;
             ++files;
         }
         return files > 0;
@@ -430,7 +433,8 @@ private:
 
 std::vector<std::string> firstFrameOf(const std::vector<std::string>& words)
 {
-    const std::string option = "--frames";
+    const std::string option = "--frames", task = std::string(kTaskOption) + "=";
+    if (words.size() > 2 && words[2].rfind(task, 0) == 0) return words; // a frame's own process
     for (std::size_t n = 1; n < words.size(); ++n) {
         const bool isNext = words[n] == option && n + 1 < words.size();
         if (!isNext && words[n].rfind(option + "=", 0) != 0) continue;

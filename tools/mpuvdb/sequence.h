@@ -8,7 +8,8 @@
 namespace mpuvdb::command
 {
 
-/// The command line of the first frame that is to be made; @a words itself without --frames.
+/// The command line of the first frame that is to be made; @a words itself without --frames, and in
+/// a frame's own process, whose names have their numbers.
 std::vector<std::string> firstFrameOf(const std::vector<std::string>& words);
 
 /// Runs the verb for every frame, --jobs of them at the same time, each in a process of its own: a
