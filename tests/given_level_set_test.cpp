@@ -78,6 +78,19 @@ std::vector<std::string> expectTaken(const FloatGrid::Ptr& grid, const LevelSet&
     return notes;
 }
 
+/// What lies between voxels leaves a band without an inside: it has no surface to measure to.
+TEST(GivenLevelSet, WithoutAnInsideItIsEmpty)
+{
+    const FloatGrid::Ptr grid = copyOf(ball());
+    for (auto at = grid->beginValueAll(); at; ++at) at.setValue(std::abs(*at));
+    std::vector<std::string> notes;
+    const LevelSet taken = levelSetFromGrid(grid, notes);
+    EXPECT_TRUE(taken.grid().empty());
+    EXPECT_EQ(taken.grid().getName(), grid->getName());
+    ASSERT_EQ(notes.size(), 1u);
+    EXPECT_NE(notes[0].find("has no surface"), std::string::npos) << notes[0];
+}
+
 TEST(GivenLevelSet, OfOursIsTheSame)
 {
     for (const double halfWidth : {1.5, 3.0, 12.0}) {

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <limits>
 #include <map>
 
@@ -136,6 +137,20 @@ TEST(ImportPoints, ReadsEveryLayout)
     }
 }
 
+/// Colors of 16 bits, of bytes and in [0, 1] are one color each, as in files.
+TEST(ImportPoints, ColorsAreOfTheScaleOfTheLargest)
+{
+    const PointCloud cloud = sphere(300);
+    std::vector<Vec3d> places;
+    for (std::size_t i = 0; i < cloud.size(); ++i) places.push_back(cloud.world(i));
+    for (const double full : {1.0, 255.0, 65535.0}) {
+        std::vector<Vec3d> colors(places.size(), full * Vec3d(1, 0.6, 0.2));
+        PointView view(places);
+        view.colors = colors;
+        EXPECT_EQ(importPoints(view).cloud.colors.back(), (Rgb{255, 153, 51})) << full;
+    }
+}
+
 TEST(Clean, SaysWhatItDid)
 {
     PointCloud cloud = sphere(5000);
@@ -150,6 +165,35 @@ TEST(Clean, SaysWhatItDid)
     EXPECT_FALSE(report.inward);
     for (std::size_t i = 0; i < cloud.size(); ++i)
         EXPECT_GT(cloud.normals[i].dot(cloud.world(i).cast<float>()), 0);
+}
+
+/// The two sides of a thin wall are one noisy sheet until normals are known, so that points far off
+/// it, in its noise, stay at first.
+TEST(Clean, OutliersAboutBareThinWallsAreLeftOut)
+{
+    const auto room = parseSolid("difference(box(2,2,1),box(1.87,1.87,0.87))"); // 3 spacings
+    ScanSettings settings;
+    settings.points = 60000;
+    settings.outliers = 0.02;
+    Interrupter progress;
+    PointCloud cloud = scan(*room, settings, &progress);
+    cloud.normals.clear();
+    const auto count = [&](double farther, double nearer) {
+        std::size_t points = 0;
+        for (std::size_t i = 0; i < cloud.size(); ++i) {
+            const double distance = std::abs(room->distance(cloud.world(i)));
+            points += distance >= farther && distance < nearer;
+        }
+        return points;
+    };
+    constexpr double kOn = 1e-5;
+    const std::size_t on = count(0, kOn);
+    const CleanReport report = clean(cloud, {}, &progress);
+    const double spacing = report.statistics.spacing;
+    EXPECT_GT(report.outliers, 600u);
+    EXPECT_EQ(count(0, kOn), on);
+    EXPECT_LT(count(4 * spacing, HUGE_VAL), 12u); // 1 % of them
+    EXPECT_LT(report.statistics.noise, 0.1 * spacing);
 }
 
 TEST(Clean, DoesWhatItIsTold)

@@ -361,6 +361,10 @@ TEST(QueriesTest, EmptyLevelSetsAndPlacesThatAreNotFinite)
     nothing.raycast(places, std::vector<Vec3d>(4, Vec3d(1, 0, 0)), hits.data());
     EXPECT_EQ(hits[0], infinite);
 
+    const openvdb::FloatGrid::Ptr outside = Ball(0.1).levelSet.grid().deepCopy();
+    for (auto at = outside->beginValueAll(); at; ++at) at.setValue(std::abs(*at));
+    EXPECT_EQ(distancesOf(Queries(LevelSet(outside)), {Vec3d(9, 0, 0)})[0], infinite);
+
     const Queries ball(Ball(0.1).levelSet);
     const auto distances = distancesOf(ball, places);
     EXPECT_NEAR(distances[0], Ball(0.5).distance(places[0]), 1e-4);

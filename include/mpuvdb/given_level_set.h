@@ -16,8 +16,9 @@ class Interrupter;
 ///   arrays clipped to the band have them,
 /// - the background is the half-width that the band has, where it exceeds that by more than two
 ///   voxels, or is less than 1.5 voxels of a wider band,
-/// - inactive values are plus or minus the background.
-/// @param notes  a note is appended if the half-width changes.
+/// - inactive values are plus or minus the background,
+/// - it is empty where no value is negative.
+/// @param notes  a note is appended if the half-width changes, or the surface is none.
 /// @throws InputError as LevelSet's constructor and requireFinite() do, Interrupted.
 LevelSet levelSetFromGrid(const openvdb::FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
                           Interrupter* interrupter = nullptr);

@@ -78,7 +78,9 @@ struct PointView {
     NumberView positions;   ///< 3 numbers, world units
     NumberView normals;     ///< 3 numbers, outward, of any length
     NumberView confidences; ///< 1 number from 0 on, of any scale; a point of 0 is left out
-    NumberView colors;      ///< 3 numbers in sRGB: bytes, or floats in [0, 1]
+    /// 3 numbers in sRGB: bytes, or floats in [0, 1]; if the largest is 2 or more, in [0, 255], and
+    /// if it is 256 or more, in [0, 65535], as in files.
+    NumberView colors;
     std::vector<std::pair<std::string, NumberView>> scalars; ///< at most 8, 1 number, by name
     std::vector<Vec3d> viewpoints; ///< where points were seen from, world units
     /// Of each point the index into viewpoints; null: all were seen from the first one, if any.

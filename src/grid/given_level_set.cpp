@@ -4,6 +4,7 @@
 #include "block_parts.h"
 #include "core/lanes.h"
 #include "core/quantile.h"
+#include "has_inside.h"
 #include "prune.h"
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
@@ -374,6 +375,12 @@ LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::stri
     requireFinite(*grid);
     progress.check();
     const double h = given.voxelSize(), promised = given.halfWidth();
+    if (!grid->empty() && !hasInside(grid->tree())) {
+        notes.push_back(fmt::format("grid '{}': none of its values is negative, so that it has no "
+                                    "surface: it is empty",
+                                    grid->getName()));
+        return emptyLevelSet(given.lattice(), promised, grid->getName());
+    }
     const float background = grid->background();
     const bool hasTiles = hasActiveTiles(grid->tree());
     Band band = measureBand(grid->tree(), background * (1 - kRounding), progress);

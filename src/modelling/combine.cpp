@@ -5,6 +5,7 @@
 #include "distance/restore_distance.h"
 #include "fillet.h"
 #include "grid/band_limits.h"
+#include "grid/has_inside.h"
 #include "grid/prune.h"
 #include "half_widths.h"
 #include <mpuvdb/distances.h>
@@ -39,18 +40,6 @@ FloatTree::ConstPtr withBackground(const FloatTree::ConstPtr& tree, float backgr
     const auto copy = std::make_shared<FloatTree>(*tree);
     openvdb::tools::changeLevelSetBackground(*copy, background);
     return copy;
-}
-
-bool hasInside(const FloatTree& tree)
-{
-    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
-        const float* const values = leaf->buffer().data();
-        if (std::any_of(values, values + Leaf::SIZE, [](float v) { return v < 0; })) return true;
-    }
-    auto tile = tree.cbeginValueAll();
-    for (tile.setMaxDepth(FloatTree::ValueAllCIter::LEAF_DEPTH - 1); tile; ++tile)
-        if (*tile < 0) return true;
-    return false;
 }
 
 /// A box that holds all of the solids, world units.

@@ -212,7 +212,8 @@ void bindParticles(py::module_& module)
         "is its ball. 'spheres' is the union of the balls.\n"
         "voxel_size: world units or '%'; None: half the median radius. radius_scale: factor of "
         "all radii. half_width: voxels, in [1.5, 1000].\n"
-        "colors: (n, 3), sRGB, uint8 or floats in [0, 1]. scalars: a dict of at most 4 names to "
+        "colors: (n, 3), sRGB, uint8, or floats in [0, 1], or up to 255 or 65535. scalars: a dict "
+        "of at most 4 names to "
         "(n,). attributes: of files instead: 'Cd', properties by name. velocity: whether to make "
         "the grid 'v'. max_bytes: that the work may take.\n\n"
         "Radii that are not above 0 are an InputError." MPUVDB_PROGRESS_DOC);

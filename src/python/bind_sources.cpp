@@ -255,7 +255,8 @@ void bindReconstruct(py::module_& module)
         "coverage"_a = false, "attributes"_a = std::vector<std::string>(),
         "max_bytes"_a = py::none(), "progress"_a = py::none(),
         "Points to a level set at once, as the command's reconstruct does it.\n\n" MPUVDB_POINTS_DOC
-        "colors: (n, 3), sRGB, uint8 or floats in [0, 1]. scalars: a dict of names to (n,).\n"
+        "colors: (n, 3), sRGB, uint8, or floats in [0, 1], or up to 255 or 65535. scalars: a dict "
+        "of names to (n,).\n"
         "voxel_size: edge of a voxel; or voxels: their number along the longest side; None: from "
         "the measured spacing. half_width: voxels, in [1.5, 1000].\n"
         "coverage: also say where data support the surface. attributes: grids beside it: 'Cd', "

@@ -1,5 +1,6 @@
 #include "band_window.h"
 #include "core/parallel_each.h"
+#include "grid/has_inside.h"
 #include "polyhedron_distance.h"
 #include "sharp_surface.h"
 #include "spatial/radix_sort.h"
@@ -176,12 +177,12 @@ class Queries::Answers
 public:
     Answers(LevelSet levelSet, FieldPtr field)
         : mLevelSet(std::move(levelSet)), mField(std::move(field)), mLattice(mLevelSet.lattice()),
-          mBlocks(mLevelSet.grid().tree())
+          mBlocks(mLevelSet.grid().tree()), mIsEmpty(!hasInside(mLevelSet.grid().tree()))
     {
     }
 
     const LevelSet& levelSet() const { return mLevelSet; }
-    bool isEmpty() const { return mLevelSet.grid().empty(); }
+    bool isEmpty() const { return mIsEmpty; }
 
     /// Calls f(i, distance, gradient) for each place, of which the gradient is set if @a Sloped.
     template <bool Sloped, class F>
@@ -407,6 +408,7 @@ private:
     FieldPtr mField;
     Lattice mLattice;
     Blocks mBlocks;
+    bool mIsEmpty; ///< without a surface
     mutable std::mutex mMutex;
     mutable std::optional<SharpSurface> mSurface;
 };

@@ -1,6 +1,7 @@
 #include "sharp_surface.h"
 
 #include "band_window.h"
+#include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
 
@@ -52,11 +53,20 @@ std::vector<bool> smoothVertices(const Mesh& mesh, const LevelSet& levelSet, Int
     return std::vector<bool>(smooth.begin(), smooth.end());
 }
 
+Mesh meshOf(const LevelSet& levelSet, const Field* field, Interrupter& progress)
+{
+    Mesh mesh = extractMesh(levelSet, {field}, &progress);
+    if (mesh.triangles.empty())
+        throw InputError("the level set has no surface: nowhere does inside meet outside in its "
+                         "band. Write it again from its source");
+    return mesh;
+}
+
 } // namespace
 
 SharpSurface::SharpSurface(const LevelSet& levelSet, const Field* field, Interrupter& progress)
     : mVoxelSize(levelSet.voxelSize()), mField(makeGridField(levelSet)),
-      mTriangles(extractMesh(levelSet, {field}, &progress), kOnSurface * mVoxelSize, progress),
+      mTriangles(meshOf(levelSet, field, progress), kOnSurface * mVoxelSize, progress),
       mSmooth(smoothVertices(mTriangles.mesh(), levelSet, progress))
 {
 }

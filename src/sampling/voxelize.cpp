@@ -3,6 +3,7 @@
 #include "distance/triangle_band.h"
 #include "explain_mesh.h"
 #include "grid/band_limits.h"
+#include "grid/has_inside.h"
 #include "grid/transform_lattice.h"
 #include "mesh_signs.h"
 #include <mpuvdb/distances.h>
@@ -243,18 +244,10 @@ Made makeSolid(const Mesh& mesh, const SampleSettings& settings, const RepairSet
     return makeSolid(mesh, settings, repair, true, progress); // triangles of a region differ
 }
 
-bool hasInside(const openvdb::FloatGrid& grid)
-{
-    for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf)
-        for (auto on = leaf->cbeginValueOn(); on; ++on)
-            if (*on < 0) return true;
-    return false;
-}
-
 /// A surface that is open and so flat that no voxel is inside becomes a sheet.
 void makeSheetIfFlat(Made& made)
 {
-    if (!made.grid || made.solid->sheets() || hasInside(*made.grid)) return;
+    if (!made.grid || made.solid->sheets() || hasInside(made.grid->tree())) return;
     made.solid->makeSheet();
     made.grid = nullptr;
 }
@@ -329,6 +322,8 @@ LevelSet voxelize(const Mesh& given, const SampleSettings& settings, const Repai
         throw InputError(emptyText(solid.report(), true));
     explained->by = std::move(e);
     progress.endStage();
+    // A part thinner than a voxel may lie between voxels: a band without an inside is empty.
+    if (!hasInside(grid->tree())) grid->clear();
     return LevelSet(grid, std::move(explained));
 }
 

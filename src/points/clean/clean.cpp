@@ -32,8 +32,7 @@ public:
         mReport.statistics = measure(mCloud, *mIndex, mProgress);
         const bool fillSolid = mReport.statistics.fillSolid;
         if (mIsJudged && mSettings.dropOutliers) leaveOutOutliers();
-        if (seeToNormals())
-            mReport.statistics = measure(mCloud, *mIndex, mProgress); // noise is known by normals
+        if (seeToNormals()) measureByNormals();
         if (mReport.estimateNeighbors) {
             // Normals that come from the positions know nothing that these do not say; but two
             // sheets that they are of are no solid.
@@ -51,11 +50,24 @@ private:
     {
         mCells.emplace(*mIndex, sideForOutliers(mReport.statistics), mProgress);
         const auto outliers = findOutliers(mCloud, *mCells, mReport.statistics, mProgress);
-        mReport.outliers = outliers.size();
+        mReport.outliers += outliers.size();
         if (outliers.empty()) return;
         mCells.reset();
         mIndex = mIndex->without(outliers, mProgress);
         dropPoints(mCloud, outliers);
+    }
+
+    /// Measure what normals tell. Without them the two sides of a thin wall were one noisy sheet,
+    /// off which little is: what is off them is left out now.
+    void measureByNormals()
+    {
+        const double before = mReport.statistics.noise;
+        mReport.statistics = measure(mCloud, *mIndex, mProgress);
+        if (!mIsJudged || !mSettings.dropOutliers || !(mReport.statistics.noise < before / 2))
+            return;
+        const std::size_t all = mCloud.size();
+        leaveOutOutliers();
+        if (mCloud.size() < all) mReport.statistics = measure(mCloud, *mIndex, mProgress);
     }
 
     /// Estimate normals, or turn those that are flipped, and those of solids that are inside out.

@@ -57,13 +57,12 @@ std::vector<float> numbersOf(const NumberView& view, const std::vector<std::uint
     return numbers;
 }
 
-std::vector<Rgb> colorsOf(const NumberView& view, const std::vector<std::uint32_t>* rows)
+std::vector<Rgb> bytesOf(const NumberView& view, const std::vector<std::uint32_t>* rows)
 {
     std::vector<Rgb> colors(view.empty() ? 0 : rows ? rows->size() : view.rows);
-    const double scale = view.type == NumberView::Type::Byte ? 1 : 255;
     if (!colors.empty())
         forEachRow(view, rows, [&](const auto* row, std::size_t n) {
-            for (std::size_t c = 0; c < 3; ++c) colors[n][c] = colorByte(scale * double(row[c]));
+            for (std::size_t c = 0; c < 3; ++c) colors[n][c] = colorByte(double(row[c]));
         });
     return colors;
 }
@@ -75,7 +74,10 @@ PointBlock blockOf(const PointView& points, const std::vector<std::uint32_t>* ro
     block.positions = vectorsOf<Vec3d>(points.positions, rows);
     block.normals = vectorsOf<Vec3f>(points.normals, rows);
     block.confidence = numbersOf(points.confidences, rows);
-    block.colors = colorsOf(points.colors, rows);
+    if (points.colors.type == NumberView::Type::Byte)
+        block.colors = bytesOf(points.colors, rows);
+    else
+        block.rawColors = vectorsOf<Vec3f>(points.colors, rows);
     for (std::size_t n = 0; n < points.scalars.size(); ++n)
         block.scalars[n] = numbersOf(points.scalars[n].second, rows);
     return block;
@@ -146,6 +148,7 @@ PointInput importPoints(const PointView& points, const std::string& name, BadPoi
     for (const auto& scalar : points.scalars) scalars.push_back(scalar.first);
     input.scalarNames = scalars;
     cleanPoints(input, badPoints, progress);
+    scaleColors(input, progress);
     input.warnings = findRounding(input, progress);
     std::vector<FilePoints> inputs;
     inputs.push_back(std::move(input));

@@ -1,5 +1,5 @@
-// The scale of a file's colors.
-#include "points/import/raw_points.h"
+// The scale of colors that are not bytes.
+#include "raw_points.h"
 
 #include "core/release.h"
 #include <mpuvdb/interrupter.h>

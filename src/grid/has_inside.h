@@ -1,0 +1,12 @@
+// Whether a level set encloses anything.
+#pragma once
+#include <openvdb/openvdb.h>
+
+namespace mpuvdb
+{
+
+/// Whether a voxel or tile is inside. A band without any has no surface: what it is of lies between
+/// voxels.
+bool hasInside(const openvdb::FloatTree& tree);
+
+} // namespace mpuvdb
