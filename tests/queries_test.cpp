@@ -363,7 +363,8 @@ TEST(QueriesTest, EmptyLevelSetsAndPlacesThatAreNotFinite)
 
     const openvdb::FloatGrid::Ptr outside = Ball(0.1).levelSet.grid().deepCopy();
     for (auto at = outside->beginValueAll(); at; ++at) at.setValue(std::abs(*at));
-    EXPECT_EQ(distancesOf(Queries(LevelSet(outside)), {Vec3d(9, 0, 0)})[0], infinite);
+    const std::vector<Vec3d> far = {Vec3d(9, 0, 0)};
+    EXPECT_EQ(distancesOf(Queries(LevelSet(outside)), far)[0], infinite);
 
     const Queries ball(Ball(0.1).levelSet);
     const auto distances = distancesOf(ball, places);
