@@ -190,7 +190,7 @@ openvdb::GridCPtrVec compressAttributes(const LevelSet& levelSet,
 
 /// Writes a level set with @a metadata added ("mpuvdb:tolerance" -> "0.001"), and after it the
 /// grids of @a beside, of other names, as they are. Equal grids and metadata give equal bytes.
-/// @throws IoError, Interrupted.
+/// @throws UsageError for metadata under OpenVDB's own names ("class"), IoError, Interrupted.
 void writeLevelSet(const std::filesystem::path& file, const LevelSet& levelSet,
                    const std::map<std::string, std::string>& metadata,
                    const openvdb::GridCPtrVec& beside = {}, Interrupter* interrupter = nullptr);

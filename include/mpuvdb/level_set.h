@@ -51,8 +51,8 @@ private:
 /// @throws InputError if a value of @a grid is not finite.
 void requireFinite(const openvdb::FloatGrid& grid);
 
-/// The empty level set: outside everywhere. @param halfWidth  voxels.
-/// @throws UsageError and LimitError for the voxel size, as latticeFor().
+/// The empty level set: outside everywhere. @param halfWidth  voxels, in [1.5, 1000].
+/// @throws UsageError and LimitError for the voxel size, as latticeFor(), and for the half-width.
 LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth,
                        const std::string& name = "surface");
 

@@ -379,7 +379,8 @@ LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::stri
         notes.push_back(fmt::format("grid '{}': none of its values is negative, so that it has no "
                                     "surface: it is empty",
                                     grid->getName()));
-        return emptyLevelSet(given.lattice(), promised, grid->getName());
+        return emptyLevelSet(given.lattice(), std::clamp(promised, kMinHalfWidth, kMaxHalfWidth),
+                             grid->getName());
     }
     const float background = grid->background();
     const bool hasTiles = hasActiveTiles(grid->tree());

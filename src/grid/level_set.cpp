@@ -1,5 +1,6 @@
 #include <mpuvdb/level_set.h>
 
+#include "band_limits.h"
 #include "transform_lattice.h"
 #include <mpuvdb/error.h>
 
@@ -68,6 +69,7 @@ void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
 LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth, const std::string& name)
 {
     requireVoxelSize(lattice.voxelSize);
+    requireHalfWidth(halfWidth);
     const auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
     setLattice(*grid, lattice);
     grid->setGridClass(openvdb::GRID_LEVEL_SET);

@@ -179,7 +179,8 @@ LevelSet combineInBand(Boolean kind, const std::vector<LevelSet>& inputs, double
     }
     progress.endStage();
     // A part thinner than a voxel may lie between voxels: a band without an inside is empty.
-    if (!hasInside(result.grid().tree())) return emptyLevelSet(result.lattice(), halfWidth);
+    if (!hasInside(result.grid().tree()))
+        return emptyLevelSet(result.lattice(), std::max(halfWidth, kMinHalfWidth));
     return result.halfWidth() > halfWidth * (1 + kSameHalfWidth)
                ? withHalfWidth(result, halfWidth, &progress)
                : result;

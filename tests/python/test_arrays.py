@@ -225,6 +225,8 @@ class Files(FolderTest):
         self.assertAlmostEqual(level_set.voxel_size, 0.05)
         np.testing.assert_allclose(radii(mv.load(file).to_mesh(0.05), CENTER), 0.5, atol=5e-3)
         level_set.write(str(file), metadata={"other": "text"})
+        with self.assertRaisesRegex(mv.UsageError, "metadata 'class'"):
+            level_set.write(file, metadata={"class": "fog volume"})
         with self.assertRaisesRegex(mv.InputError, "surface"):
             mv.load(file, grid="density")
 
@@ -283,6 +285,9 @@ class Dense(ShapeTest):
             mv.LevelSet.from_numpy(np.full((4, 4, 4), np.nan), (0, 0, 0), 1)
         with self.assertRaises(mv.UsageError):
             mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, 0, 0), 0)
+        for half_width in (1, 2000, float("nan")):
+            with self.assertRaisesRegex(mv.UsageError, "half-width"):
+                mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, 0, 0), 1, half_width=half_width)
 
     def test_what_is_no_distance_is_refused(self):
         i, j, k = np.indices((41, 41, 41)) - 20

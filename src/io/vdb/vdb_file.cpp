@@ -246,6 +246,22 @@ private:
     }
 };
 
+/// @throws UsageError for a name under which OpenVDB keeps what readers need: another text there
+/// makes another grid of it, or none.
+void requireFree(const std::string& name)
+{
+    using Grid = openvdb::GridBase;
+    for (const char* const own :
+         {Grid::META_GRID_CLASS, Grid::META_IS_LOCAL_SPACE, Grid::META_SAVE_HALF_FLOAT,
+          Grid::META_VECTOR_TYPE, Grid::META_FILE_BBOX_MIN, Grid::META_FILE_BBOX_MAX,
+          Grid::META_FILE_COMPRESSION, Grid::META_FILE_MEM_BYTES, Grid::META_FILE_VOXEL_COUNT,
+          Grid::META_FILE_DELAYED_LOAD})
+        if (name == own)
+            throw UsageError(fmt::format(
+                "metadata '{}': OpenVDB keeps what it reads grids by there. Use another name",
+                name));
+}
+
 /// The grid with our metadata, sharing its tree; the writer adds statistics.
 FloatGrid::ConstPtr described(const LevelSet& levelSet,
                               const std::map<std::string, std::string>& metadata)
@@ -253,6 +269,7 @@ FloatGrid::ConstPtr described(const LevelSet& levelSet,
     const FloatGrid& grid = levelSet.grid();
     openvdb::MetaMap items(grid);
     for (const auto& [key, value] : metadata) {
+        requireFree(key);
         items.removeMeta(key);
         items.insertMeta(key, openvdb::StringMetadata(value));
     }
