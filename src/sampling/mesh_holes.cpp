@@ -50,11 +50,11 @@ void MeshHoles::findGaps(double width, Interrupter& progress)
     segments.positions = mTriangles.mesh.positions;
     for (const Edge& edge : mEdges) segments.triangles.push_back({edge.from, edge.to, edge.to});
     const TriangleTree tree(segments, progress);
-    const auto across = [&](const Edge& edge) {
+    const auto within = [&](const Edge& edge, double reach) {
         const Vec3d p = middle(edge);
         std::optional<Across> nearest;
-        double least = width * width;
-        tree.forEachNear(p, width, [&](std::size_t slot) {
+        double least = reach * reach;
+        tree.forEachNear(p, reach, [&](std::size_t slot) {
             const std::uint32_t n = tree.triangle(slot);
             if (mRims[mEdges[n].from] == mRims[edge.from]) return;
             const Vec3d at = nearestOnSegment(p, place(mEdges[n].from), place(mEdges[n].to));
@@ -64,6 +64,16 @@ void MeshHoles::findGaps(double width, Interrupter& progress)
             nearest = Across{at - p, n};
         });
         return nearest;
+    };
+    // Gaps are narrow, and within their largest width may be very many edges.
+    const auto across = [&](const Edge& edge) {
+        double reach = width / 64;
+        while (reach < width)
+            if (const auto found = within(edge, reach))
+                return found;
+            else
+                reach *= 2;
+        return within(edge, width);
     };
     mAcross.resize(mEdges.size());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, mEdges.size(), 64),
