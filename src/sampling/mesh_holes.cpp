@@ -67,13 +67,10 @@ void MeshHoles::findGaps(double width, Interrupter& progress)
     };
     // Gaps are narrow, and within their largest width may be very many edges.
     const auto across = [&](const Edge& edge) {
-        double reach = width / 64;
-        while (reach < width)
-            if (const auto found = within(edge, reach))
-                return found;
-            else
-                reach *= 2;
-        return within(edge, width);
+        std::optional<Across> found;
+        for (double reach = width / 64; !found && reach <= width; reach *= 2)
+            found = within(edge, reach);
+        return found;
     };
     mAcross.resize(mEdges.size());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, mEdges.size(), 64),

@@ -114,9 +114,9 @@ private:
     template <typename F>
     void forEachAbout(std::int32_t first, F f) const
     {
-        const std::int32_t row = mSize[2], slab = mSize[1] * row;
-        for (const std::int32_t above : {0, row, slab, slab + row})
-            for (const std::int32_t side : {0, 1}) f(std::size_t(first + above + side));
+        const std::ptrdiff_t row = mSize[2], slab = mSize[1] * row;
+        for (const std::ptrdiff_t above : {std::ptrdiff_t(0), row, slab, slab + row})
+            for (const std::ptrdiff_t side : {0, 1}) f(std::size_t(first + above + side));
     }
     /// Take back what was requested: few nodes of a window are.
     void forget()
