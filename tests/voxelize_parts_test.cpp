@@ -443,9 +443,8 @@ Mesh shrunk(const Mesh& mesh, double width, double& kites)
     return soup;
 }
 
-// Free triangles, and faces of a part that do not quite meet, as CAD programs write them: their
-// volume is that of the solid, and they are one part. The strips that
-// fill the gaps lack kites at corners.
+// Free triangles, as where faces of a CAD part do not quite meet: their volume is that of the
+// solid, and they are one part. The strips that fill the gaps lack kites at corners.
 TEST(MeshExplained, NothingIsToldOfGapsBetweenTriangles)
 {
     const Mesh meshes[] = {test::ballPart(20, 16), test::torusPart(20, 8, 40, 20),

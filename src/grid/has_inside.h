@@ -5,8 +5,8 @@
 namespace mpuvdb
 {
 
-/// Whether a voxel or tile is inside. A band without any has no surface: what it is of lies between
-/// voxels.
+/// Whether a voxel or tile is inside. A band without any has no surface: the part that it was made
+/// of is so thin that it lies between voxels.
 bool hasInside(const openvdb::FloatTree& tree);
 
 } // namespace mpuvdb

@@ -1,9 +1,9 @@
 #include "mesh_holes.h"
 
+#include "spatial/nearest_place.h"
 #include "spatial/triangle_tree.h"
 #include <mpuvdb/interrupter.h>
 
-#include <algorithm>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
 
@@ -16,12 +16,6 @@ namespace
 double volumeOf(const Vec3d& a, const Vec3d& b, const Vec3d& c)
 {
     return a.dot(b.cross(c)) / 6;
-}
-
-Vec3d nearestOnSegment(const Vec3d& p, const Vec3d& a, const Vec3d& b)
-{
-    const double square = (b - a).squaredNorm();
-    return a + (square > 0 ? std::clamp((p - a).dot(b - a) / square, 0.0, 1.0) : 0) * (b - a);
 }
 
 } // namespace
@@ -57,7 +51,8 @@ void MeshHoles::findGaps(double width, Interrupter& progress)
         tree.forEachNear(p, reach, [&](std::size_t slot) {
             const std::uint32_t n = tree.triangle(slot);
             if (mRims[mEdges[n].from] == mRims[edge.from]) return;
-            const Vec3d at = nearestOnSegment(p, place(mEdges[n].from), place(mEdges[n].to));
+            const Vec3d a = place(mEdges[n].from), b = place(mEdges[n].to);
+            const Vec3d at = NearestPlace(p, {a, b, b}).place;
             const double square = (at - p).squaredNorm();
             if (square > least || (nearest && square == least && n > nearest->edge)) return;
             least = square;

@@ -56,7 +56,7 @@ private:
     const OrientedTriangles& mTriangles;
     std::vector<Edge> mEdges;
     std::vector<std::uint32_t> mRims;           ///< by vertex
-    std::vector<std::optional<Across>> mAcross; ///< by vertex
+    std::vector<std::optional<Across>> mAcross; ///< by edge
 };
 
 } // namespace mpuvdb
