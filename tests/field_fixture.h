@@ -4,6 +4,7 @@
 #include <mpuvdb/level_set.h>
 #include <mpuvdb/scan_sampler.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <sstream>
@@ -44,6 +45,13 @@ public:
 private:
     std::mt19937_64 mEngine;
 };
+
+/// Distance to a box about the origin with edges of twice @a half.
+inline double boxDistance(const Vec3d& p, const Vec3d& half)
+{
+    const Vec3d beyond = p.cwiseAbs() - half;
+    return beyond.cwiseMax(0).norm() + std::min(beyond.maxCoeff(), 0.0);
+}
 
 inline PointCloud scanOf(const std::string& solid, const ScanSettings& settings)
 {

@@ -1,7 +1,10 @@
+#include "field_fixture.h"
+
 #include <mpuvdb/error.h>
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/mesh.h>
 
+#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 #include <openvdb/tools/LevelSetSphere.h>
 #include <openvdb/tools/SignedFloodFill.h>
@@ -135,6 +138,29 @@ TEST(ExtractMesh, IsManifoldWhereverSignsFall)
     EXPECT_GT(report.triangles, 30000u);
     EXPECT_EQ(report.boundaryEdges, 0u);
     EXPECT_EQ(report.nonManifoldEdges, 0u);
+}
+
+/// Inside voxels of a wall of one voxel that is turned touch at edges only, and the outside's do in
+/// a gap: the values tell which is whole.
+TEST(ExtractMesh, KeepsTurnedWallsAndGapsOfOneVoxelAndMoreWhole)
+{
+    test::Random random(7);
+    for (const double thick : {1.0, 1.2, 1.5, 2.0, 3.0})
+        for (int n = 0; n < 4; ++n) {
+            const Eigen::AngleAxisd turn(random.uniform(0, kPi), random.direction());
+            const Vec3d half(12, 12, thick / 2);
+            const auto wall = [&](const Vec3d& p) { return test::boxDistance(turn * p, half); };
+            const MeshReport report = measure(extracted(sampled(wall, 22)));
+            EXPECT_EQ(report.eulerCharacteristic, 2) << thick << " turn " << n;
+            // A vertex is a twentieth of a voxel off at most in the mean, on either side.
+            EXPECT_NEAR(report.volume / (8 * half.prod()), 1, 0.1 / thick) << " turn " << n;
+            const auto gap = [&](const Vec3d& p) {
+                return std::max(p.norm() - 12, -test::boxDistance(turn * p, {40, 40, thick / 2}));
+            };
+            const MeshReport halves = measure(extracted(sampled(gap, 18)));
+            EXPECT_EQ(halves.components, 2u) << thick << " turn " << n;
+            EXPECT_EQ(halves.eulerCharacteristic, 4) << thick << " turn " << n;
+        }
 }
 
 /// No triangle is flat: twice its area is a thousandth of its longest side squared or more, and so

@@ -23,6 +23,7 @@ namespace mpuvdb
 namespace
 {
 
+using test::boxDistance;
 using test::Random;
 
 constexpr double kExact = 1e-3; ///< of values to floats, far from holes, voxels
@@ -74,12 +75,6 @@ Mesh without(Mesh mesh, const P& gone)
     mesh.triangles.erase(std::remove_if(mesh.triangles.begin(), mesh.triangles.end(), isGone),
                          mesh.triangles.end());
     return mesh;
-}
-
-double boxDistance(const Vec3d& p, const Vec3d& half)
-{
-    const Vec3d q = p.cwiseAbs() - half;
-    return q.cwiseMax(0).norm() + std::min(0.0, q.maxCoeff());
 }
 
 /// A square in the plane z = 0 with sides of length @a size, of @a steps x @a steps squares.

@@ -24,7 +24,7 @@ using openvdb::CoordBBox;
 using Vertices = DualMesh::Vertices;
 
 /// Voxels below and above a part's cells that they need. [derived: whole leaves: a block below has
-/// corners of the part's quads, and values two voxels below it place its vertices]
+/// corners of the part's quads, and values four voxels beyond it decide its cells, see JoinedFaces]
 constexpr int kBelow = 2 * kBlockDim, kAbove = kBlockDim;
 
 /// Blocks by the order of leaves in OpenVDB's trees, whose nodes have 4096 and 128 voxels an edge.
@@ -112,7 +112,7 @@ private:
         const auto grid = read(cube, {});
         if (!grid) return;
         const CoordBBox box = mGrid.boxOf(cube);
-        const DualCells cells(grid->tree(), mQuiet,
+        const DualCells cells(grid->tree(), mGrid.lattice().voxelSize, mQuiet,
                               [&](const Coord& block) { return box.isInside(block); });
         for (const DualBlock& block : cells.blocks()) {
             NumberedBlock numbered;

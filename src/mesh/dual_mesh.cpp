@@ -166,7 +166,7 @@ DualMesh::DualMesh(const openvdb::FloatTree& tree, const Lattice& lattice,
                    const openvdb::Coord& frame, const ExtractSettings& settings,
                    const BlockFilter& only, Interrupter& progress)
     : mTree(tree), mLattice(lattice), mSettings(settings), mProgress(progress),
-      mCells(mTree, progress, only), mFrame(frame)
+      mCells(mTree, lattice.voxelSize, progress, only), mFrame(frame)
 {
     if (mCells.vertices() > std::numeric_limits<std::uint32_t>::max())
         throw LimitError(fmt::format("mesh: would have {} vertices, more than 32 bits can number. "

@@ -1,7 +1,5 @@
 #include "cell_sheets.h"
 
-#include <vector>
-
 namespace mpuvdb
 {
 namespace
@@ -55,27 +53,34 @@ private:
     std::array<std::uint8_t, 12> mRoot{};
 };
 
-/// The pairs of a face's edges that a segment links, at most two.
-std::vector<std::array<int, 2>> segments(int face, std::uint8_t inside, bool turned)
+/// Join the edges that segments across a face link.
+void joinSegments(const Face& f, std::uint8_t inside, bool joined, Links& links)
 {
-    const Face f = faceOf(face);
     const auto isInside = [&](std::size_t n) { return (inside >> f.corners[n % 4] & 1) != 0; };
-    std::vector<int> crossed;
+    std::array<int, 4> crossed{};
+    std::size_t count = 0;
     for (std::size_t n = 0; n < 4; ++n)
-        if (isInside(n) != isInside(n + 1)) crossed.push_back(f.edges[n]);
-    if (crossed.empty()) return {};
-    if (crossed.size() == 2) return {{crossed[0], crossed[1]}};
+        if (isInside(n) != isInside(n + 1)) crossed[count++] = f.edges[n];
+    if (count == 2) links.join(crossed[0], crossed[1]);
+    if (count < 4) return;
     // Edge n lies between corners n and n + 1: corner n is cut off by edges n - 1 and n.
-    const std::size_t first = isInside(0) != turned ? 0 : 1;
-    return {{f.edges[(first + 3) % 4], f.edges[first]},
-            {f.edges[first + 1], f.edges[(first + 2) % 4]}};
+    const std::size_t first = isInside(0) != joined ? 0 : 1;
+    links.join(f.edges[(first + 3) % 4], f.edges[first]);
+    links.join(f.edges[first + 1], f.edges[(first + 2) % 4]);
 }
 
-CellSheets makeSheets(std::uint8_t inside, int turnedFace)
+/// The six faces.
+const std::array<Face, 6> kFaces = [] {
+    std::array<Face, 6> faces;
+    for (int n = 0; n < 6; ++n) faces[std::size_t(n)] = faceOf(n);
+    return faces;
+}();
+
+CellSheets makeSheets(std::uint8_t inside, std::uint8_t joined)
 {
     Links links;
-    for (int face = 0; face < 6; ++face)
-        for (const auto& [a, b] : segments(face, inside, face == turnedFace)) links.join(a, b);
+    for (std::size_t face = 0; face < 6; ++face)
+        joinSegments(kFaces[face], inside, (joined >> face & 1) != 0, links);
     CellSheets sheets;
     std::array<std::uint8_t, 12> ofRoot;
     ofRoot.fill(CellSheets::kNone);
@@ -91,39 +96,47 @@ CellSheets makeSheets(std::uint8_t inside, int turnedFace)
     return sheets;
 }
 
-int findAmbiguousFace(std::uint8_t inside)
+std::uint8_t findAmbiguous(std::uint8_t inside)
 {
-    const CellSheets sheets = makeSheets(inside, -1);
-    for (int face = 0; face < 6; ++face) {
-        const auto across = segments(face, inside, false);
-        if (across.size() == 2 &&
-            sheets.sheet[std::size_t(across[0][0])] == sheets.sheet[std::size_t(across[1][0])])
-            return face;
+    std::uint8_t faces = 0;
+    for (std::size_t n = 0; n < 6; ++n) {
+        const auto& c = kFaces[n].corners;
+        const auto isInside = [&](std::size_t k) { return inside >> c[k] & 1; };
+        if (isInside(0) == isInside(2) && isInside(1) == isInside(3) && isInside(0) != isInside(1))
+            faces = std::uint8_t(faces | 1 << n);
     }
-    return -1;
+    return faces;
 }
 
-/// ambiguousFace() for each configuration of corners.
-const std::array<int, 256> kAmbiguousFaces = [] {
-    std::array<int, 256> faces;
-    for (std::size_t n = 0; n < 256; ++n) faces[n] = findAmbiguousFace(std::uint8_t(n));
+/// ambiguousFaces() of each configuration of corners.
+const std::array<std::uint8_t, 256> kAmbiguousFaces = [] {
+    std::array<std::uint8_t, 256> faces;
+    for (std::size_t n = 0; n < 256; ++n) faces[n] = findAmbiguous(std::uint8_t(n));
     return faces;
 }();
 
 } // namespace
 
-const std::array<CellSheets, 512> kCellSheets = [] {
-    std::array<CellSheets, 512> sheets;
-    for (std::size_t n = 0; n < 256; ++n) {
-        sheets[n] = makeSheets(std::uint8_t(n), -1);
-        sheets[256 + n] = makeSheets(std::uint8_t(n), kAmbiguousFaces[n]);
-    }
+const std::array<CellSheets, 64 * 256> kCellSheets = [] {
+    std::array<CellSheets, 64 * 256> sheets{};
+    for (std::size_t joined = 0; joined < 64; ++joined)
+        for (std::size_t inside = 0; inside < 256; ++inside)
+            if (!(joined & ~kAmbiguousFaces[inside]))
+                sheets[256 * joined + inside] =
+                    makeSheets(std::uint8_t(inside), std::uint8_t(joined));
     return sheets;
 }();
 
-int ambiguousFace(std::uint8_t inside)
+std::uint8_t ambiguousFaces(std::uint8_t inside)
 {
     return kAmbiguousFaces[inside];
+}
+
+bool passesTwice(const CellSheets& sheets, int face)
+{
+    // Opposite edges of an ambiguous face are linked by different segments.
+    const Face& f = kFaces[std::size_t(face)];
+    return sheets.sheet[std::size_t(f.edges[0])] == sheets.sheet[std::size_t(f.edges[2])];
 }
 
 } // namespace mpuvdb

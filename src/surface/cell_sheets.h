@@ -1,5 +1,5 @@
-// The sheets of the surface in a cell of eight corners, by the corners' signs. Neighboring cells
-// agree on their common face, so that the sheets of all cells make up a manifold.
+// The sheets of the surface in a cell of eight corners, by the corners' signs and by what is joined
+// on faces where these are ambiguous.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -34,21 +34,23 @@ constexpr CellEdge cellEdge(int edge)
     return {std::uint8_t(low), std::uint8_t(low | kBits[axis])};
 }
 
-/// The sheets for corners that are inside where @a inside has a bit. Diagonal inside corners of a
-/// face are separated, but joined on the ambiguous face of a cell that is @a turned.
-inline const CellSheets& cellSheets(std::uint8_t inside, bool turned);
+/// The faces of a cell, by bits, whose inside corners are two that lie diagonally.
+std::uint8_t ambiguousFaces(std::uint8_t inside);
 
-/// The ambiguous face that one sheet would pass twice, or -1. Where both cells at a face have it as
-/// theirs, the mesh would have an edge with four faces; turning it in both avoids that
-/// [Wenger13 §3.3].
-int ambiguousFace(std::uint8_t inside);
+/// The sheets for corners that are inside where @a inside has a bit. Diagonal inside corners of an
+/// ambiguous face are joined where @a joined has the face's bit, else separated.
+/// @param joined  some of the ambiguous faces.
+inline const CellSheets& cellSheets(std::uint8_t inside, std::uint8_t joined);
 
-/// The table of cellSheets(): plain cells first, then turned ones.
-extern const std::array<CellSheets, 512> kCellSheets;
+/// Whether one sheet passes an ambiguous face twice.
+bool passesTwice(const CellSheets& sheets, int face);
 
-const CellSheets& cellSheets(std::uint8_t inside, bool turned)
+/// The table of cellSheets(): 256 for each set of joined faces.
+extern const std::array<CellSheets, 64 * 256> kCellSheets;
+
+const CellSheets& cellSheets(std::uint8_t inside, std::uint8_t joined)
 {
-    return kCellSheets[inside + (turned ? 256u : 0u)];
+    return kCellSheets[256u * joined + inside];
 }
 
 } // namespace mpuvdb

@@ -1,6 +1,7 @@
 #include "dual_cells.h"
 
 #include "core/lanes.h"
+#include "joined_faces.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -16,8 +17,7 @@ namespace
 
 using openvdb::Coord;
 using Leaf = openvdb::FloatTree::LeafNodeType;
-/// An accessor that is not registered with the tree: cheap to make.
-using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
+using Access = JoinedFaces::Access;
 
 /// Signs of a block's voxels and of those one step above, in rows along z.
 class SignHalo
@@ -83,28 +83,10 @@ private:
     std::array<std::array<std::uint32_t, 9>, 9> mRows{};
 };
 
-std::uint8_t cornersAt(const Access& access, const Coord& at)
-{
-    std::uint8_t inside = 0;
-    for (int c = 0; c < 8; ++c)
-        if (access.getValue(at.offsetBy(c >> 2 & 1, c >> 1 & 1, c & 1)) < 0)
-            inside = std::uint8_t(inside | 1 << c);
-    return inside;
-}
-
-/// Whether the cell at @a at is turned: its ambiguous face is that of the neighboring cell too.
-bool isTurned(const Access& access, const Coord& at, std::uint8_t inside)
-{
-    const int face = ambiguousFace(inside);
-    if (face < 0) return false;
-    Coord next = at;
-    next[face / 2] += face % 2 ? 1 : -1;
-    return ambiguousFace(cornersAt(access, next)) == (face ^ 1);
-}
-
 /// Find the cells of @a block.
-void findCells(const Access& access, DualBlock& block)
+void findCells(const Access& access, float voxelSize, DualBlock& block)
 {
+    const JoinedFaces faces(access, voxelSize);
     const SignHalo signs(access, block.origin);
     std::size_t count = 0;
     for (int x = 0; x < 8; ++x) {
@@ -119,8 +101,9 @@ void findCells(const Access& access, DualBlock& block)
         for (std::uint64_t bits = block.passed[std::size_t(x)]; bits; bits &= bits - 1) {
             const int bit = __builtin_ctzll(bits), y = bit >> 3, z = bit & 7;
             const std::uint8_t inside = signs.corners(x, y, z);
-            const bool turned = isTurned(access, block.origin.offsetBy(x, y, z), inside);
-            block.cells.push_back({std::uint16_t(block.vertices), inside, turned});
+            const std::uint8_t joined =
+                ambiguousFaces(inside) ? faces.of(block.origin.offsetBy(x, y, z), inside) : 0;
+            block.cells.push_back({std::uint16_t(block.vertices), inside, joined});
             block.vertices += block.cells.back().sheets().count;
             for (int axis = 0; axis < 3; ++axis)
                 block.quads += (inside >> (4 >> axis) & 1) != (inside & 1);
@@ -192,18 +175,19 @@ const std::array<std::uint8_t, 256> kBitCounts = [] {
     return counts;
 }();
 
-DualCells::DualCells(const openvdb::FloatTree& tree, Interrupter& progress, const BlockFilter& only)
+DualCells::DualCells(const openvdb::FloatTree& tree, double voxelSize, Interrupter& progress,
+                     const BlockFilter& only)
 {
     Origins leaves = leafOrigins(tree);
     keep(leaves, only);
-    add(tree, leaves, progress);
+    add(tree, leaves, float(voxelSize), progress);
     // A cell belongs to its lowest voxel, which may lie below the leaves. Where tiles of different
     // sign meet, cells without any leaf follow.
     Origins known;
     for (Origins next = around(leaves, {-1, 0}, tree, known); !next.empty();) {
         keep(next, only);
         const std::size_t before = mBlocks.size();
-        add(tree, next, progress);
+        add(tree, next, float(voxelSize), progress);
         known.insert(known.end(), next.begin(), next.end());
         std::sort(known.begin(), known.end());
         Origins passed;
@@ -215,7 +199,7 @@ DualCells::DualCells(const openvdb::FloatTree& tree, Interrupter& progress, cons
 
 /// Add those of the blocks at @a origins that the surface crosses.
 void DualCells::add(const openvdb::FloatTree& tree, const std::vector<Coord>& origins,
-                    Interrupter& progress)
+                    float voxelSize, Interrupter& progress)
 {
     std::vector<DualBlock> found(origins.size());
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, origins.size(), 32),
@@ -224,7 +208,7 @@ void DualCells::add(const openvdb::FloatTree& tree, const std::vector<Coord>& or
                           const Access access(tree);
                           for (std::size_t n = range.begin(); n < range.end(); ++n) {
                               found[n].origin = origins[n];
-                              findCells(access, found[n]);
+                              findCells(access, voxelSize, found[n]);
                           }
                       });
     for (DualBlock& block : found)

@@ -22,9 +22,9 @@ using BlockHalo = BlockWindow<2, 3>;
 struct DualCell {
     std::uint16_t vertex; ///< its first vertex, counted from the block's first
     std::uint8_t inside;  ///< corners inside
-    std::uint8_t turned;  ///< see cellSheets()
+    std::uint8_t joined;  ///< ambiguous faces whose inside corners are joined
 
-    const CellSheets& sheets() const { return cellSheets(inside, turned != 0); }
+    const CellSheets& sheets() const { return cellSheets(inside, joined); }
 };
 
 /// Number of bits in each byte; a table, as not all processors have an instruction for it.
@@ -73,7 +73,8 @@ class DualCells
 {
 public:
     /// @param only  blocks to look at, or null. @throws Interrupted.
-    DualCells(const openvdb::FloatTree& tree, Interrupter& progress, const BlockFilter& only = {});
+    DualCells(const openvdb::FloatTree& tree, double voxelSize, Interrupter& progress,
+              const BlockFilter& only = {});
 
     const std::vector<DualBlock>& blocks() const { return mBlocks; }
     std::uint64_t vertices() const { return mVertices; }
@@ -92,7 +93,7 @@ public:
 
 private:
     void add(const openvdb::FloatTree& tree, const std::vector<openvdb::Coord>& origins,
-             Interrupter& progress);
+             float voxelSize, Interrupter& progress);
     void number();
 
     std::vector<DualBlock> mBlocks;

@@ -48,9 +48,6 @@ constexpr float kInset = 0.05f;
 /// beside a crease. [tuned: sharp_mesh_test]
 constexpr double kLastStep = 0.02;
 
-/// Error of prediction, voxels, from which on a plane has no weight. [tuned: sharp_mesh_test]
-constexpr float kMaxPlaneError = 0.4f;
-
 Vec3f cornerPlace(int c)
 {
     return Vec3f(float(c >> 2 & 1), float(c >> 1 & 1), float(c & 1));
@@ -224,68 +221,18 @@ SheetPlacer::Crossings SheetPlacer::crossingsOf(const Vec3i& at, const DualCell&
     return found;
 }
 
-/// The plane of the octant about a voxel whose values are nearest to the distance to a plane:
-/// creases lie in others.
-SheetPlacer::Plane SheetPlacer::planeThrough(int index) const
-{
-    const auto scale = float(1 / mLattice.voxelSize);
-    const auto [sx, sy, sz] = BlockHalo::kStride;
-    const float here = scale * mValues[index];
-    // Octant o lies up the axes of its bits: 1 is x, 2 y, 4 z; likewise for its corners but the
-    // voxel.
-    std::array<std::array<float, 8>, 8> corner;
-    for (int o = 0; o < 8; ++o) {
-        const int x = o & 1 ? sx : -sx, y = o & 2 ? sy : -sy, z = o & 4 ? sz : -sz;
-        for (int at = 1; at < 8; ++at)
-            corner[std::size_t(at)][std::size_t(o)] =
-                mValues[index + (at & 1 ? x : 0) + (at & 2 ? y : 0) + (at & 4 ? z : 0)];
-    }
-    std::array<std::array<float, 8>, 3> rise;
-    std::array<float, 8> error;
-    for (std::size_t o = 0; o < 8; ++o) {
-        const float a = scale * corner[1][o] - here, b = scale * corner[2][o] - here,
-                    c = scale * corner[4][o] - here;
-        // Errors of the plane through these three at the octant's other corners.
-        const float ab = scale * corner[3][o] - here - a - b,
-                    ac = scale * corner[5][o] - here - a - c,
-                    bc = scale * corner[6][o] - here - b - c,
-                    abc = scale * corner[7][o] - here - a - b - c;
-        error[o] =
-            std::max(std::max(std::abs(ab), std::abs(ac)), std::max(std::abs(bc), std::abs(abc)));
-        rise[0][o] = a;
-        rise[1][o] = b;
-        rise[2][o] = c;
-    }
-    for (std::size_t o = 0; o < 8; ++o) {
-        const float slope =
-            std::sqrt(rise[0][o] * rise[0][o] + rise[1][o] * rise[1][o] + rise[2][o] * rise[2][o]);
-        // Steeper values are a multiple of distances, or mix two sides of a crease; then the errors
-        // at the other corners are large.
-        error[o] = slope > 1 ? error[o] / slope : std::max(error[o], 1 - slope);
-    }
-    const auto best = std::size_t(std::min_element(error.begin(), error.end()) - error.begin());
-    Plane plane;
-    plane.error = error[best];
-    for (std::size_t axis = 0; axis < 3; ++axis)
-        plane.normal[Eigen::Index(axis)] = best >> axis & 1 ? rise[axis][best] : -rise[axis][best];
-    const float slope = plane.normal.norm();
-    plane.distance = here;
-    plane.steepness = std::max(slope, 1.0f);
-    plane.normal /= slope;
-    return plane;
-}
-
-/// planeThrough() for a voxel of the block or the layers above, cached for the eight cells about
-/// it.
-const SheetPlacer::Plane& SheetPlacer::planeAt(const Vec3i& voxel)
+/// The plane at a voxel of the block or the layers above, cached for the eight cells about it.
+const OctantPlane& SheetPlacer::planeAt(const Vec3i& voxel)
 {
     if (mPlanes.empty()) mPlanes.resize(kVoxels);
     Plane& plane = mPlanes[voxelIndex(voxel)];
     if (plane.block != mBlock) {
-        plane = planeThrough(BlockHalo::index(voxel.x(), voxel.y(), voxel.z()));
-        plane.block = mBlock;
+        const int index = BlockHalo::index(voxel.x(), voxel.y(), voxel.z());
+        const auto scale = float(1 / mLattice.voxelSize);
+        plane = {octantPlane(&mValues.value[std::size_t(index)], BlockHalo::kStride, scale),
+                 mBlock};
     }
-    return plane;
+    return plane.plane;
 }
 
 /// Planes from the ends of the crossed edges.
@@ -315,14 +262,14 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
         CellEdge ends = cellEdge(crossings.edge[std::size_t(n)]);
         if (mValues[home + stepTo(ends.low)] >= 0) std::swap(ends.low, ends.high);
         const Vec3f from = cornerPlace(ends.low), along = cornerPlace(ends.high) - from;
-        const Plane& inner = planeAt(at + from.cast<int>());
-        const Plane& outer = planeAt(at + cornerPlace(ends.high).cast<int>());
+        const OctantPlane& inner = planeAt(at + from.cast<int>());
+        const OctantPlane& outer = planeAt(at + cornerPlace(ends.high).cast<int>());
         // Beside a crease one end alone may look steep; a multiple of distances is steep at both.
         const float steepness = std::min(inner.steepness, outer.steepness);
         // Place along the edge, from inside to outside, where it crosses the plane of one end.
-        const auto crossing = [&](const Plane& plane, const Vec3f& end) {
+        const auto crossing = [&](const OctantPlane& plane, const Vec3f& end) {
             const float slope = plane.normal.dot(along);
-            if (plane.error >= kMaxPlaneError || slope <= 0) return kNoCrossing;
+            if (plane.weight() == 0 || slope <= 0) return kNoCrossing;
             const float start = plane.distance / steepness + plane.normal.dot(from - end);
             return -start / slope;
         };
@@ -337,9 +284,8 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
         } else if (t == kNoCrossing) {
             continue;
         }
-        const Plane& plane = takesOuter ? outer : inner;
-        const float weight = 1 - plane.error / kMaxPlaneError;
-        planes.add(plane.normal, from + (takesOuter ? u : t) * along, weight * weight);
+        const OctantPlane& plane = takesOuter ? outer : inner;
+        planes.add(plane.normal, from + (takesOuter ? u : t) * along, plane.weight());
     }
 }
 
@@ -491,7 +437,8 @@ bool SheetPlacer::isCurved(const Vec3i& at, const Crossings& crossings)
     // ball's]
     constexpr float kCurved = 1.0f / 3;
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
-    float turn = 0, byCurvature = 0;
+    // Sums over the crossings, radians. The normals of flat faces turn by rounding.
+    float turn = float(crossings.count) * std::sqrt(2 * (1 - kUnfoldedCosine)), byCurvature = 0;
     for (std::size_t n = 0; n < std::size_t(crossings.count); ++n) {
         const CellEdge ends = cellEdge(crossings.edge[n]);
         const float curvature =

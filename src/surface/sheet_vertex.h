@@ -1,6 +1,7 @@
 // Placement of a sheet's vertex in its cell.
 #pragma once
 #include "dual_cells.h"
+#include "octant_plane.h"
 #include <mpuvdb/field.h>
 
 namespace mpuvdb
@@ -53,12 +54,8 @@ private:
         bool isSteep;            ///< the slope is that of a distance
         std::uint32_t block = 0; ///< for which it was found
     };
-    /// The plane through a voxel's nearest place on the surface, from the values in one octant.
     struct Plane {
-        Vec3f normal = Vec3f::Zero();
-        float distance = 0;      ///< signed, from the voxel, voxels times the steepness
-        float steepness = 1;     ///< slope of the values, at least 1
-        float error = 0;         ///< largest error of the values it predicts, voxels
+        OctantPlane plane;
         std::uint32_t block = 0; ///< for which it was found
     };
     struct FieldCrossing {
@@ -83,8 +80,7 @@ private:
     Crossings crossingsOf(const Vec3i& at, const DualCell& cell, int sheet);
     const ValueCrossing& valueCrossing(const Vec3i& low, int axis);
     Vec3f centralGradient(int index) const;
-    Plane planeThrough(int index) const;
-    const Plane& planeAt(const Vec3i& voxel);
+    const OctantPlane& planeAt(const Vec3i& voxel);
     void addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);
     const FieldCrossing& fieldCrossing(const Vec3i& at, int edge, float start);
     void addFieldPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes);

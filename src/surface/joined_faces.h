@@ -1,0 +1,38 @@
+// Which faces of cells join their two inside corners, where these lie diagonally.
+#pragma once
+#include <cstdint>
+#include <openvdb/openvdb.h>
+
+namespace mpuvdb
+{
+
+/// Decides by the value in the face's middle that the planes at its corners predict. A wall, or a
+/// gap, of parallel planes that holds two diagonal corners holds the middle: it is whole however
+/// thin it is. And the sheets of all cells make up a manifold: where one sheet of both cells at a
+/// face passes it twice, the mesh would have an edge with four faces [Wenger13 §3.3].
+class JoinedFaces
+{
+public:
+    /// An accessor that is not registered with the tree: cheap to make.
+    using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
+
+    explicit JoinedFaces(const Access& access, float voxelSize)
+        : mAccess(access), mPerVoxel(1 / voxelSize)
+    {
+    }
+
+    /// The faces, by bits as in cellSheets(), of the cell at @a at whose corners are @a inside.
+    std::uint8_t of(const openvdb::Coord& at, std::uint8_t inside) const;
+
+private:
+    std::uint8_t inStep(const openvdb::Coord& at, std::uint8_t inside, int step) const;
+    bool changes(const openvdb::Coord& at, int axis) const;
+    std::uint8_t byValues(const openvdb::Coord& at, std::uint8_t inside) const;
+    float towards(const openvdb::Coord& corner, const openvdb::Coord& step) const;
+    std::uint8_t cornersAt(const openvdb::Coord& at) const;
+
+    const Access& mAccess;
+    float mPerVoxel;
+};
+
+} // namespace mpuvdb
