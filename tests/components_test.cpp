@@ -47,6 +47,21 @@ TEST(Components, OfOneSolidIsThatSolid)
     EXPECT_NEAR((parts[0].bounds.sizes() - Vec3d(2.8, 2.8, 0.8)).norm(), 0, 0.01);
 }
 
+TEST(Components, OfATurnedWallOfOneVoxelIsTheWall)
+{
+    Random random(5);
+    for (int n = 0; n < 4; ++n) {
+        const Vec3d axis = random.direction();
+        const LevelSet wall =
+            solidLevelSet(fmt::format("rotate(box(2,2,0.1),{},{},{},{})", axis.x(), axis.y(),
+                                      axis.z(), random.uniform(10, 80)),
+                          0.1);
+        const auto parts = componentsOf(wall);
+        ASSERT_EQ(parts.size(), 1u) << "turn " << n;
+        EXPECT_TRUE(treeBytes(parts[0].levelSet.grid()) == treeBytes(wall.grid()));
+    }
+}
+
 TEST(Components, FarApartKeepTheirValuesToTheBit)
 {
     const LevelSet both = solidLevelSet(

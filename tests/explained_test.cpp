@@ -15,6 +15,7 @@
 
 #include "sampling/count_parts.h"
 #include "sampling/solid_blocks.h"
+#include "surface/diagonal_links.h"
 
 #include <gtest/gtest.h>
 #include <openvdb/tools/SignedFloodFill.h>
@@ -22,6 +23,7 @@
 
 #include <cmath>
 #include <functional>
+#include <map>
 
 namespace mpuvdb
 {
@@ -381,7 +383,7 @@ LevelSet levelSetOf(const Mesh& mesh, double voxelSize, const Vec3d& origin)
 PartCounts counted(const LevelSet& levelSet)
 {
     Interrupter progress;
-    return countParts(SolidBlocks(levelSet, progress), progress);
+    return countParts(levelSet, SolidBlocks(levelSet, progress), progress);
 }
 
 TEST(CountParts, CavitiesSmallAndWide)
@@ -407,8 +409,12 @@ TEST(CountParts, CavitiesSmallAndWide)
         }
 }
 
-/// Connected components of @a n^3 voxels, by flooding; that at the first voxel does not count.
-std::uint64_t floodedParts(const std::vector<bool>& is, int n, bool side)
+/// Pairs of voxels.
+using Links = std::multimap<int, int>;
+
+/// Connected components of @a n^3 voxels, over faces and @a links, by flooding; that at the first
+/// voxel does not count.
+std::uint64_t floodedParts(const std::vector<bool>& is, int n, bool side, const Links& links)
 {
     std::vector<bool> seen(is.size());
     const auto at = [&](int x, int y, int z) { return std::size_t((x * n + y) * n + z); };
@@ -422,17 +428,20 @@ std::uint64_t floodedParts(const std::vector<bool>& is, int n, bool side)
             const int v = open.back();
             open.pop_back();
             ++voxels;
+            const auto reach = [&](std::size_t next) {
+                if (is[next] != side || seen[next]) return;
+                seen[next] = true;
+                open.push_back(int(next));
+            };
             const int c[3] = {v / n / n, v / n % n, v % n};
             for (int axis = 0; axis < 3; ++axis)
                 for (const int step : {-1, 1}) {
                     int d[3] = {c[0], c[1], c[2]};
                     d[axis] += step;
-                    if (d[axis] < 0 || d[axis] >= n) continue;
-                    const std::size_t next = at(d[0], d[1], d[2]);
-                    if (is[next] != side || seen[next]) continue;
-                    seen[next] = true;
-                    open.push_back(int(next));
+                    if (d[axis] >= 0 && d[axis] < n) reach(at(d[0], d[1], d[2]));
                 }
+            const auto [first, last] = links.equal_range(v);
+            for (auto link = first; link != last; ++link) reach(std::size_t(link->second));
         }
         parts += voxels >= 8 && start > 0;
     }
@@ -477,8 +486,36 @@ TEST(CountParts, AgreesWithAFlood)
         }
         openvdb::tools::signedFloodFill(grid->tree());
         const PartCounts counts = counted(LevelSet(grid));
-        EXPECT_EQ(counts.parts, floodedParts(inside, kSide, true));
-        EXPECT_EQ(counts.cavities, floodedParts(inside, kSide, false));
+        Links links;
+        for (auto leaf = grid->tree().cbeginLeaf(); leaf; ++leaf)
+            DiagonalLinks(grid->tree(), 1)
+                .forEach(leaf->origin(),
+                         [&](const openvdb::Coord& a, const openvdb::Coord& b, bool) {
+                             const auto number = [&](const openvdb::Coord& at) {
+                                 const openvdb::Coord c = at - shift;
+                                 return (c.x() * kSide + c.y()) * kSide + c.z();
+                             };
+                             links.emplace(number(a), number(b));
+                             links.emplace(number(b), number(a));
+                         });
+        EXPECT_FALSE(links.empty());
+        EXPECT_EQ(counts.parts, floodedParts(inside, kSide, true, links));
+        EXPECT_EQ(counts.cavities, floodedParts(inside, kSide, false, links));
+    }
+}
+
+// The inside voxels of turned plates of one voxel are many parts by faces, and their mesh is one.
+TEST(CountParts, IsThatOfTheMesh)
+{
+    Random random(3);
+    for (int n = 0; n < 6; ++n) {
+        Mesh plate = test::boxPart(Vec3d(-12, -12, -0.5), Vec3d(12, 12, 0.5));
+        const Eigen::AngleAxisd turn(random.uniform(0, M_PI), random.direction());
+        test::move(plate, turn.toRotationMatrix(), random.inCube(1));
+        const LevelSet levelSet = levelSetOf(plate, 1, Vec3d::Zero());
+        EXPECT_EQ(counted(levelSet).parts, 1u) << n;
+        Interrupter progress;
+        EXPECT_EQ(measure(extractMesh(levelSet, {}, &progress)).components, 1u) << n;
     }
 }
 

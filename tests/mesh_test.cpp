@@ -163,6 +163,25 @@ TEST(ExtractMesh, KeepsTurnedWallsAndGapsOfOneVoxelAndMoreWhole)
         }
 }
 
+/// Beside a flat face of a thin wall along the lattice the values between two voxels are no
+/// distances, but those beyond them are.
+TEST(ExtractMesh, PutsFacesOfThinWallsInPlace)
+{
+    test::Random random(8);
+    for (const double thick : {1.0, 1.1, 1.25, 1.4, 1.75, 2.5})
+        for (int n = 0; n < 6; ++n) {
+            const Vec3d half(10, 10, thick / 2), center = random.inCube(1);
+            const Mesh mesh = extracted(
+                sampled([&](const Vec3d& p) { return test::boxDistance(p - center, half); }, 16));
+            for (std::uint32_t v = 0; v < mesh.positions.size(); ++v) {
+                const Vec3d p = mesh.world(v) - center;
+                if (p.head<2>().cwiseAbs().maxCoeff() < 8) {
+                    EXPECT_NEAR(std::abs(p.z()), thick / 2, 1e-4) << thick << " at " << center;
+                }
+            }
+        }
+}
+
 /// No triangle is flat: twice its area is a thousandth of its longest side squared or more, and so
 /// is the sine of its smallest angle.
 void expectArea(const MeshReport& report)

@@ -1,6 +1,7 @@
 #include "solid_parts.h"
 
 #include "core/union_find.h"
+#include "surface/diagonal_links.h"
 #include <mpuvdb/interrupter.h>
 #include <mpuvdb/operations.h>
 
@@ -184,6 +185,7 @@ SolidParts::Labels SolidParts::label(bool band, Interrupter& progress) const
         }
     }
     joinTiles(nodes, tiles);
+    if (!band) joinEdges(labels, nodes, progress);
     labels.roots = nodes.roots();
     if (band) joinStrays(labels, nodes);
     return labels;
@@ -198,6 +200,23 @@ void SolidParts::joinTiles(UnionFind& nodes, std::uint32_t firstTile) const
                 tileAt(neighbor(mTiles[n].origin, face, face % 2 ? dimOf(mTiles[n].level) : 1));
             if (other != kNone) nodes.join(firstTile + n, firstTile + other);
         }
+}
+
+/// Joins the parts that touch at edges alone where the surface does.
+void SolidParts::joinEdges(const Labels& labels, UnionFind& nodes, Interrupter& progress) const
+{
+    const auto nodeAt = [&](const Coord& at) {
+        const auto leaf = mLeafAt.find(at & ~(kLeaf - 1));
+        return leaf != mLeafAt.end() ? labels.pieceAt(leaf->second, Leaf::coordToOffset(at))
+                                     : std::uint32_t(labels.pieces.size()) + tileAt(at);
+    };
+    const DiagonalLinks links(mLevelSet.grid().tree(), mLevelSet.voxelSize());
+    for (const Leaf* const leaf : mLeaves) {
+        progress.check();
+        links.forEach(leaf->origin(), [&](const Coord& a, const Coord& b, bool inside) {
+            if (inside) nodes.join(nodeAt(a), nodeAt(b));
+        });
+    }
 }
 
 /// Joins pieces without a part of the solid to all that they touch: at the band's rim single voxels

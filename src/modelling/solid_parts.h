@@ -14,9 +14,9 @@ namespace mpuvdb
 class Interrupter;
 class UnionFind;
 
-/// The connected parts of a solid (by faces), and of its band: a region is a connected part of the
-/// voxels that are active or inside, and holds one or several parts of the solid whose bands meet.
-/// Parts and regions are numbered by their first leaves.
+/// The connected parts of a solid (as its mesh is, see DiagonalLinks), and of its band: a region is
+/// a connected part of the voxels that are active or inside, and holds one or several parts of the
+/// solid whose bands meet. Parts and regions are numbered by their first leaves.
 class SolidParts
 {
 public:
@@ -56,6 +56,7 @@ private:
 
     Labels label(bool band, Interrupter& progress) const;
     void joinTiles(UnionFind& nodes, std::uint32_t firstTile) const;
+    void joinEdges(const Labels& labels, UnionFind& nodes, Interrupter& progress) const;
     void joinStrays(Labels& labels, UnionFind& nodes) const;
     void findTiles();
     std::uint32_t tileAt(const openvdb::Coord& at) const;

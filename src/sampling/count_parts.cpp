@@ -2,6 +2,7 @@
 
 #include "core/union_find.h"
 #include "solid_blocks.h"
+#include "surface/diagonal_links.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -100,12 +101,25 @@ private:
 class SolidForest
 {
 public:
-    SolidForest(const SolidBlocks& blocks, Interrupter& progress)
-        : mBlocks(blocks), mPieces(blocks, progress), mLowerTiles(mPieces.count()),
+    SolidForest(const LevelSet& levelSet, const SolidBlocks& blocks, Interrupter& progress)
+        : mLevelSet(levelSet), mBlocks(blocks), mPieces(blocks, progress),
+          mLowerTiles(mPieces.count()),
           mUpperTiles(mLowerTiles + std::uint32_t(blocks.lowers().size()) * Lower::NUM_VALUES),
           mRoot(mUpperTiles + blocks.upperTiles()), mNodes(mRoot + 1)
     {
         joinAll(progress);
+    }
+
+    /// Join the parts that touch at edges alone where the surface does.
+    void joinEdges(Interrupter& progress)
+    {
+        const DiagonalLinks links(mLevelSet.grid().tree(), mLevelSet.voxelSize());
+        for (const auto* const leaf : mBlocks.leaves()) {
+            progress.check();
+            links.forEach(leaf->origin(), [&](const Coord& a, const Coord& b, bool inside) {
+                mNodes.join(nodeAt(a, inside), nodeAt(b, inside));
+            });
+        }
     }
 
     /// Count the parts of at least @a least voxels, without the surrounding space.
@@ -237,6 +251,18 @@ private:
         for (std::uint32_t n = 0; n < mBlocks.uppers(); ++n) joinTiles(n);
     }
 
+    /// The node of the voxel @a at.
+    std::uint32_t nodeAt(const Coord& at, bool inside) const
+    {
+        const Place place = mBlocks.at(at);
+        if (place.kind != Place::InLeaf) return nodeOf(place);
+        const auto bit = std::size_t((at[1] & 7) << 3 | (at[2] & 7));
+        std::uint32_t piece = mPieces.first(place.index, inside);
+        while (!(mPieces[piece][std::size_t(at[0] & 7)] >> bit & 1)) ++piece;
+        return piece;
+    }
+
+    const LevelSet& mLevelSet;
     const SolidBlocks& mBlocks;
     const LeafPieces mPieces;
     const std::uint32_t mLowerTiles, mUpperTiles, mRoot; ///< nodes: pieces come first
@@ -245,11 +271,15 @@ private:
 
 } // namespace
 
-PartCounts countParts(const SolidBlocks& blocks, Interrupter& progress)
+PartCounts countParts(const LevelSet& levelSet, const SolidBlocks& blocks, Interrupter& progress)
 {
     /// Voxels of a part or cavity. [derived: two along each axis]
     constexpr std::uint64_t kMinVoxels = 8;
-    return SolidForest(blocks, progress).count(kMinVoxels);
+    SolidForest forest(levelSet, blocks, progress);
+    const PartCounts byFaces = forest.count(1);
+    if (byFaces.parts + byFaces.cavities < 2) return forest.count(kMinVoxels);
+    forest.joinEdges(progress);
+    return forest.count(kMinVoxels);
 }
 
 } // namespace mpuvdb

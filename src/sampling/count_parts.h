@@ -6,15 +6,17 @@ namespace mpuvdb
 {
 
 class Interrupter;
+class LevelSet;
 class SolidBlocks;
 
 struct PartCounts {
-    std::uint64_t parts = 0;    ///< face-connected parts of the solid
-    std::uint64_t cavities = 0; ///< face-connected parts of the enclosed outside
+    std::uint64_t parts = 0;    ///< connected parts of the solid
+    std::uint64_t cavities = 0; ///< connected parts of the enclosed outside
 };
 
 /// Parts and cavities of at least eight voxels: fewer may be the isolated corner of a larger one.
+/// They are connected as the mesh is, see DiagonalLinks. @param blocks  of @a levelSet.
 /// @throws Interrupted.
-PartCounts countParts(const SolidBlocks& blocks, Interrupter& progress);
+PartCounts countParts(const LevelSet& levelSet, const SolidBlocks& blocks, Interrupter& progress);
 
 } // namespace mpuvdb

@@ -3,6 +3,7 @@
 #include "core/even_places.h"
 #include "count_parts.h"
 #include "solid_blocks.h"
+#include "surface/octant_plane.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
@@ -22,31 +23,84 @@ constexpr std::size_t kPlaces = 4096;
 /// [tuned: explained_test]
 constexpr double kMaxMissed = 0.01;
 
-/// The places around which all voxels are on one side, or, where walls may bury the surface,
-/// outside; voxels on the surface are on both.
+/// Places of a mesh in a level set's grid, and whether the surface is there.
+class PlacesInGrid
+{
+public:
+    /// @param shift  of the mesh. @param hasWalls  that may bury the surface.
+    PlacesInGrid(const LevelSet& levelSet, const Vec3d& shift, bool hasWalls)
+        : mAt(levelSet.grid().getConstAccessor()), mVoxelSize(levelSet.voxelSize()), mShift(shift),
+          mHasWalls(hasWalls)
+    {
+    }
+
+    bool misses(const TrianglePlace& place) const
+    {
+        const Vec3d x = (place.position - mShift) / mVoxelSize;
+        return !isBetweenVoxels(x) || isInHole(x, place.normal);
+    }
+
+private:
+    /// Whether the voxels about @a x are on both sides, or, where walls may bury the surface,
+    /// inside; voxels on the surface are on both.
+    bool isBetweenVoxels(const Vec3d& x) const
+    {
+        const auto on = float(kTouch * mVoxelSize);
+        const auto first = openvdb::Coord::floor(openvdb::Vec3d(x[0], x[1], x[2]));
+        bool inside = false, outside = mHasWalls;
+        for (int corner = 0; corner < 8; ++corner) {
+            const float value =
+                mAt.getValue(first.offsetBy(corner & 1, corner >> 1 & 1, corner >> 2 & 1));
+            inside = inside || value < on;
+            outside = outside || value > -on;
+        }
+        return inside && outside;
+    }
+
+    /// Whether the surface at @a x is missed by the nearest line of voxels along its normal: the
+    /// two between which it passes are both outside of a wall, or inside of a gap's sides.
+    bool isInHole(const Vec3d& x, const Vec3d& normal) const
+    {
+        // The cosine between normals below which they are those of a wall's or gap's sides.
+        // [derived: of a wedge, whose normals' is (1/16 - 1) / (1/16 + 1) at most, more than two
+        // voxels are thinner than one]
+        constexpr float kOpposed = -15.0f / 17;
+        Eigen::Index axis = 0;
+        normal.cwiseAbs().maxCoeff(&axis);
+        Vec3d line = x.array().round();
+        line[axis] = x[axis];
+        line[axis] -= normal.dot(line - x) / normal[axis];
+        auto low = openvdb::Coord::floor(openvdb::Vec3d(line[0], line[1], line[2]));
+        openvdb::Coord high = low;
+        ++high[int(axis)];
+        const float a = mAt.getValue(low), b = mAt.getValue(high);
+        if (a * b <= 0) return false;
+        const auto scale = float(1 / mVoxelSize);
+        const OctantPlane below = octantPlaneAt(mAt, low, scale),
+                          above = octantPlaneAt(mAt, high, scale);
+        return below.weight() > 0 && above.weight() > 0 &&
+               below.normal.dot(above.normal) < kOpposed;
+    }
+
+    openvdb::FloatGrid::ConstAccessor mAt;
+    double mVoxelSize;
+    Vec3d mShift;
+    bool mHasWalls;
+};
+
+/// The places that the level set's surface misses.
 std::vector<TrianglePlace> missedPlaces(const std::vector<TrianglePlace>& places,
                                         const Vec3d& shift, const LevelSet& levelSet, bool hasWalls,
                                         Interrupter& progress)
 {
-    const auto on = float(kTouch * levelSet.voxelSize());
     std::vector<std::uint8_t> isMissed(places.size());
-    tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(0, places.size(), 256), [&](const auto& range) {
-            progress.check();
-            const auto at = levelSet.grid().getConstAccessor();
-            for (std::size_t n = range.begin(); n < range.end(); ++n) {
-                const Vec3d x = (places[n].position - shift) / levelSet.voxelSize();
-                const auto first = openvdb::Coord::floor(openvdb::Vec3d(x[0], x[1], x[2]));
-                bool inside = false, outside = false;
-                for (int corner = 0; corner < 8; ++corner) {
-                    const float value =
-                        at.getValue(first.offsetBy(corner & 1, corner >> 1 & 1, corner >> 2 & 1));
-                    inside = inside || value < on;
-                    outside = outside || value > -on;
-                }
-                isMissed[n] = !inside || !(outside || hasWalls);
-            }
-        });
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places.size(), 256),
+                      [&](const auto& range) {
+                          progress.check();
+                          const PlacesInGrid grid(levelSet, shift, hasWalls);
+                          for (std::size_t n = range.begin(); n < range.end(); ++n)
+                              isMissed[n] = grid.misses(places[n]);
+                      });
     std::vector<TrianglePlace> result;
     for (std::size_t n = 0; n < places.size(); ++n)
         if (isMissed[n]) result.push_back(places[n]);
@@ -131,7 +185,7 @@ MeshExplained explainMesh(const SolidBoundary& solid, const Vec3d& shift, const 
     e.areaOfNothing = in.areaOfNothing;
     e.volumeOut = blocks.sums().volume;
     e.areaOut = blocks.sums().area;
-    const PartCounts counts = countParts(blocks, progress);
+    const PartCounts counts = countParts(levelSet, blocks, progress);
     e.partsOut = counts.parts;
     e.cavitiesOut = counts.cavities;
     e.volumeExplained =

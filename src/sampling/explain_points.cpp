@@ -366,7 +366,7 @@ PointsExplained explain(const LevelSet& levelSet, const MpuField& field,
     addFindings(e, levelSet.voxelSize(), fit.points);
     if (region) return e; // the rest applies to the whole
     const SolidBlocks blocks(levelSet, progress);
-    const PartCounts parts = countParts(blocks, progress);
+    const PartCounts parts = countParts(levelSet, blocks, progress);
     e.volume = blocks.sums().volume;
     e.area = blocks.sums().area;
     e.parts = parts.parts;

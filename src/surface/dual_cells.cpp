@@ -1,11 +1,10 @@
 #include "dual_cells.h"
 
-#include "core/lanes.h"
 #include "joined_faces.h"
+#include "sign_halo.h"
 #include <mpuvdb/interrupter.h>
 
 #include <algorithm>
-#include <cstring>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
@@ -16,72 +15,7 @@ namespace
 {
 
 using openvdb::Coord;
-using Leaf = openvdb::FloatTree::LeafNodeType;
-using Access = JoinedFaces::Access;
-
-/// Signs of a block's voxels and of those one step above, in rows along z.
-class SignHalo
-{
-public:
-    SignHalo(const Access& access, const Coord& origin)
-    {
-        for (int x = 0; x <= 1; ++x)
-            for (int y = 0; y <= 1; ++y) {
-                addRows(access, origin, x, y, 0);
-                addRows(access, origin, x, y, 1);
-            }
-    }
-
-    /// The row's voxels that are inside, bit z.
-    std::uint32_t row(int x, int y) const { return mRows[std::size_t(x)][std::size_t(y)]; }
-
-    /// The cells of a layer that the surface crosses, bit z + 8 y: their corners differ in sign.
-    std::uint64_t passed(int x) const
-    {
-        std::uint64_t bits = 0;
-        for (int y = 0; y < 8; ++y) {
-            const std::uint32_t a = row(x, y), b = row(x, y + 1), c = row(x + 1, y),
-                                d = row(x + 1, y + 1);
-            const std::uint32_t any = a | b | c | d, all = a & b & c & d;
-            bits |= std::uint64_t((any | any >> 1) & ~(all & all >> 1) & 0xff) << (8 * y);
-        }
-        return bits;
-    }
-
-    std::uint8_t corners(int x, int y, int z) const
-    {
-        const auto pair = [&](int dx, int dy) {
-            const std::uint32_t two = row(x + dx, y + dy) >> z & 3;
-            return two; // bit 0: z, bit 1: z + 1
-        };
-        return std::uint8_t(pair(0, 0) | pair(0, 1) << 2 | pair(1, 0) << 4 | pair(1, 1) << 6);
-    }
-
-private:
-    /// Add the signs of the block bx, by, bz blocks above.
-    void addRows(const Access& access, const Coord& origin, int bx, int by, int bz)
-    {
-        using Lanes = float __attribute__((vector_size(32)));
-        const Coord at = origin.offsetBy(8 * bx, 8 * by, 8 * bz);
-        const Leaf* const leaf = access.probeConstLeaf(at);
-        const float* const values = leaf ? leaf->buffer().data() : nullptr;
-        const std::uint64_t tile = !leaf && access.getValue(at) < 0 ? 0xff : 0;
-        for (int x = 0; x < (bx ? 1 : 8); ++x)
-            for (int y = 0; y < (by ? 1 : 8); ++y) {
-                std::uint64_t inside = tile;
-                if (values) {
-                    Lanes row;
-                    std::memcpy(&row, values + 64 * x + 8 * y, sizeof row);
-                    inside = bitsOf(row < 0);
-                }
-                const int rowX = 8 * bx + x, rowY = 8 * by + y;
-                mRows[std::size_t(rowX)][std::size_t(rowY)] |=
-                    std::uint32_t(inside & (bz ? 1 : 0xff)) << (8 * bz);
-            }
-    }
-
-    std::array<std::array<std::uint32_t, 9>, 9> mRows{};
-};
+using Access = SignHalo::Access;
 
 /// Find the cells of @a block.
 void findCells(const Access& access, float voxelSize, DualBlock& block)

@@ -87,11 +87,7 @@ std::uint8_t JoinedFaces::byValues(const Coord& at, std::uint8_t inside) const
 /// The value, voxels, half a step from @a corner, by its plane as far as that is trusted.
 float JoinedFaces::towards(const Coord& corner, const Coord& step) const
 {
-    std::array<float, 27> around;
-    for (int n = 0; n < 27; ++n)
-        around[std::size_t(n)] =
-            mAccess.getValue(corner.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
-    const OctantPlane plane = octantPlane(&around[13], {9, 3, 1}, mPerVoxel);
+    const OctantPlane plane = octantPlaneAt(mAccess, corner, mPerVoxel);
     const Vec3f half = 0.5f * Vec3f(float(step.x()), float(step.y()), float(step.z()));
     return plane.distance + plane.weight() * plane.steepness * plane.normal.dot(half);
 }

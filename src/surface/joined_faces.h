@@ -1,7 +1,6 @@
 // Which faces of cells join their two inside corners, where these lie diagonally.
 #pragma once
-#include <cstdint>
-#include <openvdb/openvdb.h>
+#include "sign_halo.h"
 
 namespace mpuvdb
 {
@@ -13,8 +12,7 @@ namespace mpuvdb
 class JoinedFaces
 {
 public:
-    /// An accessor that is not registered with the tree: cheap to make.
-    using Access = openvdb::tree::ValueAccessor<const openvdb::FloatTree, false>;
+    using Access = SignHalo::Access;
 
     explicit JoinedFaces(const Access& access, float voxelSize)
         : mAccess(access), mPerVoxel(1 / voxelSize)
@@ -23,6 +21,11 @@ public:
 
     /// The faces, by bits as in cellSheets(), of the cell at @a at whose corners are @a inside.
     std::uint8_t of(const openvdb::Coord& at, std::uint8_t inside) const;
+    /// Whether the lower face across @a axis of the cell at @a at, an ambiguous one, is joined.
+    bool isJoined(const openvdb::Coord& at, int axis) const
+    {
+        return of(at, cornersAt(at)) >> (2 * axis) & 1;
+    }
 
 private:
     std::uint8_t inStep(const openvdb::Coord& at, std::uint8_t inside, int step) const;

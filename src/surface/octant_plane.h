@@ -24,4 +24,14 @@ struct OctantPlane {
 /// to the next along x, y, z. @param scale  of values to voxels.
 OctantPlane octantPlane(const float* value, const std::array<int, 3>& stride, float scale);
 
+/// That of a tree's voxel @a at, by an accessor to it.
+template <typename Access, typename Coord>
+OctantPlane octantPlaneAt(const Access& access, const Coord& at, float scale)
+{
+    std::array<float, 27> around;
+    for (int n = 0; n < 27; ++n)
+        around[std::size_t(n)] = access.getValue(at.offsetBy(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
+    return octantPlane(&around[13], std::array<int, 3>{9, 3, 1}, scale);
+}
+
 } // namespace mpuvdb

@@ -437,8 +437,7 @@ bool SheetPlacer::isCurved(const Vec3i& at, const Crossings& crossings)
     // ball's]
     constexpr float kCurved = 1.0f / 3;
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
-    // Sums over the crossings, radians. The normals of flat faces turn by rounding.
-    float turn = float(crossings.count) * std::sqrt(2 * (1 - kUnfoldedCosine)), byCurvature = 0;
+    float turn = 0, byCurvature = 0; // sums over the crossings, radians
     for (std::size_t n = 0; n < std::size_t(crossings.count); ++n) {
         const CellEdge ends = cellEdge(crossings.edge[n]);
         const float curvature =
@@ -447,7 +446,9 @@ bool SheetPlacer::isCurved(const Vec3i& at, const Crossings& crossings)
         turn += (valueCrossing(low, crossings.edge[n] / 4).normal - crossings.normal).norm();
         byCurvature += curvature * (crossings.point[n] - crossings.mean).norm();
     }
-    return byCurvature > kCurved * turn;
+    // The normals of flat faces turn by rounding.
+    const float unfolded = float(crossings.count) * std::sqrt(2 * (1 - kUnfoldedCosine));
+    return byCurvature > kCurved * std::max(turn, unfolded);
 }
 
 /// Whether an obtuse fold of flat faces passes through the cell of a smooth sheet: each crossed
