@@ -229,6 +229,33 @@ TEST(Coverage, EndsWhereATerrainDoes)
             }
 }
 
+// Lines up to 25 times as far apart as their points, the twelve nearest of which lie on one
+// line.
+TEST(Coverage, CoversATerrainOfScanLines)
+{
+    constexpr int kLines = 15;
+    for (const int along : {kLines, 6 * kLines, 20 * kLines, 25 * kLines}) {
+        PointCloud cloud;
+        for (int n = 0; n < kLines * along; ++n) {
+            const double x = (n / along + 0.5) / kLines, y = (n % along + 0.5) / along;
+            const double slope = 0.3 * std::cos(5 * x);
+            cloud.positions.emplace_back(float(x), float(y), float(0.06 * std::sin(5 * x)));
+            cloud.normals.push_back(Vec3d(-slope, 0, 1).normalized().cast<float>());
+        }
+        const Covered model = covered(std::move(cloud), 0.02);
+        TrimReport report;
+        const Mesh mesh = trimmed(model, 0, report);
+        double plan = 0;
+        for (const Mesh::Triangle& t : mesh.triangles) {
+            const Vec3d a = mesh.world(t[0]), b = mesh.world(t[1]), c = mesh.world(t[2]);
+            plan += (b - a).cross(c - a)[2] / 2;
+        }
+        // Every rim is within a distance between lines of the data's.
+        EXPECT_NEAR(plan, 1, 4.0 / kLines) << along << " points to a line";
+        EXPECT_EQ(report.open, 1u) << along << " points to a line";
+    }
+}
+
 TEST(PointsAround, AgreeWithEverySegment)
 {
     for (std::uint64_t seed = 1; seed <= 400; ++seed) {

@@ -108,10 +108,10 @@ public:
     std::vector<std::pair<std::size_t, std::size_t>> pointsIn(const Box3d& box) const;
 
     /// The support of the surface by the points: whether they lie all around a place x of it. A
-    /// point p counts where |x - p| is below 3.75 s a. s is the spacing of the points about p,
-    /// sqrt(pi/12) times the distance to the 12th neighbor, the median among p's neighbors; a = 1
-    /// where the normals of p and of the surface differ by at most 90 degrees, and falls with
-    /// their cosine to 0 at 120: a sheet close behind supports nothing. In the tangent plane of x,
+    /// point p counts where |x - p| is below 3.75 s a. s is sqrt(pi/j) times the distance to p's
+    /// j-th neighbor, j = 12 (or 24, 48 .. where fewer lie on a line), the median of those about
+    /// p; a = 1 where the normals of p and of the surface differ by at most 90 degrees, and falls
+    /// with their cosine to 0 at 120: a sheet close behind supports nothing. In the tangent plane,
     /// coverage is 1 up to s / 2 beyond the convex hull of these points, 0 from s on and where
     /// there are none, smooth (cubic) between. So it ends where the data do, and closes holes that
     /// are less than 7.5 spacings wide. The result refers to this field, which has to outlive it.

@@ -9,11 +9,6 @@ namespace mpuvdb
 namespace
 {
 
-/// Neighbors of one position, at most. Lines a times as far apart as their points need 3 a to 6 a
-/// [derived: a disc that reaches just beyond the next ones, and what doubling may add]: so many
-/// reach lines 64 times as far apart at least, in 60 us.
-constexpr std::size_t kMostNeighbors = 400;
-
 /// Make the first @a few of @a members every g-th of them; the rest have no order.
 void spreadFirst(std::vector<std::uint32_t>& members, std::size_t few)
 {
@@ -23,10 +18,23 @@ void spreadFirst(std::vector<std::uint32_t>& members, std::size_t few)
 
 } // namespace
 
+bool spansPlane(const Eigen::Matrix3f& squares, double noise)
+{
+    // Ratio of second moments about the position. Of twelve points at random in a disc one set in
+    // 80 is as uneven [derived: drawn]; at a straight rim it is 1, at a right corner 0.22.
+    constexpr double kEven = 0.2;
+    const float size = squares.trace();
+    if (!(size > 0)) return true;
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f> axes;
+    axes.computeDirect(squares / size, Eigen::EigenvaluesOnly);
+    const double share = noise / double(size);
+    return axes.eigenvalues()[1] - share > kEven * (axes.eigenvalues()[2] - share);
+}
+
 SpanningNeighbors::SpanningNeighbors(const std::vector<Vec3f>& positions, std::size_t fewest,
                                      double noise)
     : mPositions(positions), mTree(positions), mFewest(fewest),
-      mMost(std::min(kMostNeighbors, positions.size() - 1)), mVariance(noise * noise)
+      mMost(std::min(kMostSpanning, positions.size() - 1)), mVariance(noise * noise)
 {
 }
 
@@ -50,21 +58,13 @@ bool SpanningNeighbors::about(std::size_t i, std::vector<std::uint32_t>& members
 
 bool SpanningNeighbors::span(std::size_t i, const std::vector<std::uint32_t>& members) const
 {
-    // Ratio of second moments about the position. Of twelve points at random in a disc one set in
-    // 80 is as uneven [derived: drawn]; at a straight rim it is 1, at a right corner 0.22.
-    constexpr double kEven = 0.2;
     const Vec3f middle = mPositions[i];
     Eigen::Matrix3f moments = Eigen::Matrix3f::Zero();
     for (const std::uint32_t m : members) {
         const Vec3f d = mPositions[m] - middle;
         moments += d * d.transpose();
     }
-    const float size = moments.trace();
-    if (!(size > 0)) return true;
-    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3f> axes;
-    axes.computeDirect(moments / size, Eigen::EigenvaluesOnly);
-    const double noise = mVariance * double(members.size()) / double(size);
-    return axes.eigenvalues()[1] - noise > kEven * (axes.eigenvalues()[2] - noise);
+    return spansPlane(moments, mVariance * double(members.size()));
 }
 
 } // namespace mpuvdb

@@ -11,6 +11,15 @@
 namespace mpuvdb
 {
 
+/// Neighbors of one position that may be asked for, at most. Lines a times as far apart as their
+/// points need 3 a to 6 a [derived: a disc that reaches just beyond the next ones, and what
+/// doubling may add]: so many reach lines 64 times as far apart at least, in 60 us.
+constexpr std::size_t kMostSpanning = 400;
+
+/// Whether neighbors span a plane, by the sum of the squares of their offsets from a position.
+/// @param noise  in that sum, along one axis.
+bool spansPlane(const Eigen::Matrix3f& squares, double noise);
+
 /// Nearest neighbors of positions that a surface passes. Along contours and scan lines the nearest
 /// lie on one line, whatever the surface: there more are taken, until neighboring lines are among
 /// them. The same rule for all positions; where points lie evenly it takes none more.

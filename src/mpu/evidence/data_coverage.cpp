@@ -1,6 +1,7 @@
 #include "data_coverage.h"
 
 #include "points_around.h"
+#include "spatial/spanning_neighbors.h"
 
 #include <mpuvdb/interrupter.h>
 
@@ -10,6 +11,7 @@
 #include <limits>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <tuple>
 
 namespace mpuvdb
 {
@@ -45,41 +47,45 @@ float median(float* begin, float* end)
 class DataCoverage::Neighbors
 {
 public:
-    struct Neighbor {
-        float squaredDistance;
-        std::uint32_t bucket;
-    };
-
-    explicit Neighbors(const Vec3f& at) : mAt(at) {}
+    /// @param most  how many.
+    Neighbors(const Vec3f& at, std::size_t most) : mAt(at), mMost(most) { mHeap.reserve(most); }
 
     const Vec3f& at() const { return mAt; }
     /// Squared distance from which on points are not among the nearest.
     float reach() const
     {
-        return mCount < mNearest.size() ? std::numeric_limits<float>::max()
-                                        : mNearest.back().squaredDistance;
+        return mHeap.size() < mMost ? std::numeric_limits<float>::max()
+                                    : mHeap.front().squaredDistance;
     }
-    void add(float squaredDistance, std::uint32_t bucket)
+    void add(std::uint32_t point, float squaredDistance, std::uint32_t bucket)
     {
         if (!(squaredDistance < reach())) return;
-        std::size_t i = mCount < mNearest.size() ? mCount++ : mCount - 1;
-        for (; i > 0 && mNearest[i - 1].squaredDistance > squaredDistance; --i)
-            mNearest[i] = mNearest[i - 1];
-        mNearest[i] = {squaredDistance, bucket};
+        if (mHeap.size() == mMost) {
+            std::pop_heap(mHeap.begin(), mHeap.end(), isNearer);
+            mHeap.pop_back();
+        }
+        mHeap.push_back({squaredDistance, bucket, point});
+        std::push_heap(mHeap.begin(), mHeap.end(), isNearer);
     }
-    /// The spacing: a disc that holds j neighbors has an area of j spacings squared.
-    float spacing() const
+    std::size_t count() const { return mHeap.size(); }
+    const std::vector<Neighbor>& all() const { return mHeap; }
+    /// Nearest first.
+    std::vector<Neighbor> sorted() const
     {
-        if (mCount < 2) return 0;
-        return float(std::sqrt(M_PI / double(mCount - 1) * mNearest[mCount - 1].squaredDistance));
+        std::vector<Neighbor> result = mHeap;
+        std::sort_heap(result.begin(), result.end(), isNearer);
+        return result;
     }
-    const Neighbor* begin() const { return mNearest.data(); }
-    const Neighbor* end() const { return mNearest.data() + mCount; }
 
 private:
+    static bool isNearer(const Neighbor& a, const Neighbor& b)
+    {
+        return std::tie(a.squaredDistance, a.point) < std::tie(b.squaredDistance, b.point);
+    }
+
     Vec3f mAt;
-    std::array<Neighbor, kSpacingNeighbors + 1> mNearest; ///< the first is the point itself
-    std::size_t mCount = 0;
+    std::size_t mMost;
+    std::vector<Neighbor> mHeap; ///< the farthest first
 };
 
 DataCoverage::DataCoverage(const SortedPoints& points, const Vec3d& frame, Interrupter& progress)
@@ -113,19 +119,14 @@ void DataCoverage::measureSpacings(Interrupter& progress)
                           });
     };
     std::vector<float> own(count);
-    std::vector<std::array<std::uint32_t, kSpacingNeighbors + 1>> near(count);
+    std::vector<BucketsAbout> near(count);
     forEachBucket([&](std::size_t b) {
-        const BucketTree::Bucket& bucket = mTree.buckets()[b];
-        Neighbors found(position((bucket.begin + bucket.end) / 2));
-        gather(found);
-        own[b] = found.spacing();
         near[b].fill(std::uint32_t(b)); // for where there are too few
-        std::transform(found.begin(), found.end(), near[b].begin(),
-                       [](const auto& n) { return n.bucket; });
+        own[b] = spacingOf(mTree.buckets()[b], near[b]);
     });
     std::vector<float> spacings(count);
     forEachBucket([&](std::size_t b) {
-        std::array<float, kSpacingNeighbors + 1> values;
+        std::array<float, kAbout> values;
         std::transform(near[b].begin(), near[b].end(), values.begin(),
                        [&](std::uint32_t n) { return own[n]; });
         spacings[b] = median(values.data(), values.data() + values.size());
@@ -133,6 +134,36 @@ void DataCoverage::measureSpacings(Interrupter& progress)
     mSpacings = mTree.perNode<float>([&](std::uint32_t bucket) { return spacings[bucket]; },
                                      [](float a, float b) { return std::max(a, b); });
     mSpacing = double(median(own.data(), own.data() + own.size()));
+}
+
+/// The spacing about the middle point of a bucket: of the disc of its first neighbors that span a
+/// plane, along scan lines those on several.
+/// @param near  set to the buckets of the nearest.
+float DataCoverage::spacingOf(const BucketTree::Bucket& bucket, BucketsAbout& near) const
+{
+    const Vec3f at = position((bucket.begin + bucket.end) / 2);
+    for (std::size_t few = kSpacingNeighbors;; few *= 2) {
+        Neighbors found(at, few + 1);
+        gather(found);
+        if (found.count() < 2) return 0;
+        const bool isLast = found.count() <= few || 2 * few > kMostSpanning;
+        if (!isLast && !spansPlane(found)) continue;
+        const std::vector<Neighbor> sorted = found.sorted();
+        for (std::size_t n = 0; n < std::min(near.size(), sorted.size()); ++n)
+            near[n] = sorted[n].bucket;
+        // A disc that holds j neighbors has an area of j spacings squared.
+        return float(std::sqrt(M_PI / double(sorted.size() - 1) * sorted.back().squaredDistance));
+    }
+}
+
+bool DataCoverage::spansPlane(const Neighbors& neighbors) const
+{
+    Eigen::Matrix3f squares = Eigen::Matrix3f::Zero();
+    for (const Neighbor& n : neighbors.all()) {
+        const Vec3f d = position(n.point) - neighbors.at();
+        squares += d * d.transpose();
+    }
+    return mpuvdb::spansPlane(squares, 0);
 }
 
 void DataCoverage::gather(Neighbors& neighbors) const
@@ -143,8 +174,8 @@ void DataCoverage::gather(Neighbors& neighbors) const
         [&] { return neighbors.reach(); },
         [&](std::uint32_t leaf) {
             const BucketTree::Bucket& bucket = mTree.bucketOf(leaf);
-            for (std::size_t n = bucket.begin; n < bucket.end; ++n)
-                neighbors.add((position(n) - at).squaredNorm(), mTree.nodes()[leaf].second);
+            for (std::uint32_t n = bucket.begin; n < bucket.end; ++n)
+                neighbors.add(n, (position(n) - at).squaredNorm(), mTree.nodes()[leaf].second);
         });
 }
 

@@ -22,8 +22,15 @@ public:
     double spacing() const override { return mSpacing; }
 
 private:
-    /// The points nearest to a place, nearest first.
+    struct Neighbor {
+        float squaredDistance;
+        std::uint32_t bucket, point;
+    };
+    /// The points nearest to a place.
     class Neighbors;
+    /// A point and its nearest. [derived: so many tell the spacing]
+    static constexpr std::size_t kAbout = kSpacingNeighbors + 1;
+    using BucketsAbout = std::array<std::uint32_t, kAbout>;
     /// A point, and the spacing of those about it.
     struct Spaced {
         std::uint32_t point;
@@ -32,6 +39,8 @@ private:
 
     Vec3f position(std::size_t n) const { return {mPoints.x[n], mPoints.y[n], mPoints.z[n]}; }
     void measureSpacings(Interrupter& progress);
+    float spacingOf(const BucketTree::Bucket& bucket, BucketsAbout& near) const;
+    bool spansPlane(const Neighbors& neighbors) const;
     void gather(Neighbors& neighbors) const;
     float ratioOf(const Spaced& point, const Vec3f& offset, const Vec3f& normal) const;
     /// Add the points that count at @a p to @a around until they surround it, and append those
