@@ -1,7 +1,9 @@
 // Outliers and flipped normals: against the virtual scanner's truth.
 #include "case_files.h"
+#include "field_fixture.h"
 #include "scanned_cloud.h"
 
+#include <mpuvdb/clean.h>
 #include <mpuvdb/error.h>
 #include <mpuvdb/io.h>
 #include <mpuvdb/normals.h>
@@ -472,6 +474,35 @@ TEST(FlippedNormals, CapsOfAllSizesAreTurnedBack)
             EXPECT_LE(wrong, c.mostWrong * double(truth.size()))
                 << c.solid << ' ' << share << " seed " << seed;
         }
+    }
+}
+
+/// Two rooms with a wall between them that is two spacings thin: its sides lie in the same cells,
+/// and only one of them meets each room's floor.
+TEST(FlippedNormals, WallsBetweenRoomsKeepTheirs)
+{
+    for (const unsigned seed : {11, 14, 24, 32}) {
+        const double at = 0.02 * ((seed - 1) % 10) - 0.1; // of the wall, and so in the cells
+        const double left = 4.7 + at, right = 4.7 - at;
+        const auto room = [](double width, double middle) {
+            return fmt::format("translate(box({},7.6,2.6),{},0,0)", width, middle);
+        };
+        const auto door = [](double wall) {
+            return fmt::format("translate(box(0.4,1,2),{},-0.5,-0.3)", wall);
+        };
+        PointCloud cloud = scanned(
+            fmt::format("difference(box(10,8,3),{},{},{},{})", room(left, at - 0.1 - left / 2),
+                        room(right, at + 0.1 + right / 2), door(at), door(-4.9)),
+            60000, Pattern::Random, 0);
+        cloud.seenFrom.clear();
+        test::Random random(seed);
+        for (int n = 0; n < 600; ++n) { // outliers, of which some are not found
+            const Vec3d any = random.inCube(1).cwiseProduct(Vec3d(7, 6, 3.5));
+            cloud.positions.push_back((any - cloud.frame).cast<float>());
+            cloud.normals.push_back(random.direction().cast<float>());
+        }
+        Interrupter progress;
+        EXPECT_LE(clean(cloud, {}, &progress).flipped, 100u) << "seed " << seed;
     }
 }
 

@@ -280,12 +280,12 @@ private:
                                                linkCell);
     }
 
-    /// Heights of two patchlets over each other's planes.
+    /// The sum of the heights of two patchlets over each other's planes.
     float heights(std::uint32_t a, std::uint32_t b) const
     {
         const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
         const Vec3f apart = to.position - from.position;
-        return std::max(std::abs(from.normal.dot(apart)), std::abs(to.normal.dot(apart)));
+        return std::abs(from.normal.dot(apart)) + std::abs(to.normal.dot(apart));
     }
 
     /// Whether opposite normals are rightly so: each patchlet lies behind the other, or each before
@@ -298,13 +298,19 @@ private:
                std::abs((to.normal - from.normal).dot(apart)) > 2 * mSheet;
     }
 
-    /// Link a patchlet to the one of another cell that is rather on its sheet.
+    /// Link a patchlet to the one of another cell that is rather on its sheet. What meets a wall is
+    /// before one of its sides and behind the other, and which may be less than means can tell: of
+    /// a cell with both sides only sheets that go on count.
     void linkToSheet(std::uint32_t a, std::uint32_t cell, std::vector<OrientationLink>& links) const
     {
         std::uint32_t b = 2 * cell;
         if (mPatchlets[a].points == 0) return;
         if (mPatchlets[b + 1].points > 0 && heights(a, b + 1) < heights(a, b)) ++b;
-        link(a, b, links);
+        const auto isOfWall = [&](std::uint32_t n) {
+            return mPatchlets[n ^ 1].points > 0 && areTwoSheets(mPatchlets[n], mPatchlets[n ^ 1]);
+        };
+        const bool goesOn = std::abs(mPatchlets[a].normal.dot(mPatchlets[b].normal)) > kAlike;
+        if (goesOn || !(isOfWall(a) || isOfWall(b))) link(a, b, links);
     }
 
     void link(std::uint32_t a, std::uint32_t b, std::vector<OrientationLink>& links) const
