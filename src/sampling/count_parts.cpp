@@ -114,9 +114,9 @@ public:
     void joinEdges(Interrupter& progress)
     {
         const DiagonalLinks links(mLevelSet.grid().tree(), mLevelSet.voxelSize());
-        for (const auto* const leaf : mBlocks.leaves()) {
+        for (const Coord& origin : blocksBetweenParts()) {
             progress.check();
-            links.forEach(leaf->origin(), [&](const Coord& a, const Coord& b, bool inside) {
+            links.forEach(origin, [&](const Coord& a, const Coord& b, bool inside) {
                 mNodes.join(nodeAt(a, inside), nodeAt(b, inside));
             });
         }
@@ -130,16 +130,49 @@ public:
             voxels[mNodes.find(n)] += countVoxels(mPieces[n]);
         PartCounts counts;
         const std::uint32_t around = mNodes.find(mRoot);
-        for (std::uint32_t leaf = 0; leaf < mBlocks.leaves().size(); ++leaf)
-            for (const bool inside : {false, true})
-                for (std::uint32_t n = mPieces.first(leaf, inside); n < mPieces.end(leaf, inside);
-                     ++n)
-                    if (n != around && voxels[n] >= least)
-                        ++(inside ? counts.parts : counts.cavities);
+        forEachPiece([&](std::uint32_t, bool inside, std::uint32_t n) {
+            if (n != around && voxels[n] >= least) ++(inside ? counts.parts : counts.cavities);
+        });
         return counts;
     }
 
 private:
+    /// The blocks in which links may join two parts: those with a piece of another part than the
+    /// widest and the space around, and the ones below them.
+    std::vector<Coord> blocksBetweenParts()
+    {
+        std::vector<std::uint32_t> pieces(mPieces.count()); // by root
+        forEachPiece([&](std::uint32_t, bool inside, std::uint32_t n) {
+            if (inside) ++pieces[mNodes.find(n)];
+        });
+        const auto widest =
+            std::uint32_t(std::max_element(pieces.begin(), pieces.end()) - pieces.begin());
+        const std::uint32_t around = mNodes.find(mRoot);
+        std::vector<Coord> blocks;
+        forEachPiece([&](std::uint32_t leaf, bool, std::uint32_t n) {
+            const std::uint32_t part = mNodes.find(n);
+            if (part == widest || part == around) return;
+            const Coord& origin = mBlocks.leaves()[leaf]->origin();
+            for (int step = 0; step < 8; ++step)
+                blocks.push_back(
+                    origin.offsetBy(-(step & 4) * 2, -(step & 2) * 4, -(step & 1) * 8));
+        });
+        std::sort(blocks.begin(), blocks.end());
+        blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+        return blocks;
+    }
+
+    /// Calls @a f(leaf, inside, number) for all pieces.
+    template <class F>
+    void forEachPiece(const F& f) const
+    {
+        for (std::uint32_t leaf = 0; leaf < mBlocks.leaves().size(); ++leaf)
+            for (const bool inside : {false, true})
+                for (std::uint32_t n = mPieces.first(leaf, inside); n < mPieces.end(leaf, inside);
+                     ++n)
+                    f(leaf, inside, n);
+    }
+
     std::uint32_t nodeOf(const Place& tile) const
     {
         return tile.kind == Place::LowerTile   ? mLowerTiles + tile.index

@@ -368,7 +368,8 @@ std::array<float, 4> SheetPlacer::rowThrough(int home, const Vec3f& p) const
     const auto between = [](float low, float high, float t) { return low + t * (high - low); };
     std::array<float, 4> row;
     for (int n = 0; n < 4; ++n) {
-        const float* const at = &mValues.value[std::size_t(home + (n - 1) * along)];
+        const int index = home + (n - 1) * along;
+        const float* const at = &mValues.value[std::size_t(index)];
         row[std::size_t(n)] = between(between(at[0], at[stepV], p[int(v)]),
                                       between(at[stepU], at[stepU + stepV], p[int(v)]), p[int(u)]);
     }
