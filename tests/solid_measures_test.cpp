@@ -3,7 +3,9 @@
 #include "solid_level_set.h"
 
 #include <mpuvdb/io.h>
+#include <mpuvdb/mesh.h>
 
+#include <fmt/format.h>
 #include <openvdb/tools/LevelSetMeasure.h>
 
 #include <algorithm>
@@ -105,6 +107,45 @@ TEST(Measure, CountsSurfacesAndHandles)
     EXPECT_EQ(several.surfaces, 3u);
     EXPECT_EQ(several.genus, 1);
     EXPECT_EQ(several.eulerCharacteristic, 4);
+}
+
+/// The counts of thin walls that are turned, and of random signs, are those of the mesh.
+TEST(Measure, CountsWhatTheMeshShows)
+{
+    Random random(11);
+    Interrupter progress;
+    const auto expectAsMesh = [&](const LevelSet& levelSet) {
+        const SolidMeasures m = measured(levelSet);
+        const MeshReport mesh = measure(extractMesh(levelSet, {}, &progress));
+        EXPECT_EQ(std::int64_t(m.eulerCharacteristic), mesh.eulerCharacteristic);
+        EXPECT_EQ(m.surfaces, mesh.components);
+        return m;
+    };
+    for (const double thick : {0.8, 1.0, 1.2, 1.5})
+        for (int n = 0; n < 3; ++n) {
+            const Vec3d axis = random.direction();
+            const SolidMeasures m = expectAsMesh(
+                solidLevelSet(fmt::format("rotate(box(2,2,{}),{},{},{},{})", 0.1 * thick, axis.x(),
+                                          axis.y(), axis.z(), random.uniform(10, 80)),
+                              0.1));
+            // Between a voxel inside and one beyond the farther side values are no distances: of
+            // walls of one voxel that side may be half a voxel off.
+            if (thick > 1) {
+                EXPECT_NEAR(m.volume / (0.4 * thick), 1, 0.15 / thick) << thick;
+            }
+        }
+    auto grid = openvdb::FloatGrid::create(3);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    auto accessor = grid->getAccessor();
+    constexpr int kEdge = 20;
+    for (int x = 0; x <= kEdge; ++x)
+        for (int y = 0; y <= kEdge; ++y)
+            for (int z = 0; z <= kEdge; ++z) {
+                const auto ends = [](int i) { return i == 0 || i == kEdge; };
+                const bool border = ends(x) || ends(y) || ends(z);
+                accessor.setValue({x, y, z}, border ? 1 : float(random.uniform(-1, 1)));
+            }
+    expectAsMesh(LevelSet(grid));
 }
 
 TEST(Measure, BoundsTheZeroSet)

@@ -53,22 +53,6 @@ private:
     std::array<std::uint8_t, 12> mRoot{};
 };
 
-/// Join the edges that segments across a face link.
-void joinSegments(const Face& f, std::uint8_t inside, bool joined, Links& links)
-{
-    const auto isInside = [&](std::size_t n) { return (inside >> f.corners[n % 4] & 1) != 0; };
-    std::array<int, 4> crossed{};
-    std::size_t count = 0;
-    for (std::size_t n = 0; n < 4; ++n)
-        if (isInside(n) != isInside(n + 1)) crossed[count++] = f.edges[n];
-    if (count == 2) links.join(crossed[0], crossed[1]);
-    if (count < 4) return;
-    // Edge n lies between corners n and n + 1: corner n is cut off by edges n - 1 and n.
-    const std::size_t first = isInside(0) != joined ? 0 : 1;
-    links.join(f.edges[(first + 3) % 4], f.edges[first]);
-    links.join(f.edges[first + 1], f.edges[(first + 2) % 4]);
-}
-
 /// The six faces.
 const std::array<Face, 6> kFaces = [] {
     std::array<Face, 6> faces;
@@ -79,8 +63,11 @@ const std::array<Face, 6> kFaces = [] {
 CellSheets makeSheets(std::uint8_t inside, std::uint8_t joined)
 {
     Links links;
-    for (std::size_t face = 0; face < 6; ++face)
-        joinSegments(kFaces[face], inside, (joined >> face & 1) != 0, links);
+    for (std::size_t face = 0; face < 6; ++face) {
+        const FaceSegments across = faceSegments(face, inside, (joined >> face & 1) != 0);
+        for (std::size_t n = 0; n < across.count; ++n)
+            links.join(across.edges[n][0], across.edges[n][1]);
+    }
     CellSheets sheets;
     std::array<std::uint8_t, 12> ofRoot;
     ofRoot.fill(CellSheets::kNone);
@@ -130,6 +117,29 @@ const std::array<CellSheets, 64 * 256> kCellSheets = [] {
 std::uint8_t ambiguousFaces(std::uint8_t inside)
 {
     return kAmbiguousFaces[inside];
+}
+
+FaceSegments faceSegments(std::size_t face, std::uint8_t inside, bool joined)
+{
+    const Face& f = kFaces[face];
+    const auto isInside = [&](std::size_t n) { return (inside >> f.corners[n % 4] & 1) != 0; };
+    std::array<std::size_t, 4> crossed{};
+    std::size_t count = 0;
+    for (std::size_t n = 0; n < 4; ++n)
+        if (isInside(n) != isInside(n + 1)) crossed[count++] = n;
+    FaceSegments found;
+    // Edge n lies between corners n and n + 1. Seen from high on the axis these turn to the left,
+    // so that those passed on the way from an edge to another lie right of the segment.
+    const auto add = [&](std::size_t from, std::size_t to) {
+        if (isInside(from + 1) != (face % 2 != 0)) std::swap(from, to);
+        found.edges[found.count++] = {f.edges[from % 4], f.edges[to % 4]};
+    };
+    if (count == 2) add(crossed[0], crossed[1]);
+    if (count < 4) return found;
+    const std::size_t corner = isInside(0) != joined ? 0 : 1; // cut off
+    add(corner + 3, corner + 4);
+    add(corner + 1, corner + 2);
+    return found;
 }
 
 bool passesTwice(const CellSheets& sheets, int face)

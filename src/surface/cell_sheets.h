@@ -42,6 +42,15 @@ std::uint8_t ambiguousFaces(std::uint8_t inside);
 /// @param joined  some of the ambiguous faces.
 inline const CellSheets& cellSheets(std::uint8_t inside, std::uint8_t joined);
 
+/// The segments of the sheets across a face, at most two: from one edge to another.
+struct FaceSegments {
+    std::size_t count = 0;
+    std::array<std::array<int, 2>, 2> edges{}; ///< the inside is on the right, seen from outside
+};
+
+/// The segments of @a face; an ambiguous one whose inside corners are @a joined, or not.
+FaceSegments faceSegments(std::size_t face, std::uint8_t inside, bool joined);
+
 /// Whether one sheet passes an ambiguous face twice.
 bool passesTwice(const CellSheets& sheets, int face);
 

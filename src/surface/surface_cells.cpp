@@ -1,5 +1,7 @@
 #include "surface_cells.h"
 
+#include "cell_sheets.h"
+
 #include <algorithm>
 
 namespace mpuvdb
@@ -17,6 +19,28 @@ Vec3i corner(int bits)
     return {bits & 1, bits >> 1 & 1, bits >> 2 & 1};
 }
 
+/// One Newton step from a place @a p in the cell at @a base to where the values, trilinear between
+/// voxels, are zero; within the cell.
+Vec3d ontoZero(const LeafWindow& window, const Vec3i& base, const Vec3d& p)
+{
+    double value = 0;
+    Vec3d gradient = Vec3d::Zero();
+    for (int n = 0; n < 8; ++n) {
+        const Vec3i c = corner(n);
+        const double here = double(window(base + c));
+        const Vec3d share =
+            c.cast<double>().cwiseProduct(2 * p - Vec3d::Ones()) + Vec3d::Ones() - p;
+        value += here * share.prod();
+        for (int axis = 0; axis < 3; ++axis) {
+            const double others = share[(axis + 1) % 3] * share[(axis + 2) % 3];
+            gradient[axis] += here * (c[axis] ? others : -others);
+        }
+    }
+    const double square = gradient.squaredNorm();
+    if (!(square > 0)) return p;
+    return (p - value / square * gradient).cwiseMax(0).cwiseMin(1);
+}
+
 } // namespace
 
 bool isCrossed(const LeafWindow& window, const Vec3i& base)
@@ -27,54 +51,54 @@ bool isCrossed(const LeafWindow& window, const Vec3i& base)
     return false;
 }
 
-CellTriangles::CellTriangles(const LeafWindow& window, const Vec3i& base) : mBase(base)
+CellTriangles::CellTriangles(const LeafWindow& window, const Vec3i& base, const JoinedFaces& faces,
+                             const openvdb::Coord& at)
 {
-    for (int n = 0; n < 8; ++n) mValues[std::size_t(n)] = double(window(base + corner(n)));
-    // Second and third corners of the six tetrahedra, which share the diagonal from corner 0 to 7
-    // and split the faces of neighboring cells alike. [derived: the orders of the axes]
-    constexpr int kFirst[6] = {1, 1, 2, 2, 4, 4}, kSecond[6] = {3, 5, 3, 6, 5, 6};
-    for (int n = 0; n < 6; ++n) addTetrahedron({0, kFirst[n], kSecond[n], 7});
-}
-
-/// @param corners  in an order in which the bits of each are among those of the next.
-void CellTriangles::addTetrahedron(const std::array<int, 4>& corners)
-{
-    std::array<int, 4> in, out;
-    std::size_t ins = 0, outs = 0;
-    for (const int c : corners) (mValues[std::size_t(c)] < 0 ? in[ins++] : out[outs++]) = c;
-    if (ins == 0 || outs == 0) return;
-    Vec3d outward = Vec3d::Zero();
-    for (std::size_t n = 0; n < outs; ++n) outward += corner(out[n]).cast<double>() / double(outs);
-    for (std::size_t n = 0; n < ins; ++n) outward -= corner(in[n]).cast<double>() / double(ins);
-    if (ins == 2) {
-        const SurfaceVertex a = vertex(in[0], out[0]), b = vertex(in[0], out[1]),
-                            c = vertex(in[1], out[1]), d = vertex(in[1], out[0]);
-        addTriangle({a, b, c}, outward);
-        addTriangle({a, c, d}, outward);
-        return;
+    std::uint8_t inside = 0;
+    for (int c = 0; c < 8; ++c) // x is the highest bit of a cell's corners, the lowest of corner()
+        if (window(base + corner((c & 1) << 2 | (c & 2) | c >> 2)) < 0)
+            inside = std::uint8_t(inside | 1 << c);
+    const std::uint8_t joined = ambiguousFaces(inside) ? faces.of(at, inside) : std::uint8_t(0);
+    const CellSheets& sheets = cellSheets(inside, joined);
+    mSheets = sheets.count;
+    std::array<SurfaceVertex, 12> vertices;
+    std::array<Vec3d, 4> middles;
+    for (std::size_t s = 0; s < sheets.count; ++s) {
+        Vec3d sum = Vec3d::Zero();
+        int count = 0;
+        for (unsigned edges = sheets.edges[s]; edges; edges &= edges - 1) {
+            const int e = __builtin_ctz(edges);
+            vertices[std::size_t(e)] = vertex(window, base, e);
+            sum += vertices[std::size_t(e)].position;
+            ++count;
+        }
+        middles[s] = sum / double(count);
+        // Of several sheets none is the values' zero alone.
+        if (sheets.count == 1)
+            middles[s] =
+                base.cast<double>() + ontoZero(window, base, middles[s] - base.cast<double>());
     }
-    std::array<SurfaceVertex, 3> found;
-    for (std::size_t n = 0; n < 3; ++n)
-        found[n] = ins == 1 ? vertex(in[0], out[n]) : vertex(in[n], out[0]);
-    addTriangle(found, outward);
+    for (std::size_t face = 0; face < 6; ++face) {
+        const FaceSegments across = faceSegments(face, inside, (joined >> face & 1) != 0);
+        for (std::size_t n = 0; n < across.count; ++n) {
+            const auto from = std::size_t(across.edges[n][0]), to = std::size_t(across.edges[n][1]);
+            mTriangles[std::size_t(mCount++)] = {middles[sheets.sheet[from]], vertices[from],
+                                                 vertices[to]};
+        }
+    }
 }
 
-void CellTriangles::addTriangle(const std::array<SurfaceVertex, 3>& corners, const Vec3d& outward)
+/// The vertex on an edge of the cell at @a base.
+SurfaceVertex CellTriangles::vertex(const LeafWindow& window, const Vec3i& base, int edge) const
 {
-    SurfaceTriangle& t = mTriangles[std::size_t(mCount++)];
-    t = corners;
-    const Vec3d normal = (t[1].position - t[0].position).cross(t[2].position - t[0].position);
-    if (normal.dot(outward) < 0) std::swap(t[1], t[2]);
-}
-
-SurfaceVertex CellTriangles::vertex(int a, int b) const
-{
-    const int low = std::min(a, b), high = std::max(a, b);
-    const double u = mValues[std::size_t(low)], v = mValues[std::size_t(high)];
+    const int low = cellEdge(edge).low;
     SurfaceVertex found;
-    found.from = mBase + corner(low);
-    found.to = high ^ low;
-    found.position = found.from.cast<double>() + u / (u - v) * corner(found.to).cast<double>();
+    found.from = base + Vec3i(low >> 2 & 1, low >> 1 & 1, low & 1);
+    found.axis = edge / 4;
+    const double u = double(window(found.from)),
+                 v = double(window(found.from + Vec3i::Unit(found.axis)));
+    found.position = found.from.cast<double>();
+    found.position[found.axis] += u / (u - v);
     return found;
 }
 

@@ -1,7 +1,8 @@
-// The surface of a level set, cell by cell: triangles of the piecewise linear distance on
-// tetrahedra, closed and without ambiguity, and the distance's quadric around them.
+// The surface of a level set, cell by cell: triangles as the mesh's sheets are connected, and the
+// distance's quadric around them.
 #pragma once
 #include "grid/leaf_halo.h"
+#include "joined_faces.h"
 #include <mpuvdb/field.h>
 
 #include <array>
@@ -35,34 +36,39 @@ private:
     Values mValues;
 };
 
-/// A vertex of the surface, on the edge from a voxel to another of its cell.
+/// A vertex of the surface, on the edge from a voxel to the next along an axis.
 struct SurfaceVertex {
-    Vec3i from;     ///< voxel, relative to the leaf
-    int to = 0;     ///< bits x, y, z of the step
+    Vec3i from; ///< voxel, relative to the leaf
+    int axis = 0;
     Vec3d position; ///< voxels, relative to the leaf
 };
 
-/// A triangle, counter-clockwise seen from outside.
-using SurfaceTriangle = std::array<SurfaceVertex, 3>;
+/// A triangle, counter-clockwise seen from outside: the middle of a sheet's vertices in a cell, and
+/// two of them.
+struct SurfaceTriangle {
+    Vec3d middle;
+    SurfaceVertex from, to;
+};
 
-/// The triangles of one cell.
+/// The triangles of one cell: fans about the middle of each sheet.
 class CellTriangles
 {
 public:
-    /// The triangles of the cell from voxel @a base to base + (1,1,1).
-    CellTriangles(const LeafWindow& window, const Vec3i& base);
+    /// The triangles of the cell from voxel @a base to base + (1,1,1), which is the cell @a at of
+    /// the grid.
+    CellTriangles(const LeafWindow& window, const Vec3i& base, const JoinedFaces& faces,
+                  const openvdb::Coord& at);
     const SurfaceTriangle* begin() const { return mTriangles.data(); }
     const SurfaceTriangle* end() const { return begin() + mCount; }
+    /// Number of sheets, each with its middle.
+    int sheets() const { return mSheets; }
 
 private:
-    void addTetrahedron(const std::array<int, 4>& corners);
-    void addTriangle(const std::array<SurfaceVertex, 3>& corners, const Vec3d& outward);
-    SurfaceVertex vertex(int a, int b) const;
+    SurfaceVertex vertex(const LeafWindow& window, const Vec3i& base, int edge) const;
 
-    Vec3i mBase;
-    std::array<double, 8> mValues;
+    /// As many as there are segments across six faces. [derived: two across each]
     std::array<SurfaceTriangle, 12> mTriangles;
-    int mCount = 0;
+    int mCount = 0, mSheets = 0;
 };
 
 /// Whether the surface crosses the cell at @a base.

@@ -16,17 +16,15 @@ namespace
 using openvdb::Coord;
 using Leaf = LeafWindow::Leaf;
 
-constexpr int kSteps = 7; ///< edges from a voxel to the others of its cell [derived: 2^3 - 1]
-
 /// Edge of a leaf and the first layer beyond, voxels, and number of possible vertices: one for each
-/// voxel and step. [derived: kBlockDim, kSteps]
+/// voxel and axis. [derived: kBlockDim]
 constexpr int kExtent = kBlockDim + 1;
-constexpr std::size_t kVertices = std::size_t(kExtent * kExtent * kExtent * kSteps);
+constexpr int kVertices = kExtent * kExtent * kExtent * 3;
 
-/// Index of a vertex by the voxel that its edge starts at, and its step.
-std::uint32_t vertexIndex(const Vec3i& from, int step)
+/// Index of a vertex by the voxel that its edge starts at, and its axis.
+std::uint32_t vertexIndex(const Vec3i& from, int axis)
 {
-    return std::uint32_t(((from[0] * kExtent + from[1]) * kExtent + from[2]) * kSteps + step - 1);
+    return std::uint32_t(((from[0] * kExtent + from[1]) * kExtent + from[2]) * 3 + axis);
 }
 
 /// A vertex on the border between leaves, and its component of its leaf's surface.
@@ -40,7 +38,7 @@ struct LeafSurface {
     double volume = 0, area = 0;
     Box3d bounds; ///< voxels, relative to the leaf
     std::int64_t vertices = 0, triangles = 0;
-    std::uint64_t crossings = 0;
+    std::uint64_t crossings = 0; ///< vertices on edges
     std::uint32_t pieces = 0;
     std::vector<BorderVertex> own; ///< on edges from the leaf's first layers, by vertex
     std::array<std::vector<BorderVertex>, 8> beyond; ///< by the leaf above: bits x, y, z
@@ -51,9 +49,11 @@ class LeafIntegrator
 {
 public:
     explicit LeafIntegrator(const LevelSet& levelSet)
-        : mWindow(levelSet.grid().tree(), levelSet.voxelSize(), levelSet.halfWidth())
+        : mWindow(levelSet.grid().tree(), levelSet.voxelSize(), levelSet.halfWidth()),
+          mAccess(levelSet.grid().tree()), mFaces(mAccess, float(levelSet.voxelSize()))
     {
     }
+    LeafIntegrator(const LeafIntegrator&) = delete;
 
     /// @param origin  of the leaf relative to the apex of volumes, voxels.
     LeafSurface integrate(const Leaf& leaf, const Vec3d& origin)
@@ -68,22 +68,25 @@ public:
         if (mCrossed.empty()) return sums;
         UnionFind vertices(kVertices);
         mSeen.clear();
-        for (const Vec3i& base : mCrossed) addCell(base, origin, vertices, sums);
+        for (const Vec3i& base : mCrossed)
+            addCell(base, leaf.origin().offsetBy(base[0], base[1], base[2]), origin, vertices,
+                    sums);
         addVertices(vertices, mSeen, sums);
         return sums;
     }
 
 private:
-    void addCell(const Vec3i& base, const Vec3d& origin, UnionFind& vertices, LeafSurface& sums)
+    void addCell(const Vec3i& base, const Coord& at, const Vec3d& origin, UnionFind& vertices,
+                 LeafSurface& sums)
     {
         const CellQuadric quadric(mWindow, base);
-        for (const SurfaceTriangle& t : CellTriangles(mWindow, base)) {
+        const CellTriangles triangles(mWindow, base, mFaces, at);
+        sums.vertices += triangles.sheets();
+        for (const SurfaceTriangle& t : triangles) {
             ++sums.triangles;
-            for (const SurfaceVertex& v : t) {
-                mSeen.push_back(v);
-                vertices.join(vertexIndex(v.from, v.to), vertexIndex(t[0].from, t[0].to));
-            }
-            const Vec3d &a = t[0].position, &b = t[1].position, &c = t[2].position;
+            mSeen.push_back(t.from); // each ends one segment and begins another
+            vertices.join(vertexIndex(t.from.from, t.from.axis), vertexIndex(t.to.from, t.to.axis));
+            const Vec3d &a = t.middle, &b = t.from.position, &c = t.to.position;
             const Vec3d normal = 0.5 * (b - a).cross(c - a); // as long as the area
             sums.volume += normal.dot(origin + (a + b + c) / 3) / 3;
             if (quadric.smooth)
@@ -112,7 +115,7 @@ private:
 
     static void addVertices(UnionFind& joined, std::vector<SurfaceVertex>& seen, LeafSurface& sums)
     {
-        const auto index = [](const SurfaceVertex& v) { return vertexIndex(v.from, v.to); };
+        const auto index = [](const SurfaceVertex& v) { return vertexIndex(v.from, v.axis); };
         std::sort(seen.begin(), seen.end(),
                   [&](const auto& a, const auto& b) { return index(a) < index(b); });
         const auto same = [&](const auto& a, const auto& b) { return index(a) == index(b); };
@@ -131,17 +134,19 @@ private:
                     side |= 1 << axis;
                 }
             if (side) {
-                sums.beyond[std::size_t(side)].push_back({vertexIndex(from, v.to), piece});
+                sums.beyond[std::size_t(side)].push_back({vertexIndex(from, v.axis), piece});
                 continue;
             }
             ++sums.vertices;
-            sums.crossings += (v.to & (v.to - 1)) == 0;
+            ++sums.crossings;
             if (from.minCoeff() == 0) sums.own.push_back({index(v), piece});
         }
         sums.pieces = std::uint32_t(pieces.size());
     }
 
     LeafWindow mWindow;
+    JoinedFaces::Access mAccess;
+    JoinedFaces mFaces;
     std::vector<Vec3i> mCrossed;
     std::vector<SurfaceVertex> mSeen;
 };

@@ -20,7 +20,7 @@ struct SurfaceIntegrals {
 };
 
 /// Integrate over the surface of @a levelSet, whose half-width is at least kMeasuredHalfWidth.
-/// Counts are those of the piecewise linear surface; for volume and area (world units) triangles
+/// Counts are those of the mesh; for volume and area (world units) triangles
 /// are projected to the surface of the second-order expansion, which leaves errors of third order.
 /// The same for any number of threads. @throws Interrupted.
 SurfaceIntegrals integrateSurface(const LevelSet& levelSet, Interrupter& progress);
