@@ -53,6 +53,22 @@ inline double boxDistance(const Vec3d& p, const Vec3d& half)
     return beyond.cwiseMax(0).norm() + std::min(beyond.maxCoeff(), 0.0);
 }
 
+/// Values at random in [-1,1] in a cube of @a edge voxels, outside at its faces: cells of all
+/// kinds.
+inline LevelSet randomLevelSet(int edge, Random& random)
+{
+    auto grid = openvdb::FloatGrid::create(3);
+    grid->setGridClass(openvdb::GRID_LEVEL_SET);
+    auto accessor = grid->getAccessor();
+    const auto ends = [&](int i) { return i == 0 || i == edge; };
+    for (int x = 0; x <= edge; ++x)
+        for (int y = 0; y <= edge; ++y)
+            for (int z = 0; z <= edge; ++z)
+                accessor.setValue(
+                    {x, y, z}, ends(x) || ends(y) || ends(z) ? 1.0f : float(random.uniform(-1, 1)));
+    return LevelSet(grid);
+}
+
 inline PointCloud scanOf(const std::string& solid, const ScanSettings& settings)
 {
     Interrupter progress;

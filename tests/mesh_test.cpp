@@ -120,21 +120,8 @@ TEST(ExtractMesh, KeepsATorussGenus)
 TEST(ExtractMesh, IsManifoldWhereverSignsFall)
 {
     // Every ambiguous configuration of a cell, many times.
-    std::mt19937_64 random(1);
-    auto grid = FloatGrid::create(3);
-    grid->setGridClass(openvdb::GRID_LEVEL_SET);
-    auto accessor = grid->getAccessor();
-    constexpr int kEdge = 24;
-    for (int x = 0; x <= kEdge; ++x)
-        for (int y = 0; y <= kEdge; ++y)
-            for (int z = 0; z <= kEdge; ++z) {
-                const Coord at(x, y, z);
-                const auto ends = [](int i) { return i == 0 || i == kEdge; };
-                const bool border = ends(x) || ends(y) || ends(z);
-                const double value = 2 * std::ldexp(double(random() >> 11), -53) - 1;
-                accessor.setValue(at, border ? 1.0f : float(value));
-            }
-    const MeshReport report = measure(extracted(LevelSet(grid)));
+    test::Random random(1);
+    const MeshReport report = measure(extracted(test::randomLevelSet(24, random)));
     EXPECT_GT(report.triangles, 30000u);
     EXPECT_EQ(report.boundaryEdges, 0u);
     EXPECT_EQ(report.nonManifoldEdges, 0u);

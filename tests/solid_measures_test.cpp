@@ -134,18 +134,7 @@ TEST(Measure, CountsWhatTheMeshShows)
                 EXPECT_NEAR(m.volume / (0.4 * thick), 1, 0.15 / thick) << thick;
             }
         }
-    auto grid = openvdb::FloatGrid::create(3);
-    grid->setGridClass(openvdb::GRID_LEVEL_SET);
-    auto accessor = grid->getAccessor();
-    constexpr int kEdge = 20;
-    for (int x = 0; x <= kEdge; ++x)
-        for (int y = 0; y <= kEdge; ++y)
-            for (int z = 0; z <= kEdge; ++z) {
-                const auto ends = [](int i) { return i == 0 || i == kEdge; };
-                const bool border = ends(x) || ends(y) || ends(z);
-                accessor.setValue({x, y, z}, border ? 1 : float(random.uniform(-1, 1)));
-            }
-    expectAsMesh(LevelSet(grid));
+    expectAsMesh(randomLevelSet(20, random));
 }
 
 TEST(Measure, BoundsTheZeroSet)

@@ -19,26 +19,32 @@ Vec3i corner(int bits)
     return {bits & 1, bits >> 1 & 1, bits >> 2 & 1};
 }
 
-/// One Newton step from a place @a p in the cell at @a base to where the values, trilinear between
+/// Newton steps from a place @a p in the cell at @a base to where the values, trilinear between
 /// voxels, are zero; within the cell.
-Vec3d ontoZero(const LeafWindow& window, const Vec3i& base, const Vec3d& p)
+Vec3d ontoZero(const LeafWindow& window, const Vec3i& base, Vec3d p)
 {
-    double value = 0;
-    Vec3d gradient = Vec3d::Zero();
-    for (int n = 0; n < 8; ++n) {
-        const Vec3i c = corner(n);
-        const double here = double(window(base + c));
-        const Vec3d share =
-            c.cast<double>().cwiseProduct(2 * p - Vec3d::Ones()) + Vec3d::Ones() - p;
-        value += here * share.prod();
-        for (int axis = 0; axis < 3; ++axis) {
-            const double others = share[(axis + 1) % 3] * share[(axis + 2) % 3];
-            gradient[axis] += here * (c[axis] ? others : -others);
+    // [derived: where a box's edge lies on voxels the zero is a double one, and each step leaves
+    // half of the way]
+    constexpr int kSteps = 3;
+    for (int step = 0; step < kSteps; ++step) {
+        double value = 0;
+        Vec3d gradient = Vec3d::Zero();
+        for (int n = 0; n < 8; ++n) {
+            const Vec3i c = corner(n);
+            const double here = double(window(base + c));
+            const Vec3d share =
+                c.cast<double>().cwiseProduct(2 * p - Vec3d::Ones()) + Vec3d::Ones() - p;
+            value += here * share.prod();
+            for (int axis = 0; axis < 3; ++axis) {
+                const double others = share[(axis + 1) % 3] * share[(axis + 2) % 3];
+                gradient[axis] += here * (c[axis] ? others : -others);
+            }
         }
+        const double square = gradient.squaredNorm();
+        if (!(square > 0)) break;
+        p = (p - value / square * gradient).cwiseMax(0).cwiseMin(1);
     }
-    const double square = gradient.squaredNorm();
-    if (!(square > 0)) return p;
-    return (p - value / square * gradient).cwiseMax(0).cwiseMin(1);
+    return p;
 }
 
 } // namespace
