@@ -23,8 +23,8 @@ Vec3i corner(int bits)
 /// voxels, are zero; within the cell.
 Vec3d ontoZero(const LeafWindow& window, const Vec3i& base, Vec3d p)
 {
-    // [derived: where a box's edge lies on voxels the zero is a double one, and each step leaves
-    // half of the way]
+    // The number of steps. [derived: where a box's edge lies on voxels the zero is a double one,
+    // and each step leaves half of the way]
     constexpr int kSteps = 3;
     for (int step = 0; step < kSteps; ++step) {
         double value = 0;
@@ -45,6 +45,20 @@ Vec3d ontoZero(const LeafWindow& window, const Vec3i& base, Vec3d p)
         p = (p - value / square * gradient).cwiseMax(0).cwiseMin(1);
     }
     return p;
+}
+
+/// The vertex on an edge of the cell at @a base.
+SurfaceVertex vertexOn(const LeafWindow& window, const Vec3i& base, int edge)
+{
+    const int low = cellEdge(edge).low;
+    SurfaceVertex found;
+    found.from = base + Vec3i(low >> 2 & 1, low >> 1 & 1, low & 1);
+    found.axis = edge / 4;
+    const double u = double(window(found.from)),
+                 v = double(window(found.from + Vec3i::Unit(found.axis)));
+    found.position = found.from.cast<double>();
+    found.position[found.axis] += u / (u - v);
+    return found;
 }
 
 } // namespace
@@ -74,7 +88,7 @@ CellTriangles::CellTriangles(const LeafWindow& window, const Vec3i& base, const 
         int count = 0;
         for (unsigned edges = sheets.edges[s]; edges; edges &= edges - 1) {
             const int e = __builtin_ctz(edges);
-            vertices[std::size_t(e)] = vertex(window, base, e);
+            vertices[std::size_t(e)] = vertexOn(window, base, e);
             sum += vertices[std::size_t(e)].position;
             ++count;
         }
@@ -92,20 +106,6 @@ CellTriangles::CellTriangles(const LeafWindow& window, const Vec3i& base, const 
                                                  vertices[to]};
         }
     }
-}
-
-/// The vertex on an edge of the cell at @a base.
-SurfaceVertex CellTriangles::vertex(const LeafWindow& window, const Vec3i& base, int edge) const
-{
-    const int low = cellEdge(edge).low;
-    SurfaceVertex found;
-    found.from = base + Vec3i(low >> 2 & 1, low >> 1 & 1, low & 1);
-    found.axis = edge / 4;
-    const double u = double(window(found.from)),
-                 v = double(window(found.from + Vec3i::Unit(found.axis)));
-    found.position = found.from.cast<double>();
-    found.position[found.axis] += u / (u - v);
-    return found;
 }
 
 CellQuadric::CellQuadric(const LeafWindow& window, const Vec3i& base)

@@ -64,8 +64,6 @@ public:
     int sheets() const { return mSheets; }
 
 private:
-    SurfaceVertex vertex(const LeafWindow& window, const Vec3i& base, int edge) const;
-
     /// As many as there are segments across six faces. [derived: two across each]
     std::array<SurfaceTriangle, 12> mTriangles;
     int mCount = 0, mSheets = 0;

@@ -280,12 +280,12 @@ private:
                                                linkCell);
     }
 
-    /// The sum of the heights of two patchlets over each other's planes.
+    /// Heights of two patchlets over each other's planes.
     float heights(std::uint32_t a, std::uint32_t b) const
     {
         const Patchlet &from = mPatchlets[a], &to = mPatchlets[b];
         const Vec3f apart = to.position - from.position;
-        return std::abs(from.normal.dot(apart)) + std::abs(to.normal.dot(apart));
+        return std::max(std::abs(from.normal.dot(apart)), std::abs(to.normal.dot(apart)));
     }
 
     /// Whether opposite normals are rightly so: each patchlet lies behind the other, or each before
@@ -298,9 +298,10 @@ private:
                std::abs((to.normal - from.normal).dot(apart)) > 2 * mSheet;
     }
 
-    /// Link a patchlet to the one of another cell that is rather on its sheet. What meets a wall is
-    /// before one of its sides and behind the other, and which may be less than means can tell: of
-    /// a cell with both sides only sheets that go on count.
+    /// Link a patchlet to the one of another cell that is rather on its sheet. A floor that meets a
+    /// wall lies before one of its sides and behind the other; the patchlets' mean positions do not
+    /// tell which. So where a cell holds both sides of a wall, only patchlets that go on are
+    /// linked.
     void linkToSheet(std::uint32_t a, std::uint32_t cell, std::vector<OrientationLink>& links) const
     {
         std::uint32_t b = 2 * cell;
