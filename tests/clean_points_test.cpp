@@ -150,6 +150,24 @@ TEST(Outliers, ThoseInBoresAndBetweenWallsAreFound)
         }
 }
 
+/// A plate whose points are thirty times as many at one end as at the other, where its sides are
+/// about as near to each other as their points are: those neighbors alone lie on no plane.
+TEST(Outliers, SidesOfAPlateWithFewPointsStay)
+{
+    for (const std::uint32_t seed : {1u, 2u, 3u}) {
+        std::mt19937 engine(seed);
+        const auto uniform = [&] { return float(engine()) / 4294967296.f; };
+        PointCloud cloud;
+        for (int n = 0; n < 18000; ++n) { // x has the density 30^(1 - x / 4)
+            const float x = -4 * std::log(1 - uniform() * 29 / 30) / std::log(30.f);
+            const float side = n % 2 ? 1.f : -1.f;
+            cloud.positions.emplace_back(x, 4 * uniform(), 0.05f * side);
+            cloud.normals.emplace_back(0, 0, side);
+        }
+        EXPECT_LT(outliersOf(cloud).size(), cloud.size() / 1000) << "seed " << seed;
+    }
+}
+
 /// As a scanner sees the bottom of a fold: by one point far from others, whose normal tells that
 /// the surface passes there.
 TEST(Outliers, APointThatNormalsLeadToStays)

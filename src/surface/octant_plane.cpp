@@ -67,4 +67,25 @@ OctantPlane octantPlane(const float* value, const std::array<int, 3>& stride, fl
     return plane;
 }
 
+PlaneCrossing crossingByPlanes(const OctantPlane& inner, const OctantPlane& outer,
+                               const Vec3f& along)
+{
+    // Beside a crease one end alone may look steep; a multiple of distances is steep at both.
+    const float steepness = std::min(inner.steepness, outer.steepness);
+    const auto crosses = [&](const OctantPlane& plane) {
+        return plane.weight() != 0 && plane.normal.dot(along) > 0;
+    };
+    const auto at = [&](const OctantPlane& plane, float end) {
+        return end - plane.distance / steepness / plane.normal.dot(along);
+    };
+    if (!crosses(inner))
+        return crosses(outer) ? PlaneCrossing{&outer, at(outer, 1)} : PlaneCrossing{nullptr, 0};
+    const float first = at(inner, 0);
+    if (!crosses(outer)) return {&inner, first};
+    const float last = at(outer, 1);
+    const float rise = (outer.distance - inner.distance) / steepness;
+    const bool convex = rise > inner.normal.dot(along);
+    return (first < last) != convex ? PlaneCrossing{&outer, last} : PlaneCrossing{&inner, first};
+}
+
 } // namespace mpuvdb

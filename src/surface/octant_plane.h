@@ -24,6 +24,18 @@ struct OctantPlane {
 /// to the next along x, y, z. @param scale  of values to voxels.
 OctantPlane octantPlane(const float* value, const std::array<int, 3>& stride, float scale);
 
+/// Where an edge between two voxels crosses the surface, by the plane of one of its ends.
+struct PlaneCrossing {
+    const OctantPlane* plane; ///< null: neither plane crosses the edge's line outward
+    float at;                 ///< along the edge, voxels from the inner end
+};
+
+/// The crossing of the edge along the unit vector @a along by the planes of its @a inner and
+/// @a outer end: the one that is met first from inside if the surface is convex there, else the
+/// last.
+PlaneCrossing crossingByPlanes(const OctantPlane& inner, const OctantPlane& outer,
+                               const Vec3f& along);
+
 /// That of a tree's voxel @a at, by an accessor to it.
 template <typename Access, typename Coord>
 OctantPlane octantPlaneAt(const Access& access, const Coord& at, float scale)

@@ -1,6 +1,7 @@
 #include "sheet_vertex.h"
 
-#include <Eigen/Eigenvalues>
+#include "quadric.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -13,11 +14,6 @@ namespace
 constexpr float kSmoothCosine = 0.985f;
 /// Largest | |grad| - 1 | of a smooth sheet's crossings. [tuned: sharp_mesh_test]
 constexpr float kSteepnessTolerance = 0.05f;
-
-/// Smallest eigenvalue, relative to the largest, of a direction that planes determine. Two planes
-/// with angle t between their normals have the ratio tan^2(t/2): folds below 20 degrees are
-/// smoothed. [tuned: sharp_mesh_test]
-constexpr double kMinEigenvalue = 0.03;
 
 /// Smallest relative eigenvalue for folds of flat faces, which are kept from one degree on.
 /// [tuned: sharp_mesh_test]
@@ -32,9 +28,6 @@ constexpr float kMaxBendShare = 0.125f;
 /// Largest slope along an axis on which bends are tested: a surface bends across its normal.
 /// [tuned: sharp_mesh_test]
 constexpr float kMaxAxisSlope = 0.9f;
-
-/// Crossing of an edge with a plane that it misses. [derived: far from the edge]
-constexpr float kNoCrossing = 1e6f;
 
 /// Largest distance of a crease vertex outside its cell, voxels: held at the wall, a vertex beside
 /// a crease that just misses its cell would fold its triangles over. [tuned: sharp_mesh_test]
@@ -63,98 +56,6 @@ int stepTo(int c)
     return (c >> 2 & 1) * BlockHalo::kStride[0] + (c >> 1 & 1) * BlockHalo::kStride[1] +
            (c & 1) * BlockHalo::kStride[2];
 }
-
-/// Quadratic error function [Ju02]: its minimum is the place of least weighted squared distance
-/// from planes, in or near the unit cube, and of such places the nearest to the mean.
-class Quadric
-{
-public:
-    struct Minimum {
-        Vec3d place;
-        Eigen::Matrix3d free; ///< projects onto the directions that the planes leave free
-        int rank;             ///< number of directions that they determine
-    };
-
-    explicit Quadric(const Vec3d& mean) : mMean(mean) {}
-
-    void add(const Vec3d& normal, const Vec3d& point, double weight)
-    {
-        mSquares += weight * normal * normal.transpose();
-        mRight += weight * normal * normal.dot(point - mMean);
-    }
-
-    /// @param beyond  largest distance outside the cube. @param least  smallest eigenvalue,
-    /// relative to the largest, of a direction that the planes determine.
-    Minimum minimum(double beyond, double least) const
-    {
-        const auto nearest = [&](const Vec3d& place) -> Vec3d {
-            return place.cwiseMax(-beyond).cwiseMin(1 + beyond);
-        };
-        Eigen::Array3i open = Eigen::Array3i::Ones();
-        Minimum found = solve(open, mMean, least);
-        // A minimum outside is moved to the wall that it exceeds most, and found again along it.
-        for (int round = 0; round < 2; ++round) {
-            const Vec3d held = nearest(found.place);
-            Eigen::Index axis = 0;
-            if ((held - found.place).cwiseAbs().maxCoeff(&axis) <= 0) break;
-            open[axis] = 0;
-            found.place = solve(open, held, least).place;
-        }
-        found.place = nearest(found.place);
-        return found;
-    }
-
-private:
-    /// The minimum over the open coordinates; the others are those of @a at.
-    Minimum solve(const Eigen::Array3i& open, const Vec3d& at, double least) const
-    {
-        const Vec3d mask = open.cast<double>().matrix();
-        const Vec3d held = (Vec3d::Ones() - mask).cwiseProduct(at - mMean);
-        const Eigen::Matrix3d squares = mask.asDiagonal() * mSquares * mask.asDiagonal();
-        const Vec3d right = mask.asDiagonal() * (mRight - mSquares * held);
-        Minimum found{mMean + held, Eigen::Matrix3d::Zero(), 0};
-        if (Vec3d only; determinesOne(squares, least, only)) {
-            const double value = only.dot(squares * only);
-            found.place += mask.asDiagonal() * only * (only.dot(right) / value);
-            found.free = Eigen::Matrix3d::Identity() - only * only.transpose();
-            found.rank = 1;
-            return found;
-        }
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
-        solver.computeDirect(squares);
-        for (int n = 0; n < 3; ++n) {
-            const double value = solver.eigenvalues()[n];
-            const Vec3d direction = solver.eigenvectors().col(n);
-            if (value > least * solver.eigenvalues()[2]) {
-                found.place += mask.asDiagonal() * direction * (direction.dot(right) / value);
-                ++found.rank;
-            } else {
-                found.free += direction * direction.transpose();
-            }
-        }
-        return found;
-    }
-
-    /// Whether planes determine one @a direction alone, as most do: the dominant eigenvector by
-    /// power iteration, if the other eigenvalues are negligible.
-    static bool determinesOne(const Eigen::Matrix3d& squares, double least, Vec3d& direction)
-    {
-        /// Power iterations. [derived: kMinEigenvalue^(1 + steps) is below a float's rounding]
-        constexpr int kPowerSteps = 4;
-        Eigen::Index most = 0;
-        if (!(squares.diagonal().maxCoeff(&most) > 0)) return false;
-        Vec3d at = squares.col(most);
-        for (int step = 0; step < kPowerSteps; ++step) at = squares * at;
-        direction = at.normalized();
-        const double value = direction.dot(squares * direction);
-        // The sum of the squares of the other eigenvalues.
-        return squares.squaredNorm() - value * value <= least * least * value * value;
-    }
-
-    Vec3d mMean;
-    Eigen::Matrix3d mSquares = Eigen::Matrix3d::Zero();
-    Vec3d mRight = Vec3d::Zero();
-};
 
 } // namespace
 
@@ -253,8 +154,7 @@ private:
     int mCount = 0;
 };
 
-/// Add for each edge the plane of one of its ends: the one that is met first from inside if the
-/// surface is convex there, else the last.
+/// Add for each edge the plane of one of its ends.
 void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Planes& planes)
 {
     const int home = BlockHalo::index(at.x(), at.y(), at.z());
@@ -264,28 +164,10 @@ void SheetPlacer::addGridPlanes(const Vec3i& at, const Crossings& crossings, Pla
         const Vec3f from = cornerPlace(ends.low), along = cornerPlace(ends.high) - from;
         const OctantPlane& inner = planeAt(at + from.cast<int>());
         const OctantPlane& outer = planeAt(at + cornerPlace(ends.high).cast<int>());
-        // Beside a crease one end alone may look steep; a multiple of distances is steep at both.
-        const float steepness = std::min(inner.steepness, outer.steepness);
-        // Place along the edge, from inside to outside, where it crosses the plane of one end.
-        const auto crossing = [&](const OctantPlane& plane, const Vec3f& end) {
-            const float slope = plane.normal.dot(along);
-            if (plane.weight() == 0 || slope <= 0) return kNoCrossing;
-            const float start = plane.distance / steepness + plane.normal.dot(from - end);
-            return -start / slope;
-        };
-        const float t = crossing(inner, from), u = crossing(outer, from + along);
-        bool takesOuter = false;
-        if (t != kNoCrossing && u != kNoCrossing) {
-            const float rise = (outer.distance - inner.distance) / steepness;
-            const bool convex = rise > inner.normal.dot(along);
-            takesOuter = (t < u) != convex;
-        } else if (u != kNoCrossing) {
-            takesOuter = true;
-        } else if (t == kNoCrossing) {
-            continue;
-        }
-        const OctantPlane& plane = takesOuter ? outer : inner;
-        planes.add(plane.normal, from + (takesOuter ? u : t) * along, plane.weight());
+        const PlaneCrossing crossing = crossingByPlanes(inner, outer, along);
+        if (crossing.plane)
+            planes.add(crossing.plane->normal, from + crossing.at * along,
+                       crossing.plane->weight());
     }
 }
 

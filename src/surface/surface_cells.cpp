@@ -1,6 +1,6 @@
 #include "surface_cells.h"
 
-#include "cell_sheets.h"
+#include "quadric.h"
 
 #include <algorithm>
 
@@ -9,9 +9,9 @@ namespace mpuvdb
 namespace
 {
 
-/// Largest norm of the second derivatives, per voxel, and smallest of the gradient, beyond which a
-/// cell holds a crease. [derived: radii of curvature of two voxels, the smallest that a band
-/// resolves]
+/// Largest norm of the second derivatives, per voxel, and smallest of the gradient, beyond which
+/// values are of several faces. [derived: radii of curvature of two voxels, the smallest that a
+/// band resolves]
 constexpr double kMaxBend = 0.5;
 
 Vec3i corner(int bits)
@@ -47,17 +47,50 @@ Vec3d ontoZero(const LeafWindow& window, const Vec3i& base, Vec3d p)
     return p;
 }
 
-/// The vertex on an edge of the cell at @a base.
-SurfaceVertex vertexOn(const LeafWindow& window, const Vec3i& base, int edge)
+/// Where the surface crosses an edge of a cell.
+struct EdgeCrossing {
+    SurfaceVertex vertex;
+    bool bends = false; ///< the values along the edge's line are those of several faces
+};
+
+/// The plane through a crossing.
+struct EdgePlane {
+    Vec3d point = Vec3d::Zero();
+    Vec3d normal = Vec3d::Zero(); ///< unit
+    double weight = 0;            ///< 0: there is none
+};
+
+/// The plane at one of the ends of the edge from a voxel along an axis.
+EdgePlane planeThrough(const LeafWindow& window, const Vec3i& from, int axis)
 {
-    const int low = cellEdge(edge).low;
-    SurfaceVertex found;
-    found.from = base + Vec3i(low >> 2 & 1, low >> 1 & 1, low & 1);
-    found.axis = edge / 4;
-    const double u = double(window(found.from)),
-                 v = double(window(found.from + Vec3i::Unit(found.axis)));
-    found.position = found.from.cast<double>();
-    found.position[found.axis] += u / (u - v);
+    const Vec3i along = Vec3i::Unit(axis);
+    const OctantPlane low = window.planeAt(from), high = window.planeAt(from + along);
+    const bool rises = window(from) < 0;
+    const PlaneCrossing crossing = crossingByPlanes(rises ? low : high, rises ? high : low,
+                                                    (rises ? 1.0f : -1.0f) * along.cast<float>());
+    if (!crossing.plane) return {};
+    const double at = double(rises ? crossing.at : 1 - crossing.at);
+    return {from.cast<double>() + at * along.cast<double>(), crossing.plane->normal.cast<double>(),
+            double(crossing.plane->weight())};
+}
+
+/// The crossing of the edge from a voxel along an axis: linear between the two values, or, where
+/// they are of several faces, on the plane through it.
+EdgeCrossing crossingOn(const LeafWindow& window, const Vec3i& from, int axis)
+{
+    const Vec3i along = Vec3i::Unit(axis);
+    const double u = double(window(from)), v = double(window(from + along));
+    const double below = double(window(from - along)) - 2 * u + v,
+                 above = u - 2 * v + double(window(from + 2 * along));
+    EdgeCrossing found{{from, axis, from.cast<double>()}};
+    double at = u / (u - v);
+    found.bends = std::max(std::abs(below), std::abs(above)) > kMaxBend;
+    if (found.bends) {
+        const EdgePlane plane = planeThrough(window, from, axis);
+        const double onPlane = std::min(std::max(plane.point[axis] - from[axis], 0.0), 1.0);
+        at += plane.weight * (onPlane - at);
+    }
+    found.vertex.position[axis] += at;
     return found;
 }
 
@@ -71,8 +104,42 @@ bool isCrossed(const LeafWindow& window, const Vec3i& base)
     return false;
 }
 
-CellTriangles::CellTriangles(const LeafWindow& window, const Vec3i& base, const JoinedFaces& faces,
-                             const openvdb::Coord& at)
+struct CellFans::Crossings {
+    std::array<EdgeCrossing, 12> on; ///< by edge
+};
+
+/// The middle of a sheet's vertices, on the surface: where the values are zero, and on a crease
+/// where its planes meet.
+Vec3d CellFans::middleOf(const LeafWindow& window, const Vec3i& base, const Crossings& crossings,
+                         const CellSheets& sheets, std::size_t sheet)
+{
+    Vec3d mean = Vec3d::Zero();
+    int count = 0;
+    bool bends = false;
+    for (unsigned edges = sheets.edges[sheet]; edges; edges &= edges - 1) {
+        const EdgeCrossing& crossing = crossings.on[std::size_t(__builtin_ctz(edges))];
+        mean += crossing.vertex.position;
+        ++count;
+        bends = bends || crossing.bends;
+    }
+    const Vec3d corner = base.cast<double>();
+    mean = mean / count - corner;
+    if (bends) {
+        Quadric quadric(mean);
+        for (unsigned edges = sheets.edges[sheet]; edges; edges &= edges - 1) {
+            const SurfaceVertex& vertex = crossings.on[std::size_t(__builtin_ctz(edges))].vertex;
+            const EdgePlane plane = planeThrough(window, vertex.from, vertex.axis);
+            quadric.add(plane.normal, plane.point - corner, plane.weight);
+        }
+        mean = quadric.minimum(0, kMinEigenvalue).place;
+    } else if (sheets.count == 1) { // of several none is the values' zero alone
+        mean = ontoZero(window, base, mean);
+    }
+    return corner + mean;
+}
+
+CellFans::CellFans(const LeafWindow& window, const Vec3i& base, const JoinedFaces& faces,
+                   const openvdb::Coord& at)
 {
     std::uint8_t inside = 0;
     for (int c = 0; c < 8; ++c) // x is the highest bit of a cell's corners, the lowest of corner()
@@ -81,29 +148,23 @@ CellTriangles::CellTriangles(const LeafWindow& window, const Vec3i& base, const 
     const std::uint8_t joined = ambiguousFaces(inside) ? faces.of(at, inside) : std::uint8_t(0);
     const CellSheets& sheets = cellSheets(inside, joined);
     mSheets = sheets.count;
-    std::array<SurfaceVertex, 12> vertices;
+    Crossings crossings;
     std::array<Vec3d, 4> middles;
     for (std::size_t s = 0; s < sheets.count; ++s) {
-        Vec3d sum = Vec3d::Zero();
-        int count = 0;
         for (unsigned edges = sheets.edges[s]; edges; edges &= edges - 1) {
             const int e = __builtin_ctz(edges);
-            vertices[std::size_t(e)] = vertexOn(window, base, e);
-            sum += vertices[std::size_t(e)].position;
-            ++count;
+            const int low = cellEdge(e).low;
+            crossings.on[std::size_t(e)] =
+                crossingOn(window, base + Vec3i(low >> 2 & 1, low >> 1 & 1, low & 1), e / 4);
         }
-        middles[s] = sum / double(count);
-        // Of several sheets none is the values' zero alone.
-        if (sheets.count == 1)
-            middles[s] =
-                base.cast<double>() + ontoZero(window, base, middles[s] - base.cast<double>());
+        middles[s] = middleOf(window, base, crossings, sheets, s);
     }
     for (std::size_t face = 0; face < 6; ++face) {
         const FaceSegments across = faceSegments(face, inside, (joined >> face & 1) != 0);
         for (std::size_t n = 0; n < across.count; ++n) {
             const auto from = std::size_t(across.edges[n][0]), to = std::size_t(across.edges[n][1]);
-            mTriangles[std::size_t(mCount++)] = {middles[sheets.sheet[from]], vertices[from],
-                                                 vertices[to]};
+            mTriangles[std::size_t(mCount++)] = {
+                middles[sheets.sheet[from]], crossings.on[from].vertex, crossings.on[to].vertex};
         }
     }
 }

@@ -1,8 +1,10 @@
 // The surface of a level set, cell by cell: triangles as the mesh's sheets are connected, and the
 // distance's quadric around them.
 #pragma once
+#include "cell_sheets.h"
 #include "grid/leaf_halo.h"
 #include "joined_faces.h"
+#include "octant_plane.h"
 #include <mpuvdb/field.h>
 
 #include <array>
@@ -26,6 +28,12 @@ public:
     /// Value of a voxel relative to the leaf, each coordinate in [-1, 9].
     float operator()(int x, int y, int z) const { return mValues[Values::index(x, y, z)]; }
     float operator()(const Vec3i& p) const { return (*this)(p[0], p[1], p[2]); }
+    /// The plane at a voxel, each coordinate in [0,8].
+    OctantPlane planeAt(const Vec3i& p) const
+    {
+        const auto at = std::size_t(Values::index(p[0], p[1], p[2]));
+        return octantPlane(&mValues.value[at], Values::kStride, 1);
+    }
     /// Whether a value lies in the band.
     bool isKnown(float value) const { return value < mRim && value > -mRim; }
 
@@ -51,19 +59,23 @@ struct SurfaceTriangle {
 };
 
 /// The triangles of one cell: fans about the middle of each sheet.
-class CellTriangles
+class CellFans
 {
 public:
     /// The triangles of the cell from voxel @a base to base + (1,1,1), which is the cell @a at of
     /// the grid.
-    CellTriangles(const LeafWindow& window, const Vec3i& base, const JoinedFaces& faces,
-                  const openvdb::Coord& at);
+    CellFans(const LeafWindow& window, const Vec3i& base, const JoinedFaces& faces,
+             const openvdb::Coord& at);
     const SurfaceTriangle* begin() const { return mTriangles.data(); }
     const SurfaceTriangle* end() const { return begin() + mCount; }
     /// Number of sheets, each with its middle.
     int sheets() const { return mSheets; }
 
 private:
+    struct Crossings;
+    static Vec3d middleOf(const LeafWindow& window, const Vec3i& base, const Crossings& crossings,
+                          const CellSheets& sheets, std::size_t sheet);
+
     /// As many as there are segments across six faces. [derived: two across each]
     std::array<SurfaceTriangle, 12> mTriangles;
     int mCount = 0, mSheets = 0;

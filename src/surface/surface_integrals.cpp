@@ -80,7 +80,7 @@ private:
                  LeafSurface& sums)
     {
         const CellQuadric quadric(mWindow, base);
-        const CellTriangles triangles(mWindow, base, mFaces, at);
+        const CellFans triangles(mWindow, base, mFaces, at);
         sums.vertices += triangles.sheets();
         for (const SurfaceTriangle& t : triangles) {
             ++sums.triangles;

@@ -206,13 +206,6 @@ public:
     }
 
 private:
-    bool isOnItsSide(std::uint32_t point, std::uint32_t other) const
-    {
-        // The cosine between normals of one side. [tuned: clean_points_test]
-        constexpr float kSameSide = 0.3f;
-        return mNormals[other].dot(mNormals[point]) > kSameSide;
-    }
-
     /// The way from one point of an arc to another is perpendicular to the mean of the normals.
     bool agree(std::uint32_t point, std::uint32_t other) const
     {
@@ -232,7 +225,7 @@ private:
         std::size_t agreeing = 0;
         for (std::size_t k = 0; k < kAsked; ++k) {
             const std::uint32_t other = mSurroundings.near(k).point;
-            agreeing += isOnItsSide(point, other) && agree(point, other);
+            agreeing += lookToOneSide(mNormals[point], mNormals[other]) && agree(point, other);
         }
         return agreeing >= kAgreeing;
     }
@@ -254,7 +247,7 @@ private:
         double far = kFar * reachIn(mSurroundings);
         std::size_t asked = 0, agreeing = 0;
         for (std::size_t k = 0; k < mSurroundings.count() && mSurroundings.distance(k) < far; ++k) {
-            if (!isOnItsSide(point, mSurroundings.near(k).point)) continue;
+            if (!lookToOneSide(mNormals[point], mNormals[mSurroundings.near(k).point])) continue;
             if (++asked > kMost) return false;
             if (asked > kReach) continue;
             agreeing += agree(point, mSurroundings.near(k).point);
@@ -322,6 +315,13 @@ private:
 };
 
 } // namespace
+
+bool lookToOneSide(const Vec3f& a, const Vec3f& b)
+{
+    // The cosine between normals of one side. [tuned: clean_points_test]
+    constexpr float kSameSide = 0.3f;
+    return a.dot(b) > kSameSide;
+}
 
 void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f>& normals,
                     const PointCells& cells, const std::vector<std::uint32_t>& asked,

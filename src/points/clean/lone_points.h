@@ -28,4 +28,7 @@ void flagLonePoints(const std::vector<Vec3f>& positions, const std::vector<Vec3f
                     const PointStatistics& statistics, std::vector<char>& flags,
                     Interrupter& progress);
 
+/// Whether two points with these unit normals may lie on one side of a wall.
+bool lookToOneSide(const Vec3f& a, const Vec3f& b);
+
 } // namespace mpuvdb

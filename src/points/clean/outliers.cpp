@@ -95,9 +95,10 @@ struct SparsePoint {
 class SparsePoints
 {
 public:
-    /// @param positions  those in doubt, then those that stand for surfaces.
-    SparsePoints(const std::vector<Vec3f>& positions, std::size_t doubtful, Interrupter& progress)
-        : mPositions(positions), mDoubtful(doubtful), mProgress(progress)
+    /// @param cloud  those in doubt, then those that stand for surfaces.
+    SparsePoints(const PointCloud& cloud, std::size_t doubtful, Interrupter& progress)
+        : mPositions(cloud.positions), mNormals(cloud.normals), mDoubtful(doubtful),
+          mProgress(progress)
     {
         findNeighbors();
         findPlanar();
@@ -119,6 +120,9 @@ public:
 
 private:
     static constexpr std::size_t kNeighbors = 10; ///< of a point; [tuned: clean_points_test]
+    /// As many times these are looked at for those of its own side. [derived: the two sides of a
+    /// wall]
+    static constexpr std::size_t kSides = 2;
 
     std::size_t reachable() const { return std::min(kNeighbors, mPositions.size() - 1); }
     const std::uint32_t* neighbors(std::size_t i) const { return &mNeighbors[i * reachable()]; }
@@ -144,18 +148,28 @@ private:
     {
         forEachParallel(mPositions.size(), kOutlierGrain, mProgress, [&](std::size_t i) {
             if (!asked[i]) return;
-            std::vector<std::uint32_t> indices(reachable() + 1);
+            // The point is its own nearest, or as near as copies of it.
+            const std::size_t most = reachable() * (mNormals.empty() ? 1 : kSides) + 1;
+            std::vector<std::uint32_t> indices(std::min(most, mPositions.size()));
             std::vector<float> squared(indices.size());
             tree.nearest(mPositions[i], indices, squared);
-            // The point is its own nearest, or as near as copies of it.
-            std::size_t to = i * reachable();
-            const std::size_t end = to + reachable();
-            for (std::size_t k = 0; k < indices.size() && to < end; ++k) {
-                if (indices[k] == i) continue;
-                mDistances[to] = std::sqrt(squared[k]);
-                mNeighbors[to++] = indices[k];
+            std::vector<std::size_t> chosen;
+            for (const bool onSheet : {true, false})
+                for (std::size_t k = 0; k < indices.size() && chosen.size() < reachable(); ++k)
+                    if (indices[k] != i && mayShareSheet(i, indices[k]) == onSheet)
+                        chosen.push_back(k);
+            std::sort(chosen.begin(), chosen.end());
+            for (std::size_t n = 0; n < chosen.size(); ++n) {
+                mDistances[i * reachable() + n] = std::sqrt(squared[chosen[n]]);
+                mNeighbors[i * reachable() + n] = indices[chosen[n]];
             }
         });
+    }
+
+    /// Whether a point may lie on another's sheet by their normals: not on a wall's other side.
+    bool mayShareSheet(std::size_t point, std::size_t other) const
+    {
+        return mNormals.empty() || lookToOneSide(mNormals[point], mNormals[other]);
     }
 
     /// Points that lie with their neighbors on a plane, and no farther from them than these are
@@ -226,6 +240,7 @@ private:
     }
 
     const std::vector<Vec3f>& mPositions;
+    const std::vector<Vec3f>& mNormals; ///< or none
     const std::size_t mDoubtful;
     Interrupter& mProgress;
     /// reachable() for each doubtful position and each beside one, nearest first
@@ -393,8 +408,7 @@ public:
     {
         const PointCloud sparse = sparsePoints();
         std::vector<SparsePoint> alone;
-        if (!mApart.empty())
-            alone = SparsePoints(sparse.positions, mApart.size(), mProgress).judge();
+        if (!mApart.empty()) alone = SparsePoints(sparse, mApart.size(), mProgress).judge();
         for (std::size_t n = 0; n < mApart.size(); ++n) mOutlier[mApart[n]] = alone[n].outlying;
         std::vector<std::uint32_t> all(mCells.cells().size());
         std::iota(all.begin(), all.end(), 0u);
