@@ -303,6 +303,16 @@ TEST_F(ModelVerbs, OptionsThatMeanNothingAreRefused)
     command({"components", "ball.vdb", "-o", "x.vdb", "--keep", "0"}, 2);
     const Ended large = command({"resample", "ball.vdb", "-o", "x.vdb", "--voxel-size", "1000"}, 5);
     EXPECT_NE(large.err.find("take voxels of at most"), std::string::npos) << large.err;
+    for (const char* const output : {"x.obj", "x.ply", "-"}) {
+        const Ended unit = command({"mesh", "ball.vdb", "-o", output, "--units", "mm"}, 2);
+        EXPECT_NE(unit.err.find("--units: no output stores it"), std::string::npos) << unit.err;
+        command({"mesh", "ball.vdb", "-o", output, "--up", "y"}, 2);
+    }
+    command({"merge", "ball.vdb", "-o", "x.vdb", "--up", "z"}, 2);
+    command({"mesh", "ball.vdb", "-o", "up.usda", "--up", "z", "--units", "mm"});
+    command({"slice", "ball.vdb", "-o", "x.png", "--units", "mm"}, 2);
+    command({"slice", "ball.vdb", "-o", "x.svg", "--pixels", "64"}, 2);
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
 }
 
 TEST_F(ModelVerbs, WhatIsNoLevelSetIsRefused)

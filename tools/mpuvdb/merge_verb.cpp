@@ -94,7 +94,9 @@ public:
             inputs.push_back(NamedFile::parse(text));
             files.push_back(inputs.back().file);
         }
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, files);
+        const std::vector<Output> outputs{{"-o", mOutput, {".vdb"}, true}};
+        mScene.requireUse(outputs);
+        session.checkFiles(outputs, files);
         for (const NamedFile& input : inputs) add(input, session);
         openvdb::GridCPtrVec grids(mGrids.begin(), mGrids.end());
         const auto write = [&](const std::filesystem::path& file) {
@@ -140,6 +142,7 @@ private:
         const bool asFolder = !output.empty() && isFolder(job, output);
         std::vector<Output> outputs{{"--mesh", mMesh, meshExtensions()}};
         outputs.push_back({"-o", output, {".vdb"}, false, false, asFolder});
+        mScene.requireUse(outputs);
         std::vector<std::string> inputs = job.inputs();
         inputs.push_back(mInputs[0]);
         session.checkFiles(outputs, inputs);
@@ -147,7 +150,8 @@ private:
         Interrupter* const interrupter = &session.progress();
         ExitCode code = ExitCode::Ok;
         if (asFolder)
-            code = describeJob(session, job.mergeToFolder(output, mScene, interrupter), output);
+            code = describeJob(session, job.mergeToFolder(output, mScene.settings, interrupter),
+                               output);
         else if (!output.empty())
             code = describeJob(session, job.merge(output, interrupter), output);
         if (!mMesh.empty()) writeMesh(job, session);
@@ -157,7 +161,7 @@ private:
     void writeMesh(const Job& job, Session& session) const
     {
         const Mesh mesh = job.mesh(session.bytesLeft(), &session.progress());
-        mpuvdb::writeMesh(mMesh, mesh, mScene, &session.progress());
+        mpuvdb::writeMesh(mMesh, mesh, mScene.settings, &session.progress());
         const MeshReport report = measure(mesh);
         session.report()["mesh"] = toJson(report);
         session.progress().endStage();
@@ -198,7 +202,7 @@ private:
 
     std::vector<std::string> mInputs;
     std::string mOutput, mMesh;
-    SceneSettings mScene;
+    Scene mScene;
     openvdb::GridPtrVec mGrids;
     Json mList = Json::array();
 };

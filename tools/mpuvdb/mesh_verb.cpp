@@ -53,7 +53,9 @@ public:
     ExitCode run(Session& session) override
     {
         const GridPlace place = gridPlace(mInput, mGrid);
-        session.checkFiles(filesOf(mMesh, "-o"), {place.file});
+        const std::vector<Output> outputs = filesOf(mMesh, "-o");
+        mMesh.scene.requireUse(outputs);
+        session.checkFiles(outputs, {place.file});
         session.progress().beginStage("read");
         ExitCode code = ExitCode::Ok;
         readFile(place.file, ".vdb", [&](const std::filesystem::path& file) {
@@ -170,20 +172,36 @@ void warnOfStl(const Mesh& mesh, double voxelSize, const std::string& output, Se
 
 } // namespace
 
-void addScene(CLI::App& app, SceneSettings& scene)
+void addScene(CLI::App& app, Scene& scene)
 {
     const char* const group = "GLB and USD";
-    addUpAxis(app, scene.up,
+    addUpAxis(app, scene.settings.up,
               "The world's up axis: GLB is turned to Y up, USD stores it; default: y")
+        ->each([&scene](const std::string&) { scene.given = "--up"; })
         ->group(group);
     static const std::map<std::string, double> units = {
         {"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}, {"ft", 0.3048}};
     app.add_option_function<std::string>(
-           "--units", [&scene](const std::string& name) { scene.metersPerUnit = units.at(name); },
+           "--units",
+           [&scene](const std::string& name) {
+               scene.settings.metersPerUnit = units.at(name);
+               scene.given = "--units";
+           },
            "The world's unit: GLB is scaled to meters, USD stores it; default: m")
         ->type_name("m|cm|mm|in|ft")
         ->check(oneOf({"m", "cm", "mm", "in", "ft"}))
         ->group(group);
+}
+
+void Scene::requireUse(const std::vector<Output>& outputs) const
+{
+    const auto isStored = [](const Output& output) {
+        const std::string format = extensionOf(output.path);
+        return output.isFolder || format == ".glb" || format == ".usda";
+    };
+    if (!given.empty() && std::none_of(outputs.begin(), outputs.end(), isStored))
+        throw UsageError(given + ": no output stores it. Write .glb or .usda, or leave it out; "
+                                 "mpuvdb transform turns and scales the solid itself");
 }
 
 void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance)
@@ -254,7 +272,7 @@ private:
     nlohmann::ordered_json writeOne(const Mesh& mesh, const std::string& path, double within)
     {
         const auto toFile = [&](const std::filesystem::path& file) {
-            writeMesh(file, mesh, mOutput.scene, &mSession.progress());
+            writeMesh(file, mesh, mOutput.scene.settings, &mSession.progress());
         };
         if (path == "-")
             printFile(".ply", toFile);

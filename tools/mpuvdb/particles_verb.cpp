@@ -75,6 +75,7 @@ public:
     {
         std::vector<Output> outputs = filesOf(mMesh, "--mesh");
         outputs.push_back({"-o", mOutput, {".vdb"}, true});
+        mMesh.scene.requireUse(outputs);
         session.checkFiles(outputs, mInputs);
         mOptions.surface =
             mSurface == "smooth" ? ParticleSurface::Smooth : ParticleSurface::Spheres;

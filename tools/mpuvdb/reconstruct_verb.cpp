@@ -82,6 +82,7 @@ public:
         std::vector<Output> outputs = filesOf(mMesh, "--mesh");
         outputs.push_back({"--usd", mUsd, {".usda"}, false, /*joinsFrames=*/true});
         if (!mOutput.empty()) outputs.push_back({"-o", mOutput, {".vdb"}});
+        mMesh.scene.requireUse(outputs);
         session.checkFiles(outputs, mCloud.inputs);
         if (!mDryRun) session.openScratch(mOutput);
         Interrupter* const interrupter = &session.progress();
@@ -137,7 +138,7 @@ public:
         for (const FrameFiles& frame : frames)
             for (const Output& output : frame.outputs)
                 if (output.option == "-o") volumes.push_back({frame.frame, output.path});
-        writeVolumeLayer(mUsd, volumes, mMesh.scene);
+        writeVolumeLayer(mUsd, volumes, mMesh.scene.settings);
     }
 
 private:
@@ -196,7 +197,7 @@ private:
         writeLevelSet(mOutput, made.levelSet(), metadata, beside, &session.progress());
         if (mUsd.empty() || session.isShared("--usd")) return;
         beside.insert(beside.begin(), made.grid);
-        writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene);
+        writeVolumeLayer(mUsd, mOutput, beside, mMesh.scene.settings);
     }
 
     /// Attributes come to the mesh from the field itself.

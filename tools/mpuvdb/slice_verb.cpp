@@ -62,6 +62,13 @@ public:
                "The world's unit: SVG is in millimeters; default: m")
             ->type_name("m|cm|mm|in|ft")
             ->check(oneOf({"m", "cm", "mm", "in", "ft"}));
+        app.callback([this, &app] {
+            for (const auto& [option, format] :
+                 {std::pair{"--units", ".svg"}, {"--pixels", ".png"}})
+                if (app.count(option) > 0 && extensionOf(mOutput) != format)
+                    throw UsageError(fmt::format("{} is for {} files: leave it out, or write one",
+                                                 option, format));
+        });
     }
 
     ExitCode run(Session& session) override

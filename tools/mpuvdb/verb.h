@@ -130,8 +130,18 @@ struct Attributes {
 /// Declares --attributes. @param what  the help text.
 CLI::Option* addAttributes(CLI::App& app, Attributes& attributes, const std::string& what);
 
+/// The values of --up and --units.
+struct Scene {
+    SceneSettings settings;
+    std::string given; ///< an option of the two that was given; empty: neither
+
+    /// @throws UsageError where one was given, and none of @a outputs is of a format that stores
+    /// it, nor a folder, which holds a USD layer.
+    void requireUse(const std::vector<Output>& outputs) const;
+};
+
 /// Declares --up and --units.
-void addScene(CLI::App& app, SceneSettings& scene);
+void addScene(CLI::App& app, Scene& scene);
 
 /// The options of a mesh's triangles.
 struct MeshShape {
@@ -150,7 +160,7 @@ struct MeshOutput {
     MeshShape shape;
     const Field* field = nullptr; ///< that the level set was sampled from, or null
     std::function<void(Mesh&, Interrupter&)> addAttributes; ///< empty: no attributes
-    SceneSettings scene;
+    Scene scene;
 };
 
 /// The files that writeMeshOf() writes, for checkFiles().
