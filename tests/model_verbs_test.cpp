@@ -254,6 +254,27 @@ TEST_F(ModelVerbs, OtherGridsPassThrough)
     command({"offset", "several.vdb", "--grid", "density", "-o", "x.vdb", "--distance", "0.1"}, 3);
 }
 
+TEST_F(ModelVerbs, GridsKeepTheirNames)
+{
+    command({"merge", "hull=ball.vdb", "-o", "named.vdb"});
+    const std::vector<std::vector<std::string>> verbs = {
+        {"transform", "named.vdb", "--translate", "0,0,0.5"},
+        {"twist", "named.vdb", "--turn", "90"},
+        {"taper", "named.vdb", "--end-factor", "0.5"},
+        {"resample", "named.vdb", "--voxel-size", "2vx"},
+        {"components", "named.vdb", "--keep", "1"},
+        {"difference", "named.vdb", "box.vdb"},
+        {"difference", "named.vdb", "ball.vdb"}, // nothing is left, here and by the next
+        {"offset", "named.vdb", "--distance", "-3"}};
+    for (std::vector<std::string> words : verbs) {
+        words.insert(words.end(), {"-o", "made.vdb"});
+        command(words);
+        const auto grids = readGrids(folder / "made.vdb");
+        ASSERT_EQ(grids.size(), 1u) << words[0];
+        EXPECT_EQ(grids[0]->getName(), "hull") << words[0];
+    }
+}
+
 TEST_F(ModelVerbs, AGridOfTheResultsNameGivesWay)
 {
     const auto density = openvdb::FloatGrid::create();

@@ -34,6 +34,7 @@ public:
         settings.halfWidth = sampledWidth(own);
         settings.maxBytes = maxBytes;
         settings.mayBeEmpty = true;
+        settings.name = inputs[0]->grid().getName();
         const LevelSet sampled =
             sampleField(*through(makeGridField(*inputs[0])), settings, &progress);
         return inBand(sampled, own.halfWidth, progress);

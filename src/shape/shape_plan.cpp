@@ -54,6 +54,15 @@ Lattice latticeOfResult(const Shape::Node& root, double voxelSize)
     return latticeFor(box, voxelSize);
 }
 
+/// The name of what @a root makes: that of the grid that all operations begin with.
+std::string nameOfResult(const Shape::Node& root)
+{
+    const Shape::Node* first = &root;
+    while (!first->inputs().empty()) first = first->inputs().front().get();
+    const LevelSet* const grid = levelSetIn(*first);
+    return grid ? grid->grid().getName() : SampleSettings().name;
+}
+
 bool same(const Lattice& a, const Lattice& b)
 {
     return a.origin == b.origin && a.voxelSize == b.voxelSize;
@@ -202,8 +211,13 @@ LevelSet ShapePlan::evaluate(Interrupter& progress) const
         for (const std::size_t input : task.inputs)
             if (mTasks[input].isRequested() && --left[input] == 0) grids[input].reset();
     }
-    const Request& result = mTasks.back().request;
-    return grids.back() ? *grids.back() : emptyLevelSet(result.lattice, result.halfWidth);
+    const Task& root = mTasks.back();
+    const std::string name = nameOfResult(*root.node);
+    const std::optional<LevelSet>& made = grids.back();
+    // Nodes make nothing of inputs that are not there, whose names they do not know.
+    if (made && (made->grid().activeVoxelCount() > 0 || made->grid().getName() == name))
+        return *made;
+    return emptyLevelSet(root.request.lattice, root.request.halfWidth, name);
 }
 
 } // namespace mpuvdb
