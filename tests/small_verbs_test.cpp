@@ -123,6 +123,10 @@ TEST_F(SmallVerbs, ClipIsClosedAndSharp)
     EXPECT_NE(none.err.find("nothing is left"), std::string::npos) << none.err;
     const Ended empty = mpuvdb({"mesh", "none.vdb", "-o", "none.ply"});
     EXPECT_NE(empty.err.find("the mesh is empty"), std::string::npos) << empty.err;
+    const Ended fog = mpuvdb({"fog", "none.vdb", "-o", "fog.vdb"});
+    EXPECT_NE(fog.err.find("the density is empty"), std::string::npos) << fog.err;
+    const Ended picture = mpuvdb({"render", "none.vdb", "-o", "none.png"});
+    EXPECT_NE(picture.err.find("the level set is empty"), std::string::npos) << picture.err;
     const Ended all =
         mpuvdb({"clip", "box.vdb", "-o", "all.vdb", "--box", "-9", "-9", "-9", "9", "9", "9"});
     EXPECT_NEAR(volumeOf("all.vdb"), 8, second);

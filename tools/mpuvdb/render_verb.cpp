@@ -83,6 +83,8 @@ public:
         session.progress().endStage();
         session.note(
             fmt::format("picture     {} x {}: {}", mPicture.width, mPicture.height, mOutput));
+        if (levelSet.grid().activeVoxelCount() == 0)
+            session.warn(fmt::format("{}: nothing is there: the level set is empty", mOutput));
         return ExitCode::Ok;
     }
 

@@ -60,6 +60,8 @@ public:
                                     {"active_voxels", count},
                                     {"bytes", grids.front()->memUsage()}};
         session.note(fmt::format("density     {} active voxels: {}", count, mOutput));
+        if (count == 0)
+            session.warn(fmt::format("{}: nothing is there: the density is empty", mOutput));
         session.progress().endStage();
         session.note("time        " + session.timesText());
         return ExitCode::Ok;
