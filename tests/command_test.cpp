@@ -74,6 +74,12 @@ TEST_F(CommandTest, HelpIsOnStandardOutputAndHasExamples)
         EXPECT_NE(one.out.find("Examples:"), std::string::npos);
         EXPECT_EQ(one.err, "");
     }
+    // What the parser calls its checks is no description.
+    for (const char* verb : {"reconstruct", "mesh", "plan", "tile"}) {
+        const std::string help = mpuvdb({verb, "--help"}).out;
+        for (const char* check : {"NONNEGATIVE", "INT:", " in [", ":{"})
+            EXPECT_EQ(help.find(check), std::string::npos) << verb << " " << check;
+    }
     EXPECT_EQ(mpuvdb({"--version"}).out.rfind("mpuvdb ", 0), 0u);
 }
 

@@ -61,9 +61,10 @@ public:
             ->type_name("slurm|parallel|snakemake|openjd|list")
             ->check(oneOf({"slurm", "parallel", "snakemake", "openjd", "list"}));
         app.add_option("--slots", mSlots,
-                       "Tasks that an engine sees of each phase; each does several tiles in turn")
+                       "Tasks that an engine sees of each phase, up to 1000; each does several\n"
+                       "tiles in turn")
             ->type_name("N")
-            ->check(CLI::Range(1, 1000))
+            ->check(CLI::Range(1, 1000).description(""))
             ->capture_default_str();
         app.add_option("--tile-voxels", mTileVoxels,
                        "Edge of a tile, voxels, a multiple of 128: its memory grows with the\n"
@@ -72,7 +73,7 @@ public:
         app.add_option("--part-points", mPartPoints,
                        "Points of a part of the fit, about. Default: 4 million, or fewer")
             ->type_name("N")
-            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32));
+            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32).description(""));
         addPreset(app, mCloud.preset);
         addAttributes(app, mCloud.attributes,
                       "What of the points goes to grids beside the level set, as mpuvdb "
@@ -198,10 +199,10 @@ public:
         app.add_option("job", mFolder, "The job's folder")->required()->type_name("JOB");
         app.add_option("task", mTask, "The task, from 0")
             ->type_name("N")
-            ->check(CLI::NonNegativeNumber);
+            ->check(CLI::NonNegativeNumber.description(""));
         app.add_option("--every", mEvery, "Do every Nth task from that one on")
             ->type_name("N")
-            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32));
+            ->check(CLI::Range(std::size_t(1), std::size_t(1) << 32).description(""));
     }
 
     ExitCode run(Session& session) override

@@ -215,10 +215,11 @@ void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance)
         ->group(group);
     app.add_option(
            "--lods", shape.lods,
-           "Write coarser meshes too: OUT.lod1.ply, OUT.lod2.ply ..., each with four times\n"
-           "the tolerance of the one before; the first with 0.4vx, or four times the\n"
+           "Write up to 8 coarser meshes too: OUT.lod1.ply, OUT.lod2.ply ..., each with four\n"
+           "times the tolerance of the one before; the first with 0.4vx, or four times the\n"
            "tolerance given")
-        ->check(CLI::Range(0, 8))
+        ->type_name("N")
+        ->check(CLI::Range(0, 8).description(""))
         ->group(group);
     app.add_flag("--strict", shape.strict,
                  "Retract vertices until no triangles cross; exit status 4 if some still do")

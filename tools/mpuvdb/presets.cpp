@@ -1,5 +1,7 @@
 #include "presets.h"
 
+#include "verb.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -62,7 +64,7 @@ CLI::Option* addPreset(CLI::App& app, std::string& preset)
     }
     return app.add_option("--preset", preset, help)
         ->type_name("scan|clean|particles|terrain")
-        ->check(CLI::IsMember(names));
+        ->check(oneOf(names));
 }
 
 std::string applyPreset(CLI::App& app, const std::string& preset)
