@@ -324,6 +324,9 @@ TEST_F(ModelVerbs, OptionsThatMeanNothingAreRefused)
     command({"components", "ball.vdb", "-o", "x.vdb", "--keep", "0"}, 2);
     const Ended large = command({"resample", "ball.vdb", "-o", "x.vdb", "--voxel-size", "1000"}, 5);
     EXPECT_NE(large.err.find("take voxels of at most"), std::string::npos) << large.err;
+    const Ended loose = command({"mesh", "ball.vdb", "-o", "x.ply", "--tolerance", "10"}, 2);
+    EXPECT_NE(loose.err.find("nothing of its form"), std::string::npos) << loose.err;
+    EXPECT_FALSE(fs::exists(folder / "x.ply"));
     for (const char* const output : {"x.obj", "x.ply", "-"}) {
         const Ended unit = command({"mesh", "ball.vdb", "-o", output, "--units", "mm"}, 2);
         EXPECT_NE(unit.err.find("--units: no output stores it"), std::string::npos) << unit.err;

@@ -290,6 +290,7 @@ TEST(Reconstruct, RefusesWhatMakesNoSense)
                          }),
                      UsageError);
     }
+    EXPECT_THROW(run(cloud, [](S& s) { s.tolerance = Length::parse("51%"); }), UsageError);
     EXPECT_THROW(run(cloud, [](S& s) { s.minPoints = 1; }), UsageError);
     EXPECT_THROW(run(cloud,
                      [](S& s) {

@@ -96,6 +96,17 @@ void keepNamed(PointCloud& cloud, const std::vector<std::string>& names)
         cloud.scalars.end());
 }
 
+/// @throws UsageError where one place is within @a tolerance of all points: nothing is to be
+/// fitted.
+void requireSmaller(double tolerance, const ResolvedSettings& resolved)
+{
+    if (tolerance > resolved.diagonal / 2)
+        throw UsageError(fmt::format("tolerance {:.4g}: is more than half of the diagonal of the "
+                                     "points' box, {:.4g}, so that any surface would do. Give a "
+                                     "smaller one, such as 0.1vx, or none",
+                                     tolerance, resolved.diagonal));
+}
+
 } // namespace
 
 ResolvedSettings resolve(const PointCloud& cloud, const PointStatistics& statistics,
@@ -127,6 +138,7 @@ ResolvedSettings resolve(const PointCloud& cloud, const PointStatistics& statist
     fit.sharp = options.sharp && !fit.interpolate;
     if (options.tolerance) {
         fit.tolerance = options.tolerance->resolve(h, resolved.diagonal);
+        requireSmaller(fit.tolerance, resolved);
     } else {
         fit.tolerance = kToleranceVoxels * h;
         fit.noise = resolved.points.noise;

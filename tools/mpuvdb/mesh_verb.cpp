@@ -254,6 +254,12 @@ public:
         double within = 0; // of the full mesh
         if (shape.tolerance) {
             within = shape.tolerance->resolve(mVoxelSize, mDiagonal);
+            if (within > mDiagonal / 2 && !mesh.triangles.empty())
+                throw UsageError(fmt::format("tolerance {:.4g}: is more than half of the diagonal "
+                                             "of the solid's box, {:.4g}, so that nothing of its "
+                                             "form would be left. Give a smaller one, such as "
+                                             "0.1vx",
+                                             within, mDiagonal));
             mesh = simplify(mesh, {within, shape.strict}, &mSession.progress());
         }
         mSession.report()["mesh"] = writeOne(mesh, mOutput.path, within);
