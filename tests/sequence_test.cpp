@@ -152,6 +152,21 @@ TEST_F(SequenceTest, ManyJobsGiveTheBytesOfOneAndPrintInOrder)
     EXPECT_LT(told("3").find("1.0001.vdb"), told("3").find("1.0006.vdb"));
 }
 
+TEST_F(SequenceTest, JsonIsALineForEachFrame)
+{
+    scans("1-3");
+    std::istringstream lines(
+        mpuvdb({"info", "in.####.ply", "--json", "--frames", "1-3", "--jobs", "2"}).out);
+    int frame = 0;
+    for (std::string line; std::getline(lines, line);) {
+        const json info = json::parse(line);
+        EXPECT_EQ(info["frame"], ++frame);
+        EXPECT_EQ(info["files"][0]["file"], "in.000" + std::to_string(frame) + ".ply");
+    }
+    EXPECT_EQ(frame, 3);
+    EXPECT_FALSE(json::parse(mpuvdb({"info", "in.0001.ply", "--json"}).out).contains("frame"));
+}
+
 TEST_F(SequenceTest, OneUsdLayerHasATimeSampleForEachFrame)
 {
     scans("1-4");

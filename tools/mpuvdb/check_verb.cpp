@@ -64,7 +64,7 @@ public:
         session.checkFiles({}, mInputs);
         for (const std::string& file : mInputs) tryFile(session, file);
         session.report()["files"] = mFiles;
-        if (mJson) printText(Json{{"files", mFiles}}.dump(2) + "\n");
+        if (mJson) session.printJson({{"files", mFiles}});
         return mMissing ? ExitCode::BadInput : mSound ? ExitCode::Ok : ExitCode::CheckFailed;
     }
 

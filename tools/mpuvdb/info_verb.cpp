@@ -255,9 +255,8 @@ public:
         Json files = Json::array();
         for (const std::string& file : mInputs) files.push_back(describe(file, other, session));
         session.report()["files"] = files;
-        const Json all{{"files", files}};
         if (mJson) {
-            printText(all.dump(2) + "\n");
+            session.printJson({{"files", files}});
         } else {
             for (const Json& file : files) printText(plainText(file, 0));
         }

@@ -292,7 +292,7 @@ public:
         const nlohmann::ordered_json status = statusOf(job);
         session.report()["status"] = status;
         if (mJson)
-            fmt::print("{}\n", status.dump(2));
+            session.printJson(status);
         else
             print(session, status);
         return status["done"] == status["tasks"] ? ExitCode::Ok : ExitCode::CheckFailed;

@@ -25,6 +25,16 @@ ProgressStyle styleOf(const CommonOptions& options)
     return watched ? ProgressStyle::Bar : ProgressStyle::None;
 }
 
+enum class Layout { Lines, OneLine };
+
+/// File names need not be UTF-8; JSON has to be.
+std::string textOf(const nlohmann::ordered_json& json, Layout layout)
+{
+    return json.dump(layout == Layout::Lines ? 2 : -1, ' ', false,
+                     nlohmann::ordered_json::error_handler_t::replace) +
+           "\n";
+}
+
 } // namespace
 
 Session::Session(std::string verb, const CommonOptions& options, Purpose purpose)
@@ -74,6 +84,14 @@ void Session::checkFiles(const std::vector<Output>& outputs, const std::vector<s
 void Session::note(const std::string& message)
 {
     if (!mOptions.quiet) mDisplay.print(message);
+}
+
+void Session::printJson(const nlohmann::ordered_json& json) const
+{
+    if (!mOptions.frame) return printText(textOf(json, Layout::Lines));
+    nlohmann::ordered_json ofFrame{{"frame", mOptions.frame->number}};
+    ofFrame.update(json);
+    printText(textOf(ofFrame, Layout::OneLine));
 }
 
 void Session::warn(const std::string& message)
@@ -138,7 +156,7 @@ void Session::writeReport()
 
 std::string Session::reportText() const
 {
-    return mReport.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+    return textOf(mReport, Layout::Lines);
 }
 
 } // namespace mpuvdb::command

@@ -70,6 +70,8 @@ public:
     void checkFiles(const std::vector<Output>& outputs, const std::vector<std::string>& inputs);
     /// Prints information for the user; nothing under --quiet.
     void note(const std::string& message);
+    /// Prints @a json on standard output: of a frame as one line, which has its number.
+    void printJson(const nlohmann::ordered_json& json) const;
     /// Prints a warning, and adds it to the report.
     void warn(const std::string& message);
     /// Prints the error that ends the run, and adds it to the report.
@@ -78,7 +80,7 @@ public:
     std::string timesText() const;
     /// Adds the stages to the report and writes it, if there is a file for it. @throws IoError.
     void writeReport();
-    /// The report as JSON. File names need not be UTF-8; JSON has to be.
+    /// The report as JSON.
     std::string reportText() const;
 
 private:

@@ -210,9 +210,10 @@ private:
         }
         session.report()["components"] = parts;
         if (mOutput == "-") return; // standard output is the grid's
-        printText(mJson          ? Json{{"components", parts}}.dump(2) + "\n"
-                  : text.empty() ? "no parts: the level set is empty\n"
-                                 : text);
+        if (mJson)
+            session.printJson({{"components", parts}});
+        else
+            printText(text.empty() ? "no parts: the level set is empty\n" : text);
     }
 
     std::string mInput, mOutput, mGrid;
