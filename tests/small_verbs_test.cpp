@@ -84,6 +84,16 @@ TEST_F(SmallVerbs, MergeKeepsGridsAndNamesThemByTheirFiles)
     EXPECT_FALSE(std::filesystem::exists(folder / "x.vdb"));
 }
 
+TEST_F(SmallVerbs, StatusTellsOfAJobThatIsNotDone)
+{
+    mpuvdb({"sample", "torus(1,0.4)", "-o", "ring.ply", "--points", "3000"});
+    mpuvdb({"plan", "ring.ply", "--job", "job", "--voxels", "40"});
+    const json status = json::parse(mpuvdb({"status", "job", "--json"}).out);
+    EXPECT_EQ(status["phase"], "fit");
+    EXPECT_EQ(status["done"], 0);
+    EXPECT_GT(status["tasks"], 0);
+}
+
 TEST_F(SmallVerbs, MergeLeavesAJobsInputsAlone)
 {
     mpuvdb({"sample", "torus(1,0.4)", "-o", "ring.ply", "--points", "3000"});
