@@ -371,6 +371,12 @@ TEST(QueriesTest, EmptyLevelSetsAndPlacesThatAreNotFinite)
     EXPECT_NEAR(distances[0], Ball(0.5).distance(places[0]), 1e-4);
     EXPECT_TRUE(std::isnan(distances[1]) && std::isnan(distances[2]));
     EXPECT_GT(distances[3], 1e299);
+    const Vec3d away = Vec3d(0.6, 0, 0.8);
+    const std::vector<Vec3d> veryFar = {1e10 * away, 1e20 * away, 1e300 * away, {nan, 0, 0}};
+    ball.closestPoints(veryFar, closest.data());
+    for (std::size_t n = 0; n < 3; ++n)
+        EXPECT_LT((closest[n] - Ball(0.5).center - away).norm(), 2e-3) << n;
+    EXPECT_TRUE(closest[3].array().isNaN().all());
     std::vector<std::uint8_t> inside(4);
     ball.contains(places, inside.data());
     EXPECT_EQ(inside, (std::vector<std::uint8_t>{1, 0, 0, 0}));

@@ -3,8 +3,12 @@
 #include "modelling_arguments.h"
 #include "run.h"
 
+#include <mpuvdb/error.h>
+
+#include <fmt/format.h>
 #include <pybind11/stl.h>
 
+#include <cstdint>
 #include <limits>
 
 namespace mpuvdb::python
@@ -127,16 +131,20 @@ void bindComponents(LevelSetClass& levelSets)
             "cubed)." MPUVDB_PROGRESS_DOC)
         .def(
             "keep_components",
-            [](const LevelSet& levelSet, double minVolume, std::optional<std::size_t> count,
+            [](const LevelSet& levelSet, double minVolume, std::optional<std::int64_t> count,
                const py::object& progress) {
-                const std::size_t most = count.value_or(std::numeric_limits<std::size_t>::max());
+                if (count && *count < 1)
+                    throw UsageError(fmt::format("count {}: must be at least 1", *count));
+                const auto most =
+                    std::size_t(count.value_or(std::numeric_limits<std::int64_t>::max()));
                 return runOn(levelSet, progress, "components", [&](Interrupter& p) {
                     return keepComponents(levelSet, minVolume, most, &p);
                 });
             },
             "min_volume"_a = 0.0, "count"_a = py::none(), "progress"_a = py::none(),
-            "The parts of at least min_volume (world units cubed), at most count of them, the "
-            "largest first." MPUVDB_PROGRESS_DOC);
+            "The parts of at least min_volume (world units cubed), at most count of them (at least "
+            "1), "
+            "the largest first." MPUVDB_PROGRESS_DOC);
 }
 
 } // namespace

@@ -143,7 +143,8 @@ py::object raycast(Source source, const py::object& origins, const py::object& d
     "Gradients (n, 3) of the signed distance at points: unit vectors from the nearest place of "   \
     "the surface outside, to it inside; on the surface its normals." MPUVDB_PLACES_DOC
 #define MPUVDB_CLOSEST_DOC                                                                         \
-    "The places (n, 3) of the surface that are nearest to points, world units." MPUVDB_PLACES_DOC
+    "The places (n, 3) of the surface that are nearest to points, world units. NaN for a point "   \
+    "that is not finite, or if there is no surface." MPUVDB_PLACES_DOC
 #define MPUVDB_CONTAINS_DOC "Whether points are inside: bool (n,)." MPUVDB_PLACES_DOC
 #define MPUVDB_RAYCAST_DOC                                                                         \
     "(hits, normals) of rays from origins (n, 3) along directions (n, 3) of any length: they "     \

@@ -234,6 +234,28 @@ public:
         return (place - mLattice.origin) / mLattice.voxelSize;
     }
 
+    /// Copies of @a places, of which those that are very far are drawn towards the level set: the
+    /// surface's nearest place is the same, but for roundings. None where none is as far.
+    std::vector<Vec3d> drawnNear(const NumberView& places) const
+    {
+        /// Distance, diagonals of the box. [derived: half of a double's bits. From there on all
+        /// places of a face across are equally far, but for roundings]
+        constexpr double kVeryFar = 0x1p26;
+        const Box3d box = mLevelSet.bounds();
+        if (box.isEmpty()) return {};
+        const double reach = kVeryFar * box.diagonal().norm();
+        std::vector<Vec3d> near;
+        for (std::size_t i = 0; i < places.rows; ++i) {
+            const Vec3d away = placeAt(places, i) - box.center();
+            const double farthest = away.cwiseAbs().maxCoeff();
+            if (!(farthest > reach) || !away.allFinite()) continue;
+            if (near.empty())
+                for (std::size_t n = 0; n < places.rows; ++n) near.push_back(placeAt(places, n));
+            near[i] = box.center() + reach * (away / farthest);
+        }
+        return near;
+    }
+
 private:
     struct Batch {
         const NumberView& places;
@@ -445,9 +467,12 @@ void Queries::distances(const NumberView& places, double* distances, Vec3d* grad
 void Queries::closestPoints(const NumberView& places, Vec3d* closest,
                             Interrupter* interrupter) const
 {
-    mAnswers->forEach<true>(places, orSilent(interrupter),
+    requireNumbers(places);
+    const std::vector<Vec3d> near = mAnswers->drawnNear(places);
+    const NumberView asked = near.empty() ? places : NumberView(near);
+    mAnswers->forEach<true>(asked, orSilent(interrupter),
                             [&](std::size_t i, double distance, const Vec3d& gradient) {
-                                closest[i] = placeAt(places, i) - distance * gradient;
+                                closest[i] = placeAt(asked, i) - distance * gradient;
                             });
 }
 

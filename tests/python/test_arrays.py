@@ -362,6 +362,9 @@ class LevelSets(ShapeTest):
         np.testing.assert_allclose(radii(parts[1][0].to_mesh(), (2, 0, 0)), 0.3, atol=5e-3)
         self.assertEqual(len(two.keep_components(count=1).components()), 1)
         self.assertEqual(len(two.keep_components(min_volume=0.2).components()), 1)
+        for count in (0, -1):
+            with self.assertRaisesRegex(ValueError, f"count {count}: must be at least 1"):
+                two.keep_components(count=count)
 
     def test_findings(self):
         values, origin = self.ball.to_numpy()
