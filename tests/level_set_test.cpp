@@ -377,6 +377,21 @@ TEST(Lattice, RefusesNonsense)
     EXPECT_THROW(latticeFor(Box3d(Vec3d(1e18, 0, 0), Vec3d(1e18, 1, 1)), 1), LimitError);
 }
 
+TEST(Lattice, IsWholeInCopiesOrRefused)
+{
+    constexpr double h = 0.03;
+    for (double far = 1e6; far < 1e9; far *= 1.37) {
+        const Box3d box(Vec3d(far, 0, 0), Vec3d(far + 1, 1, 1));
+        if (far / h < 8e9) {
+            const LevelSet made = emptyLevelSet(latticeFor(box, h), 3);
+            EXPECT_NEAR(LevelSet(made.grid().deepCopy()).voxelSize(), h, 1e-6 * h) << far;
+        } else {
+            EXPECT_THROW(latticeFor(box, h), LimitError) << far;
+            EXPECT_THROW(emptyLevelSet({box.min(), h}, 3), LimitError) << far;
+        }
+    }
+}
+
 TEST(SolidBounds, AreThoseOfTheSurface)
 {
     // In the band, above a corner, lies a voxel at a height t of two voxels or more and at most

@@ -28,6 +28,11 @@ void requireFiniteTiles(const openvdb::FloatGrid& grid)
     }
 }
 
+/// Distance from the origin, voxels. [derived: OpenVDB's copies of a transform, and its files, have
+/// the difference of places a voxel apart for the voxel size, rounded as the places are: by less
+/// than a millionth, which is what latticeOf() takes]
+constexpr double kMaxReach = std::int64_t(1) << 33;
+
 } // namespace
 
 std::optional<Lattice> latticeOf(const openvdb::math::Transform& transform)
@@ -69,6 +74,12 @@ void setLattice(openvdb::GridBase& grid, const Lattice& lattice)
 LevelSet emptyLevelSet(const Lattice& lattice, double halfWidth, const std::string& name)
 {
     requireVoxelSize(lattice.voxelSize);
+    const Vec3d& o = lattice.origin;
+    if (const double reach = o.cwiseAbs().maxCoeff() / lattice.voxelSize; !(reach < kMaxReach))
+        throw LimitError(fmt::format("voxel size {}: the origin ({:g}, {:g}, {:g}) is {:g} voxels "
+                                     "from the world's, more than {:g}, which transforms resolve. "
+                                     "Choose larger voxels, or move the model towards the origin",
+                                     lattice.voxelSize, o[0], o[1], o[2], reach, kMaxReach));
     requireHalfWidth(halfWidth);
     const auto grid = openvdb::FloatGrid::create(float(halfWidth * lattice.voxelSize));
     setLattice(*grid, lattice);
@@ -175,8 +186,6 @@ Lattice latticeFor(const Box3d& bounds, double voxelSize)
     /// eighth of a voxel. [derived: 24 significant bits]
     constexpr double kMaxAligned = 1 << 20;
     constexpr double kMaxHalfSize = 1 << 30; ///< half of the box, voxels [derived: range of int]
-    /// Distance from the origin, voxels. [derived: doubles there resolve 1/64 of a voxel]
-    constexpr double kMaxReach = std::int64_t(1) << 46;
     const double extent = bounds.min().cwiseAbs().cwiseMax(bounds.max().cwiseAbs()).maxCoeff();
     const double reach = extent / voxelSize;
     if (reach < kMaxAligned) return {Vec3d::Zero(), voxelSize};
@@ -184,7 +193,8 @@ Lattice latticeFor(const Box3d& bounds, double voxelSize)
     if (!(halfSize < kMaxHalfSize && reach < kMaxReach))
         throw LimitError(fmt::format(
             "voxel size {}: the box reaches {:g} voxels from the origin and is {:g} across, more "
-            "than indices and doubles resolve. Choose larger voxels, or move the model towards the "
+            "than indices and transforms resolve. Choose larger voxels, or move the model towards "
+            "the "
             "origin",
             voxelSize, reach, 2 * halfSize));
     const double step = 8 * voxelSize;

@@ -285,6 +285,9 @@ class Dense(ShapeTest):
             mv.LevelSet.from_numpy(np.full((4, 4, 4), np.nan), (0, 0, 0), 1)
         with self.assertRaises(mv.UsageError):
             mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, 0, 0), 0)
+        for far in (1e10, 1e30):
+            with self.assertRaisesRegex(mv.LimitError, "from the world's"):
+                mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, far, 0), 0.05)
         for half_width in (1, 2000, float("nan")):
             with self.assertRaisesRegex(mv.UsageError, "half-width"):
                 mv.LevelSet.from_numpy(np.ones((4, 4, 4)), (0, 0, 0), 1, half_width=half_width)
