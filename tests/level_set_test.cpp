@@ -374,6 +374,7 @@ TEST(Lattice, RefusesNonsense)
     EXPECT_THROW(latticeFor(Box3d(), 1), InputError);
     EXPECT_THROW(latticeFor(Box3d(Vec3d::Zero(), Vec3d(1, 1, infinity)), 1), InputError);
     EXPECT_THROW(latticeFor(unit, 1e-12), LimitError);
+    EXPECT_THROW(latticeFor(unit, 1e19), LimitError);
     EXPECT_THROW(latticeFor(Box3d(Vec3d(1e18, 0, 0), Vec3d(1e18, 1, 1)), 1), LimitError);
 }
 

@@ -205,7 +205,14 @@ TEST_F(MeshFormatsTest, WhatIsWrongIsRefusedBeforeAFileAppears)
     EXPECT_THROW(write("m.ply", mesh), UsageError);
     EXPECT_THROW(write("m.usda", tetrahedron(0), {UpAxis::Y, 0}), UsageError);
     EXPECT_THROW(write("m.fbx", tetrahedron(0)), UsageError);
-    for (const char* name : {"m.glb", "m.ply", "m.usda", "m.fbx"})
+    for (const float far : {std::numeric_limits<float>::infinity(), std::nanf("")}) {
+        mesh = tetrahedron(0);
+        mesh.positions[1][2] = far;
+        for (const char* name : {"m.glb", "m.ply", "m.usda", "m.obj", "m.off", "m.stl"})
+            EXPECT_THROW(write(name, mesh), InputError) << name;
+    }
+    EXPECT_THROW(write("m.ply", tetrahedron(1e39)), InputError);
+    for (const char* name : {"m.glb", "m.ply", "m.usda", "m.fbx", "m.obj", "m.off", "m.stl"})
         EXPECT_FALSE(std::filesystem::exists(path(name))) << name;
 }
 

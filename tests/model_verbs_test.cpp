@@ -302,6 +302,18 @@ TEST_F(ModelVerbs, NothingIsInsideAtTheLargestValue)
     EXPECT_NE(ended.err.find("its largest value is 1"), std::string::npos) << ended.err;
 }
 
+TEST_F(ModelVerbs, WhatFloatsDoNotHoldIsRefused)
+{
+    command({"transform", "ball.vdb", "-o", "large.vdb", "--scale", "1e18", "--with-voxels"});
+    command({"mesh", "large.vdb", "-o", "large.ply"});
+    for (const char* const scale : {"1e30", "1e40"}) {
+        const Ended ended =
+            command({"transform", "ball.vdb", "-o", "x.vdb", "--scale", scale, "--with-voxels"}, 5);
+        EXPECT_NE(ended.err.find("Scale the model"), std::string::npos) << ended.err;
+    }
+    EXPECT_FALSE(fs::exists(folder / "x.vdb"));
+}
+
 TEST_F(ModelVerbs, FarAwayIsAsGoodAPlaceAsAny)
 {
     command({"transform", "ball.vdb", "-o", "far.vdb", "--translate", "7e5,0,-3e6"});

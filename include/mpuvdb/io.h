@@ -79,7 +79,7 @@ struct SceneSettings {
 /// but STL have colors (linear in GLB and USDA, else sRGB); PLY, GLB ("_NAME") and USDA
 /// ("primvars:NAME") have scalars.
 /// @throws UsageError (another extension, attributes of another number, settings out of range),
-/// LimitError (more than the format can hold: 4 GiB for GLB), IoError, Interrupted.
+/// InputError (places that floats do not hold), LimitError (GLB over 4 GiB), IoError, Interrupted.
 void writeMesh(const std::filesystem::path& file, const Mesh& mesh, const SceneSettings& scene = {},
                Interrupter* interrupter = nullptr);
 

@@ -166,6 +166,8 @@ void requireVoxelSize(double voxelSize)
     /// Smallest voxel size, world units. [derived: cube root of the determinant 3e-15, at which
     /// OpenVDB takes a transform for singular]
     constexpr double kMinVoxelSize = 1.5e-5;
+    /// Largest voxel size, world units. [derived: floats hold the square of a length of 18 voxels]
+    constexpr double kMaxVoxelSize = 1e18;
     if (!(voxelSize > 0) || !std::isfinite(voxelSize))
         throw UsageError(
             fmt::format("voxel size {}: must be a positive number of world units", voxelSize));
@@ -174,6 +176,11 @@ void requireVoxelSize(double voxelSize)
                                      "singular. Scale the model, for example from meters to "
                                      "millimeters, or choose larger voxels",
                                      voxelSize, kMinVoxelSize));
+    if (voxelSize > kMaxVoxelSize)
+        throw LimitError(fmt::format("voxel size {:.3g}: above {:g} floats do not hold the squares "
+                                     "of lengths. Scale the model, for example from meters to "
+                                     "kilometers",
+                                     voxelSize, kMaxVoxelSize));
 }
 
 Lattice latticeFor(const Box3d& bounds, double voxelSize)

@@ -19,7 +19,7 @@ void setLattice(openvdb::GridBase& grid, const Lattice& lattice);
 void requireUniformVoxels(const openvdb::GridBase& grid);
 
 /// @throws UsageError unless @a voxelSize (world units) is positive and finite, LimitError below
-/// 1.5e-5: OpenVDB takes transforms whose determinant is below 3e-15 for singular.
+/// 1.5e-5, whose transforms OpenVDB takes for singular, and above 1e18, where floats overflow.
 void requireVoxelSize(double voxelSize);
 
 } // namespace mpuvdb

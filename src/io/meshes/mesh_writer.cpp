@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace mpuvdb
 {
@@ -33,6 +34,19 @@ void requireAttributes(const Mesh& mesh)
     };
     if (!mesh.colors.empty()) require(mesh.colors.size(), "color");
     for (const NamedScalars& scalars : mesh.scalars) require(scalars.values.size(), scalars.name);
+}
+
+/// @throws InputError where the place of a vertex is none that floats hold.
+void requirePlaces(const Mesh& mesh, const std::string& name)
+{
+    const double largest = std::numeric_limits<float>::max();
+    for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+        const Vec3d place = mesh.world(v);
+        if (place.cwiseAbs().maxCoeff() <= largest && place.allFinite()) continue;
+        throw InputError(fmt::format("{}: vertex {} is at ({:g}, {:g}, {:g}), which floats do not "
+                                     "hold. Scale the mesh, or the solid that it is made of",
+                                     name, v, place[0], place[1], place[2]));
+    }
 }
 
 } // namespace
@@ -74,6 +88,7 @@ void writeMesh(const std::filesystem::path& file, const Mesh& mesh, const SceneS
                                      fmt::join(meshExtensions(), ", "), extension));
     requireScene(scene);
     requireAttributes(mesh);
+    requirePlaces(mesh, file.string());
     progress.beginStage("write mesh", double(mesh.positions.size() + mesh.triangles.size()));
     const MeshJob job{mesh, scene, file.string(), progress};
     writeStream(file, [&](OutputBuffer& out) { format->write(job, out); });
