@@ -521,6 +521,19 @@ TEST_F(CommandTest, MeshTellsOfSignsThatDisagree)
     EXPECT_EQ(turned.status, 4) << turned.err;
     EXPECT_NE(turned.err.find("without a band of distances"), std::string::npos) << turned.err;
     EXPECT_EQ(mpuvdb({"offset", "turned.vdb", "-o", "b.vdb", "--distance", "0.1"}).status, 3);
+    // A tenth of the radius lacks its band, and with it 5 % of the surface: distances enough for
+    // operations, but not those of its mesh.
+    const auto part = openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(1, {}, 0.1f);
+    part->setName("surface");
+    for (auto v = part->beginValueOn(); v; ++v)
+        if (v.getCoord().x() > 9) v.setValueOff();
+    openvdb::io::File(mFolder / "part.vdb").write({part});
+    for (const Words& words :
+         {Words{"mesh", "part.vdb", "-o", "c.ply"}, Words{"slice", "part.vdb", "-o", "c.svg"}}) {
+        const Ended ended = mpuvdb(words);
+        EXPECT_EQ(ended.status, 4) << words[0];
+        EXPECT_NE(ended.err.find("without a band of distances"), std::string::npos) << ended.err;
+    }
 }
 
 TEST_F(CommandTest, MeshAndRenderWriteTheirFormats)

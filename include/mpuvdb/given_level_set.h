@@ -23,14 +23,14 @@ class Interrupter;
 LevelSet levelSetFromGrid(const openvdb::FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
                           Interrupter* interrupter = nullptr);
 
-/// What is wrong, for the user, where more than one in ten faces between inside and outside lie
-/// beside an inactive voxel or tile, where there is no distance; else empty. @throws Interrupted.
+/// What is wrong, for the user, where faces between inside and outside lie beside an inactive voxel
+/// or tile, where there is no distance; else empty. @throws Interrupted.
 std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
 
 /// Require that the values of @a levelSet are roughly distances; check() is stricter.
 /// @param cure  last sentence of the error's text: how to make distances of them.
 /// @throws InputError if the median slope beside the zero set, where a distance has 1, is outside
-/// [2/3, 3/2], or if missingBand() finds something; Interrupted.
+/// [2/3, 3/2], or if missingBand() finds more than one in ten faces; Interrupted.
 void requireDistances(const LevelSet& levelSet, const std::string& cure,
                       Interrupter* interrupter = nullptr);
 

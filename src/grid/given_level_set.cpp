@@ -359,6 +359,15 @@ Faces facesOf(const FloatGrid& grid, const Interrupter& progress)
     return faces;
 }
 
+std::string openFacesText(const LevelSet& levelSet, const Faces& faces)
+{
+    return fmt::format(
+        "grid '{}': inside meets outside without a band of distances between them, at {} of {} "
+        "faces (first at voxel {}, {}, {})",
+        levelSet.grid().getName(), faces.open, faces.all, faces.first.x(), faces.first.y(),
+        faces.first.z());
+}
+
 } // namespace
 
 LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::string>& notes,
@@ -402,15 +411,8 @@ LevelSet levelSetFromGrid(const FloatGrid::ConstPtr& grid, std::vector<std::stri
 
 std::string missingBand(const LevelSet& levelSet, Interrupter* interrupter)
 {
-    /// Share of faces that may be beside inactive voxels. [tuned: given_level_set_test]
-    constexpr double kMaxOpen = 0.1;
-    const FloatGrid& grid = levelSet.grid();
-    const Faces faces = facesOf(grid, orSilent(interrupter));
-    if (double(faces.open) <= kMaxOpen * double(faces.all)) return {};
-    return fmt::format(
-        "grid '{}': inside meets outside without a band of distances between them, at {} of {} "
-        "faces (first at voxel {}, {}, {})",
-        grid.getName(), faces.open, faces.all, faces.first.x(), faces.first.y(), faces.first.z());
+    const Faces faces = facesOf(levelSet.grid(), orSilent(interrupter));
+    return faces.open > 0 ? openFacesText(levelSet, faces) : std::string();
 }
 
 void requireDistances(const LevelSet& levelSet, const std::string& cure, Interrupter* interrupter)
@@ -419,6 +421,8 @@ void requireDistances(const LevelSet& levelSet, const std::string& cure, Interru
     /// Median slopes of distances, as far as they may be filtered or moved elsewhere. [derived: an
     /// offset errs by half of its distance at most]
     constexpr double kMinSlope = 2.0 / 3, kMaxSlope = 1.5;
+    /// Share of faces that may be beside inactive voxels. [tuned: given_level_set_test]
+    constexpr double kMaxOpen = 0.1;
     const FloatGrid& grid = levelSet.grid();
     const double slope = medianSlope(grid, levelSet.voxelSize(), progress);
     if (!(slope >= kMinSlope && slope <= kMaxSlope))
@@ -427,8 +431,9 @@ void requireDistances(const LevelSet& levelSet, const std::string& cure, Interru
                         "the surface they change by {:.3g} per unit, where a distance "
                         "changes by 1. {}",
                         grid.getName(), slope, cure));
-    const std::string missing = missingBand(levelSet, &progress);
-    if (!missing.empty()) throw InputError(fmt::format("{}. {}", missing, cure));
+    const Faces faces = facesOf(grid, progress);
+    if (double(faces.open) > kMaxOpen * double(faces.all))
+        throw InputError(fmt::format("{}. {}", openFacesText(levelSet, faces), cure));
 }
 
 } // namespace mpuvdb
