@@ -321,6 +321,7 @@ private:
         const PointCells cells(mIndex, sideForOutliers(statistics), mProgress);
         const std::vector<Tally> tallies = tally(cells, statistics.spacing);
         std::vector<std::uint32_t> weights;
+        weights.reserve(tallies.size());
         for (const Tally& t : tallies) weights.push_back(t.weight());
         CellGroups groups(cells, std::move(weights), mProgress);
         std::vector<std::uint32_t> asked;
