@@ -2,6 +2,7 @@
 #include "solid_level_set.h"
 
 #include <fmt/format.h>
+#include <openvdb/tools/Composite.h>
 
 #include <cmath>
 
@@ -79,6 +80,26 @@ TEST(Components, FarApartKeepTheirValuesToTheBit)
         active += part.levelSet.grid().activeVoxelCount();
     }
     EXPECT_EQ(active, both.grid().activeVoxelCount());
+}
+
+/// A thin wall beside a ball: where the ball is gone distances are made anew, the wall's own stay.
+TEST(Components, ThinWallsKeepTheirValues)
+{
+    const LevelSet wall = solidLevelSet("rotate(box(2,2,0.05),1,2,3,40)", 0.05);
+    const LevelSet ball = solidLevelSet("translate(sphere(0.2),0,0,0.35)", 0.05);
+    const auto either = wall.grid().deepCopy();
+    openvdb::tools::csgUnion(*either, *ball.grid().deepCopy());
+    const LevelSet both(either);
+    const auto parts = componentsOf(both);
+    ASSERT_EQ(parts.size(), 2u);
+    EXPECT_NEAR(parts[0].volume, measured(wall).volume, 0.01 * measured(wall).volume);
+    EXPECT_EQ(parts[0].genus, 0);
+    std::uint64_t same = 0;
+    const auto now = parts[0].levelSet.grid().getConstAccessor();
+    for (auto on = wall.grid().cbeginValueOn(); on; ++on)
+        same += now.getValue(on.getCoord()) == *on;
+    // The ball's half of the bands' overlap is a twentieth of the wall's band.
+    EXPECT_GT(double(same), 0.9 * double(wall.grid().activeVoxelCount()));
 }
 
 TEST(Components, NearToEachOtherGetDistancesOfTheirOwn)

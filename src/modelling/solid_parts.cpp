@@ -6,6 +6,7 @@
 #include <mpuvdb/operations.h>
 
 #include <openvdb/tools/Composite.h>
+#include <openvdb/tools/Morphology.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -272,15 +273,12 @@ void SolidParts::fill(const std::vector<Tile>& tiles, FloatTree& tree)
     for (const Tile& tile : tiles) tree.addTile(tile.level, tile.origin, -tree.background(), false);
 }
 
-/// The pieces of a region that the bands of some of its parts reach.
+/// The pieces of a region in leaves up to @a distance voxels from some of its parts.
 std::vector<SolidParts::Piece> SolidParts::piecesNear(const std::vector<std::uint32_t>& parts,
-                                                      const Region& region,
+                                                      const Region& region, double distance,
                                                       Interrupter& progress) const
 {
-    // Voxels that restored bands read beyond their own. [derived: as LinearMorph: neighbors, and
-    // one for rounding]
-    constexpr double kMargin = 2;
-    const int reach = (int(std::ceil(mLevelSet.halfWidth() + kMargin)) + kLeaf - 1) / kLeaf;
+    const int reach = (int(std::ceil(distance)) + kLeaf - 1) / kLeaf;
     std::vector<bool> isNear(mLeaves.size(), false);
     for (const std::uint32_t part : parts)
         for (const Piece& piece : mParts[part].pieces) {
@@ -299,12 +297,57 @@ std::vector<SolidParts::Piece> SolidParts::piecesNear(const std::vector<std::uin
     return near;
 }
 
+/// The voxels of @a pieces that are removed: outside in @a broken, inside before.
+openvdb::MaskTree SolidParts::removedOf(const std::vector<Piece>& pieces,
+                                        const FloatTree& broken) const
+{
+    openvdb::MaskTree removed;
+    const openvdb::tree::ValueAccessor<const FloatTree> now(broken);
+    for (const Piece& piece : pieces) {
+        const Leaf& from = *mLeaves[piece.leaf];
+        forEachVoxel(piece.voxels, [&](openvdb::Index voxel) {
+            if (from.getValue(voxel) < 0 && !(now.getValue(from.offsetToGlobalCoord(voxel)) < 0))
+                removed.touchLeaf(from.origin())->setValueOn(voxel);
+        });
+    }
+    return removed;
+}
+
+/// Set the values of active voxels of @a pieces as they were, where no part of @a removed is as
+/// near: its surface is up to a voxel from its voxels.
+void SolidParts::takeBack(const std::vector<Piece>& pieces, openvdb::MaskTree removed,
+                          FloatTree& tree) const
+{
+    const auto perVoxel = float(1 / mLevelSet.voxelSize());
+    for (int nearer = 0; nearer < mLevelSet.halfWidth(); ++nearer) { // voxels, up to one more
+        openvdb::tools::dilateActiveValues(removed, 1, openvdb::tools::NN_FACE_EDGE_VERTEX,
+                                           openvdb::tools::EXPAND_TILES);
+        for (const Piece& piece : pieces) {
+            const Leaf& from = *mLeaves[piece.leaf];
+            Leaf& to = *tree.touchLeaf(from.origin());
+            const auto* const except = removed.probeConstLeaf(from.origin());
+            forEachVoxel(piece.voxels, [&](openvdb::Index voxel) {
+                const float v = from.getValue(voxel);
+                if (from.isValueOn(voxel) && int(std::abs(v) * perVoxel) == nearer &&
+                    !(except && except->isValueOn(voxel)))
+                    to.setValueOn(voxel, v);
+            });
+        }
+    }
+}
+
 LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Interrupter& progress) const
 {
     std::map<std::uint32_t, std::vector<std::uint32_t>> byRegion;
     for (const std::uint32_t part : chosen) byRegion[mParts[part].region].push_back(part);
     const auto whole = openvdb::gridPtrCast<FloatGrid>(mLevelSet.grid().copyGridWithNewTree());
     const FloatGrid::Ptr broken = whole->deepCopy();
+    // Voxels that restored bands read beyond their own. [derived: as LinearMorph: neighbors, and
+    // one for rounding]
+    constexpr double kMargin = 2;
+    const double halfWidth = mLevelSet.halfWidth();
+    // In and about the bands of chosen parts, and what may be nearest to these leaves' voxels.
+    std::vector<Piece> near, around;
     for (const auto& [index, parts] : byRegion) {
         const Region& region = mRegions[index];
         if (parts.size() == region.parts) {
@@ -313,16 +356,21 @@ LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Interrupt
             continue;
         }
         // Removed parts become outside: their values are wrong, but change smoothly near the rest.
-        copy(piecesNear(parts, region, progress), Side::Outside, broken->tree(), progress);
+        const std::vector<Piece> some = piecesNear(parts, region, halfWidth + kMargin, progress);
+        copy(some, Side::Outside, broken->tree(), progress);
+        near.insert(near.end(), some.begin(), some.end());
+        const auto more = piecesNear(parts, region, 2 * halfWidth + kMargin + kLeaf + 1, progress);
+        around.insert(around.end(), more.begin(), more.end());
         for (const std::uint32_t part : parts) {
             copy(mParts[part].pieces, Side::AsIs, broken->tree(), progress);
             fill(mParts[part].tiles, broken->tree());
         }
     }
     if (broken->tree().empty()) return LevelSet(whole);
-    LevelSet restored = redistance(*broken, mLevelSet.halfWidth(), &progress);
-    if (whole->tree().empty()) return restored;
-    openvdb::tools::csgUnion(*whole, *restored.grid().deepCopy());
+    const FloatGrid::Ptr made = redistance(*broken, halfWidth, &progress).grid().deepCopy();
+    takeBack(near, removedOf(around, broken->tree()), made->tree());
+    if (whole->tree().empty()) return LevelSet(made);
+    openvdb::tools::csgUnion(*whole, *made);
     return LevelSet(whole);
 }
 

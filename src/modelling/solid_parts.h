@@ -46,7 +46,7 @@ public:
     SolidParts(const LevelSet& levelSet, Interrupter& progress);
 
     const std::vector<Part>& parts() const { return mParts; }
-    /// The solid of @a chosen parts alone: values as they are where no part of a region is missing,
+    /// The solid of @a chosen parts alone: values as they are where no removed part can be nearest,
     /// else distances to the chosen ones. Time is proportional to their size. @throws Interrupted.
     LevelSet extract(const std::vector<std::uint32_t>& chosen, Interrupter& progress) const;
 
@@ -61,7 +61,11 @@ private:
     void findTiles();
     std::uint32_t tileAt(const openvdb::Coord& at) const;
     std::vector<Piece> piecesNear(const std::vector<std::uint32_t>& parts, const Region& region,
-                                  Interrupter& progress) const;
+                                  double distance, Interrupter& progress) const;
+    openvdb::MaskTree removedOf(const std::vector<Piece>& pieces,
+                                const openvdb::FloatTree& broken) const;
+    void takeBack(const std::vector<Piece>& pieces, openvdb::MaskTree removed,
+                  openvdb::FloatTree& tree) const;
     enum class Side { AsIs, Outside };
     void copy(const std::vector<Piece>& pieces, Side side, openvdb::FloatTree& tree,
               Interrupter& progress) const;

@@ -124,18 +124,20 @@ Vec3d CellFans::middleOf(const LeafWindow& window, const Vec3i& base, const Cros
     }
     const Vec3d corner = base.cast<double>();
     mean = mean / count - corner;
-    if (bends) {
-        Quadric quadric(mean);
-        for (unsigned edges = sheets.edges[sheet]; edges; edges &= edges - 1) {
-            const SurfaceVertex& vertex = crossings.on[std::size_t(__builtin_ctz(edges))].vertex;
-            const EdgePlane plane = planeThrough(window, vertex.from, vertex.axis);
-            quadric.add(plane.normal, plane.point - corner, plane.weight);
-        }
-        mean = quadric.minimum(0, kMinEigenvalue).place;
-    } else if (sheets.count == 1) { // of several none is the values' zero alone
-        mean = ontoZero(window, base, mean);
+    // Of several sheets none is the values' zero alone.
+    const Vec3d smooth = sheets.count == 1 ? ontoZero(window, base, mean) : mean;
+    if (!bends) return corner + smooth;
+    Quadric quadric(mean);
+    double weights = 0;
+    for (unsigned edges = sheets.edges[sheet]; edges; edges &= edges - 1) {
+        const SurfaceVertex& vertex = crossings.on[std::size_t(__builtin_ctz(edges))].vertex;
+        const EdgePlane plane = planeThrough(window, vertex.from, vertex.axis);
+        quadric.add(plane.normal, plane.point - corner, plane.weight);
+        weights += plane.weight;
     }
-    return corner + mean;
+    // Of a surface that curves as strongly as this planes have little weight.
+    const Vec3d sharp = quadric.minimum(0, kMinEigenvalue).place;
+    return corner + smooth + weights / count * (sharp - smooth);
 }
 
 CellFans::CellFans(const LeafWindow& window, const Vec3i& base, const JoinedFaces& faces,
