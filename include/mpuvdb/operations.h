@@ -163,8 +163,8 @@ struct SolidMeasures {
     /// @}
 };
 
-/// Measures a solid; second order in the voxel size but for thickness, where it is smooth: along
-/// sharp edges the area lacks 0.3 voxels times their length. @throws Interrupted.
+/// Measures a solid; second order in the voxel size but for thickness: along sharp edges the area
+/// lacks up to 0.3 voxels times their length, where these leave cells. @throws Interrupted.
 SolidMeasures measure(const LevelSet& levelSet, Interrupter* interrupter = nullptr);
 
 } // namespace mpuvdb
