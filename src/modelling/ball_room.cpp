@@ -134,13 +134,13 @@ BallRoom::Feet BallRoom::feetOf(const Coord& voxel) const
 }
 
 /// What the ball meets that touches the union's place which is nearest to a voxel.
-Contact BallRoom::contactFor(const Coord& voxel) const
+BallContact BallRoom::contactFor(const Coord& voxel) const
 {
     const Feet feet = feetOf(voxel);
     const bool isA = feet.distanceA < feet.distanceB;
     const PatchTree::Near& near = isA ? feet.a : feet.b;
-    if (std::min(feet.distanceA, feet.distanceB) >= mRadius) return Contact::Free;
-    if (!near.isFound()) return Contact::Unknown;
+    if (std::min(feet.distanceA, feet.distanceB) >= mRadius) return BallContact::Free;
+    if (!near.isFound()) return BallContact::Unknown;
     const Vec3f p = placeOf(voxel);
     return isA ? mA->contactAt(near, p, feet.distanceA, *mB)
                : mB->contactAt(near, p, feet.distanceB, *mA);
@@ -153,7 +153,7 @@ float BallRoom::hollowAt(const Coord& voxel) const
     const Vec3f p = placeOf(voxel);
     const auto roomOf = [&](const RolledSurface& one, const PatchTree::Near& near, float distance) {
         const float nearest = mRadius - distance;
-        if (!near.isFound() || one.contactAt(near.patch) != Contact::Own) return nearest;
+        if (!near.isFound() || one.contactAt(near.patch) != BallContact::Own) return nearest;
         return std::max(nearest, one.roomDistance(p, mFarthest));
     };
     return std::max(roomOf(*mA, feet.a, feet.distanceA), roomOf(*mB, feet.b, feet.distanceB)) -
@@ -173,9 +173,9 @@ std::optional<BallRoom::Fill> BallRoom::fillAt(const Coord& voxel, float sharp) 
     if (!isPlain && path.isBeside) least -= kNearerFace;
     if (!(mRadius - distance < least)) return {};
     if (!isPlain) {
-        const Contact contact = contactFor(voxel);
-        if (contact == Contact::Unknown || contact == Contact::Free) return {};
-        if (contact == Contact::Own && !path.isBeside) least -= kNearerFace;
+        const BallContact contact = contactFor(voxel);
+        if (contact == BallContact::Unknown || contact == BallContact::Free) return {};
+        if (contact == BallContact::Own && !path.isBeside) least -= kNearerFace;
     }
     const float hollow = mA->hasHollows() || mB->hasHollows() ? hollowAt(voxel) : 0;
     const float value = mRadius - distance + hollow;
@@ -211,7 +211,7 @@ BallRoom::Whole BallRoom::wholeLeaf(const Coord& origin) const
     if (path + kHalfLeaf + 1 <= mRadius - mHalfWidth) return Whole::Kept;
     const bool isFull = faceDistance(p, path) - kHalfLeaf - 1 >= mRadius + mHalfWidth &&
                         !mA->hasHollows() && !mB->hasHollows() &&
-                        contactFor(middle) == Contact::Other;
+                        contactFor(middle) == BallContact::Other;
     return isFull ? Whole::Full : Whole::Neither;
 }
 

@@ -46,7 +46,7 @@ private:
 
     Vec3f placeOf(const openvdb::Coord& voxel) const;
     Feet feetOf(const openvdb::Coord& voxel) const;
-    Contact contactFor(const openvdb::Coord& voxel) const;
+    BallContact contactFor(const openvdb::Coord& voxel) const;
     float hollowAt(const openvdb::Coord& voxel) const;
     bool isBehindFace(const Vec3f& p, float distance) const;
     float faceDistance(const Vec3f& p, float most) const;

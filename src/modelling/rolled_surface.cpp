@@ -39,7 +39,7 @@ void RolledSurface::roll(const RolledSurface& other, float halfWidth, std::vecto
                          std::vector<Coord>& unreached, Interrupter& progress)
 {
     constexpr std::size_t kGrain = 256; // [free: grain size]
-    mContacts.assign(mPatches.patches.size(), Contact::Unknown);
+    mContacts.assign(mPatches.patches.size(), BallContact::Unknown);
     std::vector<Ball> balls = gatherParallel<Ball>(
         mPatches.patches.size(), kGrain, progress,
         [&](std::size_t n, std::vector<Ball>& found) { addBalls(std::uint32_t(n), found); });
@@ -48,9 +48,9 @@ void RolledSurface::roll(const RolledSurface& other, float halfWidth, std::vecto
     for (const Ball& ball : balls) {
         const Coord voxel = mPatches.patches[ball.patch].voxel;
         // At an edge, where several balls touch: the one that meets least.
-        Contact& contact = mContacts[ball.patch];
-        if (contact == Contact::Unknown || ball.contact < contact) contact = ball.contact;
-        if (ball.contact == Contact::Own) {
+        BallContact& contact = mContacts[ball.patch];
+        if (contact == BallContact::Unknown || ball.contact < contact) contact = ball.contact;
+        if (ball.contact == BallContact::Own) {
             mHasHollows = true;
             mIsTooNarrow |= std::abs(other.valueAt(voxel)) < kBesideCrease;
             continue;
@@ -58,7 +58,7 @@ void RolledSurface::roll(const RolledSurface& other, float halfWidth, std::vecto
         mRoom.positions.push_back(ball.center);
         mRoom.normals.push_back(ball.normal);
         if (std::abs(ball.gap) < ball.spacing) seeds.push_back(ball.center);
-        if (ball.contact == Contact::Free) {
+        if (ball.contact == BallContact::Free) {
             mFree.positions.push_back(ball.center);
             mFree.normals.push_back(ball.normal);
         } else if (other.valueAt(voxel) > -halfWidth) {
@@ -155,28 +155,28 @@ void RolledSurface::addBall(std::uint32_t patch, const Vec3f& normal, float spac
                             std::vector<Ball>& balls) const
 {
     balls.push_back(
-        {patch, mTree->footOf(patch) + mRadius * normal, normal, spacing, Contact::Unknown, 0});
+        {patch, mTree->footOf(patch) + mRadius * normal, normal, spacing, BallContact::Unknown, 0});
 }
 
 /// @param gap  becomes the distance to the other solid, below 0 where the ball would meet it; not
 /// where it would meet its own.
-Contact RolledSurface::meet(const RolledSurface& other, const Ball& ball, float& gap) const
+BallContact RolledSurface::meet(const RolledSurface& other, const Ball& ball, float& gap) const
 {
     if (holds(ball.center) || mTree->isWithin(ball.center, mRadius - kRoughness))
-        return Contact::Own;
+        return BallContact::Own;
     const float distance = other.mTree->nearest(ball.center, mRadius + ball.spacing).distance;
     gap = (other.holds(ball.center) ? -distance : distance) - mRadius;
-    return gap < 0 ? Contact::Other : Contact::Free;
+    return gap < 0 ? BallContact::Other : BallContact::Free;
 }
 
-Contact RolledSurface::contactAt(const PatchTree::Near& near, const Vec3f& p, float distance,
-                                 const RolledSurface& other) const
+BallContact RolledSurface::contactAt(const PatchTree::Near& near, const Vec3f& p, float distance,
+                                     const RolledSurface& other) const
 {
     /// The distance, voxels, from which on the direction from the surface is its normal. [derived:
     /// places err by hundredths of a voxel]
     constexpr float kLeastDistance = 0.5f;
-    const Contact any = mContacts[near.patch];
-    if (any == Contact::Unknown) return any;
+    const BallContact any = mContacts[near.patch];
+    if (any == BallContact::Unknown) return any;
     Vec3f normal = mSolid.side * mPatches.patches[near.patch].normal;
     if (std::abs(distance) > kLeastDistance)
         normal = (p - near.place) / distance;

@@ -18,7 +18,7 @@ struct BallSolid {
 };
 
 /// What a ball meets that touches a surface.
-enum class Contact : std::uint8_t {
+enum class BallContact : std::uint8_t {
     Unknown, ///< far from the other solid
     Free,    ///< nothing else
     Other,   ///< the other solid
@@ -47,11 +47,11 @@ public:
     const PatchTree& tree() const { return *mTree; }
     /// What the ball meets that touches a patch; at an edge or a corner the ball of all those that
     /// meets least.
-    Contact contactAt(std::uint32_t patch) const { return mContacts[patch]; }
+    BallContact contactAt(std::uint32_t patch) const { return mContacts[patch]; }
     /// What the ball meets that touches the surface at the nearest place to @a p. @param distance
     /// to it, negative in the solid.
-    Contact contactAt(const PatchTree::Near& near, const Vec3f& p, float distance,
-                      const RolledSurface& other) const;
+    BallContact contactAt(const PatchTree::Near& near, const Vec3f& p, float distance,
+                          const RolledSurface& other) const;
     /// Where the ball touches nothing but this: centers, and normals of the surface.
     const Places& free() const { return mFree; }
     /// Whether the ball does not fit into a hollow beside the other's surface.
@@ -74,7 +74,7 @@ private:
         std::uint32_t patch;
         Vec3f center, normal;
         float spacing; ///< of centers of balls at neighboring patches
-        Contact contact;
+        BallContact contact;
         float gap; ///< to the other solid; below 0 where the ball would meet it
     };
 
@@ -83,14 +83,14 @@ private:
     void addBall(std::uint32_t patch, const Vec3f& normal, float spacing,
                  std::vector<Ball>& balls) const;
     Vec3f outwards(const SurfaceFacet& facet, std::size_t half) const;
-    Contact meet(const RolledSurface& other, const Ball& ball, float& gap) const;
+    BallContact meet(const RolledSurface& other, const Ball& ball, float& gap) const;
 
     BallSolid mSolid;
     float mScale, mRadius;
     std::vector<openvdb::Coord> mNear;
     SurfacePatches mPatches;
     std::unique_ptr<PatchTree> mTree;
-    std::vector<Contact> mContacts; ///< by patch
+    std::vector<BallContact> mContacts; ///< by patch
     Places mFree, mRoom; ///< mRoom: also of balls that meet the other solid; in its tree's order
     std::unique_ptr<PlaceTree> mRoomTree;
     bool mIsTooNarrow = false, mHasHollows = false;

@@ -1,6 +1,6 @@
 #include "sheet_vertex.h"
 
-#include "quadric.h"
+#include "quadratic_error.h"
 
 #include <algorithm>
 #include <cmath>
@@ -147,10 +147,10 @@ public:
         ++mCount;
     }
     int count() const { return mCount; }
-    const Quadric& quadric() const { return mQuadric; }
+    const QuadraticError& quadric() const { return mQuadric; }
 
 private:
-    Quadric mQuadric;
+    QuadraticError mQuadric;
     int mCount = 0;
 };
 
@@ -352,7 +352,7 @@ bool SheetPlacer::liesOnFold(const Vec3i& at, const Crossings& crossings)
     }
     Planes planes(crossings.mean);
     addGridPlanes(at, crossings, planes);
-    const Quadric::Minimum fold = planes.quadric().minimum(kOutsideCell, kMinFaceEigenvalue);
+    const QuadraticError::Minimum fold = planes.quadric().minimum(kOutsideCell, kMinFaceEigenvalue);
     const Vec3d middle = Vec3d::Constant(0.5);
     const Vec3d nearest = fold.place + fold.free * (middle - fold.place);
     return fold.rank > 1 && (nearest - middle).cwiseAbs().maxCoeff() <= 0.5;
@@ -380,7 +380,7 @@ SheetVertex SheetPlacer::place(const Vec3i& at, const DualCell& cell, int sheet,
             // Obtuse folds move vertices of their own cells alone: triangles stay well shaped.
             const double beyond =
                 areSmooth ? -double(kInset) : (freedom == Freedom::Near ? kOutsideCell : 0);
-            const Quadric::Minimum minimum =
+            const QuadraticError::Minimum minimum =
                 planes.quadric().minimum(beyond, areSmooth ? kMinFaceEigenvalue : kMinEigenvalue);
             inCell = minimum.place.cast<float>();
             inCell += minimum.free.cast<float>() * (inset(inCell) - inCell);

@@ -1,6 +1,6 @@
 #include "surface_cells.h"
 
-#include "quadric.h"
+#include "quadratic_error.h"
 
 #include <algorithm>
 
@@ -127,7 +127,7 @@ Vec3d CellFans::middleOf(const LeafWindow& window, const Vec3i& base, const Cros
     // Of several sheets none is the values' zero alone.
     const Vec3d smooth = sheets.count == 1 ? ontoZero(window, base, mean) : mean;
     if (!bends) return corner + smooth;
-    Quadric quadric(mean);
+    QuadraticError quadric(mean);
     double weights = 0;
     for (unsigned edges = sheets.edges[sheet]; edges; edges &= edges - 1) {
         const SurfaceVertex& vertex = crossings.on[std::size_t(__builtin_ctz(edges))].vertex;

@@ -12,9 +12,9 @@ namespace mpuvdb
 /// smoothed. [tuned: sharp_mesh_test]
 constexpr double kMinEigenvalue = 0.03;
 
-/// Quadratic error function [Ju02]: its minimum is the place of least weighted squared distance
-/// from planes, in or near the unit cube, and of such places the nearest to the mean.
-class Quadric
+/// Quadratic error function of planes [Ju02]: its minimum is the place of least weighted squared
+/// distance from planes, in or near the unit cube, and of such places the nearest to the mean.
+class QuadraticError
 {
 public:
     struct Minimum {
@@ -23,7 +23,7 @@ public:
         int rank;             ///< number of directions that they determine
     };
 
-    explicit Quadric(const Vec3d& mean) : mMean(mean) {}
+    explicit QuadraticError(const Vec3d& mean) : mMean(mean) {}
 
     void add(const Vec3d& normal, const Vec3d& point, double weight)
     {

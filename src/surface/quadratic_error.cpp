@@ -1,4 +1,4 @@
-#include "quadric.h"
+#include "quadratic_error.h"
 
 #include <Eigen/Eigenvalues>
 
@@ -25,7 +25,7 @@ bool determinesOne(const Eigen::Matrix3d& squares, double least, Vec3d& directio
 
 } // namespace
 
-Quadric::Minimum Quadric::minimum(double beyond, double least) const
+QuadraticError::Minimum QuadraticError::minimum(double beyond, double least) const
 {
     const auto nearest = [&](const Vec3d& place) -> Vec3d {
         return place.cwiseMax(-beyond).cwiseMin(1 + beyond);
@@ -44,7 +44,8 @@ Quadric::Minimum Quadric::minimum(double beyond, double least) const
     return found;
 }
 
-Quadric::Minimum Quadric::solve(const Eigen::Array3i& open, const Vec3d& at, double least) const
+QuadraticError::Minimum QuadraticError::solve(const Eigen::Array3i& open, const Vec3d& at,
+                                              double least) const
 {
     const Vec3d mask = open.cast<double>().matrix();
     const Vec3d held = (Vec3d::Ones() - mask).cwiseProduct(at - mMean);
