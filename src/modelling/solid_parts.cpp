@@ -302,37 +302,55 @@ openvdb::MaskTree SolidParts::removedOf(const std::vector<Piece>& pieces,
                                         const FloatTree& broken) const
 {
     openvdb::MaskTree removed;
-    const openvdb::tree::ValueAccessor<const FloatTree> now(broken);
     for (const Piece& piece : pieces) {
         const Leaf& from = *mLeaves[piece.leaf];
-        forEachVoxel(piece.voxels, [&](openvdb::Index voxel) {
-            if (from.getValue(voxel) < 0 && !(now.getValue(from.offsetToGlobalCoord(voxel)) < 0))
-                removed.touchLeaf(from.origin())->setValueOn(voxel);
+        SignWords inside = insideOf(from);
+        for (std::size_t x = 0; x < inside.size(); ++x) inside[x] &= piece.voxels[x];
+        const Leaf* const left = broken.probeConstLeaf(from.origin());
+        if (left) {
+            const SignWords kept = insideOf(*left);
+            for (std::size_t x = 0; x < inside.size(); ++x) inside[x] &= ~kept[x];
+        } else if (broken.getValue(from.origin()) < 0) {
+            continue;
+        }
+        forEachVoxel(inside, [&](openvdb::Index voxel) {
+            removed.touchLeaf(from.origin())->setValueOn(voxel);
         });
     }
     return removed;
 }
 
 /// Set the values of active voxels of @a pieces as they were, where no part of @a removed is as
-/// near: its surface is up to a voxel from its voxels.
+/// near: its surface is up to a voxel from its voxels. First those beside the surface.
 void SolidParts::takeBack(const std::vector<Piece>& pieces, openvdb::MaskTree removed,
                           FloatTree& tree) const
 {
-    const auto perVoxel = float(1 / mLevelSet.voxelSize());
-    for (int nearer = 0; nearer < mLevelSet.halfWidth(); ++nearer) { // voxels, up to one more
-        openvdb::tools::dilateActiveValues(removed, 1, openvdb::tools::NN_FACE_EDGE_VERTEX,
-                                           openvdb::tools::EXPAND_TILES);
-        for (const Piece& piece : pieces) {
-            const Leaf& from = *mLeaves[piece.leaf];
-            Leaf& to = *tree.touchLeaf(from.origin());
-            const auto* const except = removed.probeConstLeaf(from.origin());
-            forEachVoxel(piece.voxels, [&](openvdb::Index voxel) {
-                const float v = from.getValue(voxel);
-                if (from.isValueOn(voxel) && int(std::abs(v) * perVoxel) == nearer &&
-                    !(except && except->isValueOn(voxel)))
-                    to.setValueOn(voxel, v);
-            });
-        }
+    const double halfWidth = mLevelSet.halfWidth();
+    const auto voxel = float(mLevelSet.voxelSize());
+    takeBackBelow(voxel, 1, pieces, removed, tree);
+    takeBackBelow(float(halfWidth) * voxel, int(std::ceil(halfWidth)), pieces, removed, tree);
+}
+
+/// The same of values below @a most, after voxels as near were added to those removed.
+void SolidParts::takeBackBelow(float most, int steps, const std::vector<Piece>& pieces,
+                               openvdb::MaskTree& removed, FloatTree& tree) const
+{
+    openvdb::tools::dilateActiveValues(removed, steps, openvdb::tools::NN_FACE_EDGE_VERTEX,
+                                       openvdb::tools::EXPAND_TILES);
+    const auto voxel = float(mLevelSet.voxelSize());
+    for (const Piece& piece : pieces) {
+        const Leaf& from = *mLeaves[piece.leaf];
+        Leaf* to = tree.probeLeaf(from.origin());
+        const auto* const except = removed.probeConstLeaf(from.origin());
+        forEachVoxel(piece.voxels, [&](openvdb::Index n) {
+            const float v = from.getValue(n);
+            if (!from.isValueOn(n) || !(std::abs(v) < most) || (except && except->isValueOn(n)))
+                return;
+            // Farther ones may be those of a removed part's other side.
+            if (!(std::abs(v) < voxel) && !(to && to->isValueOn(n))) return;
+            if (!to) to = tree.touchLeaf(from.origin());
+            to->setValueOn(n, v);
+        });
     }
 }
 
@@ -346,7 +364,9 @@ LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Interrupt
     // one for rounding]
     constexpr double kMargin = 2;
     const double halfWidth = mLevelSet.halfWidth();
-    // In and about the bands of chosen parts, and what may be nearest to these leaves' voxels.
+    // In and about the bands of chosen parts, and what may be nearest to their voxels, or beside
+    // the others of these leaves.
+    const double about = halfWidth + kMargin, nearest = std::max(2 * about, about + kLeaf);
     std::vector<Piece> near, around;
     for (const auto& [index, parts] : byRegion) {
         const Region& region = mRegions[index];
@@ -356,10 +376,10 @@ LevelSet SolidParts::extract(const std::vector<std::uint32_t>& chosen, Interrupt
             continue;
         }
         // Removed parts become outside: their values are wrong, but change smoothly near the rest.
-        const std::vector<Piece> some = piecesNear(parts, region, halfWidth + kMargin, progress);
+        const std::vector<Piece> some = piecesNear(parts, region, about, progress);
         copy(some, Side::Outside, broken->tree(), progress);
         near.insert(near.end(), some.begin(), some.end());
-        const auto more = piecesNear(parts, region, 2 * halfWidth + kMargin + kLeaf + 1, progress);
+        const auto more = piecesNear(parts, region, nearest, progress);
         around.insert(around.end(), more.begin(), more.end());
         for (const std::uint32_t part : parts) {
             copy(mParts[part].pieces, Side::AsIs, broken->tree(), progress);

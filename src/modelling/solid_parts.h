@@ -66,6 +66,8 @@ private:
                                 const openvdb::FloatTree& broken) const;
     void takeBack(const std::vector<Piece>& pieces, openvdb::MaskTree removed,
                   openvdb::FloatTree& tree) const;
+    void takeBackBelow(float most, int steps, const std::vector<Piece>& pieces,
+                       openvdb::MaskTree& removed, openvdb::FloatTree& tree) const;
     enum class Side { AsIs, Outside };
     void copy(const std::vector<Piece>& pieces, Side side, openvdb::FloatTree& tree,
               Interrupter& progress) const;
