@@ -201,8 +201,7 @@ Lattice latticeFor(const Box3d& bounds, double voxelSize)
         throw LimitError(fmt::format(
             "voxel size {}: the box reaches {:g} voxels from the origin and is {:g} across, more "
             "than indices and transforms resolve. Choose larger voxels, or move the model towards "
-            "the "
-            "origin",
+            "the origin",
             voxelSize, reach, 2 * halfSize));
     const double step = 8 * voxelSize;
     const Vec3d middle = 0.5 * bounds.min() + 0.5 * bounds.max();

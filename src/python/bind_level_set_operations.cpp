@@ -143,8 +143,7 @@ void bindComponents(LevelSetClass& levelSets)
             },
             "min_volume"_a = 0.0, "count"_a = py::none(), "progress"_a = py::none(),
             "The parts of at least min_volume (world units cubed), at most count of them (at least "
-            "1), "
-            "the largest first." MPUVDB_PROGRESS_DOC);
+            "1), the largest first." MPUVDB_PROGRESS_DOC);
 }
 
 } // namespace
