@@ -3,6 +3,7 @@
 #include "quadratic_error.h"
 
 #include <algorithm>
+#include <optional>
 
 namespace mpuvdb
 {
@@ -47,17 +48,17 @@ Vec3d ontoZero(const LeafWindow& window, const Vec3i& base, Vec3d p)
     return p;
 }
 
-/// Where the surface crosses an edge of a cell.
-struct EdgeCrossing {
-    SurfaceVertex vertex;
-    bool bends = false; ///< the values along the edge's line are those of several faces
-};
-
 /// The plane through a crossing.
 struct EdgePlane {
     Vec3d point = Vec3d::Zero();
     Vec3d normal = Vec3d::Zero(); ///< unit
     double weight = 0;            ///< 0: there is none
+};
+
+/// Where the surface crosses an edge of a cell.
+struct EdgeCrossing {
+    SurfaceVertex vertex;
+    std::optional<EdgePlane> plane; ///< where the values along the edge's line are of several faces
 };
 
 /// The plane at one of the ends of the edge from a voxel along an axis.
@@ -82,13 +83,12 @@ EdgeCrossing crossingOn(const LeafWindow& window, const Vec3i& from, int axis)
     const double u = double(window(from)), v = double(window(from + along));
     const double below = double(window(from - along)) - 2 * u + v,
                  above = u - 2 * v + double(window(from + 2 * along));
-    EdgeCrossing found{{from, axis, from.cast<double>()}};
+    EdgeCrossing found{{from, axis, from.cast<double>()}, {}};
     double at = u / (u - v);
-    found.bends = std::max(std::abs(below), std::abs(above)) > kMaxBend;
-    if (found.bends) {
-        const EdgePlane plane = planeThrough(window, from, axis);
-        const double onPlane = std::min(std::max(plane.point[axis] - from[axis], 0.0), 1.0);
-        at += plane.weight * (onPlane - at);
+    if (std::max(std::abs(below), std::abs(above)) > kMaxBend) {
+        found.plane = planeThrough(window, from, axis);
+        const double onPlane = std::min(std::max(found.plane->point[axis] - from[axis], 0.0), 1.0);
+        at += found.plane->weight * (onPlane - at);
     }
     found.vertex.position[axis] += at;
     return found;
@@ -120,7 +120,7 @@ Vec3d CellFans::middleOf(const LeafWindow& window, const Vec3i& base, const Cros
         const EdgeCrossing& crossing = crossings.on[std::size_t(__builtin_ctz(edges))];
         mean += crossing.vertex.position;
         ++count;
-        bends = bends || crossing.bends;
+        bends = bends || crossing.plane;
     }
     const Vec3d corner = base.cast<double>();
     mean = mean / count - corner;
@@ -130,8 +130,10 @@ Vec3d CellFans::middleOf(const LeafWindow& window, const Vec3i& base, const Cros
     QuadraticError quadric(mean);
     double weights = 0;
     for (unsigned edges = sheets.edges[sheet]; edges; edges &= edges - 1) {
-        const SurfaceVertex& vertex = crossings.on[std::size_t(__builtin_ctz(edges))].vertex;
-        const EdgePlane plane = planeThrough(window, vertex.from, vertex.axis);
+        const EdgeCrossing& crossing = crossings.on[std::size_t(__builtin_ctz(edges))];
+        const SurfaceVertex& vertex = crossing.vertex;
+        const EdgePlane plane =
+            crossing.plane ? *crossing.plane : planeThrough(window, vertex.from, vertex.axis);
         quadric.add(plane.normal, plane.point - corner, plane.weight);
         weights += plane.weight;
     }
