@@ -434,6 +434,26 @@ TEST(Redistancing, AThinSlabKeepsBothSides)
     expectSigns(wide, exact, 30);
 }
 
+/// Cells that both sides of a wall pass have a sheet of each.
+TEST(Redistancing, TurnedWallsOfOneVoxelKeepBothSides)
+{
+    const unsigned seed = 20261128;
+    std::printf("seed %u\n", seed);
+    test::Random random(seed);
+    for (int n = 0; n < 4; ++n) {
+        const Vec3d axis = random.direction();
+        const std::string name = fmt::format("rotate(box(1.5,1.5,{}),{},{},{},{})", kVoxel,
+                                             axis.x(), axis.y(), axis.z(), random.uniform(10, 80));
+        SCOPED_TRACE(name);
+        const auto solid = parseSolid(name);
+        Interrupter progress;
+        const LevelSet made = redistance(sampled(name).grid(), 3, &progress);
+        const Errors errors = errorsOf(made, [&](const Vec3d& p) { return solid->distance(p); });
+        // Half a voxel within a voxel of the rim, which edges between voxels do not resolve.
+        EXPECT_LE(errors.mean, 0.5 * 4 * kVoxel / 1.5);
+    }
+}
+
 TEST(Redistancing, WideBandsOfReconstructedSolidsAreSound)
 {
     // Outside their edges fits are the larger of the faces' distances: too small, by more the

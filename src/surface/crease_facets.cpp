@@ -1,7 +1,7 @@
-// Dual contouring [Ju02] of the cells beside creases: each cell gets a vertex at the place nearest
-// to the planes of the faces that cross its edges, and each crossed edge a facet between the
-// vertices of the four cells about it. Where two faces meet in a cell its vertex lies on their
-// crease, where three meet at their corner.
+// Dual contouring [Ju02] of the cells beside creases: each sheet of a cell gets a vertex at the
+// place nearest to the planes of the faces that cross its edges, and each crossed edge a facet
+// between the vertices of the four cells about it. Where two faces meet in a sheet its vertex lies
+// on their crease, where three meet at their corner.
 #include "crease_facets.h"
 
 #include "face_crossings.h"
@@ -21,7 +21,7 @@ namespace
 {
 
 using openvdb::Coord;
-using Facet = std::array<std::uint32_t, 4>; ///< numbers of cells, in a row
+using Facet = std::array<std::uint32_t, 4>; ///< numbers of vertices, in a row
 
 /// Smallest eigenvalue of the sum of n n^T, relative to the largest, whose direction the planes
 /// determine. [tuned: offset_bench]
@@ -49,20 +49,17 @@ Vec3f toVec(const Coord& c)
     return {float(c[0]), float(c[1]), float(c[2])};
 }
 
-/// Call f(first voxel, axis) for the edges of a cell.
-template <typename F>
-void forEachEdge(const Coord& cell, F f)
-{
-    for (int axis = 0; axis < 3; ++axis)
-        for (int n = 0; n < 8; ++n)
-            if (!(n & 4 >> axis)) f(cell + cornerOf(n), axis);
-}
-
 /// The cells about an edge, in cyclic order.
 std::array<Coord, 4> cellsAbout(const Coord& voxel, int axis)
 {
     const Coord u = unit((axis + 1) % 3), v = unit((axis + 2) % 3);
     return {voxel, voxel - u, voxel - u - v, voxel - v};
+}
+
+/// The number of an edge along @a axis in cell n of cellsAbout(), as in cellEdge().
+int edgeOf(std::size_t n, int axis)
+{
+    return 4 * axis + std::array<int, 4>{0, 2, 3, 1}[n];
 }
 
 template <typename F>
@@ -112,8 +109,26 @@ private:
         }
         mCells.number();
         supersedeZeros();
-        requireIndexable(std::uint64_t(mCells.count()) + mPatches.patches.size());
         mCellAt = mCells.voxels();
+        collectSheets();
+    }
+
+    /// Find the sheets of the cells.
+    void collectSheets()
+    {
+        mSheets.resize(mCellAt.size());
+        inParallel(mCellAt.size(), mProgress, [&](std::size_t n, std::size_t end) {
+            const CreaseValues values(mZone);
+            for (; n < end; ++n) mSheets[n] = &values.sheetsOf(mCellAt[n]);
+        });
+        std::uint64_t count = 0;
+        mFirstVertex.reserve(mCellAt.size() + 1);
+        for (const CellSheets* const sheets : mSheets) {
+            mFirstVertex.push_back(std::uint32_t(count));
+            count += sheets->count;
+            requireIndexable(count + mPatches.patches.size());
+        }
+        mFirstVertex.push_back(std::uint32_t(count));
     }
 
     /// Supersede the patches of voxels of value 0 at creases: no edge may cross the surface there,
@@ -136,9 +151,12 @@ private:
         const CreaseValues values(mZone);
         for (std::size_t n = 0; n < mCellAt.size(); ++n) {
             if (n % kCheckInterval == 0) mProgress.check();
-            forEachEdge(mCellAt[n], [&](const Coord& first, int axis) {
-                if (values.crosses(first, first + unit(axis))) mEdges[axis].add(first);
-            });
+            for (int edge = 0; edge < 12; ++edge) {
+                const CellEdge ends = cellEdge(edge);
+                if (values.crosses(mCellAt[n] + cornerOf(ends.low),
+                                   mCellAt[n] + cornerOf(ends.high)))
+                    mEdges[std::size_t(edge / 4)].add(mCellAt[n] + cornerOf(ends.low));
+            }
         }
         for (int axis = 0; axis < 3; ++axis) {
             mEdges[axis].number();
@@ -153,33 +171,36 @@ private:
 
     void placeVertices()
     {
-        std::vector<Vec3f> places(mCellAt.size());
-        inParallel(places.size(), mProgress, [&](std::size_t n, std::size_t end) {
+        const std::uint32_t first = mPatches.voxelPatches();
+        mPatches.patches.resize(first + mFirstVertex.back());
+        inParallel(mCellAt.size(), mProgress, [&](std::size_t n, std::size_t end) {
             std::array<VoxelNumbers, 3> edges{VoxelNumbers(mEdges[0]), VoxelNumbers(mEdges[1]),
                                               VoxelNumbers(mEdges[2])};
             const CreaseValues values(mZone);
-            for (; n < end; ++n) places[n] = vertexOf(mCellAt[n], edges, values);
+            for (; n < end; ++n)
+                for (std::size_t sheet = 0; sheet < mSheets[n]->count; ++sheet)
+                    mPatches.patches[first + mFirstVertex[n] + sheet] = SurfacePatch::point(
+                        mCellAt[n], vertexOf(mCellAt[n], mSheets[n]->edges[sheet], edges, values));
         });
-        mPatches.patches.reserve(mPatches.patches.size() + places.size());
-        for (std::size_t n = 0; n < places.size(); ++n)
-            mPatches.patches.push_back(SurfacePatch::point(mCellAt[n], places[n]));
     }
 
-    /// The place in a cell that is nearest to the planes of the faces which cross its edges.
-    Vec3f vertexOf(const Coord& cell, std::array<VoxelNumbers, 3>& edges,
+    /// The place in a cell that is nearest to the planes of the faces which cross a sheet's
+    /// @a crossed edges, given by bits.
+    Vec3f vertexOf(const Coord& cell, unsigned crossed, std::array<VoxelNumbers, 3>& edges,
                    const CreaseValues& values) const
     {
         std::array<FaceCrossing, 12> found;
         int count = 0;
         Vec3f mean = Vec3f::Zero();
-        forEachEdge(cell, [&](const Coord& first, int axis) {
-            const std::uint32_t n = edges[std::size_t(axis)][first];
-            if (n == VoxelIndex::kNone) return;
+        for (; crossed; crossed &= crossed - 1) {
+            const int edge = __builtin_ctz(crossed);
+            const Coord low = cornerOf(cellEdge(edge).low);
+            const auto axis = std::size_t(edge / 4);
             FaceCrossing& crossing = found[std::size_t(count++)];
-            crossing = mCrossings[axis][n];
-            crossing.point += toVec(first - cell);
+            crossing = mCrossings[axis][edges[axis][cell + low]];
+            crossing.point += toVec(low);
             mean += crossing.point;
-        });
+        }
         mean /= float(count);
         Eigen::Matrix3f spread = Eigen::Matrix3f::Zero();
         Vec3f pull = Vec3f::Zero();
@@ -232,7 +253,8 @@ private:
                 if (n % kCheckInterval == 0) mProgress.check();
                 Facet facet;
                 const auto about = cellsAbout(mEdgeAt[axis][n], axis);
-                for (std::size_t c = 0; c < 4; ++c) facet[c] = cells[about[c]];
+                for (std::size_t c = 0; c < 4; ++c)
+                    facet[c] = vertexAt(cells[about[c]], edgeOf(c, axis));
                 if (std::find(facet.begin(), facet.end(), VoxelIndex::kNone) == facet.end())
                     mFacets.push_back(facet);
             }
@@ -242,13 +264,19 @@ private:
         });
     }
 
-    SurfaceFacet facetOf(const Facet& cells) const
+    /// The vertex of the sheet of a cell, by number, that crosses an edge of it.
+    std::uint32_t vertexAt(std::uint32_t cell, int edge) const
     {
+        if (cell == VoxelIndex::kNone) return cell;
+        return mFirstVertex[cell] + mSheets[cell]->sheet[std::size_t(edge)];
+    }
+
+    SurfaceFacet facetOf(const Facet& vertices) const
+    {
+        const SurfacePatch* const vertex = &mPatches.patches[mPatches.voxelPatches()];
         SurfaceFacet facet;
-        facet.voxel = mCellAt[cells[0]];
-        for (std::size_t c = 0; c < 4; ++c)
-            facet.corners[c] =
-                -mPatches.patches[mPatches.voxelPatches() + cells[c]].to(facet.voxel);
+        facet.voxel = vertex[vertices[0]].voxel;
+        for (std::size_t c = 0; c < 4; ++c) facet.corners[c] = -vertex[vertices[c]].to(facet.voxel);
         auto& p = facet.corners;
         if ((p[0] - p[2]).squaredNorm() > (p[1] - p[3]).squaredNorm())
             std::rotate(p.begin(), p.begin() + 1, p.end());
@@ -261,13 +289,13 @@ private:
     void makeFans()
     {
         auto& end = mPatches.fanEnd;
-        end.assign(mCellAt.size() + 1, 0);
+        end.assign(mFirstVertex.back() + std::size_t(1), 0);
         for (const Facet& facet : mFacets)
-            for (const std::uint32_t cell : facet) ++end[cell + 1];
+            for (const std::uint32_t vertex : facet) ++end[vertex + 1];
         for (std::size_t n = 1; n < end.size(); ++n) end[n] += end[n - 1];
         mPatches.fans.resize(end.back());
         for (std::uint32_t n = 0; n < mFacets.size(); ++n)
-            for (const std::uint32_t cell : mFacets[n]) mPatches.fans[end[cell]++] = n;
+            for (const std::uint32_t vertex : mFacets[n]) mPatches.fans[end[vertex]++] = n;
         end.pop_back(); // each entry is now the end of its fan
     }
 
@@ -276,7 +304,9 @@ private:
     Interrupter& mProgress;
     VoxelIndex mCells; ///< by their lowest corner
     std::vector<Coord> mCellAt;
-    std::array<VoxelIndex, 3> mEdges; ///< crossed, by axis and first voxel
+    std::vector<const CellSheets*> mSheets;  ///< by cell
+    std::vector<std::uint32_t> mFirstVertex; ///< by cell, and the number of all
+    std::array<VoxelIndex, 3> mEdges;        ///< crossed, by axis and first voxel
     std::array<std::vector<Coord>, 3> mEdgeAt;
     std::array<std::vector<FaceCrossing>, 3> mCrossings;
     std::vector<Facet> mFacets;

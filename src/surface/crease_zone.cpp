@@ -1,5 +1,6 @@
 #include "crease_zone.h"
 
+#include "joined_faces.h"
 #include <mpuvdb/interrupter.h>
 
 namespace mpuvdb
@@ -44,6 +45,16 @@ float CreaseValues::slopeAt(const Coord& voxel) const
         square += rise * rise;
     }
     return std::sqrt(square);
+}
+
+const CellSheets& CreaseValues::sheetsOf(const Coord& cell) const
+{
+    std::uint8_t inside = 0;
+    for (int c = 0; c < 8; ++c)
+        if (mAccess.getValue(cell.offsetBy(c >> 2 & 1, c >> 1 & 1, c & 1)) < 0)
+            inside = std::uint8_t(inside | 1 << c);
+    if (ambiguousFaces(inside) == 0) return cellSheets(inside, 0);
+    return cellSheets(inside, JoinedFaces(mAccess, 1 / mZone.mScale).of(cell, inside));
 }
 
 Vec3f CreaseValues::gradientAt(const Coord& voxel) const

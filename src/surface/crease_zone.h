@@ -1,6 +1,9 @@
 // The patches beside creases, and the values from which they were made.
 #pragma once
+#include "cell_sheets.h"
 #include "grid/voxel_index.h"
+#include "octant_plane.h"
+#include "sign_halo.h"
 #include "surface_patch.h"
 
 #include <algorithm>
@@ -56,12 +59,21 @@ public:
     /// Largest slope of the values about @a voxel, per voxel; 1 for distances.
     float slopeAt(const openvdb::Coord& voxel) const;
 
+    /// The sheets of the surface in a cell, by its lowest corner.
+    const CellSheets& sheetsOf(const openvdb::Coord& cell) const;
+
+    /// The plane by the values about @a voxel.
+    OctantPlane planeAt(const openvdb::Coord& voxel) const
+    {
+        return octantPlaneAt(mAccess, voxel, mZone.mScale);
+    }
+
     /// Gradient by central differences, per voxel.
     Vec3f gradientAt(const openvdb::Coord& voxel) const;
 
 private:
     const CreaseZone& mZone;
-    openvdb::tree::ValueAccessor<const openvdb::FloatTree> mAccess;
+    SignHalo::Access mAccess;
 };
 
 } // namespace mpuvdb

@@ -128,7 +128,7 @@ FaceCrossing FaceCrossings::find(const Coord& voxel, int axis)
 }
 
 /// The crossing by linear interpolation, with the gradient at the end where its length is nearer to
-/// the slope.
+/// the slope; through a wall or a gap, whose two sides the ends belong to, that of one of them.
 FaceCrossing FaceCrossings::interpolated(const Coord& voxel, int axis) const
 {
     /// Error of a gradient's length, relative to the slope. [tuned: offset_bench]
@@ -138,6 +138,17 @@ FaceCrossing FaceCrossings::interpolated(const Coord& voxel, int axis) const
     const float low = mValues.at(voxel), high = mValues.at(next);
     FaceCrossing crossing;
     crossing.point[axis] = low / (low - high);
+    const bool rises = low < 0;
+    const OctantPlane first = mValues.planeAt(voxel), second = mValues.planeAt(next);
+    if (first.normal.dot(second.normal) < 0) {
+        const PlaneCrossing side = crossingByPlanes(rises ? first : second, rises ? second : first,
+                                                    (rises ? 1.0f : -1.0f) * Vec3f::Unit(axis));
+        if (side.plane) {
+            crossing.point[axis] = std::clamp(rises ? side.at : 1 - side.at, 0.0f, 1.0f);
+            crossing.normal = side.plane->normal;
+            return crossing;
+        }
+    }
     float least = kMaxGradientError;
     for (const Coord& end : {voxel, next}) {
         const Vec3f gradient = mValues.gradientAt(end);
