@@ -339,6 +339,12 @@ TEST_F(ModelVerbs, OptionsThatMeanNothingAreRefused)
     const Ended loose = command({"mesh", "ball.vdb", "-o", "x.ply", "--tolerance", "10"}, 2);
     EXPECT_NE(loose.err.find("nothing of its form"), std::string::npos) << loose.err;
     EXPECT_FALSE(fs::exists(folder / "x.ply"));
+    command({"sample", "sphere(1)", "-o", "points.ply", "--points", "2000"});
+    for (const char* const tolerance : {"10", "0"})
+        command({"reconstruct", "points.ply", "-o", "x.vdb", "--mesh", "x.ply", "--mesh-tolerance",
+                 tolerance},
+                2);
+    EXPECT_FALSE(fs::exists(folder / "x.vdb")) << "refused after half of the work was written";
     for (const char* const output : {"x.obj", "x.ply", "-"}) {
         const Ended unit = command({"mesh", "ball.vdb", "-o", output, "--units", "mm"}, 2);
         EXPECT_NE(unit.err.find("--units: no output stores it"), std::string::npos) << unit.err;

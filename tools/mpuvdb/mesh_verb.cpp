@@ -208,7 +208,12 @@ void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance)
 {
     const char* const group = "Triangles";
     app.add_option_function<std::string>(
-           tolerance, [&shape](const std::string& text) { shape.tolerance = Length::parse(text); },
+           tolerance,
+           [&shape, tolerance](const std::string& text) {
+               shape.tolerance = Length::parse(text);
+               if (!(shape.tolerance->value > 0))
+                   throw UsageError(fmt::format("{} {}: must be above 0", tolerance, text));
+           },
            "Fewer triangles, at most this far from the full mesh, such as 0.1vx: edges stay,\n"
            "colors too; default: all triangles")
         ->type_name("LENGTH")
@@ -242,26 +247,16 @@ class MeshWriter
 {
 public:
     MeshWriter(const LevelSet& levelSet, const MeshOutput& output, Session& session)
-        : mVoxelSize(levelSet.voxelSize()), mOutput(output), mSession(session)
+        : mVoxelSize(levelSet.voxelSize()), mTolerance(toleranceOf(levelSet, output.shape)),
+          mOutput(output), mSession(session)
     {
-        const auto size = levelSet.grid().evalActiveVoxelDim();
-        mDiagonal = mVoxelSize * size.asVec3d().length();
     }
 
     ExitCode write(Mesh mesh)
     {
         const MeshShape& shape = mOutput.shape;
-        double within = 0; // of the full mesh
-        if (shape.tolerance) {
-            within = shape.tolerance->resolve(mVoxelSize, mDiagonal);
-            if (within > mDiagonal / 2 && !mesh.triangles.empty())
-                throw UsageError(fmt::format("tolerance {:.4g}: is more than half of the diagonal "
-                                             "of the solid's box, {:.4g}, so that nothing of its "
-                                             "form would be left. Give a smaller one, such as "
-                                             "0.1vx",
-                                             within, mDiagonal));
-            mesh = simplify(mesh, {within, shape.strict}, &mSession.progress());
-        }
+        double within = mTolerance; // of the full mesh
+        if (within > 0) mesh = simplify(mesh, {within, shape.strict}, &mSession.progress());
         mSession.report()["mesh"] = writeOne(mesh, mOutput.path, within);
         double next = within > 0 ? 4 * within : kFirstLod * mVoxelSize;
         for (int level = 1; level <= shape.lods; ++level, next *= 4) {
@@ -308,7 +303,7 @@ private:
         return json;
     }
 
-    double mVoxelSize, mDiagonal;
+    double mVoxelSize, mTolerance;
     const MeshOutput& mOutput;
     Session& mSession;
     bool mCrossing = false;
@@ -330,6 +325,20 @@ void warnOfLost(const Mesh& mesh, const std::string& path, Session& session)
 }
 
 } // namespace
+
+double toleranceOf(const LevelSet& levelSet, const MeshShape& shape)
+{
+    if (!shape.tolerance || levelSet.grid().empty()) return 0;
+    const double h = levelSet.voxelSize();
+    const double diagonal = h * levelSet.grid().evalActiveVoxelDim().asVec3d().length();
+    const double tolerance = shape.tolerance->resolve(h, diagonal);
+    if (tolerance > diagonal / 2)
+        throw UsageError(fmt::format("tolerance {:.4g}: is more than half of the diagonal of the "
+                                     "solid's box, {:.4g}, so that nothing of its form would be "
+                                     "left. Give a smaller one, such as 0.1vx",
+                                     tolerance, diagonal));
+    return tolerance;
+}
 
 std::vector<Output> filesOf(const MeshOutput& output, const std::string& option)
 {

@@ -105,6 +105,7 @@ public:
         const std::vector<std::string> attributes = std::move(fitted.options.attributes);
         fitted.options.attributes.clear();
         ReconstructResult made = sampleFit(fitted, interrupter);
+        toleranceOf(made.levelSet(), mMesh.shape); // refused before anything is written
         openvdb::GridCPtrVec beside;
         if (made.coverage) beside.push_back(made.coverage);
         if (!attributes.empty())

@@ -153,6 +153,10 @@ struct MeshShape {
 /// Declares the option called @a tolerance (such as "--tolerance"), --lods and --strict.
 void addMeshShape(CLI::App& app, MeshShape& shape, const std::string& tolerance);
 
+/// How far from the full mesh of @a levelSet the one of @a shape may be, world units; 0: it is the
+/// full one, or empty. @throws UsageError where nothing of the solid's form would be left.
+double toleranceOf(const LevelSet& levelSet, const MeshShape& shape);
+
 /// A mesh that a verb writes.
 struct MeshOutput {
     std::string path; ///< "-": PLY on standard output
