@@ -227,6 +227,10 @@ TEST_F(SmallVerbs, EachInputMayNameItsGrid)
     const Ended missing = mpuvdb({"offset", "all.vdb:cone", "-o", "x.vdb", "--distance", "1vx"}, 3);
     EXPECT_NE(missing.err.find("'cone'"), std::string::npos) << missing.err;
     mpuvdb({"offset", "all.vdb:box", "-o", "all.vdb", "--distance", "1vx"}, 2);
+    mpuvdb({"analyze", "all.vdb:box", "-o", "all.vdb"}, 2);
+    const Ended both = mpuvdb({"mesh", "all.vdb:box", "-o", "x.ply", "--grid", "ball"}, 2);
+    EXPECT_NE(both.err.find("names another grid"), std::string::npos) << both.err;
+    mpuvdb({"mesh", "all.vdb:box", "-o", "x.ply", "--grid", "box"});
 }
 
 /// The largest distance of a contour's points from a circle, voxels.

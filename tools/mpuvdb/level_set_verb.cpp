@@ -32,9 +32,13 @@ GridPlace gridPlace(const std::string& text, const std::string& grid)
     if (colon == std::string::npos || colon + 1 == text.size() ||
         std::filesystem::exists(text, ignored))
         return {text, grid};
-    const std::string file = text.substr(0, colon);
-    return file == "-" || extensionOf(file) == ".vdb" ? GridPlace{file, text.substr(colon + 1)}
-                                                      : GridPlace{text, grid};
+    const std::string file = text.substr(0, colon), own = text.substr(colon + 1);
+    if (file != "-" && extensionOf(file) != ".vdb") return {text, grid};
+    if (!grid.empty() && grid != own)
+        throw UsageError(fmt::format("--grid {}: {} names another grid. Leave one of the two names "
+                                     "out",
+                                     grid, text));
+    return {file, own};
 }
 
 GridInput readGridInput(const std::string& text, const std::string& grid, Session& session)

@@ -31,6 +31,7 @@ struct GridPlace {
 };
 
 /// "file.vdb:NAME" as its two parts; other texts name a file alone, whose grid is @a grid.
+/// @throws UsageError where both name a grid, and not the same.
 GridPlace gridPlace(const std::string& text, const std::string& grid);
 
 /// Read the grid called @a name (empty: surface, or the only level set) of @a file, which may name

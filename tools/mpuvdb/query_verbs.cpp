@@ -50,7 +50,7 @@ public:
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mOutput, {".ply"}}}, {mInput, mPoints});
+        session.checkFiles({{"-o", mOutput, {".ply"}}}, {gridPlace(mInput, mGrid).file, mPoints});
         const GridInput input = readGridInput(mInput, mGrid, session);
         if (input.levelSet.grid().empty())
             throw InputError(fmt::format("{}: the level set is empty, and nothing has a distance "
@@ -148,7 +148,7 @@ public:
 
     ExitCode run(Session& session) override
     {
-        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {mInput});
+        session.checkFiles({{"-o", mOutput, {".vdb"}, true}}, {gridPlace(mInput, mGrid).file});
         const GridInput input = readGridInput(mInput, mGrid, session);
         const auto wants = [&](const char* name) {
             return mQuantities.empty() ||
