@@ -409,6 +409,18 @@ TEST(CountParts, CavitiesSmallAndWide)
         }
 }
 
+// The limit of eight voxels is for corners of larger parts: what is smaller as a whole is a part.
+TEST(CountParts, SolidsOfFewVoxelsHaveParts)
+{
+    Mesh speck = test::ballPart(0.7, 8), other = speck;
+    EXPECT_EQ(counted(levelSetOf(speck, 1, Vec3d::Zero())).parts, 1u);
+    test::move(other, Eigen::Matrix3d::Identity(), Vec3d(9, 0, 0));
+    EXPECT_EQ(counted(levelSetOf(test::soupOf({speck, other}), 1, Vec3d::Zero())).parts, 2u);
+    const Mesh ball = test::ballPart(5, 8);
+    test::move(other, Eigen::Matrix3d::Identity(), Vec3d(9, 0, 0));
+    EXPECT_EQ(counted(levelSetOf(test::soupOf({ball, other}), 1, Vec3d::Zero())).parts, 1u);
+}
+
 /// Pairs of voxels.
 using Links = std::multimap<int, int>;
 

@@ -122,7 +122,8 @@ public:
         }
     }
 
-    /// Count the parts of at least @a least voxels, without the surrounding space.
+    /// Count the parts of at least @a least voxels, or as many as the largest part of the solid
+    /// has, without the surrounding space.
     PartCounts count(std::uint64_t least)
     {
         std::vector<std::uint64_t> voxels(mPieces.count()); // by root: pieces come before tiles
@@ -130,6 +131,11 @@ public:
             voxels[mNodes.find(n)] += countVoxels(mPieces[n]);
         PartCounts counts;
         const std::uint32_t around = mNodes.find(mRoot);
+        std::uint64_t largest = 1;
+        forEachPiece([&](std::uint32_t, bool inside, std::uint32_t n) {
+            if (inside) largest = std::max(largest, voxels[n]);
+        });
+        least = std::min(least, largest);
         forEachPiece([&](std::uint32_t, bool inside, std::uint32_t n) {
             if (n != around && voxels[n] >= least) ++(inside ? counts.parts : counts.cavities);
         });

@@ -14,8 +14,9 @@ struct PartCounts {
     std::uint64_t cavities = 0; ///< connected parts of the enclosed outside
 };
 
-/// Parts and cavities of at least eight voxels: fewer may be the isolated corner of a larger one.
-/// They are connected as the mesh is, see DiagonalLinks. @param blocks  of @a levelSet.
+/// Parts and cavities of at least eight voxels, or as many as the largest part has: fewer may be
+/// the isolated corner of a larger one. They are connected as the mesh is, see DiagonalLinks.
+/// @param blocks  of @a levelSet.
 /// @throws Interrupted.
 PartCounts countParts(const LevelSet& levelSet, const SolidBlocks& blocks, Interrupter& progress);
 
