@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <fmt/format.h>
+#include <limits>
 #include <openvdb/tree/LeafManager.h>
 #include <tbb/parallel_for.h>
 
@@ -110,11 +111,14 @@ struct Places {
     /// Let place @a n be at @a x, voxels.
     void set(std::size_t n, const Vec3d& x, BandValues& band)
     {
+        /// Beyond the voxels of any level set. [derived: the range of int, less a cell]
+        constexpr double kFar = std::numeric_limits<int>::max() - 1;
         for (int axis = 0; axis < 3; ++axis) {
-            const int towardZero = int(x[axis]); // without a call, which std::floor may be
-            const int below = towardZero - int(x[axis] < towardZero);
+            const double at = std::clamp(x[axis], -kFar, kFar);
+            const int towardZero = int(at); // without a call, which std::floor may be
+            const int below = towardZero - int(at < towardZero);
             base[n][axis] = below;
-            t[axis][n] = float(x[axis] - below);
+            t[axis][n] = float(at - below);
         }
         band.prefetch(base[n]);
     }
