@@ -170,8 +170,9 @@ ReconstructOptions optionsOf(const std::optional<LengthArgument>& tolerance,
     "orient: 'auto' turns normals that are flipped among the others, or all those of a closed "    \
     "solid, and estimates where there are none; 'keep' leaves them; 'estimate' always "            \
     "estimates.\n"                                                                                 \
-    "outliers: 'drop' or 'keep'. bad_points: 'drop' or 'fail' at the first that is not finite "    \
-    "or has no normal. flip_normals: they point inward.\n"                                         \
+    "outliers: 'drop' or 'keep'. bad_points: 'drop' or 'fail' at the first that is not finite, "   \
+    "has no normal, or is a hundred times as far away as 95 % of all are from each other. "        \
+    "flip_normals: they point inward.\n"                                                           \
     "alpha, min_points, sharp, interpolate: as the command's options of reconstruct.\n"
 
 void bindPoints(py::module_& module)

@@ -103,7 +103,8 @@ void CloudOptions::addPointOptions(CLI::App& app)
         ->allow_extra_args(false)
         ->group(group);
     app.add_option("--outliers", mOutliers,
-                   "What is done with points that lie away from every surface")
+                   "What is done with points that lie away from every surface; not with those\n"
+                   "that are too far away, see --bad-points")
         ->type_name("drop|keep")
         ->check(oneOf({"drop", "keep"}))
         ->capture_default_str()
@@ -111,7 +112,8 @@ void CloudOptions::addPointOptions(CLI::App& app)
     app.add_flag("--flip-normals", mFlipNormals, "Turn all normals round: they point inward")
         ->group(group);
     app.add_option("--bad-points", mBadPoints,
-                   "What is done with points that are not finite or have no normal")
+                   "What is done with points that are not finite, have a normal of zero, or are\n"
+                   "too far: a hundred times as far away as 95 % of all are from each other")
         ->type_name("drop|fail")
         ->check(oneOf({"drop", "fail"}))
         ->capture_default_str()
