@@ -6,6 +6,7 @@
 #include "particle_bins.h"
 #include "particle_implicit.h"
 #include "particle_spacing.h"
+#include "sampling/max_lost.h"
 
 #include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/distances.h>
@@ -172,8 +173,6 @@ std::vector<openvdb::GridBase::Ptr> gridsBeside(const LevelSet& levelSet,
 void findLost(const LevelSet& levelSet, const Particles& particles, const Vec3d& shift,
               ParticleReport& report, Interrupter& progress)
 {
-    /// Largest share of particles that may be lost. [derived: as of points, explain()]
-    constexpr double kMaxLost = 0.01;
     using Accessor = openvdb::tree::ValueAccessor<const openvdb::FloatTree, /*IsSafe=*/false>;
     const double h = levelSet.voxelSize();
     std::vector<std::uint8_t> isLost(particles.size());

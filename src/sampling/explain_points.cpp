@@ -1,6 +1,7 @@
 // Comparison of a level set with the points that it was made from.
 #include "core/clones.h"
 #include "count_parts.h"
+#include "max_lost.h"
 #include "solid_blocks.h"
 #include <mpuvdb/explained.h>
 #include <mpuvdb/interrupter.h>
@@ -30,9 +31,6 @@ constexpr double kMaxVoxelError = 0.5;
 /// Largest share of the points beyond the limit. [derived: erfc(1.5 / sqrt 2): beyond three
 /// deviations of noise twice as large as measured]
 constexpr double kMaxUnexplained = 0.1336;
-/// Largest share of the points beyond the band, where that is wider than the limit. [derived: three
-/// times what normal noise leaves beyond the limit]
-constexpr double kMaxLost = 0.01;
 /// Cosine of 60 degrees, by which a normal is off the surface's. [derived: three times the noise of
 /// the worst normals that scans have]
 constexpr float kOff = 0.5f;
