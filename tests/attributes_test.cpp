@@ -5,6 +5,8 @@
 
 #include <mpuvdb/attribute_grids.h>
 #include <mpuvdb/clean.h>
+#include <mpuvdb/error.h>
+#include <mpuvdb/interrupter.h>
 #include <mpuvdb/reconstruct.h>
 
 #include <openvdb/tools/LevelSetSphere.h>
@@ -146,7 +148,10 @@ TEST(AttributesTest, NoValueDependsOnThePlacesBefore)
     fit.tolerance = 0.01;
     fit.voxelSize = 0.05;
     const MpuField field(PointCloud(cloud), fit, &progress);
-    const auto attributes = field.attributes({"heat"});
+    const auto attributes = field.attributes({"heat"}, &progress);
+    Interrupter stopped;
+    stopped.stop();
+    EXPECT_THROW(field.attributes({"heat"}, &stopped), Interrupted);
     std::vector<SurfacePlace> places;
     for (std::size_t i = 0; i < cloud.size(); i += 7) {
         const Vec3d n = cloud.normals[i].cast<double>();

@@ -124,9 +124,9 @@ public:
     /// before, of which the finest with enough points count: far from all points values change as
     /// slowly as the points are far. Points that face the other way count as up to four times as
     /// far away. The result refers to this field, which has to outlive it.
-    /// @throws UsageError for a name that the cloud does not have.
-    std::unique_ptr<const SurfaceAttributes>
-    attributes(const std::vector<std::string>& names) const;
+    /// @throws UsageError for a name that the cloud does not have, Interrupted.
+    std::unique_ptr<const SurfaceAttributes> attributes(const std::vector<std::string>& names,
+                                                        Interrupter* interrupter = nullptr) const;
 
 private:
     struct Impl;

@@ -274,7 +274,8 @@ void Job::Impl::openField(Interrupter& progress) const
 {
     fieldOnly();
     if (plan.coverage && !coverage) coverage = field->coverage(&progress);
-    if (!plan.attributes.empty() && !attributes) attributes = field->attributes(plan.attributes);
+    if (!plan.attributes.empty() && !attributes)
+        attributes = field->attributes(plan.attributes, &progress);
 }
 
 /// Sample tile @a n, and look at it with what is around it.
@@ -490,7 +491,7 @@ Mesh Job::mesh(std::uint64_t maxBytes, Interrupter* interrupter) const
     const MpuField& field = mImpl->fieldOnly();
     Mesh mesh = meshOfParts(mImpl->parted(), prefixOf(0), &field, maxBytes, progress);
     if (!mImpl->plan.attributes.empty())
-        addAttributes(mesh, *field.attributes(mImpl->plan.attributes), &progress);
+        addAttributes(mesh, *field.attributes(mImpl->plan.attributes, &progress), &progress);
     return mesh;
 }
 

@@ -240,10 +240,11 @@ std::unique_ptr<const Coverage> MpuField::coverage(Interrupter* interrupter) con
     return std::make_unique<DataCoverage>(*mImpl->points, mImpl->frame, progress);
 }
 
-std::unique_ptr<const SurfaceAttributes>
-MpuField::attributes(const std::vector<std::string>& names) const
+std::unique_ptr<const SurfaceAttributes> MpuField::attributes(const std::vector<std::string>& names,
+                                                              Interrupter* interrupter) const
 {
-    return std::make_unique<PointAttributes>(*mImpl->points, mImpl->frame, names);
+    Interrupter& progress = orSilent(interrupter);
+    return std::make_unique<PointAttributes>(*mImpl->points, mImpl->frame, names, progress);
 }
 
 std::unique_ptr<BlockSampler> MpuField::sampler(const Lattice& lattice, double band) const

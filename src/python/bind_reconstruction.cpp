@@ -48,7 +48,7 @@ Mesh extractedMesh(const ReconstructResult& made, Interrupter& progress)
     Mesh mesh = extractMesh(made.levelSet(), settings, &progress);
     std::vector<std::string> names;
     for (const auto& grid : made.attributes) names.push_back(grid->getName());
-    if (!names.empty()) addAttributes(mesh, *made.field->attributes(names), &progress);
+    if (!names.empty()) addAttributes(mesh, *made.field->attributes(names, &progress), &progress);
     return mesh;
 }
 

@@ -204,8 +204,8 @@ ReconstructResult sampleFit(const FittedPoints& fitted, Interrupter* interrupter
         result.coverage = sampleCoverage(levelSet, *coverage, &progress);
     }
     if (!fitted.options.attributes.empty())
-        result.attributes =
-            sampleAttributes(levelSet, *field.attributes(fitted.options.attributes), &progress);
+        result.attributes = sampleAttributes(
+            levelSet, *field.attributes(fitted.options.attributes, &progress), &progress);
     // Nobody else holds the grid: the level set is made here, and goes now.
     result.grid = std::const_pointer_cast<openvdb::FloatGrid>(levelSet.gridPtr());
     return result;

@@ -19,11 +19,12 @@ namespace
 class CarriedAttributes final : public SurfaceAttributes
 {
 public:
-    /// @param solid  as it was; outlives this.
+    /// @param solid  as it was; outlives this, and so does @a progress.
     /// @param grids  those that hold the attributes; of the solid's file.
-    CarriedAttributes(const Queries& solid, const openvdb::GridCPtrVec& grids, WayBack wayBack)
+    CarriedAttributes(const Queries& solid, const openvdb::GridCPtrVec& grids, WayBack wayBack,
+                      const Interrupter& progress)
         : mSolid(solid), mOwn(attributesOfOperands({{solid.levelSet(), grids}})),
-          mWayBack(std::move(wayBack))
+          mWayBack(std::move(wayBack)), mStop({}, [&progress] { return progress.stopped(); })
     {
     }
 
@@ -38,7 +39,7 @@ public:
         for (const SurfacePlace& place : places) there.push_back(place.position);
         if (mWayBack) mWayBack(there);
         std::vector<Vec3d> feet(there.size());
-        mSolid.closestPoints(there, feet.data());
+        mSolid.closestPoints(there, feet.data(), &mStop);
         std::vector<SurfacePlace> own = places;
         for (std::size_t n = 0; n < own.size(); ++n) own[n].position = feet[n];
         mOwn->evaluate(own, values);
@@ -48,6 +49,7 @@ private:
     const Queries& mSolid;
     std::unique_ptr<SurfaceAttributes> mOwn;
     WayBack mWayBack;
+    mutable Interrupter mStop; ///< hears of no stages, which would end the one that asks
 };
 
 /// A coverage that was carried, as an attribute.
@@ -55,8 +57,8 @@ class CarriedCoverage final : public Coverage
 {
 public:
     CarriedCoverage(const Queries& solid, const openvdb::FloatGrid& coverage,
-                    const WayBack& wayBack)
-        : mValues(solid, {renamed(coverage)}, wayBack), mSpacing(coverageScale(coverage))
+                    const WayBack& wayBack, const Interrupter& progress)
+        : mValues(solid, {renamed(coverage)}, wayBack, progress), mSpacing(coverageScale(coverage))
     {
     }
 
@@ -110,13 +112,13 @@ openvdb::GridCPtrVec carriedGrids(const LevelSet& made, const GridInput& input,
     Interrupter* const progress = &session.progress();
     const Queries solid(input.levelSet); // one for all: it keeps the surface that it extracts
     if (coverage) {
-        const CarriedCoverage carried(solid, *coverage, wayBack);
+        const CarriedCoverage carried(solid, *coverage, wayBack, *progress);
         if (carried.isKnown())
             grids.push_back(sampleCoverage(made, carried, progress));
         else
             kept.push_back(coverage);
     }
-    const CarriedAttributes attributes(solid, kept, wayBack);
+    const CarriedAttributes attributes(solid, kept, wayBack, *progress);
     if (attributes.channels() > 0)
         for (const auto& grid : sampleAttributes(made, attributes, progress)) grids.push_back(grid);
     const auto isCarried = [&](const openvdb::GridBase::ConstPtr& other) {

@@ -109,8 +109,9 @@ public:
         openvdb::GridCPtrVec beside;
         if (made.coverage) beside.push_back(made.coverage);
         if (!attributes.empty())
-            for (const auto& grid : compressAttributes(
-                     made.levelSet(), *made.field->attributes(attributes), interrupter))
+            for (const auto& grid :
+                 compressAttributes(made.levelSet(),
+                                    *made.field->attributes(attributes, interrupter), interrupter))
                 beside.push_back(grid);
         describe(session, made);
         const CheckReport checked = checkOf(made, session);
@@ -206,11 +207,12 @@ private:
     {
         mMesh.field = made.field.get();
         if (!mCloud.options.attributes.empty())
-            mMesh.addAttributes = [attributes = std::shared_ptr<const SurfaceAttributes>(
-                                       made.field->attributes(mCloud.options.attributes))](
-                                      Mesh& mesh, Interrupter& progress) {
-                addAttributes(mesh, *attributes, &progress);
-            };
+            mMesh.addAttributes =
+                [attributes = std::shared_ptr<const SurfaceAttributes>(
+                     made.field->attributes(mCloud.options.attributes, &session.progress()))](
+                    Mesh& mesh, Interrupter& progress) {
+                    addAttributes(mesh, *attributes, &progress);
+                };
         const ResolvedSettings& s = made.report.settings;
         if (!mCloud.holes.close)
             mMesh.trim = {made.coverage,

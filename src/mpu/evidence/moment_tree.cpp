@@ -2,6 +2,7 @@
 
 #include "core/clones.h"
 #include "core/lanes.h"
+#include <mpuvdb/interrupter.h>
 
 #include <algorithm>
 #include <array>
@@ -57,7 +58,7 @@ float leastToThird(const PointArrays& points, std::uint32_t begin, std::uint32_t
 
 } // namespace
 
-MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
+MomentTree::MomentTree(const SortedPoints& points, const Channels& channels, Interrupter& progress)
     : mPoints(points.points()), mChannels(channels), mTree(points.tree(kBucketPoints)),
       mLength((channels.size() + 4) / 4 * kLanes)
 {
@@ -66,8 +67,8 @@ MomentTree::MomentTree(const SortedPoints& points, const Channels& channels)
     const double confidence =
         std::accumulate(mPoints.confidence, mPoints.confidence + mPoints.size(), 0.0);
     if (confidence > 0) mPerConfidence = float(double(mPoints.size()) / confidence);
-    findLevels();
-    sumUp();
+    findLevels(progress);
+    sumUp(progress);
 }
 
 /// Of a mean of 1.
@@ -155,16 +156,18 @@ std::vector<MomentTree::Place> MomentTree::lastGroups() const
     return all;
 }
 
-void MomentTree::sumUp()
+void MomentTree::sumUp(Interrupter& progress)
 {
     mSums.resize(mFinest.size() * mLength);
     mMiddles.resize(mFinest.size());
     const std::vector<Place> last = lastGroups();
     tbb::parallel_for(std::size_t(0), last.size(), [&](std::size_t n) {
+        progress.check();
         mMiddles[last[n].group] = middleOf(last[n]);
         sumsOf(last[n], mSums.data() + last[n].group * mLength);
     });
     for (std::size_t group = mFinest.size() / 2; group-- > 1;) {
+        progress.check();
         float* const sums = mSums.data() + group * mLength;
         const float *const first = mSums.data() + 2 * group * mLength, *second = first + mLength;
         for (std::size_t i = 0; i < mLength; ++i) sums[i] = first[i] + second[i];
@@ -181,7 +184,7 @@ float MomentTree::spacingIn(const BucketTree::Bucket& bucket) const
 }
 
 /// Set each group's finest level by the spacing about it.
-void MomentTree::findLevels()
+void MomentTree::findLevels(Interrupter& progress)
 {
     struct Spacings {
         float sum = 0;
@@ -193,8 +196,10 @@ void MomentTree::findLevels()
     std::size_t size = 2; // of the heap
     while (all.size() / size >= kMinGroupBuckets) size *= 2;
     mFinest.assign(size, 0);
-    tbb::parallel_for(std::size_t(0), all.size(),
-                      [&](std::size_t n) { all[n] = spacingIn(mTree.buckets()[n]); });
+    tbb::parallel_for(std::size_t(0), all.size(), [&](std::size_t n) {
+        progress.check();
+        all[n] = spacingIn(mTree.buckets()[n]);
+    });
     std::vector<Spacings> spacings(size);
     for (const Place& place : lastGroups()) {
         const BucketTree::Bucket buckets = bucketsOf(place.node);

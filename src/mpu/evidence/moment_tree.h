@@ -11,6 +11,8 @@
 namespace mpuvdb
 {
 
+class Interrupter;
+
 /// Sums over points of their weights (confidences, of a mean of 1, times the area that is theirs)
 /// and of weight times each channel, each of them as it is and times the three components of the
 /// normals. Four such quantities fill a group of lanes: the four as they are, then times each
@@ -23,8 +25,8 @@ public:
     /// One vector for each channel, as long as the points.
     using Channels = std::vector<const float*>;
 
-    /// @param points, channels  have to outlive this.
-    MomentTree(const SortedPoints& points, const Channels& channels);
+    /// @param points, channels  have to outlive this. @throws Interrupted.
+    MomentTree(const SortedPoints& points, const Channels& channels, Interrupter& progress);
 
     /// Count of numbers in one set of sums.
     std::size_t length() const { return mLength; }
@@ -114,8 +116,8 @@ private:
     BucketTree::Bucket bucketsOf(std::uint32_t node) const;
     BucketTree::Bucket pointsOf(std::uint32_t node) const;
     std::vector<Place> lastGroups() const;
-    void findLevels();
-    void sumUp();
+    void findLevels(Interrupter& progress);
+    void sumUp(Interrupter& progress);
     float spacingIn(const BucketTree::Bucket& bucket) const;
     template <typename LevelOf>
     void lessen(int& best, const Place& at, const LevelOf& levelOf) const;

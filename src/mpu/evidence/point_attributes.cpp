@@ -186,8 +186,8 @@ PointAttributes::Named PointAttributes::find(const SortedPoints& points,
 }
 
 PointAttributes::PointAttributes(const SortedPoints& points, const Vec3d& frame,
-                                 const std::vector<std::string>& names)
-    : mFrame(frame), mNamed(find(points, names)), mPoints(points, mNamed.channels)
+                                 const std::vector<std::string>& names, Interrupter& progress)
+    : mFrame(frame), mNamed(find(points, names)), mPoints(points, mNamed.channels, progress)
 {
 }
 

@@ -9,14 +9,16 @@
 namespace mpuvdb
 {
 
+class Interrupter;
+
 /// Attributes by the rule of MpuField::attributes().
 class PointAttributes final : public SurfaceAttributes
 {
 public:
     /// @param points  have to outlive this. @param frame  world position of their origin.
-    /// @throws UsageError for names that the points do not have.
+    /// @throws UsageError for names that the points do not have, Interrupted.
     PointAttributes(const SortedPoints& points, const Vec3d& frame,
-                    const std::vector<std::string>& names);
+                    const std::vector<std::string>& names, Interrupter& progress);
     ~PointAttributes() override;
 
     bool hasColors() const override { return mNamed.hasColors; }
