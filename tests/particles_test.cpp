@@ -372,9 +372,11 @@ TEST(Particles, NamesOfRadiiAndVelocities)
           {"velX", "velY", "velZ"},
           {"VX", "VY", "VZ"}})
         EXPECT_EQ(ParticleNames::among(written).velocity, written);
-    const ParticleNames none = ParticleNames::among({"intensity", "vx", "vy"});
+    const ParticleNames none = ParticleNames::among({"intensity", "vx", "vz"});
     EXPECT_TRUE(none.radius.empty());
     EXPECT_TRUE(none.velocity.empty());
+    const std::vector<std::string> plane = {"vx", "vy"};
+    EXPECT_EQ(ParticleNames::among({"intensity", "vx", "vy"}).velocity, plane);
 }
 
 /// A folder that goes with the test.
@@ -407,6 +409,17 @@ TEST_F(ParticleFiles, PlyBringsRadiiVelocitiesAndScalars)
     ASSERT_EQ(read.scalars.size(), 1u);
     EXPECT_EQ(read.scalars[0].values[1], 8);
     EXPECT_THROW(readParticles({file}, {"temperature"}), InputError);
+}
+
+TEST_F(ParticleFiles, VelocitiesInAPlaneHaveNoThirdComponent)
+{
+    const auto file = mFolder / "plane.txt";
+    std::ofstream(file) << "x y z vx vy\n0 0 0 1 2\n4 0 0 4 5\n";
+    const Particles read = readParticles({file}, {});
+    ASSERT_EQ(read.velocities.size(), 2u);
+    EXPECT_EQ(read.velocities[1], Vec3f(4, 5, 0));
+    ASSERT_FALSE(read.notes.empty());
+    EXPECT_NE(read.notes.back().find("the third is 0"), std::string::npos) << read.notes.back();
 }
 
 TEST_F(ParticleFiles, PointGridsAreParticles)

@@ -53,7 +53,7 @@ Particles importParticles(const ParticleView& particles, Interrupter* interrupte
 struct ParticleNames {
     std::string radius;                ///< of a radius, or of a diameter; empty: there is none
     double radiusScale = 1;            ///< of that number to the radius
-    std::vector<std::string> velocity; ///< of three components; empty: there are none
+    std::vector<std::string> velocity; ///< of its two or three components, or empty
 
     /// Those among @a scalars: radii are "pscale" or "radius", or half of "width"; velocities "vx"
     /// "vy" "vz", or "v", "vel" or "velocity" with "_x", ".x" or "[0]" and so on.

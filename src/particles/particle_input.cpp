@@ -64,11 +64,14 @@ ParticleNames ParticleNames::among(const std::vector<std::string>& scalars)
         }
     for (const char* const vector : {"v", "vel", "velocity", "velocities"})
         for (const auto& ends : kComponents) {
-            std::vector<std::string> triple;
-            for (const char* const end : ends)
-                if (const auto found = named(scalars, std::string(vector) + end))
-                    triple.push_back(*found);
-            if (names.velocity.empty() && triple.size() == 3) names.velocity = std::move(triple);
+            std::vector<std::string> parts;
+            for (const char* const end : ends) {
+                const auto found = named(scalars, std::string(vector) + end);
+                if (!found) break;
+                parts.push_back(*found);
+            }
+            const bool isVector = parts.size() > 1; // of two: a simulation in a plane
+            if (isVector && parts.size() > names.velocity.size()) names.velocity = std::move(parts);
         }
     return names;
 }
@@ -79,17 +82,16 @@ Particles particlesOf(PointInput&& points, const ParticleNames& names)
     particles.radii = take(points, names.radius);
     if (names.radiusScale != 1)
         for (float& r : particles.radii) r = float(names.radiusScale * double(r));
-    if (names.velocity.size() == 3) {
-        std::array<std::vector<float>, 3> parts;
-        for (std::size_t axis = 0; axis < 3; ++axis)
-            parts[axis] = take(points, names.velocity[axis]);
-        const std::size_t size = parts[0].size();
-        if (parts[1].size() == size && parts[2].size() == size) {
-            particles.velocities.resize(size);
-            for (std::size_t i = 0; i < size; ++i)
-                particles.velocities[i] = {parts[0][i], parts[1][i], parts[2][i]};
-        }
+    for (std::size_t axis = 0; axis < names.velocity.size(); ++axis) {
+        const std::vector<float> part = take(points, names.velocity[axis]);
+        particles.velocities.resize(part.size(), Vec3f::Zero());
+        for (std::size_t i = 0; i < part.size(); ++i)
+            particles.velocities[i][Eigen::Index(axis)] = part[i];
     }
+    if (names.velocity.size() == 2 && !particles.velocities.empty())
+        points.notes.push_back(fmt::format("velocities have two components, {} and {}: the third "
+                                           "is 0",
+                                           names.velocity[0], names.velocity[1]));
     particles.frame = points.cloud.frame;
     particles.positions = std::move(points.cloud.positions);
     particles.colors = std::move(points.cloud.colors);
