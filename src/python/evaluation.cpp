@@ -32,7 +32,7 @@ ShapeSettings settingsToWork(const Shape& shape, const VoxelSize& voxelSize, dou
 LevelSet evaluated(const Shape& shape, const ShapeSettings& settings, Interrupter& progress)
 {
     LevelSet made = shape.evaluate(settings, &progress);
-    if (!shape.bounds().isEmpty()) noteIfEmpty(made, progress);
+    noteIfEmpty(made, progress);
     return made;
 }
 

@@ -28,7 +28,7 @@ ShapeSettings settingsFor(const Shape& shape, const VoxelSize& voxelSize, double
 ShapeSettings settingsToWork(const Shape& shape, const VoxelSize& voxelSize, double halfWidth,
                              const MaxBytes& maxBytes);
 
-/// As Shape::evaluate(), with a note where nothing is left of a solid.
+/// As Shape::evaluate(), with a note where nothing is left.
 LevelSet evaluated(const Shape& shape, const ShapeSettings& settings, Interrupter& progress);
 
 } // namespace mpuvdb::python

@@ -378,14 +378,15 @@ class Surfaces(ShapeTest):
             lambda: wire.level_set(0.1),
             lambda: mv.sphere().level_set(1e9),
             lambda: ball.offset(-2),
+            lambda: (mv.sphere() & mv.sphere(center=(9, 0, 0))).level_set(0.1),
         ):
             with self.assertWarnsRegex(UserWarning, "nothing is left"):
                 self.assertEqual(call().active_voxels, 0)
+        with self.assertWarnsRegex(UserWarning, "nothing is left"):
+            nothing = mv.sphere().offset(-2).level_set(0.1)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            nothing = mv.sphere().offset(-2)
-            self.assertIsNone(nothing.bounds)
-            nothing.level_set(0.1).offset(0.1)
+            nothing.offset(0.1)
 
 
 class Motions(ShapeTest):
