@@ -110,6 +110,12 @@ class FidelityTest(unittest.TestCase):
         self.assertTrue(twist["as_truth"])
         self.assertLess(twist["error"], 1e-3)
 
+    def test_failures_are_recorded(self):
+        for name in "develop", "validate":
+            told = self.run_set(name, "--conditions", "exact", "--mpuvdb", "/bin/false")
+            for case in told["cases"]:
+                self.assertIn("false ended with status 1", case["mpuvdb"]["failed"])
+
 
 class SensitivityTest(unittest.TestCase):
     TEXT = """// constexpr double kNot = 1;

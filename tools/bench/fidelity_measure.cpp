@@ -225,10 +225,10 @@ void run(const std::vector<std::string>& words)
     std::unique_ptr<Truth> truth;
     std::size_t first = 0; // of the meshes
     std::string topology;
-    if (words.size() > 2 && words[0] == "solid") {
+    if (words.size() > 1 && words[0] == "solid") {
         truth = std::make_unique<SolidTruth>(words[1]);
         first = 2;
-    } else if (words.size() > 3 && words[0] == "mesh") {
+    } else if (words.size() > 2 && words[0] == "mesh") {
         truth = std::make_unique<MeshTruth>(words[1], words[2], progress);
         const MeshReport report = measure(readMesh(words[2], &progress));
         topology =
