@@ -7,6 +7,7 @@
 #include <mpuvdb/io.h>
 #include <mpuvdb/scan_sampler.h>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -323,6 +324,18 @@ TEST_F(SmallVerbs, ContoursHaveTheCornersOfTheSolid)
             for (const double apart : nearest) EXPECT_LT(apart, kWithin) << "trial " << trial;
             EXPECT_NEAR(contour.area, 4 * half.prod(), kWithin * h * 4 * half.sum());
         }
+    }
+}
+
+// Vertices of a face lie in its plane but for roundings, above it and below.
+TEST_F(SmallVerbs, SlicesInAFaceAreThoseOfTheSolidBelow)
+{
+    for (const double top : {0.5, 0.51, 0.53, 0.577, 0.61}) {
+        const LevelSet box = sampledSolid(fmt::format("box(1.4,0.9,{})", 2 * top), h);
+        const std::vector<Contour> contours = slicesOf(box, 2, {top}).front().contours;
+        ASSERT_EQ(contours.size(), 1u) << top;
+        EXPECT_NEAR(contours.front().area, 1.4 * 0.9, 0.01 * h) << top;
+        EXPECT_TRUE(slicesOf(box, 2, {-top}).front().contours.empty()) << top;
     }
 }
 

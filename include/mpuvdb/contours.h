@@ -37,8 +37,9 @@ struct Slice {
 
 /// The contours of the solid at each of @a heights across @a axis (0: x, 1: y, 2: z): those of its
 /// mesh, extractMesh(), so that edges and corners are as sharp. A point lies within a hundredth of
-/// a voxel and h^2 / (4 r) of a surface of radius r, h the voxel size. Where the surface lies in a
-/// plane, the slice is that of the solid just below it. The same for any number of threads.
+/// a voxel and h^2 / (4 r) of a surface of radius r, h the voxel size. Slices are taken a
+/// thousandth of a voxel below: where the surface lies in a plane, it is the solid below it that is
+/// cut. The same for any number of threads.
 /// @param heights  world units, finite, in any order; slices have the same.
 /// @throws UsageError for settings out of range, LimitError (see extractMesh()), Interrupted.
 std::vector<Slice> slicesOf(const LevelSet& levelSet, int axis, const std::vector<double>& heights,

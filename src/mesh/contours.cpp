@@ -16,6 +16,10 @@ namespace mpuvdb
 namespace
 {
 
+/// How far below its height a plane is, voxels: vertices of a face in it differ by roundings.
+/// [derived: a tenth of what a contour may be off]
+constexpr double kBelow = 1e-3;
+
 /// An edge of the mesh: its lower vertex in the upper half.
 using Edge = std::uint64_t;
 
@@ -45,7 +49,7 @@ public:
         forEachCrossing([&](std::size_t n, std::uint32_t t) { mTriangles[next[n]++] = t; });
     }
 
-    Slice slice(std::size_t n) const { return {mHeights[n], joined(n, segments(n))}; }
+    std::vector<Contour> contours(std::size_t n) const { return joined(n, segments(n)); }
 
 private:
     double heightOf(std::uint32_t v) const
@@ -164,12 +168,13 @@ std::vector<Slice> slicesOf(const LevelSet& levelSet, int axis, const std::vecto
     std::sort(order.begin(), order.end(),
               [&](std::size_t a, std::size_t b) { return heights[a] < heights[b]; });
     std::vector<double> ascending;
-    for (const std::size_t n : order) ascending.push_back(heights[n]);
+    for (const std::size_t n : order)
+        ascending.push_back(heights[n] - kBelow * levelSet.voxelSize());
     progress.beginStage("slice", double(heights.size()));
     const Planes planes(mesh, axis, std::move(ascending), progress);
     std::vector<Slice> slices(heights.size());
     tbb::parallel_for(std::size_t(0), order.size(), [&](std::size_t n) {
-        slices[order[n]] = planes.slice(n);
+        slices[order[n]] = {heights[order[n]], planes.contours(n)};
         progress.advance();
     });
     progress.endStage();
